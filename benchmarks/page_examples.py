@@ -23,7 +23,7 @@ STORED = 3
 DIGITS = 9
 """Of the numbers that are stored."""
 SHOWN = (
-    "rank source links branch start_angle body_offset mount errors crank_angle verdict excursion size "
+    "rank least_error source links branch start_angle body_offset mount errors crank_angle verdict excursion size "
     "family transmission_angle_min transmission_angle_min_turn determination"
 ).split()
 """Fields of a solution that the page shows,"""

@@ -42,7 +42,7 @@ from linkage_atlas.studies import (
 )
 from synthesis.arrays import Floats
 from synthesis.defects import Verdict as Passing
-from synthesis.defects import practical_faults, proportion, shared_positions, size_of, verdict
+from synthesis.defects import practical_faults, shared_positions, size_of, verdict
 from synthesis.errors import FieldError
 from synthesis.excursions import excursions
 from synthesis.fourbar import solution as search
@@ -50,15 +50,16 @@ from synthesis.fourbar.determination import determinations, determinations_withi
 from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.rounding import best_from_stock, round_to_grid
 from synthesis.free.poses import Poses, spin_faults
-from synthesis.free.search import in_turn, rotations_of
+from synthesis.free.scores import rotations_of
+from synthesis.free.search import in_turn
 from synthesis.guided import solution as guided
 from synthesis.guided.rounding import from_stock, on_grid, rounded
 from synthesis.guided.solution import broken_limits
 from synthesis.linkage import Linkage as Plain
 from synthesis.local_refinement import refined_in_place
-from synthesis.ranking import FAIR, PROPORTION, Errors, Status
+from synthesis.ranking import Errors, Status
 from synthesis.studies.sensitivity import Change, changes
-from synthesis.target import Samples, Target
+from synthesis.target import Target
 from synthesis.work import OutOfTime, Work
 
 One = TypeVar("One")
@@ -235,6 +236,8 @@ class Solution(Driven):
 
     rank: int
     """From 1, by what was preferred, `errors.objective` by default."""
+    least_error: bool = False
+    """Whether it has the smallest error of the solutions that can be used."""
     source: Literal["atlas", "refined"]
     """A row of the atlas as it is, or what a search found."""
     type: AtlasType | None
@@ -308,6 +311,8 @@ class GuidedSolution(Driven):
 
     rank: int
     """From 1, by what was preferred."""
+    least_error: bool = False
+    """Whether it has the smallest error of the solutions that can be used."""
     source: Literal["refined"] = "refined"
     kind: OtherKindName
     driver: DriverName
@@ -403,7 +408,7 @@ class Result(Record, Ranked[AnySolution]):
 
     ``result[0]``, ``len(result)`` and ``for solution in result`` are those of ``solutions``; a result without any is false.
 
-    ``status`` is "reached" (the best keeps the tolerances of every sample or, without any, its objective is below the tolerance),
+    ``status`` is "reached" (a solution keeps the tolerances of every sample; without any, its objective is below the tolerance),
     "closest", "infeasible" (none within the limits) or "unknown" (none was found before the time was up).
     """
 
@@ -507,28 +512,28 @@ class Matches(Record, Ranked[Match]):
 
 
 def status_of(solutions: Sequence[AnySolution], tolerance: float, tolerances: bool, cut_short: bool) -> str:
-    """What was found: reached where the best solution keeps the tolerances, or without any, where its objective is small."""
+    """Return what was found: reached if a solution keeps the tolerances, or without any, if the smallest objective is small."""
     if not solutions:
         return (Status.UNKNOWN if cut_short else Status.INFEASIBLE).value
     if tolerances:
-        return (Status.REACHED if solutions[0].verdict.within_tolerance else Status.CLOSEST).value
-    return (Status.REACHED if solutions[0].errors.objective < tolerance else Status.CLOSEST).value
+        reached = any(solution.verdict.within_tolerance for solution in solutions)
+    else:
+        reached = any(solution.errors.objective < tolerance for solution in solutions)
+    return (Status.REACHED if reached else Status.CLOSEST).value
 
 
 def finished(
-    found: list[search.Solution],
+    found: Sequence[search.Solution],
     motion: Motion,
     limits: Limits,
     tolerance: float,
     studies: Studies,
     type_of: TypeOf | None,
     work: Work,
-    by_error: bool,
 ) -> list[Solution]:
-    """Solutions in the user's unit, with how well they are determined and what else was asked for.
+    """Return solutions in the user's unit, with how well they are determined and what else was asked for, in their order.
 
-    Where they are not ranked by their error they keep their order among those that work and keep the tolerances. Once the
-    work's time is up no further ones are finished: those are left out. The first always is.
+    Once the work's time is up no further ones are finished. The first always is.
     """
     return _finished(
         found,
@@ -536,7 +541,6 @@ def finished(
         lambda some: _described(some, motion, limits, tolerance, type_of),
         studies,
         work,
-        lambda one: _worth(one, motion, tolerance if by_error else 0.0),
     )
 
 
@@ -546,82 +550,15 @@ def _finished(
     describe: Callable[[Sequence[Any]], list[S]],
     studies: Studies,
     work: Work,
-    worth: Callable[[S], tuple[float, ...]] = lambda _: (),
 ) -> list[S]:
-    """Solutions of one kind with their studies: those that work, then by ``worth``, then in the order they come in."""
+    """Return solutions of one kind with their studies."""
     solutions: list[S] = []
     for first in range(0, len(found), at_once):
         if solutions and work.expired():
             break
         for solution in describe(found[first : first + at_once]):
             solutions.append(_studied(solution, studies, len(found), work))
-    solutions.sort(key=lambda one: (*merit(one), *worth(one)))
-    return [replace(one, rank=rank) for rank, one in enumerate(solutions, 1)]
-
-
-def merit(one: AnySolution) -> tuple[bool, ...]:
-    """What comes before any measure, less is better: whether it does not work, leaves the tolerances, lacks layers or a drive."""
-    verdict = one.verdict
-    layers = verdict.assembly
-    return (
-        not verdict.works,
-        verdict.within_tolerance is False,
-        layers is not None and not layers.free,
-        one.drivable is False,
-    )
-
-
-def by_rounded(solutions: Sequence[S], top: int, fair: bool) -> list[S]:
-    """Solutions whose lengths were rounded, by the error of what can be had: those that do not close so come last.
-
-    Of four-bars of the same branch and lengths, or others of the same error too, only the first is left: that of least error
-    before its lengths were rounded.
-
-    ``fair``: those above fair size, which a grid hardly moves, come behind others.
-    """
-
-    def place(one: S) -> tuple[Any, ...]:
-        found = one.rounded
-        error = np.inf if found is None or found.errors is None else float(f"{found.errors.objective:.4g}")
-        return *merit(one), fair and out_of_proportion(one, FAIR), error, one.errors.objective
-
-    first: dict[Any, S] = {}
-    for one in sorted(solutions, key=place):
-        first.setdefault(_as_it_can_be_had(one), one)
-    return [replace(one, rank=rank) for rank, one in enumerate(list(first.values())[:top], 1)]
-
-
-def _as_it_can_be_had(one: AnySolution) -> Any:
-    """What is the same for linkages that are the same once rounded."""
-    found = one.rounded
-    if found is None or not found.closes:
-        return id(one)
-    if isinstance(found, Rounded):
-        return one.branch, found.links
-    assert found.errors is not None
-    lengths = tuple((found.lengths or {}).items())
-    return one.kind, one.driver, found.branch, lengths, f"{found.errors.objective:.4g}"
-
-
-def proportion_of(one: search.Solution | guided.GuidedSolution, samples: Samples) -> float:
-    """How many extents of the motion, or shortest links, the longest part of a linkage is: whichever are more."""
-    if isinstance(one, guided.GuidedSolution):
-        return max(1.0, guided.size_of(one, samples) or 0.0)
-    return proportion(one.linkage, samples)
-
-
-def out_of_proportion(one: AnySolution, most: float = PROPORTION) -> bool:
-    """Whether a part is longer than anybody would build it, or more than so many extents of the motion or shortest links."""
-    return proportion_of(one.origin.found, one.origin.motion.samples) > most
-
-
-def _worth(one: Solution, motion: Motion, tolerance: float) -> tuple[float, ...]:
-    """The place of an exact answer for given crank angles by what one would build, not by its rounding; others keep theirs."""
-    if motion.free or one.errors.objective >= tolerance:
-        return 1.0, 0.0, 0.0, 0.0
-    step = 5 if motion.degrees else np.deg2rad(5)
-    size = one.origin.found.linkage.link_ratio if one.size is None else one.size
-    return 0.0, float(out_of_proportion(one)), -(one.transmission_angle_min // step), size
+    return solutions
 
 
 def _described(
@@ -691,7 +628,7 @@ def _circles(linkage: Plain) -> list[CircleGuide] | None:
 def finished_guided(
     found: Sequence[guided.GuidedSolution], motion: Motion, limits: Limits, studies: Studies, work: Work
 ) -> list[GuidedSolution]:
-    """Solutions with rails or slots in the user's unit, with what else was asked for, in the order they come in but for verdicts.
+    """Solutions with rails or slots in the user's unit, with what else was asked for, in their order.
 
     Once the work's time is up no further ones are finished; the first always is.
     """

@@ -4,22 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from linkage_atlas.answers import proportion_of
 from linkage_atlas.mechanism_search import Found, search_kinds
 from linkage_atlas.motions import Motion
-from linkage_atlas.pareto import (
-    UNRANKED,
-    exact_below,
-    front,
-    proportionate,
-    smaller_first,
-    target_of,
-)
-from linkage_atlas.preferences import Search, arranged, improved, measure_of, tolerance_goal
+from linkage_atlas.preferences import accuracy_goal, arranged, balanced, improved
+from linkage_atlas.ranking import Ranking, target_of
 from linkage_atlas.studies import Studies
 from linkage_atlas.task import Fair, Task, screens, seed_tables
 from linkage_atlas.warm_start import FOR_STARTS, Start, pointing_to_start
@@ -30,9 +22,10 @@ from synthesis.fourbar.joints import joints_at
 from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.solution import Solution, assess, within
 from synthesis.free.poses import Poses
+from synthesis.free.scores import exact_below
 from synthesis.free.search import search_free
 from synthesis.local_refinement import refine_motion, refine_poses
-from synthesis.ranking import APART, PROPORTION, Status, distinct, spread
+from synthesis.ranking import PROPORTION, Status, distinct
 from synthesis.search.atlas_rows import best_rows
 from synthesis.search.report import SearchReport, StoppedBy
 from synthesis.search.search import search
@@ -50,8 +43,6 @@ FIRST_OUT_OF_PROPORTION = (
 )
 FAIR_FOUND = "The best linkage of fair size has the objective {:.2g}."
 NO_FAIR_FOUND = "No linkage of fair size was found."
-DIVERSE_LOSS = 2.0
-"""Largest ratio of the objective of diverse solutions to the best one."""
 _ONLY_SHIFTED = 1e-9
 """Largest rotation in radians of a body that is only shifted."""
 _LAYERED, _MIN_LAYERED = 3, 20
@@ -62,6 +53,8 @@ _MIN_ROUNDED = 5
 """Minimum number of linkages that are rounded: the best linkage with rounded lengths is often not the nearest one."""
 _POOL = 20
 """Number of additional linkages among which those in proportion are chosen."""
+_BALANCED_POOL = 40
+"""Minimum number of linkages among which balanced ones are chosen, so that the first hardly depends on the number of results."""
 _VARIETY = 6
 """Multiple of the number of results among which diverse solutions are chosen."""
 
@@ -73,6 +66,7 @@ class Candidates(NamedTuple):
     report: SearchReport
     studies: Studies
     """The studies of the task, with the assemblies that were made to compare layers."""
+    ranking: Ranking
     seconds: float
     """Time since the task began."""
     continued: Sequence[Found | None] = ()
@@ -123,7 +117,7 @@ class CandidateSearch:
                 def again(fair_limits: Limits) -> tuple[list[Solution], SearchReport]:
                     return search_four_bars(seed_tables(), motion, fair_limits, task.top, goal, work)
 
-                return _with_fair(found, report, again, motion, task.fair, task.top, goal)
+                return _with_fair(found, report, again, ranking_of(task), task.fair)
             return found, report
 
         return search_kinds(task.kinds, motion, limits, goal, beside_sliders, work, rounds)
@@ -131,52 +125,61 @@ class CandidateSearch:
 
 def find_candidates(task: Task, search: CandidateSearch) -> Candidates:
     """Search the linkages of a task and improve them by the preferred measure."""
+    ranking = ranking_of(task)
     if task.local:
-        return _nearest_optima(task, search)
+        return _nearest_optima(task, search, ranking)
     if task.kinds.only_four_bars:
-        return _best_four_bars(task, search)
-    return _best_of_kinds(task, search)
+        return _best_four_bars(task, search, ranking)
+    return _best_of_kinds(task, search, ranking)
 
 
-def _best_four_bars(task: Task, search: CandidateSearch) -> Candidates:
+def ranking_of(task: Task) -> Ranking:
+    """Return the order of the linkages of a task."""
+    return Ranking(task.motion, task.prefer, task.tolerance, task.fair.longest if task.fair else None)
+
+
+def _best_four_bars(task: Task, search: CandidateSearch, ranking: Ranking) -> Candidates:
     work, size, source = task.search_work(), search.pool_size, task.source
-    goal = task.tolerance if task.by_error else tolerance_goal(task.motion, task.tolerance)
+    goal = task.tolerance
+    if task.motion.tolerances is not None and not task.by_error:
+        goal = accuracy_goal(task.motion, task.tolerance, 0.0)
     first_work = task.search_work(_FOR_LAYERS if task.prefer == "layers" else 0.0)
     continued = [_continued(task, start, goal) for start in task.starts or ()]
     pool = size + _POOL if task.fair else size
-    found, report = search_four_bars(source, task.motion, task.limits, pool, goal, first_work)
+    pool = max(pool, _BALANCED_POOL) if task.prefer == "balanced" else pool
+    four_bars, report = search_four_bars(source, task.motion, task.limits, pool, goal, first_work)
 
     def again(fair_limits: Limits) -> tuple[list[Solution], SearchReport]:
         return search_four_bars(source, task.motion, fair_limits, size, goal, first_work)
 
     if task.fair:
-        found, report = _with_fair(found, report, again, task.motion, task.fair, size, goal)
+        four_bars, report = _with_fair(four_bars, report, again, ranking, task.fair)
     if isinstance(source, SeedTables):
-        found = [_drawn_near(solution, task.motion, task.limits) for solution in found]
-    studies = task.studies
-    if found and task.prefer == "layers":
-        smallest = max(found[0].errors.objective, goal)
-        ranks, studies, report = arranged(found, task, smallest, work, report)
-        found.sort(key=lambda solution: (id(solution) not in ranks, ranks.get(id(solution), UNRANKED)))
-        found = found if task.diverse else found[: task.top]
-    elif found and not task.by_error:
-        found = _preferred(found, task, goal, search, work)[:size]
-        report = report.ended_by(work.expired())
-    if task.diverse:
-        found = spread(found, task.top, DIVERSE_LOSS, goal)
+        four_bars = [_drawn_near(solution, task.motion, task.limits) for solution in four_bars]
+    found, studies, report = _preferred(list(four_bars), task, search, ranking, work, report)
+    if isinstance(source, Scan):
+        found = ranking.ordered(found)
+    elif task.diverse:
+        found = ranking.diverse(found, task.top, accuracy_goal(task.motion, goal, 0.0))
+    else:
+        found = ranking.chosen(found, task.top if task.prefer == "layers" else size)
     if continued:
-        found, continued = _with_continued(found, continued, size, task.by_error)
-    return Candidates(found, report, studies, task.work.elapsed, continued)
+        found, continued = _with_continued(found, continued, ranking, size)
+    return Candidates(found, report, studies, ranking, task.work.elapsed, continued)
 
 
-def _preferred(found: Sequence[Solution], task: Task, goal: float, search: Search, work: Work) -> list[Solution]:
-    """Return four-bars by the preferred measure, and behind them those whose error is too large for it."""
-    good = improved(found, found[0].errors.objective, task, goal, search, work)
-    measure = measure_of(task.prefer, task.motion, task.limits).value
-    near = {id(solution) for solution in good}
-    four_bars = [solution for solution in good if isinstance(solution, Solution)]
-    ranked = distinct(sorted(four_bars, key=measure), len(four_bars), APART, order=measure)
-    return ranked + [solution for solution in found if id(solution) not in near]
+def _preferred(
+    found: list[Found], task: Task, search: CandidateSearch, ranking: Ranking, work: Work, report: SearchReport
+) -> tuple[list[Found], Studies, SearchReport]:
+    """Add linkages that are better by the preference, or make their layers."""
+    if not found or task.by_error:
+        return found, task.studies, report
+    if task.prefer == "layers":
+        studies, report = arranged(found, task, ranking, work, report)
+        return found, studies, report
+    better = balanced if task.prefer == "balanced" else improved
+    found = found + better(found, task, ranking, search, work)
+    return found, task.studies, report.ended_by(work.expired())
 
 
 def _continued(task: Task, start: Start, goal: float) -> Solution | None:
@@ -187,12 +190,12 @@ def _continued(task: Task, start: Start, goal: float) -> Solution | None:
     return found[0] if found else None
 
 
-def _nearest_optima(task: Task, search: CandidateSearch) -> Candidates:
+def _nearest_optima(task: Task, search: CandidateSearch, ranking: Ranking) -> Candidates:
     """Refine the linkages of `start_from`, without a search; each keeps fair proportions if it has them."""
     work = task.search_work()
     results, report = _refine_all(task, task.motion, task.limits, task.tolerance, work, task.fair)
-    found, continued = _with_continued([], results, search.pool_size, by_error=True)
-    return Candidates(found, report, task.studies, task.work.elapsed, continued)
+    found, continued = _with_continued([], results, ranking, search.pool_size)
+    return Candidates(found, report, task.studies, ranking, task.work.elapsed, continued)
 
 
 def _refine_all(
@@ -208,15 +211,15 @@ def _refine_all(
             def again(fair_limits: Limits, start: Start = start) -> tuple[list[Solution], SearchReport]:
                 return refine_start(start, motion, fair_limits, goal, work)
 
-            found, report = _with_fair(found, report, again, motion, fair, 1, goal)
+            found, report = _with_fair(found, report, again, ranking_of(task), fair)
         results.append(found[0] if found else None)
         reports.append(report)
     return results, SearchReport.joined(reports)
 
 
 def _with_continued(
-    found: Sequence[Solution], continued: Sequence[Solution | None], top: int, by_error: bool
-) -> tuple[list[Solution], list[Solution | None]]:
+    found: Sequence[Found], continued: Sequence[Solution | None], ranking: Ranking, top: int
+) -> tuple[list[Found], list[Solution | None]]:
     """Return at most ``top`` linkages, those of ``continued`` among them, and ``continued`` as it is there.
 
     A linkage that was both found and continued is there once, with the smaller of its errors.
@@ -225,45 +228,30 @@ def _with_continued(
     for k, solution in enumerate(held):
         if solution is None:
             continue
-        twin = next((other for other in merged if len(distinct([other, solution], 2)) == 1), None)
+        twin: Any = next((other for other in merged if len(distinct([other, solution], 2)) == 1), None)
         if twin is not None:
             if twin.errors.objective <= solution.errors.objective:
                 held[k] = twin
                 continue
-            merged.remove(twin)
+            merged = [other for other in merged if other is not twin]
             held = [solution if other is twin else other for other in held]
-        worse = (j for j, other in enumerate(merged) if other.errors.objective > solution.errors.objective)
-        merged.insert(next(worse, len(merged)) if by_error else len(merged), solution)
+        merged.append(solution)
+    merged = ranking.ordered(merged)
     searched = [other for other in merged if all(other is not solution for solution in held)]
     dropped = searched[max(0, len(searched) - max(0, len(merged) - top)) :]
     return [solution for solution in merged if all(solution is not other for other in dropped)], held
 
 
-def _best_of_kinds(task: Task, search: CandidateSearch) -> Candidates:
+def _best_of_kinds(task: Task, search: CandidateSearch, ranking: Ranking) -> Candidates:
     """Find the best linkages of several kinds, or of other kinds than four-bars."""
-    motion, limits, prefer, tolerance, top = task.motion, task.limits, task.prefer, task.tolerance, task.top
-    studies, work, layered = task.studies, task.search_work(), task.prefer == "layers"
-    found, report = search(motion, limits, tolerance, task.search_work(_FOR_LAYERS if layered else 0.0))
-    if task.fair and found:
-        longest = task.fair.longest
-        best = smaller_first(found, motion.samples)[0]
-        found = proportionate(found, motion.samples, tolerance, longest)
-        if found[0] is not best:
-            found = [solution for solution in found if proportion_of(solution, motion.samples) <= longest]
-    size = max(_LAYERED * top, _MIN_LAYERED) if layered else top
-    chosen = front(found, motion, limits, prefer, tolerance, size)
-    if not chosen:
-        return Candidates(chosen, report, studies, task.work.elapsed)
-    smallest = min(solution.errors.objective for solution in chosen)
+    work, layered = task.search_work(), task.prefer == "layers"
+    first_work = task.search_work(_FOR_LAYERS if layered else 0.0)
+    found, report = search(task.motion, task.limits, task.tolerance, first_work)
     if layered:
-        ranks, studies, report = arranged(chosen, task, max(tolerance, smallest), work, report)
-        chosen = front(chosen, motion, limits, prefer, tolerance, top, ranks)
-    elif not task.by_error:
-        goal = tolerance_goal(motion, tolerance)
-        found += improved(chosen, smallest, task, goal, search, work)
-        chosen = front(found, motion, limits, prefer, tolerance, top)
-        report = report.ended_by(work.expired())
-    return Candidates(chosen, report, studies, task.work.elapsed)
+        found = ranking.chosen_of_kinds(found, max(_LAYERED * task.top, _MIN_LAYERED))
+    found, studies, report = _preferred(found, task, search, ranking, work, report)
+    chosen = ranking.chosen_of_kinds(found, task.top)
+    return Candidates(chosen, report, studies, ranking, task.work.elapsed)
 
 
 # -- four-bars --------------------------------------------------------------------------------------------------------
@@ -286,7 +274,6 @@ def search_four_bars(
         found, report = search_free(samples, limits, max_results, tolerance, work, screens, source.windows, rounds)
     else:
         found, report = search(source, samples, limits, max_results, tolerance, work)
-        found = smaller_first(found, samples)
     return found, report
 
 
@@ -345,34 +332,30 @@ def _with_fair(
     found: list[Solution],
     report: SearchReport,
     search_again: Callable[[Limits], tuple[list[Solution], SearchReport]],
-    motion: Motion,
+    ranking: Ranking,
     fair: Fair,
-    top: int,
-    tolerance: float,
 ) -> tuple[list[Solution], SearchReport]:
-    """Order linkages as `proportionate` does; if the best is out of all proportion, search again for linkages of fair size."""
+    """Search again for linkages of fair size if the best one is out of all proportion; return all, best first, with a note."""
     if not found:
         return found, report
-    samples, exact, second = motion.samples, exact_below(motion.samples, tolerance), report
+    samples = ranking.motion.samples
+    exact = exact_below(samples, ranking.tolerance)
+    errors = [(float(f"{one.errors.objective:.6g}"), proportion(one.linkage, samples)) for one in found]
+    (error, times), second = min(errors), report
 
     def smallest_fair() -> float:
-        errors = [solution.errors.objective for solution in found if proportion_of(solution, samples) <= fair.longest]
-        return min(errors, default=np.inf)
+        fair_ones = [one for one in found if proportion(one.linkage, samples) <= fair.longest]
+        return min((solution.errors.objective for solution in fair_ones), default=np.inf)
 
-    if proportion_of(found[0], samples) > PROPORTION and (
-        found[0].errors.objective >= exact or smallest_fair() == np.inf
-    ):
+    if times > PROPORTION and (error >= exact or smallest_fair() == np.inf):
         more, second = search_again(fair.limits)
-        found = smaller_first(found + more, samples)
-    best, ranked = found[0], proportionate(found, samples, tolerance, fair.longest)
-    error, times, smallest, note = best.errors.objective, proportion_of(best, samples), smallest_fair(), ""
-    if ranked[0] is not best:
+        found = found + more
+    ordered, smallest, note = ranking.ordered(found), smallest_fair(), ""
+    first = proportion(ordered[0].linkage, samples)
+    if times > PROPORTION and first <= PROPORTION and error >= exact:
         note = OUT_OF_PROPORTION.format(error=error, times=times, fair=fair.longest)
         report = report._replace(unseen=second.unseen, stopped_by=second.stopped_by)
-    elif times > PROPORTION and smallest >= tolerance:
+    elif first > PROPORTION and smallest >= ranking.tolerance:
         note = FIRST_OUT_OF_PROPORTION.format(which="exact" if error < exact else "best", times=times)
         note += FAIR_FOUND.format(smallest) if smallest < np.inf else NO_FAIR_FOUND
-    chosen = distinct(ranked, top, APART, lambda _: 0, tolerance)
-    if top > 1 and all(solution is not best for solution in chosen):  # dropped, since it resembles one before it
-        chosen[1:] = [best, *chosen[1:]][: top - 1]
-    return chosen, report._replace(notes=[*report.notes, note] if note else report.notes)
+    return ordered, report._replace(notes=[*report.notes, note] if note else report.notes)

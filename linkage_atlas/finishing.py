@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from linkage_atlas.answers import FINISHING, AnySolution, by_rounded, finished, finished_guided, merit, status_of
+import numpy as np
+
+from linkage_atlas.answers import FINISHING, AnySolution, Rounded, finished, finished_guided, status_of
 from linkage_atlas.candidates import Candidates
 from linkage_atlas.task import Task
 from synthesis.fourbar import solution as fourbar
 from synthesis.guided import solution as guided
+from synthesis.ranking import CRITERIA, FAIR, key
+
+_CRITERIA = len(CRITERIA)
 
 
 class RankedSolutions(NamedTuple):
@@ -27,35 +32,82 @@ def finish_candidates(task: Task, candidates: Candidates) -> list[AnySolution]:
     """Describe the candidates as solutions, as many as the time allows and at least one."""
     found, studies, work = candidates.found, candidates.studies, task.work.extended(FINISHING)
     four_bars = [solution for solution in found if isinstance(solution, fourbar.Solution)]
-    if task.kinds.only_four_bars:
-        type_of = None if task.atlas is None else task.atlas.type_of
-        solutions = finished(
-            four_bars, task.motion, task.limits, task.tolerance, studies, type_of, work, task.by_error
-        )
-        return list(solutions)
     others = [solution for solution in found if isinstance(solution, guided.GuidedSolution)]
-    finished_so_far: list[AnySolution] = []
+    type_of = None if task.atlas is None else task.atlas.type_of
+    solutions: list[AnySolution] = []
     for guides in dict.fromkeys(isinstance(solution, guided.GuidedSolution) for solution in found):
-        if finished_so_far and work.expired():
+        if solutions and work.expired():
             break
         if guides:  # the group of the best candidate comes first
-            finished_so_far += finished_guided(others, task.motion, task.limits, studies, work)
+            solutions += finished_guided(others, task.motion, task.limits, studies, work)
         else:
-            finished_so_far += finished(
-                four_bars, task.motion, task.limits, task.tolerance, studies, None, work, by_error=False
-            )
-    order = {id(solution): number for number, solution in enumerate(found)}
-    finished_so_far.sort(key=lambda solution: (*merit(solution), order[id(solution.origin.found)]))
-    return [replace(solution, rank=number) for number, solution in enumerate(finished_so_far, 1)]
+            solutions += finished(four_bars, task.motion, task.limits, task.tolerance, studies, type_of, work)
+    return solutions
 
 
 def rank_solutions(task: Task, candidates: Candidates, solutions: list[AnySolution]) -> RankedSolutions:
-    """Rank solutions, those with rounded lengths by the error that remains, and name their status."""
+    """Rank solutions by what is known of them now, name their status, and mark the one with the smallest error."""
     uncertain = candidates.report.time_up or task.local
     status = status_of(solutions, task.tolerance, task.motion.tolerances is not None, uncertain)
-    if not task.rounds:
-        return RankedSolutions(status, solutions, len(candidates.found), 0)
-    ranked = by_rounded(solutions, task.top, task.fair is not None)
-    same_lengths = min(len(solutions), task.top) - len(ranked)
-    total = min(len(candidates.found), task.top) - same_lengths
-    return RankedSolutions(status, ranked, total, same_lengths)
+    ranked = [solution for _, solution in _with_keys(task, candidates, solutions)]
+    shown = _without_equal_roundings(ranked)[: task.top] if task.rounds else ranked
+    same_lengths = min(len(solutions), task.top) - len(shown) if task.rounds else 0
+    total = min(len(candidates.found), task.top) - same_lengths if task.rounds else len(candidates.found)
+    smallest = candidates.ranking.smallest_error([solution.origin.found for solution in shown])
+    return RankedSolutions(
+        status,
+        [
+            replace(solution, rank=number, least_error=solution.origin.found is smallest)
+            for number, solution in enumerate(shown, 1)
+        ],
+        total,
+        same_lengths,
+    )
+
+
+def _with_keys(
+    task: Task, candidates: Candidates, solutions: list[AnySolution]
+) -> list[tuple[tuple[Any, ...], AnySolution]]:
+    """Return solutions with their sort keys, best first: the scores of the search with layers, drives and rounded errors."""
+    order = {id(found): number for number, found in enumerate(candidates.found)}
+    scores = candidates.ranking.scores([solution.origin.found for solution in solutions])
+    keyed = []
+    for score, solution in zip(scores, solutions):
+        layers = solution.verdict.assembly
+        if layers is not None:
+            score = replace(score, layers=(not layers.free, *score.layers[1:]))
+        score = replace(score, drivable=solution.drivable is not False)
+        own = key(score, task.prefer)
+        if task.rounds:
+            rounded = key(replace(score, error=_rounded_error(solution)), task.prefer)
+            large = task.fair is not None and score.proportion > FAIR  # a grid hardly moves large linkages
+            own = (*rounded[:_CRITERIA], large, *rounded[_CRITERIA:-1], *own[-2:])
+        keyed.append(((*own, order[id(solution.origin.found)]), solution))
+    return sorted(keyed, key=lambda pair: pair[0])
+
+
+def _rounded_error(solution: AnySolution) -> float:
+    """Return the error with rounded lengths to four digits; infinite if no such linkage closes."""
+    rounded = solution.rounded
+    if rounded is None or rounded.errors is None:
+        return np.inf
+    return float(f"{rounded.errors.objective:.4g}")
+
+
+def _without_equal_roundings(solutions: list[AnySolution]) -> list[AnySolution]:
+    """Return the first of the solutions that are the same linkage once rounded."""
+    first: dict[Any, AnySolution] = {}
+    for solution in solutions:
+        first.setdefault(_rounded_linkage(solution), solution)
+    return list(first.values())
+
+
+def _rounded_linkage(solution: AnySolution) -> Any:
+    """Return what is the same for linkages that are the same once rounded."""
+    rounded = solution.rounded
+    if rounded is None or not rounded.closes:
+        return id(solution)
+    if isinstance(rounded, Rounded):
+        return rounded.links, solution.branch
+    lengths = tuple((rounded.lengths or {}).items())
+    return solution.kind, solution.driver, rounded.branch, lengths, _rounded_error(solution)

@@ -43,8 +43,8 @@ class Limits(dict[str, Any]):
     """Within what: limits by name, in the units of the motion, each checked when it is used.
 
     A mapping of the same names does as well. Lengths and places are in the unit of the positions, angles in that of the motion;
-    points are [x, y], boxes [xmin, ymin, xmax, ymax], links {"crank": length, ..}; the family is full_crank (default),
-    crank_rocker, double_crank or any; preset: "practical", see the limits' page of the documents.
+    points are [x, y], boxes [xmin, ymin, xmax, ymax], links {"crank": length, ..}; the family is full_crank,
+    crank_rocker, double_crank or any, see `read_limits`; preset: "practical", see the limits' page of the documents.
 
     Examples
     --------
@@ -64,9 +64,16 @@ Limits.__doc__ = f"{Limits.__doc__}\n    Notes\n    -----\n" + "\n".join(
 
 
 def read_limits(limits: Fields | None, motion: Motion) -> fourbar.Limits:
-    """The limits of a request, checked against its motion."""
-    preset = PRESETS[0] if motion.free and motion.travel is None else PRESETS[1]
-    checked = _read(limits, motion.samples, motion.radian, LIMITS, preset, {})
+    """Check the limits of a request against its motion.
+
+    With free crank angles the practical limits hold by default, and four-bars are of any family unless the path is closed or a
+    transmission angle over the whole turn is given: hinges, lids and flaps swing.
+    """
+    free = motion.free and motion.travel is None
+    turns = motion.asked.closed if isinstance(motion.asked, Poses) else not free
+    turns = turns or bool((limits or {}).get("transmission_angle_min_turn"))
+    default = {} if turns else {"family": "any"}
+    checked = _read(limits, motion.samples, motion.radian, LIMITS, PRESETS[0] if free else PRESETS[1], default)
     checked.check_against(motion.samples)
     angle = checked.transmission_angle_min
     if isinstance(motion.samples, Poses) and motion.samples.closed and angle:  # which uses the whole turn

@@ -66,8 +66,10 @@ class _Progress:
         """Return the report of all searches."""
         best, unseen = min(self.unseen, key=lambda pair: pair[0], default=(np.inf, None))
         unseen = None if best <= tolerance else unseen
+        nothing = set(NOTHING_ROUND.values()) if self.found else set()
+        notes = [note for note in self.notes if note not in nothing]
         return SearchReport(
-            StoppedBy.worst(self.stopped), self.trace, screen_seconds, self.seeds, unseen=unseen, notes=self.notes
+            StoppedBy.worst(self.stopped), self.trace, screen_seconds, self.seeds, unseen=unseen, notes=notes
         )
 
 

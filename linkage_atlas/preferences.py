@@ -11,12 +11,16 @@ import numpy as np
 from linkage_atlas.assemblies import AskedAssembly, Assembly, assembled, read_assembly
 from linkage_atlas.mechanism_search import Found
 from linkage_atlas.motions import Motion
-from linkage_atlas.pareto import UNRANKED, LayerRank, measures_of, near_enough, span_of, strays_between, target_of
+from linkage_atlas.ranking import UNRANKED, LayerRank, Ranking, everyday_tolerances, target_of
 from linkage_atlas.studies import Studies
 from linkage_atlas.task import Prefer, Task
 from synthesis.errors import FieldError
-from synthesis.fourbar.limits import Limits, Reach
+from synthesis.fourbar import solution as fourbar
+from synthesis.fourbar.limits import Limits
+from synthesis.free.compact import compacted, within_size
+from synthesis.free.few_poses import is_few
 from synthesis.free.poses import Poses
+from synthesis.guided.scores import proportions_of
 from synthesis.search.report import SearchReport
 from synthesis.target import MIN_SPAN
 from synthesis.work import OutOfTime, Work
@@ -28,6 +32,10 @@ _MAX_TRIES = 6
 """Maximum number of such searches."""
 _SMALLEST = 0.5
 """Smallest size of a linkage, in extents of the motion."""
+_COMPACT = 2.2
+"""Size of the linkages of the search for compact ones, in extents of the motion."""
+_COMPACT_ROUNDS = 2
+"""Maximum number of rounds of that search."""
 _GOAL = 0.35
 """Fraction of the tolerances at which a search ends: the largest error of a linkage is two to three times its mean."""
 
@@ -68,34 +76,26 @@ class Measure(NamedTuple):
         return best - other <= self.resolution
 
 
-def tolerance_goal(motion: Motion, tolerance: float) -> float:
-    """Return the objective at which a search for linkages inside the tolerances may end."""
+def accuracy_goal(motion: Motion, tolerance: float, smallest: float) -> float:
+    """Return the objective at which a search for accurate linkages may end; ``smallest``: the smallest one that is known."""
     tolerances = motion.tolerances
-    return tolerance if tolerances is None else max(tolerance, _GOAL * tolerances.objective(motion.samples))
+    if tolerances is None:
+        return max(tolerance, smallest, _GOAL * everyday_tolerances(motion).objective(motion.samples))
+    return max(tolerance, _GOAL * tolerances.objective(motion.samples))
 
 
-def improved(
-    found: Sequence[Found], smallest: float, task: Task, goal: float, search: Search, work: Work
-) -> list[Found]:
-    """Return linkages with a small error, of any kind: those that were found, and better ones by the preferred measure.
+def improved(found: Sequence[Found], task: Task, ranking: Ranking, search: Search, work: Work) -> list[Found]:
+    """Return further linkages, accurate ones with a better value of the preferred measure.
 
     The same search within a tighter limit on the measure, half-way to a value that is known to be out of reach, finds better
-    linkages or none, and the next limit is tighter or looser. ``smallest``: the smallest objective.
+    linkages or none, and the next limit is tighter or looser.
     """
-    motion, limits = task.motion, task.limits
-    smallest = max(smallest, goal)
-    near = near_enough(motion, smallest)
-    goal = goal if motion.tolerances is not None else smallest
-    stays = _staying(motion, limits)
-    if any(map(stays, filter(near, found))):  # a body that strays between samples is not preferred, however small
-        good_enough = near
-
-        def near(solution: Found) -> bool:
-            return good_enough(solution) and stays(solution)
-
-    measure = measure_of(task.prefer, motion, limits)
-    good = list(filter(near, found))
-    best, out_of_reach = min(map(measure.value, good), default=np.inf), measure.smallest
+    smallest = min((solution.errors.objective for solution in found), default=np.inf)
+    goal = accuracy_goal(task.motion, task.tolerance, smallest)
+    measure = measure_of(task.prefer, task.motion, task.limits)
+    further: list[Found] = []
+    best = min((measure.value(solution) for solution in ranking.accurate(found)), default=np.inf)
+    out_of_reach = measure.smallest
     for _ in range(_MAX_TRIES):
         if work.expired() or not np.isfinite(best) or measure.equal(best, out_of_reach):
             break
@@ -105,21 +105,14 @@ def improved(
         except FieldError:  # another limit excludes it
             more = []
         else:
-            more = list(filter(near, search(*tightened, goal, work, TRY_ROUNDS)[0]))
+            moved = search(*tightened, goal, work, TRY_ROUNDS)[0]
+            more = [solution for _, solution in ranking.merits(moved, found)]
         if more:
-            good += more
+            further += more
             best = min(best, *map(measure.value, more))
         else:
             out_of_reach = float(middle)
-    return good
-
-
-def _staying(motion: Motion, limits: Limits) -> Callable[[Found], bool]:
-    """Return a check whether the body stays between samples, which only the practical limits require."""
-    samples = motion.samples
-    if not limits.practical or not isinstance(samples, Poses) or samples.position is None:
-        return lambda _: True
-    return lambda solution: not strays_between([solution], samples)[0]
+    return further
 
 
 def measure_of(prefer: Prefer, motion: Motion, limits: Limits) -> Measure:
@@ -127,19 +120,7 @@ def measure_of(prefer: Prefer, motion: Motion, limits: Limits) -> Measure:
     samples = motion.samples
 
     def smaller(extents: float) -> tuple[Motion, Limits]:
-        assert samples.position is not None
-        length, reach = extents * samples.extent, limits.pivot_reach
-        distances = [
-            min(length, distance) if reach and (distance := getattr(reach, name)) else length
-            for name in ("pivot_a", "pivot_b")
-        ]
-        middle = complex(samples.position_mean(samples.position))
-        return motion, replace(
-            limits,
-            link_max=min(length, limits.link_max or np.inf),
-            coupler_radius_max=min(length, limits.coupler_radius_max or np.inf),
-            pivot_reach=Reach(middle, distances[0], distances[1], None if reach is None else reach.body),
-        )
+        return motion, within_size(limits, samples, extents)
 
     def straighter(loss: float) -> tuple[Motion, Limits]:
         return motion, replace(limits, transmission_angle_min=-loss)
@@ -150,45 +131,62 @@ def measure_of(prefer: Prefer, motion: Motion, limits: Limits) -> Measure:
         return Motion.of(spanned, motion.degrees, motion.tolerances, motion.length_unit), limits
 
     return {
-        "size": Measure(lambda found: measures_of(found, samples, 0.0).size, smaller, _SMALLEST, 0.03),
+        "size": Measure(lambda found: proportions_of(found, samples)["size"], smaller, _SMALLEST, 0.03),
         "transmission": Measure(lambda found: -found.transmission_angle_min, straighter, -np.pi / 2, np.deg2rad(1.0)),
-        "crank_span": Measure(span_of, shorter, MIN_SPAN, 0.03),
+        "crank_span": Measure(lambda found: proportions_of(found, samples)["swing"], shorter, MIN_SPAN, 0.03),
     }[prefer]
 
 
-def arranged(
-    found: Sequence[Found], task: Task, smallest: float, work: Work, report: SearchReport
-) -> tuple[dict[int, LayerRank], Studies, SearchReport]:
-    """Rank the layers of linkages with a small error.
+def balanced(found: Sequence[Found], task: Task, ranking: Ranking, search: Search, work: Work) -> list[Found]:
+    """Return further four-bars with a smaller merit: by a short search for compact ones, and by `compacted`."""
+    motion, samples = task.motion, task.motion.samples
+    if not (isinstance(samples, Poses) and samples.asked is None and samples.position is not None):
+        return []
+    smallest = ranking.smallest_error(found)
+    if smallest is None or (is_few(samples) and smallest.errors.objective < task.tolerance):
+        return []  # exact four-bars through few poses are already sought by their merit
+    further: list[Found] = []
+    sizes = [score.size for score in ranking.scores(ranking.accurate(found))]
+    goal = accuracy_goal(motion, task.tolerance, smallest.errors.objective)
+    if smallest.errors.objective < goal and min(sizes) > _COMPACT and not work.expired():
+        try:
+            compact = within_size(task.limits, samples, _COMPACT)
+        except FieldError:  # another limit excludes it
+            pass
+        else:
+            further += search(motion, compact, goal, work, _COMPACT_ROUNDS)[0]
+    four_bars = [solution for solution in [*found, *further] if isinstance(solution, fourbar.Solution)]
+    return further + list(
+        compacted(samples, task.limits, four_bars, lambda some: ranking.merits(some, found), task.tolerance, work)
+    )
 
-    Returns
-    -------
-    ranks : dict
-        By id of the solution.
-    studies : Studies
-        With the assemblies that were made.
-    report : SearchReport
-        With a note if the time was up.
+
+def arranged(
+    found: Sequence[Found], task: Task, ranking: Ranking, work: Work, report: SearchReport
+) -> tuple[Studies, SearchReport]:
+    """Make the layers of the accurate linkages, by which they are ranked then.
+
+    Returns the studies with the assemblies that were made, and the report with a note if the time was up.
     """
-    motion, limits, studies = task.motion, task.limits, task.studies
+    limits, studies = task.limits, task.studies
     assembly = studies.assembly or read_assembly(True)
     assert assembly is not None
     within = assembly.within(limits.envelope, limits.keep_out)
-    ranks, made, remaining = layers_of(found, motion, smallest, within, work)
-    notes = [UNARRANGED.format(remaining, len(ranks))] if remaining else []
+    near = ranking.accurate(ranking.ordered(found))
+    ranking.layers, made, remaining = layers_of(near, task.motion, within, work)
+    notes = [UNARRANGED.format(remaining, len(near))] if remaining else []
     report = report.ended_by(bool(notes))._replace(notes=[*report.notes, *notes])
-    return ranks, studies._replace(assembly=assembly, arranged=made), report
+    return studies._replace(assembly=assembly, arranged=made), report
 
 
 def layers_of(
-    found: Sequence[Found], motion: Motion, smallest: float, assembly: AskedAssembly, work: Work
+    near: Sequence[Found], motion: Motion, assembly: AskedAssembly, work: Work
 ) -> tuple[dict[int, LayerRank], dict[int, Assembly], int]:
-    """Compute layers of the linkages with a small error, in their order.
+    """Compute layers of linkages, in their order.
 
     Returns the rank of all of these by id, the assemblies by id of the `linkage`, and the number of linkages that the time did
     not reach.
     """
-    near = list(filter(near_enough(motion, smallest), found))
     ranks: dict[int, LayerRank] = {id(solution): UNRANKED for solution in near}
     made: dict[int, Assembly] = {}
     for k, solution in enumerate(near):

@@ -32,10 +32,6 @@ UNASKED = (
     "With given {drive} the practical limits apply only if they are switched on (`limits.preset`): "
     "the verdict names those that the best linkage violates."
 )
-SWINGS = (
-    "Only linkages whose crank can turn fully were searched, but this motion takes no more than half a turn of it: "
-    "linkages that only swing may come nearer if any family is allowed (`limits.family`)."
-)
 HOPELESS = (
     "No linkage that was found comes near this motion: the error of the best is {0:.2g} times that of a body at rest"
 )
@@ -65,7 +61,6 @@ _IN_ANY_ORDER = 0.5
 """Largest ratio of the error in any order to the error in the given order for which a note mentions the former."""
 _BACK_AND_FORTH = 1.1
 """Smallest ratio of the path through the samples in their order to the shortest path for which they go back and forth."""
-_HALF_TURN = np.pi
 _EXACT = 1e-6
 """Objective below which a linkage passes a few poses exactly."""
 
@@ -83,7 +78,6 @@ def notes_of(task: Task, search: Search, candidates: Candidates, ranked: RankedS
     notes += _hopeless_notes(solutions, motion)
     notes += _order_notes(task, solutions, search)
     notes += _unasked_notes(task, solutions)
-    notes += _swing_notes(task, solutions)
     notes += study_notes(candidates.studies.manufacture, solutions)
     if task.kinds.only_four_bars and motion.samples.rotation is None:
         notes += cognate_notes([solution for solution in solutions if isinstance(solution, Solution)])
@@ -212,17 +206,3 @@ def _envelope_notes(motion: Motion, limits: Limits) -> list[str]:
     if outside.size == 1:
         return [f"The position of sample {worst + 1} lies outside the envelope and is {missed}."]
     return [f"{outside.size} positions lie outside the envelope; that of sample {worst + 1} is {missed}."]
-
-
-def _swing_notes(task: Task, solutions: Sequence[AnySolution]) -> list[str]:
-    """Return that rocking four-bars were not searched, if they could make the motion and no other linkage is good enough."""
-    motion, samples = task.motion, task.motion.samples
-    if not motion.free or task.named_limits.get("family") is not None or not isinstance(samples, Poses):
-        return []
-    best = next((solution for solution in solutions if isinstance(solution, Solution)), None)
-    if best is None or samples.closed or not samples.ordered or best.crank_angle is None:
-        return []
-    exact = any(solution.errors.objective < task.tolerance for solution in solutions)
-    if solutions[0].verdict.within_tolerance or exact:
-        return []
-    return [SWINGS] if np.ptp(best.crank_angle) * motion.radian <= _HALF_TURN else []

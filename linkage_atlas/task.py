@@ -32,7 +32,7 @@ from synthesis.ranking import FAIR, PROPORTION
 from synthesis.search.seeds import SeedTables
 from synthesis.work import Work
 
-Prefer = Literal["error", "size", "transmission", "crank_span", "layers"]
+Prefer = Literal["error", "balanced", "size", "transmission", "crank_span", "layers"]
 PREFER = get_args(Prefer)
 Effort = Literal["refine", "atlas"]
 
@@ -185,7 +185,8 @@ def read_task(
         check_request(studies.drives, motion.radian)
     if studies.analysis is not None:
         check_rows(options.top, None if motion.free else motion.target.interval)
-    prefer = _preference(options.prefer, motion, isinstance(source, SeedTables) and not local)
+    searches, only_error = isinstance(source, SeedTables) and not local, studies.rounds or not limits.practical
+    prefer = _preference(options.prefer, motion, searches, only_error)
     fair = _fair_within(named_limits or {}, motion, limits, source)
     if kinds.only_four_bars:
         check_no_slider_limits(limits)
@@ -257,9 +258,15 @@ def _read_motion(
     return motion[0], motion[1] if len(motion) > 1 else limits, studies
 
 
-def _preference(prefer: str | None, motion: Motion, searches: bool) -> Prefer:
-    """Return the preference; ``searches``: whether linkages are searched, and not taken from an atlas or a given linkage."""
+def _preference(prefer: str | None, motion: Motion, searches: bool, only_error: bool) -> Prefer:
+    """Return the preference.
+
+    ``searches``: whether linkages are searched, and not taken from an atlas or a given linkage; ``only_error``: whether the error
+    decides by default, since lengths are rounded or the request declines the practical limits.
+    """
     positions = motion.samples.position is not None
+    if prefer is None and searches and not only_error and motion.free and motion.travel is None:
+        return "balanced"
     if prefer is None:
         return "size" if motion.tolerances is not None and searches and positions else "error"
     for name in PREFER:

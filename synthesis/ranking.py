@@ -1,11 +1,15 @@
-"""What makes an answer good: the errors of its motion, whether they are small enough, and whether two answers differ."""
+"""The one order of linkages: their scores, the ranking key, deduplication, the Pareto front, and the errors of a motion.
+
+`key` is the rule: its criteria are compared one after the other, and smaller is better. The table of the documents is made from
+`CRITERIA` and `PREFERENCES`, so that a change of the rule is made here and nowhere else.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any, Protocol, TypeVar
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,12 +26,17 @@ APART = 1e-2
 _AS_GOOD, _ALIKE = 0.02, 0.25
 """Parts by which objectives, and numbers of order one, of two answers in one valley differ at most."""
 NEAR, STANDS_BACK = 0.02, 2.0
-"""An answer is near if its objective is at most the first, a fiftieth of the motion's extent, or so many times the best."""
+"""A linkage out of proportion, and in a search one that strays, counts with twice its error, and with at least 0.02."""
 COMFORTABLE_TRANSMISSION = np.deg2rad(40.0)
 """Transmission angle above which a larger one matters little."""
-PROPORTION, FAIR = 100.0, 30.0
-"""Extents of the motion, or shortest links, that the longest part is: above the first nobody builds it, within the second it is
-of fair size."""
+PROPORTION = 100.0
+"""Ratio of the longest part to the extent of the motion, or to the shortest link, above which nobody builds a linkage."""
+FAIR = 30.0
+"""The same ratio within which linkages of fair size are searched if the best linkage is out of proportion."""
+EVERYDAY_POSITION, EVERYDAY_ROTATION = 1e-3, np.deg2rad(0.1)
+"""Everyday accuracy: largest position error over the extent of the motion, and largest rotation error in radians."""
+TRADED = 1.1
+"""Ratio to the smallest error up to which other merits count if no linkage has the everyday accuracy."""
 
 
 @dataclass(frozen=True)
@@ -117,34 +126,6 @@ def motion_errors(target: Target, angle: Floats, points: Complexes | None) -> tu
     return offsets, errors
 
 
-def merit(size: Floats, transmission: Floats, swing: Floats, ratio: Floats) -> Floats:
-    """Rate exact linkages by what one would build: lower is better.
-
-    The merit is the size, raised by four factors: below a transmission angle of 40 degrees steeply, above it slightly; for a
-    crank that swings by more than half a turn; and for links of very different lengths, since play in the pins of a short link
-    turns the body by much.
-
-    Parameters
-    ----------
-    size : ndarray
-        Largest length of the linkage over the motion's extent, see `synthesis.defects.size_of`.
-    transmission, swing : ndarray
-        Smallest transmission angle over the motion, and the crank's swing, in radians.
-    ratio : ndarray
-        Longest link over the shortest.
-
-    Returns
-    -------
-    ndarray
-        size * (1 + 4 max(0, 1 - sin t / sin 40)) * (1.5 - sin t / 2) * sqrt(max(1, swing / 180)) * (1 + max(0, ratio - 4) / 8),
-        with the transmission angle t.
-    """
-    sine = np.sin(transmission)
-    below = 1 + 4 * np.maximum(0.0, 1 - sine / np.sin(COMFORTABLE_TRANSMISSION))
-    turned = np.sqrt(np.maximum(1.0, swing / np.pi))
-    return np.asarray(size * below * (1.5 - sine / 2) * turned * (1 + np.maximum(0.0, ratio - 4) / 8))
-
-
 def rms_and_max(values: NDArray[Any], mean: Mean) -> list[Any]:
     """Root mean square and largest size of errors (n, N), those of missing samples left out, as n pairs."""
     size = mean.given(np.abs(values))
@@ -190,43 +171,143 @@ def distinct(
     return kept
 
 
-def behind(objective: Floats, strays: NDArray[np.bool_], tolerance: float) -> NDArray[np.intp]:
-    """Groups of answers (n,) that are ranked one behind the other, each by objective.
+# -- the order of linkages --------------------------------------------------------------------------------------------
 
-    0: exact ones, 1: exact ones that stray between samples, 2: others that are near and do not stray, 3: the rest. A curve that
-    meets its samples closely by going far away between them is not what anybody draws; but where all that stay are
-    far off, it is the better answer.
 
-    >>> behind(np.array([1e-12, 1e-12, 1e-3, 4e-3, 0.3]), np.array([True, False, True, False, False]), 1e-10)
-    array([1, 0, 3, 2, 3])
+@dataclass(frozen=True, kw_only=True)
+class Score:
+    """Measures of one linkage by which it is ranked, in model units."""
+
+    usable: bool
+    """True if it passes the samples without a defect, each at its own position of the drive, and stays near them in between."""
+    error: float
+    """The objective; 0 if the linkage is exact."""
+    size: float
+    """Largest length over the extent of the motion; without positions the ratio of the links."""
+    transmission: float
+    """Smallest transmission angle in radians."""
+    swing: float
+    """Swing of the crank or hinge in radians; infinite for a drive that slides."""
+    ratio: float
+    """Longest link over the shortest."""
+    accurate: bool = True
+    """True if its error is small enough for the preference to count."""
+    longest: float = np.inf
+    """Largest proportion (size or ratio) up to which a linkage counts with its own error."""
+    layers: tuple[bool, int, int] = (False, 0, 0)
+    """Whether parts collide, number of fixed pivots under a passing link, number of layers; used if layers were made."""
+    drivable: bool = True
+    """False if a drive was requested and none was found."""
+
+    @property
+    def merit(self) -> float:
+        """See `merit`."""
+        swing = self.swing if np.isfinite(self.swing) else 0.0
+        columns = np.array([[self.size], [self.transmission], [swing], [self.ratio]])
+        return float(merit(*columns)[0])
+
+    @property
+    def counted_error(self) -> float:
+        """See `counted_error`; to six digits."""
+        return float(f"{counted_error(self.error, self.proportion, self.longest):.6g}")
+
+    @property
+    def proportion(self) -> float:
+        """Longest part over the extent of the motion or the shortest link, whichever is more."""
+        return max(self.size, self.ratio)
+
+
+def counted_error(error: float, proportion: float, longest: float) -> float:
+    """Return the error by which a linkage is compared: out of proportion twice its own error, at least 0.02, unless it is 0."""
+    return max(NEAR, STANDS_BACK * error) if error > 0 and proportion > longest else error
+
+
+def merit(size: Floats, transmission: Floats, swing: Floats, ratio: Floats) -> Floats:
+    """Rate exact linkages by what one would build: lower is better.
+
+    The merit is the size, raised by four factors: below a transmission angle of 40 degrees steeply, above it slightly; for a
+    crank that swings by more than half a turn; and for links of very different lengths, since play in the pins of a short link
+    turns the body by much.
+
+    Parameters
+    ----------
+    size : ndarray
+        Largest length of the linkage over the motion's extent, see `synthesis.defects.size_of`.
+    transmission, swing : ndarray
+        Smallest transmission angle over the motion, and the crank's swing, in radians.
+    ratio : ndarray
+        Longest link over the shortest.
+
+    Returns
+    -------
+    ndarray
+        size * (1 + 4 max(0, 1 - sin t / sin 40)) * (1.5 - sin t / 2) * sqrt(max(1, swing / 180)) * (1 + max(0, ratio - 4) / 8),
+        with the transmission angle t.
     """
-    exact = objective < tolerance
-    best = np.min(objective, initial=np.inf, where=~exact)
-    near = ~strays & (objective <= max(NEAR, STANDS_BACK * best))
-    return np.where(exact, strays.astype(int), np.where(near, 2, 3))
+    sine = np.sin(transmission)
+    below = 1 + 4 * np.maximum(0.0, 1 - sine / np.sin(COMFORTABLE_TRANSMISSION))
+    turned = np.sqrt(np.maximum(1.0, swing / np.pi))
+    return np.asarray(size * below * (1.5 - sine / 2) * turned * (1 + np.maximum(0.0, ratio - 4) / 8))
 
 
-def by_proportion(
-    objective: Floats, times: Floats, exact: float, fair: float = FAIR, back: float = STANDS_BACK
-) -> NDArray[np.intp]:
-    """Places of answers (n,), the best of which is the first, in the order in which they are shown.
+class Criterion(NamedTuple):
+    """A comparison of the ranking; smaller values come first."""
 
-    Law: an exact one stays first, and the best is among the first two. Where it is neither exact nor in proportion, those of
-    fair size that are near come before it. Behind them come others in proportion; beside any that are, no other than the best
-    that is not.
+    rule: str
+    """Sentence of the documents."""
+    value: Callable[[Score], Any]
 
-    >>> by_proportion(np.array([1e-4, 2e-4, 3e-4, 4e-4, 0.3]), np.array([1e9, 1e8, 1e5, 20, 9]), 1e-10)
-    array([3, 0, 4])
+
+CRITERIA = {
+    "usable": Criterion(
+        "A linkage that cannot be used comes last: it has a defect of order, branch or circuit, passes two different samples at "
+        "one position of its drive, comes near a change point, or leaves the path between samples.",
+        lambda score: not score.usable,
+    ),
+    "accurate": Criterion(
+        "A linkage within the tolerances precedes one outside. Without tolerances and with another preference than `error`, the "
+        "everyday accuracy takes their place: 0.1 % of the extent of the motion and 0.1 degrees; if no linkage reaches it, an "
+        "error up to a tenth above the smallest.",
+        lambda score: not score.accurate,
+    ),
+    "assembled": Criterion(
+        "If layers were requested, a linkage without collisions comes first.", lambda score: score.layers[0]
+    ),
+    "drivable": Criterion(
+        "If a drive was requested, a linkage with a drive comes first.", lambda score: not score.drivable
+    ),
+}
+"""Criteria of every preference, in their order."""
+
+PREFERENCES = {
+    "error": Criterion("The smallest error; exact linkages by their merit.", lambda score: score.counted_error),
+    "balanced": Criterion("The smallest merit.", lambda score: score.merit),
+    "size": Criterion("The smallest size.", lambda score: score.size),
+    "transmission": Criterion("The largest transmission angle.", lambda score: -score.transmission),
+    "crank_span": Criterion("The shortest swing of the drive.", lambda score: score.swing),
+    "layers": Criterion(
+        "The fewest pivots under a passing link, then the fewest layers.", lambda score: score.layers[1:]
+    ),
+}
+"""The last criterion, by the name of the preference; linkages that are not accurate are compared by their error."""
+
+
+def key(score: Score, prefer: str) -> tuple[Any, ...]:
+    """Return the sort key of a linkage: the criteria, the preference, and for equal linkages the error and the merit."""
+    first = tuple(criterion.value(score) for criterion in CRITERIA.values())
+    measure = PREFERENCES[prefer].value(score) if score.accurate else score.counted_error
+    return *first, measure, score.counted_error, score.merit
+
+
+def pareto_front(measures: Floats) -> NDArray[np.bool_]:
+    """Return which rows of measures (n, m), smaller is better, no other row equals everywhere and beats somewhere.
+
+    >>> pareto_front(np.array([[1, 2], [2, 1], [2, 2], [1, 2]])).tolist()
+    [True, True, False, True]
     """
-    out = times > PROPORTION
-    first = (times <= fair) & (objective <= max(NEAR, back * objective[0])) & out[0] & (objective[0] >= exact)
-    groups = np.where(objective < exact, 0, np.where(first, 2, 3))
-    groups[0] = first.any()
-    groups[first & (np.cumsum(first) == 1)] = 0
-    shown = ~out | out.all()
-    shown[0] = True
-    order = np.argsort(groups, kind="stable")
-    return order[shown[order]]
+    as_good = np.all(measures[:, None] <= measures, axis=2)
+    better = np.any(measures[:, None] < measures, axis=2)
+    return ~np.any(as_good & better, axis=0)
 
 
 def spread(answers: Sequence[A], top: int, loss: float, floor: float) -> list[A]:

@@ -300,7 +300,7 @@ class Rounds:
         return np.zeros(timed.branch.size, dtype=bool)
 
     def stood(self, pool: Pool) -> Floats:
-        """J squared, of those that stray by as much more as they stand back among answers (see `ranking.behind`)."""
+        """J squared, of those that stray by as much more as they count in a ranking (see `ranking.NEAR`)."""
         new = [k for k, value in enumerate(pool.cost.tolist()) if value not in self._strays]
         if new:
             self._strays.update(zip(pool.cost[new].tolist(), self.strays(pool.timed.take(new)).tolist()))

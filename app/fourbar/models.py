@@ -738,11 +738,12 @@ class SynthesizeRequest(CrankMotion):
     tolerances: TolerancesRequest | None = Field(
         None, description="Largest errors allowed; then status `reached` means that every sample keeps them."
     )
-    prefer: Literal["error", "size", "transmission", "crank_span", "layers"] | None = Field(
+    prefer: Literal["error", "balanced", "size", "transmission", "crank_span", "layers"] | None = Field(
         None,
-        description="Of linkages inside the tolerances those first with the least error, the smallest links and reach, the best "
-        "transmission angle, the shortest swing of the crank, or layers over whose fixed pivots nothing passes. "
-        "Default: `size` with tolerances, otherwise `error`.",
+        description="Which of the accurate linkages come first: those with the smallest error, the best balance of size, "
+        "transmission angle and swing, the smallest links and reach, the best transmission angle, the shortest swing, "
+        "or layers over whose fixed pivots nothing passes. Default: `balanced` with free crank angles, `size` with tolerances, "
+        "otherwise `error`.",
     )
     top: Annotated[Count, Field(ge=1, le=100)] = Field(10, description="How many different linkages to return.")
     effort: Literal["atlas", "refine"] = Field("refine", description="`atlas`: the best rows as they are, mounted.")

@@ -3,9 +3,9 @@
 import { markWrong, typed, unreadable, wrong } from "./decimal.js";
 import { text } from "./drawing.js";
 import { toRequest } from "./formats.js";
-import { PRESET, clone, itemOf, preferable, setTiming, scaleTravels, slidable, wantsAngles } from "./motion.js";
+import { PRESET, clone, familyOf, itemOf, preferable, setTiming, scaleTravels, slidable, wantsAngles } from "./motion.js";
 import { preferred } from "./service.js";
-import { $, build } from "./shell.js";
+import { $ } from "./shell.js";
 import { limitName } from "./verdict.js";
 
 const NOTES = {
@@ -53,7 +53,7 @@ const CHOICES = {
   wanted: [(m) => m.wanted, (m, value) => { m.wanted = value; }],
   prefer: [(m) => preferred(toRequest(m)), (m, value) => { m.prefer = value; }],
   mechanisms: [(m) => (Array.isArray(m.mechanisms) ? "some" : m.mechanisms), (m, value) => { if (value !== "some") m.mechanisms = value; }],
-  family: [(m) => m.limits.family, (m, value) => { m.limits.family = value; }],
+  family: [familyOf, (m, value) => { m.limits.family = value; }],
   "length-unit": [(m) => m.unit, (m, value) => { m.unit = value; }],
 };
 const BOX = [0, 1, 2, 3].map((k) => `box-${k}`);
@@ -105,7 +105,7 @@ export class Fields {
     const field = $(id), beside = BOX.includes(id) ? $("box-error") : null;
     let note = beside ?? $(`${id}-error`);
     if (!note && sentence) {
-      note = build("p", { id: `${id}-error`, className: "error field-error" });
+      note = Object.assign(document.createElement("p"), { id: `${id}-error`, className: "error field-error" });
       (field.closest(".measure") ?? field.closest(".field")).after(note);
     }
     if (note) note.textContent = sentence ?? "";
@@ -199,7 +199,7 @@ export class Fields {
     const { kept } = limits, all = Object.values(kept).every(Boolean), none = !Object.values(kept).some(Boolean);
     const found = [all ? "practical" : none ? "none practical" : "some practical"];
     if (!["auto", "four_bar"].includes(mechanisms) && slidable(this.motion())) found.push($("mechanisms").selectedOptions[0]?.textContent);
-    if (limits.family !== "full_crank") found.push($("family").selectedOptions[0]?.textContent);
+    if (limits.family) found.push($("family").selectedOptions[0]?.textContent);
     if (limits.transmission) found.push(`transmission ≥ ${text(limits.transmission, 3)}°`);
     if (limits.min || limits.max) found.push(`links ${[limits.min && `≥ ${text(limits.min, 4)}`, limits.max && `≤ ${text(limits.max, 4)}`].filter(Boolean).join(" and ")} ${unit}`);
     if (limits.box) found.push("pivot box");

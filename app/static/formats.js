@@ -46,7 +46,7 @@ export function toRequest(motion) {
   const kinds = request.start_angle !== undefined ? "four_bar" : motion.mechanisms === "auto" ? (limits.box ? "four_bar" : "all") : motion.mechanisms;
   if (kinds !== "four_bar" && slidable(motion)) request.mechanisms = kinds === "all" ? "all" : [kinds].flat();
   const asked = { ...limits.extra, ...practical(limits, motion.timing === "free") };
-  if (limits.family !== "full_crank") asked.family = limits.family;
+  if (limits.family) asked.family = limits.family;
   if (limits.box && places) asked.pivot_box = limits.box;
   if (limits.min) asked.link_min = limits.min;
   if (limits.max) asked.link_max = limits.max;
@@ -168,7 +168,7 @@ export function fromRequest(body) {
   motion.tolerance = spread(tolerances, motion.poses, ["er", "ep"], unit, "tolerances");
   const { family, pivot_box, link_min, link_max, preset, transmission_angle_min, transmission_angle_min_turn, link_ratio_max, ...more } = limits;
   motion.limits = {
-    family: family ?? "full_crank",
+    family: family ?? null,
     ...readPractical({ preset, transmission_angle_min, transmission_angle_min_turn, link_ratio_max }, unit, free),
     box: pivot_box ?? null, min: link_min ?? null, max: link_max ?? null, extra: more,
   };

@@ -10,9 +10,9 @@ export const PRESET = { use: 35, turn: 15, ratio: 10, reach: 10 };
 
 /**
  * `kept` says which of the practical limits hold; `transmission` (in use), `turn` and `ratio` are values that replace theirs, null
- * where there is none. `extra` holds fields that the form does not show.
+ * where there is none. `family` is null for the service's default, see `familyOf`. `extra` holds fields that the form does not show.
  */
-const LIMITS = { family: "full_crank", kept: { use: true, turn: true, ratio: true, reach: true }, transmission: null, turn: null, ratio: null, box: null, min: null, max: null, extra: {} };
+const LIMITS = { family: null, kept: { use: true, turn: true, ratio: true, reach: true }, transmission: null, turn: null, ratio: null, box: null, min: null, max: null, extra: {} };
 
 const STUDY_SAMPLES = 2000; // linkages of a tolerance study: the search is asked several times, and each answer has one
 
@@ -31,6 +31,9 @@ export const emptyMotion = (wanted = "both") => ({
 /** Whether the motion asks for places, for angles. */
 export const wantsPlaces = (motion) => motion.wanted !== "rotation";
 export const wantsAngles = (motion) => motion.wanted !== "position";
+
+/** The families that are looked for: hinges, lids and flaps swing, and closed paths and given crank angles need a crank that turns. */
+export const familyOf = ({ limits, timing, closed }) => limits.family ?? (timing === "free" && !closed && limits.turn === null ? "any" : "full_crank");
 
 /** The unit of a linkage's lengths: without places its ground is 1. */
 export const unitOf = (motion) => (wantsPlaces(motion) ? motion.unit : "× ground");

@@ -6,7 +6,7 @@ import { matters } from "./offers.js";
 import { preferred } from "./service.js";
 import { defects, limitName, plainNote } from "./verdict.js";
 
-const FIRST = { size: "the smallest found", transmission: "the best transmission angle found", crank_span: "the shortest swing found", layers: "the simplest layers found" };
+const FIRST = { balanced: "the best balance of size, transmission angle and swing found", size: "the smallest found", transmission: "the best transmission angle found", crank_span: "the shortest swing found", layers: "the simplest layers found" };
 
 /** What the best linkage found really does, in a few words: "off by 0.27 mm (pose 5) and 0.08° (pose 4)". */
 export function howNear({ reply, motion }) {

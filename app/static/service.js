@@ -38,7 +38,11 @@ const objective = ({ errors }) => (errors.objective < 1e-10 ? 0 : errors.objecti
 const rounded = (one) => one.rounded?.errors?.objective ?? Infinity;
 
 /** What a request's first solution is to have: its `prefer`, or the service's default. */
-export const preferred = ({ prefer, tolerances, position }) => prefer ?? (tolerances && position ? "size" : "error");
+export function preferred({ prefer, timing, tolerances, position, limits, round_to, lengths_from }) {
+  if (prefer) return prefer;
+  if (timing === "free" && limits?.preset !== "none" && !round_to && !lengths_from) return "balanced";
+  return tolerances && position ? "size" : "error";
+}
 
 const nearer = (a, b) => a.verdict?.practical === true && b.verdict?.practical === false && objective(a) <= Math.max(0.02, 2 * objective(b));
 

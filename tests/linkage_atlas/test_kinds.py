@@ -7,7 +7,6 @@ import pytest
 
 import linkage_atlas as la
 from linkage_atlas.assemblies import assembled
-from linkage_atlas.pareto import Measures
 from synthesis.work import OutOfTime
 from tests.conftest import some_of
 from tests.linkage_atlas.test_assembly import by_layers
@@ -20,6 +19,17 @@ _FLAP = {
     "rotation": [0, 12, 28, 46, 64, 80, 90],
     "position": [[0, 0], [20, 60], [60, 115], [115, 155], [180, 175], [250, 170], [315, 145]],
 }
+
+
+def beats(one, other, layers=lambda _: 0) -> bool:
+    """Whether a solution with the same drive is as good in all measures and better in one."""
+    pairs = [
+        (max(one.errors.objective, 1e-10), max(other.errors.objective, 1e-10)),
+        (one.size, other.size),
+        (-one.transmission_angle_min, -other.transmission_angle_min),
+        (layers(one), layers(other)),
+    ]
+    return one.driver == other.driver and all(a <= b for a, b in pairs) and any(a < b for a, b in pairs)
 
 
 def test_the_one_rail_and_slot_of_four_poses():
@@ -48,8 +58,7 @@ def test_no_solution_beats_another_that_is_driven_alike():
     found = la.synthesize(**_FLAP, timing="free", mechanisms=["four_bar", "slider_crank", "rail_slot"])
     assert {one.kind for one in found} >= {"four_bar", "slider_crank"}
     assert [one.rank for one in found] == list(range(1, len(found) + 1))
-    measures = [Measures(one.errors.objective, one.size, -one.transmission_angle_min, one.driver) for one in found]
-    assert not any(one.beats(other) for one in measures for other in measures)
+    assert not any(beats(one, other) for one in found for other in found if not other.least_error)
     assert all(one.transmission_angle_min > 35 - 1e-6 for one in found)
 
 
@@ -90,11 +99,7 @@ def test_layers_are_preferred_among_all_kinds(motion):
     assert keys == sorted(keys) and keys
     assert keys[0] == min(by_layers(one) for one in plain if one.errors.objective <= 1.1 * max(least, 1e-10))
     assert len({one.kind for one in found}) > 2
-    measures = []
-    for one in near:
-        error, shut = max(one.errors.objective, 1e-10), -one.transmission_angle_min
-        measures.append(Measures(error, one.size, shut, one.driver, by_layers(one)))
-    assert not any(one.beats(other) for one in measures for other in measures)
+    assert not any(beats(one, other, by_layers) for one in near for other in near if not other.least_error)
 
 
 @pytest.mark.parametrize("mechanisms", some_of([["four_bar", "two_rails"], "all"], 1), ids=len)
@@ -227,8 +232,6 @@ def test_why_nothing_goes_round_is_said_at_once() -> None:
     assert still.status == "infeasible" and "comes back without a full turn" in still.report.notes[-1]
     round_once = la.synthesize(**oval, rotation=np.rad2deg(turn), mechanisms=["slider_crank"])
     assert round_once.status == "infeasible" and "makes a full turn" in round_once.report.notes[-1]
-    led = la.synthesize(**oval, mechanisms=["two_slots"])
-    assert led.status == "infeasible" and "Only rotations of the best four-bars were tried" in led.report.notes[-1]
 
 
 @pytest.mark.parametrize("turned", some_of([True, False], 1))

@@ -31,7 +31,7 @@ def measured(solution: la.Solution) -> dict[str, float]:
 
 def test_a_line_with_a_tolerance_gets_a_small_linkage() -> None:
     # once 25 nanometres off with links of 300 mm, where 0.1 mm was allowed
-    found = la.synthesize(position=LINE, timing="free", tolerances={"position": 0.1}, top=3)
+    found = la.synthesize(position=LINE, timing="free", tolerances={"position": 0.1}, prefer="size", top=3)
     best = found.best
     assert found.status == "reached" and best.verdict.within_tolerance
     assert max(*best.linkage.links, best.linkage.coupler_point[0]) < 80
@@ -57,9 +57,13 @@ def test_what_is_preferred_is_searched_for(prefer: str, by_error: la.Solution) -
         assert values == sorted(values)
 
 
-def test_without_tolerances_the_least_error_is_the_default(by_error: la.Solution) -> None:
+def test_the_smallest_error_is_marked_and_in_the_list(by_error: la.Solution) -> None:
     without = {name: value for name, value in CASEMENT.items() if name != "tolerances"}
-    assert la.synthesize(**without, top=1).best.errors.objective == pytest.approx(by_error.errors.objective, rel=0.02)
+    found = la.synthesize(**without, top=3)
+    (marked,) = [solution for solution in found if solution.least_error]
+    assert marked.errors.objective == min(solution.errors.objective for solution in found)
+    assert marked.errors.objective == pytest.approx(by_error.errors.objective, rel=0.02)
+    assert found.best.errors.objective <= 1.1 * marked.errors.objective
 
 
 def test_whole_turns_do_not_count_where_crank_angles_are_free() -> None:
@@ -96,7 +100,7 @@ def test_the_practical_preset_holds_where_crank_angles_are_free() -> None:
     box = {"pivot_box": [50, -20, 50.1, -19.9]}
     kept = la.synthesize(**asked, limits=box)
     assert all(max(one.linkage.links) <= 10 * 120 for one in kept.solutions)
-    wide = la.synthesize(**asked)
+    wide = la.synthesize(**asked, prefer="error")
     assert wide.best.verdict.practical and wide.best.transmission_angle_min >= 35 - 1e-9
     none = la.synthesize(**asked, limits={"preset": "none"})
     # below the tolerance all are alike
@@ -177,10 +181,10 @@ def within(extents: float) -> dict[str, object]:
 def test_all_of_fair_size_is_looked_at_before_what_is_out_of_all_proportion() -> None:
     # once those within ten times alone: 0.0177 came first, and a limit on all lengths that is met by less had 0.0113
     found = la.synthesize(**ELLIPSE)
-    first, second = found.solutions[:2]
+    first = found.best
     assert 10 < proportion(first) <= 30 * (1 + 1e-9) and first.errors.objective < 0.0113
-    assert proportion(second) > 100 and second.errors.objective < 0.1 * first.errors.objective
-    assert all(proportion(one) <= 100 for one in found.solutions[2:])
+    (least,) = [solution for solution in found if solution.least_error]
+    assert proportion(least) > 100 and least.errors.objective < 0.1 * first.errors.objective
     # nor does a wider limit make the first worse: once 0.0019 within 60 times, and 0.0177 within 80
     wider = [la.synthesize(**ELLIPSE, limits=within(far), top=1) for far in (5, 30, 60, 80, 1e4)]
     assert np.all(np.diff([one.best.errors.objective for one in wider]) <= 1e-9)
@@ -275,25 +279,24 @@ def test_exact_answers_are_ranked_by_what_one_would_build() -> None:
 
 
 @pytest.mark.parametrize("seed", some_of([53, 62, 84], 1))
-def test_the_least_error_is_among_the_first_two_though_it_is_out_of_all_proportion(seed) -> None:
+def test_the_least_error_is_in_the_list_though_it_is_out_of_all_proportion(seed) -> None:
     # once ten of fair size with up to 43 times the error came instead of it
     asked = make_case("noise", seed).request
     found = la.synthesize(**asked)
     least = la.synthesize(**asked, limits={"preset": "none"}, top=1).best.errors.objective
-    first, second = (one.errors.objective for one in found.solutions[:2])
-    assert min(first, second) == pytest.approx(least, rel=1e-6)
-    assert first <= max(0.02, 2 * least)
+    assert min(one.errors.objective for one in found) == pytest.approx(least, rel=1e-6)
+    assert found.best.errors.objective <= max(0.02, 2 * least)
     assert any("out of all proportion" in note for note in found.report.notes)
 
 
-def test_the_least_error_is_second_though_it_looks_like_the_first() -> None:
+def test_the_least_error_is_in_the_list_though_it_looks_like_the_first() -> None:
     # once left out for that: 119 times its shortest link long, it is one of 30 times in a picture
     y = [0, -8, -15, -22, -28, -33, -36, -38, -38, -37, -34, -30, -25, -18, -11, -4]
     asked = {"position": np.column_stack([4 * np.arange(16), y]), "crank_span": 71}
     asked["rotation"] = [0, -1, -2, -2, -3, -4, -4, -4, -4, -4, -4, -3, -3, -2, -1, -1]
     least = la.synthesize(**asked, limits={"preset": "none"}, top=1).best.errors.objective
-    second = la.synthesize(**asked).solutions[1]
-    assert second.errors.objective == pytest.approx(least, rel=1e-6)
+    (marked,) = [solution for solution in la.synthesize(**asked) if solution.least_error]
+    assert marked.errors.objective == pytest.approx(least, rel=1e-6)
 
 
 def test_far_from_the_origin_an_exact_linkage_stays_first() -> None:

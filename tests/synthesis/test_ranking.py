@@ -1,54 +1,65 @@
-"""Which answers come first: exact ones, then near ones that stay on their curve between samples, or are of fair size."""
+"""The order of linkages: its criteria one after the other. It would catch a linkage that cannot be used, or is huge, in front."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from synthesis.ranking import behind, by_proportion
+from synthesis.ranking import PREFERENCES, Score, key, pareto_front
 
-
-@pytest.mark.parametrize(
-    ("objective", "strays", "groups"),
-    [
-        ([1e-12, 1e-12], [True, False], [1, 0]),
-        ([1e-3, 4e-3], [True, False], [3, 2]),
-        ([1e-3, 0.019, 0.021], [True, False, False], [3, 2, 3]),
-        ([0.1, 0.19, 0.21], [True, False, False], [3, 2, 3]),
-        ([1e-12, 1e-3], [True, False], [1, 2]),
-        ([], [], []),
-    ],
+COMPACT = Score(
+    usable=True,
+    error=5e-4,
+    size=2.0,
+    transmission=np.deg2rad(50.0),
+    swing=1.0,
+    ratio=3.0,
+    longest=30.0,
+    accurate=True,
 )
-def test_answers_that_stray_come_after_near_ones_that_do_not(objective, strays, groups):
-    found = behind(np.array(objective, dtype=float), np.array(strays, dtype=bool), 1e-10)
-    assert found.tolist() == groups
+HUGE = replace(COMPACT, error=1e-6, size=200.0)
 
 
+def first(prefer: str, *scores: Score) -> Score:
+    return min(scores, key=lambda score: key(score, prefer))
+
+
+@pytest.mark.parametrize("prefer", PREFERENCES)
 @pytest.mark.parametrize(
-    ("objective", "times", "order"),
+    "worse",
     [
-        ([1e-12, 1e-3], [1e9, 5], [0, 1]),  # an exact one stays first,
-        ([1e-12, 1e-11, 1e-3], [1e9, 1e8, 5], [0, 2]),
-        ([1e-12, 1e-3, 2e-3], [5, 1e4, 60], [0, 2]),  # and of others only those in proportion are shown
-        ([1e-4, 2e-4, 0.019, 0.021], [1e4, 20, 10, 5], [1, 0, 2, 3]),
-        ([1e-4, 0.021, 0.2], [1e4, 20, 1e5], [0, 1]),
-        ([1e-4, 2e-4, 3e-4], [90, 1e4, 60], [0, 2]),
-        ([1e-4, 2e-4, 3e-4], [1e4, 60, 1e7], [0, 1]),  # 60 is in proportion, and no fair size
-        ([1e-4, 2e-4], [1e7, 1e8], [0, 1]),
+        replace(COMPACT, usable=False, error=0.0, size=0.5),
+        replace(COMPACT, accurate=False, size=0.5, error=0.1, transmission=1.5, swing=0.1),
+        replace(COMPACT, layers=(True, 0, 0), error=0.0, size=0.5),
+        replace(COMPACT, drivable=False, error=0.0, size=0.5),
     ],
+    ids=["not usable", "not accurate", "collides", "no drive"],
 )
-def test_what_is_out_of_all_proportion_comes_behind_what_is_near(objective, times, order):
-    found = by_proportion(np.array(objective), np.array(times, dtype=float), 1e-10)
-    assert found.tolist() == order
+def test_criteria_precede_the_preference(prefer: str, worse: Score) -> None:
+    assert first(prefer, worse, COMPACT) is COMPACT
 
 
-@pytest.mark.parametrize("seed", range(5))
-def test_the_best_is_among_the_first_two_and_nothing_is_shown_twice(seed):
-    random = np.random.default_rng(seed)
-    for _ in range(200):
-        count = random.integers(1, 8)
-        objective = np.sort(10.0 ** random.uniform(-13, 0, count))
-        times = 10.0 ** random.uniform(0, 9, count)
-        found = by_proportion(objective, times, 1e-10).tolist()
-        assert 0 in found[:2] and len(set(found)) == len(found)
-        assert found[0] == 0 or objective[0] >= 1e-10
-        rest = [times[k] > 100 for k in found[found.index(0) + 1 :] if objective[k] >= 1e-10]
-        assert rest == sorted(rest)
+def test_a_balanced_order_takes_the_smaller_of_two_accurate_linkages() -> None:
+    assert first("balanced", replace(HUGE, longest=np.inf), COMPACT) is COMPACT
+    straight = replace(COMPACT, size=2.2, transmission=np.deg2rad(60.0))
+    flat = replace(COMPACT, transmission=np.deg2rad(25.0))
+    assert first("balanced", flat, straight) is straight
+
+
+def test_the_smallest_error_leads_unless_nobody_builds_the_linkage() -> None:
+    near = replace(COMPACT, error=0.019)
+    assert first("error", HUGE, near) is near
+    assert first("error", HUGE, replace(near, error=0.021)) is HUGE
+    exact = replace(HUGE, error=0.0)
+    assert first("error", exact, near) is exact
+    assert first("error", replace(COMPACT, error=0.0), exact).size == COMPACT.size
+
+
+def test_the_front_holds_all_that_nothing_beats() -> None:
+    assert pareto_front(np.array([[1.0, 2.0], [2.0, 1.0], [2.0, 2.0], [1.0, 2.0]])).tolist() == [
+        True,
+        True,
+        False,
+        True,
+    ]
+    assert pareto_front(np.empty((0, 3))).tolist() == []

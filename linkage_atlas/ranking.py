@@ -1,0 +1,258 @@
+"""The order of the linkages of a task: their scores, and the choice of those that are shown.
+
+The rule is `synthesis.ranking.key`. A rail or slot is the limit of a circle, so that without limits a four-bar always has the
+smallest error; a slider offers a better transmission angle, a smaller machine or a straight drive. Of several kinds with the same
+drive, all linkages stay that no other linkage beats in error, size and transmission angle at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+
+from linkage_atlas.mechanism_search import Found
+from linkage_atlas.motions import Motion, Tolerances
+from synthesis.fourbar import solution as fourbar
+from synthesis.guided import solution as guided
+from synthesis.guided.scores import scores_of, usable_linkages
+from synthesis.guides import Driver, Kind
+from synthesis.ranking import (
+    APART,
+    EVERYDAY_POSITION,
+    EVERYDAY_ROTATION,
+    PROPORTION,
+    TRADED,
+    Score,
+    distinct,
+    key,
+    pareto_front,
+    spread,
+)
+from synthesis.target import Target
+
+_NO_ANSWER = 0.1
+"""J from which a linkage is dropped if another linkage is much better."""
+_MUCH_BETTER = 10.0
+"""Ratio of errors that counts as much better."""
+_DIVERSE_LOSS = 2.0
+"""Largest ratio of the objective of diverse linkages to that of the best one."""
+_SAME = 1e-3
+"""Relative difference of all measures of two linkages that are shown once."""
+_AS_GOOD = 1.02
+"""Ratio of errors that nobody can tell apart."""
+_ROUNDING = 1e-9
+"""Relative excess of an error that counts as within a tolerance."""
+
+F = TypeVar("F", bound=Found)
+LayerRank = tuple[bool, int, int]
+"""See `synthesis.ranking.Score.layers`."""
+UNRANKED: LayerRank = (True, 0, 0)
+"""Rank without layers, or if the time was up before: behind layers without collisions."""
+
+
+class _Facts(NamedTuple):
+    """Properties of a linkage that take time to compute."""
+
+    found: Found
+    usable: bool
+    within: bool
+    """True if every error is within the tolerances of the request, or else within the everyday accuracy."""
+
+
+class Ranking:
+    """The order of linkages for one motion and preference.
+
+    Parameters
+    ----------
+    motion : Motion
+    prefer : str
+        One of `synthesis.ranking.PREFERENCES`.
+    tolerance : float
+        Objective below which a linkage is exact.
+    fair : float, optional
+        If the linkage with the smallest error is out of proportion, linkages above this proportion count with a larger error.
+    """
+
+    def __init__(self, motion: Motion, prefer: str, tolerance: float, fair: float | None = None) -> None:
+        self.motion, self.prefer, self.tolerance = motion, prefer, tolerance
+        self.fair = fair
+        self.layers: Mapping[int, LayerRank] = {}
+        """Rank of the layers by id of a linkage, if layers are preferred and were made."""
+        self._facts: dict[int, _Facts] = {}
+
+    # -- scores ---------------------------------------------------------------------------------------------------------
+
+    def scores(self, found: Sequence[Found]) -> list[Score]:
+        """Return the score of each linkage; whether it is accurate depends on the others."""
+        facts = self._examined(found)
+        usable = np.array([fact.usable for fact in facts], dtype=bool)
+        within = np.array([fact.within for fact in facts], dtype=bool)
+        scores = scores_of(
+            found,
+            self.motion.samples,
+            self.tolerance,
+            usable,
+            self._accurate(found, usable, within),
+        )
+        if self.fair is not None:
+            best = min(((float(f"{score.error:.6g}"), score.proportion) for score in scores), default=(0.0, 0.0))
+            out = best[1] > PROPORTION
+            scores = [replace(score, longest=self.fair if out else PROPORTION) for score in scores]
+        if not self.layers:
+            return scores
+        ranks = [self.layers.get(id(solution), UNRANKED) for solution in found]
+        return [replace(score, layers=rank) for score, rank in zip(scores, ranks)]
+
+    def usable(self, found: Sequence[Found]) -> list[bool]:
+        """Return which linkages can be used."""
+        return [fact.usable for fact in self._examined(found)]
+
+    def accurate(self, found: Sequence[Found]) -> list[Found]:
+        """Return the linkages among which the preference decides, usable ones if there are any."""
+        scores = self.scores(found)
+        accurate = [(score, solution) for score, solution in zip(scores, found) if score.accurate]
+        usable = [solution for score, solution in accurate if score.usable]
+        return usable or [solution for _, solution in accurate]
+
+    def _examined(self, found: Sequence[Found]) -> list[_Facts]:
+        fresh = [solution for solution in found if id(solution) not in self._facts]
+        within = [self._within(solution) for solution in fresh]
+        tolerated = within if self.motion.tolerances is not None else None
+        for solution, usable, inside in zip(fresh, usable_linkages(fresh, self.motion.samples, tolerated), within):
+            self._facts[id(solution)] = _Facts(solution, bool(usable), inside)
+        return [self._facts[id(solution)] for solution in found]
+
+    def _within(self, solution: Found) -> bool:
+        tolerances = self.motion.tolerances
+        if tolerances is not None:
+            return bool(np.all(tolerances.shares(target_of(solution, self.motion), solution.linkage) <= 1))
+        errors, samples = solution.errors, self.motion.samples
+        position = samples.position is None or (errors.position_max or 0.0) <= EVERYDAY_POSITION * samples.extent
+        return position and (errors.rotation_max or 0.0) <= EVERYDAY_ROTATION * (1 + _ROUNDING)
+
+    def _accurate(
+        self, found: Sequence[Found], usable: np.ndarray, within: np.ndarray
+    ) -> Sequence[bool] | np.ndarray:
+        if self.prefer == "error":
+            return within if self.motion.tolerances is not None else np.ones(len(found), dtype=bool)
+        candidates = usable if usable.any() else ~usable
+        if np.any(within & candidates):
+            return within
+        errors = np.array([solution.errors.objective for solution in found])
+        return np.asarray(errors <= TRADED * max(errors[candidates].min(initial=np.inf), self.tolerance))
+
+    def merits(self, found: Sequence[F], beside: Sequence[Found]) -> list[tuple[float, F]]:
+        """Return the accurate linkages of some with their merits, smallest first; ``beside``: others that are known."""
+        accurate = {id(solution) for solution in self.accurate([*beside, *found])}
+        scored = [(score.merit, solution) for score, solution in zip(self.scores(found), found)]
+        return sorted((pair for pair in scored if id(pair[1]) in accurate), key=lambda pair: pair[0])
+
+    # -- order and choice -----------------------------------------------------------------------------------------------
+
+    def ordered(self, found: Sequence[F]) -> list[F]:
+        """Return the linkages, best first."""
+        keys = [key(score, self.prefer) for score in self.scores(found)]
+        return [found[k] for k in sorted(range(len(found)), key=keys.__getitem__)]
+
+    def chosen(self, found: Sequence[Found], top: int) -> list[Found]:
+        """Return the best four-bars that differ, at most ``top``; the one with the smallest error is among them."""
+        ordered = self.ordered(found)
+        chosen = distinct(ordered, top, APART, order=lambda _: 0, exact=self.tolerance)
+        return self._with_smallest_error(chosen, found, top)
+
+    def diverse(self, found: Sequence[Found], top: int, floor: float) -> list[Found]:
+        """Return linkages as different from one another as possible, with at most twice the error of the best one.
+
+        Linkages that cannot be used are dropped if others can be. ``floor``: smaller errors count as this one.
+        """
+        if any(usable := self.usable(found)):
+            found = [solution for solution, use in zip(found, usable) if use]
+        chosen = spread(self.ordered(found), top, _DIVERSE_LOSS, floor)
+        return self._with_smallest_error(chosen, found, top)
+
+    def chosen_of_kinds(self, found: Sequence[Found], top: int) -> list[Found]:
+        """Return the Pareto front of linkages of several kinds, best first, at most ``top``.
+
+        Law: none of them beats another with the same drive. If there are more, the best of each kind and drive come before
+        further ones. Linkages that cannot be used are dropped if others can be.
+        """
+        if any(usable := self.usable(found)):
+            found = [solution for solution, use in zip(found, usable) if use]
+        poor = max(_NO_ANSWER, _MUCH_BETTER * min((solution.errors.objective for solution in found), default=0.0))
+        front = self._front([solution for solution in found if solution.errors.objective <= poor])
+        ordered = self.ordered(front)
+        rank = {id(solution): number for number, solution in enumerate(ordered)}
+        apart: list[Found] = []
+        for group in dict.fromkeys(map(_group, ordered)):
+            alike = [solution for solution in ordered if _group(solution) == group]
+            apart += distinct(alike, top, APART, order=lambda _: 0, exact=self.tolerance)
+        apart.sort(key=lambda solution: rank[id(solution)])
+        first = {_group(solution): solution for solution in reversed(apart)}
+        shown = sorted(first.values(), key=lambda solution: rank[id(solution)])[:top]
+        shown += [solution for solution in apart if all(solution is not other for other in shown)][: top - len(shown)]
+        return self._with_smallest_error(sorted(shown, key=lambda solution: rank[id(solution)]), found, top)
+
+    def smallest_error(self, found: Sequence[Found]) -> Found | None:
+        """Return the linkage with the smallest error, of those that can be used if there are any; None without linkages."""
+        usable = [solution for solution, use in zip(found, self.usable(found)) if use]
+        return min(usable or found, key=lambda solution: solution.errors.objective, default=None)
+
+    def _with_smallest_error(self, chosen: list[Found], found: Sequence[Found], top: int) -> list[Found]:
+        smallest = self.smallest_error(found)
+        if smallest is None or top < 2 or any(solution is smallest for solution in chosen):
+            return chosen
+        best = self.smallest_error(chosen)
+        if best is not None and best.errors.objective <= max(_AS_GOOD * smallest.errors.objective, self.tolerance):
+            return chosen
+        return self.ordered([*chosen[: top - 1], smallest])
+
+    def _front(self, found: Sequence[Found]) -> list[Found]:
+        """Return the linkages that no other one with the same drive beats, and of equal measures only the first."""
+        scores = self.scores(found)
+        unranked = self.prefer == "layers" and not self.layers
+        measures = np.array(
+            [
+                [max(score.error, self.tolerance), score.size, -score.transmission, *map(float, score.layers)]
+                for score in scores
+            ]
+        )
+        stays = np.ones(len(found), dtype=bool)
+        drives = np.array([_group(solution)[1] for solution in found])
+        for drive in set(drives.tolist()) if not unranked else ():
+            rows = np.flatnonzero(drives == drive)
+            stays[rows] = pareto_front(measures[rows])
+        front: list[int] = []
+        for k in np.flatnonzero(stays).tolist():
+            equal = [
+                _group(found[k]) == _group(found[j])
+                and np.allclose(measures[k, :3], measures[j, :3], rtol=_SAME, atol=0.0)
+                for j in front
+            ]
+            if not any(equal):
+                front.append(k)
+        return [found[k] for k in front]
+
+
+def everyday_tolerances(motion: Motion) -> Tolerances:
+    """Return the everyday accuracy of a motion as tolerances."""
+    samples = motion.asked
+    rotation = None if samples.rotation is None else np.full(samples.samples, EVERYDAY_ROTATION)
+    position = None if samples.position is None else np.full(samples.samples, EVERYDAY_POSITION * samples.extent)
+    return Tolerances(rotation, position)
+
+
+def target_of(solution: Found, motion: Motion) -> Target:
+    """Return the motion over the coordinate of the linkage's own drive."""
+    if isinstance(solution, guided.GuidedSolution):
+        return guided.as_target(motion.samples, solution.linkage, solution.travel)
+    return motion.one_of(motion.with_angles([solution.linkage], [solution.crank]), 0).target
+
+
+def _group(solution: Found) -> tuple[str, str]:
+    """Return the kind and the drive of a linkage."""
+    if isinstance(solution, fourbar.Solution):
+        return Kind.FOUR_BAR.value, Driver.CRANK.value
+    return solution.linkage.kind.value, solution.linkage.driver.value

@@ -1,0 +1,98 @@
+"""What comes first without a preference: accurate linkages that an engineer would build, and none that cannot be used.
+
+The tests would catch a first answer that is huge, of a small transmission angle, or defective while a better one is known.
+"""
+
+import numpy as np
+import pytest
+
+import linkage_atlas as la
+
+ALONG = np.linspace(0, 1, 20)
+STRAIGHT = {"position": [[k, k] for k in range(10)], "timing": "free"}
+S_CURVE = {"position": np.column_stack([100 * ALONG, 20 * np.sin(2 * np.pi * ALONG)]), "timing": "free"}
+SHELF = {
+    "rotation": [0, 0, 0],
+    "position": [[2, 172], [28.15, 166.2], [42.55, 143.6]],
+    "timing": "free",
+    "limits": {"pivot_box": [0, 170, 40, 250]},
+}
+
+
+def extent(position) -> float:
+    """Largest distance of two points."""
+    points = np.asarray(position) @ [1, 1j]
+    return float(np.abs(points[:, None] - points).max())
+
+
+def marked(result: la.Result) -> la.Solution:
+    (least,) = [solution for solution in result if solution.least_error]
+    return least
+
+
+def test_a_straight_line_is_answered_with_small_links_within_the_everyday_accuracy() -> None:
+    # once with a size of 10, four nanometres off
+    found = la.synthesize(**STRAIGHT)
+    assert found.best.size < 2.5 and found.best.transmission_angle_min > 40
+    assert found.best.errors.position_max <= 1e-3 * extent(STRAIGHT["position"])
+    least = marked(found)
+    assert least.errors.objective == min(solution.errors.objective for solution in found)
+    assert least.errors.objective < 0.01 * found.best.errors.objective
+
+
+def test_the_least_error_leads_if_it_is_preferred() -> None:
+    found = la.synthesize(**STRAIGHT, prefer="error", top=2)
+    assert found.best.errors.objective < 1e-5 and found.best.size > 5
+
+
+def test_a_shelf_that_does_not_turn_hangs_on_a_parallelogram() -> None:
+    # once by a crank-rocker that turned it by 0.59 degrees, since a parallelogram does not turn fully
+    best = la.synthesize(**SHELF).best
+    assert best.links.crank == pytest.approx(best.links.rocker) and best.links.coupler == pytest.approx(
+        best.links.ground
+    )
+    assert best.links.crank == pytest.approx(35, abs=0.1) and 10 < best.links.ground < 30
+    assert best.errors.rotation_max < 1e-9 and best.errors.position_max < 1e-9
+
+
+@pytest.mark.parametrize("start", [0, 90])
+def test_a_lid_of_90_degrees_is_no_larger_than_the_linkage_that_was_drawn(start: int) -> None:
+    made = la.FourBar(84, 51, 76, 25, start_angle=start, ground_angle=10, coupler_point=(90, 30), pivot_a=(0, 0))
+    crank = np.linspace(0, {0: 111, 90: 132}[start], 7)
+    joints = made.joints(crank)
+    rotation, position = np.round(joints.rotation - joints.rotation[0], 1), np.round(joints.body_point, 1)
+    found = la.synthesize(rotation, position, timing="free")
+    assert max(found.best.links) < 1.2 * 84 and found.best.transmission_angle_min > 50
+    assert found.best.errors.position_max <= 1e-3 * extent(position) and found.best.errors.rotation_max <= 0.1
+
+
+@pytest.mark.parametrize("mechanisms", [None, "all"])
+def test_a_linkage_that_cannot_be_used_is_not_first(mechanisms) -> None:
+    # once two samples of this S lay at one crank position of the first linkage, and of the third
+    found = la.synthesize(**S_CURVE, mechanisms=mechanisms)
+    usable = [
+        solution.verdict.works
+        and not any("share one" in reason or "goes" in reason for reason in solution.verdict.reasons)
+        for solution in found
+    ]
+    assert usable[0] and usable == sorted(usable, reverse=True)
+
+
+def test_cranks_need_not_turn_fully_unless_the_path_is_closed() -> None:
+    lid = {"rotation": [0, 15, 40], "position": [[0, 0], [40, 8], [75, 30]], "timing": "free"}
+    swings = {"crank_rocker", "double_crank"}
+    assert {solution.family for solution in la.synthesize(**lid)} - swings
+    assert {
+        solution.family for solution in la.synthesize(**lid, limits={"transmission_angle_min_turn": 20})
+    } <= swings
+    turn = np.linspace(0, 2 * np.pi, 12, endpoint=False)
+    oval = la.synthesize(
+        position=np.column_stack([60 * np.cos(turn), 20 * np.sin(turn)]), timing="free", closed=True, top=3
+    )
+    assert {solution.family for solution in oval} <= swings
+
+
+def test_within_the_tolerances_of_a_request_the_balance_decides() -> None:
+    wide = la.synthesize(**STRAIGHT, tolerances={"position": 0.1}, top=3)
+    assert wide.status == "reached" and wide.best.verdict.within_tolerance
+    assert wide.best.size < la.synthesize(**STRAIGHT, top=1).best.size
