@@ -699,7 +699,7 @@ def exact_generators(wanted: Wanted, limits: Limits, most: int, tolerance: float
 
 
 def best_built(wanted: Wanted, found: list[Generator], top: int, tolerance: float, sized: bool) -> list[Generator]:
-    """Return the first of answers: exact ones by merit, others by `counted_error`.
+    """Return the first of answers: exact ones by merit, others by `counted_error`, the best at least second.
 
     Exact ones whose rocker turns back on the way come behind the other exact ones. ``sized``: see `function_merit`.
     """
@@ -718,7 +718,12 @@ def best_built(wanted: Wanted, found: list[Generator], top: int, tolerance: floa
         own = generator.errors.objective
         return counted_error(0.0 if own < tolerance else own, generator.linkage.link_ratio, PROPORTION)
 
-    return sorted(ranked, key=error)[:top]
+    ordered = sorted(ranked, key=error)
+    built = [one for one in ordered if one.linkage.link_ratio <= PROPORTION]
+    best = ranked[0] if exact else min(ranked, key=lambda one: one.errors.objective)
+    if built and all(one is not best for one in built):  # of those that nobody builds only the best is listed
+        built.insert(0 if best is ordered[0] else 1, best)
+    return (built or ordered)[:top]
 
 
 def refit(
