@@ -24,7 +24,7 @@ from synthesis.fourbar.solution import Solution, assess, within
 from synthesis.free.poses import Poses
 from synthesis.free.scores import exact_below
 from synthesis.free.search import search_free
-from synthesis.local_refinement import refine_motion, refine_poses
+from synthesis.local_refinement import nearby_motion, nearby_poses, refine_motion, refine_poses
 from synthesis.ranking import PROPORTION, Status, distinct
 from synthesis.search.atlas_rows import best_rows
 from synthesis.search.report import SearchReport, StoppedBy
@@ -183,10 +183,17 @@ def _preferred(
 
 
 def _continued(task: Task, start: Start, goal: float) -> Solution | None:
-    """Refine a given linkage in its fraction of the time; return None if that leads to no linkage within the limits."""
+    """Continue a given linkage in its fraction of the time; return None if that leads to no linkage within the limits.
+
+    If balanced linkages are preferred it moves no farther than needed, since the nearest optimum may be far less compact.
+    """
     work = task.search_work()
     part = work.part(FOR_STARTS * work.budget)
-    found, _ = refine_start(start, task.motion, task.limits, goal, part)
+    found: list[Solution] = []
+    if task.prefer == "balanced":
+        found = move_start(start, task.motion, task.limits, accuracy_goal(task.motion, task.tolerance, 0.0), part)
+    if not found:
+        found, _ = refine_start(start, task.motion, task.limits, goal, part)
     return found[0] if found else None
 
 
@@ -288,6 +295,15 @@ def refine_start(
         else:
             found, report = refine_motion(samples, limits, start.linkage, tolerance, work)
     return found, report
+
+
+def move_start(start: Start, motion: Motion, limits: Limits, goal: float, work: Work) -> list[Solution]:
+    """Move a given four-bar no farther than needed; the objective need not fall below ``goal``."""
+    samples = motion.samples
+    with pointing_to_start(start.field):
+        if isinstance(samples, Poses):
+            return nearby_poses(samples, limits, start.linkage, start.crank, goal, work)
+        return nearby_motion(samples, limits, start.linkage, goal, work)
 
 
 def _search_atlas(

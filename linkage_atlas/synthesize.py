@@ -67,8 +67,9 @@ def synthesize(
         Time limit in seconds; the best linkages found by then are returned.
     start_from : sequence of FourBar, Solution or mapping, optional
         Four-bars that are candidates from the first step, for example the displayed linkage while a motion is changed; plain
-        values are those of `Solution.to_dict`. Each is refined to its nearest optimum within the limits before the search begins;
-        ``report.continued`` has the rank of each result. With free timing each needs its mount.
+        values are those of `Solution.to_dict`. Each is refined within the limits before the search begins: with the preference
+        "balanced" until its error is small or almost stops falling, otherwise to its nearest optimum. ``report.continued`` has
+        the rank of each result. With free timing each needs its mount.
     local : bool
         Search nowhere else: only the linkages of ``start_from`` are refined, which need not lead to the best linkage.
     atlas : Atlas, str or Path, optional

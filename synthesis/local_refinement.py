@@ -14,6 +14,9 @@
       -> joint descent without limits -> descents in which limits gain weight, moved onto those still broken
       -> the best of these and of the linkage itself that keeps the limits; where none does, the same from a full crank near it
 
+**Moved no farther than needed**: a single descent within the limits begins with short steps and ends as soon as a step lowers the
+error only slightly. A compact linkage thus stays compact if its nearest optimum lies far along a flat valley.
+
 The crank angles of a linkage whose own are not given: a grid over the turn, and over it the least sum of squared errors by
 dynamic programming (the best sum up to a sample at an angle is its own error there plus the least sum up to the sample before
 at or before that angle), once from each angle of the grid, both ways round; it passes no angle at which the loop is open.
@@ -22,7 +25,7 @@ at or before that angle), once from each angle of the grid, both ways round; it 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,7 +39,7 @@ from synthesis.fourbar.mechanism import FOURBAR, AnyChart, FullCrankChart
 from synthesis.fourbar.solution import Solution, assess, mounted, within
 from synthesis.free.dyads import chart_of
 from synthesis.free.joint import JointProblem
-from synthesis.free.limited import refined_within
+from synthesis.free.limited import limited_problem, refined_within
 from synthesis.free.poses import Poses
 from synthesis.free.search import solutions_of, within_limits
 from synthesis.function.answers import Generator
@@ -86,6 +89,11 @@ def turning_fully(linkage: Linkage, family: str) -> Linkage:
     return with_links(linkage, links)
 
 
+def _of_family(linkage: Linkage, limits: Limits) -> Linkage:
+    """Return the linkage, or a similar linkage of the family that the limits require."""
+    return linkage if limits.family == "any" else turning_fully(linkage, limits.family)
+
+
 def report_of(
     found: Sequence[Answer], begin: Sequence[Answer], seconds: float, tolerance: float, work: Work
 ) -> SearchReport:
@@ -94,6 +102,16 @@ def report_of(
     if found and (not trace or found[0].errors.objective < trace[-1][1]):
         trace.append((work.elapsed, found[0].errors.objective))
     return SearchReport(stopped_by(found, tolerance, work), trace, 0.0, 1)
+
+
+@dataclass(frozen=True)
+class NearbyOptions:
+    """Options of `nearby_motion` and `nearby_poses`."""
+
+    stages: tuple[Stage, ...] = (Stage(30, 0.05, 30.0), Stage(30, 0.05, 300.0))
+    """Stages of the descent; each ends with the first step that lowers the squared error by less than a twentieth."""
+    damping: float = 0.1
+    """Damping of the first step: much larger than in a descent to an optimum, so that no step goes far along a flat valley."""
 
 
 # -- crank angles given --------------------------------------------------------------------------------------------
@@ -146,6 +164,35 @@ def refine_motion(
     return found, report_of(found, begin, seconds, tolerance, work)
 
 
+def nearby_motion(
+    target: Target,
+    limits: Limits,
+    linkage: Linkage,
+    tolerance: float,
+    work: Work,
+    options: NearbyOptions | None = None,
+) -> list[Solution]:
+    """Return a linkage moved no farther than needed; for the parameters and the law see `refine_motion`.
+
+    Returns
+    -------
+    list of Solution
+        A single linkage within the limits; empty if the descent does not lead into them.
+    """
+    if target.clockwise:
+        moved = nearby_motion(target.mirrored(), limits.mirrored(), linkage.mirrored(), tolerance, work, options)
+        return [solution.mirrored() for solution in moved]
+    options = options or NearbyOptions()
+    run = _Descents(target, limits, tolerance, work)
+    linkage = _of_family(linkage, limits)
+    closing = run.assessed([linkage])
+    run.found = run.kept(closing)
+    if closing and not run.done:
+        way = FOURBAR.bounded(target, limits)[-1 if limits.family == "any" else 0]
+        run.lead_within(way, linkage, options.stages, options.damping)
+    return run.best[:1]
+
+
 class _Descents:
     """One request, and what its descents have found within the limits."""
 
@@ -187,7 +234,7 @@ class _Descents:
         way = FOURBAR.bounded(self.target, self.limits)[0 if full_crank else -1]
         self._freely(chart, [linkage])
         if not self.done:
-            self._freely(chart, [one for plan in _PLANS for one in self._under_limits(way, linkage, plan)])
+            self._freely(chart, [one for plan in _PLANS for one in self.lead_within(way, linkage, plan)])
 
     def _freely(self, chart: FullCrankChart | AnyChart, linkages: list[Linkage]) -> None:
         """Descents without limits from linkages: those that end within them are found."""
@@ -201,12 +248,14 @@ class _Descents:
         ends = problem.linkages(FOURBAR, found.take(np.isfinite(found.cost)))
         self.found += self.kept(assess(self.target, ends))
 
-    def _under_limits(self, way: Bounded, linkage: Linkage, plan: Sequence[Stage]) -> list[Linkage]:
+    def lead_within(
+        self, way: Bounded, linkage: Linkage, plan: Sequence[Stage], damping: float = 1e-3
+    ) -> list[Linkage]:
         """Where a descent under the limits ends, moved onto those that it still breaks."""
         if self.work.expired():
             return []
         problem = problem_of(self.target, way)
-        found = problem.descended(self._placed(problem, linkage), plan, 0.0, self.work)
+        found = problem.descended(self._placed(problem, linkage), plan, 0.0, self.work, damping)
         found, _ = problem.moved_onto(found.timed)
         if not np.isfinite(found.cost).all():
             return []
@@ -270,6 +319,30 @@ def refine_poses(
             inside = refined_within(poses, limits, pool.timed, work)
             found = solutions_of(poses, inside.joined(pool), chart, limits, 1, tolerance)
     return found, report_of(found, given, seconds, tolerance, work)
+
+
+def nearby_poses(
+    poses: Poses,
+    limits: Limits,
+    linkage: Linkage,
+    crank: Floats | None,
+    tolerance: float,
+    work: Work,
+    options: NearbyOptions | None = None,
+) -> list[Solution]:
+    """Return a linkage moved no farther than needed; see `refine_poses` for the parameters."""
+    options = options or NearbyOptions()
+    timed = _begun(poses, limits, _of_family(linkage, limits), crank)
+    if timed is None:
+        return []
+    chart = chart_of(limits.family)
+    unmoved = _as_it_is(JointProblem(poses, chart), timed)
+    if unmoved.least < tolerance and (accurate := solutions_of(poses, unmoved, chart, limits, 1, tolerance)):
+        return accurate
+    problem = limited_problem(poses, chart, limits)
+    moved = problem.descended(timed, options.stages, tolerance, work, options.damping)
+    pool, _ = problem.moved_onto(moved.timed)
+    return solutions_of(poses, pool.joined(unmoved), chart, limits, 1, tolerance)
 
 
 def refined_in_place(poses: Poses, limits: Limits, one: Solution, crank: Floats, work: Work) -> Solution:

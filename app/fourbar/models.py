@@ -753,8 +753,9 @@ class SynthesizeRequest(CrankMotion):
     start_from: Annotated[list[GivenSolution], Field(min_length=1, max_length=MAX_STARTS)] | None = Field(
         None,
         description="Four-bars that are candidates from the first step, for example the displayed solution while a motion is "
-        "dragged: each is refined to its nearest optimum within the limits, then the search continues. `report.continued` has "
-        "the rank of each result. With free timing each needs its `mount`, and its `crank_angle` if it has one.",
+        'dragged: each is refined within the limits, with `prefer` "balanced" no farther than needed, otherwise to its nearest '
+        "optimum, then the search continues. `report.continued` has the rank of each result. With free timing each needs its "
+        "`mount`, and its `crank_angle` if it has one.",
     )
     local: Flag = Field(
         False,

@@ -44,22 +44,37 @@ def links(solution: dict) -> np.ndarray:
     return np.array(list(solution["links"].values()))
 
 
-def continued(asked: dict, start: dict, budget: float | None = 0.5) -> dict:
+def continued(asked: dict, start: dict, budget: float | None = 0.5, **options) -> dict:
     """The solution that continues a linkage."""
-    result = la.synthesize(**asked, start_from=[start], top=3, budget=budget, work=stepped)
+    result = la.synthesize(**asked, start_from=[start], top=3, budget=budget, work=stepped, **options)
     (rank,) = result.report.continued
     return plain(result.solutions[rank - 1])
 
 
 @pytest.mark.parametrize("name", some_of(["casement", "film", "timed", "wiper", "bucket", "pick"], 3))
 def test_a_drag_by_a_pixel_continues_the_linkage_on_show_and_back_restores_it(name) -> None:
-    shown = plain(la.synthesize(**question(name), prefer="error", top=1, budget=2.0, work=stepped).best)
+    shown = plain(la.synthesize(**question(name), top=1, budget=2.0, work=stepped).best)
     other = continued(question(name, pixels=1), shown)
     assert other["branch"] == shown["branch"]
-    assert np.abs(links(other) - links(shown)).max() < 0.1 * links(shown).max(), "the same linkage, a little changed"
+    assert np.abs(links(other) - links(shown)).max() < 0.05 * links(shown).max(), "the same linkage, a little changed"
     back = continued(question(name), other)
-    assert np.abs(links(back) - links(shown)).max() < 0.01 * links(shown).max()
-    assert back["errors"]["objective"] <= 1.01 * shown["errors"]["objective"] + 1e-9
+    assert np.abs(links(back) - links(shown)).max() < 0.02 * links(shown).max()
+    assert back["errors"]["objective"] <= 1.05 * shown["errors"]["objective"] + 1e-9
+
+
+@pytest.mark.parametrize("crank_angles", ["free", "given"])
+def test_a_compact_linkage_moves_no_farther_than_needed(crank_angles) -> None:
+    """The smallest error lies far along a flat valley, and most of that distance gains almost nothing."""
+    before, after = question("casement"), question("casement", pixels=1)
+    if crank_angles == "given":
+        before, after = ({**question("timed", pixels), "limits": {"preset": "none"}} for pixels in (0, 1))
+    shown = plain(la.synthesize(**before, prefer="balanced", top=1, budget=2.0, work=stepped).best)
+    nearby, optimum = (continued(after, shown, prefer=prefer) for prefer in ("balanced", "error"))
+    changes = [np.abs(links(solution) - links(shown)).max() for solution in (nearby, optimum)]
+    assert changes[0] < 0.5 * changes[1]
+    assert nearby["errors"]["objective"] < 1.1 * optimum["errors"]["objective"]
+    (refined,) = la.synthesize(**after, start_from=[shown], local=True, work=stepped).solutions
+    assert refined.errors.objective == pytest.approx(optimum["errors"]["objective"], rel=1e-3)
 
 
 def test_the_answer_is_no_worse_than_the_given_linkage_however_short_the_time() -> None:
