@@ -196,8 +196,11 @@ class Ranking:
         return self._with_smallest_error(sorted(shown, key=lambda solution: rank[id(solution)]), found, top)
 
     def smallest_error(self, found: Sequence[Found]) -> Found | None:
-        """Return the linkage with the smallest error, of those that can be used if there are any; None without linkages."""
-        usable = [solution for solution, use in zip(found, self.usable(found)) if use]
+        """Return the linkage with the smallest error, or None without linkages.
+
+        Unless the error is preferred, linkages that cannot be used are only considered if no other linkage was found.
+        """
+        usable = [solution for solution, use in zip(found, self.usable(found)) if use and self.prefer != "error"]
         return min(usable or found, key=lambda solution: solution.errors.objective, default=None)
 
     def _with_smallest_error(self, chosen: list[Found], found: Sequence[Found], top: int) -> list[Found]:

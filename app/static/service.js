@@ -44,12 +44,9 @@ export function preferred({ prefer, timing, tolerances, position, limits, round_
   return tolerances && position ? "size" : "error";
 }
 
-const nearer = (a, b) => a.verdict?.practical === true && b.verdict?.practical === false && objective(a) <= Math.max(0.02, 2 * objective(b));
-
 /** Compares two solutions: above 0 where the first is worse. Other preferences are the service's to say. */
 const comparison = (request) => (a, b) => faulty(a) - faulty(b) || outside(a) - outside(b)
-  || (preferred(request) !== "error" ? 0 : request.round_to || request.lengths_from ? rounded(a) - rounded(b)
-    : (request.timing === "free" ? nearer(b, a) - nearer(a, b) : 0) || objective(a) - objective(b));
+  || (preferred(request) !== "error" ? 0 : request.round_to || request.lengths_from ? rounded(a) - rounded(b) : objective(a) - objective(b));
 
 /** At most `top` solutions of a reply in its order, and among them those of an earlier one that it does not have again (`same` tells). */
 export function together(request, earlier, reply, top, same) {

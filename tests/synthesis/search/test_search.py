@@ -79,7 +79,8 @@ def same_angle(first: float, second: float) -> None:
 def test_an_exact_answer_in_another_valley_is_found(kind: str, seed: int) -> None:
     # the search once ended after two rounds at J of 1e-5, which is far from what noise leaves
     case = make_case(kind, seed, 32 if kind == "change point" else 16)
-    assert la.synthesize(**case.request).status == "reached"
+    reply = la.synthesize(**case.request)
+    assert min(solution.errors.objective for solution in reply) < DEFAULT_TOLERANCE
 
 
 @pytest.mark.parametrize("kind", EXACT)
@@ -212,8 +213,12 @@ def test_the_same_request_gives_the_same_reply(kind, resources) -> None:
 @pytest.mark.parametrize("kind", ["plain", "rotation only", "position only", UNREACHABLE])
 def test_solutions_are_sorted_and_differ(kind, resources) -> None:
     solutions = ask(make_case(kind, 5700).request | {"top": 20}, resources)["solutions"]
-    objectives = [solution["errors"]["objective"] for solution in solutions]
-    counted = np.maximum(objectives, DEFAULT_TOLERANCE)  # below it they tell nothing
+    if solutions[-1]["least_error"]:  # with a defect, since it does not come first
+        solutions.pop()
+    buildable = [solution for solution in solutions if links_of(solution).max() < 100 * links_of(solution).min()]
+    assert buildable == solutions[: len(buildable)], "linkages out of proportion come last"
+    objectives = [solution["errors"]["objective"] for solution in buildable]
+    counted = np.maximum(objectives, DEFAULT_TOLERANCE)  # smaller errors are rounding
     # of errors that are the same but for rounding, as those of cognates, the smaller linkage comes first
     assert np.all(counted[1:] >= np.maximum.accumulate(counted)[:-1] * (1 - 1e-6))
     assert [s["rank"] for s in solutions] == list(range(1, len(solutions) + 1))
