@@ -7,7 +7,10 @@ import { $, build } from "./shell.js";
 
 const JOINTS = [["a", "A", "crank pivot"], ["b", "B", "rocker pivot"], ["d", "D", "crank pin"], ["c", "C", "rocker pin"], ["p", "P", "body point"]];
 const SAME = 1e-9; // of the linkage's size: a field keeps its entry while the joint is there
+const ROUNDING = 1e-12; // of the linkage's size: smaller differences of a joint and its entry are no change
 const FARTHEST = 1e50;
+
+const extent = ({ a, b, c }) => Math.hypot(b[0] - a[0], b[1] - a[1]) + Math.hypot(c[0] - b[0], c[1] - b[1]);
 
 export class JointFields {
   /** `move(joint, place)` puts a joint at a place and returns null, or says why it cannot; `hold()` stops the crank. */
@@ -49,9 +52,9 @@ export class JointFields {
 
   /** Writes a joint's coordinate into its field, all digits where it is edited; an entry that stands for it as typed. */
   #fill({ input, name, k, entry }) {
-    const { joints } = this.board, [a, b, c] = [joints.a, joints.b, joints.c];
+    const { joints } = this.board;
     if ([...this.faults.keys()].some((one) => one.input === input)) return;
-    const size = Math.hypot(b[0] - a[0], b[1] - a[1]) + Math.hypot(c[0] - b[0], c[1] - b[1]), value = settled(joints[name][k], size);
+    const size = extent(joints), value = settled(joints[name][k], size);
     const stands = entry && Math.abs(entry.value - value) <= SAME * Math.max(size, Math.abs(value));
     const words = stands ? entry.text : input === document.activeElement ? String(Number(value.toPrecision(14))) : text(value, 5);
     if (input.value !== words) input.value = words;
@@ -69,13 +72,13 @@ export class JointFields {
   #read(field) {
     const { input, name, k, letter } = field, { joints } = this.board;
     if (!joints) return;
-    const value = typed(input.value), size = Math.abs(joints[name][k]);
+    const value = typed(input.value);
     if (value === null || !Number.isFinite(value) || Math.abs(value) > FARTHEST) {
       this.#blame(field, `${letter}: ${unreadable(input.value)}; ${text(joints[name][k])} is still in use.`);
       return;
     }
     this.#blame(field, null);
-    if (Math.abs(value - joints[name][k]) <= 1e-13 * size) return;
+    if (Math.abs(value - joints[name][k]) <= ROUNDING * extent(joints)) return; // leaving the field reads the same entry again
     const place = [...joints[name]];
     place[k] = value;
     field.entry = { value, text: input.value };

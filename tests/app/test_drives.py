@@ -205,7 +205,7 @@ def test_solutions_without_a_drive_come_last(client: TestClient) -> None:
     plain = client.post("/v1/synthesize", json=poses).json()["solutions"]
     box = [plain[-1]["mount"]["pivot_a"][0] - 60, plain[-1]["mount"]["pivot_a"][1] - 60]
     box = [*box, box[0] + 60, box[1] + 60]
-    wish = {"kind": "cylinder", "stroke": 30, "retracted": 45, "ground_box": box, "reach_max": 40}
+    wish = {"kind": "cylinder", "stroke": 30, "retracted": 45, "ground_box": box, "reach_max": 30}
     found = client.post("/v1/synthesize", json={**poses, "drive": wish}).json()["solutions"]
     able = [one["drivable"] for one in found]
     assert able == sorted(able, reverse=True) and set(able) == {True, False}

@@ -190,7 +190,9 @@ def broken_limits(request: Mapping[str, Any], solution: Mapping[str, Any]) -> li
         "double_crank": double_crank,
         "any": True,
     }
-    swings = request.get("timing") == "free" and not request.get("closed") and "transmission_angle_min_turn" not in limits
+    swings = (
+        request.get("timing") == "free" and not request.get("closed") and "transmission_angle_min_turn" not in limits
+    )
     if not allowed[limits.get("family", "any" if swings else "full_crank")]:
         broken.append("family")
     fine = np.radians(solution["start_angle"]) + _used(request, solution)
