@@ -67,7 +67,9 @@ class SymmetricProblem:
         self.wanted, self.first, self.limits, self.largest, self.options = wanted, first, limits, largest, options
         crank, _, rocker, _ = limits.links
         given = crank if crank is not None else rocker
-        bounded = limits.link_min is not None or limits.link_max is not None or limits.link_ratio_max is not None
+        ratio = limits.link_ratio_max  # one that the arms within the usual range satisfy does not widen the range
+        tight = ratio is not None and ratio * options.arm_max < 1 + 2 * options.arm_max
+        bounded = limits.link_min is not None or limits.link_max is not None or tight
         self.arms = (
             (given, given)
             if given is not None

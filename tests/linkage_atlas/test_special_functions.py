@@ -108,6 +108,14 @@ def test_wrong_fields_are_named(asked: dict[str, Any], field: str) -> None:
     assert error.value.field == field
 
 
+def test_practical_limits_leave_the_arms_of_a_steering_well_below_the_track() -> None:
+    """The largest ratio of lengths counted as a bound of the arms: they were up to 0.52 of the track."""
+    asked = {"track": 1200, "wheelbase": 2400, "angle": 30}
+    found = la.function(steering=asked, objective="max", limits={"preset": "practical"})
+    assert all(solution.links.crank < 0.31 * 1200 for solution in found)
+    assert found.best.verdict.practical
+
+
 def test_steering_is_symmetric_with_arms_well_below_the_track() -> None:
     """Arms of 4.1 m came for a track of 315 mm. The best trapezoid of a fine grid has no smaller error."""
     track, wheelbase, inner = 315.0, 480.0, 35.0
