@@ -231,7 +231,7 @@ class GivenSolution(_ReplyPart):
 
 
 class GivenJoints(_ReplyPart):
-    """Joints of a four-bar at its first sample: pivots A and B, crank pin D, coupler pin C, and perhaps the body point P."""
+    """Joints of a four-bar at its first sample: pivots A and B, crank pin D, coupler pin C, and optionally the body point P."""
 
     A: FarPoint
     D: FarPoint

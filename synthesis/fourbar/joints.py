@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike
 from synthesis.arrays import Complexes, Floats
 from synthesis.four_bar import close_loop, principal
 from synthesis.linkage import Lengths, Linkage
-from synthesis.target import Interval
 
 
 @dataclass(frozen=True)
@@ -71,11 +70,6 @@ def joints_at(linkage: Linkage, travel: ArrayLike) -> Joints:
         coupler + (linkage.body_offset or 0.0),
         closure.transmission_angle[1:],
     )
-
-
-def joints_over(linkage: Linkage, interval: Interval) -> Joints:
-    """Return the joints at even steps of at most a degree between two crank angles from the first sample."""
-    return joints_at(linkage, linkage.travel_over(interval))
 
 
 Cognate = tuple[Lengths, tuple[complex, complex]]
