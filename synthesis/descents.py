@@ -29,7 +29,8 @@ last sample's own, so that the crank angle of that sample can make up for it. Ca
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -116,6 +117,20 @@ class Stage(NamedTuple):
     """Its square, rho, weighs squared violations of limits against J squared."""
 
 
+@dataclass(frozen=True)
+class RefinementOptions:
+    """Options of the Levenberg-Marquardt refinement."""
+
+    uphill: bool = True
+    """Accept a step that increases the cost if it continues the direction of the step before."""
+    geodesic: bool = True
+    """Add the geodesic acceleration to the steps, below the cost that the search states."""
+    merging: bool = True
+    """Merge neighbouring samples if a step would exchange their order."""
+    multipliers: bool = True
+    """Carry multipliers of the limits from stage to stage (augmented Lagrangian); otherwise only the penalty grows."""
+
+
 class Problem:
     """Samples, a chart and limits made ready for many candidates.
 
@@ -137,6 +152,7 @@ class Problem:
     """
 
     posed: bool
+    options: ClassVar[RefinementOptions] = RefinementOptions()
 
     def __init__(
         self,
@@ -304,8 +320,17 @@ class Problem:
                 if between is not None:
                     between(pool.take(np.arange(pool.cost.size)))
                 if self.limited:
-                    self._kernel.update_multipliers(stage.weight**2)
-            self._kernel.configure(stage.steps, damping, stage.stall, tolerance**2, others, bent_below**2)
+                    self._kernel.update_multipliers(stage.weight**2, self.options.multipliers)
+            self._kernel.configure(
+                stage.steps,
+                damping,
+                stage.stall,
+                tolerance**2,
+                others,
+                bent_below**2 if self.options.geodesic else 0.0,
+                self.options.uphill,
+                self.options.merging,
+            )
             while not work.expired() and not self._kernel.run(most):
                 pass
         return pool

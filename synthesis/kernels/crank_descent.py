@@ -222,6 +222,8 @@ class Descent:
     exact: double
     iteration_factor: double
     correction_threshold: double
+    uphill: bint
+    merging: bint
     best_cost: double
     lowest_cost: double
     step_count: Py_ssize_t
@@ -300,6 +302,7 @@ class Descent:
         self.limit_shift, self.previous_step = np.zeros(rows), np.zeros(5)
         self.reduced_rows, self.upper_triangle = np.zeros((columns, self.row_stride)), np.zeros((columns, columns))
         self.angle_projection, self.scratch = np.zeros((columns, samples)), np.zeros(max(self.row_stride, columns))
+        self.uphill, self.merging = True, True
         self.fill_constant_columns()
 
     @cfunc
@@ -1367,7 +1370,7 @@ class Descent:
         """
         self.has_blocks = False
         fall = self.solve_damped(s, damping)
-        if self.ordered and not self.has_timing and self.find_blocks(s):
+        if self.merging and self.ordered and not self.has_timing and self.find_blocks(s):
             fall = self.solve_damped(s, damping)
             self.merge_samples(s)
         return fall
@@ -1605,20 +1608,21 @@ class Descent:
         self.candidate, self.started, self.lowest_cost, self.step_count = 0, False, INFINITE, 0
         return costs
 
-    def update_multipliers(self, weight: double):
-        """Update the multipliers of the limits for a new penalty (augmented Lagrangian)."""
+    def update_multipliers(self, weight: double, multipliers: bint = True):
+        """Update the penalty, and the multipliers of the limits for it (augmented Lagrangian) unless they are left out."""
         for n in range(self.costs.shape[0]):
             self.load(0, n)
             self.update_shape(0)
             self.evaluate_limits(0)
             for row in range(self.limits.rows):
-                self.shifts[n, row] = self.penalty / weight * self.violation(row)
+                self.shifts[n, row] = self.penalty / weight * self.violation(row) if multipliers else 0.0
         self.penalty = weight
 
-    def configure(self, iterations, damping, stall, exact, iteration_factor, bent_below):
-        """Set the options of the descents; see `descents.Problem.descended`."""
+    def configure(self, iterations, damping, stall, exact, iteration_factor, bent_below, uphill=True, merging=True):
+        """Set the options of the descents; see `descents.Problem.descended` and `RefinementOptions`."""
         self.iterations, self.first_damping, self.stall = iterations, damping, stall
         self.exact, self.iteration_factor, self.correction_threshold = exact, iteration_factor, bent_below
+        self.uphill, self.merging = uphill, merging
         self.candidate, self.started = 0, False
 
     def run(self, max_steps: Py_ssize_t):
@@ -1690,7 +1694,8 @@ class Descent:
         closes = self.evaluate(t, True, free, False)
         decrease = before - self.cost[t]
         better: bint = closes and decrease > 0.0
-        taken: bint = better or (closes and not self.has_blocks and self.accepts_uphill(self.cost[t]))
+        uphill: bint = self.uphill and closes and not self.has_blocks
+        taken: bint = better or (uphill and self.accepts_uphill(self.cost[t]))
         finished: bint = (better and decrease < self.stall * before) or before < max(ROUNDING_COST, self.exact)
         if better:
             gain = 2.0 * clip(decrease / max(predicted, TINY), 1.0) - 1.0

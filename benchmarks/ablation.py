@@ -1,0 +1,553 @@
+"""Ablation of the searches: every heuristic is switched off in turn, and the answers and times are compared.
+
+``python -m benchmarks.ablation --cases 40`` runs each request once with all heuristics and once without each heuristic that
+its class uses, one run after another, so that a drift of the machine affects all runs alike. An answer is *good* if its error
+is within 1 % of the smallest error that any of these runs, or the reference of `benchmarks.engine`, reached; the answer to
+an exact request is good below 1e-9. Times are processor time. The first heuristic is empty: it shows the noise of the method.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from functools import cache
+from itertools import islice
+from typing import Annotated, Any, NamedTuple
+from unittest.mock import patch
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+import linkage_atlas as la
+from benchmarks import engine, report
+from synthesis import descents, rounds
+from synthesis.descents import RefinementOptions, Stage
+from synthesis.fourbar.limits import Limits
+from synthesis.free import search as free
+from synthesis.free.poses import Poses, make_poses
+from synthesis.function import search as function
+from synthesis.guided import search as guided
+from synthesis.guides import Driver, Kind
+from synthesis.search import search as prescribed
+from tests.oracles.guided import KINDS, random_motion
+
+# -- requests ---------------------------------------------------------------------------------------------------------
+
+APPROXIMATE = ("drawn path", "random poses", "within limits")
+EXACT = ("timed", "path", "mixed", "change point")
+FREE = ("drawn path", "random poses", "path")
+FUNCTIONS = ("largest error", "function")
+SLIDERS = ("sliders, approximate", "sliders, exact", "sliders, drive given")
+DRIVERS = dict(zip(KINDS, (Driver.CRANK, Driver.CRANK, Driver.SLIDER, Driver.SLIDER, Driver.CYLINDER)))
+REPEATED = ("timed", "path", "change point", "function", "sliders, exact")
+"""Quick classes, of which three times as many requests are run."""
+SOLVED = 1e-9
+"""Error below which an answer is exact, so that smaller differences are rounding."""
+
+
+class Request(NamedTuple):
+    """A request of a class."""
+
+    answer: Callable[[], float]
+    """Solve the request and return the error of the best answer, or infinity."""
+    reference: float = np.inf
+    """Smallest error that is known from elsewhere."""
+
+
+def requests_of(name: str, count: int) -> Iterator[Request]:
+    """Yield the first requests of a class."""
+    if name in SLIDERS:
+        kind = SLIDERS.index(name)
+        yield from (slider_request(kind, seed) for seed in range(count))
+        return
+    references = engine.References()
+    for seed in engine.CLASSES[name].some(count)[:count]:
+        case = engine.CLASSES[name].case(seed)
+        best = np.inf if engine.CLASSES[name].exact else references.of(name, seed, case.mark)[0]
+        yield Request(lambda case=case: engine.first_cost(case, case.ask()), best)
+
+
+def slider_request(kind: int, seed: int) -> Request:
+    """Return a request for linkages with sliders: any kind for a wandering body, or a kind's own motion exactly or with noise."""
+    if kind == 0:
+        angle = (None, 30.0, 40.0)[seed % 3]
+        limits = Limits("any", **({} if angle is None else {"transmission_angle_min": float(np.deg2rad(angle))}))
+        kinds = [one for one in Kind if one is not Kind.FOUR_BAR]
+        return Request(lambda: slider_error(wandering_body(seed), limits, kinds))
+    random, mechanism = np.random.default_rng([kind, seed]), KINDS[seed % len(KINDS)]
+    rotation, position, drive = random_motion(random, mechanism, 12 if kind == 2 else 6)
+    poses = make_poses(rotation, position)
+    if kind == 2:
+        noise = 1e-3 * random.normal(size=(3, 12))
+        scale = poses.length_scale
+        poses = make_poses(rotation + noise[0], position + scale * (noise[1] + 1j * noise[2]), length_scale=scale)
+    given = {"given": drive} if kind == 2 else {}
+    return Request(lambda: slider_error(poses, Limits("any"), [Kind(mechanism)], DRIVERS[mechanism], **given))
+
+
+def wandering_body(seed: int) -> Poses:
+    """Return five to nineteen poses of a body that wanders and turns, without a unit of length."""
+    random = np.random.default_rng(seed)
+    along = np.linspace(0, 1, int(random.integers(5, 20)))
+
+    def waves(size: float) -> Any:
+        parts = [(random.normal() * size / (k + 1) ** 1.5, random.uniform(0, 6)) for k in range(3)]
+        return sum(part * np.sin((k + 1) * np.pi * along * 0.7 + phase) for k, (part, phase) in enumerate(parts))
+
+    rotation = random.uniform(0.3, 1.8) * along + waves(0.15)
+    return make_poses(rotation, along * np.exp(1j * random.uniform(0, 6)) + waves(0.3) + 1j * waves(0.3))
+
+
+def slider_error(*request: Any, **options: Any) -> float:
+    """Return the smallest error of a search for linkages with sliders."""
+    options["work"] = engine.processor_work(None)
+    solutions, _ = guided.search_guided(*request, **options)
+    return min((solution.errors.objective for solution in solutions), default=np.inf)
+
+
+# -- heuristics -------------------------------------------------------------------------------------------------------
+
+
+class Heuristic(NamedTuple):
+    """A heuristic that can be switched off."""
+
+    name: str
+    sentence: str
+    """Description for the table."""
+    classes: tuple[str, ...]
+    patches: Sequence[tuple[Any, str, Any]]
+    """Object, attribute, and the attribute's value without the heuristic."""
+
+    @contextmanager
+    def switched_off(self) -> Iterator[None]:
+        """Run the searches without the heuristic."""
+        with ExitStack() as stack:
+            for owner, attribute, value in self.patches:
+                stack.enter_context(patch.object(owner, attribute, value))
+            yield
+
+
+class Gaussian:
+    """Random numbers without heavy tails."""
+
+    def __init__(self, generator: np.random.Generator) -> None:
+        self.generator = generator
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.generator, name)
+
+    def standard_t(self, _: float, size: Any = None) -> Any:
+        """Return normal deviates in place of Student's."""
+        return self.generator.standard_normal(size)
+
+
+class Numpy:
+    """Numpy whose generators are `Gaussian`."""
+
+    class random:
+        """Numpy's module of random numbers."""
+
+        Generator = np.random.Generator
+
+        @staticmethod
+        def default_rng(seed: Any) -> Gaussian:
+            """Return a generator without heavy tails."""
+            return Gaussian(np.random.default_rng(seed))
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(np, name)
+
+
+def refined(**options: bool) -> list[tuple[Any, str, Any]]:
+    """Return the patch that changes options of the refinement."""
+    return [(descents.Problem, "options", RefinementOptions(**options))]
+
+
+def plans(**changes: Any) -> list[tuple[Any, str, Any]]:
+    """Return the patches that change the stages of both searches in rounds."""
+    return [(owner, "plan", owner.plan._replace(**changes)) for owner in (rounds.Rounds, free.FreeRounds)]
+
+
+def nothing(timed: Any) -> Any:
+    """Return no candidates."""
+    return timed.take(slice(0, 0))
+
+
+_closest, _restored, _spread, _near, _led_on = (
+    rounds.Rounds.closest,
+    descents.Problem.moved_onto,
+    free.FreeRounds.spread,
+    guided.Search.near,
+    function.FunctionSearch.led_on,
+)
+
+
+def one_guess(run: Any, timed: Any, power: float = 1.0) -> Any:
+    """Spread the crank angles by the first guess only."""
+    return _spread(run, timed, power) if power == 1.0 else nothing(_spread(run, timed, 1.0))
+
+
+def near_once(search: Any, lacking: Any = None) -> Any:
+    """Return the first seeds, and no second ones for drives without an answer."""
+    return _near(search) if lacking is None else _near(search).take(slice(0, 0))
+
+
+def plain_step(_: Any, unknowns: Any, free_unknowns: Any, step: Any) -> Any:
+    """Take a step that is straight in the logarithms of the lengths."""
+    moved = unknowns.copy()
+    moved[:, free_unknowns] += step
+    return moved
+
+
+@cache
+def heuristics() -> tuple[Heuristic, ...]:
+    """Return all heuristics; the first is empty."""
+    empty = lambda *_: iter(())  # noqa: E731
+    return tuple(
+        Heuristic(*row)
+        for row in (
+            (
+                "none",
+                "Nothing is switched off: noise of the method.",
+                (*APPROXIMATE, *EXACT, *FUNCTIONS, *SLIDERS),
+                [],
+            ),
+            (
+                "uphill steps",
+                "A step that increases the cost is accepted if it continues the direction of the step before.",
+                (*APPROXIMATE, *EXACT),
+                refined(uphill=False),
+            ),
+            (
+                "geodesic correction",
+                "A second-order correction bends each step along the curvature of the residual.",
+                (*APPROXIMATE, *EXACT),
+                refined(geodesic=False),
+            ),
+            (
+                "merged samples",
+                "Neighbouring samples that a step would exchange move to a common crank angle.",
+                FREE,
+                refined(merging=False),
+            ),
+            (
+                "multipliers",
+                "Limits have Lagrange multipliers in addition to a growing penalty.",
+                APPROXIMATE,
+                refined(multipliers=False),
+            ),
+            (
+                "restoration",
+                "Newton steps move a candidate onto the limits that it still violates.",
+                APPROXIMATE,
+                [(descents.Problem, "moved_onto", lambda problem, timed, _=0: _restored(problem, timed, 0))],
+            ),
+            (
+                "reuse penalty",
+                "A basin is used less often as the origin of perturbations the more often it was used.",
+                APPROXIMATE,
+                [(rounds, "TIRED", 0.0)],
+            ),
+            (
+                "loose perturbations",
+                "Half of the perturbations move along directions in which the cost is flat.",
+                (*APPROXIMATE, "path"),
+                [(descents.Problem, "loose_steps", lambda _, timed, *more: nothing(timed))],
+            ),
+            (
+                "realigned perturbations",
+                "Perturbed candidates are tried with the crank angles that fit their new shape best as well.",
+                FREE,
+                [(free.FreeRounds, "realigned", lambda _, timed: nothing(timed))],
+            ),
+            (
+                "exchanged families",
+                "A tenth of the perturbations exchange crank-rocker and double-crank.",
+                (*APPROXIMATE, "path"),
+                [(rounds, "_EXCHANGED", 0.0)],
+            ),
+            (
+                "flipped branches",
+                "Some perturbations change the branch.",
+                (*APPROXIMATE, "path"),
+                [(rounds, "_FLIPPED", 0.0)],
+            ),
+            (
+                "three widths",
+                "Perturbations are wide, medium and narrow in turn.",
+                APPROXIMATE,
+                [(rounds, "_WIDTHS", (1.0,))],
+            ),
+            (
+                "heavy tails",
+                "Perturbations follow Student's distribution with 3 degrees of freedom.",
+                (*APPROXIMATE, "path", "change point"),
+                [(rounds, "np", Numpy()), (prescribed, "np", Numpy())],
+            ),
+            (
+                "later restarts",
+                "Every third round starts from new seeds.",
+                APPROXIMATE,
+                [(rounds.Rounds, "closest", lambda run, seeds, most=np.inf: _closest(run, islice(seeds, 2), most))],
+            ),
+            (
+                "straying candidates last",
+                "Candidates that leave the path between samples count with twice their error.",
+                ("drawn path", "random poses"),
+                [(free.FreeRounds, "strays", rounds.Rounds.strays)],
+            ),
+            (
+                "distinct basins",
+                "The pool keeps one candidate of each basin.",
+                (*APPROXIMATE, "path"),
+                [(rounds, "_POOL_APART", 0.0)],
+            ),
+            (
+                "selection after a few steps",
+                "Only the best 12 basins of a round continue after 15 to 27 steps.",
+                APPROXIMATE,
+                plans(going=1000),
+            ),
+            (
+                "descents to the end",
+                "The best new basins of each round are refined to convergence.",
+                APPROXIMATE,
+                plans(ended=0),
+            ),
+            (
+                "last polish",
+                "The best four answers are refined once more at the end.",
+                APPROXIMATE,
+                [(rounds, "LAST", (Stage(0),))],
+            ),
+            (
+                "fewer samples",
+                "Long requests are searched on a few samples and refined on all.",
+                (*APPROXIMATE, "path"),
+                [(module, "_SAMPLES", 10**6) for module in (free, prescribed)] + [(free, "EXACT_SAMPLES", 10**6)],
+            ),
+            (
+                "two guesses between samples",
+                "Crank angles between the few samples are guessed by two rules.",
+                ("path",),
+                [(free.FreeRounds, "spread", one_guess)],
+            ),
+            (
+                "promising candidates only",
+                "A candidate is refined on all samples only if it is near the best answer.",
+                ("path", "within limits"),
+                [(rounds, "_BETTER", np.inf)],
+            ),
+            (
+                "rounds without limits",
+                "Rounds without limits on 12 samples look for an exact path beside the others.",
+                ("drawn path", "path"),
+                [(free._Search, "_exact", empty)],
+            ),
+            (
+                "dyads as seeds",
+                "The four-bars that pairs of dyads give are among the first seeds.",
+                ("random poses",),
+                [(free, "_BEFORE", 0)],
+            ),
+            (
+                "early end of the larger family",
+                "The search among all four-bars ends soon if the first rounds do not improve on full cranks.",
+                ("random poses",),
+                [(free, "_BEYOND_FULL_CRANKS", np.inf)],
+            ),
+            (
+                "seeds next to change points",
+                "A round starts from shapes at the far ends of the chart.",
+                ("change point", "timed"),
+                [(prescribed, "TO_THE_END", tuple(prescribed.TO_THE_END[k] for k in (0, 2, 3)))],
+            ),
+            (
+                "perturbations of exact candidates",
+                "A round starts from 480 perturbations of the best 40 candidates.",
+                ("change point", "timed"),
+                [(prescribed, "TO_THE_END", tuple(prescribed.TO_THE_END[k] for k in (0, 1, 3)))],
+            ),
+            (
+                "early look at narrow basins",
+                "The eight best seeds continue for 60 steps before a second round of seeds.",
+                ("change point", "timed"),
+                [(prescribed, "FIRST_LOOK", tuple(prescribed.FIRST_LOOK[k] for k in (0, 2)))],
+            ),
+            (
+                "calibrated odds",
+                "A logistic curve estimates the chance that a better basin was missed (`report.unseen`).",
+                APPROXIMATE,
+                [(rounds.Found, "unseen", lambda *_: None)],
+            ),
+            (
+                "sliders: reuse penalty",
+                "The same penalty in the search for linkages with sliders.",
+                SLIDERS,
+                [(guided, "TIRED", 0.0)],
+            ),
+            (
+                "sliders: one guide moves",
+                "In half of the perturbations one guide hardly moves.",
+                SLIDERS,
+                [(guided, "_STAYS", 1.0)],
+            ),
+            (
+                "sliders: relatives",
+                "A basin of one kind and drive is also a start for the others.",
+                SLIDERS,
+                [(guided.Search, "relatives", lambda *_: None)],
+            ),
+            ("sliders: heavy tails", "The same distribution for sliders.", SLIDERS, [(guided, "np", Numpy())]),
+            (
+                "sliders: tightened limits",
+                "A descent is repeated for the transmission angle that is missing between samples.",
+                SLIDERS,
+                [(guided, "_TIGHTENED", 1)],
+            ),
+            (
+                "sliders: second seeds",
+                "Drives without an answer start again from the pairs that violate the limits least.",
+                SLIDERS,
+                [(guided.Search, "near", near_once)],
+            ),
+            (
+                "sliders: new basins only",
+                "Only basins that were not refined before are refined to convergence.",
+                SLIDERS,
+                [(guided.Search, "_unlike", lambda _, found, known: np.arange(found.cost.size))],
+            ),
+            (
+                "sliders: last polish",
+                "The best answer of each drive is refined on all samples at the end.",
+                SLIDERS,
+                [(guided, "_LAST", (guided._LAST[0]._replace(steps=0),))],
+            ),
+            (
+                "sliders: F test of circle against rail",
+                "A large circle is replaced by a rail if the samples do not distinguish them.",
+                SLIDERS,
+                [(guided.Search, "straighten", lambda _: None)],
+            ),
+            (
+                "sliders: calibrated odds",
+                "The same estimate for linkages with sliders.",
+                SLIDERS,
+                [(guided, "unseen", lambda *_: None)],
+            ),
+            (
+                "functions: restored candidates",
+                "Candidates that violate a limit slightly are moved back within it.",
+                FUNCTIONS,
+                [(function.FunctionSearch, "restored", lambda _, unknowns: unknowns)],
+            ),
+            (
+                "functions: straight steps",
+                "Steps are straight in Freudenstein's numbers, in which the closure is linear.",
+                FUNCTIONS,
+                [(function.FunctionSearch, "moved", plain_step)],
+            ),
+            (
+                "functions: answers of the motion search",
+                "The best linkages for the same motion are starting points too.",
+                FUNCTIONS,
+                [(function.FunctionSearch, "led_on", lambda run, near: _led_on(run, []))],
+            ),
+            (
+                "functions: alternatives end early",
+                "Candidates behind the best end before their error curve is level.",
+                FUNCTIONS,
+                [(function, "_EXCHANGES_BEHIND", 1000)],
+            ),
+        )
+    )
+
+
+# -- measuring --------------------------------------------------------------------------------------------------------
+
+
+def measure_class(name: str, cases: int) -> dict[str, Any]:
+    """Run the requests of a class with and without each heuristic that it uses. Return errors and milliseconds."""
+    switches = [one for one in heuristics() if name in one.classes]
+    runs: dict[str, dict[str, list[Any]]] = {"": {"error": [], "ms": []}}
+    runs |= {one.name: {"error": [], "ms": []} for one in switches}
+    known = []
+    for request in requests_of(name, cases * (3 if name in REPEATED else 1)):
+        if not known:
+            request.answer()  # tables are built once
+        known.append(request.reference)
+        for key, switch in {"": None, **{one.name: one for one in switches}}.items():
+            times = report.Times()
+            with ExitStack() as stack:
+                if switch is not None:
+                    stack.enter_context(switch.switched_off())
+                error = times.run(request.answer)
+            runs[key]["error"].append(report.finite(float(f"{error:.6g}")))
+            runs[key]["ms"].append(round(1000 * times.processor[0], 2))
+    return {"runs": runs, "known": [report.finite(float(f"{error:.6g}")) for error in known]}
+
+
+def floats(values: Sequence[float | None]) -> np.ndarray:
+    """Return errors as an array; None is infinite."""
+    return np.array([np.inf if value is None else value for value in values])
+
+
+def judged(part: Mapping[str, Any]) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Return the errors relative to the smallest known error, and the milliseconds, by heuristic."""
+    errors = {name: np.maximum(floats(run["error"]), SOLVED) for name, run in part["runs"].items()}
+    best = np.minimum(np.maximum(floats(part["known"]), SOLVED), np.min(list(errors.values()), axis=0))
+    best[~np.isfinite(best)] = 1.0
+    return {name: (errors[name] / best, np.array(part["runs"][name]["ms"])) for name in errors}
+
+
+def blocks(results: Mapping[str, Any]) -> dict[str, str]:
+    """Return the table of docs/engine.md: one row for each heuristic."""
+    parts = {name: judged(part) for name, part in results["classes"].items()}
+    rows = []
+    for heuristic in heuristics():
+        names = [name for name in heuristic.classes if heuristic.name in parts.get(name, {})]
+        if not names:
+            continue
+        ratios = [[parts[name][key][0] for name in names] for key in ("", heuristic.name)]
+        times = [[parts[name][key][1] for name in names] for key in ("", heuristic.name)]
+        before, after = (np.concatenate(some) for some in ratios)
+        # each class counts alike, whatever its requests cost
+        slower = np.exp(np.mean([np.log(b.sum() / a.sum()) for a, b in zip(*times)]))
+        lost = float(np.mean(before <= engine.NEAR) - np.mean(after <= engine.NEAR))
+        rows.append(
+            {
+                "name": heuristic.name,
+                "sentence": heuristic.sentence,
+                "requests": before.size,
+                "good": report.percent(float(np.mean(before <= engine.NEAR)), 3),
+                "without": report.percent(float(np.mean(after <= engine.NEAR)), 3),
+                "worse": int(np.sum(after > engine.NEAR * before)),
+                "better": int(np.sum(before > engine.NEAR * after)),
+                "time": f"{100 * (slower - 1):+.0f} %",
+                "worth": "-" if heuristic.name == "none" else "yes" if lost > 0.01 or slower > 1.1 else "no",
+            }
+        )
+    return report.tables("ablation", {"heuristics": rows})
+
+
+def measure(
+    cases: Annotated[int, "requests of each class; three times as many of the quick classes"] = 40,
+    classes: Annotated[str, "classes to run", (*APPROXIMATE, *EXACT, *FUNCTIONS, *SLIDERS)] = (
+        *APPROXIMATE,
+        *EXACT,
+        *FUNCTIONS,
+        *SLIDERS,
+    ),
+) -> Iterator[dict[str, Any]]:
+    """Run the classes in turn."""
+    threadpool_limits(1, "blas")
+    la.prepare()
+    kept = report.known("ablation")
+    for name in classes:
+        kept = {"made": report.stamp(), "classes": {**kept.get("classes", {}), name: measure_class(name, cases)}}
+        print(name, flush=True)
+        yield kept
+
+
+if __name__ == "__main__":
+    report.run(measure)
