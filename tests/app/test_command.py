@@ -1,26 +1,21 @@
 """What a question on the command line gives beside its table: files, pictures, exit codes, units; and requests to begin with."""
 
-import io
 import json
 import os
 import subprocess
 import sys
-import time
 from pathlib import Path
-from types import SimpleNamespace
 from xml.etree import ElementTree
 
 import ezdxf
 import pytest
 
 import linkage_atlas as la
-from app import cli, sources, terminal
 from app.fourbar.models import SynthesizeRequest
 from app.registry import all_examples, all_queries, worked_example
 from app.settings import Settings, atlas_of
-from app.terminal import Exit, exit_of
+from app.terminal import Exit
 from linkage_atlas import atlases
-from tests.conftest import PATIENCE, until
 
 QUERIES = {query.command: query for query in all_queries()}
 SOLUTION = {
@@ -52,14 +47,6 @@ def test_one_answer_gives_table_and_files(run, tmp_path, monkeypatch) -> None:
     assert err.splitlines() == [f"wrote {file}" for file in files]
     code, out, err = run("function", "--example", "five_pairs", "--export", tmp_path / "no" / "one.svg")
     assert code == Exit.FAILED and out.startswith("reached") and err.startswith("cannot write ")
-
-
-def test_a_rank_beyond_the_requests_top_is_looked_for(run, tmp_path) -> None:
-    file = tmp_path / "one.json"
-    request = {**worked_example(), "top": 1}
-    code, out, _ = run("synthesize", "--rank", 3, "--export", file, "--json", stdin=json.dumps(request))
-    assert code == Exit.OK
-    assert json.loads(file.read_text())["solution"]["links"] == json.loads(out)["solutions"][2]["links"]
 
 
 def test_where_there_is_no_such_solution_nothing_is_written(run, tmp_path) -> None:
@@ -159,63 +146,6 @@ def test_every_format_of_a_solution_is_written_from_the_reply(command, run, tmp_
     assert json.loads(files[-1].read_text()).keys() >= {"request", "solution"}
 
 
-def test_the_unit_of_length_holds_for_table_and_drawing(run, tmp_path) -> None:
-    ezdxf = pytest.importorskip("ezdxf")
-    extents = []
-    for unit in ("mm", "in"):
-        file = tmp_path / f"{unit}.dxf"
-        code, out, _ = run("synthesize", "--example", "worked_example", "--length-unit", unit, "--export", file)
-        assert code == Exit.OK and f"pos. max {unit}" in out and f" {unit} rms" in out
-        lines = ezdxf.readfile(file).modelspace().query("LINE")
-        extents.append(max(line.dxf.start.distance(line.dxf.end) for line in lines))
-    assert extents[1] == pytest.approx(25.4 * extents[0])
-
-
-def test_a_table_says_the_unit_of_its_lengths(run, tmp_path) -> None:
-    """A drawing was a thousand times too small, without a word, where the heads said m."""
-    file, drawn = tmp_path / "one.parts.csv", []
-    rows = "0;0;0\n40;8;15\n75;30;40\n"
-    for heads, option in (("x [m];y (m);phi", ()), ("x_m;y_m;phi", ()), ("x;y;phi", ("--length-unit", "m"))):
-        table = f"{heads}\n{rows}"
-        code, out, _ = run("synthesize", "--set", "top=1", "--export", file, *option, stdin=table)
-        assert code == Exit.OK and "pos. max m" in out
-        drawn.append(file.read_text())
-        assert run("export", "--out", file, *option, stdin=table)[0] == Exit.OK
-        drawn.append(file.read_text())
-    assert len(set(drawn)) == 1
-    for words in (("synthesize",), ("export", "--out", file)):
-        code, _, err = run(*words, "--length-unit", "mm", stdin=f"x [m];y [m];phi\n{rows}")
-        assert code == Exit.USAGE and "length_unit: the heads of the table say m" in err
-
-
-def test_forces_of_inertia_are_of_the_unit_that_the_option_names(run, tmp_path) -> None:
-    """They were those of millimetres."""
-    weights = {"crank_speed": 90, "load": {"masses": [{"link": "body", "mass": 2}]}}
-    request = worked_example() | {"top": 1, "start_from": [SOLUTION], "local": True}
-    torques, files = [], []
-    for more, option in (({}, ()), ({"length_unit": "cm"}, ()), ({}, ("--length-unit", "cm"))):
-        given = json.dumps(request | {"analysis": weights | more})
-        torques.append(json.loads(run("synthesize", "--json", *option, stdin=given)[1])["solutions"][0]["analysis"])
-        run("export", "--out", tmp_path / "one.csv", *option, stdin=given)
-        files.append((tmp_path / "one.csv").read_text())
-    assert torques[0] != torques[1] == torques[2]
-    code, _, err = run(
-        "synthesize", "--length-unit", "mm", stdin=json.dumps(request | {"analysis": weights | {"length_unit": "m"}})
-    )
-    assert code != Exit.OK and "analysis.length_unit: says m, not mm" in err
-    assert files[0] != files[1] == files[2]
-
-
-def test_what_a_body_of_export_says_holds_unless_an_option_says_another(run, tmp_path) -> None:
-    """Its unit was taken for mm."""
-    file, body = tmp_path / "one.parts.csv", {"request": worked_example(), "length_unit": "m"}
-    for option in ((), ("--set", "length_unit=m"), ("--length-unit", "m"), ("--length-unit", "mm")):
-        given = body if not option else {"request": body["request"]}
-        assert run("export", "--out", file, *option, stdin=json.dumps(given))[0] == Exit.OK
-        length = float(file.read_text().splitlines()[1].split(",")[4])
-        assert length == pytest.approx(33250 if option[1:] != ("mm",) else 32, rel=0.01)
-
-
 def test_an_export_is_of_the_format_and_rank_that_its_body_says_unless_an_option_says_another(
     run, tmp_path, monkeypatch
 ) -> None:
@@ -247,17 +177,6 @@ def test_an_export_does_not_replace_its_own_request(run, tmp_path, monkeypatch) 
             Exit.OK,
             "read standard input: a request, which is solved\nwrote linkage.json\n",
         )
-
-
-def test_errors_stand_in_the_unit_of_the_request(run) -> None:
-    radians = {**RIGHT_ANGLE, "rotation": [0.0, 0.1, 0.4, 0.5, 0.9], "crank_span": 1.5, "angle_unit": "rad"}
-    _, out, _ = run("synthesize", "--json", stdin=json.dumps(radians))
-    reply = json.loads(out)
-    _, out, _ = run("synthesize", stdin=json.dumps(radians))
-    assert "rot. max rad" in out and f"{reply['solutions'][0]['errors']['rotation_rms']:.3g} rad rms" in out
-    assert "pos" not in out.split("errors of rank 1")[1].splitlines()[0]
-    _, out, _ = run("function", stdin=json.dumps({"input": [0, 15, 35, 60, 80], "output": [0, 12, 31, 62, 90]}))
-    assert "rms error deg" in out and "max error deg" in out
 
 
 # -- tables from standard input ---------------------------------------------------------------------------------------
@@ -303,12 +222,6 @@ CODES = [("reached", {}, 0), ("closest", {}, 0), ("infeasible", {}, 5), ("unknow
 CODES += [("closest", fields, 4) for fields in ({"tolerance": 1e-3}, {"tolerances": {"rotation": 0.1}})]
 
 
-@pytest.mark.parametrize(("status", "fields", "code"), CODES)
-def test_each_status_has_its_code(status, fields, code) -> None:
-    request = SynthesizeRequest(rotation=[0, 8, 19, 31], crank_span=90, **fields)
-    assert exit_of(request, SimpleNamespace(status=status)) == code
-
-
 def test_the_codes_come_out_of_the_command(run) -> None:
     strict = {**RIGHT_ANGLE, "tolerances": {"rotation": 1e-6}}
     assert run("synthesize", stdin=json.dumps(strict))[0] == Exit.CLOSEST
@@ -331,22 +244,6 @@ def test_every_example_is_a_request_of_its_command(run) -> None:
         assert json.loads(out) == example.request
         QUERIES[example.command].request.model_validate_json(out)
     assert run("example", "nothing")[0] == Exit.USAGE
-
-
-def test_a_question_answers_every_example_of_its_own_by_the_same_name(run, monkeypatch) -> None:
-    asked = []
-    monkeypatch.setattr("app.command.read_source", lambda target, text, *rest, **more: asked.append(text) or 1 / 0)
-    for name, example in all_examples().items():
-        with pytest.raises(ZeroDivisionError):
-            run(*example.command.split(), "--example", name)
-        assert json.loads(asked.pop()) == example.request
-
-
-def test_examples_are_laid_out_for_editing() -> None:
-    shown = cli._pretty({"position": [[0, 1.5], None, [2, 3]], "limits": {"family": "any"}, "top": 3})
-    position = '"position": [\n    [0, 1.5],\n    null,\n    [2, 3]\n  ]'
-    limits = '"limits": {\n    "family": "any"\n  }'
-    assert shown.rstrip("\n") == f'{{\n  {position},\n  {limits},\n  "top": 3\n}}'
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
@@ -384,23 +281,6 @@ def test_the_default_atlas_is_built_once_in_the_cache_folder(tmp_path, monkeypat
 # -- waiting ----------------------------------------------------------------------------------------------------------
 
 
-class Terminal(io.StringIO):
-    def isatty(self) -> bool:
-        return True
-
-
-@pytest.mark.parametrize(("on_terminal", "delay"), [(True, 0.0), (True, PATIENCE), (False, 0.0)])
-def test_what_takes_long_says_so_on_a_terminal_only(on_terminal, delay, monkeypatch) -> None:
-    monkeypatch.setattr(terminal, "DELAY", delay)
-    monkeypatch.setattr(terminal, "STEP", 0.01)
-    stream = Terminal() if on_terminal else io.StringIO()
-    monkeypatch.setattr(sys, "stderr", stream)
-    said = on_terminal and delay == 0
-    with terminal.waiting("searching", 30):
-        until(lambda: "searching" in stream.getvalue()) if said else time.sleep(0.1)
-    assert (stream.getvalue().rstrip(" \r") != "") == said == ("of at most 30" in stream.getvalue())
-
-
 def test_the_service_without_an_atlas_starts_and_says_what_needs_one(tmp_path) -> None:
     from fastapi.testclient import TestClient
 
@@ -416,10 +296,3 @@ def test_the_service_without_an_atlas_starts_and_says_what_needs_one(tmp_path) -
             assert reply.status_code == 503 and "started without an atlas" in reply.json()["detail"]
             assert "retry-after" not in reply.headers, "waiting does not help"
     assert "LINKAGE_ATLAS_WITH_ATLAS" not in os.environ
-
-
-def test_what_is_set_is_json_or_words() -> None:
-    words = {"prefer=size": "size", "mechanisms=[slider_crank, rail_slot]": ["slider_crank", "rail_slot"]}
-    numbers = {"top=3": 3, "limits.pivot_box=[0, 0, 9, 9]": [0, 0, 9, 9], "lengths_from=[1,2": "[1,2"}
-    for text, wanted in {**words, "mechanisms=[four_bar]": ["four_bar"], **numbers}.items():
-        assert sources.setting(text) == (text.partition("=")[0].split("."), wanted)

@@ -92,59 +92,7 @@ def test_a_table_is_the_motion_of_every_command(command, run, files, tmp_path) -
     assert code in (Exit.OK, Exit.INFEASIBLE) and "Columns read: x from 'x', y from 'y', angle from 'phi'." in err
 
 
-def test_the_unit_of_a_table_is_kept_in_every_file(run, tmp_path) -> None:
-    """A reply to a table in metres was drawn a thousand times too small."""
-    rows = TABLE.replace("x;y", "x [m];y [m]")
-    saved, reply, drawn = tmp_path / "saved.json", tmp_path / "reply.json", []
-    code, out, _ = run("synthesize", "--family", "any", "--json", "--export", saved, stdin=rows)
-    assert code == Exit.OK
-    reply.write_text(out)
-    for words in ([saved], [reply], [saved, "--set", "length_unit=mm"]):
-        assert run("export", *words, "--out", tmp_path / "one.parts.csv")[0] == Exit.OK
-        drawn.append(float((tmp_path / "one.parts.csv").read_text().splitlines()[1].split(",")[4]))
-    # default widths are whole millimetres, so that the outlines of parts are not quite a thousand times as large
-    assert drawn[0] == drawn[1] == pytest.approx(1000 * drawn[2], rel=0.02)
-    assert "pos. max m " in run("synthesize", saved)[1]
-    assert run("assembly", saved)[0] in (Exit.OK, Exit.INFEASIBLE) and run("drive", reply)[0] == Exit.OK
-
-
-def test_the_request_of_a_machine_is_read_from_what_its_page_saves(run, tmp_path) -> None:
-    file = tmp_path / "needle.json"
-    file.write_text(json.dumps({"request": {"alpha2": 9}, "reply": {"status": "ok"}}))
-    code, out, err = run("knotter", "needle", file)
-    assert code == Exit.OK and "request is used" in err
-    assert out == run("knotter", "needle", stdin='{"alpha2": 9}')[1]
-
-
-def test_a_request_for_another_command_is_named(run, tmp_path) -> None:
-    """All fields were listed as unknown."""
-    pairs = run("example", "function-five_pairs")[1]
-    for command in ("synthesize", "drive", "export"):
-        code, _, err = run(command, stdin=pairs)
-        assert code == Exit.USAGE and "this is a request for `linkage-atlas function`" in err
-        assert len(err.splitlines()) == 1
-
-
-@pytest.mark.parametrize("encoding", ["utf-16", "utf-8-sig"])
-def test_json_of_windows_is_read(encoding, run, tmp_path) -> None:
-    text = json.dumps(POSES).encode(encoding)
-    assert run("export", "--set", "top=1", "--out", tmp_path / "one.svg", stdin=text)[0] == Exit.OK
-
-
 # -- fields -----------------------------------------------------------------------------------------------------------
-
-
-def test_one_field_of_the_motion_leaves_the_others(run, tmp_path) -> None:
-    """`export TABLE --set request.limits.family=any` lost the table: "give rotation, position or both"."""
-    written = []
-    for path in ("limits.family", "request.limits.family"):
-        file = tmp_path / f"{path}.json"
-        code, _, err = run("export", "--out", file, "--set", f"{path}=any", "--set", "length_unit=cm", stdin=TABLE)
-        assert code == Exit.OK, err
-        written.append(json.loads(file.read_text()))
-    assert written[0] == written[1]
-    assert written[0]["request"]["position"] == POSES["position"]
-    assert written[0]["request"]["limits"]["family"] == "any"
 
 
 def test_objects_are_merged_and_items_count_from_one(run) -> None:
@@ -172,39 +120,6 @@ def test_options_for_common_limits_are_fields(run) -> None:
         assert "--link-max" in run(command, "--help")[1]
     parts = ("--hole", "--width", "--thickness", "--clearance", "--scale", "--boards", "--heads", "--nevertheless")
     assert all(f"  {option}" in run("export", "--help")[1] for option in parts)
-
-
-def test_the_value_of_a_field_may_be_a_file(run, files, tmp_path) -> None:
-    limits, poses = tmp_path / "limits.json", tmp_path / "poses.csv"
-    limits.write_text('{"family": "any"}')
-    poses.write_text(TABLE)
-    words = [f"limits=@{limits}", f"position=@{poses}", "timing=free", "top=1"]
-    code, out, err = run("synthesize", "--json", *[word for field in words for word in ("--set", field)])
-    assert code == Exit.OK, err
-    asked = {"limits": {"family": "any"}, "position": POSES["position"], "timing": "free", "top": 1}
-    assert json.loads(out)["request"] == asked
-    code, out, _ = run("synthesize", files["request"], "--json", "--set", f"start_from=@{files['reply']}")
-    first = json.loads(files["reply"].read_text())["solutions"][0]
-    assert code == Exit.OK and json.loads(out)["request"]["start_from"][0]["links"] == first["links"]
-    for wrong, words in (("limits=@none.json", "No such file"), (f"travel=@{poses}", "no column for travel")):
-        code, _, err = run("synthesize", "--set", wrong, stdin=TABLE)
-        assert code == Exit.USAGE and words in err
-
-
-def test_columns_are_chosen_by_their_heads(run) -> None:
-    rows = "TX [cm];TY [cm];RZ [deg];Force\n0;0;0;9\n2,2;0,5;12;9\n4,1;1,75;27;9\n"
-    code, out, _ = run("synthesize", "--json", "--columns", "x=TX,y=TY,angle=RZ", stdin=rows)
-    assert code == Exit.OK and json.loads(out)["request"]["position"][2] == [4.1, 1.75]
-    code, _, err = run("synthesize", "--columns", "x=TX,y=TZ", stdin=rows)
-    assert code == Exit.USAGE and "'TZ' is no column" in err
-    assert run("synthesize", "--columns", "TX", stdin=rows)[0] == Exit.USAGE
-    assert run("synthesize", "--columns", "x=TX", stdin=json.dumps(POSES))[0] == Exit.USAGE
-
-
-def test_too_few_numbers_of_a_box_are_no_rows_of_the_table(run) -> None:
-    """It said "request: wanted at least 4 rows"."""
-    code, _, err = run("synthesize", "--pivot-box", "0,0,90", stdin=TABLE)
-    assert (code, err) == (Exit.USAGE, "limits.pivot_box: must be four numbers, [xmin, ymin, xmax, ymax], found 3\n")
 
 
 # -- help and mistakes ------------------------------------------------------------------------------------------------
@@ -291,62 +206,3 @@ def test_the_drives_and_springs_of_a_solution_are_described(run) -> None:
         is_spring = no["kind"] in ("tension", "gas")
         links = f"spring between {no['link'].replace('-', ' and ')}" if is_spring else f"on the {no['link']}"
         assert f"no {no['kind']} {links}" in out
-
-
-def test_the_place_of_a_missing_spring_is_named_by_its_links(run) -> None:
-    """The answer was "no gas on the ground-rocker"."""
-    request: dict = {"rocker": {"pivot": [0, 0], "start": 0, "swing": 60, "length": 500}, "drives": []}
-    for spring, links in (
-        ({"between": ["ground", "rocker"]}, "ground and rocker"),
-        ({}, "any two links"),
-    ):
-        code, out, err = run("drive", stdin=json.dumps(request | {"springs": [{"kind": "gas"} | spring]}))
-        assert code == Exit.OK and f"no gas spring between {links}: there is no load to balance" in out, out + err
-
-
-def test_drives_of_a_reply_carry_the_load_of_its_request(run, tmp_path) -> None:
-    """The load was dropped, and the drives were found for no load."""
-    request = EXAMPLE | {
-        "top": 1,
-        "start_from": [SOLUTION],
-        "local": True,
-        "load": {"force": [0, -100]},
-        "drives": DRIVES[:1],
-    }
-    peak, reply = 0.0, tmp_path / "reply.json"
-    reply.write_text(run("synthesize", "--json", stdin=json.dumps(request))[1])
-    for more in ([], ["--set", "load.force=[0, -200]"]):
-        code, out, err = run("drive", reply, "--json", "--set", 'drives=[{"kind": "rotary"}]', *more)
-        assert code == Exit.OK, err
-        answer = json.loads(out)
-        torque = answer["drives"][0]["peak_torque"]
-        assert not answer["notes"] and torque > 0
-        if more:
-            assert torque == pytest.approx(2 * peak)
-        peak = torque
-
-
-def test_an_empty_file_is_called_empty(run, tmp_path) -> None:
-    """Beside an option it was taken for a request without fields."""
-    file = tmp_path / "empty.csv"
-    file.write_text("\n")
-    for more in ([], ["--family", "any"]):
-        code, _, err = run("synthesize", file, *more)
-        assert code == Exit.USAGE and err.startswith(f"{file}: the file is empty"), err
-
-
-def test_crank_angles_of_a_long_motion_are_shortened(run) -> None:
-    """Hundreds of them filled the terminal."""
-    position = [[k, (k / 40) ** 2] for k in range(30)]
-    code, out, err = run("synthesize", "--set", "top=1", stdin=json.dumps({"timing": "free", "position": position}))
-    (line,) = [line for line in out.splitlines() if line.startswith("crank angles of rank 1")]
-    assert code == Exit.OK and "(14 more)" in line and len(line.split(",")) == 17, err
-
-
-def test_a_wanted_drive_that_does_not_exist_is_said(run) -> None:
-    wish = {"kind": "actuator", "stroke": 1, "retracted": 1e5, "ground_box": [0, 0, 1, 1]}
-    asked = EXAMPLE | {"top": 1, "start_from": [SOLUTION], "local": True, "drive": wish}
-    code, out, _ = run("synthesize", stdin=json.dumps(asked))
-    assert (
-        code == Exit.OK and "rank 1 has no drive within the limits of `drive`" in out and "no actuator on the" in out
-    )

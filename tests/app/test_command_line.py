@@ -52,14 +52,6 @@ def test_every_query_prints_a_table(command, run, small_path) -> None:
     assert len(out.splitlines()) >= 2 and "{" not in out and "nan" not in out.lower()
 
 
-def test_a_solution_stands_in_the_table_with_its_mounting(run, small_path) -> None:
-    code, out, _ = run("synthesize", "--example", "within_limits", "--atlas", small_path)
-    assert code == OK
-    for words in ("reached", "crank_rocker", "mounting of rank 1", "coupler point", "rounded:", "stopped by"):
-        assert words in out
-    assert re.search(r"^\s*1\s+19\s+72\s+144\s+165\s+\+1\s+30\s", out, re.MULTILINE)
-
-
 # -- errors -----------------------------------------------------------------------------------------------------------
 
 GOOD = '"rotation": [1, 2, 4], "crank_span": 70'
@@ -94,11 +86,6 @@ def test_an_unreadable_request_file_ends_with_2(arguments, run, small_path) -> N
     assert (code, out) == (USAGE, "") and err.startswith(f"{arguments[0]}: ") and len(err.splitlines()) == 1
 
 
-def test_a_request_may_be_made_of_fields_alone(run) -> None:
-    code, out, _ = run("function", "--set", "input=[0,10,20,30]", "--set", "output=[0,5,15,40]", "--set", "top=1")
-    assert code == OK and out.startswith("reached: 1 linkage")
-
-
 def test_an_unknown_option_shows_the_usage_of_its_command(run) -> None:
     code, _, err = run("lift", "motion", "--bogus")
     assert code == USAGE and err.startswith("usage: linkage-atlas lift motion ") and "--bogus" in err
@@ -113,18 +100,6 @@ def test_what_is_no_request_is_told_in_words(run) -> None:
     assert run("function")[::2] == (USAGE, said)
     code, _, err = run("drive", stdin="x,y,angle\n0,0,0\n1,2,3\n")
     assert code == USAGE and err.startswith("linkage: is required")
-
-
-def test_rounding_is_not_told_as_a_place(run) -> None:
-    rows = "x,y,angle\n0,0,0\n120,40,30\n200,120,60\n220,220,90\n"
-    code, out, _ = run("synthesize", "-", "--set", 'mechanisms=["rail_slot"]', stdin=rows)
-    places = [line for line in out.splitlines() if line.startswith("guide of rank 1")]
-    assert code == OK and len(places) == 2 and not any("e-1" in line for line in places), places
-
-
-def test_file_and_example_together_are_refused(run, request_file, small_path) -> None:
-    code, _, err = run("match", request_file, "--example", "worked_example", "--atlas", small_path)
-    assert code == USAGE and "not both" in err
 
 
 @pytest.mark.parametrize("verb", ["match", "serve"])
@@ -169,12 +144,6 @@ def test_without_arguments_all_commands_are_listed(run) -> None:
 
 def test_version(run) -> None:
     assert run("--version") == (OK, f"linkage-atlas {linkage_atlas.__version__}\n", "")
-
-
-@pytest.mark.parametrize("port", ["-1", "65536", "http"])
-def test_an_impossible_port_is_refused(port, run) -> None:
-    code, _, err = run("serve", "--port", port)
-    assert code == USAGE and "--port" in err
 
 
 def test_an_interrupt_ends_with_130(run, request_file, small_path, monkeypatch) -> None:

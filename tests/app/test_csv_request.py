@@ -89,23 +89,6 @@ def test_a_wrong_choice_of_columns_is_refused(columns, field, words) -> None:
     assert error.value.field == field and words in error.value.message
 
 
-def test_a_choice_that_is_needed_has_the_heads() -> None:
-    with pytest.raises(FieldError) as error:
-        request_from_csv("left,right,turn\n1,2,3\n")
-    assert error.value.details["heads"] == ["left", "right", "turn"]
-    assert "columns x=TX,y=TY,angle=RZ" in error.value.message
-
-
-def test_one_note_says_how_columns_were_read() -> None:
-    note = read_table("Frame,Part Name,X (mm),Y (mm),Z,theta (rad)\n1,arm,1,2,0,0\n2,arm,,,0,1\n").note
-    assert note == (
-        "columns read: x from 'X (mm)', y from 'Y (mm)', angle from 'theta (rad)' (converted to degrees); "
-        "not read: 'Frame', 'Part Name', 'Z'; no position for sample 2"
-    )
-    assert read_table("1,2\n3,4\n").note == "columns without heads were read as x, y"
-    assert read_table("x;y\ncm;cm\n1;2\n").note == "columns read: x from 'x' in cm, y from 'y' in cm"
-
-
 def test_the_unit_of_the_table_is_not_that_of_the_options() -> None:
     """A head in radians used to turn a tolerance of 1 degree into 57."""
     text = "x,y,theta (rad)\n0,0,0\n1,1,1\n"
@@ -153,12 +136,6 @@ def test_units_of_a_function_fit_what_is_asked_for() -> None:
         function_from_csv(text, {"input_unit": "length"})
 
 
-def test_lengths_are_converted_to_a_given_unit() -> None:
-    table = read_table("x [cm],y [cm],tolerance_position\n1,2,0.1\n", length_unit="mm")
-    assert table.fields["position"] == [[10, 20]] and table.fields["tolerances"]["position"] == [1]
-    assert table.length_unit == "mm" and "converted to mm" in table.note
-
-
 FILES = {
     b"\x89PNG\r\n\x1a\n": "a PNG picture",
     b"%PDF-1.7": "a PDF document",
@@ -187,15 +164,6 @@ def test_what_is_asked_beside_a_table_joins_it() -> None:
     dials = {"function": {"output_span": 90}, "crank_span": 60}
     function = {"table": [[1.0, 2.0], [3.0, 4.0]], "output_span": 90}
     assert function_from_csv("x,y\n1,2\n3,4\n", dials) == {"function": function, "crank_span": 60}
-
-
-def test_angles_are_unwrapped_where_that_is_asked_for() -> None:
-    gap = request_from_csv("x,y,phi\n0,0,350\n1,1,\n2,2,10\n3,3,-320\n", {}, True)
-    assert gap["rotation"] == [350, None, 370, 400]
-    both = match_from_csv("crank,phi\n350,170\n10,-170\n", {}, True)
-    assert both == {"crank_angle": [350, 370], "rotation": [170, 190]}
-    turned = match_from_csv("phi [rad]\n3\n-3\n", {"angle_unit": "rad"}, True)["rotation"]
-    assert turned == pytest.approx([3, 2 * math.pi - 3])
 
 
 def test_the_command_unwraps_and_answers_tables_of_every_question(tmp_path, capsys) -> None:

@@ -54,12 +54,6 @@ def drive_of(name: str) -> Any:
     return found.drives[0]
 
 
-def vertices(text: str, layer: str) -> list[complex]:
-    space = ezdxf.read(io.StringIO(text)).modelspace()
-    lines = space.query(f'LWPOLYLINE[layer=="{layer}"]')
-    return [complex(x, y) for line in lines for x, y, *_ in line.get_points()]
-
-
 @pytest.mark.parametrize("name", KINDS)
 def test_every_file_holds_the_drive(name: str) -> None:
     linkage, drive, parts = moving(), drive_of(name), KINDS[name][1]
@@ -181,14 +175,6 @@ def test_a_drive_of_the_request_is_in_its_files(client: TestClient, run: Any, tm
     assert found.drives
     found.linkage.save(tmp_path / "own.step", drive=found.drives[0], nevertheless=True)
     assert "'cylinder'" in (tmp_path / "own.step").read_text()
-
-
-def test_a_format_without_room_for_the_drive_of_the_request_is_written_without_it(client: TestClient) -> None:
-    """A URDF of a request with a cylinder: its joints turn."""
-    for kind in ("urdf", "pylinkage"):
-        body = {"request": REQUEST, "format": kind, "solids": {"nevertheless": True}} if kind == "urdf" else None
-        reply = client.post("/v1/export", json=body or {"request": REQUEST, "format": kind})
-        assert reply.status_code == 200 and "piston" not in reply.text, reply.text[:300]
 
 
 def test_files_that_hold_no_drive_say_so() -> None:

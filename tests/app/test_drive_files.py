@@ -8,7 +8,6 @@ import ezdxf
 import numpy as np
 import pytest
 
-import linkage_atlas as la
 from tests.app.test_drives import POSES
 
 KINDS = ["rotary", "actuator", "dyad", "toggle"]
@@ -91,35 +90,6 @@ def test_a_picture_has_the_drive_on_its_page(client, found, kind) -> None:
         assert all(0 <= x <= wide and 0 <= y <= high for x, y in places)
 
 
-def test_a_motor_and_its_rod_are_two_of_the_parts(client, found) -> None:
-    request, solution, _ = found
-    body = {"request": request, "solution": solution, "drive": one_of(found, "dyad"), "format": "parts"}
-    reply = client.post("/v1/export", json={**body, "solids": {"nevertheless": True}})
-    assert reply.status_code == 200, reply.text
-    names = {row["name"] for row in csv.DictReader(io.StringIO(reply.text))}
-    assert {"motor_crank", "rod", "pin_M", "pin_K", "pin_Q", "crank", "coupler", "rocker"} <= names
-    plates = client.post("/v1/export", json={**body, "format": "plates"})
-    plain = client.post("/v1/export", json={**body, "format": "plates", "drive": None})
-    drawn = [ezdxf.read(io.StringIO(one.text)).modelspace().query("LWPOLYLINE") for one in (plain, plates)]
-    assert len(drawn[0]) < len(drawn[1]), "flat parts of all, not of the links alone"
-    wrong = client.post("/v1/export", json={**body, "drive": {"kind": "dyad", "link": "x"}})
-    assert wrong.status_code == 422 and wrong.json()["errors"][0]["pointer"].startswith("#/drive")
-    # what the front door says of the same numbers
-    drive = one_of(found, "dyad")
-    six = la.SixBarLinkage({**solution, "travel": None}, drive)
-    bar = drive["six_bar"]
-    assert six.dwell() == pytest.approx(bar["dwell"], abs=1e-6)
-    assert six.turn == pytest.approx(bar["motor_turn"], abs=1e-6)
-    at_first = six.joints(np.rad2deg(six.way[0]))
-    for name, place in bar["joints"].items():
-        where = at_first.linkage.body_point if name == "P" else at_first.joints[name]
-        assert where[0] == pytest.approx(place, abs=1e-6)
-    assert [one["name"] for one in bar["links"]][-2:] == ["motor_crank", "rod"]
-    assert sum(len(one["joints"]) for one in bar["links"]) == 15
-    layers = client.post("/v1/assembly", json={"linkage": solution, "request": request, "drive": drive})
-    assert layers.status_code == 200 and {"motor_crank", "rod"} <= set(layers.json()["layers"])
-
-
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_model_is_moved_by_the_drive(client, found, kind) -> None:
     drive = one_of(found, kind)
@@ -152,16 +122,3 @@ def test_a_drive_that_is_none_or_in_a_file_that_has_none_is_refused(client, foun
     assert client.post("/v1/export", json={**body, "drive": bad, "format": "csv"}).status_code == 422
     short = {"kind": "actuator", "link": "crank"}
     assert client.post("/v1/export", json={**body, "drive": short, "format": "csv"}).status_code == 422
-
-
-def test_a_body_on_guides_writes_its_drive_too() -> None:
-    crank = {"guide": "circle", "pivot": [0, 0], "radius": 10, "body_point": [0, 0]}
-    rail = {"guide": "rail", "point": [0, 3], "direction": 0, "body_point": [20, 0]}
-    pump = la.Linkage([crank, rail], "crank", start=30)
-    motion = la.Motion(position=pump.joints([0, 20, 40, 60]).body_point, crank_angle=[0, 20, 40, 60])
-    drive = la.drives(pump, [{"kind": "actuator"}], motion=motion, load={"force": [0, -10]}).drives[0]
-    table = pump.render("csv", motion, drive=drive.to_dict())
-    rows = list(csv.DictReader(io.StringIO(table)))
-    assert float(rows[0]["drive_length"]) == pytest.approx(drive.length[0])
-    assert "DRIVE" in pump.render("dxf", motion, drive=drive.to_dict())
-    assert 'tendon="drive"' in pump.render("mjcf", motion, drive=drive.to_dict())

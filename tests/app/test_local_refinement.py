@@ -51,13 +51,6 @@ def test_a_linkage_a_solution_and_its_values_are_the_same_beginning(exact) -> No
     assert found.status == "reached" and found.linkage.links == pytest.approx(links[0])
 
 
-def test_several_linkages_are_refined_and_ranked(exact) -> None:
-    far = la.FourBar(30, 80, 70, 100, branch=-1)
-    found = la.synthesize(**EXAMPLE, limits={"preset": "none"}, start_from=[far, changed(exact), exact], local=True)
-    assert found.report.continued == [2, 1, 1] and found.report.seeds == 3
-    assert found.best.linkage.links == pytest.approx(exact.linkage.links, rel=1e-5)
-
-
 @pytest.mark.parametrize("more", [{}, {"round_to": 1}], ids=["exact", "rounded"])
 def test_what_is_refined_keeps_its_proportion(more) -> None:
     """Poses on a line led to a coupler of 2e4 times their extent."""
@@ -70,23 +63,6 @@ def test_what_is_refined_keeps_its_proportion(more) -> None:
     assert found.best.errors.objective < 0.02 and any("out of all proportion" in one for one in found.report.notes)
     again = la.synthesize(**line, start_from=[anyhow.best], local=True)
     assert again.best.errors.objective <= anyhow.best.errors.objective, "one that is given so is not made worse"
-
-
-def test_a_free_answer_is_refined_from_its_own_crank_angles() -> None:
-    wanted = {"position": [[0, 0], [30, 10], [50, 35], [40, 60], [10, 70]], "rotation": [0, 10, 30, 50, 80]}
-    first = la.synthesize(**wanted, timing="free", top=1, limits={"link_max": 90})
-    again = la.synthesize(**wanted, timing="free", limits={"link_max": 90}, start_from=[first.best], local=True)
-    assert again.best.errors.objective <= first.best.errors.objective * (1 + 1e-9)
-    assert max(again.linkage.links) <= 90
-
-
-def test_what_no_descent_leads_to_is_unknown_and_nothing_is_claimed(exact) -> None:
-    limits = {"link_min": 4e4, "pivot_box": [0, 0, 100, 100]}
-    found = la.synthesize(**EXAMPLE, limits=limits, start_from=[exact], local=True)
-    assert found.status == "unknown" and not found.solutions
-    assert found.report.notes == [LOCAL, NOWHERE]
-    found = la.synthesize(**EXAMPLE, limits=limits, start_from=[exact], local=True, budget=1e-6)
-    assert found.status == "unknown" and found.report.stopped_by == "budget"
 
 
 def test_functions_are_refined_too(client: TestClient) -> None:

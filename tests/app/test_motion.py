@@ -10,8 +10,6 @@ from pathlib import Path
 import pytest
 from fastapi.testclient import TestClient
 
-from app import cli
-
 TABLES = json.loads((Path(__file__).parent / "tables.json").read_text())
 TABLE = "Frame;TX [cm];TY [cm];RZ [rad]\n1;0;0;0\n2;1,5;2;1\n"
 
@@ -58,13 +56,6 @@ def test_a_choice_of_columns_is_asked_for_and_taken(client: TestClient) -> None:
     assert wrong["status"] == "refused" and "'up' is no column of the table" in wrong["message"]
 
 
-def test_angles_that_look_like_radians_are_questioned(client: TestClient) -> None:
-    for head, expected in (("theta", True), ("theta [deg]", False), ("theta [rad]", False)):
-        table = f"x,y,{head}\n0,0,0\n1,2,0.52\n3,4,1.57\n"
-        notes = client.post("/v1/motion", json={"table": table}).json()["notes"]
-        assert any("if they are radians" in note for note in notes) == expected, head
-
-
 @pytest.mark.parametrize(
     ("body", "pointer"),
     [({}, "#/table"), ({"table": "1,2", "file": "MSwy"}, "#/table"), ({"file": "not base64!"}, "#/file")],
@@ -72,17 +63,3 @@ def test_angles_that_look_like_radians_are_questioned(client: TestClient) -> Non
 def test_a_wrong_body_is_refused(client: TestClient, body, pointer) -> None:
     reply = client.post("/v1/motion", json=body)
     assert reply.status_code == 422 and reply.json()["errors"][0]["pointer"] == pointer
-
-
-def test_the_command_says_how_a_table_is_read(tmp_path, capsys) -> None:
-    path = tmp_path / "motion.csv"
-    path.write_text(TABLE)
-    assert cli.main(["motion", str(path)]) == 0
-    said = capsys.readouterr().out
-    assert "x from 'TX [cm]'" in said and "rotation (2)" in said and "lengths in cm" in said
-    path.write_text("left,right\n1,2\n")
-    assert cli.main(["motion", str(path)]) == 2
-    assert "choose columns" in capsys.readouterr().err
-    path.write_bytes(b"\x89PNG\r\n\x1a\n")
-    assert cli.main(["motion", str(path)]) == 2
-    assert "this is a PNG picture" in capsys.readouterr().err

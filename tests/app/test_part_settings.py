@@ -127,10 +127,3 @@ def test_http_command_line_and_python_make_the_same_plates(client: TestClient, r
     motion = la.Motion(REQUEST["rotation"], REQUEST["position"], timing="free")
     own = linkage.file("plates", motion, assembly=settings, solids={"nevertheless": True}, **travel)
     assert circles(own, "CRANK") == {1.3}
-
-
-def test_plates_have_no_sizes_of_their_own(client: TestClient) -> None:
-    solution = la.FourBar(19, 72, 144, 165).to_dict()
-    body = {"request": REQUEST, "solution": solution, "format": "plates", "plates": {"hole": 4}}
-    reply = client.post("/v1/export", json=body)
-    assert reply.status_code == 422 and "plates" in json.dumps(reply.json())

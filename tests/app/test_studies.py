@@ -4,12 +4,10 @@ import csv
 import io
 import json
 
-import ezdxf
 import numpy as np
 import pytest
 
 import linkage_atlas as la
-from app import cli
 from app.registry import worked_example
 
 EXAMPLE = {**worked_example(), "top": 2}
@@ -63,26 +61,6 @@ def test_python_and_http_say_the_same(client) -> None:
     assert mine.best.tolerance_study.position.simulated.p95.shape == (16,)
 
 
-def test_radians_are_the_same_motion(client) -> None:
-    turned = {name: np.deg2rad(EXAMPLE[name]).tolist() for name in ("rotation", "crank_span")}
-    speed = {"crank_speed": float(np.deg2rad(90)), "load": ANALYSIS["load"]}
-    one = ask(client, analysis=ANALYSIS, tolerance_study=STUDY)["solutions"][0]
-    two = ask(client, **turned, angle_unit="rad", analysis=speed, tolerance_study=STUDY)["solutions"][0]
-    for name in ("velocity", "crank_torque"):
-        np.testing.assert_allclose(two["analysis"][name], one["analysis"][name], rtol=1e-6)
-    both = [np.array(some["analysis"]["angular_acceleration"]["rocker"]) for some in (one, two)]
-    np.testing.assert_allclose(both[1], np.deg2rad(both[0]), rtol=1e-6)
-    both = [np.array(some["tolerance_study"]["rotation"]["p95"]) for some in (one, two)]
-    np.testing.assert_allclose(both[1], np.deg2rad(both[0]), rtol=1e-6)
-
-
-def test_without_positions_there_are_angular_rates_only(client) -> None:
-    asked = {"rotation": EXAMPLE["rotation"], "crank_span": 70, "top": 1}
-    asked["analysis"] = {"crank_speed": 1, "load": {"torque": 2}}
-    analysis = client.post("/v1/synthesize", json=asked).json()["solutions"][0]["analysis"]
-    assert analysis["velocity"] is None and len(analysis["crank_torque"]) == 16
-
-
 def test_a_study_keeps_to_the_budget(client) -> None:
     asked = {"links": 0.1, "samples": 100_000}
     few = ask(client, tolerance_study=asked, budget_ms=200)
@@ -117,13 +95,6 @@ def test_the_csv_has_the_analysis_in_further_columns(client) -> None:
     assert "rocker_angular_acceleration" in best and "crank_torque" not in best
 
 
-def test_sizes_of_plates_are_checked_where_they_are_given(client) -> None:
-    body = {"request": EXAMPLE, "format": "plates", "assembly": {"hole": 4, "width": 10}}
-    assert client.post("/v1/export", json=body).status_code == 200
-    wrong = client.post("/v1/export", json={**body, "assembly": {"hole": 30}})
-    assert wrong.status_code == 422 and wrong.json()["errors"][0]["pointer"] == "#/assembly/hole"
-
-
 @pytest.mark.parametrize(
     ("kind", "names"),
     [
@@ -142,44 +113,6 @@ def test_what_a_file_does_not_hold_is_refused(kind, names, client) -> None:
     if kind != "step":  # what the request asks for is of its reply
         body = {"request": {**EXAMPLE, "assembly": True}, "format": kind}
         assert client.post("/v1/export", json=body).status_code == 200
-
-
-def test_plates_are_of_the_assembly_that_the_request_asks_for(client) -> None:
-    """By its own route they were, by /v1/export the links alone."""
-    body = {"request": {**EXAMPLE, "assembly": {"boards": "both"}}, "format": "plates"}
-    layers = [
-        set(ezdxf.read(io.StringIO(client.post(path, json=asked).text)).layers.entries)
-        for path, asked in (
-            ("/v1/export", body),
-            ("/v1/synthesize.plates.dxf", body["request"]),
-            ("/v1/export", {**body, "request": EXAMPLE}),
-        )
-    ]
-    assert "board_above" in {name.lower() for name in layers[0]}
-    assert layers[0] == layers[1] != layers[2]
-    wrong = {**body, "request": {**EXAMPLE, "assembly": {"hole": 300}}}
-    assert client.post("/v1/export", json=wrong).json()["errors"][0]["pointer"] == "#/request/assembly/hole"
-
-
-def test_files_are_in_the_unit_of_the_analysis(client) -> None:
-    """They were in millimetres."""
-    asked = {**EXAMPLE, "analysis": {**ANALYSIS, "length_unit": "cm"}}
-    named = client.post("/v1/export", json={"request": EXAMPLE, "format": "step", "length_unit": "cm"}).content
-    assert client.post("/v1/synthesize.step", json=asked).content == named
-    assert client.post("/v1/export", json={"request": asked, "format": "step"}).content == named
-    other = client.post("/v1/export", json={"request": asked, "format": "step", "length_unit": "mm"})
-    assert other.status_code == 422 and other.json()["errors"][0]["pointer"] == "#/request/analysis/length_unit"
-
-
-def test_the_command_line_prints_what_was_asked_for(tmp_path, capsys) -> None:
-    file = tmp_path / "request.json"
-    wishes = {"analysis": ANALYSIS, "tolerance_study": STUDY, "lengths_from": [20, 70, 145, 165]}
-    file.write_text(json.dumps({**EXAMPLE, **wishes}))
-    assert cli.main(["synthesize", str(file)]) == 0
-    printed = capsys.readouterr().out
-    assert "crank torque" in printed and "pin force" in printed
-    assert "as made, position off by at most" in printed and "in 95 % of 500 linkages; most from" in printed
-    assert "the best of 256 combinations" in printed
 
 
 def test_a_mass_at_the_body_point_at_rest_is_the_force_of_its_weight() -> None:

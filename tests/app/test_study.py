@@ -66,13 +66,6 @@ def test_each_result_is_the_single_requests(requests, tmp_path, capsys, monkeypa
         assert row["reply"] == single
 
 
-def test_processes_give_the_same_bytes(requests, tmp_path) -> None:
-    outs = [tmp_path / f"{jobs}.ndjson" for jobs in (1, 2)]
-    for jobs, out in enumerate(outs, 1):
-        assert study(requests, "--out", out, "--jobs", jobs) == Exit.OK
-    assert outs[0].read_bytes() == outs[1].read_bytes()
-
-
 def test_a_bad_line_has_one_line_of_error(tmp_path, capsys) -> None:
     path, out = tmp_path / "requests.ndjson", tmp_path / "results.ndjson"
     good = json.dumps({"alpha2": 9})

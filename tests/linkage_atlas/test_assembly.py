@@ -7,10 +7,8 @@ import pytest
 
 import linkage_atlas as la
 from app.registry import worked_example
-from linkage_atlas.records import plain
 
 CRANK_ROCKER = (30, 60, 70, 50)
-CASEMENT = {"family": "any", "pivot_box": [-100, -250, 400, 150], "link_min": 60, "link_max": 500}
 
 
 def motion(**more) -> la.Motion:
@@ -76,14 +74,6 @@ def test_a_blocked_linkage_is_told_what_would_free_it() -> None:
     assert la.assembly(la.FourBar(60, 50, 70, 30), boards="bar").free
 
 
-def test_a_solution_and_its_plain_values_give_the_same() -> None:
-    result = la.synthesize(timing="free", position=[[0, 0], [40, 8], [75, 30]], rotation=[0, 15, 40], top=1)
-    asked = la.Motion(timing="free", position=[[0, 0], [40, 8], [75, 30]], rotation=[0, 15, 40])
-    one, other = la.assembly(result.best), la.assembly(result.best.to_dict(), asked)
-    assert plain(one.layers) == plain(other.layers)
-    assert one.stops.high.crank_angle == pytest.approx(other.stops.high.crank_angle)
-
-
 def test_buildable_is_practical_and_free() -> None:
     without = la.synthesize(motion(), top=2)
     assert all(one.verdict.buildable is None for one in without), "no layers were looked for"
@@ -98,22 +88,6 @@ def test_buildable_is_practical_and_free() -> None:
     free = la.synthesize(motion(), top=2, limits={"preset": "practical"}, assembly=True)
     assert free.best.verdict.buildable
     assert free.best.verdict.assembly.free
-
-
-def test_sizes_that_a_linkage_cannot_have_are_a_reason_and_no_error() -> None:
-    found = la.synthesize(motion(), top=1, assembly={"hole": 25})
-    assert found.best.verdict.assembly is None
-    assert not found.best.verdict.buildable
-    assert "shortest link" in found.best.verdict.reasons[-1]
-
-
-def test_the_casement_s_first_solution_has_layers() -> None:
-    wanted = la.Motion.read("app/examples/casement.csv")
-    found = la.synthesize(wanted, CASEMENT, top=4, assembly=True, budget=30)
-    assert found.best.verdict.assembly.free
-    assert found.best.verdict.buildable
-    order = [one.verdict.assembly.free for one in found]
-    assert order == sorted(order, reverse=True)
 
 
 def test_preferring_layers_ranks_by_pivots_that_nothing_passes_over() -> None:
@@ -137,11 +111,6 @@ def test_the_body_turns_with_the_requested_rotation() -> None:
     frame = complex(*example["position"][0]), np.deg2rad(example["rotation"][0])
     wanted = [frame[0] + np.exp(1j * frame[1]) * complex(*corner) for corner in corners]
     assert np.array(world) == pytest.approx(np.array(wanted), abs=1e-6)
-
-
-def test_the_work_is_asked_whether_it_is_still_wanted() -> None:
-    with pytest.raises(la.Cancelled):
-        la.FourBar(*CRANK_ROCKER).assembly(work=la.Work(None, lambda: True))
 
 
 def test_the_request_s_envelope_holds_for_plates_and_the_body() -> None:
@@ -188,24 +157,3 @@ def test_a_motor_and_its_rod_are_two_more_plates() -> None:
     assert {pin.name for pin in found.pins} == {"A", "B", "C", "D", "K", "M", "Q"}
     assert any("those of the motor" in reason for reason in found.reasons)
     assert linkage.assembly(asked, drive=drive.to_dict()).layers == found.layers
-
-
-def test_an_outline_far_beyond_the_linkage_is_judged() -> None:
-    linkage = la.FourBar(*CRANK_ROCKER, coupler_point=(20, 60))
-    assert linkage.assembly(body=[[-1e40, -1e40], [1e40, -1e40], [0, 1e40]]).status in ("free", "blocked")
-
-
-def test_the_default_hole_leaves_room_for_what_is_asked_for() -> None:
-    """Of 5.7 it left none in a small outline, and of 4.285 none for the default pin of a rod, 3.8 from the crank's."""
-    linkage = la.FourBar(19, 72, 144, 165, start_angle=30, coupler_point=(20, 60))
-    plain = linkage.assembly().sizes
-    small = {"body": [[-2, -2], [2, -2], [2, 2], [-2, 2]]}
-    assert linkage.assembly(**small).sizes.hole == plain.hole / 2
-    asked = la.Motion(np.arange(8.0), crank_span=140)
-    drive = la.drives(linkage, [{"kind": "dyad", "links": ["crank"]}], motion=asked).drives[0]
-    held = linkage.assembly(asked, drive=drive)
-    assert held.sizes.hole < abs(np.subtract(*(hole.at[0] for hole in held.parts[0].holes[1:])))
-    for field, more in (("/body", small), ("/hole", {"drive": drive})):
-        with pytest.raises(la.FieldError) as refused:
-            linkage.assembly(asked, **more, hole=plain.hole)
-        assert refused.value.field == field

@@ -20,7 +20,6 @@ import linkage_atlas as la
 from app.main import create_app
 from app.registry import worked_example
 from app.settings import Settings
-from linkage_atlas.atlases import cached_atlas, default_atlas
 
 ROOT = Path(__file__).parents[2]
 EXAMPLE = worked_example()
@@ -136,19 +135,6 @@ def test_a_wrapped_rotation_goes_the_short_way_and_that_is_said(built) -> None:
     assert la.match([340, 350, 0, 10], 60, top=1, atlas=built[0]).report.notes == found.report.notes[:1]
 
 
-def test_a_rotation_that_is_not_written_within_one_turn_is_taken_as_it_is() -> None:
-    for turns in ([0, 200, 350], [0, 300, 620], [700, 710, 360, 370], [0, -100, -200, -300], [-10, 350, 0]):
-        motion = la.Motion(turns, crank_span=350)
-        assert np.rad2deg(motion.samples.rotation) == pytest.approx(turns)
-    crank = la.Motion([0, 10, 30, 40], crank_angle=[340, 350, 5, 20])
-    assert np.rad2deg(crank.samples.crank) == pytest.approx([0, 10, 25, 40])
-    assert "the crank angle from sample 2 (350) to 3 (5)" in crank.notes()[0]
-    gap = la.Motion([340, None, 10, 20], crank_span=90)
-    assert np.rad2deg(gap.samples.rotation[[0, 2, 3]]) == pytest.approx([340, 370, 380])
-    assert "from sample 1 (340) to 3 (10)" in gap.notes()[0]
-    assert not la.Motion([340, 350, 0, 10], np.eye(4)[:, :2], timing="free").notes()
-
-
 WRONG = [
     (table["of"], table["base"] | change, field, *words)
     for table in json.loads((Path(__file__).parent / "wrong.json").read_text())
@@ -195,30 +181,6 @@ def test_a_bad_atlas_and_a_bad_rule_are_named(built, tmp_path) -> None:
             la.build_atlas(tmp_path / "atlas.h5", **({"perimeter": 60} | {name: value}))
         assert wrong.value.field == f"/{name}"
     assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.parametrize("here", [True, False])
-def test_without_an_atlas_the_default_one_is_opened_and_built_if_there_is_none(
-    here, built, tmp_path, monkeypatch
-) -> None:
-    def build(place: Path, jobs: int, progress: Any) -> None:
-        assert jobs == 1, "more processes need a script that can be imported"
-        place.write_bytes(built[1].read_bytes())
-
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    monkeypatch.setattr("linkage_atlas.atlases.build_atlas", build)
-    if here:
-        Path("atlas.h5").write_bytes(built[1].read_bytes())
-    rotation, span = EXAMPLE["rotation"], EXAMPLE["crank_span"]
-    named = la.match(rotation, span, atlas=built[0])
-    default_atlas.cache_clear()
-    for found in (la.match(rotation, span), la.match(rotation, span)):
-        assert found.to_dict()["matches"] == named.to_dict()["matches"]
-    assert la.synthesize(rotation, crank_span=span, effort="atlas", top=1).solutions
-    assert default_atlas.cache_info().misses == 1
-    assert cached_atlas().exists() != here
-    default_atlas.cache_clear()
 
 
 @pytest.mark.parametrize("degrees", [True, False], ids=["degrees", "radians"])
@@ -317,14 +279,6 @@ def test_a_linkage_comes_back_from_its_dict(linkage) -> None:
             assert getattr(back, name) == pytest.approx(wanted, rel=1e-12, abs=1e-12), name
 
 
-def test_the_smallest_transmission_angle_is_that_of_dense_samples() -> None:
-    one = la.FourBar(*LENGTHS, start_angle=30)
-    dense = one.joints(np.linspace(0, 360, 3601)).transmission_angle
-    assert one.transmission_angle_min() == pytest.approx(dense.min(), abs=1e-4)
-    assert one.transmission_angle_min(10, 20) == pytest.approx(dense[100:201].min(), abs=1e-4)
-    assert np.isnan(la.FourBar(3, 1, 1, 3).transmission_angle_min())
-
-
 @pytest.mark.parametrize("ending", ["csv", "svg", "dxf", "xml", "mjcf"])
 def test_a_solution_and_a_plain_linkage_are_saved(found, ending, tmp_path) -> None:
     for name, one in (("solved", found.linkage), ("plain", la.FourBar(*LENGTHS))):
@@ -339,17 +293,6 @@ def test_a_solution_and_a_plain_linkage_are_saved(found, ending, tmp_path) -> No
     with pytest.raises(la.FieldError) as caught:
         found.linkage.save(tmp_path / "linkage.png")
     assert caught.value.field == "/path" and not (tmp_path / "linkage.png").exists()
-
-
-def test_what_cannot_be_drawn_says_why() -> None:
-    stuck = la.FourBar(3, 1, 1, 3)
-    assert stuck._repr_svg_() is None and "<svg" in la.FourBar(*LENGTHS)._repr_svg_()
-    wrong = [(stuck, "svg", "mm", "/motion"), (stuck, "dxf", "furlong", "/motion")]
-    sound = la.FourBar(*LENGTHS)
-    for one, kind, unit, field in (*wrong, (sound, "dxf", "furlong", "/length_unit"), (sound, "exe", "mm", "/kind")):
-        with pytest.raises(la.FieldError) as caught:
-            one.render(kind, length_unit=unit)
-        assert caught.value.field == field
 
 
 # -- the module -------------------------------------------------------------------------------------------------------
@@ -373,12 +316,6 @@ def test_the_import_costs_little() -> None:
     assert min(float(fresh(code)) for _ in range(5)) < 0.15
 
 
-def test_no_use_of_the_door_loads_the_service() -> None:
-    code = "import sys, linkage_atlas as la; assert la.synthesize([0, 1, 3, 4], crank_span=30, budget=0.01).solutions"
-    code += "\nprint(*sys.modules)"
-    assert not {"fastapi", "pydantic", "starlette", "uvicorn", "app"} & set(fresh(code).split())
-
-
 def test_every_name_of_the_door_is_there_and_no_other() -> None:
     assert dir(la) == sorted(la.__all__) and len(set(la.__all__)) == len(la.__all__)
     for name in la.__all__:
@@ -394,19 +331,6 @@ def test_the_examples_of_the_docstrings_are_true() -> None:
     assert sum(result.attempted for result in results) >= 5
 
 
-def test_a_motion_with_limits_is_asked_as_arrays_are() -> None:
-    arrays = la.synthesize(**EXAMPLE, limits={"link_max": 200}, top=1, tolerances={"rotation": 0.1})
-    motion = la.Motion(**EXAMPLE, tolerances={"rotation": 0.1})
-    own = la.synthesize(motion, la.Limits(link_max=200), top=1)
-    assert own.to_dict()["solutions"] == arrays.to_dict()["solutions"]
-    with pytest.raises(la.FieldError, match="link_max"):
-        la.Limits(link_mx=200)
-    with pytest.raises(TypeError, match="crank_span"):
-        la.synthesize(motion, crank_span=70)
-    with pytest.raises(TypeError, match=r"synthesize\(\) has no argument 'tolerence'; near: tolerance"):
-        la.synthesize(**EXAMPLE, tolerence={"rotation": 0.1})
-
-
 def test_a_table_is_a_motion(tmp_path) -> None:
     table = tmp_path / "poses.csv"
     table.write_text("x,y,angle\n0,0,350\n6,2,10\n12,2,30\n")
@@ -415,82 +339,12 @@ def test_a_table_is_a_motion(tmp_path) -> None:
     assert not la.Motion.read(table, crank_span=80).free
 
 
-def test_a_solution_is_studied_as_within_the_request() -> None:
-    asked = la.synthesize(**EXAMPLE, top=1, round_to=1.0, sensitivity=True).best
-    later = la.synthesize(**EXAMPLE, top=1).best
-    assert later.rounded is None
-    assert later.studied(round_to=1.0, sensitivity=True).to_dict() == asked.to_dict()
-    with pytest.raises(la.FieldError, match="no study"):
-        later.studied(rounded=1.0)
-
-
-def test_a_jump_is_named_by_its_samples_counted_from_one() -> None:
-    found = la.synthesize([350, 90, 30, 20], crank_span=270, budget=0.05)
-    assert "otation jumps by more than half a turn from sample 1 to 2;" in found.report.notes[0]
-
-
-def test_what_a_motion_and_one_linkage_are_printed_as() -> None:
-    told = "Motion(2 samples of rotation and position, free crank angles)"
-    assert repr(la.Motion([0, 30], [[0, 0], [9, 0]], timing="free")) == told
-    assert repr(la.Motion([0, 30, 40], crank_span=60)) == "Motion(3 samples of rotation, given crank angles)"
-    assert repr(la.function(input=[0, 20, 30], output=[0, 10, 40], top=1)).splitlines()[0].endswith(": 1 linkage")
-
-
-def test_of_a_loop_that_does_not_close_no_joint_that_moves_is_told() -> None:
-    joints = la.FourBar(3, 1, 1.5, 4).joints([90, 180])
-    assert np.all(np.isnan(joints.crank_pin)) and np.all(np.isnan(joints.coupler_pin))
-
-
-def test_the_reason_names_the_family_that_lengths_exclude() -> None:
-    """The shortest link is the rocker: its crank does not turn fully."""
-    lengths = {"crank": 60, "coupler": 60, "rocker": 20, "ground": 30}
-    motion = la.Motion(None, [[0, 0], [10, 2], [30, 3], [40, 10]], timing="free")
-    found = la.synthesize(motion, la.Limits(links=lengths, family="full_crank"))
-    assert found.status == "infeasible"
-    said = "The given lengths make a rocker-crank, which the family excludes: allow any family (`limits.family`)."
-    assert found.report.notes == [said]
-    assert la.synthesize(motion, la.Limits(links=lengths, family="any")).status == "reached"
-
-
 TURNED, PLACES = [0, 10, 25, 45, 70, 90], [[0, 0], [20, 10], [40, 25], [60, 50], [70, 80], [70, 110]]
 BENT = la.Motion(TURNED, PLACES, timing="free")
 
 
 def lengths(*links: float) -> dict[str, float]:
     return dict(zip(("crank", "coupler", "rocker", "ground"), links))
-
-
-def test_lengths_at_a_change_point_that_are_given_only_swing() -> None:
-    """60 + 95 = 80 + 75: over the whole turn, which such a crank does not make, nothing is asked of the transmission angle."""
-    found = la.synthesize(BENT, la.Limits(family="any", links=lengths(60, 80, 75, 95)), top=3)
-    assert found[0].errors.objective < 0.12
-    assert {one.family for one in found} == {"change_point"}
-    assert all(one.transmission_angle_min_turn is None and one.transmission_angle_min > 34.999 for one in found)
-
-
-def test_lengths_that_are_given_are_not_said_to_break_limits_of_lengths() -> None:
-    """60 + 90 = 80 + 70: of the preset only the transmission angle over the used interval concerns them."""
-    found = la.synthesize(BENT, la.Limits(family="any", links=lengths(60, 80, 70, 90), transmission_angle_min=85))
-    assert found.status == "infeasible" and found.report.notes
-    assert found.report.notes[0].startswith(
-        "No linkage was found with a transmission angle of at least 85 degrees; with"
-    )
-    assert not any("turn" in note or "ratio" in note for note in found.report.notes)
-
-
-def test_a_parallelogram_stands_beside_the_way_that_its_body_is_shifted_along() -> None:
-    """Any point of a body that does not turn goes the same way: once this one lay 605 from the crank pin."""
-    places = np.array([[0, 0], [10, 40], [30, 75], [60, 100]])
-    asked = {"rotation": [0, 0, 0, 0], "position": places, "timing": "free"}
-    given = {"family": "any", "links": lengths(100, 150, 100, 150)}
-    found = la.synthesize(**asked, limits=given, top=1)
-    assert found.best.errors.objective < 0.03287
-    assert found.best.size < 2.6
-    off = np.linalg.norm(found.best.linkage.joints(found.best.crank_angle).body_point - places, axis=1)
-    assert off.max() == pytest.approx(found.best.errors.position_max)
-    box = [500, -400, 700, 900]
-    far = la.synthesize(**asked, limits=given | {"pivot_box": box}, top=1).best
-    assert all(box[0] <= x <= box[2] and box[1] <= y <= box[3] for x, y in (far.mount.pivot_a, far.mount.pivot_b))
 
 
 def test_a_note_says_that_the_best_linkage_hardly_moves_the_body() -> None:
@@ -507,14 +361,6 @@ def test_a_note_says_that_the_best_linkage_hardly_moves_the_body() -> None:
     assert 0.9 < share < 1 and f"{share:.2g} times" in note
     near = la.synthesize(BENT, top=1)
     assert not any("a body at rest" in note for note in near.report.notes)
-
-
-def test_the_reason_is_a_family_too() -> None:
-    """A crank longer than the ground turns fully in a double-crank alone, whose ground is shortest: here the rocker is."""
-    motion = la.Motion(None, [[0, 0], [10, 2], [30, 3], [40, 10]], timing="free")
-    found = la.synthesize(motion, la.Limits(links={"crank": 60, "rocker": 20, "ground": 30}, family="full_crank"))
-    said = "No linkage was found with a crank that turns fully; in any family there are some (`limits.family`)."
-    assert found.status == "infeasible" and said in found.report.notes
 
 
 def test_what_a_limit_would_have_to_be_is_so() -> None:
@@ -543,11 +389,6 @@ def test_what_a_limit_would_have_to_be_is_so() -> None:
 def test_angles_that_look_as_if_in_the_other_unit_are_asked_about(angles, told) -> None:
     motion = la.Motion(**{"rotation": [0, 10, 25, 45], "position": [[0, 0], [50, 10], [100, 35], [140, 75]]} | angles)
     assert [note.split()[1] for note in motion.notes() if "taken in" in note] == ([] if told is None else [told])
-
-
-def test_angles_of_a_function_too() -> None:
-    found = la.function([0, 0.13, 0.27, 0.58, 0.94], 1.57, top=1, budget=0.05)
-    assert [note.split()[1] for note in found.report.notes if "taken in degrees" in note] == ["crank", "output"]
 
 
 @pytest.mark.parametrize("name", ["rotation", "position"])

@@ -122,23 +122,6 @@ def test_equal_actuators_share_the_force() -> None:
     assert drives(bought | {"count": 2}, LOADS["body"]).drives[0].name == "weak"
 
 
-def test_given_ends_take_the_rows_that_reach(client: TestClient) -> None:
-    ends = {"kind": "cylinder", "links": ["crank"], "ground_point": [300, 200], "pin": [150, 0]}
-    plain = {"linkage": CASEMENT.to_dict(), "crank_angle": WAY, "load": LOADS["body"], "top": 3}
-    (bare,) = client.post("/v1/drives", json=plain | {"drives": [ends]}).json()["drives"]
-    low, high = sorted(bare["length"])
-    assert (bare["retracted"], bare["retracted"] + bare["stroke"]) == pytest.approx((low, high))
-    rows = [
-        {"name": "short", "retracted": low - 5, "stroke": high - low, "force": 900},
-        {"name": "weak", "retracted": low - 5, "stroke": high - low + 10, "force": 0.9 * bare["peak_force"]},
-        {"name": "good", "retracted": low - 5, "stroke": high - low + 10, "force": 1.1 * bare["peak_force"]},
-    ]
-    (one,) = client.post("/v1/drives", json=plain | {"drives": [ends | {"catalogue": rows}]}).json()["drives"]
-    assert one["name"] == "good" and one["stops"].startswith("two stops") and bare["stops"].startswith("none")
-    refused = client.post("/v1/drives", json=plain | {"drives": [ends | {"catalogue": rows[:2]}]}).json()["refused"]
-    assert "no row of the catalogue has lengths" in refused[0]["reason"] and "force" in refused[0]["reason"]
-
-
 @pytest.mark.parametrize(
     "wish, field",
     [

@@ -5,7 +5,6 @@ These tests would catch a wrong frame, unit, column or joint in a table, a drawi
 
 import csv
 import io
-import json
 import warnings
 from typing import Any
 from xml.etree import ElementTree
@@ -214,17 +213,6 @@ def test_a_model_has_a_joint_of_every_kind_and_a_closed_loop(linkage) -> None:
 
 
 @MOUNTED
-def test_a_model_starts_as_fast_in_every_unit(name) -> None:
-    def speeds(unit: str, metre: float) -> list[float]:
-        root = ElementTree.fromstring(text_of(LINKAGES[name], "mjcf", length_unit=unit))
-        slides = [joint.get("type") == "slide" for joint in root.iter("joint") if joint.get("name")]
-        given = map(float, root.find("keyframe/key").get("qvel").split())
-        return [speed / metre if slide else speed for slide, speed in zip(slides, given, strict=True)]
-
-    assert speeds("cm", 0.01) == pytest.approx(speeds("m", 1.0), rel=1e-9)
-
-
-@MOUNTED
 @pytest.mark.parametrize("heavy", [True, False], ids=["masses of parts", "slender rods"])
 def test_a_model_runs_in_mujoco_as_the_kinematics_say(name, heavy) -> None:
     mujoco = pytest.importorskip("mujoco", reason="the extra [mujoco] is not installed")
@@ -278,9 +266,3 @@ def test_pylinkage_opens_it_and_draws_the_same_path(name, tmp_path) -> None:
     for joint, exact in (("body_point", body.origin), ("coupler_pin", body.place(linkage.guides[1].body_point))):
         path = np.array([complex(*row[names.index(joint)]) for row in rows])
         np.testing.assert_allclose(path, exact, atol=1e-9 * linkage.reach)
-
-
-def test_a_linkage_saves_itself_for_pylinkage(tmp_path) -> None:
-    la.FourBar(19, 72, 144, 165, coupler_point=(20, 60)).save(tmp_path / "one.pylinkage.json")
-    joints = json.loads((tmp_path / "one.pylinkage.json").read_text())["joints"]
-    assert "body_point" in {part["id"] for part in joints}

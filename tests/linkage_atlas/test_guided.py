@@ -135,34 +135,6 @@ def test_files_over_http_from_a_solution(client, drive) -> None:
     exported("svg", 422, "/solution/links")
 
 
-def test_a_four_bar_has_its_guides_too() -> None:
-    made = la.FourBar(19, 72, 144, 165, start_angle=30, coupler_point=(20, 60), body_offset=-75.9, ground_angle=30)
-    joints = made.joints(np.linspace(0, 70, 8))
-    best = la.synthesize(la.Motion(joints.rotation, joints.body_point, crank_span=70), top=1).best
-    assert isinstance(best, la.Solution) and (best.kind, best.driver) == ("four_bar", "crank")
-    crank, rocker = best.guides
-    assert crank.radius == pytest.approx(best.links.crank) and rocker.radius == pytest.approx(best.links.rocker)
-    again = la.Linkage(best.guides, "crank", best.branch, best.start_angle + best.mount.ground_angle)
-    there = again.joints(np.linspace(0, 70, 8))
-    assert np.allclose(there.body_point, joints.body_point, atol=1e-9)
-    assert np.allclose((there.rotation - joints.rotation + 180) % 360 - 180, 0, atol=1e-9)
-    assert np.array_equal(json.loads(json.dumps(best.to_dict()))["guides"][0]["pivot"], crank.pivot)
-
-
-@pytest.mark.parametrize("drive", DRIVES[1:], ids=NAMES[1:])
-def test_sensitivity_and_tolerances_come_with_the_solution(drive) -> None:
-    sizes = {"links": 0.05, "pivots": 0.05, "clearance": 0.02, "samples": 500}
-    one, _ = reply_of(drive, sensitivity=True, tolerance_study=sizes)
-    plain = json.loads(json.dumps(plain_of(one), allow_nan=False))
-    names = [row["dimension"] for row in plain["sensitivity"]]
-    assert len(names) == len(set(names)) and all(row["position"] >= 0 for row in plain["sensitivity"])
-    study = plain["tolerance_study"]
-    assert study["samples"] == 500 and 0 < study["position"]["worst"]["p95"] < 5
-    assert (study["band"]["travel"] is None) == drive[1].turns
-    again = one.linkage.tolerance_study(**sizes)
-    assert again.position.worst.p95 == pytest.approx(study["position"]["worst"]["p95"])
-
-
 @pytest.mark.parametrize("drive", some_of([(drive,) for drive in DRIVES[1:]], 6), ids=NAMES[1:])
 def test_lengths_that_can_be_had_come_with_their_errors(drive) -> None:
     one, motion = reply_of(drive, round_to=5.0)

@@ -80,15 +80,6 @@ def test_an_atlas_is_named_by_its_path_and_opened_once(four_bars: la.Atlas) -> N
     assert error.value.field == "/atlas"
 
 
-def test_an_atlas_of_slider_cranks_is_computed_beside_another(four_bars: la.Atlas) -> None:
-    beside = four_bars.of("slider_crank")
-    assert beside is four_bars.slider_cranks and len(beside) == 50_721 and beside.kind == "slider_crank"
-    found = la.match(rod([100, 500, 40], 20, span=40), 40, atlas=four_bars, mechanisms=["slider_crank"])
-    assert found[0].type.lengths == [100, 500, 40]
-    facts = {"kind": "slider_crank", "lengths": [100, 500, 40], "family": None, "winding": 0}
-    assert beside.details_of(found[0].type.number).items() >= facts.items()
-
-
 WRONG = [({"mechanisms": kinds}, "/mechanisms") for kinds in ([], "every", ["four_bar"])]
 WRONG += [({"mechanisms": ["four_bar", "six_bar"]}, "/mechanisms/1")]
 

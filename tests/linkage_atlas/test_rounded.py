@@ -97,22 +97,6 @@ PLACES = [[0, 0], [20, 10], [40, 25], [60, 50], [70, 80], [70, 110]]
 MOTION = la.Motion([0, 10, 25, 45, 70, 90], PLACES, timing="free")
 
 
-@pytest.mark.parametrize("rounding", some_of([{"lengths_from": [40, 60, 100]}, {"round_to": 100}], 1), ids=str)
-def test_each_linkage_that_can_be_had_is_listed_once(rounding) -> None:
-    """Of ten linkages several come to the same lengths."""
-    found = la.synthesize(MOTION, la.Limits(family="any"), **rounding)
-    made = [(one.branch, one.rounded.links) for one in found if one.rounded.closes]
-    assert len(set(made)) == len(made) and [one.rank for one in found] == list(range(1, len(found) + 1))
-    (note,) = [note for note in found.report.notes if "the same lengths" in note]
-    assert note.startswith(f"{len(found)} of ")
-    assert not any("the time was up" in note for note in found.report.notes)
-
-
-def test_of_linkages_that_come_to_the_same_lengths_the_best_is_shown() -> None:
-    found = la.synthesize(**EXAMPLE, lengths_from=[20, 70, 72.5, 144, 165])
-    assert tuple(found.best.links) == pytest.approx((19, 72, 144, 165)), "exact, where others are only near"
-
-
 def test_lengths_outside_of_the_limits_are_refused_where_a_link_is_to_be_of_them() -> None:
     """Linkages were looked for that cannot be."""
     limits = {"link_min": 18, "links": dict(zip(LINKS, (19, 72, 144, 165)))}
@@ -123,15 +107,6 @@ def test_lengths_outside_of_the_limits_are_refused_where_a_link_is_to_be_of_them
     assert error.value.field == "/lengths_from"
 
 
-def test_a_length_of_the_grid_that_is_the_longest_allowed_is_had() -> None:
-    """Three tenths are a little more than 0.3 in a computer."""
-    exact = la.FourBar(0.1, 0.3, 0.2, 0.3, start_angle=30, coupler_point=(0.1, 30)).joints(np.linspace(0, 120, 10))
-    for limits in ({"link_max": 0.3}, {"link_min": 0.1, "link_max": 0.3, "links": {"crank": 0.1, "rocker": 0.2}}):
-        asked = {"crank_span": 120, "round_to": 0.1, "top": 1, "limits": {"family": "any"} | limits}
-        found = la.synthesize(exact.rotation, exact.body_point, **asked)
-        assert found.best.rounded.links == pytest.approx((0.1, 0.3, 0.2, 0.3))
-
-
 def test_why_no_lengths_do_is_said() -> None:
     """A rhombus folds flat between samples of most solutions."""
     found = la.synthesize(MOTION, la.Limits(family="any"), lengths_from=[60])
@@ -139,29 +114,3 @@ def test_why_no_lengths_do_is_said() -> None:
     for one in found:
         assert (one.rounded.reason is None) == one.rounded.closes
         assert one.rounded.closes or "closes at all crank angles of this solution" in one.rounded.reason
-
-
-@pytest.mark.parametrize(
-    ("points", "span", "lengths"),
-    some_of(
-        [
-            ([[-88, 163], [-94, 131], [-95, 100], [-87, 78], [-79, 56]], 105, [70, 135, 15, 65]),
-            # one as long as link_max
-            ([[263, -20], [284, -91], [267, -165], [218, -214], [151, -240]], -115, [150, 395, 400, 130]),
-            ([[50, -219], [-26, -205], [-84, -168], [-125, -114], [-144, -50]], -100, [85, 130, 15, 50]),
-        ],
-        2,
-    ),
-    ids=["70", "150", "85"],
-)
-def test_what_rounding_found_is_found_when_its_lengths_are_given(points, span, lengths) -> None:
-    asked = {"position": points, "crank_span": span, "top": 1}
-    limits = {"family": "any", "link_min": 15, "link_max": 400}
-    rounded = la.synthesize(**asked, limits=limits, lengths_from=lengths).best.rounded
-    assert rounded.closes
-    for given in (LINKS, LINKS[:3], LINKS[2:]):
-        links = {name: length for name, length in zip(LINKS, rounded.links) if name in given}
-        best = la.synthesize(**asked, limits={**limits, "links": links}).best
-        assert best.errors.objective <= rounded.errors.objective * (1 + 1e-6), given
-        for name, length in links.items():
-            assert getattr(best.linkage, name) == pytest.approx(length, rel=1e-12)

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import linkage_atlas as la
-from synthesis.solids.robots import tree_of
 
 FOUR_BAR = la.FourBar(30, 60, 70, 50, start_angle=40, coupler_point=(40, 30), pivot_a=(5, -3))
 LOAD = {"force": [0, -10]}
@@ -57,26 +56,6 @@ def test_it_is_what_the_reply_of_its_drive_says(six) -> None:
     assert repr(again) == repr(linkage)
 
 
-def test_steadily_driven_it_has_inertia(six) -> None:
-    linkage, _ = six
-    masses = [{"link": name, "mass": 0.5, "inertia": 20.0} for name in ("motor_crank", "rod", "body")]
-    slow, fast = (linkage.analysis(speed, {"masses": masses}) for speed in (1.0, 3600.0))
-    assert np.abs(fast.motor_torque - slow.motor_torque).max() > 1e-3
-    # in centimetres everything is the same, lengths being ten times shorter
-    weighed = linkage.analysis(3600.0, {"masses": masses}, length_unit="cm")
-    inertia = fast.motor_torque - slow.motor_torque
-    tens = weighed.motor_torque - slow.motor_torque
-    assert tens == pytest.approx(10 * inertia, abs=1e-3 * np.abs(tens).max())
-    # power in is the change of kinetic energy: over a turn nothing is left of it
-    work = np.trapezoid(inertia[:-1], dx=2 * np.pi / 360) + (inertia[-2] + inertia[-1]) * np.pi / 360
-    assert abs(work) < 1e-3 * np.abs(inertia).max()
-    h = 1e-4
-    at = np.array([20.0, 200.0])
-    places = [linkage.joints(at + off).linkage.body_point for off in (-h, h)]
-    speed = linkage.analysis(90.0, motor=at).velocity
-    assert speed == pytest.approx((places[1] - places[0]) / (2 * h) * 90.0, rel=1e-5, abs=1e-5)
-
-
 def test_its_files_hold_the_motor(six, tmp_path) -> None:
     linkage, drive = six
     rows = list(csv.DictReader(io.StringIO(linkage.render("csv", analysis={"motor_speed": 60, "load": LOAD}))))
@@ -115,50 +94,6 @@ def test_a_simulator_turns_it_once_around(six, tmp_path) -> None:
     wanted = linkage.joints(np.rad2deg(first + turned[:, 0])).linkage.body_point / 1000
     assert sense != 0
     assert np.abs(turned[:, 1:] - wanted).max() < 0.01 * np.ptp(wanted, axis=0).max()
-
-
-@pytest.mark.parametrize("link", ["crank", "coupler"])
-def test_its_urdf_closes_all_around_in_a_simulator(link) -> None:
-    mujoco = pytest.importorskip("mujoco", reason="the extra [mujoco] is not installed")
-    one, _ = found(FOUR_BAR, [link], [0, 60])
-    parts = one.solids(boards="both", nevertheless=True)
-    machine = parts.solids.machine
-    names, joints = machine.movement.names, tree_of(machine)
-    assert [joint.name for joint in joints if joint.closing] == ["C", "Q"]
-    spec = mujoco.MjSpec.from_string(parts.file("urdf").decode())
-    for joint in joints:
-        if joint.closing:
-            loop = spec.add_equality()
-            loop.type, loop.objtype = mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtObj.mjOBJ_BODY
-            loop.name1, loop.name2 = names[joint.parent], names[joint.child]
-            loop.data[0:3] = [joint.at_parent.real / 1000, joint.at_parent.imag / 1000, 0]
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    first = machine.movement.bodies(np.zeros(1)).direction[:, 0]
-    for turned in np.linspace(0, 2 * np.pi, 13):
-        turn = machine.movement.bodies(np.array([turned])).direction[:, 0] / first
-        for joint in joints:
-            if not joint.closing:
-                data.joint(joint.name).qpos = np.angle(turn[joint.child] / turn[joint.parent])
-        mujoco.mj_forward(model, data)
-        assert abs(data.efc_pos).max() < 1e-9
-    # SDF has all seven
-    assert parts.file("sdf").decode().count('type="revolute"') == 7
-
-
-def test_on_a_hinge_it_is_a_four_bar() -> None:
-    flap = {"pivot": [10, 5], "start": 20, "swing": -60, "length": 400}
-    drive = la.drives(rocker=flap, drives=[{"kind": "dyad", "time_ratio": 1.2}]).drives[0]
-    one = drive.linkage
-    assert one.kind == "four_bar"
-    assert one.family == "crank_rocker"
-    turned = drive.six_bar.motor_angle - drive.six_bar.motor_angle[0]
-    joints = one.joints(turned)
-    assert joints.crank_pin == pytest.approx(drive.six_bar.motor_pin, abs=1e-6)
-    rocker = joints.rocker_direction - joints.rocker_direction[0]
-    assert rocker == pytest.approx(drive.six_bar.crank_angle, abs=1e-6)
-    assert joints.coupler_pin[0] == pytest.approx(drive.pin, abs=1e-6)
-    assert one.pivot_b == pytest.approx([10, 5])
 
 
 def test_of_a_solution_it_passes_the_samples() -> None:

@@ -1,6 +1,5 @@
 """Solid parts by the front door, the command and HTTP: what is asked, what is refused, and what the files hold."""
 
-import csv
 import io
 import json
 from importlib.resources import files
@@ -13,8 +12,6 @@ import linkage_atlas as la
 from app import cli
 from app.registry import worked_example
 from linkage_atlas.formats import FORMATS, OF_PARTS, kind_of
-from linkage_atlas.solids import MATERIALS, SOLIDS
-from synthesis.solids.solid import DENSITIES, FITS
 from tests.conftest import some_of
 from tests.oracles.solids import deepest, step_shells
 from tests.oracles.surface import open_edges
@@ -33,12 +30,6 @@ def linkage() -> la.FourBar:
 @pytest.fixture
 def request_body():
     return worked_example()
-
-
-def test_kinds_and_names_are_told_once() -> None:
-    assert set(OF_PARTS) < set(FORMATS)
-    assert set(MATERIALS) == set(FITS) and {one for both in MATERIALS.values() for one in both} <= set(DENSITIES)
-    assert [kind_of(f"window.{FORMATS[kind].endings[0]}") for kind in FORMATS] == list(FORMATS)
 
 
 @pytest.mark.parametrize("kind", OF_PARTS)
@@ -88,33 +79,6 @@ def test_what_parts_weigh_is_what_an_analysis_and_a_simulation_take(linkage) -> 
     assert linkage.solids(material="steel", **same, scale=0.5).masses == parts.masses
 
 
-def test_parts_stand_for_their_masses_in_analysis_and_drives(linkage, client, request_body) -> None:
-    masses = linkage.solids().to_dict()["masses"]
-    for unit in ("mm", "cm"):
-        given = linkage.solids(length_unit=unit).to_dict()["masses"]
-        one, other = (linkage.analysis(90, one, length_unit=unit) for one in ({"parts": True}, {"masses": given}))
-        assert one.crank_torque == pytest.approx(other.crank_torque, rel=1e-12)
-    asked = [{"kind": "rotary"}]
-    loads = {"parts": True}, {"masses": masses}
-    ways = [la.drives(linkage, crank_angle=[0, 70], drives=asked, load=one) for one in loads]
-    torques = [way.drives[0].peak_torque for way in ways]
-    assert torques[0] == pytest.approx(torques[1], rel=1e-12) and torques[0] > 0
-    # double cranks have parts, and weights, though their layers collide
-    assert np.abs(la.FourBar(60, 50, 70, 30).analysis(0, {"parts": True}).crank_torque).max() > 0
-    body = {**request_body, "top": 2, "analysis": {"crank_speed": 90, "load": {"parts": True}}}
-    for one in client.post("/v1/synthesize", json=body).json()["solutions"]:
-        assert max(map(abs, one["analysis"]["crank_torque"])) > 0
-    # with a sash on the body too
-    sash = [{"link": "body", "mass": 2.0}]
-    both = linkage.analysis(9, {"parts": True, "masses": sash})
-    sum_of = linkage.analysis(9, {"masses": sash + masses})
-    assert both.crank_torque == pytest.approx(sum_of.crank_torque, rel=1e-12)
-    for wrong, field in (({"masses": "parts"}, "/analysis/load/masses"), ({"parts": 1}, "/analysis/load/parts")):
-        with pytest.raises(la.FieldError) as refused:
-            linkage.analysis(90, wrong)
-        assert refused.value.field == field
-
-
 CRANK = {"guide": "circle", "pivot": [3, -4], "radius": 20, "body_point": [5, 2]}
 RAIL = {"guide": "rail", "point": [0, 6], "direction": 10, "body_point": [50, 8]}
 STEEP = {"guide": "rail", "point": [0, 0], "direction": 100, "body_point": [0, 4]}
@@ -158,14 +122,6 @@ def test_parts_of_rails_and_slots_weigh_where_they_are(one, tmp_path, client) ->
     assert len(step_shells((tmp_path / "pump.step").read_text())) == len(solids.parts)
 
 
-def test_units_of_length_are_told_apart(linkage) -> None:
-    inches = la.FourBar(19 / 25.4, 72 / 25.4, 144 / 25.4, 165 / 25.4, start_angle=30, coupler_point=(20 / 25.4, 60))
-    one, other = linkage.solids(), inches.solids(length_unit="in")
-    assert other.mass == pytest.approx(one.mass, rel=1e-9)
-    assert other.masses[0].at[0] == pytest.approx(one.masses[0].at[0] / 25.4)
-    assert other.masses[2].inertia == pytest.approx(one.masses[2].inertia / 25.4**2)
-
-
 def test_parts_that_would_collide_are_refused_with_the_reason(tmp_path) -> None:
     double = la.FourBar(60, 50, 70, 30)
     words = r"would collide: .*with boards on both sides 3 layers are free"
@@ -201,44 +157,6 @@ def test_a_body_that_has_layers_can_be_made(name, point) -> None:
     parts = linkage.solids(body=outline, nevertheless=True, **BOTH)
     rim = min(one.prism.thinnest_wall for one in parts.solids.parts if one.name in ("body", "coupler"))
     assert rim >= min(sizes.thickness, (sizes.width - sizes.hole) / 8) * (1 - 1e-9)
-
-
-def test_what_no_plate_has_room_for_is_refused_with_the_layers(client) -> None:
-    with pytest.raises(la.FieldError, match="no room for a post") as refused:
-        WORKED.assembly(body=OUTLINES["as slim as a pin"], hole=5.7)
-    assert refused.value.field == "/body"
-    four_bar = la.FourBar(51, 47, 82, 56, start_angle=40, coupler_point=(40, 30))
-    six = la.drives(four_bar, [{"kind": "dyad", "links": ["coupler"]}], crank_angle=[0, 60]).drives[0].linkage
-    assert six.assembly(hole=9).sizes.hole == 9
-    with pytest.raises(
-        la.FieldError, match=r"for D and Q, .* apart, would run into one another in the coupler"
-    ) as refused:
-        six.assembly(hole=10)
-    assert refused.value.field == "/hole"
-    asked = {"linkage": WORKED.to_dict(), "body": OUTLINES["as slim as a pin"], "hole": 5.7}
-    assert client.post("/v1/assembly", json=asked).json()["errors"][0]["pointer"] == "#/body"
-
-
-def test_what_is_no_mapping_is_refused_by_name(linkage) -> None:
-    """True was an AttributeError, and beside masses anything was passed over; for an assembly it asks for the defaults."""
-    assert linkage.file("parts", assembly=True) == linkage.file("parts")
-    assert b"board_below" in linkage.file("plates", assembly=True).lower()
-    for kind in ("step", "plates", "mjcf"):
-        for name, value in (("assembly", 3), ("solids", True), ("drive", True)):
-            with pytest.raises(la.FieldError) as refused:
-                linkage.file(kind, **{name: value})
-            assert refused.value.field == f"/{name}"
-    with pytest.raises(la.FieldError, match="holes"):
-        linkage.file("mjcf", assembly={"holes": 3})
-
-
-def test_a_list_of_parts_has_a_row_a_part(linkage) -> None:
-    parts = linkage.solids(heads=True, boards="both")
-    rows = list(csv.DictReader(io.StringIO(parts.file("parts").decode())))
-    assert [row["name"] for row in rows] == [one.name for one in parts.parts]
-    assert all(float(row["mass"]) == pytest.approx(1000 * one.mass) for row, one in zip(rows, parts.parts))
-    plates = {row["kind"] for row in rows if row["material"] == "aluminium"}
-    assert plates == {"plate", "board"} and {row["material"] for row in rows} == {"aluminium", "steel"}
 
 
 def test_plates_of_an_assembly_are_its_parts_flat(linkage) -> None:
@@ -331,13 +249,6 @@ def test_http_gives_the_same_files(client, kind, request_body) -> None:
     assert "would collide" in refused.text
     body["solids"]["nevertheless"] = True
     assert client.post("/v1/export", json=body).status_code == 200
-
-
-def test_every_argument_of_solids_is_one_of_http() -> None:
-    from app.fourbar.models import Material, SolidsRequest
-
-    assert tuple(SolidsRequest.model_fields) == SOLIDS
-    assert set(Material.__args__) == set(DENSITIES)
 
 
 @pytest.mark.parametrize("name", some_of([*GALLERY], 2))

@@ -90,17 +90,6 @@ def test_the_search_runs_too() -> None:
     assert begun.status == "reached" and len(begun.report.continued) == 2
 
 
-@pytest.mark.parametrize("change", [1, -1])
-def test_samples_may_be_added_and_removed(change) -> None:
-    asked = question("film")
-    start = plain(la.synthesize(**asked, top=1, budget=1.0, work=stepped).best)
-    places = [*asked["position"][:3], asked["position"][3], *asked["position"][3:]]
-    asked["position"] = [place for k, place in enumerate(places) if change > 0 or k not in (3, 4)]
-    if change > 0:
-        asked["position"][3] = list(np.mean(places[2:4], axis=0))
-    assert continued(asked, start)["links"]
-
-
 def test_errors_point_to_the_linkage() -> None:
     good = {"links": dict(crank=19, coupler=72, rocker=144, ground=165), "branch": 1, "start_angle": 30}
     for wrong, field in [

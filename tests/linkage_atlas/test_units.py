@@ -15,7 +15,6 @@ from ezdxf import bbox
 
 import linkage_atlas as la
 from linkage_atlas.formats import FORMATS
-from linkage_atlas.linkages import content_of
 
 TABLE = "x [{0}];y [{0}];angle\n0;0;0\n22;5;12\n41;17;27\n52;36;45\n50;58;66\n"
 UNITS = {"in": 25.4, "um": 0.001}
@@ -107,14 +106,3 @@ def test_analysis_and_drives_use_the_unit_of_the_motion(in_cm) -> None:
         unit: best.linkage.analysis(3600.0, load, length_unit=unit).crank_torque[1] for unit in (None, "cm", "mm")
     }
     assert torques[None] == torques["cm"] != torques["mm"]
-
-
-def test_a_format_without_a_writer_is_an_error(in_cm, monkeypatch) -> None:
-    """It used to be written as MJCF."""
-    _, best = in_cm
-    plain, target = best.linkage.plain, best.origin.motion.target
-    with pytest.raises(la.FieldError, match="kind"):
-        content_of(plain, target, 1.0, "iges", "mm", None, None)
-    monkeypatch.setitem(FORMATS, "iges", FORMATS["step"])
-    with pytest.raises(la.FieldError, match="no writer for 'iges'"):
-        content_of(plain, target, 1.0, "iges", "mm", None, None)

@@ -11,22 +11,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from synthesis import descents
 from synthesis.descents import Problem, Stage, Timed
 from synthesis.four_bar import close_loop, coupler_angle
 from synthesis.fourbar.limits import Constraints, Limits, Reach
 from synthesis.fourbar.mechanism import AnyChart, FullCrankChart, GrashofChart
-from synthesis.free import dyads
 from synthesis.free.joint import JointProblem
 from synthesis.free.limited import limited_problem
 from synthesis.free.poses import Poses
 from synthesis.mechanism import Placed
-from synthesis.pose import DEGENERATE
 from synthesis.search.problems import GivenProblem
 from synthesis.slider import SliderChart
 from synthesis.target import Interval, Samples, Target
-from synthesis.work import Work
-from tests.oracles.free_classes import free_case
 from tests.oracles.slider_crank import SLIDER_CHARTS, SLIDER_NAMES, SLIDERS, body_angle
 
 LENGTHS = np.array([[0.15, 0.3, 0.25, 0.3], [0.4, 0.25, 0.28, 0.07]])
@@ -54,7 +49,6 @@ LIMITS = Limits(
     envelope=(-1.0, -0.8, 1.2, 0.7),
 )
 """Of nearly every kind; no linkage keeps them all."""
-KEPT_LIMITS = Limits(transmission_angle_min=0.3, pivot_a=1 + 1j, link_max=6.0, coupler_radius_max=4.0)
 ON_SHAPE = Limits(
     transmission_angle_min=1.2, transmission_angle_min_turn=0.9, link_min=0.9, links=(0.95, None, None, None)
 )
@@ -270,16 +264,6 @@ def test_the_best_pose_is_that_of_least_squares(timing: str) -> None:
     np.testing.assert_allclose(rows @ asked.rotation_mean.root, 0, atol=1e-15)
 
 
-def test_a_crank_that_vanishes_is_none() -> None:
-    """Positions on a circle about the crank pin of a crank that does not move: z1 is nothing."""
-    target = Target(None, np.exp(1j * np.linspace(0.1, 2.0, 9)), crank=np.linspace(0.0, 3.0, 9))
-    problem, timed = GivenProblem(target, FullCrankChart()), candidates(FullCrankChart(), timing="given")[1]
-    assert np.all(np.abs(problem.measured(timed).timed.pose[:, 1]) > DEGENERATE) and problem.measured(timed).least < 1
-    along = coupler_angle(LENGTHS, timed.branch, timed.angles + target.crank)[0]
-    round_it = GivenProblem(replace(target, position=np.exp(1j * along)), FullCrankChart())
-    np.testing.assert_array_equal(np.isinf(round_it.measured(timed).cost), [True, False])
-
-
 @fourbars
 @limited_timings
 def test_rows_of_limits_and_their_derivatives(chart: Any, timing: str, posed: bool) -> None:
@@ -307,18 +291,6 @@ def test_rows_of_limits_and_their_derivatives(chart: Any, timing: str, posed: bo
     assert np.abs(np.concatenate(by_crank)).max() > 0.1
 
 
-@timings
-def test_a_problem_keeps_nothing_of_what_it_was_asked_before(timing: str) -> None:
-    """Once steps onto limits left their rows where rows of samples have zeros, and all later steps went astray."""
-    problem, timed = candidates(GrashofChart(), limits=KEPT_LIMITS, timing=timing)
-    fresh = problem.linearised(timed, 1e-3)
-    problem.moved_onto(timed)
-    problem.descended(timed, [Stage(9)])
-    for one, other in zip(fresh, problem.linearised(timed, 1e-3)):
-        for name in ("rows", "turn", "step"):
-            np.testing.assert_array_equal(one[name], other[name])
-
-
 # -- a step ------------------------------------------------------------------------------------------------------------
 
 
@@ -335,147 +307,6 @@ def test_descents_never_get_worse_and_keep_the_order(chart: Any, timing: str) ->
     np.testing.assert_allclose(done.cost, naive_cost(problem, done.timed), rtol=1e-6)
     angles = angles_of(problem, done.timed)
     assert np.all(np.diff(angles, axis=1) > 0) and np.all(np.ptp(angles, axis=1) < 2 * np.pi)
-
-
-@fourbars
-@limited_timings
-def test_within_limits_descents_lower_what_they_say(chart: Any, timing: str, posed: bool) -> None:
-    """The rows' squares in one stage."""
-    limits = KEPT_LIMITS if posed else replace(ON_SHAPE, link_min=None)
-    problem, timed = candidates(chart, True, limits, timing=timing, posed=posed)
-    values, equal = naive_limits(problem, limits, timed, posed)
-    squares, largest = problem.lacking(timed)
-    lacking = np.where(equal, np.abs(values), np.maximum(-values, 0.0))
-    np.testing.assert_allclose(largest, lacking.max(axis=1), rtol=1e-12)
-    np.testing.assert_allclose(squares, np.sum(lacking**2, axis=1), rtol=1e-12)
-
-    def cost(one: Timed, weight: float) -> np.ndarray:
-        there = naive_limits(problem, limits, one, posed)[0]
-        rows = np.where(equal, there, np.maximum(MARGIN - there, 0.0))
-        return naive_cost(problem, one) + weight**2 * np.sum(rows**2, axis=1)
-
-    least = cost(timed, 2.0)
-    for steps in (1, 3, 10, 30):
-        done = problem.descended(timed, [Stage(steps, weight=2.0)])
-        np.testing.assert_allclose(done.cost, cost(done.timed, 2.0), rtol=1e-8)
-        assert np.all(done.cost <= least * (1 + 1e-12))
-        least = done.cost
-
-
-@fourbars
-@timings
-@pytest.mark.parametrize("limits", [LIMITS, KEPT_LIMITS], ids=["that contradict one another", "that can be kept"])
-def test_moved_onto_limits_none_breaks_more_than_it_did(chart: Any, timing: str, limits: Limits) -> None:
-    problem, timed = candidates(chart, True, limits, timing=timing)
-    random = np.random.default_rng(4)
-    many = timed.take(np.arange(60) % 2)
-    many = problem.moved(many, 0.2 * random.standard_normal((60, unknowns_of(problem, timed))), np.zeros((60, 11)))
-    before = problem.lacking(many)[1]
-    moved, broken = problem.moved_onto(many)
-    assert np.all(broken <= before)
-    np.testing.assert_allclose(problem.lacking(moved.timed)[1], broken, rtol=1e-12)
-    if limits is KEPT_LIMITS:
-        assert np.mean(broken < 1e-13) > 0.5
-
-
-@timings
-def test_a_descent_cut_into_pieces_leads_to_the_same(timing: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    for limits in (None, KEPT_LIMITS):
-        problem, timed = candidates(GrashofChart(), True, limits, timing=timing)
-        many = timed.take(np.arange(7) % 2)
-        many = many._replace(shape=many.shape * np.linspace(0.9, 1.1, 7)[:, None])
-        stages = [Stage(25, weight=1.0), Stage(10, weight=10.0)]
-        at_once = problem.descended(many, stages)
-        monkeypatch.setattr(descents, "_BETWEEN_LOOKS", 1)
-        in_pieces = problem.descended(many, stages)
-        monkeypatch.undo()
-        alone = [problem.descended(many.take([k]), stages) for k in range(7)]
-        for k, one in enumerate(alone):
-            for other in (at_once, in_pieces):
-                for column, whole in zip((*one.timed, one.cost), (*other.timed, other.cost)):
-                    np.testing.assert_array_equal(column[0], whole[k])
-
-
-@timings
-def test_a_descent_whose_time_is_up_stays_where_it_came_to(timing: str) -> None:
-    problem, timed = candidates(GrashofChart(), timing=timing)
-    none = problem.descended(timed, [Stage(50)], work=Work(0.0))
-    for one, two in zip(timed, none.timed):
-        np.testing.assert_allclose(one, two, rtol=1e-12)
-    assert np.all(problem.descended(timed, [Stage(50)]).cost < none.cost)
-
-
-@pytest.mark.parametrize("size", [1.0, 50.0, 1e200])
-def test_any_step_of_the_crank_angles_keeps_their_order(size: float) -> None:
-    problem, timed = candidates(GrashofChart(), False)
-    random = np.random.default_rng(3)
-    for way in (1.0, -1.0):
-        here = timed._replace(angles=way * timed.angles)
-        for _ in range(20):
-            turn = size * random.standard_normal(here.angles.shape)
-            here = problem.moved(here, np.zeros((2, 10)), turn)
-            assert np.all(way * np.diff(here.angles, axis=1) > 0)
-            assert np.all(np.ptp(here.angles, axis=1) <= 2 * np.pi * (1 + 1e-12))  # the sums' rounding
-            here = here._replace(angles=here.angles - here.angles[:, :1])
-
-
-@pytest.mark.parametrize("exchanged", [[], [3], [3, 7], [5, 4]])
-def test_descents_end_where_no_step_in_order_lowers_the_cost(exchanged: list[int]) -> None:
-    # once samples that wanted to pass one another moved all others aside, and descents ended beside minima
-    problem, timed = candidates(GrashofChart(), False)
-    angles = 0.3 * np.arange(11.0)
-    place = 0.4 * np.exp(1j * angles) + 0.7 * np.exp(1j * coupler_angle(LENGTHS[:1], np.ones(1), angles)[0])
-    for k in exchanged:
-        place[[k, k + 1]] = place[[k + 1, k]]
-    problem = JointProblem(Poses(None, place + 0.01 * np.sin(7 * angles)), GrashofChart())
-    done = problem.descended(timed.take([0])._replace(angles=angles[None] + 0.1), [Stage(2000, 1e-15)])
-
-    def cost(angles: np.ndarray) -> float:
-        return problem.measured(done.timed._replace(angles=angles[None]), posed=False).cost[0]
-
-    angles, size = done.timed.angles[0], 1e-6
-    rise = [cost(angles + size * one) - cost(angles - size * one) for one in np.eye(angles.size)]
-    slope = np.array(rise) / 2 / size
-    blocks = np.split(slope, 1 + np.flatnonzero(np.diff(angles) > 1e-6))
-    assert len(blocks) == angles.size - len(exchanged)
-    for block in blocks:
-        scale = np.sqrt(done.cost[0])
-        assert abs(block.sum()) < 1e-4 * scale  # all of a block turn together
-        assert np.all(np.cumsum(block) < 1e-4 * scale)  # and none of them is held back that would stay behind
-
-
-def test_a_curved_valley_is_followed_to_its_end() -> None:
-    # a short crank over a small span; by downhill steps with each angle cut by itself none of these arrived
-    random = np.random.default_rng(1)
-    chart, count = GrashofChart(), 40
-    shape = chart.unknowns(np.array([[0.019, 0.14, 0.417, 0.424]]))
-    angles = 0.4 + np.deg2rad(83) * np.sort(random.uniform(0, 1, (1, 12)), axis=1)
-    coupler = chart.at(shape, angles, np.ones(1)).angle[0]
-    position = 0.2 * np.exp(1j * angles[0]) + 1.1 * np.exp(1j * (coupler + 0.4))
-    scale = float(np.max(np.abs(position - position.mean())))
-    problem = JointProblem(Poses(None, position, length_scale=scale), chart)
-    hopped = chart.hopped(np.repeat(shape, count, axis=0), random.standard_normal((count, 4)))
-    start = unposed(hopped, angles + 0.5 * random.standard_normal((count, 1)))
-    done = problem.descended(start, [Stage(60)], 1e-10, others=np.inf)
-    assert np.mean(done.cost < 1e-18) > 0.4
-
-
-@pytest.mark.parametrize("order", ["given", "any"])
-def test_samples_that_lack_a_part_get_the_crank_angles_that_fit(order) -> None:
-    """Of a linkage that fits all, from the angles at a few: also of the samples before and after those."""
-    fitted = 0
-    for seed in range(6):
-        case = free_case(seed, 12)
-        poses = Poses(rotation=case.rotation, position=case.position, ordered=order == "given", length_scale=1.0)
-        problem = JointProblem(poses, FullCrankChart())
-        true = unposed(problem.chart.unknowns(case.lengths[None]), case.theta1[None], float(case.branch))
-        true = problem.measured(problem.facing(true)).timed
-        known = np.array([2, 5, 6, 9])
-        found = dyads.aligned(problem, true._replace(angles=true.angles[:, known]), known)
-        fitted += problem.measured(found, posed=False).least < 1e-6 * poses.extent
-        if order == "given":
-            assert len(set(np.sign(np.diff(found.angles[0])))) == 1
-    assert fitted >= 4
 
 
 @pytest.mark.parametrize(("span_max", "ordered"), [(2 * np.pi, True), (2.5, True), (2 * np.pi, False)])

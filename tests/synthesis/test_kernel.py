@@ -35,21 +35,6 @@ def test_the_libraries_run_without_cython() -> None:
 
 CHARTS = [GrashofChart(), AnyChart(), FullCrankChart()]
 NAMES = ["grashof", "any", "full", *SLIDER_NAMES]
-every_chart = pytest.mark.parametrize("chart", [*CHARTS, *SLIDER_CHARTS], ids=NAMES)
-
-
-@every_chart
-def test_shapes_and_angles(chart: Any) -> None:
-    random = np.random.default_rng(6)
-    points = random.uniform(-1.5, 1.5, (8, len(chart.cell) - 1))
-    theta1, side = random.uniform(-7, 7, (8, 5)), random.choice([-1.0, 1.0], 8)
-    told = []
-    for module in (compiled(), uncompiled()):
-        lengths, x0, y0, jacobian = module.shapes(chart.kind, points)
-        found = module.body_angles(chart.guide, lengths, x0, y0, side, theta1, True)
-        told.append((lengths, x0, y0, jacobian, *found))
-    for one, other in zip(*told):
-        np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-14)
 
 
 LENGTHS = np.array([[0.15, 0.3, 0.25, 0.3], [0.4, 0.25, 0.28, 0.07]])
@@ -214,23 +199,6 @@ def test_descents(timing: str, rotation: bool, position: bool, bent_below: float
     same(work, 1e-6)  # normal equations of a condition up to 1e11 are solved in each step
 
 
-@pytest.mark.parametrize(
-    ("timing", "posed"), [(one, way) for one in TIMINGS for way in sorted({True, one == "free"})]
-)
-@pytest.mark.parametrize("chart", CHARTS, ids=["grashof", "any", "full"])
-def test_descents_within_limits(chart: Any, timing: str, posed: bool) -> None:
-    def work(module: ModuleType) -> list[Any]:
-        descent = Descent(module, chart, timing, limited=True, posed=posed)
-        descent.kernel.evaluate_candidates(False, False)
-        for weight in (0.3, 3.0):
-            descent.kernel.update_multipliers(weight)
-            descent.kernel.configure(2, 1e-3, 1e-9, 0.0, 1.0, 0.0)
-            assert descent.kernel.run(100)
-        return [*descent.state, *descent.kernel.violations()]
-
-    same(work, 1e-9)
-
-
 TASKS: dict[str, Callable[[Descent], Any]] = {
     "look": lambda one: one.kernel.evaluate_candidates(False, False),
     "look, posed": lambda one: one.kernel.evaluate_candidates(True, True),
@@ -243,18 +211,6 @@ TASKS: dict[str, Callable[[Descent], Any]] = {
     "excursions": lambda one: np.column_stack(one.kernel.excursions(0.05, 0.2)),
     "restore": lambda one: one.kernel.restore(3),
 }
-
-
-@pytest.mark.parametrize("ordered", [True, False])
-@pytest.mark.parametrize("samples", [1, 2, 6])
-def test_alignment(samples: int, ordered: bool) -> None:
-    def work(module: ModuleType) -> list[Any]:
-        descent = Descent(module, CHARTS[1], ordered=ordered, samples=samples)
-        descent.kernel.evaluate_candidates(True, True)
-        descent.kernel.align_crank_angles(11)
-        return descent.state
-
-    same(work, 1e-12)
 
 
 @pytest.mark.parametrize("samples", [1, 2, 3])
@@ -272,23 +228,6 @@ def test_few_samples(timing: str, samples: int, limited: bool) -> None:
         return [descent.costs] if samples == 3 else []
 
     same(work, 1e-5)
-
-
-@pytest.mark.parametrize(
-    ("timing", "ordered"), [("free", True), ("free", False), ("given", True), ("start given", True)]
-)
-@pytest.mark.parametrize("task", TASKS)
-def test_what_else_is_asked(task: str, timing: str, ordered: bool) -> None:
-    def work(module: ModuleType) -> list[Any]:
-        told = []
-        for chart in (CHARTS[0], CHARTS[2]):
-            descent = Descent(module, chart, timing, limited=True, ordered=ordered)
-            answer = TASKS[task](descent)
-            told += [*descent.state, *([] if answer is None else [answer])]
-        return told
-
-    # where limits contradict one another, rounding moves candidates along the common scale of their lengths
-    same(work, 1e-5 if task == "restore" else 1e-9)
 
 
 def test_rows_that_are_apart() -> None:

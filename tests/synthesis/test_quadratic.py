@@ -50,28 +50,3 @@ def test_quadratic_programs_against_scipy() -> None:
         slope, options = lambda x, k=k: hessian[k] @ x + gradient[k], {"ftol": 1e-14, "maxiter": 500}
         naive = minimize(cost, inside[k], jac=slope, constraints=[limits], method="SLSQP", options=options)
         assert cost(z[k]) <= naive.fun + 1e-8
-
-
-def test_a_member_gives_the_same_alone() -> None:
-    matrix, bound, inside = chebyshev(3)
-    count, _, size = matrix.shape
-    gradient, hessian = np.zeros((count, size)), np.zeros((count, size, size))
-    gradient[:, -1] = 1.0
-    together = minimise_quadratics(hessian, gradient, matrix, bound, inside)[0]
-    alone = minimise_quadratics(hessian[2:3], gradient[2:3], matrix[2:3], bound[2:3], inside[2:3])[0]
-    np.testing.assert_array_equal(alone[0], together[2])
-
-
-def test_what_nothing_holds_stays_where_it_is() -> None:
-    matrix, bound, inside = chebyshev(2)
-    count, rows, size = matrix.shape
-    matrix = np.concatenate([matrix, np.zeros((count, rows, 1))], axis=2)
-    inside = np.concatenate([inside, np.full((count, 1), 7.0)], axis=1)
-    gradient = np.zeros((count, size + 1))
-    gradient[:, -2] = 1.0
-    z, _ = minimise_quadratics(np.zeros((count, size + 1, size + 1)), gradient, matrix, bound, inside)
-    held = minimise_quadratics(
-        np.zeros((count, size, size)), gradient[:, :-1], matrix[:, :, :-1], bound, inside[:, :-1]
-    )
-    assert np.all(z[:, -1] == 7.0)
-    np.testing.assert_allclose(z[:, :-1], held[0], atol=1e-12)

@@ -46,15 +46,6 @@ def test_a_balanced_order_takes_the_smaller_of_two_accurate_linkages() -> None:
     assert first("balanced", flat, straight) is straight
 
 
-def test_the_smallest_error_leads_unless_nobody_builds_the_linkage() -> None:
-    near = replace(COMPACT, error=0.019)
-    assert first("error", HUGE, near) is near
-    assert first("error", HUGE, replace(near, error=0.021)) is HUGE
-    exact = replace(HUGE, error=0.0)
-    assert first("error", exact, near) is exact
-    assert first("error", replace(COMPACT, error=0.0), exact).size == COMPACT.size
-
-
 def test_the_front_holds_all_that_nothing_beats() -> None:
     assert pareto_front(np.array([[1.0, 2.0], [2.0, 1.0], [2.0, 2.0], [1.0, 2.0]])).tolist() == [
         True,

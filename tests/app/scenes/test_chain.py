@@ -38,30 +38,6 @@ def test_the_contracts_request_and_reply(client) -> None:
     assert reply["wheel_phase_conflict"] == pytest.approx(4.199, abs=0.005)
 
 
-def test_radians(client) -> None:
-    asked = [{**PUBLISHED, "samples": 5, "angle_unit": unit} for unit in ("deg", "rad")]
-    degrees, radians = (client.post("/v1/chain/slot", json=body).json() for body in asked)
-    assert radians["events"] == pytest.approx([math.radians(event) for event in degrees["events"]])
-    assert radians["geometry"]["xi"] == pytest.approx(math.radians(degrees["geometry"]["xi"]))
-    assert radians["wheel_phase_conflict"] == pytest.approx(math.radians(degrees["wheel_phase_conflict"]))
-    assert radians["slot"]["xy"] == degrees["slot"]["xy"]
-    first = degrees["fit"]["pieces"][0]["theta1"]
-    assert radians["fit"]["pieces"][0]["theta1"] == pytest.approx([math.radians(bound) for bound in first])
-    start = {**PUBLISHED, "samples": 5, "phase_start": 45}
-    asked = client.post("/v1/chain/slot", json=start).json()
-    same = client.post("/v1/chain/slot", json={**start, "phase_start": math.pi / 4, "angle_unit": "rad"}).json()
-    assert same["slot"]["end_step"] == pytest.approx(asked["slot"]["end_step"]) == pytest.approx(0.061, abs=1e-3)
-
-
-def test_a_roller(client) -> None:
-    fits = client.post("/v1/chain/slot", json={**PUBLISHED, "roller_radius": 52.0}).json()
-    assert fits["checks"]["roller_fits"] is True
-    large = {**PUBLISHED, "roller_radius": 53.0}
-    assert client.post("/v1/chain/slot", json=large).json()["checks"]["roller_fits"] is False
-    refused = client.post("/v1/chain/slot.dxf", json=large)
-    assert refused.status_code == 422 and refused.json()["errors"][0]["pointer"] == "#/roller_radius"
-
-
 def test_exports_alike_over_http_and_on_the_command_line(client, tmp_path) -> None:
     file = tmp_path / "request.json"
     for path, body in (
@@ -85,38 +61,6 @@ def test_exports_alike_over_http_and_on_the_command_line(client, tmp_path) -> No
 
 
 # Other tracks
-
-
-def crescent_segments(geometry):
-    """The crescent as a list of arcs, in degrees."""
-    r0, r1, r2 = geometry["wheel_radius"], geometry["upper_radius"], geometry["lower_radius"]
-    b, xi = geometry["eccentricity"], geometry["xi"]
-
-    def arc(x, y, radius, start, sweep):
-        return {"kind": "arc", "centre": [x, y], "radius": radius, "start_angle": start, "sweep": sweep}
-
-    return [
-        arc(-r1 - r0, 0, r0, 0, 180 + xi),
-        arc(0, b, r2, 180 + xi, 180 - 2 * xi),
-        arc(r1 + r0, 0, r0, -xi, 180 + xi),
-        arc(0, 0, r1, 0, -180),
-    ]
-
-
-def test_the_crescent_as_any_track_gives_the_same_slot(client) -> None:
-    crescent = client.post("/v1/chain/slot", json={**PUBLISHED, "samples": 31}).json()
-    body = {"pitch": 131, "segments": crescent_segments(crescent["geometry"]), "free_segment": 3, "samples": 31}
-    reply = client.post("/v1/chain/track", json=body).json()
-    assert reply["links"] == 16 and reply["free_segment"] == 3 and reply["replaced_segments"] == [3]
-    assert reply["slot"]["depth_max"] == pytest.approx(crescent["slot"]["depth_max"], abs=1e-9)
-    places = zip(reply["slot"]["xy"], crescent["slot"]["xy"], strict=True)
-    assert max(math.dist(ours, theirs) for ours, theirs in places) < 1e-6
-    # Driven from the other wheel the same slot is found; segments keep the request's numbers.
-    other = client.post("/v1/chain/track", json={**body, "driver_segment": 2}).json()
-    assert other["driver_segment"] == 2 and other["free_segment"] == 3
-    assert other["slot"]["depth_max"] == pytest.approx(crescent["slot"]["depth_max"], abs=1e-9)
-    pairs = {(row["pin"], row["to_segment"]) for row in reply["crossings"]}
-    assert pairs == {(10, 2), (12, 3), (16, 0), (2, 1)}
 
 
 # Stretch, pins, powers, tolerances
@@ -154,12 +98,6 @@ def test_all_pins_over_http_and_as_a_table(client) -> None:
     assert last["theta15_deg"] == pins["theta"][-1][14] and last["P3_x"] == pins["xy"][-1][2][0]
     radians = client.post("/v1/chain/slot", json={**body, "samples": 5, "angle_unit": "rad"}).json()["pins"]
     assert radians["theta"][0] == pytest.approx([math.radians(angle) for angle in pins["theta"][0]])
-
-
-def test_pins_of_any_track(client) -> None:
-    body = {"pitch": 50, "links": 16, "stadium": {"radius": 60}, "samples": 11, "include": ["pins", "outline"]}
-    reply = client.post("/v1/chain/track", json=body).json()
-    assert reply["pins"]["theta"] is None and len(reply["pins"]["xy"][0]) == 16 and reply["outline"]["left"] is None
 
 
 def test_powers_of_the_fit_for_a_control(client) -> None:

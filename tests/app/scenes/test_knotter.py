@@ -3,7 +3,6 @@
 import csv
 import json
 import math
-import re
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -17,7 +16,6 @@ from app.resources import ServiceResources
 from app.scenes import knotter as models
 from app.scenes import scene_queries
 from app.settings import Settings
-from synthesis.scenes.knotter.conditions import EvaluationOptions
 from tests.conftest import finite
 
 ROOT = Path(__file__).parents[3]
@@ -80,52 +78,6 @@ def test_radians_are_the_same_answer(client, reference) -> None:
     laws = {"beta": {"lead": math.radians(23.5), "ratio": 0.5}, "alpha4": {"table": table}}
     own = scan(client, angle_unit="rad", parameters={"alpha2": math.radians(8)}, laws=laws)
     assert own["pairs"] == found["pairs"]
-
-
-def test_only_what_is_asked_for_is_computed(client) -> None:
-    # The disc's law ends at 180 degrees: the wrap can be told, the bite cannot.
-    laws = {"beta": {"table": [[0, 23.5], [180, 113.5]]}}
-    found = scan(client, conditions=["wrap"], laws=laws)
-    assert all(pair["clearance"] is None and pair["bite"] is None for pair in found["pairs"])
-    assert len(found["feasible"]) == 7
-    scan(client, conditions=["clearance", "wrap"], laws=laws)  # the disc's spin does not move its plane
-    reply = client.post("/v1/knotter/scan", json={"laws": laws})
-    assert reply.status_code == 422 and reply.json()["errors"][0]["pointer"] == "#/laws/beta"
-
-
-def test_equal_laws_in_other_words_give_equal_answers(client, reference) -> None:
-    for laws in (
-        {"beta": {"table": [[0, 23.5], [360, 203.5]]}},
-        {"beta": {"table": [[0, 23.5], [100, 73.5], [360, 203.5]], "kind": "pchip"}},
-        {"alpha4": {"dwell": {"before": 22.5, "after": 0, "start": 270, "end": 337}}},
-        {"alpha4": {"table": [[0, 22.5], [270, 22.5], [337, 0], [400, 0]], "outside": "error"}},
-    ):
-        for one, other in zip(reference["pairs"], scan(client, laws=laws)["pairs"]):
-            for name, field in (("wrap", "angle"), ("bite", "angle"), ("clearance", "worst"), ("bite", "margin")):
-                assert one[name][field] == pytest.approx(other[name][field], abs=1e-10)
-
-
-def test_grid_may_hold_any_parameter(client) -> None:
-    found = scan(client, grid={"alpha1": [10], "alpha3": [25], "d5": [54, 74.5, 74.51]}, conditions=["wrap"])
-    assert found["axes"] == ["alpha1", "alpha3", "d5"]
-    assert [pair["parameters"] for pair in found["pairs"]] == [{"d5": 54}, {"d5": 74.5}, {"d5": 74.51}]
-    assert found["feasible"] == [[10, 25, 54], [10, 25, 74.5]]
-
-
-def test_a_sample_at_one_angle_is_equation_18(client, reference) -> None:
-    for one, other in zip(reference["pairs"], scan(client, clearance={"over": [270, 270]})["pairs"]):
-        assert other["clearance"]["worst"] == other["clearance"]["value"] == one["clearance"]["value"]
-        assert other["clearance"]["worst_angle"] == 270
-
-
-def test_range_ends_come_back_as_they_were_given(client) -> None:
-    grid = {"alpha1": [10], "alpha3": [25]}
-    pair = scan(client, windows={"wrap": [0, 100.3]}, clearance={"over": [240.1, 270]}, grid=grid)["pairs"][0]
-    assert pair["wrap"]["leave"] == 100.3
-    assert pair["wrap"]["status"].startswith("the segment first enters through the wanted edge")
-    inside = scan(client, windows={"wrap": [95.7, 180]}, grid=grid)["pairs"][0]["wrap"]
-    told = [inside[name] for name in ("angle", "entered_by", "edge", "holds")]
-    assert told == [95.7, "start", None, False]
 
 
 def test_needle_over_http(client) -> None:
@@ -191,24 +143,6 @@ def test_csv_holds_the_same_numbers(client, reference) -> None:
         assert (row["feasible"] == "True") == pair["feasible"]
 
 
-def test_page_runs_and_states_the_limits_that_hold(capsys) -> None:
-    page = (Path(__file__).parents[3] / "docs" / "knotter.md").read_text()
-    exec(re.search(r"```python\n(.*?)```", page, re.DOTALL).group(1), {})
-    assert capsys.readouterr().out.split()[0] == "[63.43494882"
-    limits = page[page.index("## Limits\n") :]
-    for name in "LENGTH RATIO TABLE_ROWS GRID_VALUES PAIRS RANGE_TURNS PIECES".split():
-        value = EvaluationOptions().max_pieces if name == "PIECES" else getattr(models, f"MAX_{name}")
-        texts = (f"{value:,}", f"{value:g}".replace("e+0", "e"), str(value))
-        assert any(f" {text}" in limits for text in texts), name
-
-
-def test_a_hook_at_rest_before_its_turn_may_be_locked_there(client) -> None:
-    later = {"alpha4": {"table": [[300, 22.5], [337, 0]]}}
-    locked = scan(client, conditions=["clearance"], laws=later)["pairs"]
-    steady = scan(client, conditions=["clearance"], laws={"alpha4": {"lead": 22.5}})["pairs"]
-    assert locked == steady
-
-
 def test_a_rope_that_never_enters_says_why(client) -> None:
     pair = scan(client, grid={"alpha1": [10], "alpha3": [25], "d5": [120]}, conditions=["wrap"])["pairs"][0]["wrap"]
     assert pair["angle"] is None and pair["margin"] < 0
@@ -256,14 +190,6 @@ def test_curves_of_one_pair_hold_its_verdict_and_paths(client, reference) -> Non
     assert radians["beta"][0] == pytest.approx(math.radians(23.5))
     rows = list(csv.DictReader(client.post("/v1/knotter/curves.csv", json={"samples": 5}).text.splitlines()))
     assert len(rows) == 5 and {"alpha", "E1.j", "E2.k", "S10.i", "E1.on_rope"} <= set(rows[0])
-
-
-def test_curves_of_a_part_of_the_turn_where_the_jaw_rests(client) -> None:
-    part, whole = (ask(client, "curves", over=over, samples=3) for over in ([0, 180], [0, 360]))
-    assert part["alpha4"] == pytest.approx([22.5] * 3)
-    assert part["paths"]["S10"][2] == pytest.approx(whole["paths"]["S10"][1])
-    late = ask(client, "curves", over=[340, 360], samples=2)
-    assert late["alpha4"] == [0, 0]
 
 
 def test_fit_reproduces_the_published_patterns_from_a_seeded_start(client) -> None:

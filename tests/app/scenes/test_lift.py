@@ -1,7 +1,5 @@
 """The lift over HTTP and on the command line: contract, refusals with name and amount, only what is asked for."""
 
-import copy
-import csv
 import json
 import math
 
@@ -11,7 +9,7 @@ from app import cli
 from app.scenes import lift as models
 from linkage_atlas import FieldError
 from synthesis.scenes.lift.constraints import Constraints
-from tests.conftest import changed, finite
+from tests.conftest import changed
 
 DESIGN = {"l2": 300, "l3": 180, "l4": 240, "l5": 330, "b": 480}
 MOTION = {"design": DESIGN, "cylinder": {"length": 220, "speed": 100, "acceleration": 0}, "samples": 11}
@@ -61,18 +59,6 @@ def test_everything_can_be_asked_for_and_agrees(client) -> None:
 BUILDABLE = changed(OPTIMIZE, {"-upper_bound": 0, "objective": {"kind": "normalized"}, "constraints": {}})
 
 
-@pytest.mark.parametrize(("scale", "speed"), [(1e-9, -100.0), (1e9, 1e-6)])
-def test_any_scale_is_answered_with_finite_numbers(client, scale, speed) -> None:
-    body = copy.deepcopy(MOTION)
-    body["design"] = {name: value * scale for name, value in DESIGN.items()}
-    body["cylinder"] = {"length": 220 * scale, "speed": speed}
-    body["include"] = ["angles", "angular_velocities", "angular_accelerations", "conditions", "instant_centre"]
-    reply = client.post("/v1/lift/motion", json=body)
-    assert reply.status_code == 200, reply.text
-    assert finite(reply.json())
-    assert reply.json()["rise_time"] == pytest.approx(572.022727 * scale / abs(speed), rel=1e-8)
-
-
 def test_optimize_replies_what_the_contract_names(client) -> None:
     body = changed(OPTIMIZE, {"objective": {"kind": "discrete", "n": 310}})
     reply = client.post("/v1/lift/optimize", json=body).json()
@@ -99,15 +85,6 @@ def test_batch_rows_are_single_answers_and_errors_stay_in_their_row(client) -> N
     assert rows[2]["constraint"] == "b<=upper_bound" and rows[2]["amount"] > 8000
 
 
-def test_batch_limits_its_work(client) -> None:
-    body = {**changed(OPTIMIZE, {"-cylinder": 0}), "objective": {"kind": "discrete", "n": models.MAX_STEPS}}
-    body["cylinders"] = [{"length": 200 + k, "speed": 100} for k in range(models.MAX_CYLINDERS)]
-    row = client.post("/v1/lift/batch", json=body).json()["errors"][0]
-    assert row["constraint"] == "batch_steps" and row["pointer"] == "#/objective/n"
-    body["cylinders"] *= 2
-    assert client.post("/v1/lift/batch", json=body).status_code == 422
-
-
 def test_csv_has_a_line_for_each_time(client, tmp_path) -> None:
     reply = client.post("/v1/lift/motion.csv", json=MOTION)
     assert reply.headers["content-type"].startswith("text/csv")
@@ -118,23 +95,6 @@ def test_csv_has_a_line_for_each_time(client, tmp_path) -> None:
     request.write_text(json.dumps(MOTION))
     assert cli.main(["lift", "motion", str(request), "--export", str(target)]) == 0
     assert target.read_bytes() == reply.content
-
-
-def test_what_is_included_over_the_time_stands_in_the_csv_too(client) -> None:
-    """It was passed over."""
-    asked = ["angles", "angular_velocities", "angular_accelerations", "points", "conditions", "instant_centre"]
-    body = MOTION | {"include": [*asked, "residual", "assemblies"], "angle_unit": "rad"}
-    reply = client.post("/v1/lift/motion", json=body).json()
-    head, *rows = csv.reader(client.post("/v1/lift/motion.csv", json=body).text.splitlines())
-    found = {name: [float(cell) if cell else None for cell in column] for name, *column in zip(head, *rows)}
-    for name, unit in zip(asked, ("rad", "rad_s", "rad_s2")):
-        for part, values in reply[name].items():
-            assert found.pop(f"{name}_{part}_{unit}") == values
-    for joint in "ABC":
-        assert list(zip(found.pop(f"{joint}_x"), found.pop(f"{joint}_y"))) == [*map(tuple, reply["points"][joint])]
-    for name in asked[4:]:
-        assert found.pop(name) == reply[name]
-    assert list(found) == ["time", "height", "velocity", "acceleration", "cylinder_length", "cylinder_speed"]
 
 
 # -- nothing is said that was not computed ----------------------------------------------------------------------
@@ -219,22 +179,6 @@ def test_forces_over_the_stroke(client) -> None:
     assert 10 * max(found["cylinder"]) / (math.pi * found["bore_min"] ** 2 / 4) == pytest.approx(6)
     lines = client.post("/v1/lift/motion.csv", json={**MOTION, "pneumatics": pneumatics}).text.splitlines()
     assert lines[0].endswith("force_weight,force_cylinder,force_link,force_slide,pressure")
-
-
-@pytest.mark.parametrize("when", [{"samples": 2}, {"times": [0.5]}])
-def test_the_largest_forces_are_of_the_whole_motion_however_few_times_are_asked_for(client, when) -> None:
-    design = {"l2": 130.5, "l3": 165.5, "l4": 223.5, "l5": 344.5, "b": 560.3}  # pushes most in the middle
-    cylinder, pneumatics = {"length": 482.2, "speed": 100}, {"load": 500, "mass": 20, "bore": 38, "pressure": 5}
-    fine, few = (
-        client.post(
-            "/v1/lift/motion", json={"design": design, "cylinder": cylinder, "pneumatics": pneumatics, **times}
-        ).json()["forces"]
-        for times in ({"samples": 2001}, when)
-    )
-    for name in ("cylinder_max", "pressure_max", "bore_min"):
-        assert few[name] == pytest.approx(fine[name], rel=1e-4)
-    assert few["cylinder_min"] == pytest.approx(0, abs=1e-9 * fine["cylinder_max"])
-    assert few["pressure_is_enough"] is fine["pressure_is_enough"] is False
 
 
 def test_the_optimum_as_files(client) -> None:

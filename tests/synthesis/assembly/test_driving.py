@@ -72,19 +72,6 @@ def test_so_do_those_with_a_rod_on_the_coupler_or_on_a_linkage_on_guides() -> No
     assert {(True, "coupler"), (False, "coupler"), (False, "crank")} <= seen
 
 
-def test_the_six_bar_of_the_design_s_size_has_three_layers() -> None:
-    found = Search(motor_driven(LINKAGE, USED, MOTOR, Sizes()), Asked("below"), Work()).answer()
-    assert (found.status, found.stack.count) == ("free", 3)
-    assert set(found.stack.layers) == {"crank", "coupler", "rocker", "motor_crank", "rod"}
-    assert len(found.stack.pins) == 7
-
-
-def test_a_motor_that_does_not_fit_is_refused() -> None:
-    for wrong in (MOTOR._replace(crank=15.0), MOTOR._replace(at=80 + 0j), MOTOR._replace(link="wing")):
-        with pytest.raises(FieldError, match="do not move"):
-            motor_driven(LINKAGE, USED, wrong, Sizes())
-
-
 def test_a_rod_on_a_slider_has_no_plate() -> None:
     slider = on_guides((Circle(0j, 1.0, 0j), Rail(0.3j, 0.0, 3 + 0j)), Driver.CRANK, 1, 0.5)
     used = Interval(0.0, 1.0)

@@ -8,7 +8,6 @@ import shapely
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from synthesis.assembly import gaps
 from synthesis.assembly.gaps import (
     Carried,
     Gaps,
@@ -18,7 +17,6 @@ from synthesis.assembly.gaps import (
     disc,
     distances,
     hull,
-    nearest_room,
     signed_area,
 )
 from synthesis.assembly.machine import Sizes, as_plates
@@ -28,7 +26,7 @@ from synthesis.linkage import four_bar
 from synthesis.target import TURN, Interval
 from synthesis.work import Work
 from tests.oracles.assembly import shapely_gap
-from tests.oracles.solids import TABLE, linkage_of
+from tests.oracles.solids import TABLE
 from tests.synthesis.assembly.test_layers import NEAR, machine_of
 
 SEED = 20351
@@ -146,14 +144,6 @@ def test_distances_are_those_of_shapely() -> None:
             assert found == pytest.approx(wanted, abs=1e-12), (a, b)
 
 
-def test_a_polygon_in_another_is_at_no_distance() -> None:
-    outer, inner = np.array([[0, 4, 4 + 4j, 4j]]), np.array([[1 + 1j, 2 + 1j, 2 + 2j]])
-    assert distances(outer, inner)[0] == distances(inner, outer)[0] == 0
-    # in the bay of one that is not convex it is
-    bay = np.array([[0, 4, 4 + 4j, 3 + 4j, 3 + 1j, 1 + 1j, 1 + 4j, 4j]])
-    assert distances(bay, np.array([[1.5 + 3j, 2.5 + 3j]]))[0] == pytest.approx(0.5)
-
-
 @settings(max_examples=50, deadline=None)
 @given(st.lists(st.complex_numbers(max_magnitude=10, allow_nan=False), min_size=1, max_size=8))
 def test_a_hull_holds_its_points(points) -> None:
@@ -166,47 +156,6 @@ def test_a_hull_holds_its_points(points) -> None:
 
 def test_a_hull_has_no_corner_on_a_side() -> None:
     assert hull([0, 1, 2, 2 + 1j, 2 + 2j]) == (0, 2, 2 + 2j)
-
-
-def test_the_nearest_room_is_that_of_shapely() -> None:
-    rng, found = np.random.default_rng(SEED), 0
-    for _ in range(60):
-        count = int(rng.integers(3, 12))
-        turns = np.sort(rng.uniform(0, 2 * np.pi, count))
-        corners = rng.uniform(0.2, 1.0, count) * np.exp(1j * turns)
-        if np.ptp(turns) < np.pi or crosses_itself(corners) or signed_area(corners) < 0.1:
-            continue
-        kept = [tuple(rng.uniform(-1, 1, 2) + 1j * rng.uniform(-1, 1, 2)) for _ in range(2)]
-        kept[0] = kept[0][:1] * 2
-        rim, apart, point = 0.05, 0.1, complex(*rng.uniform(-1.5, 1.5, 2))
-        here = nearest_room(corners, kept, rim, apart, point)
-        free = shapely.Polygon([(z.real, z.imag) for z in corners]).buffer(-rim, 256)
-        for a, b in kept:
-            free = free.difference(shapely.LineString([(a.real, a.imag), (b.real, b.imag)]).buffer(apart, 256))
-        if free.is_empty:
-            assert here is None
-            continue
-        # that of which less than `ROOM` is left may be overlooked
-        wide = free.buffer(-2e-3)
-        assert here is not None or wide.is_empty
-        if here is not None and not wide.is_empty:
-            found += 1
-            assert free.distance(shapely.Point(here.real, here.imag)) < 2e-5
-            least, most = (one.distance(shapely.Point(point.real, point.imag)) for one in (free, wide))
-            assert least - 1e-4 < abs(here - point) < most + 1e-3
-    assert found > 20
-
-
-def test_few_squares_are_looked_at_for_room_where_teeth_are_just_too_thin(monkeypatch) -> None:
-    """A comb of 194 corners took five seconds."""
-    teeth = [(11 * k, 11 * k + 9.98) for k in range(47, -1, -1)]
-    corners = [-4.5j, 528 - 4.5j]
-    for low, high in teeth:
-        corners += [high + 0j, high + 500j, low + 500j, low + 0j]
-    looked: list[complex] = []
-    monkeypatch.setattr(gaps, "contains", lambda corners, at: looked.append(at) or contains(corners, at))
-    assert nearest_room(corners, [], 5.0, 0.0, 250 - 20j) is None
-    assert 100 < len(looked) < 1100
 
 
 def test_outlines_that_cross_themselves() -> None:
@@ -284,14 +233,3 @@ def test_overlap_of_sharp_outlines_is_a_collision() -> None:
     assert len(proof.hits) == 1
     assert proof.hits[0].first == 0.0
     assert proof.hits[0].last == pytest.approx(2 * np.arctan2(0.5, 1), abs=1e-12)
-
-
-def test_far_from_the_origin_nothing_is_lost() -> None:
-    case = TABLE["E4"]
-    near, far = linkage_of(case), linkage_of(case).__class__(**{**linkage_of(case).__dict__, "pivot_a": 1e9 + 1e9j})
-    found = []
-    for linkage in (near, far):
-        machine = as_plates(linkage, Interval(0.0, TURN), Sizes(6.0, 18.0))
-        (proof,) = gaps_of(machine, [("coupler", "A")]).prove(machine.used, Work())
-        found.append(proof.hits)
-    assert np.array(found[0]) == pytest.approx(np.array(found[1]), abs=1e-6)

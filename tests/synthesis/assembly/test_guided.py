@@ -6,9 +6,8 @@ import pytest
 from synthesis.assembly.layers import Asked, Search
 from synthesis.assembly.machine import OnGuides, Sizes, as_plates
 from synthesis.assembly.movement import GROUND, Between, Movement, Place
-from synthesis.errors import FieldError
 from synthesis.guides import DRIVERS, Circle, Driver, Rail, Slot
-from synthesis.linkage import four_bar, on_guides
+from synthesis.linkage import on_guides
 from synthesis.target import TURN, Interval
 from synthesis.work import Work
 from tests.oracles.assembly import disagreements, nearest, sliders
@@ -59,15 +58,6 @@ def test_no_body_leaves_its_enclosure(way) -> None:
     assert worst > 0.4
 
 
-def test_a_body_on_two_circles_is_the_four_bar() -> None:
-    linkage = four_bar((30.0, 60.0, 70.0, 50.0), 1, 0.3, 2 + 1j, 0.4, (20.0, 1.0), 0.2)
-    used = Interval(0.0, TURN)
-    one, other = as_plates(linkage, used, Sizes(6.0, 18.0)), as_plates(linkage, used, Sizes(6.0, 18.0))
-    found = [Search(machine, Asked("below"), Work()).answer() for machine in (one, other)]
-    assert found[0].stack.layers == found[1].stack.layers
-    assert found[0].least[1].gap == pytest.approx(found[1].least[1].gap, abs=1e-9)
-
-
 def test_proofs_of_sliders_agree_with_shapely() -> None:
     for machine in sliders(11):
         search = Search(machine, Asked("below"), Work())
@@ -100,13 +90,6 @@ def test_a_pin_in_a_slit_meets_the_other_pins_of_its_plate() -> None:
     near = as_plates(linkage, Interval(-1.5, 1.0), Sizes(0.45, 0.9, 0.2))
     found = Search(near, Asked("below"), Work()).answer()
     assert any(set(one.pair) == {"B", "D"} for one in found.collisions)
-
-
-def test_a_loop_that_opens_is_refused() -> None:
-    crank, rail = Circle(0j, 1.0, 0j), Rail(0.3j, 0.0, 0.5 + 0j)
-    linkage = on_guides((crank, rail), Driver.CRANK, 1, 0.0)
-    with pytest.raises(FieldError, match="does not close"):
-        as_plates(linkage, Interval(0.0, TURN), Sizes())
 
 
 def test_the_motion_ends_where_a_slit_or_the_loop_does() -> None:

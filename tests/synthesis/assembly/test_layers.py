@@ -1,13 +1,10 @@
 """Layers of plates: the acceptance table, facts that hold for every linkage, and a search without any pruning."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 
-from synthesis.assembly.layers import BOARDS, Asked, Free, Heights, Search, arrange, outside, parts_of
+from synthesis.assembly.layers import BOARDS, Asked, Free, Search, arrange, outside
 from synthesis.assembly.machine import Sizes, as_plates
-from synthesis.errors import FieldError
 from synthesis.fourbar.joints import joints_at
 from synthesis.linkage import four_bar
 from synthesis.target import TURN, Interval
@@ -132,19 +129,6 @@ def test_stops_are_where_the_next_collision_begins() -> None:
             assert (again.status != "free" or again.stack.count > 2) == hits
 
 
-def test_of_several_collisions_around_a_free_interval_the_nearest_stop_it() -> None:
-    """Machines that collide with the shafts twice and more in a turn: each is free from stop to stop, and no further."""
-    through = Asked("both", mounts={"A": "below+above", "B": "below+above"})
-    for seed, place in ((45, 1), (47, 1), (50, 1)):
-        machine = list(random_machines(seed, place + 1))[place]
-        found = arrange(machine, through, Work())
-        low, high = found.low.at, found.high.at
-        for off, status in ((1e-6, "free"), (-1e-6, "blocked")):
-            for used in ((low + off, high - 1e-6), (low + 1e-6, high - off)):
-                again = arrange(dataclasses.replace(machine, used=Interval(*used)), through, Work())
-                assert again.status == status
-
-
 def test_heads_lie_in_no_board_and_fill_layers() -> None:
     found = arrange(machine_of(TABLE["E4"]), Asked("both", heads=True), Work())
     stack = found.stack
@@ -152,31 +136,6 @@ def test_heads_lie_in_no_board_and_fill_layers() -> None:
     assert all(1 <= head.layer <= stack.count for head in stack.heads)
     ends = {(head.pin, head.end) for head in stack.heads}
     assert {("D", "below"), ("D", "above"), ("C", "below"), ("C", "above")} <= ends
-
-
-def test_parts_of_one_layer_stand_between_its_faces() -> None:
-    machine = machine_of(TABLE["E4"])
-    found = arrange(machine, Asked("both", heads=True), Work())
-    heights = Heights.of(machine, 3.0, 0.5)
-    parts = parts_of(machine, found.stack, heights)
-    assert len({part.name for part in parts}) == len(parts)
-    for part in parts:
-        assert part.z == heights.z(*part.layers)
-        assert part.z[1] - part.z[0] >= 3.0
-    assert {part.name for part in parts if part.kind == "board"} == {"board_below", "board_above"}
-    below = next(part for part in parts if part.name == "board_below")
-    held = {pin for pin, mount in found.stack.mounts.items() if "below" in mount}
-    assert {hole.pin for hole in below.holes} == held
-
-
-def test_a_loop_that_opens_has_no_layers() -> None:
-    with pytest.raises(FieldError, match="do not close"):
-        as_plates(linkage_of(TABLE["E2"]), Interval(*np.deg2rad([-70, 0])), Sizes())
-
-
-def test_too_few_layers_for_heads_are_refused() -> None:
-    with pytest.raises(FieldError, match="more than 2 layers"):
-        arrange(machine_of(TABLE["E1"]), Asked("below", heads=True, most=2), Work())
 
 
 def test_a_body_lies_in_a_layer_of_its_own_on_a_post() -> None:

@@ -10,7 +10,7 @@ from synthesis.atlas.request import RotationRequest
 from synthesis.atlas.scan import STARTS, Scan
 from synthesis.atlas.table import AtlasRule, compute_series
 from synthesis.atlas.tree import PIECES, build_tree
-from synthesis.atlas.windows import TIE, Windows, best_of, steps_of
+from synthesis.atlas.windows import TIE, Windows, best_of
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule
 from synthesis.fourbar.mechanism import FOURBAR, ROCKER
 from synthesis.pose import objective
@@ -136,25 +136,6 @@ def test_bounds_hold_in_every_window_of_every_node(scans) -> None:
                 rows = tree.rows[node * size : (node + 1) * size]
                 ids = rows[rows >= 0].astype(np.int64) * 720 + window
                 assert (scan.errors(target, scan.numbering.windows(ids)) >= bound * (1 - 1e-9) - TIE).all()
-
-
-@pytest.mark.parametrize("rotation", [[0, 0, 0, 0], [0, TURN, 2 * TURN, 3 * TURN], [0.1, 0.2, 0.1, 0.4]])
-def test_samples_whole_turns_apart_make_all_starts_alike(scans, rotation) -> None:
-    target = make_target(np.array(rotation), crank_angle=np.arange(4) * TURN)
-    for name in ("few", "any order"):
-        found, report = scans[name].best(target, 7)
-        assert report.exhaustive and np.ptp(steps_of(found.error)) == 0
-        alike = scans[name].mechanism.winding(scans[name].lengths) == round(rotation[1] / TURN)
-        row = np.flatnonzero(alike)[0] if alike.any() else 0
-        assert found.row.tolist() == [row] * 7
-        assert list(zip(found.start, found.branch)) == [(k // 2, 1 - 2 * (k % 2)) for k in range(7)]
-
-
-def test_three_positions_are_met_by_the_first_windows(scans) -> None:
-    target = make_target(None, np.array([0, 1 + 1j, 3]), crank_angle=np.array([0, 0.5, 1.1]))
-    found, report = scans["few"].best(target, 9)
-    assert report.exhaustive and found.row.tolist() == [0] * 9 and found.error.max() < TIE
-    assert found.start.tolist() == [0, 0, 1, 1, 2, 2, 3, 3, 4]
 
 
 @pytest.mark.parametrize("positions", [False, True])

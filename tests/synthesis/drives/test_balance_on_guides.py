@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from synthesis.drives.links import hinged_at, motions_at
+from synthesis.drives.links import motions_at
 from synthesis.drives.springs import springs_on_pendulums
 from synthesis.guides import Circle, Driver, Rail, Slot
 from synthesis.linkage import Mass
@@ -55,16 +55,6 @@ def test_the_energy_is_the_same_in_every_position(drive, stiffness):
     assert all(one.stiffness > 0 and stiffness in (None, one.stiffness) for one in found)
 
 
-@pytest.mark.parametrize("swing", [0.01, 0.8, -2.9])
-def test_a_link_on_a_hinge_is_balanced_by_one_spring(swing):
-    load = load_of_links(("body", "rocker"), np.random.default_rng(7))
-    machine = hinged_at(3 - 2j, 0.4, 2.0, np.linspace(0.0, swing, 61))
-    (spring,) = springs_on_pendulums(None, machine, machine.torque(load))
-    without = energy(machine, load, [])
-    assert np.ptp(energy(machine, load, [spring])) < 1e-9 * np.ptp(without)
-    assert spring.between == ("ground", "rocker") and spring.stiffness > 0
-
-
 def test_what_weighs_along_a_rail_beside_a_slot_cannot_be_balanced_but_across_it_can():
     random = np.random.default_rng(5)
     linkage = good_linkage(random, (Rail, Driver.SLIDER, Slot), -0.1, 0.4, 0.2)
@@ -76,9 +66,3 @@ def test_what_weighs_along_a_rail_beside_a_slot_cannot_be_balanced_but_across_it
     found = springs_on_pendulums(linkage, machine, machine.torque(across))
     assert found is not None and [one.between for one in found] == [("ground", "block")]
     assert np.ptp(energy(machine, across, found)) < 1e-9 * np.ptp(energy(machine, across, []))
-
-
-def test_nothing_to_carry_needs_no_spring():
-    linkage = good_linkage(np.random.default_rng(1), (Circle, Driver.CRANK, Rail), -0.1, 0.4, 0.2)
-    machine = motions_at(linkage, np.linspace(0, 0.3, 61))
-    assert springs_on_pendulums(linkage, machine, machine.torque(Load())) == []

@@ -1,7 +1,6 @@
 """The checked examples of drives and springs, to the digits of tests/reference/drives.json."""
 
 import json
-import re
 from functools import cache
 from pathlib import Path
 
@@ -96,23 +95,6 @@ def test_a_catalogue_on_all_three_links(stroke: str) -> None:
         assert (None if isinstance(found, Refused) else round(found.peak, 3)) == peak, link
 
 
-def test_whole_numbers_whose_torque_changes_sign() -> None:
-    one = machine(WHOLE)
-    torque = one.torque(Load(complex(*WHOLE["force"])))
-    assert torque[[0, -1]] == pytest.approx([WHOLE["torque_first"], WHOLE["torque_last"]], abs=1e-6)
-    for link in ("crank", "coupler"):
-        asked = question(WHOLE, link)
-        found = asked.best(Actuator(60, 20))
-        assert not isinstance(found, Refused)
-        assert found.peak == pytest.approx(WHOLE[link]["peak"], abs=1e-6)
-        assert np.abs(found.arm).min() == pytest.approx(WHOLE[link]["arm"], abs=1e-5)
-        assert asked.bound(20) == pytest.approx(WHOLE["bound"], abs=1e-4)
-    refused = question(WHOLE, "rocker").best(Actuator(60, 20))
-    assert isinstance(refused, Refused)
-    assert refused.reason == "reach"
-    assert refused.needed == pytest.approx(542, abs=0.5)
-
-
 def motor_torque(row: dict, motor: complex, crank: float, rod: float, radius: float) -> float:
     """Largest motor torque at 61 even motor angles of one way."""
     fine = machine(CASEMENT, 200_001)
@@ -164,14 +146,6 @@ def best_angles(swing: int) -> list[float]:
 def test_best_transmission_angles(swing: int) -> None:
     # two of the table's 49 angles, at 45 and 1.5 and at 90 and 1.2, are rounded the other way
     assert best_angles(swing) == pytest.approx(REFERENCE["angles"][str(swing)], abs=0.054)
-
-
-def test_the_documented_angles_are_these() -> None:
-    page = (Path(__file__).parents[3] / "docs" / "drives.md").read_text()
-    rows = re.findall(r"^\| (\d+) \| ([\d. |]+) \|$", page, re.M)
-    assert [int(swing) for swing, _ in rows] == [20, 30, 45, 60, 90, 120, 150]
-    for swing, told in rows:
-        assert [float(one) for one in told.split(" | ")] == pytest.approx(best_angles(int(swing)), abs=0.05)
 
 
 # -- springs ----------------------------------------------------------------------------------------------------------

@@ -5,10 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from synthesis.drives.links import SAMPLES, LinkMotions, hinged_at, motions_of
-from synthesis.guides import Circle, Driver, Rail, Slot
-from synthesis.linkage import Linkage, on_guides
-from synthesis.studies.forces import Load, PointForce, Pull, forces, on_links
+from synthesis.drives.links import LinkMotions, motions_of
+from synthesis.linkage import Linkage
+from synthesis.studies.forces import PointForce, Pull, forces, on_links
 from synthesis.target import Interval
 from tests.conftest import some_of
 from tests.oracles.driven_cases import any_linkage, loads, random_linkage
@@ -102,18 +101,6 @@ def test_all_kinds_hold_three_bodies_in_equilibrium(seed: int) -> None:
     assert force == pytest.approx(np.array(wanted), rel=1e-9, abs=1e-9 * np.abs(wanted).max())
 
 
-GUIDED = [
-    on_guides((Circle(0j, 1.0, 0.2 + 0.1j), Rail(2 - 0.3j, 0.1, 3 + 0j)), Driver.CRANK, 1, 0.7),
-    on_guides((Rail(0j, 0.3, 0.1j), Circle(2 + 1j, 1.5, 2 + 0j)), Driver.SLIDER, 1, 0.2),
-    on_guides((Slot(2 + 1j, 0.1 + 0.2j, 0.3), Circle(0j, 1.2, 0.3j)), Driver.CYLINDER, 1, 1.9),
-]
-
-
-@pytest.mark.parametrize("machine", [motions_of(one, Interval(0.0, 0.25), 241) for one in GUIDED])
-def test_rates_of_linkages_with_sliders_are_derivatives(machine: LinkMotions) -> None:
-    _are_derivatives(machine)
-
-
 @given(st.integers(0, 10_000))
 def test_rates_are_derivatives_also_as_seen_from_another_link(seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -147,11 +134,3 @@ def _are_derivatives(machine: LinkMotions) -> None:
             (link.rate, link.rate_change),
         ):
             assert difference(values) == pytest.approx(slope[2:-2], abs=2e-7 * size**2)
-
-
-def test_a_hinged_link_is_its_own_body() -> None:
-    machine = hinged_at(1 + 2j, 0.3, 5.0, np.linspace(0.0, -0.8, SAMPLES))
-    assert machine.sense == -1
-    assert machine.body is not None
-    assert machine.body.origin[0] == pytest.approx(1 + 2j + 5 * np.exp(0.3j))
-    assert machine.torque(Load(-10j))[0] == pytest.approx(50 * np.cos(0.3))

@@ -3,14 +3,11 @@
 import numpy as np
 import pytest
 
-from synthesis.drives.links import SAMPLES, hinged_at
-from synthesis.drives.six_bar import MOTOR_CRANK, ROD, Motor, SixBar, about_pivot, joints_of
-from synthesis.errors import FieldError
+from synthesis.drives.six_bar import ROD, Motor, SixBar, joints_of
 from synthesis.linkage import Mass, four_bar
 from synthesis.studies.forces import Load
 from synthesis.target import TURN, Interval
 from tests.oracles.assembly import other_six_bars
-from tests.oracles.equilibrium import Moving, circles, equilibrium
 
 WATT = four_bar((30.0, 60.0, 70.0, 50.0), 1, np.deg2rad(40.0), 3 - 2j, 0.2, (40.0, 0.5), 0.1)
 USED = Interval(0.0, np.deg2rad(60.0))
@@ -84,53 +81,3 @@ def test_newton_and_euler_give_the_torque_of_virtual_work(six, linkage) -> None:
         if speed:
             other = six.held(machine, joints_of(linkage, six.motor, machine), load._replace(metre=1.0))
             assert np.abs(other.torque - held.torque).max() > 1e-6 * np.abs(wanted).max()
-
-
-def test_poses_and_forces_are_those_of_circles_and_of_every_link() -> None:
-    """In plain arithmetic: the rod's pin by two circles, the four-bar from its crank, nine equations of its links."""
-    six = watt()
-    motor, load = six.motor, Load(2 - 5j, 3.0)
-    machine = six.machine(TURNED[:49])
-    held = six.held(machine, joints_of(WATT, motor, machine), load)
-    b = WATT.pivot_b
-    for k, knee in enumerate(six.knee(TURNED[:49])):
-        pins = [circles((3, -2), abs(motor.pin), (knee.real, knee.imag), motor.rod, side) for side in (True, False)]
-        places = [complex(*pin) for pin in pins]
-        pin = machine.links["crank"].place(motor.pin)[k]
-        assert min(abs(place - pin) for place in places) < 1e-10 * motor.rod
-        at = Moving(WATT.links, 1, (3, -2), (b.real, b.imag), float(np.angle(pin - (3 - 2j))))
-        assert abs(complex(*at.c) - machine.links["rocker"].place(70 + 0j)[k]) < 1e-11 * 70
-        rod = ("rod", "crank", motor.pin, (knee.real, knee.imag))
-        found = equilibrium(at, WATT.arm, (2, -5), 3.0, (), (0, 0), 0.0, rod)
-        size = np.abs(found).max()
-        for name, column in (("A", 0), ("D", 2), ("B", 6)):
-            assert abs(held.forces[name][k] - complex(*found[column : column + 2])) < 1e-9 * size
-        assert abs(held.forces["C"][k] - complex(*found[4:6])) < 1e-9 * size
-        assert abs(abs(held.forces["Q"][k]) - abs(found[8])) < 1e-9 * size
-        assert abs(held.forces["K"][k] - held.forces["Q"][k]) < 1e-9 * size
-
-
-def test_a_link_on_a_hinge_is_driven_too() -> None:
-    rocker = hinged_at(0j, 0.5, 400.0, np.linspace(0.0, 1.1, SAMPLES)).links["rocker"]
-    found = about_pivot(rocker, np.ones(61), 1.1, 320.0, True, None)
-    assert not isinstance(found, str)
-    motor = Motor("rocker", found.motor, found.crank, found.rod, found.pin)
-    six = SixBar(lambda at: hinged_at(0j, 0.5, 400.0, at), Interval(0.0, 1.1), motor)
-    six.check()
-    machine = six.machine(TURNED)
-    assert set(machine.links) == {"rocker", MOTOR_CRANK, ROD}
-    assert six.transmission(machine).min() == pytest.approx(found.least_angle, abs=1e-2)
-    assert max(six.last, TURN - six.last) / min(six.last, TURN - six.last) == pytest.approx(1.1, abs=1e-9)
-
-
-def test_a_motor_that_swings_nothing_is_refused() -> None:
-    six = watt()
-    for wrong in ({"crank": 13.0}, {"pin": 30 + 5j}, {"link": "slider"}, {"at": complex(np.nan, 0)}):
-        with pytest.raises(FieldError, match="do not move"):
-            SixBar.of(WATT, USED, six.motor._replace(**wrong))
-    for used in (Interval(0.0, 0.5), Interval(0.0, TURN), Interval(0.0, 0.0)):
-        with pytest.raises(FieldError, match="do not move"):
-            SixBar.of(WATT, used, six.motor)
-    # numbers of six digits do, and lead a little beyond the ends
-    rounded = six.motor._replace(at=complex(round(six.motor.at.real, 3), round(six.motor.at.imag, 3)))
-    SixBar.of(WATT, USED, rounded)

@@ -1,7 +1,5 @@
 """Springs: balance in every position, fits that keep their lengths, and the torque as a derivative of energy."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -12,7 +10,6 @@ from synthesis.drives.springs import (
     Room,
     Spring,
     SpringRow,
-    best_pair,
     best_spring,
     fitted,
     one_spring,
@@ -23,7 +20,6 @@ from synthesis.drives.springs import (
 from synthesis.linkage import Mass
 from synthesis.studies.forces import Load
 from synthesis.target import Interval
-from tests.conftest import some_of
 from tests.oracles.driven_cases import random_linkage
 
 KINDS = [
@@ -31,8 +27,6 @@ KINDS = [
     SpringRow("stiff", 4.0, 0.4, 0.5, 0.4, 1.6),
     SpringRow("short", 9, 0.05, 1, 0.05, 0.06),
 ]
-
-ROOM = Room((-3.0, -3.0, 3.0, 3.0), 1.5, 0.05)
 
 
 def weights(rng: np.random.Generator) -> Load:
@@ -113,36 +107,3 @@ def test_a_fitted_spring_helps_and_keeps_its_lengths_and_places(seed: int) -> No
             clear = between[0] != "ground" or min(abs(ends[0] - p) for p in (linkage.pivot_a, linkage.pivot_b)) >= 0.1
             if clear and min(map(abs, ends[1:])) >= 0.1:
                 assert rms <= np.sqrt(np.mean(trial.torque**2)) * 1.02
-
-
-@pytest.mark.parametrize("seed, most", some_of([(3, 6e-4), (8, 2e-4)], 1))
-def test_two_fitted_springs_are_placed_to_the_end_of_their_descent(seed: int, most: float) -> None:
-    """Cut off at 80 steps they left 3 and 280 times as much."""
-    linkage, interval = random_linkage(np.random.default_rng(seed))
-    machine = motions_of(linkage, interval)
-    torque = machine.torque(weights(np.random.default_rng(seed)))
-    found = best_pair(machine, torque, [("ground", "crank"), ("ground", "rocker")], KINDS, ROOM)
-    assert not isinstance(found, str)
-    assert np.sqrt(np.mean(found.torque**2)) < most
-
-
-@pytest.mark.parametrize("seed", some_of([3, 11, 39], 1))
-def test_a_spring_is_the_same_in_any_unit_of_length(seed: int) -> None:
-    """Of rows and places that are as good as one another the first is taken, whatever rounding makes of them."""
-    linkage, interval = random_linkage(np.random.default_rng(seed))
-    assert linkage.coupler_point is not None
-    radius, angle = linkage.coupler_point
-    found = []
-    for unit in (1.0, 1e-3, 1.25):
-        links = replace(linkage.scaled(unit), pivot_a=linkage.pivot_a * unit, coupler_point=(radius * unit, angle))
-        machine = motions_of(links, interval)
-        torque = machine.torque(Load(masses=(Mass("body", 1.0, 0j),), gravity=-2j))
-        sizes = [("short", 1.2, 3.0), ("long", 0.9, 3.2)]
-        rows = [SpringRow(name, -0.2 / unit, 3 * unit, -3.0, a * unit, b * unit) for name, a, b in sizes]
-        room = Room((-3 * unit, -3 * unit, 3 * unit, 3 * unit), 1.5 * unit, 0.05 * unit)
-        one = best_spring(machine, torque, [("ground", ("crank", "rocker", "coupler")[seed % 3])], rows, room)
-        assert not isinstance(one, str)
-        found.append((one.kinds, np.array(one.springs[0].points) / unit))
-    for kinds, points in found[1:]:
-        assert [row and row.name for row in kinds] == [row and row.name for row in found[0][0]]
-        assert points == pytest.approx(found[0][1], abs=1e-3)

@@ -11,11 +11,10 @@ from hypothesis import strategies as st
 
 from synthesis.errors import FieldError
 from synthesis.four_bar import close_loop, transmission_angle_over
-from synthesis.fourbar.limits import Constraints, Limits, Reach, in_family
+from synthesis.fourbar.limits import Constraints, Limits, Reach
 from synthesis.fourbar.mechanism import GrashofChart
-from synthesis.fourbar.solution import keeps
 from synthesis.mechanism import Placed
-from synthesis.target import Interval, Target
+from synthesis.target import Interval
 
 LAW = settings(max_examples=40, deadline=None)
 EVERY = {
@@ -81,33 +80,6 @@ def test_derivatives_are_those_of_central_differences(name) -> None:
         assert np.quantile(gap, 0.97) < (1e-4 if name == "envelope" else 1e-6), column
 
 
-@pytest.mark.parametrize("family", ["full_crank", "crank_rocker", "double_crank"])
-def test_limits_in_the_form_of_all_length_ratios_are_smooth_and_say_the_same(family) -> None:
-    """The family and the ratio of the lengths are functions there, and the turn's transmission angle is one of any linkage."""
-    limits = Limits(family, transmission_angle_min_turn=0.3, link_ratio_max=3.0)
-    smooth, step = Constraints(limits, smooth=True), 1e-6
-    random = np.random.default_rng(6)
-    linkages = placed(5, 200)
-    linkages = linkages._replace(lengths=np.concatenate([random.uniform(0.2, 1.5, (100, 4)), linkages.lengths[:100]]))
-    found = smooth(linkages)
-    for column in range(11):
-        ahead, behind = (smooth(moved(linkages, column, sign * step)).values for sign in (1, -1))
-        np.testing.assert_allclose(found.slopes[:, :, column], (ahead - behind) / (2 * step), atol=1e-6)
-    named = {name: found.values[:, [one == name for one in found.names]] for name in found.names}
-    assert {name: values.shape[1] for name, values in named.items()} == {
-        "family": 3, "transmission_angle_min_turn": 2, "link_ratio_max": 12,
-    }  # fmt: skip
-    lengths = linkages.lengths
-    np.testing.assert_array_equal(np.all(named["family"] > 0, axis=1), in_family(family, lengths))
-    ratio = lengths.max(axis=1) / lengths.min(axis=1)
-    np.testing.assert_allclose(named["link_ratio_max"].min(axis=1), np.log(3.0 / ratio), atol=1e-12)
-    own = Constraints(limits)(linkages)
-    turn = own.values[:, [one == "transmission_angle_min_turn" for one in own.names]]
-    full = in_family("full_crank", lengths)
-    np.testing.assert_array_equal(turn[full], named["transmission_angle_min_turn"][full])
-    assert np.all(turn[~full] == 1.0), "of a crank that does not turn fully nothing is asked"
-
-
 @LAW
 @given(st.integers(0, 10_000), st.sampled_from(sorted(EVERY)))
 def test_they_say_what_a_dense_look_says(seed, name) -> None:
@@ -170,21 +142,6 @@ def test_the_envelope_is_not_left_between_the_angles_that_are_looked_at() -> Non
     assert np.max(np.abs(sides - own)) < 1e-7
 
 
-def test_limits_in_a_mirror_are_kept_by_mirrored_linkages() -> None:
-    linkages = placed(4)
-    mirror = linkages._replace(
-        branch=-linkages.branch,
-        used=Interval(-linkages.used.last, -linkages.used.first),
-        pivot=linkages.pivot.conj(),
-        turned=-linkages.turned,
-        coupler=linkages.coupler.conj(),
-    )
-    for limits in EVERY.values():
-        one, other = Constraints(limits)(linkages), Constraints(limits.mirrored())(mirror)
-        least = [np.where(f.equal, -np.abs(f.values), f.values).min(axis=1) for f in (one, other)]
-        np.testing.assert_allclose(least[0], least[1], atol=1e-12)
-
-
 @pytest.mark.parametrize(
     ("changes", "field"),
     [
@@ -211,25 +168,3 @@ def test_limits_that_mean_nothing_are_named(changes, field) -> None:
     with pytest.raises(FieldError) as caught:
         replace(Limits(), **changes)
     assert caught.value.field == field
-
-
-def test_given_lengths_that_do_not_close_are_named() -> None:
-    crank = np.linspace(0, 1, 3)
-    with pytest.raises(FieldError) as caught:
-        Limits(links=(1.0, 1.0, 1.0, 3.5)).check_against(Target(crank, crank + 1j * crank**2, crank=crank))
-    assert caught.value.field == "/limits/links"
-
-
-def test_kept_is_what_keeps_its_limits_and_is_no_point() -> None:
-    crank, lengths = np.linspace(0, 1, 5), np.array([[0.25, 0.75, 0.9, 1.0]])
-    one = Placed(lengths, np.ones(1), Interval(np.zeros(1), np.ones(1)))
-    turned = Target(crank, None, crank=crank)
-    for off, kept in ((0.0, True), (1e-14, True), (1e-9, False), (-1e-9, False)):  # given is given, to rounding
-        assert keeps(turned, Limits(links=(0.25 + off, None, None, None)), one, 0.1) == kept
-    for rounding, kept in ((0.0, False), (0.09, False), (0.11, True)):  # the longest is by a tenth of it too long
-        assert keeps(turned, Limits(link_max=0.9), one, rounding) == kept
-    moving = Target(crank, crank + 1j * crank**2, crank=crank)
-    for size, kept in ((1.0, True), (1e-3, True), (1e-7, False)):
-        pose = {"pivot": np.zeros(1, complex), "turned": np.zeros(1), "coupler": np.ones(1) + 0j}
-        small = one._replace(lengths=size * lengths, **pose)
-        assert keeps(moving, Limits(link_max=10), small) == kept

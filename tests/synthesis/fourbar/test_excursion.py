@@ -101,29 +101,8 @@ def test_the_same_for_reversed_samples_another_size_and_the_mirror_image(radius,
     assert found(mirror, -DEGREES, -SIDE, closed=closed) == truth
 
 
-def test_the_arc_of_a_crank_pin_is_a_circle() -> None:
-    pin = four_bar((2, 7, 6, 8), coupler_point=(0.0, 0.0))
-    third = np.deg2rad([[0, 90, 210]])
-    side = np.ones((1, 3))
-    # 120 degrees: arc 2 pi / 3 over chord 2 sin(60 degrees); back to the first 150 degrees; over two turns as prescribed
-    assert found(pin, third, side, 1.0) == pytest.approx(np.pi / 3 / np.sin(np.pi / 3))
-    assert found(pin, third, side, 1.0, closed=True) == pytest.approx(np.pi * 5 / 12 / np.sin(np.pi * 5 / 12))
-    assert found(pin, third[:, [0, 2, 1]], side, 1.0, ordered=False) == pytest.approx(np.pi / 3 / np.sin(np.pi / 3))
-    twice = np.deg2rad([[0, 120, 600]])
-    assert found(pin, twice, side, 1.0, timed=True) == pytest.approx(4 * np.pi / 3 / np.sin(np.pi / 3))
-    assert found(pin, np.deg2rad([[0, 1, 2]]), side, 4.0) == pytest.approx(np.deg2rad(2) / 0.2), "a chord below 5 %"
-
-
 def test_a_loop_between_two_samples_shows() -> None:
     whole = four_bar((2, 7, 6, 8), coupler_point=(7.0, 0.0))
     close = np.deg2rad([[0, 10, 20, 30]])
     assert found(whole, close, np.ones((1, 4)), 1.0) < 1.1
     assert found(whole, np.deg2rad([[0, 10, 20, -20]]), np.ones((1, 4)), 1.0) > LEAVES_SAMPLES
-
-
-def test_no_excursion() -> None:
-    assert found(four_bar((2, 7, 6, 8))) is None, "no body point"
-    assert found(side=np.array([[1, 1, 1, 1, 1, -1]])) is None, "different circuits"
-    assert excursions([], np.empty((0, 3)), np.empty((0, 3)), 1.0) == []
-    both = excursions([four_bar((2, 7, 6, 8)), CRANK_ROCKER], DEGREES.repeat(2, 0), SIDE.repeat(2, 0), 10.0)
-    assert both == [None, found()]

@@ -56,12 +56,3 @@ def test_conditions_hold_where_the_kinematics_say_so(family: str, span: float) -
         assert np.all(kept <= kept_by(replace(limits, transmission_angle_min_turn=0.0), x, span))
     assert 0 < kept.sum() < len(x)
     np.testing.assert_array_equal(np.all(value >= -1e-12, axis=1), kept)
-
-
-def test_given_lengths_are_ratios_of_the_ground() -> None:
-    limits = Limits("any", links=(30.0, None, 60.0, 120.0), link_min=20.0)
-    assert limits.exchanged().links == (30.0, 60.0, None, 120.0)
-    asked = problem(limits.over(120.0), 1.0)
-    np.testing.assert_allclose(np.exp(asked.given), [0.25, np.nan, 0.5])
-    np.testing.assert_allclose(np.exp(asked.box[0][:3]), [0.25, 1 / 6, 0.5])
-    np.testing.assert_allclose(np.exp(asked.box[1][:3]), [0.25, 20.0, 0.5])

@@ -6,10 +6,8 @@ import pytest
 import linkage_atlas as la
 from linkage_atlas.task import seed_tables
 from synthesis.fourbar.limits import Limits
-from synthesis.function.answers import finished
-from synthesis.function.search import Problem, generate, refit
+from synthesis.function.search import Problem, generate
 from synthesis.function.wanted import Wanted
-from synthesis.work import Work
 from tests.conftest import some_of
 from tests.oracles.function_cases import CLASSES, function_case, recompute_rms, zeros_kept
 
@@ -37,31 +35,6 @@ def test_exact_functions_are_found(kind: str, zeros: str) -> None:
     best = la.function(**request, top=2).best.to_dict()
     assert recompute_rms(request, best) < 1e-9
     assert zeros_kept(request, best)
-
-
-def test_next_to_two_change_points_at_once_there_are_seeds() -> None:
-    """A crank of 1/1750 of the ground, and a fold as near: no type of the coarse table lies in that valley."""
-    request = function_case("change point", 8, "free", 21)
-    best = la.function(**request, top=2).best
-    assert recompute_rms(request, best.to_dict()) < 1e-9
-    assert best.linkage.crank == pytest.approx(5.7031834e-4, rel=1e-6)
-
-
-def test_in_narrow_valleys_the_best_go_on_before_others_begin() -> None:
-    seeds = [la.function(**function_case("tiny span", 32, "free", seed), top=2).report.seeds for seed in range(8)]
-    assert sum(count <= 40 for count in seeds) >= 7
-
-
-@pytest.mark.parametrize("largest", [False, True])
-def test_generators_are_the_same_alone_and_among_others(largest: bool) -> None:
-    wanted = wanted_of(np.log10, 1.0, 2.0, 60.0, 90.0, samples=21)
-    found, _ = generate(seed_tables(), wanted, Limits("any", links=(None, None, None, 2.5)), False, 6, 1e-10)
-    linkages = [one.linkage for one in found]
-    assert len(found) > 3 and {one.linkage.links[3] for one in found} == {2.5}
-    together = finished(wanted, linkages, largest)
-    assert largest or together == found
-    for one, linkage in zip(together, linkages):
-        assert finished(wanted, [linkage], largest) == [one]
 
 
 @pytest.mark.parametrize(
@@ -124,32 +97,6 @@ def test_limits_are_kept(objective: str) -> None:
         assert links.max() / links.min() <= 5 * (1 + 1e-9) and links.min() >= 25 * (1 - 1e-9) and links[3] == 80
 
 
-def test_limits_that_the_exact_linkage_keeps_cost_nothing() -> None:
-    maker = la.FourBar(2, 5, 4.5, 5.5, start_angle=40)
-    output = maker.joints(np.linspace(0, 100, 12)).rocker_direction
-    least = maker.transmission_angle_min(0, 100)
-    found = la.function(output, 100, limits={"transmission_angle_min": least - 1, "link_ratio_max": 2.8}, top=2)
-    assert found.status == "reached" and found.best.errors.rms < 1e-8
-    np.testing.assert_allclose(found.linkage.links, maker.links / 5.5, rtol=1e-6)
-
-
-def test_given_lengths_are_kept() -> None:
-    links = {"ground": 100.0, "crank": 40.0, "rocker": 30.0}
-    found = la.function(function=SQUARE, crank_span=90, objective="max", limits={"links": links}, top=2)
-    assert found.solutions
-    for one in found.solutions:
-        np.testing.assert_allclose(one.linkage.links[[0, 2, 3]], [40, 30, 100], rtol=1e-12)
-
-
-def test_one_way() -> None:
-    free = la.function(function=SQUARE, crank_span=90, limits={"preset": "practical"}, top=3)
-    held = la.function(function=SQUARE, crank_span=90, limits={"preset": "practical"}, one_way=True, top=3)
-    travel = np.linspace(0, 90, 3001)
-    for one in held.solutions:
-        assert np.all(np.diff(one.linkage.joints(travel).rocker_direction) > -1e-9)
-    assert held.best.errors.rms >= free.best.errors.rms * (1 - 1e-6)
-
-
 def test_a_pair_of_weight_zero_does_not_count() -> None:
     maker = la.FourBar(2, 5, 4.5, 5.5, start_angle=40)
     output = maker.joints(np.linspace(0, 100, 12)).rocker_direction
@@ -159,21 +106,3 @@ def test_a_pair_of_weight_zero_does_not_count() -> None:
     weights[4] = 0
     assert la.function(spoilt, 100, weights=weights, top=1).status == "reached"
     assert la.function(spoilt, 100, top=1, limits={"family": "crank_rocker"}).status == "closest"
-
-
-def test_no_time_is_no_error() -> None:
-    clock = iter(np.arange(0, 1e6, 10.0))
-    work, limits = Work(1.0, clock=lambda: float(next(clock))), Limits("any", transmission_angle_min=0.5)
-    found, report = generate(seed_tables(), wanted_of(np.exp, 0, 1, 90, 90), limits, True, 3, 1e-10, work)
-    assert report.stopped_by == "budget" and isinstance(found, list)
-
-
-def test_refit_holds_the_lengths() -> None:
-    wanted = wanted_of(np.log, 1, 3, 90, 90)
-    held = Limits("any", transmission_angle_min=0.5, links=(None, None, None, 50.0))
-    best = generate(seed_tables(), wanted, held, False, 1, 1e-10)[0][0]
-    links = np.round(np.array(best.linkage.links))
-    again = refit(wanted, best, links, True, 1e-10, Work())
-    assert again is not None
-    np.testing.assert_allclose(again.linkage.links, links, rtol=1e-12)
-    assert refit(wanted, best, np.array([1.0, 1.0, 1.0, 50.0]), False, 1e-10, Work()) is None

@@ -53,10 +53,3 @@ def test_no_other_line_is_better_than_the_stationary_one():
             for _ in range(20):
                 other = lines.point[0] + size * complex(*random.normal(size=2))
                 assert rms(other) >= best - 1e-9 * (1 + abs(other))
-
-
-def test_three_poses_have_a_rail_in_every_direction():
-    seen = motion(_ANGLE[:3], _PLACE[:3])
-    lines = Straight(seen).along(np.linspace(0, np.pi, 7))
-    gap = (np.exp(-1j * lines.normal)[:, None] * (seen.places(lines.point) - lines.foot[:, None])).real
-    assert np.abs(gap).max() < 1e-11

@@ -35,10 +35,6 @@ EACH = {
 }
 
 
-def wrapped(angle: np.ndarray) -> np.ndarray:
-    return (angle + np.pi) % (2 * np.pi) - np.pi
-
-
 def guides(random: np.random.Generator, sort: np.ndarray) -> Guides:
     """Circles (0), rails (1) and slots (2) of the size of the motion."""
     point, foot = (0.5 * (random.normal(size=COUNT) + 1j * random.normal(size=COUNT)) for _ in range(2))
@@ -69,35 +65,6 @@ def apart(made: Guides, k: int, angle: np.ndarray, place: np.ndarray) -> np.ndar
     if made.curvature[k] == 0:
         return (np.conj(np.exp(1j * made.normal[k])) * (at - made.foot[k])).real
     return np.abs(at - made.centre[k]) - 1 / made.curvature[k]
-
-
-def test_poses_are_the_nearest_that_both_guides_allow():
-    random, made, labels = pairs()
-    poses = motion(random)
-    samples = Samples.of(poses)
-    problem = Problem(samples, NONE, poses, False)
-    made = reaching(problem, made, labels)
-    found = problem.look(Chart(made), labels, 30)
-    weights = np.sqrt(1 / np.stack([samples.rotation_variance, samples.position_variance, samples.position_variance]))
-    given = np.stack([samples.angle, samples.position.real, samples.position.imag])
-    checked = 0
-    for k in range(COUNT):
-        pose = found.poses[k].T
-
-        def gaps(at: np.ndarray, k: int = k) -> np.ndarray:
-            return np.stack([apart(one, k, at[0], at[1] + 1j * at[2]) for one in made.guides])
-
-        if not np.abs(gaps(pose)).max() < 1e-9:  # out of reach of one another
-            continue
-        checked += 1
-        assert found.cost[k] == pytest.approx(np.sum((weights * (given - pose)) ** 2), rel=1e-6)
-        slopes = [(gaps(pose + way) - gaps(pose - way)) / (2 * STEP) for way in STEP * np.eye(3)[:, :, None]]
-        for i in range(SAMPLES):
-            normals = np.array([slope[:, i] for slope in slopes])
-            pull = weights[:, i] ** 2 * (given - pose)[:, i]
-            rest = pull - normals @ np.linalg.lstsq(normals, pull, rcond=None)[0]
-            assert np.abs(rest).max() < 1e-5 * (1 + np.abs(pull).max())
-    assert checked > COUNT / 2
 
 
 def reaching(problem: Problem, made: Pairs, labels: np.ndarray) -> np.ndarray:
@@ -165,39 +132,6 @@ def test_slopes_of_errors_and_limits(name, driven):
 
         broken += slopes_agree(problem, chart, labels, x)
     assert broken > 2
-
-
-def test_a_broken_limit_costs_its_square_times_its_weight():
-    random, made, labels = pairs()
-    poses = motion(random)
-    problem = Problem(Samples.of(poses), EACH["boxes"], poses, False)
-    at = problem.look(Chart(made), labels, 6)
-    _, _, cost = problem.descended(Chart(made), labels, Stage(0, 7.0, 6), Work())
-    broken = at.excess > 1e-3
-    assert broken.sum() > 5
-    assert np.allclose(cost[broken], (at.cost + 7.0 * at.excess)[broken], rtol=1e-5)
-
-
-def test_a_given_drive_is_met():
-    checked = 0
-    poses, every = passed()
-    for made, labels, samples, drive in every:
-        turns = not (made.first.straight & ~made.hinge)[0]
-        given = (np.unwrap(drive) if turns else drive) - drive[0]
-        given *= 1 + 1e-3 * np.arange(SAMPLES)
-        problem = Problem(samples._replace(drive=given), NONE, poses, True)
-        stage = Stage(30, 0.0, 12, 0.0, 1e-3)
-        made, first, cost = problem.descended(Chart(made), labels, stage, Work(), drive[:1])
-        at = problem.look(Chart(made), labels, 12, first)
-        if not at.closed[0]:
-            continue
-        checked += 1
-        off = at.drive[0] - first - given
-        assert np.abs(wrapped(off) if turns else off).max() < 1e-6
-        assert at.cost[0] == pytest.approx(cost[0])
-        for one in made.guides:
-            assert np.abs(apart(one, 0, at.poses[0, :, 0], at.poses[0, :, 1] + 1j * at.poses[0, :, 2])).max() < 1e-6
-    assert checked > 0.5 * COUNT
 
 
 @pytest.mark.parametrize("radius", [1e2, 1e4, 1e8])

@@ -8,7 +8,6 @@ from synthesis.fourbar.limits import Limits
 from synthesis.free.poses import make_poses
 from synthesis.guided.solution import assess, excursion, nearest_travel, size_of
 from synthesis.linkage import Linkage
-from synthesis.target import make_target
 from tests.oracles.guided_cases import DRIVES, NAMES, good_linkage
 
 
@@ -56,12 +55,3 @@ def test_the_nearest_travel_is_that_of_a_fine_search(drive) -> None:
                 seen += 1
                 assert found[k] == pytest.approx(best, abs=1e-4)
     assert seen == 40
-
-
-def test_with_given_timing_travel_is_taken_as_it_is() -> None:
-    random = np.random.default_rng(33)
-    linkage, travel = _used(random, DRIVES[1])
-    body = linkage.motions(travel)[1]
-    target = make_target(body.angle, body.origin, crank_angle=travel)
-    solution = assess(target, linkage, target.crank)
-    assert solution.errors.objective < 1e-14 and np.array_equal(solution.travel, travel)

@@ -1,26 +1,22 @@
 """A given linkage refined: back to the exact one it was moved from, never worse than it began, within the limits."""
 
 from dataclasses import replace
-from itertools import product
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from synthesis import local_refinement as free
 from synthesis.fourbar.joints import joints_at
-from synthesis.fourbar.limits import FAMILIES, Limits, in_family, practical_limits
+from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.solution import assess, keeps, within
-from synthesis.free.dyads import chart_of
-from synthesis.free.joint import JointProblem
 from synthesis.free.poses import make_poses
 from synthesis.function.answers import exchanged, finished, rocker_angles
 from synthesis.function.wanted import Wanted
 from synthesis.linkage import Linkage, four_bar, with_links
-from synthesis.local_refinement import refine_function, refine_motion, refine_poses, turning_fully
+from synthesis.local_refinement import refine_function, refine_motion, refine_poses
 from synthesis.mechanism import Placed
-from synthesis.target import TURN, make_target
+from synthesis.target import make_target
 from synthesis.work import Work
 
 TRUE = {
@@ -75,16 +71,6 @@ def test_a_moved_linkage_comes_back(family: str, sense: int) -> None:
             assert np.allclose(found.crank, sense * CRANK, atol=1e-6)
 
 
-@pytest.mark.parametrize("part", ["rotation", "position"])
-def test_a_moved_linkage_comes_back_where_a_part_is_asked_for(part: str) -> None:
-    true = TRUE["crank_rocker"]
-    begin = moved(true, 0.01, np.random.default_rng(5))
-    target = make_target(**{part: motion_of(true)[part]}, crank_angle=CRANK)
-    for linkage in (begin, replace(begin, coupler_point=None)):
-        (found,), _ = refine_motion(target, Limits(), linkage, 1e-10, Work())
-        assert found.errors.objective < 1e-10
-
-
 def kept_at(target, limits: Limits, linkage: Linkage) -> list:
     """The linkage with its errors, if it keeps the limits."""
     return within(target, limits, assess(target, [linkage])) if joints_at(linkage, CRANK).closed else []
@@ -126,91 +112,6 @@ def test_a_mirrored_request_gives_the_mirrored_linkage(seed: int) -> None:
     (other,), _ = refine_motion(target.mirrored(), limits.mirrored(), begin.mirrored(), 1e-10, Work())
     assert np.allclose(other.linkage.links, one.linkage.links) and other.linkage.branch == -one.linkage.branch
     assert np.isclose(other.linkage.pivot_a, np.conj(one.linkage.pivot_a))
-
-
-@settings(max_examples=4)
-@given(st.integers(0, 10**6))
-def test_the_same_holds_where_crank_angles_are_free(seed: int) -> None:
-    asked, limits, begin = asked_and_begun(seed, keeps=True)
-    target = make_target(**asked, crank_angle=CRANK)
-    (one,), _ = refine_poses(make_poses(**asked), limits, begin, CRANK, 1e-10, Work())
-    assert within(replace(target, crank=one.crank, found=True), limits, [one])
-    assert np.all(np.diff(one.crank) > 0) or np.all(np.diff(one.crank) < 0)
-    assert one.errors.objective <= kept_at(target, limits, begin)[0].errors.objective * (1 + 1e-9)
-
-
-def test_practical_limits_are_kept_from_a_linkage_that_breaks_them() -> None:
-    asked = motion_of(TRUE["crank_rocker"])
-    for samples in (make_target(**asked, crank_angle=CRANK), make_poses(**asked)):
-        limits = Limits(**practical_limits(samples, {"link_min": 30.0}))
-        if hasattr(samples, "crank"):
-            found, _ = refine_motion(samples, limits, TRUE["crank_rocker"], 1e-10, Work())
-        else:
-            found, _ = refine_poses(samples, limits, TRUE["crank_rocker"], CRANK, 1e-10, Work())
-        assert min(found[0].linkage.links) >= 30 and found[0].transmission_angle_min >= np.deg2rad(35) - 1e-9
-
-
-def test_time_that_is_up_leaves_the_linkage_itself() -> None:
-    asked, begin = motion_of(TRUE["crank_rocker"]), moved(TRUE["crank_rocker"], 0.01, np.random.default_rng(1))
-    (found,), report = refine_motion(make_target(**asked, crank_angle=CRANK), Limits(), begin, 1e-10, Work(0.0))
-    assert found.linkage.links == begin.links and report.stopped_by == "budget"
-    (found,), report = refine_poses(make_poses(**asked), Limits(), begin, CRANK, 1e-10, Work(0.0))
-    shapes = [np.array(one.links) / one.links[3] for one in (found.linkage, begin)]
-    assert np.allclose(*shapes) and report.stopped_by == "budget", "in its best pose"
-
-
-@given(st.lists(st.floats(0.01, 10), min_size=4, max_size=4), st.sampled_from(FAMILIES[:3]))
-def test_a_linkage_is_made_to_turn_fully(lengths: list[float], family: str) -> None:
-    linkage = four_bar(tuple(lengths), 1, 0.5, 1j, 0.2, (1.0, 0.0), 0.0)
-    near = turning_fully(linkage, family)
-    assert in_family(family, np.array([near.links]))[0]
-    assert near == linkage or not in_family(family, np.array([linkage.links]))[0]
-    assert with_links(near, linkage.links) == linkage
-
-
-def all_ways(costs: np.ndarray, closes: np.ndarray, most: int) -> float:
-    """The least sum of costs over places on a ring that go one way: every choice is tried."""
-    samples, size = costs.shape
-    best = np.inf
-    for begin, steps in product(range(size), product(range(most), repeat=samples)):
-        if list(steps) == sorted(steps) and all(closes[(begin + k) % size] for k in range(steps[-1] + 1)):
-            best = min(best, sum(costs[k, (begin + step) % size] for k, step in enumerate(steps)))
-    return best
-
-
-@settings(max_examples=20)
-@given(st.integers(0, 10**6))
-def test_the_way_of_least_errors_is_the_best_of_all(seed: int) -> None:
-    random = np.random.default_rng(seed)
-    costs, closes = random.random((3, 7)), random.random(7) < 0.8
-    costs = np.where(closes, costs, np.inf)
-    most = int(random.integers(1, 8))
-    begin, steps = free._one_way(costs, closes, most)
-    assert np.all(np.diff(steps) >= 0) and steps[-1] < most
-    total = sum(costs[k, (begin + step) % 7] for k, step in enumerate(steps))
-    assert total == pytest.approx(all_ways(costs, closes, most)) or not closes.any()
-
-
-def test_lengths_that_never_close_are_made_to_turn_fully() -> None:
-    asked = motion_of(TRUE["crank_rocker"])
-    open_one = with_links(TRUE["crank_rocker"], (1.0, 1.0, 1.0, 165.0))
-    for family in ("any", "full_crank"):
-        limits = Limits(family=family)
-        assert refine_poses(make_poses(**asked), limits, open_one, None, 1e-10, Work())[0]
-        assert refine_motion(make_target(**asked, crank_angle=CRANK), limits, open_one, 1e-10, Work())[0]
-
-
-def test_errors_at_a_grid_of_crank_angles_are_those_of_the_linkage() -> None:
-    one, asked = TRUE["crank_rocker"], motion_of(TRUE["crank_rocker"])
-    poses = make_poses(**asked)
-    begun = free._begun(poses, Limits(), one, CRANK)
-    problem = JointProblem(poses, chart_of("full_crank"))
-    grid = np.linspace(0, TURN, 10)
-    own = problem.errors_at(begun, grid[None])[0]
-    joints = joints_at(one, grid - one.start)
-    gap = np.angle(np.exp(1j * (asked["rotation"][:, None] - joints.rotation)))
-    away = np.abs(asked["position"][:, None] - joints.body_point) / poses.length_scale
-    assert np.allclose(own * 9, gap**2 + away**2, atol=1e-12)
 
 
 @pytest.mark.parametrize("largest", [False, True])

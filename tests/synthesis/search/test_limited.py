@@ -4,95 +4,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
-from hypothesis import strategies as st
 
 import linkage_atlas as la
-from linkage_atlas.limits import read_limits
-from synthesis.descents import Stage, Timed
-from synthesis.fourbar.limits import Constraints, Limits
-from synthesis.fourbar.mechanism import FOURBAR, GrashofChart
-from synthesis.rounds import Found
-from synthesis.search import problems
-from synthesis.search.problems import GivenProblem
-from synthesis.search.search import GivenRounds
-from synthesis.search.seeds import Windows
-from synthesis.target import Target, make_target
-from synthesis.work import Work
 from tests.conftest import some_of
 from tests.oracles.classes import make_case
 from tests.oracles.limited_classes import make_limited
 from tests.oracles.recompute import broken_limits, recompute
-
-LAW = settings(max_examples=15, deadline=None)
-LIMITS = Limits("any", 0.5, link_min=0.3, pivot_box=(-3.0, -3.0, 3.0, 3.0))
-
-
-@pytest.fixture(scope="module")
-def windows() -> Windows:
-    return Windows(FOURBAR, FOURBAR.bounded_types("full_crank"))
-
-
-def motion_of(request: dict[str, Any]) -> la.Motion:
-    parts = ("rotation", "position", "crank_span", "crank_angle", "length_scale")
-    return la.Motion(**{name: request.get(name) for name in parts})
-
-
-def target_of(request: dict[str, Any]) -> Target:
-    return motion_of(request).target
-
-
-def drawn(seed: int, posed: bool) -> tuple[GivenProblem, Timed]:
-    """A motion that no linkage is bound to perform, within limits, and candidates in random poses."""
-    random, samples = np.random.default_rng(seed), 14
-    position = np.cumsum(random.normal(size=samples)) + 1j * np.cumsum(random.normal(size=samples))
-    target = make_target(np.cumsum(random.normal(size=samples)) / 5, position, 3.0)
-    constraints = Constraints(Limits(transmission_angle_min=0.6))
-    if posed:
-        constraints = Constraints(LIMITS, target.middle, target.length_scale)
-    chart = GrashofChart()
-    shape = chart.within(random.uniform(0.2, 1.0, (20, 4)))
-    start, pose = random.uniform(0, 6, 20), random.normal(size=(20, 6)).view(complex)
-    timed = problems.given(shape, random.choice([-1.0, 1.0], 20), start, pose)
-    return GivenProblem(target, chart, constraints, posed), timed
-
-
-@LAW
-@given(st.integers(0, 10_000), st.booleans())
-@example(1, True)
-@example(13, True)
-@example(123, True)
-@example(205, True)
-def test_no_candidate_is_worse_than_its_seed(seed, posed) -> None:
-    """By J squared and the squares of broken limits of a single weight; moving onto limits breaks none more."""
-    problem, timed = drawn(seed, posed)
-    begin = problem.descended(timed, [Stage(0, weight=1.7)])
-    found = problem.descended(timed, [Stage(12, weight=1.7)])
-    assert np.all(found.cost <= begin.cost)
-    lacking = problem.lacking(found.timed)
-    # a limit counts from its margin on
-    assert np.all(found.cost >= problem.measured(found.timed, posed=not posed).cost + 1.7**2 * lacking[0] - 1e-12)
-    assert np.all(problem.moved_onto(found.timed)[1] <= lacking[1])
-
-
-def test_equations_are_met_to_rounding_in_the_end(windows) -> None:
-    target = target_of(make_case("unreachable", 3).request)
-    scale = target.length_scale
-    limits = Limits(pivot_b=target.middle + scale * (1 - 2j), links=(0.7 * scale, None, None, None))
-    way, found = FOURBAR.bounded(target, limits)[0], Found(1e-10, lambda least: None)
-    run = GivenRounds(target, way, limits.family, found, Work())
-    for _ in run.closest(run.seeds(windows), 4):
-        pass
-    pool = found.pools[way.chart]
-    assert pool.cost.size > 5
-    for linkage in run.within.linkages(FOURBAR, pool):
-        assert abs(linkage.pivot_b - limits.pivot_b) < 1e-12 * scale * 4
-        assert abs(linkage.links[0] / (0.7 * scale) - 1) < 1e-12
-    seeds = windows.seeds(run.within, way.on_shape, way.boxes).take(slice(0, 20))
-    down = run.within.descended(seeds, [Stage(10, weight=10.0)])
-    assert np.median(run.within.lacking(down.timed)[1]) < 1e-2
-    on_them, broken = run.within.moved_onto(down.timed)
-    assert np.mean(broken < 1e-13) > 0.9 and np.isfinite(on_them.cost).all()
 
 
 @pytest.mark.parametrize("kind", ["broken", "boxed", "machine", "kept"])
@@ -123,14 +40,6 @@ def test_limits_that_are_hard_to_keep_do_not_hide_the_best(seeds) -> None:
         found = la.synthesize(**make_limited("boxed", seed).request, top=1)
         over.append(found.best.errors.objective / BOXED[seed])
     assert np.mean(np.array(over) > 1.01) <= 0.1 and max(over) < 1.1
-
-
-def test_an_exact_linkage_in_a_narrow_valley_that_just_keeps_its_limits() -> None:
-    """A few steps lead near it, still outside of its limits: it must be followed to its end before it is judged."""
-    request = make_limited("kept", 55).request
-    solution = la.synthesize(**request, top=1).to_dict()["solutions"][0]
-    assert broken_limits(request, solution) == []
-    assert recompute(request, solution).objective < 1e-9
 
 
 def named(middle: np.ndarray, extent: float) -> dict[str, Any]:
@@ -188,19 +97,6 @@ def test_each_limit_is_kept(name, timing) -> None:
         assert broken_limits(request, solution) == []
 
 
-def test_a_field_beside_the_preset_replaces_its_value() -> None:
-    request = make_case("unreachable", 2, 10).request
-    position = np.array(request["position"])
-    motion = la.Motion(request["rotation"], position, request["crank_span"])
-    read = read_limits
-    assert read({"preset": "practical"}, motion).transmission_angle_min == pytest.approx(np.radians(35))
-    mine = read({"preset": "practical", "transmission_angle_min": 50, "pivot_a": [0, 0], "link_max": 7}, motion)
-    assert mine.transmission_angle_min == pytest.approx(np.radians(50)) and mine.link_max == 7
-    assert mine.pivot_reach.pivot_a is None and mine.pivot_reach.pivot_b == pytest.approx(10 * motion.samples.extent)
-    with pytest.raises(la.FieldError, match="preset"):
-        read({"preset": "pretty"}, motion)
-
-
 def test_what_excludes_everything_is_named() -> None:
     request = make_case("any order", 4, 12).request
     middle, extent = place_of(request)
@@ -213,21 +109,6 @@ def test_what_excludes_everything_is_named() -> None:
     assert again.solutions
     cut = la.synthesize(**request, limits={"link_min": 4 * extent, "pivot_box": box}, top=1, budget=1e-6)
     assert cut.status == "unknown" and not cut.solutions
-
-
-def test_diverse_solutions_lie_farther_apart() -> None:
-    """Over several requests: those of one may lie far apart by chance."""
-    apart: dict[bool, float] = {False: 0.0, True: 0.0}
-    for seed in range(6):
-        request, best = make_case("unreachable", seed, 12).request, []
-        for diverse in apart:
-            found = la.synthesize(**request, top=5, diverse=diverse).solutions
-            best.append(found[0].errors.objective)
-            assert not diverse or all(one.errors.objective <= 2 * best[0] for one in found)
-            rows = np.array([np.log(one.linkage.links) for one in found])
-            apart[diverse] += float(np.mean(np.abs(rows[:, None] - rows)))
-        assert best[0] == best[1]
-    assert apart[True] > 1.1 * apart[False]
 
 
 def test_determination_leaves_out_what_limits_hold() -> None:

@@ -1,6 +1,5 @@
 """Other mechanisms through the same search and scan: what `synthesis.mechanism` asks for is all that both need to know."""
 
-from itertools import count
 from typing import Any
 
 import numpy as np
@@ -8,30 +7,18 @@ import pytest
 
 from synthesis.atlas.scan import Scan
 from synthesis.atlas.windows import Windows, best_of, joined
-from synthesis.fourbar.mechanism import FOURBAR
 from synthesis.guided.by_crank import BY_CRANK, linkages_by_crank
-from synthesis.guides import Kind, Rail
+from synthesis.guides import Kind
 from synthesis.mechanism import Mechanism
 from synthesis.pose import objective
 from synthesis.slider import SLIDER_CRANK_TYPES
 from synthesis.target import Target, make_target
-from synthesis.work import Work
 from tests.conftest import some_of
 from tests.oracles.slider_crank import body_angle, random_lengths, random_motion
 
 KINDS = list(BY_CRANK)
 every_kind = pytest.mark.parametrize("kind", KINDS)
 WHAT = ("rotation", "position", "both")
-
-
-def lengths_of(linkage):
-    """Crank, rod or ground, and offset of a linkage with a crank."""
-    circle, other = linkage.guides
-    if isinstance(other, Rail):
-        beside = (other.point - circle.pivot) * np.exp(-1j * other.direction)
-        return np.array([circle.radius, abs(other.body_point - circle.body_point), beside.imag])
-    across = (other.body_point - circle.body_point) * np.exp(-1j * other.body_direction)
-    return np.array([circle.radius, abs(other.pin - circle.pivot), across.imag])
 
 
 def points_of(linkage: Any, target: Target) -> tuple[np.ndarray, np.ndarray]:
@@ -68,59 +55,6 @@ def test_random_linkages_are_recovered(kind: Kind, what: str) -> None:
             if target.position is not None:
                 gap += np.mean(np.abs(target.position - place) ** 2) / target.length_scale**2
             assert np.sqrt(gap) == pytest.approx(one.errors.objective, rel=1e-6, abs=1e-12)
-
-
-@every_kind
-def test_a_crank_need_not_turn_fully(kind: Kind) -> None:
-    lengths = [[1.0, 1.3, 0.6]] if kind is Kind.SLIDER_CRANK else [[1.0, 1.2, 0.5]]
-    crank = np.linspace(0, 1.2, 16)
-    angle = body_angle(np.array(lengths), 2.0 + crank, BY_CRANK[kind].guide)[0]
-    target = make_target(angle, 1 + 2j + np.exp(1j * crank) - 0.7j * np.exp(1j * angle), crank_angle=crank)
-    (best, *_), _ = linkages_by_crank(kind, target, "any", 1)
-    assert best.errors.objective < 1e-9 and not best.linkage.turns_fully
-    found = lengths_of(best.linkage)
-    np.testing.assert_allclose(found / found[0], lengths[0], rtol=1e-6)
-    full, _ = linkages_by_crank(kind, target, "full_crank", 3)
-    assert all(one.linkage.turns_fully for one in full) and full[0].errors.objective > 1e-7
-
-
-@every_kind
-def test_a_mirrored_motion_gives_the_mirrored_linkages(kind: Kind) -> None:
-    target = random_motion(np.random.default_rng(4), BY_CRANK[kind].guide, 150, "both", noise=0.01)
-    plain, mirrored = (linkages_by_crank(kind, one, "any", 2)[0] for one in (target, target.mirrored()))
-    for one, other in zip(plain, mirrored, strict=True):
-        assert one.errors.objective == pytest.approx(other.errors.objective, rel=1e-12)
-        alike = np.allclose(one.identity, other.mirrored().identity, rtol=1e-9, atol=1e-9)
-        assert alike or one.linkage == other.linkage.mirrored()
-
-
-@every_kind
-def test_what_is_not_exact_ends_no_worse_than_the_truth_and_within_the_time(kind: Kind) -> None:
-    for seed in range(3):
-        guide = BY_CRANK[kind].guide
-        noisy = random_motion(np.random.default_rng(seed), guide, 200, "both", samples=24, noise=1e-2)
-        exact = random_motion(np.random.default_rng(seed), guide, 200, "both", samples=24)
-        found, _ = linkages_by_crank(kind, noisy, "any", 2)
-        truth, _ = linkages_by_crank(kind, exact, "any", 1)
-        assert truth[0].errors.objective < 1e-9
-        assert found[0].errors.objective < 1e-2 * np.sqrt(1 + 2 / noisy.length_scale**2)
-        work = Work(0.02, clock=count(step=1e-3).__next__)  # a millisecond at each reading
-        linkages_by_crank(kind, noisy, "any", 2, work=work)
-        assert work.elapsed < 0.3
-
-
-@pytest.mark.parametrize("mechanism", [FOURBAR, SLIDER_CRANK_TYPES, *BY_CRANK.values()], ids=lambda one: one.kind)
-def test_the_law_of_branches(mechanism: Any) -> None:
-    lengths, crank = mechanism.coarse_types[::7], np.linspace(-3, 4, 23)
-    plus = mechanism.body_angle(lengths, np.ones(len(lengths)), crank)
-    assert np.isfinite(plus).all()
-    turns = mechanism.body_angle(lengths, np.ones(len(lengths)), np.linspace(0, 2 * np.pi, 400))
-    np.testing.assert_allclose(turns[:, -1] - turns[:, 0], 2 * np.pi * mechanism.winding(lengths), atol=1e-9)
-    if -1 in mechanism.branches:
-        minus = mechanism.body_angle(lengths, -np.ones(len(lengths)), -crank)
-        same = np.isnan(minus).all(axis=1)
-        assert np.ptp((plus + minus)[~same], axis=1).max() < 1e-9
-        assert np.array_equal(same, lengths[:, 2] == 0) or mechanism is FOURBAR
 
 
 def tables(guide: int) -> np.ndarray:

@@ -97,12 +97,6 @@ def test_a_body_point_on_the_coupler_line_or_at_a_pin_leaves_a_bar(point) -> Non
     check(linkage, to_plates(linkage), 1.0, 5.7, 14.25)
 
 
-def test_defaults_leave_room_whatever_is_given() -> None:
-    linkage = four_bar((19.0, 72.0, 144.0, 165.0), coupler_point=(20.0, 1.0))
-    check(linkage, to_plates(linkage, 1.0, None, 5.0), 1.0, 2.0, 5.0)
-    check(linkage, to_plates(linkage, 1.0, 4.0), 1.0, 4.0, 10.0)
-
-
 @pytest.mark.parametrize(
     ("sizes", "field"),
     [
@@ -118,13 +112,3 @@ def test_sizes_that_leave_no_plate_are_named(sizes, field) -> None:
     with pytest.raises(FieldError) as error:
         linkage.render("plates", assembly=sizes)
     assert error.value.field == field
-
-
-def test_a_linkage_saves_itself_as_plates(tmp_path) -> None:
-    linkage = la.FourBar(19, 72, 144, 165, coupler_point=(20, 60))
-    linkage.save(tmp_path / "one.plates.dxf", length_unit="cm")
-    assert len(read((tmp_path / "one.plates.dxf").read_text()).query("LWPOLYLINE")) == 4
-    linkage.save(tmp_path / "one.dxf")
-    assert not read((tmp_path / "one.dxf").read_text()).query('LWPOLYLINE[layer=="CRANK"]')
-    with pytest.raises(FieldError, match="must end in one of"):
-        linkage.save(tmp_path / "one.json")

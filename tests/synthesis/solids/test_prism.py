@@ -5,14 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from synthesis.assembly.gaps import contains
-from synthesis.solids.mesh import mesh_of, ring_of
-from synthesis.solids.prism import Hole, Prism, arc_between, filleted, rounded, together
+from synthesis.solids.prism import Hole, Prism, arc_between, rounded
 from synthesis.solids.solid import FITS, tolerance
-from tests.oracles.surface import euler_characteristic, open_edges
 
 LAW = settings(derandomize=True, deadline=None, max_examples=60)
-LATER = [0j, 60 + 0j, 60 + 20j, 20 + 20j, 20 + 60j, 60j]
 
 
 def near(value, wanted, scale=1.0):
@@ -30,20 +26,6 @@ def test_a_disc_and_a_ring_have_the_closed_forms() -> None:
     near(mass.mass, 40 * np.pi)
     near(np.diag(mass.inertia), 40 * np.pi * np.array([4 / 4 + 25 / 12, 4 / 4 + 25 / 12, 4 / 2]))
     near(mass.centre, [3, 4, 2.5])
-
-
-def test_a_capsule_has_the_closed_forms() -> None:
-    length, radius = 72.0, 7.125
-    plate = Prism(rounded((0j, complex(length)), radius), 0, 3)
-    near(plate.moments.area, 2 * radius * length + np.pi * radius**2)
-    near(plate.moments.centre, length / 2, 100)
-    # a rectangle, and two half discs with their centres 4 r / 3 pi beyond its ends
-    half = np.pi * radius**2 / 2
-    off = 4 * radius / (3 * np.pi)
-    own = np.pi * radius**4 / 8 - half * off**2
-    near(plate.moments.xx, 2 * radius * length**3 / 12 + 2 * (own + half * (length / 2 + off) ** 2))
-    near(plate.moments.yy, length * (2 * radius) ** 3 / 12 + np.pi * radius**4 / 4)
-    assert plate.extent == pytest.approx((-7.125 - 7.125j, 79.125 + 7.125j))
 
 
 def test_holes_count_against_the_area_and_far_away_loses_no_digits() -> None:
@@ -82,14 +64,6 @@ def test_a_rounded_triangle_is_what_fine_polygons_tend_to(base, x, y, radius) ->
     assert mixed == pytest.approx(xy / 24, rel=1e-5, abs=1e-5 * xx)
 
 
-def test_fillets_stay_within_the_polygon_and_leave_inward_corners() -> None:
-    prism = Prism(filleted(LATER, 6), 0, 1)
-    assert 0.97 * 2000 < prism.moments.area < 2000
-    assert np.count_nonzero(prism.outline[:, 2]) == 5
-    assert all(contains(LATER, point + 1e-6 * (10 + 10j - point)) for point in ring_of(prism))
-    near(Prism(filleted(LATER, 0), 0, 1).moments.area, 2000)
-
-
 @LAW
 @given(st.complex_numbers(max_magnitude=10), st.complex_numbers(min_magnitude=1, max_magnitude=9), st.floats(0.05, 3))
 def test_an_arc_ends_where_its_bulge_says(start, way, bulge) -> None:
@@ -100,45 +74,6 @@ def test_an_arc_ends_where_its_bulge_says(start, way, bulge) -> None:
         middle = arc.at(np.array([0.5]))[0]
         # the sagitta is the bulge times half the chord, to the right of the way where the bulge is positive
         assert (start + way / 2 - 1j * way / 2 * sign * bulge) == pytest.approx(middle, abs=1e-8 * max(1, arc.radius))
-
-
-def test_an_arc_around_a_hollow_is_a_polygon_around_it() -> None:
-    square = np.array([[0, 0, 0.0], [40, 0, 0.0], [40, 40, -1.0], [0, 40, 0.0]])
-    prism = Prism(square, 0, 2)
-    near(prism.moments.area, 1600 - np.pi * 200)
-    mesh = mesh_of(prism)
-    assert open_edges(mesh) == 0 and euler_characteristic(mesh) == 2
-    assert 0 < 1 - mesh.volume / prism.volume < 1e-3
-    assert np.abs(ring_of(prism) - (20 + 40j)).min() > 20 - 1e-9
-
-
-def test_several_masses_are_one_rigid_body() -> None:
-    random = np.random.default_rng(5)
-    parts = [Prism.disc(complex(*random.uniform(-9, 9, 2)), 2, z, z + 3).mass(1.5) for z in random.uniform(-5, 5, 4)]
-    whole = together(parts)
-    # a cloud of points has the same mass, centre and inertia
-    points = [(p.mass / 6, p.centre + off) for p in parts for off in _octahedron(p)]
-    mass = sum(m for m, _ in points)
-    centre = sum(m * x for m, x in points) / mass
-    inertia = sum(m * ((x - centre) @ (x - centre) * np.eye(3) - np.outer(x - centre, x - centre)) for m, x in points)
-    near(whole.mass, mass)
-    near(whole.centre, centre)
-    near(whole.inertia, inertia, 1e3)
-    values = np.linalg.eigvalsh(whole.inertia)
-    assert values[0] + values[1] >= values[2]
-    turn = np.exp(0.9j)
-    shifted = together([part.turned(turn, np.array([1.0, 2, 3])) for part in parts])
-    near(shifted.inertia, whole.turned(turn, np.array([1.0, 2, 3])).inertia, 1e3)
-    assert together([]).mass == 0
-
-
-def _octahedron(part):
-    """Six points whose inertia about their middle is that of a disc, for a sixth of the mass each."""
-    ixx, izz = part.inertia[0, 0] / part.mass, part.inertia[2, 2] / part.mass
-    xx = izz / 2
-    zz = ixx - xx
-    axes = np.diag(np.sqrt(3 * np.array([xx, xx, zz])))
-    return [*axes, *-axes]
 
 
 @pytest.mark.parametrize(

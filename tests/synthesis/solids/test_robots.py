@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from synthesis.fourbar.joints import joints_at
-from synthesis.solids.robots import to_sdf, to_urdf, tree_of
+from synthesis.solids.robots import to_sdf, to_urdf
 from tests.oracles.solids import TABLE, built, linkage_of
 
 
@@ -17,17 +17,6 @@ def numbers(text: str) -> np.ndarray:
 @pytest.fixture(scope="module", params=["E1", "E2", "E3", "E4"])
 def named(request):
     return request.param, built(request.param, "both", True)
-
-
-def test_a_four_bar_is_cut_at_c(named) -> None:
-    joints = tree_of(named[1].machine)
-    names = named[1].machine.movement.names
-    assert [(one.name, names[one.parent], names[one.child], one.closing) for one in joints] == [
-        ("A", "ground", "crank", False),
-        ("B", "ground", "rocker", False),
-        ("D", "crank", "coupler", False),
-        ("C", "coupler", "rocker", True),
-    ]
 
 
 def frames_of(root: ElementTree.Element) -> dict[str, tuple[complex, complex]]:
@@ -113,40 +102,3 @@ def test_sdf_closes_the_loop_by_a_fourth_joint(named) -> None:
         assert place + way * complex(at[0], at[1]) == pytest.approx(wanted[joint.get("name")] / 1000, abs=1e-9)
         assert joint.find("axis/xyz").text == "0 0 1"
     assert len(model.findall(".//polyline")) == len(solids.parts)
-
-
-@pytest.mark.parametrize("name", ["E1", "E4"])
-def test_pybullet_turns_a_urdf_once_around(name, tmp_path) -> None:
-    """Read by another program, closed by its own constraint between both frames; these weigh nothing there."""
-    pybullet = pytest.importorskip("pybullet", reason="the extra [pybullet] is not installed")
-    solids, linkage = built(name, "both", True), linkage_of(TABLE[name])
-    path = tmp_path / "linkage.urdf"
-    path.write_text(to_urdf(solids, "linkage"))
-    pybullet.connect(pybullet.DIRECT)
-    try:
-        body = pybullet.loadURDF(str(path), useFixedBase=True)
-        count = pybullet.getNumJoints(body)
-        links = {pybullet.getJointInfo(body, k)[12].decode(): k for k in range(count)}
-        masses = solids.masses()
-        for link, k in links.items():
-            wanted = masses[link].mass if link in masses else 0.0
-            assert pybullet.getDynamicsInfo(body, k)[0] == pytest.approx(wanted, rel=1e-9)
-        pybullet.setTimeStep(5e-4)
-        ends = links["closing_C_1"], links["closing_C_2"]
-        nought = [0, 0, 0]
-        pybullet.createConstraint(body, ends[0], body, ends[1], pybullet.JOINT_POINT2POINT, nought, nought, nought)
-        for k in range(count):
-            pybullet.setJointMotorControl2(body, k, pybullet.VELOCITY_CONTROL, force=0)
-        first, size = joints_at(linkage, np.zeros(1)), max(linkage.links) / 1000
-        for travel in np.linspace(0, 2 * np.pi, 3000):
-            motor = {"controlMode": pybullet.POSITION_CONTROL, "targetPosition": travel, "force": 100}
-            pybullet.setJointMotorControl2(body, links["crank"], **motor)
-            pybullet.stepSimulation()
-            at = [np.array(pybullet.getLinkState(body, k, computeForwardKinematics=1)[4]) for k in ends]
-            assert np.linalg.norm(at[0] - at[1]) < 1e-4 * size
-            crank, rocker = (pybullet.getJointState(body, links[link])[0] for link in ("crank", "rocker"))
-            turned = joints_at(linkage, np.array([crank])).rocker_angle[0] - first.rocker_angle[0]
-            assert abs(np.angle(np.exp(1j * (rocker - turned)))) < 1e-3
-        assert crank == pytest.approx(2 * np.pi, abs=0.02)
-    finally:
-        pybullet.disconnect()

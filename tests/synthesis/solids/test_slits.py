@@ -8,8 +8,6 @@ import ezdxf
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given
-from hypothesis import strategies as st
 
 from synthesis.assembly.layers import Asked, arrange
 from synthesis.errors import FieldError
@@ -21,9 +19,8 @@ from synthesis.solids.step import to_step
 from synthesis.work import Work
 from tests.conftest import some_of
 from tests.oracles.assembly import motors_elsewhere, six_bars, sliders
-from tests.oracles.solids import deepest, overlap, step_shells
+from tests.oracles.solids import deepest, step_shells
 from tests.oracles.surface import euler_characteristic, open_edges
-from tests.synthesis.solids.test_mesh import read_strictly, watertight
 from tests.synthesis.solids.test_step import check
 
 SLIT = Hole(35 + 2j, 3.0, 12 + 5j)
@@ -57,23 +54,6 @@ def area(hole: Hole) -> shapely.Polygon:
     return line.buffer(hole.radius, quad_segs=4096)
 
 
-@given(
-    st.complex_numbers(max_magnitude=50, allow_nan=False),
-    st.floats(0.01, 20),
-    st.complex_numbers(min_magnitude=1e-3, max_magnitude=40, allow_nan=False),
-)
-def test_the_area_of_a_slit_is_that_of_its_outline(centre, radius, reach) -> None:
-    hole = Hole(centre, radius, reach)
-    # the outline runs clockwise: its integrals are the negative of those of the area
-    around = Prism(hole.outline, 0.0, 1.0).moments
-    told = hole.moments
-    assert -around.area == pytest.approx(told.area, rel=1e-9)
-    assert around.centre == pytest.approx(told.centre, abs=1e-7 * (1 + abs(centre) + abs(reach)))
-    size = told.area * (radius + abs(reach)) ** 2
-    for name in ("xx", "yy", "xy"):
-        assert -getattr(around, name) == pytest.approx(getattr(told, name), abs=1e-9 * size)
-
-
 def test_a_plate_with_a_slit_weighs_what_shapely_says() -> None:
     x, y = PLATE.corners.real, PLATE.corners.imag
     assert len(x) == 6 and np.ptp(y) > 0
@@ -97,15 +77,6 @@ def test_a_plate_with_a_slit_weighs_what_shapely_says() -> None:
     for other in (Hole(35 + 2j, 2.0, 3j), Hole(47 + 7j, 2.0), Hole(44 + 2j, 1.0, 0.1 + 8j)):
         assert SLIT.apart(other) == pytest.approx(other.apart(SLIT))
         assert SLIT.apart(other) <= 0
-
-
-def test_its_surface_is_closed_and_within_the_solid() -> None:
-    mesh = mesh_of(PLATE)
-    assert open_edges(mesh) == 0 and euler_characteristic(mesh) == -4
-    assert 0 < 1 - mesh.volume / PLATE.volume < 0.01
-    # no corner lies in a slit: a pin of its width passes
-    for place in mesh.corners[:, :2]:
-        assert SLIT.distance(complex(*place)) >= SLIT.radius - 1e-12
 
 
 @pytest.mark.parametrize("places", some_of([10, 50], 1))
@@ -163,17 +134,3 @@ def test_reopened_slits_are_where_they_were(slides, tmp_path) -> None:
         _, parts = occt.reopened(text, tmp_path)
         for found, part, place in zip(parts, solids.parts, places, strict=True):
             check(found, part, place)
-
-
-def test_readers_of_printers_take_them(slides, tmp_path) -> None:
-    lib3mf = pytest.importorskip("lib3mf", reason="the extra [solids] is not installed")
-    trimesh = pytest.importorskip("trimesh", reason="the extra [solids] is not installed")
-    for solids in slides:
-        read_strictly(lib3mf, solids, tmp_path / "slides.3mf")
-        watertight(trimesh, solids)
-
-
-def test_no_two_parts_overlap_in_manifold(slides) -> None:
-    manifold = pytest.importorskip("manifold3d", reason="the extra [solids] is not installed")
-    for solids in slides:
-        assert overlap(solids, manifold, 50) <= 1e-6

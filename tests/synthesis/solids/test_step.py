@@ -8,7 +8,7 @@ import pytest
 from synthesis.solids.mesh import on_bed
 from synthesis.solids.prism import Hole, Prism
 from synthesis.solids.solid import Posed, Solid
-from synthesis.solids.step import quoted, real, to_step
+from synthesis.solids.step import real, to_step
 from tests.oracles.solids import TABLE, built, step_shells
 from tests.synthesis.solids.test_solid import CASES as ARRANGED
 
@@ -47,13 +47,6 @@ def test_every_solid_is_a_closed_shell_with_its_holes(name, boards, heads, body)
 def test_numbers_keep_every_digit_and_have_a_point(value, text) -> None:
     assert real(value) == text
     assert float(text) == value
-
-
-def test_names_are_written_in_ascii() -> None:
-    assert quoted("crank") == "'crank'"
-    assert quoted("it's \\") == "'it''s \\\\'"
-    assert quoted("ä–") == "'\\X2\\00E4\\X0\\\\X2\\2013\\X0\\'"
-    to_step(ODD, [Posed(1 + 0j, 0j, 0.0)], "Fenster – groß").encode("ascii")
 
 
 # -- reopened ---------------------------------------------------------------------------------------------------------

@@ -16,17 +16,14 @@ from synthesis.errors import FieldError
 from synthesis.scenes.chain import crescent as chain
 from synthesis.scenes.chain.closure import Chain, closing_links
 from synthesis.scenes.chain.groove import (
-    TOLERANCE,
-    contours,
     groove,
     roller_walls,
     sample_polyarc,
-    slot_polyarc,
     to_csv,
     to_dxf,
     to_svg,
 )
-from synthesis.scenes.chain.slot import analyse_slot, find_slot
+from synthesis.scenes.chain.slot import find_slot
 from tests.conftest import some_of
 
 ROLLER = 25.0
@@ -57,12 +54,6 @@ def test_walls_are_a_roller_away_from_the_path(slot, dense) -> None:
         assert np.abs(distances_to(wall, path) - ROLLER).max() < 1e-4
     # the direction of travel is from right to left, so the left wall is the lower wall
     assert np.all(walls["left"].imag < walls["right"].imag)
-
-
-def test_a_roller_too_large_is_refused(slot, dense) -> None:
-    with pytest.raises(FieldError) as caught:
-        roller_walls(slot, dense[:3], 52.1)
-    assert caught.value.field == "/roller_radius" and caught.value.details["constraint"] == "undercut"
 
 
 def test_csv_has_full_precision(slot, dense) -> None:
@@ -147,40 +138,6 @@ def test_the_dxf_holds_the_whole_groove_as_closed_contours_that_do_not_cross(nam
     assert area["GROOVE_LEFT"] < area["PATH"] < area["GROOVE_RIGHT"]
 
 
-def test_the_contour_follows_slot_and_track_but_not_the_replaced_arc(slot, dense) -> None:
-    track = slot.chain.track
-    points = polygon(contours(groove(slot, None))["path"])
-    by_slot = distances_to(points, slot.path(dense))
-    by_track = np.min([track.distance(index, points) for index in range(track.count)], axis=0)
-    assert np.minimum(by_slot, by_track).max() < 2 * TOLERANCE * 131
-    # the slot replaces the bare arc: no part of the contour lies on the arc where the slot is deep
-    under = (np.abs(points.real) < 30) & (points.imag < 0) & (points.imag > -200)
-    assert under.any() and by_track[under].min() > 0.5 and by_slot[under].max() < 2e-5
-
-
-@pytest.mark.parametrize("seed", some_of(range(8), 3))
-def test_arcs_of_any_slot_stay_within_the_tolerance(seed) -> None:
-    random = np.random.default_rng(seed)
-    links, radius = int(random.integers(12, 40)), float(random.uniform(0.9, 2.5))
-    links = max(links, int(7 * radius) + 8)
-    track = chain.critical_stadium(1.0, links, radius)
-    slot = find_slot(Chain(track, 1.0, links), float(track.joints[2] + 0.5 * track.length[2]))
-    points = np.concatenate([bend.points_at(np.linspace(0, 1, 5)) for bend in slot_polyarc(slot)])
-    assert distances_to(points, slot.path(np.linspace(slot.start, slot.end, 8001))).max() < 3e-7
-
-
-def test_a_roller_that_is_too_large_for_the_groove_is_refused(slot) -> None:
-    stepped = chain.crescent_slot(131.0, 16, 181.78, start=math.radians(75))[1]
-    with pytest.raises(FieldError) as caught:
-        groove(stepped, 0.5)  # the step is eight times as high as the roller
-        groove(stepped, 52.2)
-    assert caught.value.field == "/roller_radius" and caught.value.details["constraint"] == "undercut"
-    # two half circles on a straight so short that the groove of a large roller has no inner wall
-    with pytest.raises(FieldError) as caught:
-        groove(stadium_slot(1), 10.0)
-    assert caught.value.field == "/roller_radius"
-
-
 def test_parts_of_a_track_too_close_for_the_roller_are_refused() -> None:
     # a thin crescent: the slot comes close to the lower arc under the middle
     thin = chain.level_crescent(50.0, 60.0, math.radians(50))
@@ -225,19 +182,3 @@ def test_dxf_without_a_roller_is_the_pins_path_with_the_exact_radii(slot) -> Non
     for segment in slot.chain.track.segments:
         assert min(abs(radius - 1 / abs(segment.curvature)) for radius in radii) < 1e-9
     assert entity.dxf.layer == "PATH" and not document.audit().errors
-
-
-def test_a_stadium_is_drawn_with_lines() -> None:
-    slot = stadium_slot(2)
-    (entity,) = ezdxf.read(io.StringIO(to_dxf(slot, None))).modelspace().query("LWPOLYLINE")
-    assert sum(bulge == 0 for *_, bulge in entity.get_points("xyb")) == 2
-    assert to_svg(slot, None).count(" L ") >= 2
-
-
-@pytest.mark.parametrize("scale", [1e-9, 1e7])
-def test_any_unit(scale) -> None:
-    slot = chain.crescent_slot(scale, 16, 181.78 / 131 * scale)[1]
-    root = ElementTree.fromstring(to_svg(slot, None))
-    width = float(root.get("viewBox").split()[2])
-    assert width == pytest.approx(scale * 733 / 131 * 1.1, rel=0.1)
-    assert analyse_slot(slot, np.array([slot.start])).radius_min == pytest.approx(52.0923 / 131 * scale, rel=1e-4)

@@ -4,7 +4,6 @@ The tests would detect stored parameters that do not reproduce the fit, and digi
 """
 
 import json
-import math
 from fractions import Fraction
 from pathlib import Path
 
@@ -47,13 +46,6 @@ def test_errors_of_fourier_series(slot, phases) -> None:
         error = fit_error(slot, fit_slot(slot, "fourier", int(order)), exact_slot(slot, phases))
         assert error.normal == pytest.approx(normal, rel=0.13)
         assert error.chord == pytest.approx(chord, rel=0.13)
-
-
-def test_polynomials_from_91_samples(slot, phases) -> None:
-    for degree, (normal, chord) in REFERENCE["polynomial_91_samples"].items():
-        error = fit_error(slot, fit_slot(slot, "polynomial", int(degree)), exact_slot(slot, phases))
-        assert error.normal == pytest.approx(normal, rel=0.02)
-        assert error.chord == pytest.approx(chord, rel=0.02)
 
 
 @pytest.mark.parametrize(("kind", "order"), [("chebyshev", 12), ("spline", 90), ("fourier", 16), ("polynomial", 12)])
@@ -121,25 +113,6 @@ def test_orders_out_of_range(kind, order, slot) -> None:
     assert caught.value.field == "/fit/order"
 
 
-def test_a_slot_over_a_joint_is_not_periodic_in_one_segment() -> None:
-    track = chain.critical_stadium(20.0, 30, 40.0)
-    slot = find_slot(Chain(track, 20.0, 30), float(track.joints[2]))
-    if len(slot.base) == 1:
-        pytest.fail("the slot must cover a joint for this test")
-    with pytest.raises(FieldError):
-        fit_slot(slot, "spline", 20)
-    phases = np.linspace(slot.start, slot.end, 400)
-    assert fit_error(slot, fit_slot(slot, "chebyshev", 20), exact_slot(slot, phases)).normal < 1e-4 * 20
-
-
-def test_fits_of_a_thousand_links_are_finite() -> None:
-    _, slot = chain.crescent_slot(1.0, 1000, 80.0, 50.0)
-    phases = np.linspace(slot.start, slot.end, 101)
-    for kind, order in (("chebyshev", 8), ("spline", 40), ("fourier", 8), ("polynomial", 8)):
-        error = fit_error(slot, fit_slot(slot, kind, order), exact_slot(slot, phases))
-        assert math.isfinite(error.normal) and math.isfinite(error.chord)
-
-
 # Powers of a parameter from 0 to 1
 
 
@@ -170,19 +143,3 @@ def test_powers_are_the_same_curve(kind, order, slot, exact) -> None:
                 # just inside: at a break two pieces meet
                 inside = np.clip(phase, piece.phase[0] + 1e-9, piece.phase[1] - 1e-9)
                 assert complex(*found) == pytest.approx(complex(fit.evaluate(np.array([inside]))[0]), abs=1e-7)
-
-
-@pytest.mark.parametrize("decimals", [2, 4, 6])
-def test_rounded_coefficients_move_the_track_by_their_last_place(decimals, slot, exact) -> None:
-    fit = fit_slot(slot, "chebyshev", 8)
-    moved = power_error(slot, power_basis(slot, fit, decimals), exact)
-    assert moved <= fit_error(slot, fit, exact).normal + 9 * np.sqrt(2) * 0.5 * 10.0**-decimals
-    assert moved > 1e-2 * 10.0**-decimals
-
-
-def test_the_power_error_shows_the_digits_lost_at_high_degrees(slot, exact) -> None:
-    assert power_error(slot, power_basis(slot, fit_slot(slot, "chebyshev", 64)), exact) > 1.0
-
-
-def test_a_series_that_is_no_polynomial_has_no_powers(slot) -> None:
-    assert power_basis(slot, fit_slot(slot, "fourier", 8)) == power_basis(slot, fit_slot(slot, "spline", 9)) == []

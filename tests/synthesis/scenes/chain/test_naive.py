@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 
 from synthesis.scenes.chain import crescent as chain
 from synthesis.scenes.chain.closure import Chain, closing_links
-from synthesis.scenes.chain.slot import analyse_slot, wheel_conflict
+from synthesis.scenes.chain.slot import analyse_slot
 from synthesis.scenes.chain.track import Track, arc, line
 from tests.conftest import some_of
 from tests.oracles.chain import Path, crescent, free_pin, rounded_polygon, smallest_overrun, stadium
@@ -112,30 +112,6 @@ def test_closing_links_is_the_smallest_number_that_is_not_stretched(seed) -> Non
     assert Chain(track, pitch, links).smallest_overrun().value == pytest.approx(expected, abs=1e-7 * pitch)
     assert expected >= -1.1e-6 * pitch
     assert smallest_overrun(path, pitch, links - 1, period, cells=12) < 0
-
-
-def test_wheel_conflict_by_the_angles_of_the_pins() -> None:
-    crescent_, slot = chain.crescent_slot(131, 16, 181.78)
-    phases = np.linspace(slot.start, slot.end, 2001)
-    pins = slot.pins(phases)
-    r0, centre = crescent_.wheel_radius, crescent_.upper_radius + crescent_.wheel_radius
-    # all pins on the right wheel mark the same angle modulo the link angle of 90 deg
-    relative = pins - centre
-    on = (np.abs(np.abs(relative) - r0) < 1e-9) & (relative.real > -r0 + 1e-6)
-    angle = np.where(on, np.angle(relative), np.nan)
-    lead = np.nanmax(np.where(on, (angle - phases[:, None] / r0) % (np.pi / 2), np.nan), axis=1)
-    lead = np.unwrap(lead, period=np.pi / 2)
-    assert np.ptp(lead) == pytest.approx(wheel_conflict(slot, chain.RIGHT_WHEEL).value * np.pi / 2, abs=1e-6)
-
-
-def test_the_next_pin_in_a_narrow_hairpin_is_the_first_position_ahead() -> None:
-    """Use a pitch larger than the width of the hairpin: the opposite run is nearer than the position ahead on the same run."""
-    path = stadium(10.0, 200.0)
-    track = track_of(path)
-    for s in np.linspace(0, path.total, 57):
-        for direction in (1, -1):
-            ours = track.arc_length(track.step(track.locate(s), 35.0, direction))[0]
-            assert ours == pytest.approx(path.next(s, 35.0, direction, cells=200), abs=1e-9)
 
 
 def test_a_meandering_track_agrees_with_bracketing_search() -> None:

@@ -10,10 +10,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from synthesis.errors import FieldError
-from synthesis.scenes.chain.closure import Chain, closing_links, find_minimum
-from synthesis.scenes.chain.crescent import driving_segment, free_pin_segment, level_crescent, stadium
-from synthesis.scenes.chain.slot import analyse_slot, find_slot
+from synthesis.scenes.chain.crescent import level_crescent, stadium
 from synthesis.scenes.chain.track import ChordError, ChordFault, PinMotion, Segment, Track, TrackError, arc, line
 
 TURN = 2 * math.pi
@@ -35,18 +32,6 @@ def test_next_pin_is_one_pitch_away_and_steps_back(track, share, direction) -> N
     assert 1 - 1e-12 <= advance <= math.pi / 2 + 1e-9
     back = track.step(after, 1.0, -direction)
     assert track.arc_length(back)[0] == pytest.approx(track.arc_length(position)[0], abs=1e-10)
-
-
-@settings(derandomize=True, deadline=None, max_examples=40)
-@given(track=tracks(), share=st.floats(-1, 2), links=st.integers(0, 60), direction=st.sampled_from([1, -1]))
-def test_advance_equals_repeated_steps(track, share, links, direction) -> None:
-    position = track.locate(share * track.total)
-    stepped = position
-    for _ in range(links):
-        stepped = track.step(stepped, 1.0, direction)
-    at_once = track.advance(position, 1.0, links, direction)
-    assert track.arc_length(at_once)[0] == pytest.approx(track.arc_length(stepped)[0], abs=1e-11)
-    assert np.abs(track.points(at_once) - track.points(stepped)).max() < 1e-11
 
 
 @settings(derandomize=True, deadline=None, max_examples=40)
@@ -91,13 +76,6 @@ def test_the_reverse_track_is_the_same_loop() -> None:
     assert np.abs(track.reverse.arc_length(mirrored) + s - track.total).max() < 1e-10
 
 
-def test_positions_beyond_one_lap() -> None:
-    track = stadium(1.0, 3.0)
-    s = np.array([-2.5, -1, 0, 0.5, 1, 7.25]) * track.total
-    assert np.abs(track.arc_length(track.locate(s)) - s).max() < 1e-13 * track.total * 10
-    assert list(track.locate(s).lap) == [-3, -1, 0, 0, 1, 7]
-
-
 @pytest.mark.parametrize(
     ("segments", "message"),
     [
@@ -116,37 +94,6 @@ def test_segments_that_do_not_form_a_track_are_refused(segments, message) -> Non
         Track(segments)
     assert caught.value.field == f"/segments/{caught.value.segment}"
     assert 0 <= caught.value.segment < max(1, len(segments))
-
-
-def test_a_circle_is_a_track() -> None:
-    """Use the radius at which exactly 12 links fit, so that every phase closes."""
-    radius = 1 / (2 * math.sin(math.pi / 12))
-    track = Track([arc(0, 0, radius, 0, 2 * math.pi)])
-    assert closing_links(track, 1.0) == 12
-    slot = find_slot(Chain(track, 1.0, 12), 0.5 * track.total)
-    facts = analyse_slot(slot, np.linspace(slot.start, slot.end, 11))
-    assert abs(facts.slack_max.value) < 1e-12 and facts.chord_error < 1e-12
-    assert facts.clearance == math.inf
-
-
-def test_a_position_in_the_gap_between_two_segments() -> None:
-    """Use a gap within the tolerance: the pitch is reached between the end of an arc and the start of the next arc."""
-    gap = 3e-7
-    track = Track([arc(0, 0, 1.0, 0, math.pi), arc(0, -gap, 1.0, math.pi, math.pi)])
-    s = math.pi - math.pi / 3 + 0.5 * gap * math.sin(math.pi / 3)
-    pin = track.points(track.locate(s))[0]
-    assert abs(pin + 1) < 1.0 < abs(pin - complex(-1, -gap))
-    position = track.step(track.locate(s), 1.0)
-    assert (position.segment[0], position.along[0]) == (1, 0.0)
-
-
-def test_a_link_longer_than_the_track_is_refused() -> None:
-    track = stadium(1.0, 2.0)
-    with pytest.raises(ChordError) as caught:
-        track.step(track.locate([0.0, 1.0]), 100.0)
-    assert caught.value.fault is ChordFault.NO_POINT
-    with pytest.raises(ChordError):
-        Chain(track, 3.0, 5)  # the half circle does not hold a link
 
 
 def test_a_link_perpendicular_to_the_track_is_refused() -> None:
@@ -189,26 +136,3 @@ def test_a_distant_origin_costs_no_digits(distance) -> None:
         shifted_position = shifted_track.step(shifted_position, 50.0)
     # the starts of the stadium's segments are whole numbers, so that shifting them causes no rounding
     assert np.abs(track.arc_length(position) - shifted_track.arc_length(shifted_position)).max() < 1e-10
-
-
-def test_choice_of_driver_and_free_pin_segment() -> None:
-    track = stadium(30.0, 200.0)
-    assert driving_segment(track, 25.0) == 0
-    assert free_pin_segment(track, 25.0, 0) == 2
-    assert free_pin_segment(track, 55.0, 0) == 1  # a half circle does not hold two such links
-    with pytest.raises(FieldError):
-        driving_segment(track, 300.0)
-
-
-def test_the_first_of_equal_smallest_minima_is_found() -> None:
-    def kinks(x):  # the smallest value on the grid is 0 at 0.2, but the minimum between two nodes is -0.4 at 0.55
-        return np.minimum(np.abs(x - 0.2), 10 * np.abs(x - 0.55) - 0.4)
-
-    assert find_minimum(kinks, 0.0, 1.0, 10) == pytest.approx((0.55, -0.4), abs=1e-4)
-
-    def waves(x):  # three minima, each lower than the previous by 1/3000
-        return -np.sin(6 * np.pi * x) - 1e-3 * x
-
-    assert find_minimum(waves, 0.0, 1.0, 60).phase == pytest.approx(9 / 12, abs=1e-4)
-    assert find_minimum(waves, 0.0, 1.0, 60, tie=0.5e-3).phase == pytest.approx(5 / 12, abs=1e-4)
-    assert find_minimum(waves, 0.0, 1.0, 60, tie=1e-3).phase == pytest.approx(1 / 12, abs=1e-4)

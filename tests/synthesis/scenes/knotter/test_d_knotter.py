@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 
 from synthesis.scenes.knotter import d_knotter
-from synthesis.scenes.knotter.curves import crossing_before_entry, crossing_curve, point_paths
+from synthesis.scenes.knotter.curves import crossing_before_entry, crossing_curve
 from synthesis.scenes.knotter.d_knotter import Needle
 from synthesis.scenes.knotter.mechanism import Linear, dimensions, with_dimensions
-from synthesis.scenes.knotter.segment_triangle import CrossingCase, classify
 from synthesis.scenes.knotter.study import study
 from tests.oracles.knotter import Exact
 
@@ -77,17 +76,6 @@ def test_position_of_the_holding_point_in_the_frame_of_the_bill(degrees: str) ->
     assert np.array(position) == pytest.approx(FIGURES["S0_u4_10_25"][degrees], abs=1e-10)
 
 
-def test_transformation_to_another_frame_and_back_is_the_identity() -> None:
-    random = np.random.default_rng(3)
-    points = random.uniform(-60, 60, (3, 500))
-    driver = random.uniform(0, 2 * np.pi, 500)
-    machine = at_pair(10, 25)
-    in_bill = machine.transform(tuple(points), "u3", "u4", driver)
-    assert np.abs(np.array(machine.transform(in_bill, "u4", "u3", driver)) - points).max() < 1e-12
-    in_disc = machine.transform(tuple(points), "u5", "u3", driver)
-    assert np.abs(np.array(machine.transform(in_disc, "u3", "u5", driver)) - points).max() < 1e-12
-
-
 # Entries (A8, A11)
 
 
@@ -103,15 +91,6 @@ def test_bite_events(key: str, reference) -> None:
 
 
 # Clearance (A9, A10)
-
-
-def test_depth_of_the_jaw_beyond_the_disc(reference) -> None:
-    result = reference.conditions["clearance"]
-    for key, value in FIGURES["S10_j3_at_270"].items():
-        assert result.value[item_of(key)] == pytest.approx(value, abs=1e-9), key
-    for key, angle in FIGURES["worst_angle"].items():
-        assert np.degrees(result.worst_driver[item_of(key)]) == pytest.approx(angle, abs=1e-9), key
-    assert result.worst[item_of("10,25")] == pytest.approx(FIGURES["worst_10_25"], abs=1e-9)
 
 
 # The published pattern (A12)
@@ -150,28 +129,6 @@ def test_free_range_of_the_needle_agrees_with_a_dense_scan() -> None:
     assert 10 < sum(is_free) < 40
 
 
-@pytest.mark.parametrize("scale", [1e-9, 1e-3, 1e9])
-def test_needle_is_independent_of_the_unit_of_length(scale: float) -> None:
-    lengths = {name: getattr(Needle(), name) * scale for name in ("S1x", "S1y", "r0", "D0", "d6", "r1")}
-    assert Needle(**lengths).free_range() == pytest.approx(Needle().free_range(), rel=1e-13)
-    assert Needle(**lengths).angles_for_d5(54.0 * scale) == pytest.approx(Needle().angles_for_d5(54.0), rel=1e-12)
-
-
-def test_an_extremely_thin_needle_is_free_up_to_the_pole() -> None:
-    low, high = Needle(S1x=1e9, S1y=-1e9, r0=1e-9, D0=1e-9).free_range()
-    assert low == pytest.approx(-np.pi / 2, abs=1e-12)
-    assert high == pytest.approx(np.pi / 4, abs=1e-12)
-
-
-def test_the_two_angles_for_d5_meet_at_its_maximum() -> None:
-    needle = Needle(S1x=150.0, S1y=10.0, d6=50.0)
-    maximum = np.hypot(150.0, 60.0) + 30.0 * np.sin(needle.beta0)
-    low, high = needle.angles_for_d5(maximum - 1e-9)
-    assert needle.d5(low) == pytest.approx(maximum - 1e-9, abs=1e-12)
-    assert needle.d5(high) == pytest.approx(maximum - 1e-9, abs=1e-12)
-    assert needle.angles_for_d5(maximum + 1e-9) == []
-
-
 # Corrections of the source in docs/knotter.md
 
 
@@ -202,26 +159,6 @@ def test_crossings_agree_with_the_printed_equations() -> None:
         assert curve.triangle[:, row, 1:] == pytest.approx(expected, abs=1e-12)
 
 
-@pytest.mark.parametrize("name", ["wrap", "bite"])
-def test_inside_agrees_with_the_exact_predicate(name) -> None:
-    machine, condition = at_pair(20, 25), getattr(d_knotter, name)()
-    driver = np.linspace(*condition.window, 1001)
-    curve = crossing_curve(machine, condition, driver)
-    corners = [np.array(np.broadcast_arrays(*position)).T for position in condition.positions(machine, driver)]
-    assert np.array_equal(curve.inside, classify(*corners) == CrossingCase.CROSSES) and curve.inside.any()
-
-
-def test_a_rope_parallel_to_its_plane_has_no_crossing() -> None:
-    machine = with_dimensions(at_pair(10, 25), {"S7.j": 0.0})
-    driver = np.linspace(0, 6, 7)
-    level = with_dimensions(machine, {"d9": 0.0, "d10": 0.0})
-    curve = crossing_curve(level, d_knotter.bite(), driver)
-    assert np.isfinite(curve.point).all()  # S0 is off the plane, so the line crosses it at the end that lies in it
-    parallel = d_knotter.SegmentEntersTriangle("parallel", ("S3", "S4"), ("S5", "O5", "S10"), "u4", (0.0, 1.0), 0)
-    moved = with_dimensions(machine, {"S3.j": 5.0, "S4.j": 5.0, "S5.j": 0.0})
-    assert np.isnan(crossing_curve(moved, parallel, driver).point).all()
-
-
 @pytest.mark.parametrize("key", FIGURES["paper"]["E1_before_hit"])
 def test_crossings_before_the_entry_in_table_1(key) -> None:
     scan_step = np.radians(FIGURES["REF_PRINT"]["scan_step"])
@@ -233,15 +170,6 @@ def test_crossings_before_the_entry_in_table_1(key) -> None:
     assert point[1:] == pytest.approx(FIGURES["REF_scan_step_2"][key], abs=6e-4)
     never_inside = with_dimensions(at_pair(*pair), {"S3.j": -500.0, "S4.j": -500.0})
     assert crossing_before_entry(never_inside, d_knotter.wrap(), 0.1) is None
-
-
-def test_distances_within_a_body_are_constant_along_paths() -> None:
-    driver = np.linspace(0, 6, 30)
-    paths = point_paths(at_pair(10, 25), ["S1", "S3", "S8", "S10", "S0"], "shaft", driver)
-    for first, second in (("S1", "S3"), ("S8", "S10")):
-        length = np.linalg.norm(paths[first] - paths[second], axis=1)
-        assert np.ptp(length) < 1e-12
-    assert np.ptp(paths["S0"], axis=0).max() > 50
 
 
 def test_a_machine_with_its_own_dimensions_is_unchanged() -> None:

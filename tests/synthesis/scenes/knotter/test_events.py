@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 
 from synthesis.errors import FieldError
 from synthesis.scenes.knotter import d_knotter, events
-from synthesis.scenes.knotter.mechanism import Linear, Table
 from tests.oracles.knotter import Exact
 
 ALPHA1, ALPHA3 = float(np.radians(10.0)), float(np.radians(25.0))
@@ -51,10 +50,6 @@ def test_two_roots_that_nearly_coincide(middle: float, gap: float) -> None:
     assert found == pytest.approx(expected, abs=1e-9)
 
 
-def test_an_extremum_just_below_zero_is_no_root() -> None:
-    assert len(roots_of(lambda x: np.cos(x - 1.0) - 1.0 - 1e-12, 0.0, 3.0)) == 0
-
-
 @pytest.mark.parametrize("rate", [1.0, 30.0, 1000.0])
 def test_all_roots_of_fast_functions(rate: float) -> None:
     found = roots_of(lambda x: np.sin(rate * x + 0.3), 0.0, np.pi, rate)
@@ -63,28 +58,12 @@ def test_all_roots_of_fast_functions(rate: float) -> None:
     assert found == pytest.approx(expected, abs=1e-13)
 
 
-def test_halving_compensates_for_a_rate_bound_that_is_too_low() -> None:
-    found = roots_of(lambda x: np.sin(40 * x + 0.3), 0.0, np.pi, 1.0)
-    assert len(found) == 40
-
-
-def test_a_root_at_the_common_end_of_two_pieces_is_found_once() -> None:
-    assert roots_of(lambda x: np.sin(x - 1.0), 0.0, 2.0, 1.0, [1.0]) == pytest.approx([1.0], abs=1e-15)
-    found = roots_of(lambda x: np.abs(x - 1.0) - 1e-9, 0.0, 2.0, 1.0, [1.0])
-    assert found == pytest.approx([1 - 1e-9, 1 + 1e-9], abs=1e-15)
-
-
 def test_rounding_that_differs_between_two_evaluations_creates_no_root() -> None:
     def noisy(x: np.ndarray) -> np.ndarray:
         count = x.shape[-1] if x.ndim else 1
         return np.sin(x - 1.0) + 1e-17 * np.where(np.arange(count) < count / 2, -1, 1)
 
     assert len(roots_of(noisy, 0.0, 2.0, 1.0, [1.0])) == 1
-
-
-def test_a_function_that_is_zero_has_no_roots() -> None:
-    assert len(roots_of(lambda x: 0.0 * x, 0.0, 2.0)) == 0
-    assert len(roots_of(lambda x: 1e-16 * np.sin(50 * x), 0.0, 2.0)) == 0
 
 
 def test_extremely_fast_laws_are_refused_before_memory_is_allocated() -> None:
@@ -137,11 +116,6 @@ def test_windows_next_to_the_vertex_down_to_a_millionth_of_a_degree(short_of: fl
     assert error_degrees(leave, found.leave[0]) < 1e-10
 
 
-def test_beyond_the_vertex_there_is_no_window() -> None:
-    found = d_knotter.wrap().evaluate(d_knotter.mechanism({**PAIR, "d5": CLOSING_D5 + 1e-9}), 1)
-    assert not found.holds[0] and found.entered_by[0] != 2
-
-
 @pytest.mark.parametrize("degrees", [70.0, 95.0, 110.0, 130.0])
 @pytest.mark.parametrize("width", [1.0, 1e-1, 1e-3, 1e-5])
 def test_windows_of_a_rope_that_only_grazes_the_edge(degrees: float, width: float) -> None:
@@ -173,29 +147,3 @@ def test_windows_of_a_rope_that_only_grazes_the_edge(degrees: float, width: floa
     # A grazing entry is ill-conditioned: its sensitivity is inversely proportional to the width of the window.
     speed = curvature * np.radians(width) / 2
     assert found.sensitivity[0] == pytest.approx(1 / speed, rel=0.2 if width > 1e-4 else 1.0)
-
-
-@pytest.mark.parametrize("half_width", [1e-1, 1e-4, 1e-6, 1e-7])
-def test_windows_opened_by_a_corner_of_a_law(half_width: float) -> None:
-    """The disc reverses: E1 passes the edge just before the corner of the table, and turns back there."""
-    entered = d_knotter.wrap().evaluate(d_knotter.mechanism(PAIR), 1).enter[0]
-    corner = entered + half_width
-
-    def beta(alpha: float) -> float:
-        return float(np.radians(23.5)) + 0.5 * alpha
-
-    # After the corner the disc turns fast in the opposite sense, and E1 leaves through the edge by which it entered.
-    angles = (beta(0.0), beta(corner), beta(corner) + 2.0, beta(corner) + 2.0)
-    table = Table((0.0, corner, corner + 0.2, np.pi), angles)
-    found = d_knotter.wrap().evaluate(d_knotter.mechanism(PAIR, laws={"beta": table}), 1)
-    assert found.enter[0] == pytest.approx(entered, abs=1e-13)
-    assert corner < found.leave[0] < corner + 2 * half_width
-    assert found.holds[0]
-
-
-def test_fast_disc_agrees_with_forty_digits() -> None:
-    ratio, lead = 7.3, 0.4
-    found = d_knotter.wrap().evaluate(d_knotter.mechanism(PAIR, laws={"beta": Linear(lead, ratio)}), 1)
-    fast = Exact(10, 25, lead=float(np.degrees(lead)), ratio=ratio)
-    exact = fast.root("wrap", int(found.entered_by[0]) - 2, found.enter[0])
-    assert error_degrees(exact, found.enter[0]) < 1e-11

@@ -114,24 +114,6 @@ def test_directions_are_orthogonal_and_free_directions_are_found(pattern, best) 
         assert np.abs(direction.vector[:8]).max() < 1e-9 and direction.back + direction.forth >= 1 - 1e-12
 
 
-def test_margins_of_a_batch_equal_single_margins(pattern) -> None:
-    candidates = np.random.default_rng(5).random((4, 8))
-    batch = pattern.margins(candidates, Work())
-    wrap = pattern.verdicts[0]
-    for unknowns, margins in zip(candidates, batch):
-        assert pattern.margins(unknowns[None], Work())[0] == pytest.approx(margins, abs=1e-9)
-        machines = with_dimensions(machine_at(pattern, unknowns), wrap.items)
-        result = d_knotter.wrap().evaluate(machines, len(wrap.holds))
-        assert (margins[:9] > 0).tolist() == (result.holds == wrap.holds).tolist()
-
-
-def test_slopes_agree_with_differences_of_small_steps(pattern, best) -> None:
-    step = 1e-6 * np.eye(8)
-    stencil = pattern.margins(np.concatenate([best.unknowns + step, best.unknowns - step]), Work())
-    fine = (stencil[:8] - stencil[8:]).T / 2e-6
-    assert np.median(np.abs(best.slopes - fine) / (1 + np.abs(fine))) < 0.02
-
-
 def test_a_cancelled_or_expired_fit_ends(pattern) -> None:
     with pytest.raises(Cancelled):
         fit_pattern(pattern, 96, 2, 0, work=Work(cancelled=lambda: True))
@@ -139,8 +121,3 @@ def test_a_cancelled_or_expired_fit_ends(pattern) -> None:
     candidates, _ = fit_pattern(pattern, 16, 2, 0, work=Work(50.0, clock=lambda: float(next(ticks))))
     assert len(candidates) == 2  # the best found within the budget
     assert extents(pattern, candidates[0].unknowns, np.eye(8), Work()).min() >= 0
-
-
-def test_draws_and_descents_end_with_the_budget(pattern) -> None:
-    candidates, reproducing_draws = fit_pattern(pattern, 1000, 6, 0, work=Work(1e-2))
-    assert len(candidates) == 1 and reproducing_draws <= 64  # only the first draws were evaluated

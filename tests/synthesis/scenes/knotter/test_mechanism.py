@@ -47,21 +47,6 @@ def test_transformations_preserve_distances_and_can_be_reversed(first, second, d
     assert np.array(machine.transform(tuple(first_moved), *frames[::-1], driver)) == pytest.approx(first, abs=1e-11)
 
 
-def test_a_batch_of_parameters_equals_single_mechanisms() -> None:
-    values = np.linspace(0, 1, 7)
-    machine = mechanism({"alpha1": values, "d5": 50 + values})
-    driver = np.linspace(0, 6, 5)
-    batch = np.array(machine.select(np.arange(7)[:, None]).position("S0", "u5", driver))
-    for index, value in enumerate(values):
-        single = mechanism({"alpha1": value, "d5": 50 + value}).position("S0", "u5", driver)
-        assert batch[:, index] == pytest.approx(np.array(single), abs=1e-12)
-
-
-def test_linear_table_agrees_with_numpy_interpolation() -> None:
-    driver = np.linspace(-3, 9, 500)
-    assert Table(KNOTS, ANGLES).value(driver) == pytest.approx(np.interp(driver, KNOTS, ANGLES), abs=1e-14)
-
-
 def test_pchip_agrees_with_scipy() -> None:
     from scipy.interpolate import PchipInterpolator
 
@@ -79,18 +64,6 @@ def test_rate_bound_exceeds_the_rate(kind: str, seed: int) -> None:
     driver = np.linspace(low, high, 4001)
     steepest = np.abs(np.diff(law.value(driver)) / np.diff(driver)).max()
     assert steepest <= law.rate_bound(low, high) * (1 + 1e-9) + 1e-9
-
-
-def test_table_of_two_rows_holds_its_end_angles() -> None:
-    law = Table((1.0, 2.0), (0.4, 0.0))
-    assert law.value(np.array([0.0, 1.0, 1.5, 2.0, 9.0])) == pytest.approx([0.4, 0.4, 0.2, 0.0, 0.0], abs=1e-15)
-
-
-def test_laws_preserve_extended_precision() -> None:
-    driver = np.longdouble(1) / 3
-    assert Linear(0.1, 0.3).value(driver).dtype == np.longdouble
-    assert Table(KNOTS, ANGLES).value(driver).dtype == np.longdouble
-    assert mechanism().position("S0", "u5", driver)[0].dtype == np.longdouble
 
 
 @pytest.mark.parametrize(

@@ -17,9 +17,7 @@ from synthesis.scenes.knotter import d_knotter
 from synthesis.scenes.knotter.conditions import (
     Clearance,
     EntryStatus,
-    find_windows,
 )
-from synthesis.scenes.knotter.events import Events
 from synthesis.scenes.knotter.mechanism import (
     ANGULAR_DIMENSIONS,
     Chain,
@@ -31,7 +29,6 @@ from synthesis.scenes.knotter.mechanism import (
     dimensions,
     with_dimensions,
 )
-from synthesis.scenes.knotter.segment_triangle import segment_triangle_distance
 from synthesis.scenes.knotter.study import analyse_tolerances, find_limits, study
 from tests.oracles.knotter import RandomKnotter
 
@@ -154,15 +151,6 @@ def test_largest_depth_in_a_disc_may_be_at_a_kink() -> None:
     assert found.worst[0] == pytest.approx(10 * np.sin(angle), abs=1e-11)
 
 
-def test_an_event_of_zero_width_does_not_split_a_window() -> None:
-    def always_inside(driver: np.ndarray, item: np.ndarray) -> np.ndarray:
-        return np.array([1.0, -1.0, 1.0, 1.0, 1.0])[:, None] * np.ones_like(driver)
-
-    touch = Events(np.array([0, 0, 0]), np.array([2, 2, 3]), np.array([0.5, 0.5, 0.7]))
-    item, start, end, opened_by = find_windows(always_inside, touch, np.array([0.0, 1.0]), 1, np.array([True]))
-    assert (list(item), list(start), list(end), list(opened_by)) == ([0], [0.0], [1.0], [-1])
-
-
 def test_an_item_does_not_depend_on_its_neighbours() -> None:
     """The 40 x 40 items are evaluated in several chunks."""
     grid = {"alpha1": np.linspace(-0.2, 0.6, 40), "alpha3": np.linspace(0.1, 0.7, 40)}
@@ -193,17 +181,6 @@ def test_the_unit_of_length_changes_no_angle(seed: int, power: int) -> None:
             assert original.enter == pytest.approx(scaled.enter, abs=1e-13, nan_ok=True)
 
 
-def test_closest_approach_agrees_with_a_dense_scan(cases) -> None:
-    condition = d_knotter.wrap()
-    assert len(cases["wrap", "never"]) >= 10
-    for seed in cases["wrap", "never"][:20]:
-        machine = mechanism_of(RandomKnotter(seed))
-        found = evaluated(seed, "wrap")
-        alpha = np.linspace(*condition.window, 20_001)
-        dense = segment_triangle_distance(*condition.positions(machine, alpha)).min()
-        assert dense - 5e-3 <= -found.margin[0] <= dense + 1e-9
-
-
 def test_sensitivity_is_the_shift_of_the_entry() -> None:
     """Moving S3 and S4 by h perpendicular to their edge moves the entry by h times the sensitivity."""
     pair = {"alpha1": np.radians(10.0), "alpha3": np.radians(25.0)}
@@ -226,16 +203,6 @@ def test_limits_are_found_on_both_sides() -> None:
 
 
 # Infeasible and refused mechanisms
-
-
-def test_a_rope_end_in_the_triangles_plane_never_crosses() -> None:
-    found = d_knotter.wrap().evaluate(d_knotter.mechanism(points={"S1": (0.0, 14.0, -39.0)}), 1)
-    assert found.status[0] == EntryStatus.ALWAYS_IN_PLANE and not found.holds[0] and found.windows[0] == 0
-    tilted = {"S3": (1.0, 16.0, -12.0), "S4": (3.0, 8.0, -28.0), "S5": (-2.0, 0.0, 0.0)}
-    a, b, c = (np.array(tilted[name]) for name in ("S3", "S4", "S5"))
-    rope_end = tuple(a + 1.7 * (b - a) + 0.4 * (c - a))
-    found = d_knotter.wrap().evaluate(d_knotter.mechanism(points={**tilted, "S1": rope_end}), 1)
-    assert found.status[0] == EntryStatus.ALWAYS_IN_PLANE
 
 
 def test_empty_grid_and_too_much_work_are_refused() -> None:
@@ -303,10 +270,3 @@ def test_wide_tolerances_violate_conditions_in_a_fraction_of_the_samples(machine
         holds.append(all(condition.evaluate(moved, 1).holds[0] for condition in CONDITIONS.values()))
     fewer, fraction = analyse_tolerances(machine, CONDITIONS, tolerances, 4, 1)
     assert fraction == np.mean(holds) and fewer["wrap"].margin == results["wrap"].margin
-
-
-def test_a_knot_that_fails_with_nominal_dimensions_has_no_factor() -> None:
-    machine = d_knotter.mechanism().with_parameters(alpha1=0.0, alpha3=math.radians(20))
-    results, _ = analyse_tolerances(machine, {"wrap": d_knotter.wrap()}, tolerances_of(machine, 0.1, 0.1), 20, 0)
-    wrap = results["wrap"]
-    assert wrap.margin < 0 and wrap.factor is None and wrap.share == 0

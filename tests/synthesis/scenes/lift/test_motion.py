@@ -13,7 +13,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import ezdxf
-import mpmath
 import numpy as np
 import pytest
 from hypothesis import assume, example, given, settings
@@ -40,7 +39,6 @@ from synthesis.scenes.lift.pose import (
     pose_at_height,
     pose_at_turn,
     top_lever,
-    triangle_angle,
     turn_at_length,
     turns_at_length,
 )
@@ -164,27 +162,7 @@ def test_d1_d2_d3_dead_point_condition_and_assemblies(name) -> None:
     np.testing.assert_allclose(heights, REFERENCE["assemblies"][name], rtol=0, atol=1e-4)
 
 
-def test_smallest_condition_is_the_smallest() -> None:
-    for name, smallest in (("initial", 8.14), ("optimum", 9.65)):
-        limits = checked_stroke(DESIGNS[name], CYLINDER)
-        found, turn = lift_loops.smallest_condition(DESIGNS[name], limits)
-        assert found == pytest.approx(smallest, abs=0.01)
-        conditions = lift_loops.condition(DESIGNS[name], np.linspace(0, limits.turn_bottom, 2000))
-        assert found <= np.min(conditions) * (1 + 1e-9)
-        assert lift_loops.condition(DESIGNS[name], turn) == found
-
-
 # -- textbook formulas ---------------------------------------------------------------------------------------
-
-
-@LAW
-@given(designs(), st.floats(0.0, 1.0))
-def test_pose_is_the_textbook_pose(design, share) -> None:
-    turn = share * float(dead_point(design))
-    pose, naive = pose_at_turn(design, turn), oracle.pose(design, turn)
-    scale = design.l2 + design.l5 + design.b
-    for name, value in naive.items():
-        assert abs(getattr(pose, name) - value) < 1e-12 * scale
 
 
 @pytest.mark.parametrize("name", DESIGNS)
@@ -248,19 +226,6 @@ def test_rates_are_time_derivatives(lift) -> None:
 
 
 @LAW
-@given(lifts())
-def test_lowering_is_rising_backwards(lift) -> None:
-    design, cylinder = lift
-    speed = abs(cylinder.speed)
-    up = motion(design, Cylinder(cylinder.length, speed), samples=21)
-    down = motion(design, Cylinder(cylinder.length, -speed), samples=21)
-    np.testing.assert_allclose(down.pose.height, up.pose.height[::-1], rtol=1e-11)
-    np.testing.assert_allclose(down.velocity, -up.velocity[::-1], rtol=1e-8, atol=1e-9 * np.max(up.velocity))
-    assert down.pose.turn[0] == 0 and down.velocity[0] == 0
-    assert down.pose.height[0] == pytest.approx(float(design.l3 + design.l5), rel=1e-15)
-
-
-@LAW
 @given(lifts(), st.floats(-9, 9))
 def test_results_scale_with_the_unit_of_length(lift, power) -> None:
     design, cylinder = lift
@@ -272,18 +237,6 @@ def test_results_scale_with_the_unit_of_length(lift, power) -> None:
         found, expected = getattr(scaled_motion, name), k * getattr(original, name)
         np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 * np.max(np.abs(expected)))
     np.testing.assert_allclose(scaled_motion.pose.height, k * original.pose.height, rtol=1e-12)
-
-
-@LAW
-@given(designs())
-def test_the_working_branch_ends_at_the_dead_point(design) -> None:
-    turn_dead = float(dead_point(design))
-    rates = pose_at_turn(design, np.linspace(0, turn_dead, 500)[:-1]).length_1
-    assert np.all(rates < 0)
-    at = pose_at_turn(design, turn_dead)
-    assert abs(at.length_1) < 1e-9 * (design.l2 + design.b + design.l5)
-    beyond = pose_at_turn(design, turn_dead * (1 + 1e-6))
-    assert beyond.length_1 > 0
 
 
 @LAW
@@ -300,28 +253,6 @@ def test_length_and_turn_are_inverse_and_one_assembly_works(lift) -> None:
     assert turns.size % 2 == 0
 
 
-def test_a_batch_equals_its_members_to_the_last_bit() -> None:
-    members = [INITIAL, OPTIMUM, Design(300.0, 180.0, 500.0, 330.0, 480.0), Design(10.0, 5.0, 8.0, 6.0, 12.0)]
-    batch = Design(*(np.array(values) for values in zip(*(design.as_tuple() for design in members))))
-    lengths = np.array([220.0, 230.0, 220.0, 9.0])
-    together = stroke(batch, Cylinder(lengths, np.full(4, 100.0), np.zeros(4)))
-    for k, design in enumerate(members):
-        single = stroke(design, Cylinder(lengths[k], 100.0, 0.0))
-        for name in ("turn_bottom", "turn_dead", "length_dead", "length_top", "height_bottom", "duration"):
-            np.testing.assert_array_equal(getattr(together, name)[k], getattr(single, name))
-    assert np.isnan(together.duration[2])  # no triangle
-    tall = Design(*(value[:, None] for value in batch.as_tuple()))
-    many = np.linspace(300.0, 700.0, 50)
-    np.testing.assert_array_equal(turn_at_length(tall, many)[0], turn_at_length(INITIAL, many))
-
-
-def test_more_designs_than_fit_in_a_block() -> None:
-    arms = np.linspace(250.0, 400.0, 700)
-    together = dead_point(Design(arms, 180.0, 240.0, 330.0, 480.0))
-    for k in (0, 255, 256, 699):
-        assert together[k] == dead_point(Design(arms[k], 180.0, 240.0, 330.0, 480.0))
-
-
 @LAW
 @given(st.floats(1e-6, 1e6), st.floats(1e-3, 1e3), st.floats(-0.5, 10.0))
 def test_travel_time_covers_the_travel(travel, speed, share) -> None:
@@ -331,31 +262,7 @@ def test_travel_time_covers_the_travel(travel, speed, share) -> None:
     assert float(travel_time(travel, -speed, -along)) == time
 
 
-def test_travel_time_at_the_edge_of_stopping() -> None:
-    assert travel_time(10.0, 2.0, -0.2) == 10.0  # comes to rest just there
-    assert np.isnan(travel_time(10.0, 2.0, -0.21))
-    assert travel_time(10.0, 2.0, -1e-300) == 5.0
-    assert np.isnan(travel_time(10.0, 0.0, 0.0))
-
-
 # -- extremes ------------------------------------------------------------------------------------------------
-
-
-def test_triangles_flat_to_the_last_digits() -> None:
-    angles = [triangle_angle(*sides)[2] for sides in ((3.0, 4.0, 5.0), (4.0, 5.0, 3.0), (5.0, 3.0, 4.0))]
-    assert sum(angles) == pytest.approx(math.pi, abs=1e-15)
-    thin = float(triangle_angle(1.0, 1.0, 1e-9)[2])
-    assert thin == pytest.approx(1e-9, rel=1e-12)  # arccos gives 0
-    assert np.isnan(triangle_angle(1.0, 2.0, 3.0)[2]) and np.isnan(triangle_angle(1.0, 2.0, np.nan)[2])
-    assert np.isnan(pose_at_turn(replace(INITIAL, l5=150.0), 0.5).height), "l3 is longer than l5"
-
-
-@pytest.mark.parametrize("gap", [1e-3, 1e-6, 1e-9, 1e-12])
-def test_l3_close_to_l5_keeps_a_correct_working_branch(gap) -> None:
-    design = Design(300.0, 200.0 * (1 - gap), 240.0, 200.0, 480.0)
-    turn_dead = float(dead_point(design))
-    pose = pose_at_turn(design, np.linspace(0, turn_dead, 4001)[:-1])
-    assert np.all(pose.length_1 < 0) and np.all(np.isfinite(pose.height))
 
 
 def test_extreme_triangles_and_branches_give_numbers_or_errors() -> None:
@@ -372,52 +279,9 @@ def test_extreme_triangles_and_branches_give_numbers_or_errors() -> None:
     assert lift_loops.largest_residual(moved) < 1e-9
 
 
-def test_start_just_above_the_dead_point() -> None:
-    dead = float(checked_stroke(INITIAL, CYLINDER).length_dead)
-    for above in (1e-6, 1e-9, 1e-12):
-        moved = motion(INITIAL, Cylinder(dead * (1 + above), 100.0), samples=5)
-        assert np.all(np.isfinite(moved.velocity)) and np.all(np.diff(moved.pose.height) > 0)
-    v1, v2 = (float(motion(INITIAL, Cylinder(dead + gap, 100.0), [0.0]).velocity[0]) for gap in (1e-6, 1e-4))
-    assert v1 / v2 == pytest.approx(10.0, rel=0.01)  # 1 / sqrt of the distance in length
-
-
-def test_two_dead_points_that_nearly_coincide_are_both_found() -> None:
-    # the cylinder shortens slightly in the middle of the rise, between two nodes of any grid: the rate peaks just above 0
-    around = np.linspace(2.1162, 2.1182, 40001)
-
-    def peak(b: float) -> tuple[float, Design]:
-        design = Design(0.4772511136002662, 0.8745288434146505, 1.1972131209796901, 1.0, b)
-        return float(np.max(pose_at_turn(design, around).length_1)), design
-
-    low, high = 0.12, 0.135  # the peak falls as b grows
-    for _ in range(48):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if peak(middle)[0] > 1e-10 else (low, middle)
-    touching, clear = peak(low)[1], peak(high * (1 + 1e-8))[1]
-    assert peak(low)[0] > 0 > peak(high * (1 + 1e-8))[0]
-    assert float(dead_point(touching)) == pytest.approx(2.117, abs=1e-3)
-    assert float(dead_point(clear)) > 2.12
-
-
-@pytest.mark.parametrize("gap", [1e-3, 1e-6, 1e-9])
-def test_heights_below_c_keep_their_digits(gap) -> None:
-    design, turn = Design(300.0, 200.0 * (1 - gap), 240.0, 200.0, 480.0), 2.5
-    with mpmath.workdps(40):
-        l3, l5, t = (mpmath.mpf(value) for value in (design.l3, design.l5, turn))
-        exact = mpmath.sqrt(l5**2 - (l3 * mpmath.sin(t)) ** 2) + l3 * mpmath.cos(t)
-        assert abs(float(pose_at_turn(design, turn).height / exact - 1)) < 1e-14
-
-
 def test_unreachable_heights_are_nan() -> None:
     heights = pose_at_height(INITIAL, [149.0, 150.0, 510.0, 510.1, -1.0, np.nan]).length
     assert np.isnan(heights[[0, 3, 4, 5]]).all() and np.isfinite(heights[[1, 2]]).all()
-
-
-def test_heights_near_the_top_keep_their_digits() -> None:
-    for below in (1e-3, 1e-6, 1e-9):
-        pose = pose_at_height(INITIAL, 510.0 - below)
-        turn = math.sqrt(2 * (510.0 - (510.0 - below)) / (180.0 * 510.0 / 330.0))
-        assert float(pose.turn) == pytest.approx(turn, rel=1e-5)
 
 
 @pytest.mark.parametrize(("time", "amount"), [(5.73, 0.009773), (-1.0, 1.0), (1e300, 1e300)])
@@ -426,20 +290,6 @@ def test_times_outside_the_motion_are_refused(time, amount) -> None:
         motion(INITIAL, CYLINDER, [1.0, time])
     assert caught.value.field == "/times/1"
     assert caught.value.details["amount"] == pytest.approx(amount, rel=1e-4)
-
-
-def test_the_end_time_as_replied_is_accepted() -> None:
-    for design in DESIGNS.values():
-        for cylinder in (CYLINDER, Cylinder(220.0, -37.3, 0.9), Cylinder(220.0, 100.0, 1e-9)):
-            duration = float(checked_stroke(design, cylinder).duration)
-            assert motion(design, cylinder, [duration]).pose.turn[0] == motion(design, cylinder).pose.turn[-1]
-
-
-def test_braking_to_rest_at_the_top() -> None:
-    travel = float(checked_stroke(INITIAL, CYLINDER).length_top) - 220.0
-    moved = motion(INITIAL, Cylinder(220.0, 100.0, -(100.0**2) / (2 * travel)))
-    assert moved.time[-1] == pytest.approx(2 * travel / 100.0, rel=1e-12)
-    assert np.all(np.isfinite(moved.acceleration))
 
 
 # -- forces and files ----------------------------------------------------------------------------------------
@@ -466,16 +316,6 @@ def test_virtual_work_and_newton_agree(name, speed) -> None:
     total = found.pivot_o + found.pivot_d
     assert total[:, 1] == pytest.approx(found.weight, rel=1e-12)
     assert total[:, 0] + found.slide == pytest.approx(np.zeros(501), abs=1e-9 * scale)
-
-
-def test_the_link_carries_the_weight_at_the_top() -> None:
-    moved = motion(BUILDABLE, Cylinder(482.2, 100.0))
-    found = forces(moved, replace(DRIVE, mass=0.0))
-    assert np.all(found.weight == 1000.0)
-    assert found.cylinder[-1] == 0 and found.pressure[-1] == 0
-    assert found.link[-1] == pytest.approx(1000.0) and found.slide[-1] == pytest.approx(0.0, abs=1e-9)
-    heavy = forces(moved, replace(DRIVE, load=0.0, mass=100.0))
-    assert heavy.weight == pytest.approx(100 * (9.80665 + moved.acceleration / 1000), rel=1e-12)
 
 
 def test_the_minimum_bore_needs_the_available_pressure() -> None:

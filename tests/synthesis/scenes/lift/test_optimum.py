@@ -17,7 +17,6 @@ from hypothesis import strategies as st
 
 from synthesis.errors import FieldError
 from synthesis.scenes.lift import optimum as product
-from synthesis.scenes.lift.motion import checked_stroke, motion
 from synthesis.scenes.lift.optimum import (
     Evaluator,
     Objective,
@@ -25,8 +24,6 @@ from synthesis.scenes.lift.optimum import (
     Task,
     design_from_angle,
     equation_residuals,
-    optimize_batch,
-    optimum_motion,
     project,
     published_for,
 )
@@ -58,19 +55,6 @@ def projected() -> Design:
 # -- acceptance values ---------------------------------------------------------------------------------------
 
 
-def test_projection_and_c6() -> None:
-    design, problem = projected(), REFERENCE["projected"]
-    for name in ("l3", "l5", "b"):
-        assert getattr(design, name) == pytest.approx(problem[name], abs=1e-4)
-    assert max(map(abs, equation_residuals(design, 220.0, 200.0, 510.0).values())) < 1e-12 * 510
-    assert motion(design, CYLINDER, [0.0]).velocity[0] == pytest.approx(285.95, abs=1e-6)
-    exact = Design(300.0, 180.0, 240.0, 330.0816, 480.0)
-    residuals = equation_residuals(exact, 220.0, 200.0, 510.0)
-    assert residuals["(31) start"] == 0 and abs(residuals["(32) closure"]) < 1e-4
-    collinear = replace(exact, l5=exact.l5 + residuals["(32) closure"])
-    assert motion(collinear, CYLINDER, [0.0]).velocity[0] == pytest.approx(260.0, abs=1e-6)
-
-
 @pytest.mark.parametrize("name", DESIGNS)
 def test_e1_constraints_of_the_published_designs(name) -> None:
     design, problem = DESIGNS[name], REFERENCE["constraints"][name]
@@ -99,18 +83,6 @@ def test_e6_f5_table_2(length) -> None:
     assert published.objective == pytest.approx(row["projected"], abs=5e-3)
     assert published.objective == pytest.approx(row["printed"], rel=0.0122)
     assert published.objective > optimum.objective and "not the optimum" in published.reason
-
-
-def test_e7_the_speed_does_not_affect_the_optimum() -> None:
-    arms = REFERENCE["projected"]["arms"]
-    for speed, printed in REFERENCE["table_2_speeds"].items():
-        drive = Cylinder(220.0, float(speed))
-        value = float(Evaluator(task(cylinder=drive))(project(*arms, 220.0, 200.0, 510.0)))
-        assert value / float(speed) ** 2 == pytest.approx(REFERENCE["objective_per_squared_speed"], rel=1e-9)
-        assert value == pytest.approx(printed, rel=0.017)
-    slow, fast = (optimize(task(cylinder=Cylinder(220.0, speed))) for speed in (100.0, 120.0))
-    assert slow.design == fast.design
-    assert slow.objective / 100**2 == pytest.approx(fast.objective / 120**2, rel=1e-14)
 
 
 @pytest.mark.parametrize(
@@ -191,58 +163,6 @@ def test_no_admissible_design_is_better(kind) -> None:
     values = Evaluator(problem)(designs)
     values = values[np.isfinite(values)]
     assert values.size > 300 and np.min(values) >= optimum.objective * (1 - 1e-9)
-
-
-@pytest.mark.parametrize("k", some_of([1e-9, 1e9], 1))
-def test_results_scale_with_the_unit_of_length(k) -> None:
-    original = optimize(task("normalized"))
-    scaled = optimize(Task(Cylinder(220.0 * k, 5.0), 200.0 * k, 510.0 * k, Objective("normalized"), 600.0 * k))
-    assert scaled.objective == pytest.approx(original.objective, rel=1e-9)
-    assert scaled.design.l2 == pytest.approx(original.design.l2 * k, rel=1e-5)
-    assert scaled.active == original.active
-
-
-def test_a_very_large_bound_is_replaced_by_the_search_limit() -> None:
-    assert optimize(task("discrete", 1e12)).objective == pytest.approx(334.8844, abs=1e-3)
-    runaway = optimize(task("continuous", 1e12))
-    assert "b<=search_limit" in runaway.active and runaway.slacks["b<=search_limit"] < 0.1
-    assert runaway.objective < 0.03
-
-
-def test_the_optimum_performs_the_motion() -> None:
-    for problem in (task(), task(cylinder=Cylinder(220.0, -80.0, 2.0))):
-        optimum = optimize(problem)
-        moved = motion(optimum.design, problem.cylinder)
-        assert moved.time[-1] == pytest.approx(optimum_motion(optimum, problem).rise_time, rel=1e-9)
-        found = optimum_motion(optimum, problem)
-        bottom = 0 if problem.cylinder.speed > 0 else -1
-        assert moved.velocity[bottom] == pytest.approx(found.velocity_bottom, rel=1e-8)
-        assert moved.pose.height[bottom] == pytest.approx(200.0, rel=1e-9)
-        assert float(checked_stroke(optimum.design, problem.cylinder).length_dead) == found.dead_point_length
-
-
-def test_a_dead_point_between_few_heights_is_detected() -> None:
-    moved = motion(optimize(task(n=2)).design, CYLINDER, samples=2001)
-    assert np.all(moved.velocity >= 0) and np.all(np.diff(moved.pose.height) > 0)
-
-
-def test_the_flat_triangle_is_named_as_active() -> None:
-    optimum = optimize(Task(Cylinder(184.0, 42.0), 194.0, 356.0, Objective("normalized"), 393.0))
-    assert optimum.active == ("triangle", "l3<=l2") and optimum.design.l4 < 0.1
-
-
-def test_a_batch_equals_single_searches() -> None:
-    cylinders = (220.0, 100.0), (220.0, 70.0), (220.0, 0.0), (900.0, 100.0)
-    tasks = [task(cylinder=Cylinder(*values)) for values in cylinders]
-    together = optimize_batch(tasks)
-    for problem, found in zip(tasks, together):
-        if isinstance(found, FieldError):
-            with pytest.raises(FieldError) as caught:
-                optimize(problem)
-            assert caught.value.details == found.details
-        else:
-            assert found == optimize(problem)
-    assert [isinstance(found, FieldError) for found in together] == [False, False, True, True]
 
 
 # -- refusals ------------------------------------------------------------------------------------------------
