@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self, get_args
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple, Self, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,6 +26,7 @@ from linkage_atlas.assemblies import Assembly, assembled, read_assembly
 from linkage_atlas.formats import FORMATS, HELD, OF_PARTS, kind_of
 from linkage_atlas.motions import Motion
 from linkage_atlas.part_settings import PartSettings
+from linkage_atlas.plotting import plot_linkage
 from linkage_atlas.records import Record, plain, plane, xy
 from linkage_atlas.solids import SLIDES, AskedSolids, SolidParts, read_solids, solids_in, split
 from linkage_atlas.studies import (
@@ -54,6 +55,9 @@ from synthesis.linkage import Mass, four_bar, on_guides
 from synthesis.sheet import More
 from synthesis.target import TURN, Interval, Target
 from synthesis.work import Work
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 _TURN_STEPS = 73
 
@@ -519,6 +523,26 @@ class Linkage:
             drive=(one.start + travel + line) / self._unit,
             arm=shaped(found.arm),
         )
+
+    def plot(self, ax: Axes | None = None, travel: ArrayLike | None = None, *, names: bool = True) -> Axes:
+        """Draw the linkage with matplotlib (extra ``plot``), with the path of its body point.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Axes to draw on; default: the current axes.
+        travel : array_like, shape (n,), optional
+            Travel of the drive from its start, as in `joints`, of the positions to draw; default: the start.
+        names : bool
+            Whether the joints A, B, C and D of a four-bar are named.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+        """
+        values = np.zeros(1) if travel is None else np.atleast_1d(column("travel", travel)) * self._unit
+        used = None if self._motion is None else self._motion.interval
+        return plot_linkage(self._linkage, ax, values, used, names=names)
 
     def transmission_angle_min(self, first: float | None = None, last: float | None = None) -> float:
         """Return the smallest transmission angle over travel of the drive, exactly; NaN if the loop opens.

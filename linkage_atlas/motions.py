@@ -6,12 +6,14 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from linkage_atlas.arguments import column, number, radians_in, read_length_unit
+from linkage_atlas.plotting import plot_curves, plot_poses
+from linkage_atlas.records import plane
 from linkage_atlas.tables import POSES, decoded, read_table
 from linkage_atlas.two_points import poses_of_points
 from synthesis.arrays import Complexes, Floats
@@ -32,6 +34,9 @@ from synthesis.target import (
     Target,
     make_target,
 )
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 __all__ = [
     "MAX_LENGTH",
@@ -278,6 +283,38 @@ class Motion:
         motion = cls(**fields, length_unit=table.length_unit)
         motion._table_notes = [table.note]
         return motion
+
+    def __len__(self) -> int:
+        return self.asked.samples
+
+    @property
+    def rotation(self) -> Floats | None:
+        """Requested rotation at the samples, shape (N,), NaN if it is missing there; None if no rotation is requested."""
+        return None if self.asked.rotation is None else self.asked.rotation / self.radian
+
+    @property
+    def position(self) -> Floats | None:
+        """Requested positions at the samples, shape (N, 2), NaN if missing there; None if no position is requested."""
+        return None if self.asked.position is None else plane(self.asked.position)
+
+    def plot(self, ax: Axes | None = None, arrow: float | None = None) -> Axes:
+        """Draw the requested poses with matplotlib (extra ``plot``); a motion without positions as rotation over the sample.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Axes to draw on; default: the current axes.
+        arrow : float, optional
+            Length of the arrows along the x axis of the body; default: a tenth of the extent of the positions.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+        """
+        if self.position is None:
+            angle = "rotation (degrees)" if self.degrees else "rotation (radians)"
+            return plot_curves(np.arange(len(self)), {"requested": np.asarray(self.rotation)}, ax, "sample", angle)
+        return plot_poses(self.position, self.asked.rotation, ax, arrow)
 
     @property
     def free(self) -> bool:

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Annotated, Literal, NamedTuple, get_args, overload
+from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple, get_args, overload
 
 from linkage_atlas.linkages import Linkage
+from linkage_atlas.plotting import plot_curves
 from linkage_atlas.records import KEPT, Record, Values, Vectors
 from synthesis.arrays import Floats
 from synthesis.drives.links import GROUND, LinkMotions
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 Point = tuple[float, float]
 SpringKind = Literal["tension", "gas", "compression", "torsion"]
@@ -505,6 +509,32 @@ class Drives(Record):
     def best(self, kind: str) -> Drive | None:
         """Return the best drive of a kind; None if there is none."""
         return next((drive for drive in self.drives if drive.kind == kind), None)
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the force and torque of the best drive with matplotlib (extra ``plot``).
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Axes to draw on; default: the current axes.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Raises
+        ------
+        ValueError
+            If no drive was found, or if no load was given.
+        """
+        curve = self.drives[0].curve if self.drives else None
+        values = {name: getattr(curve, name, None) for name in ("force", "torque")}
+        curves = {
+            f"{name} of the {self.drives[0].kind}": known for name, known in values.items() if known is not None
+        }
+        if curve is None or not curves:
+            raise ValueError("There is no force to draw: no drive was found, or no load was given.")
+        return plot_curves(curve.crank_angle, curves, ax, "travel from the first sample", "force or torque")
 
     def __repr__(self) -> str:
         rows = [f"{len(self.drives)} drives, {len(self.springs)} springs"]

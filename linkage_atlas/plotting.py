@@ -1,0 +1,146 @@
+"""Drawings of linkages, poses and curves with matplotlib, which the extra ``plot`` installs.
+
+The methods `Linkage.plot`, `Motion.plot` and `Drives.plot` of `linkage_atlas` call these functions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from linkage_atlas.records import plane
+from synthesis.arrays import Floats
+from synthesis.export.layout import layout_of, pins_of
+from synthesis.guides import Circle
+from synthesis.linkage import Linkage
+from synthesis.target import TURN, Interval
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+REQUESTED, BODY_COLOUR, LINK_COLOUR, PATH_COLOUR = "tab:red", "tab:blue", "0.25", "tab:green"
+POSITIONS = 181
+"""Number of positions of the drive that are drawn along a path."""
+
+
+def axes_for(ax: Axes | None) -> Axes:
+    """Return ``ax``, or the current axes of pyplot if it is None.
+
+    Raises
+    ------
+    ImportError
+        If matplotlib is missing; the message names the extra that installs it.
+    """
+    try:
+        from matplotlib import pyplot
+    except ImportError as error:
+        raise ImportError("Drawing needs matplotlib: install it with `pip install 'linkage-atlas[plot]'`.") from error
+    return pyplot.gca() if ax is None else ax
+
+
+def plot_poses(position: Floats, rotation: Floats | None, ax: Axes | None, arrow: float | None = None) -> Axes:
+    """Draw positions, with an arrow along the x axis of the body if rotations are known.
+
+    Parameters
+    ----------
+    position : ndarray, shape (N, 2)
+    rotation : ndarray, shape (N,), optional
+        Radians.
+    ax : matplotlib.axes.Axes, optional
+        Axes to draw on; default: the current axes.
+    arrow : float, optional
+        Length of the arrows; default: a tenth of the extent of the positions.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+    """
+    ax = axes_for(ax)
+    ax.plot(*position.T, "o", color=REQUESTED, markersize=4, label="requested")
+    if rotation is not None:
+        length = arrow or 0.1 * float(np.nanmax(np.ptp(position, axis=0))) or 1.0
+        heading = length * np.column_stack([np.cos(rotation), np.sin(rotation)])
+        ax.quiver(*position.T, *heading.T, angles="xy", scale_units="xy", scale=1, color=REQUESTED, width=0.004)
+    ax.margins(0.1)
+    ax.set_aspect("equal")
+    return ax
+
+
+def plot_linkage(
+    linkage: Linkage, ax: Axes | None, travel: Floats, used: Interval | None = None, *, names: bool = True
+) -> Axes:
+    """Draw a linkage in one or several positions of its drive, with the path of its body point.
+
+    Parameters
+    ----------
+    linkage : synthesis.linkage.Linkage
+    ax : matplotlib.axes.Axes, optional
+        Axes to draw on; default: the current axes.
+    travel : ndarray, shape (n,)
+        Travel of the drive from its start, radians or lengths, of the positions to draw.
+        Positions after the first are drawn faintly.
+    used : Interval, optional
+        Travel along which the path is drawn; default: the positions drawn, or a whole turn for a single position.
+    names : bool
+        Whether the joints A, B, C and D of a four-bar are named.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+    """
+    ax = axes_for(ax)
+    if used is None and (len(travel) > 1 or not linkage.turns_fully):
+        used = Interval(float(np.min(travel)), float(np.max(travel)))
+    layout = layout_of(linkage, used or Interval(0.0, TURN))
+    if layout.path is not None:
+        along = np.linspace(*(used or Interval(0.0, TURN)), POSITIONS)
+        ax.plot(*plane(linkage.body(linkage.start + along).position).T, color=PATH_COLOUR, lw=1, label="path")
+    body = linkage.motions(travel)[1]
+    pins = [plane(pins_of(linkage, index, body)) for index in (0, 1)]
+    corners = np.stack([*pins, *([plane(body.origin)] if linkage.mounted else [])], axis=1)
+    for index in range(len(travel)):
+        opacity = 1.0 if index == 0 else 0.3
+        ax.fill(*corners[index].T, facecolor=BODY_COLOUR, alpha=0.2 * opacity)
+        ax.plot(*corners[index][[*range(corners.shape[1]), 0]].T, color=BODY_COLOUR, alpha=opacity, lw=2)
+        for guide, pin in zip(linkage.guides, pins):
+            if isinstance(guide, Circle):
+                bar = np.array([plane(guide.pivot), pin[index]])
+                ax.plot(*bar.T, "o-", color=LINK_COLOUR, alpha=opacity, lw=3, markersize=5)
+    for track in filter(lambda ends: ends is not None, map(layout.track, (0, 1))):
+        ax.plot(*plane(track).T, color=LINK_COLOUR, lw=1, linestyle="--")
+    for block in layout.blocks:
+        ax.fill(*plane(block).T, facecolor="white", edgecolor=LINK_COLOUR)
+    if names and linkage.is_four_bar:
+        for name, point in (layout.fixed | layout.moving).items():
+            ax.annotate(name, tuple(plane(point)), xytext=(5, 5), textcoords="offset points")
+    ax.margins(0.1)
+    ax.set_aspect("equal")
+    return ax
+
+
+def plot_curves(x: ArrayLike, curves: Mapping[str, ArrayLike], ax: Axes | None, xlabel: str, ylabel: str) -> Axes:
+    """Draw named curves over ``x``, with a legend.
+
+    Parameters
+    ----------
+    x : array_like, shape (n,)
+    curves : mapping
+        Name and values, shape (n,), of each curve.
+    ax : matplotlib.axes.Axes, optional
+        Axes to draw on; default: the current axes.
+    xlabel, ylabel : str
+        Labels of both axes.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+    """
+    ax = axes_for(ax)
+    for name, values in curves.items():
+        ax.plot(np.asarray(x), np.asarray(values), label=name)
+    ax.set(xlabel=xlabel, ylabel=ylabel)
+    ax.legend()
+    return ax
