@@ -22,12 +22,12 @@ import linkage_atlas as la
 from benchmarks import engine, report
 from synthesis import descents, rounds
 from synthesis.descents import RefinementOptions, Stage
-from synthesis.fourbar.limits import Limits
 from synthesis.free import search as free
-from synthesis.free.poses import Poses, make_poses
 from synthesis.function import search as function
 from synthesis.guided import search as guided
 from synthesis.guides import Driver, Kind
+from synthesis.limits import Limits
+from synthesis.poses import Poses, make_poses
 from synthesis.search import search as prescribed
 from tests.oracles.guided import KINDS, random_motion
 

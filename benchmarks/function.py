@@ -19,7 +19,7 @@ from threadpoolctl import threadpool_limits
 import linkage_atlas as la
 from benchmarks import baselines, report
 from benchmarks.report import Times
-from synthesis.fourbar.solution import keeps
+from synthesis.constraints import keeps
 from synthesis.mechanism import Placed
 from synthesis.target import Target
 from tests.oracles.free_classes import close

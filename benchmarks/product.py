@@ -25,19 +25,19 @@ from synthesis.descents import Pool, Stage, Timed
 from synthesis.errors import FieldError
 from synthesis.four_bar import close_loop, coupler_angle, family
 from synthesis.fourbar.dimension_types import MAX_PERIMETER, OrderRule, TypeRule, count_types, enumerate_types
-from synthesis.fourbar.limits import Limits
-from synthesis.fourbar.mechanism import FOURBAR, AnyChart, FullCrankChart, GrashofChart
+from synthesis.fourbar.mechanism import FOURBAR, AnyChart, FullCrankChart, GrashofChart, mounted
 from synthesis.fourbar.rounding import best_from_stock
-from synthesis.fourbar.solution import Solution, assess, mounted
 from synthesis.free.joint import JointProblem
-from synthesis.free.poses import make_poses
+from synthesis.limits import Limits
 from synthesis.mechanism import Placed
 from synthesis.pose import objective
+from synthesis.poses import make_poses
 from synthesis.search.atlas_rows import best_rows
 from synthesis.search.error_table import ErrorTable
 from synthesis.search.problems import GivenProblem, given, problem_of
 from synthesis.search.search import DEFAULT_TOLERANCE, search
 from synthesis.search.seeds import SeedTables
+from synthesis.solution import Solution, assess
 from synthesis.target import MIN_SPAN, TURN, Target, make_target
 from synthesis.work import Work
 

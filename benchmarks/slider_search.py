@@ -9,11 +9,11 @@ import numpy as np
 
 from benchmarks import report
 from benchmarks.report import Times
-from synthesis.fourbar.limits import Limits
-from synthesis.free.poses import make_poses
 from synthesis.guided.pairs import Stage
 from synthesis.guided.search import Search, drives, search_guided
 from synthesis.guides import Driver, Kind
+from synthesis.limits import Limits
+from synthesis.poses import make_poses
 from synthesis.work import Work
 from tests.oracles.guided import KINDS, random_motion
 

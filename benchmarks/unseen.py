@@ -17,10 +17,10 @@ from threadpoolctl import threadpool_limits
 import benchmarks.engine as engine
 from benchmarks import report
 from synthesis import rounds
-from synthesis.fourbar.limits import Limits
-from synthesis.free.poses import Poses, make_poses
 from synthesis.guided import search as guided
 from synthesis.guides import Kind
+from synthesis.limits import Limits
+from synthesis.poses import Poses, make_poses
 from synthesis.work import Work
 
 NAMES = ("drawn path", "random poses", "within limits")

@@ -40,24 +40,24 @@ from linkage_atlas.studies import (
     sensitivity_of,
     share_of,
 )
+from synthesis import solution as model
 from synthesis.arrays import Floats
+from synthesis.constraints import broken_limits
 from synthesis.defects import Verdict as Passing
-from synthesis.defects import practical_faults, shared_positions, size_of, verdict
+from synthesis.defects import practical_faults, shared_positions, verdict
 from synthesis.errors import FieldError
-from synthesis.excursions import excursions
-from synthesis.fourbar import solution as search
+from synthesis.excursions import excursions_of
 from synthesis.fourbar.determination import determinations, determinations_within
-from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.rounding import best_from_stock, round_to_grid
-from synthesis.free.poses import Poses, spin_faults
-from synthesis.free.scores import rotations_of
 from synthesis.free.search import in_turn
-from synthesis.guided import solution as guided
 from synthesis.guided.rounding import from_stock, on_grid, rounded
-from synthesis.guided.solution import broken_limits
+from synthesis.limits import Limits
 from synthesis.linkage import Linkage as Plain
 from synthesis.local_refinement import refined_in_place
+from synthesis.poses import Poses, spin_faults
 from synthesis.ranking import Errors, Status
+from synthesis.scores import passing, rotations_of, size_of
+from synthesis.solution import target_of
 from synthesis.studies.sensitivity import Change, changes
 from synthesis.target import Target
 from synthesis.work import OutOfTime, Work
@@ -276,7 +276,7 @@ class Solution(Driven):
     tolerance_study: ToleranceStudy | None = field(default=None, repr=False)
     linkage: Linkage = field(metadata=KEPT)
     """It moves, draws and saves itself."""
-    origin: Origin[search.Solution] = field(metadata=KEPT, repr=False)
+    origin: Origin[model.Solution] = field(metadata=KEPT, repr=False)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -348,7 +348,7 @@ class GuidedSolution(Driven):
     tolerance_study: ToleranceStudy | None = field(default=None, repr=False)
     linkage: Linkage = field(metadata=KEPT)
     """It moves, draws and saves itself."""
-    origin: Origin[guided.GuidedSolution] = field(metadata=KEPT, repr=False)
+    origin: Origin[model.Solution] = field(metadata=KEPT, repr=False)
 
 
 AnySolution: TypeAlias = Solution | GuidedSolution
@@ -523,7 +523,7 @@ def status_of(solutions: Sequence[AnySolution], tolerance: float, tolerances: bo
 
 
 def finished(
-    found: Sequence[search.Solution],
+    found: Sequence[model.Solution],
     motion: Motion,
     limits: Limits,
     tolerance: float,
@@ -562,31 +562,27 @@ def _finished(
 
 
 def _described(
-    found: Sequence[search.Solution], motion: Motion, limits: Limits, tolerance: float, type_of: TypeOf | None
+    found: Sequence[model.Solution], motion: Motion, limits: Limits, tolerance: float, type_of: TypeOf | None
 ) -> list[Solution]:
     """Some solutions without studies."""
     linkages = [one.linkage for one in found]
     samples, radian, allowed = motion.samples, motion.radian, motion.tolerances
-    target = motion.with_angles(linkages, [one.crank for one in found])
+    target = motion.with_angles(linkages, [one.travel for one in found])
     if limits.only_family:
         fixed = determinations(target, linkages, [max(one.errors.objective, tolerance) for one in found])
     else:
         resolution = tolerance if allowed is None else max(tolerance, allowed.objective(samples))
         fixed = determinations_within(target, linkages, resolution, limits)
     crank = np.array([one.start for one in linkages])[:, None] + target.crank
-    side = np.broadcast_to(np.array([one.branch for one in linkages])[:, None], crank.shape)
-    way: dict[str, bool] = {"timed": True}
-    ways: list[Any] = [None] * len(found)
+    passed = [verdict(one, row, **passing(samples)) for one, row in zip(linkages, crank)]
+    ways: list[float | None] = [None] * len(found)
     if isinstance(samples, Poses):
-        way = {"ordered": samples.ordered, "closed": samples.closed}
-    passed = [verdict(one, row, **way) for one, row in zip(linkages, crank)]
-    if isinstance(samples, Poses):
-        ways = excursions(linkages, crank, side, samples.extent, **way, carried=[one.circuit for one in passed])
+        ways = excursions_of(found, samples, [one.circuit for one in passed])
         turned = rotations_of(found, samples)
     solutions = []
     for k, one in enumerate(found):
         own, turn = motion.one_of(target, k), one.transmission_angle_min_turn
-        faults = practical_faults(one, own.target, limits, own.target.interval, ways[k])
+        faults = practical_faults(one, own.target, limits, one.interval, ways[k])
         if isinstance(samples, Poses):
             faults += spin_faults(samples, turned[k])
         kind = None if one.row is None or type_of is None else type_of(one.row)
@@ -605,7 +601,7 @@ def _described(
                 verdict=_judged(passed[k], own, one.linkage, faults),
                 excursion=ways[k],
                 size=size_of(one.linkage, samples),
-                family=one.family.value,
+                family=str(one.linkage.family),
                 transmission_angle_min=one.transmission_angle_min / radian,
                 transmission_angle_min_turn=None if turn is None else turn / radian,
                 condition=fixed[k].condition,
@@ -626,7 +622,7 @@ def _circles(linkage: Plain) -> list[CircleGuide] | None:
 
 
 def finished_guided(
-    found: Sequence[guided.GuidedSolution], motion: Motion, limits: Limits, studies: Studies, work: Work
+    found: Sequence[model.Solution], motion: Motion, limits: Limits, studies: Studies, work: Work
 ) -> list[GuidedSolution]:
     """Solutions with rails or slots in the user's unit, with what else was asked for, in their order.
 
@@ -635,20 +631,16 @@ def finished_guided(
     return _finished(found, 1, lambda some: [_guided_described(one, motion, limits) for one in some], studies, work)
 
 
-def _guided_described(one: guided.GuidedSolution, motion: Motion, limits: Limits) -> GuidedSolution:
+def _guided_described(one: model.Solution, motion: Motion, limits: Limits) -> GuidedSolution:
     """A solution without studies."""
     samples, radian, allowed = motion.samples, motion.radian, motion.tolerances
-    target = guided.as_target(samples, one.linkage, one.travel)
+    target = target_of(samples, one.linkage, one.travel)
     own = Motion.of(target, motion.degrees, allowed, motion.length_unit)
-    way: dict[str, bool] = {"timed": True}
-    strays = None
-    if isinstance(samples, Poses):
-        way = {"ordered": samples.ordered, "closed": samples.closed}
-        strays = guided.excursion(one, samples, samples.ordered, samples.closed)
-    passed = verdict(one.linkage, one.linkage.start + target.crank, **way)
+    strays = excursions_of([one], samples)[0] if isinstance(samples, Poses) else None
+    passed = verdict(one.linkage, one.linkage.start + target.crank, **passing(samples))
     faults = practical_faults(one, target, limits, one.interval, strays)
     if isinstance(samples, Poses):
-        faults += spin_faults(samples, guided.rotation_of(one, samples))
+        faults += spin_faults(samples, rotations_of([one], samples)[0])
     linkage = Linkage.of(one.linkage, radian, target, own.length_unit)
     turns, turn = one.linkage.driver.turns, one.transmission_angle_min_turn
     kind: Any = one.linkage.kind.value
@@ -664,7 +656,7 @@ def _guided_described(one: guided.GuidedSolution, motion: Motion, limits: Limits
         errors=in_unit(one.errors, radian),
         verdict=_judged(passed, own, one.linkage, faults, turns),
         excursion=strays,
-        size=guided.size_of(one, target),
+        size=size_of(one.linkage, target, one.interval),
         transmission_angle_min=one.transmission_angle_min / radian,
         transmission_angle_min_turn=None if turn is None else turn / radian,
         arm_min=one.linkage.arm_over(target.interval.after(one.linkage.start)),
@@ -696,7 +688,7 @@ def _guided_rounded(
     if found.solution is None:
         return GuidedRounded(**values)
     again, radian, free = found.solution, own.radian, isinstance(samples, Poses)
-    target = guided.as_target(samples, again.linkage, again.travel)
+    target = target_of(samples, again.linkage, again.travel)
     linkage = Linkage.of(again.linkage, radian, target, own.length_unit)
     turns = again.linkage.driver.turns
     values |= {
@@ -844,9 +836,8 @@ def _rounded(
         return Rounded(**values)
     if isinstance(asked, Poses):
         again = refined_in_place(asked, limits, again, motion.target.crank, work)
-        if again.crank is not None:
-            free = Motion.of(asked, motion.degrees, motion.tolerances, motion.length_unit)
-            motion = free.of_solution(again.linkage, again.crank)
+        target = target_of(asked, again.linkage, again.travel)
+        motion = Motion.of(target, motion.degrees, motion.tolerances, motion.length_unit)
         values["crank_angle"] = in_turn(motion.target.crank, asked.ordered) / motion.radian
     linkage = Linkage.of(again.linkage, motion.radian, motion.target, motion.length_unit)
     dimensions = linkage.dimensions._asdict()

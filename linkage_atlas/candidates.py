@@ -3,33 +3,33 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from linkage_atlas.mechanism_search import Found, search_kinds
+from linkage_atlas.mechanism_search import search_kinds
 from linkage_atlas.motions import Motion
 from linkage_atlas.preferences import accuracy_goal, arranged, balanced, improved
-from linkage_atlas.ranking import Ranking, target_of
+from linkage_atlas.ranking import Ranking
 from linkage_atlas.studies import Studies
 from linkage_atlas.task import Fair, Task, screens, seed_tables
 from linkage_atlas.warm_start import FOR_STARTS, Start, pointing_to_start
 from synthesis.atlas.scan import Scan
-from synthesis.defects import proportion, size_of
+from synthesis.constraints import within
 from synthesis.four_bar import Family, wrap
 from synthesis.fourbar.joints import joints_at
-from synthesis.fourbar.limits import Limits
-from synthesis.fourbar.solution import Solution, assess, within
-from synthesis.free.poses import Poses
-from synthesis.free.scores import exact_below
 from synthesis.free.search import search_free
+from synthesis.limits import Limits
 from synthesis.local_refinement import nearby_motion, nearby_poses, refine_motion, refine_poses
+from synthesis.poses import Poses
 from synthesis.ranking import PROPORTION, Status, distinct
+from synthesis.scores import exact_below, proportion, size_of
 from synthesis.search.atlas_rows import best_rows
 from synthesis.search.report import SearchReport, StoppedBy
 from synthesis.search.search import search
 from synthesis.search.seeds import SeedTables
+from synthesis.solution import Solution, assess, target_of
 from synthesis.work import Work
 
 OUT_OF_PROPORTION = (
@@ -62,14 +62,14 @@ _VARIETY = 6
 class Candidates(NamedTuple):
     """Linkages that were found, in the order of the preference."""
 
-    found: Sequence[Found]
+    found: Sequence[Solution]
     report: SearchReport
     studies: Studies
     """The studies of the task, with the assemblies that were made to compare layers."""
     ranking: Ranking
     seconds: float
     """Time since the task began."""
-    continued: Sequence[Found | None] = ()
+    continued: Sequence[Solution | None] = ()
     """The result of each linkage of `start_from`; None if there is none within the limits."""
 
 
@@ -99,7 +99,7 @@ class CandidateSearch:
         work: Work,
         rounds: int | None = None,
         max_results: int | None = None,
-    ) -> tuple[list[Found], SearchReport]:
+    ) -> tuple[list[Solution], SearchReport]:
         """Return linkages and how the search went; it may end once the objective is below ``goal``."""
         task = self.task
         if task.local:
@@ -169,8 +169,8 @@ def _best_four_bars(task: Task, search: CandidateSearch, ranking: Ranking) -> Ca
 
 
 def _preferred(
-    found: list[Found], task: Task, search: CandidateSearch, ranking: Ranking, work: Work, report: SearchReport
-) -> tuple[list[Found], Studies, SearchReport]:
+    found: list[Solution], task: Task, search: CandidateSearch, ranking: Ranking, work: Work, report: SearchReport
+) -> tuple[list[Solution], Studies, SearchReport]:
     """Add linkages that are better by the preference, or make their layers."""
     if not found or task.by_error:
         return found, task.studies, report
@@ -225,8 +225,8 @@ def _refine_all(
 
 
 def _with_continued(
-    found: Sequence[Found], continued: Sequence[Solution | None], ranking: Ranking, top: int
-) -> tuple[list[Found], list[Solution | None]]:
+    found: Sequence[Solution], continued: Sequence[Solution | None], ranking: Ranking, top: int
+) -> tuple[list[Solution], list[Solution | None]]:
     """Return at most ``top`` linkages, those of ``continued`` among them, and ``continued`` as it is there.
 
     A linkage that was both found and continued is there once, with the smaller of its errors.
@@ -324,9 +324,9 @@ def _drawn_near(solution: Solution, motion: Motion, limits: Limits) -> Solution:
     Returns the solution itself if the moved linkage violates a limit or is not smaller.
     """
     samples, linkage = motion.samples, solution.linkage
-    if samples.position is None or solution.family is not Family.CHANGE_POINT:
+    if samples.position is None or linkage.family is not Family.CHANGE_POINT:
         return solution
-    target = target_of(solution, motion)
+    target = target_of(samples, linkage, solution.travel)
     at = joints_at(linkage, target.crank)
     assert at.body_point is not None
     if not np.ptp(at.coupler_angle) <= _ONLY_SHIFTED:
@@ -340,7 +340,7 @@ def _drawn_near(solution: Solution, motion: Motion, limits: Limits) -> Solution:
     for moved in within(target, limits, near):
         smaller = (size_of(moved.linkage, samples) or 0.0) < (size_of(linkage, samples) or 0.0)
         if smaller and abs(moved.errors.objective - solution.errors.objective) <= _ONLY_SHIFTED:
-            return replace(moved, crank=solution.crank)
+            return moved
     return solution
 
 

@@ -10,8 +10,6 @@ import numpy as np
 from linkage_atlas.answers import FINISHING, AnySolution, Rounded, finished, finished_guided, status_of
 from linkage_atlas.candidates import Candidates
 from linkage_atlas.task import Task
-from synthesis.fourbar import solution as fourbar
-from synthesis.guided import solution as guided
 from synthesis.ranking import CRITERIA, FAIR, key
 
 _CRITERIA = len(CRITERIA)
@@ -31,17 +29,17 @@ class RankedSolutions(NamedTuple):
 def finish_candidates(task: Task, candidates: Candidates) -> list[AnySolution]:
     """Describe the candidates as solutions, as many as the time allows and at least one."""
     found, studies, work = candidates.found, candidates.studies, task.work.extended(FINISHING)
-    four_bars = [solution for solution in found if isinstance(solution, fourbar.Solution)]
-    others = [solution for solution in found if isinstance(solution, guided.GuidedSolution)]
+    four_bars = [solution for solution in found if solution.linkage.is_four_bar]
+    others = [solution for solution in found if not solution.linkage.is_four_bar]
     type_of = None if task.atlas is None else task.atlas.type_of
     solutions: list[AnySolution] = []
-    for guides in dict.fromkeys(isinstance(solution, guided.GuidedSolution) for solution in found):
+    for is_four_bar in dict.fromkeys(solution.linkage.is_four_bar for solution in found):
         if solutions and work.expired():
             break
-        if guides:  # the group of the best candidate comes first
-            solutions += finished_guided(others, task.motion, task.limits, studies, work)
-        else:
+        if is_four_bar:  # the group of the best candidate comes first
             solutions += finished(four_bars, task.motion, task.limits, task.tolerance, studies, type_of, work)
+        else:
+            solutions += finished_guided(others, task.motion, task.limits, studies, work)
     return solutions
 
 

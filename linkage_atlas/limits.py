@@ -13,11 +13,11 @@ from numpy.typing import ArrayLike
 from linkage_atlas.arguments import Fields, check_names, column, number, radians_in
 from linkage_atlas.motions import Motion
 from linkage_atlas.notes import condition, counted
+from synthesis import limits as model
 from synthesis.errors import FieldError
 from synthesis.four_bar import Family, family
-from synthesis.fourbar import limits as fourbar
-from synthesis.fourbar.limits import FORMS, LINKS, REACH, ROOM, Form, in_family, practical_limits
-from synthesis.free.poses import Poses
+from synthesis.limits import FORMS, LINKS, REACH, ROOM, Form, in_family, practical_limits
+from synthesis.poses import Poses
 from synthesis.target import Samples
 from synthesis.work import OutOfTime, Work
 
@@ -36,7 +36,7 @@ _FEW_SAMPLES = 48
 QUICK, QUICK_ROUNDS = 0.1, 2
 """J at which a search for some linkage ends, and its rounds."""
 
-Search = Callable[[fourbar.Limits, Work], tuple[Sequence[object], object]]
+Search = Callable[[model.Limits, Work], tuple[Sequence[object], object]]
 
 
 class Limits(dict[str, Any]):
@@ -63,7 +63,7 @@ Limits.__doc__ = f"{Limits.__doc__}\n    Notes\n    -----\n" + "\n".join(
 )
 
 
-def read_limits(limits: Fields | None, motion: Motion) -> fourbar.Limits:
+def read_limits(limits: Fields | None, motion: Motion) -> model.Limits:
     """Check the limits of a request against its motion.
 
     With free crank angles the practical limits hold by default, and four-bars are of any family unless the path is closed or a
@@ -81,7 +81,7 @@ def read_limits(limits: Fields | None, motion: Motion) -> fourbar.Limits:
     return checked
 
 
-def read_function_limits(limits: Fields | None, samples: Samples, degrees: bool) -> fourbar.Limits:
+def read_function_limits(limits: Fields | None, samples: Samples, degrees: bool) -> model.Limits:
     """The limits of a request for function generators, which are of any family where it names none."""
     checked = _read(limits, samples, radians_in(degrees), FUNCTION_LIMITS, PRESETS[1], {"family": "any"})
     if any(checked.links) and checked.links[3] is None:
@@ -96,14 +96,14 @@ def _read(
     forms: Mapping[str, Form],
     preset: str,
     default: dict[str, Any],
-) -> fourbar.Limits:
+) -> model.Limits:
     given = default | {name: value for name, value in (limits or {}).items() if value is not None}
     check_names("/limits", given, (*forms, "preset"), "limit")
     preset = given.pop("preset", preset)
     if preset not in PRESETS:
         raise FieldError("/limits/preset", f"wanted 'practical' or 'none', found {preset!r}")
     given = {name: _value(f"limits/{name}", FORMS[name].kind, value, radian) for name, value in given.items()}
-    return fourbar.Limits(**(practical_limits(samples, given) if preset == "practical" else given))
+    return model.Limits(**(practical_limits(samples, given) if preset == "practical" else given))
 
 
 def _value(field: str, kind: str, value: Any, radian: float) -> Any:
@@ -145,7 +145,7 @@ def _lengths(field: str, given: object) -> tuple[float | None, ...]:
 
 
 def what_excludes(
-    limits: fourbar.Limits, motion: Motion, search: Search, work: Work, own: Fields | None = None
+    limits: model.Limits, motion: Motion, search: Search, work: Work, own: Fields | None = None
 ) -> list[str]:
     """Return sentences on the limits, single ones or else pairs, without which there are linkages.
 
@@ -208,7 +208,7 @@ class _Trials:
         self._search, self._work = search, work
         self.left = _SEARCHES
 
-    def find(self, limits: fourbar.Limits) -> bool:
+    def find(self, limits: model.Limits) -> bool:
         """Return whether there is a linkage; false too if no search is left."""
         if not self.left:
             return False
@@ -220,7 +220,7 @@ class _Trials:
         return found
 
 
-def _pairs(limits: fourbar.Limits, names: Sequence[str], motion: Motion, trials: _Trials, extent: float) -> str:
+def _pairs(limits: model.Limits, names: Sequence[str], motion: Motion, trials: _Trials, extent: float) -> str:
     """Return a sentence on the first two limits without which there are linkages."""
     for pair in combinations(names, 2):
         if trials.find(_without(_without(limits, pair[0], extent), pair[1], extent)):
@@ -232,12 +232,12 @@ def _pairs(limits: fourbar.Limits, names: Sequence[str], motion: Motion, trials:
     return f"Dropping {dropped} did not lead to a linkage."
 
 
-def _without(limits: fourbar.Limits, name: str, extent: float) -> fourbar.Limits:
+def _without(limits: model.Limits, name: str, extent: float) -> model.Limits:
     """Return the limits without one of them; without a family any is allowed."""
-    return _changed(limits, name, "any" if name == "family" else getattr(fourbar.Limits(), name), extent)
+    return _changed(limits, name, "any" if name == "family" else getattr(model.Limits(), name), extent)
 
 
-def _changed(limits: fourbar.Limits, name: str, value: Any, extent: float) -> fourbar.Limits:
+def _changed(limits: model.Limits, name: str, value: Any, extent: float) -> model.Limits:
     """Return the limits with another value of one limit, as a request with that value would have them."""
     changes: dict[str, Any] = {name: value}
     if name == "link_min" and limits.practical and limits.link_max == ROOM * (limits.link_min or 0.0):
@@ -246,11 +246,11 @@ def _changed(limits: fourbar.Limits, name: str, value: Any, extent: float) -> fo
     return replace(limits, **changes)
 
 
-def _condition(limits: fourbar.Limits, name: str, motion: Motion) -> str:
+def _condition(limits: model.Limits, name: str, motion: Motion) -> str:
     return condition(limits, name, motion.radian)
 
 
-def _sentence(limits: fourbar.Limits, name: str, motion: Motion, eased: fourbar.Limits | None) -> str:
+def _sentence(limits: model.Limits, name: str, motion: Motion, eased: model.Limits | None) -> str:
     """Return that a limit excludes every linkage, with its value in eased limits that do not."""
     instead = "without this limit there are some"
     if name == "family":
@@ -262,8 +262,8 @@ def _sentence(limits: fourbar.Limits, name: str, motion: Motion, eased: fourbar.
 
 
 def _eased_until(
-    limits: fourbar.Limits, name: str, motion: Motion, trials: _Trials, extent: float
-) -> fourbar.Limits | None:
+    limits: model.Limits, name: str, motion: Motion, trials: _Trials, extent: float
+) -> model.Limits | None:
     """Return the limits with a limit relaxed by bisection until there is a linkage; None if no value is known."""
     low, high, best = 0.0, 1.0, None
     for _ in range(_STEPS):
@@ -278,7 +278,7 @@ def _eased_until(
     return best
 
 
-def _eased(limits: fourbar.Limits, name: str, share: float, extent: float, radian: float) -> fourbar.Limits | None:
+def _eased(limits: model.Limits, name: str, share: float, extent: float, radian: float) -> model.Limits | None:
     """Return the limits with a limit relaxed by a share of the whole way, to four digits; None if it has no degrees."""
     value, form = getattr(limits, name), FORMS[name]
     match form.kind:

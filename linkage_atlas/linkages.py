@@ -48,11 +48,11 @@ from synthesis.export.drawings import to_dxf, to_svg
 from synthesis.export.simulation import ONLY_FOUR_BARS, to_mjcf, to_pylinkage
 from synthesis.export.tables import to_csv
 from synthesis.fourbar.joints import are_cognates
-from synthesis.guided.solution import as_target
 from synthesis.guides import DRIVERS, Circle, Driver, Guide, Rail, Slot
 from synthesis.linkage import Linkage as Plain
 from synthesis.linkage import Mass, four_bar, on_guides
 from synthesis.sheet import More
+from synthesis.solution import target_of
 from synthesis.target import TURN, Interval, Target
 from synthesis.work import Work
 
@@ -916,7 +916,7 @@ class Linkage:
             raise FieldError(f"/{name}", f"wanted {motion.asked.samples} numbers, found {positions.size}")
         if one.is_four_bar:
             return motion.of_solution(one, positions).target
-        return as_target(motion.samples, one, positions)
+        return target_of(motion.samples, one, positions)
 
     def __repr__(self) -> str:
         if self._linkage.is_four_bar:

@@ -23,9 +23,9 @@ from synthesis.atlas.scan import Scan
 from synthesis.atlas.windows import TIE, ScanReport
 from synthesis.errors import FieldError
 from synthesis.four_bar import principal
-from synthesis.fourbar.solution import four
 from synthesis.guided.by_crank import BY_CRANK
 from synthesis.guides import Kind
+from synthesis.linkage import as_lengths
 from synthesis.target import HOW_TURNED, Target
 from synthesis.work import Work
 
@@ -132,7 +132,7 @@ def match(
             linkage = _slider_crank(kind.lengths, branch, start * radian, offset * radian, radian, target)
         else:
             body = offset if curve == "coupler" else None
-            linkage = FourBar(*four(kind.lengths), branch, start_angle=start, body_offset=body, degrees=degrees)
+            linkage = FourBar(*as_lengths(kind.lengths), branch, start_angle=start, body_offset=body, degrees=degrees)
         own = _features(target.crank, angle, radian) if features else None
         matches.append(
             Match(

@@ -10,16 +10,15 @@ import numpy as np
 from linkage_atlas.mechanism_types import Kinds, as_poses, has_poses, is_closed, is_path
 from linkage_atlas.motions import Motion
 from synthesis.arrays import Floats
-from synthesis.fourbar import solution as fourbar
-from synthesis.fourbar.limits import Limits
-from synthesis.free.poses import Poses
-from synthesis.guided import solution as guided
+from synthesis.constraints import broken_limits
 from synthesis.guided.by_crank import linkages_by_crank
 from synthesis.guided.search import NOTHING_ROUND, search_guided
-from synthesis.guided.solution import broken_limits
 from synthesis.guides import Driver
+from synthesis.limits import Limits
 from synthesis.linkage import Linkage
+from synthesis.poses import Poses
 from synthesis.search.report import SearchReport, StoppedBy, fallen, smallest
+from synthesis.solution import Solution
 from synthesis.target import Target
 from synthesis.work import Work
 
@@ -40,8 +39,7 @@ _MAX_LEADS = 3
 _OTHER_ROTATION = 1e-2
 """Smallest difference of two such rotation curves, in radians."""
 
-Found = fourbar.Solution | guided.GuidedSolution
-FourBarSearch = Callable[[Limits, Work, int | None], tuple[list[fourbar.Solution], SearchReport]]
+FourBarSearch = Callable[[Limits, Work, int | None], tuple[list[Solution], SearchReport]]
 """The search among four-bars within limits, with a maximum number of rounds."""
 
 
@@ -49,7 +47,7 @@ FourBarSearch = Callable[[Limits, Work, int | None], tuple[list[fourbar.Solution
 class _Progress:
     """Results of the searches so far, one search after the other."""
 
-    found: list[Found] = field(default_factory=list)
+    found: list[Solution] = field(default_factory=list)
     trace: list[tuple[float, float]] = field(default_factory=list)
     unseen: list[tuple[float, float | None]] = field(default_factory=list)
     """For each search its smallest objective, and the chance that it missed a better linkage."""
@@ -57,7 +55,7 @@ class _Progress:
     notes: list[str] = field(default_factory=list)
     stopped: set[StoppedBy] = field(default_factory=set)
 
-    def add(self, found: Sequence[Found], trace: Sequence[tuple[float, float]]) -> None:
+    def add(self, found: Sequence[Solution], trace: Sequence[tuple[float, float]]) -> None:
         """Add linkages of another search; its trace counts from the point at which it improves on the previous ones."""
         self.found = [*self.found, *found]
         self.trace = fallen(self.trace, trace)
@@ -81,7 +79,7 @@ def search_kinds(
     search_four_bars: FourBarSearch,
     work: Work,
     rounds: int | None = None,
-) -> tuple[list[Found], SearchReport]:
+) -> tuple[list[Solution], SearchReport]:
     """Find linkages of several kinds within the limits, in no particular order.
 
     ``rounds``: maximum number of rounds of each search for linkages with sliders.
@@ -89,7 +87,7 @@ def search_kinds(
     progress = _Progress()
     by_path = bool(kinds.sliders) and is_path(motion)
     with_sliders = by_path or (bool(kinds.sliders) and has_poses(motion.samples))
-    leads: list[fourbar.Solution] = []
+    leads: list[Solution] = []
     if (kinds.four_bars or by_path) and motion.travel is None:
         shared = with_sliders and np.isfinite(work.budget)
         part = work.part(_FOUR_BARS * work.budget) if shared else work
@@ -111,7 +109,7 @@ def search_kinds(
     if kinds.sliders and not with_sliders and not kinds.by_crank:
         progress.notes.append(NO_ROTATION)
     elif progress.found and any(getattr(limits, name) is not None for name in _PIVOT_BOXES):
-        made = {found.linkage.kind for found in progress.found if isinstance(found, guided.GuidedSolution)}
+        made = {found.linkage.kind for found in progress.found if not found.linkage.is_four_bar}
         if missing := [kind.value.replace("_", " ") for kind in kinds.sliders if kind not in made]:
             progress.notes.append(OUTSIDE_BOX.format(", ".join(missing)))
     return progress.found, progress.report(between, tolerance)
@@ -126,7 +124,7 @@ def _search_four_bars(
     rounds: int | None,
     progress: _Progress,
     by_path: bool,
-) -> list[fourbar.Solution]:
+) -> list[Solution]:
     """Search four-bars and return those whose rotations lead the linkages with sliders.
 
     ``work``: all of the budget, and the fraction for four-bars. If four-bars are results too, the first rounds for the leads
@@ -197,12 +195,11 @@ def _search_sliders(
             break
 
 
-def _rotations(leads: Sequence[fourbar.Solution], poses: Poses) -> list[Floats]:
+def _rotations(leads: Sequence[Solution], poses: Poses) -> list[Floats]:
     """Return the rotation curves of the first four-bars that clearly differ from one another, in radians (N,) each."""
     curves: list[Floats] = []
     for lead in leads:
-        assert lead.crank is not None
-        turned = lead.linkage.body(lead.linkage.start + lead.crank[: poses.samples]).rotation
+        turned = lead.linkage.body(lead.linkage.start + lead.travel[: poses.samples]).rotation
         if all(np.ptp(turned - curve) > _OTHER_ROTATION for curve in curves):
             curves.append(turned)
         if len(curves) == _MAX_LEADS:

@@ -9,10 +9,10 @@ from linkage_atlas.arguments import kinds_among, one_of
 from linkage_atlas.linkages import KindName
 from linkage_atlas.motions import Motion
 from synthesis.errors import FieldError
-from synthesis.fourbar.limits import FORMS, Limits
-from synthesis.free.poses import Poses
 from synthesis.guided.by_crank import BY_CRANK
 from synthesis.guides import Driver, Kind
+from synthesis.limits import FORMS, Limits
+from synthesis.poses import Poses
 from synthesis.target import Samples, Target
 
 MECHANISMS = get_args(KindName)

@@ -21,8 +21,8 @@ from synthesis.errors import FieldError
 from synthesis.four_bar import coupler_angle
 from synthesis.fourbar.hinge import hinge_of
 from synthesis.free.dyads import in_any_order
-from synthesis.free.poses import MIN_POSES, Poses, make_poses
 from synthesis.linkage import Linkage
+from synthesis.poses import MIN_POSES, Poses, make_poses
 from synthesis.target import (
     HOW_TURNED,
     MAX_LENGTH,

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from synthesis.arrays import Floats
-from synthesis.fourbar.limits import FORMS, Limits
+from synthesis.limits import FORMS, Limits
 
 LABELS = {
     "family": "the family",

@@ -4,24 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import NamedTuple, Protocol, TypeVar
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from linkage_atlas.assemblies import AskedAssembly, Assembly, assembled, read_assembly
-from linkage_atlas.mechanism_search import Found
 from linkage_atlas.motions import Motion
-from linkage_atlas.ranking import UNRANKED, LayerRank, Ranking, everyday_tolerances, target_of
+from linkage_atlas.ranking import UNRANKED, LayerRank, Ranking, everyday_tolerances
 from linkage_atlas.studies import Studies
 from linkage_atlas.task import Prefer, Task
 from synthesis.errors import FieldError
-from synthesis.fourbar import solution as fourbar
-from synthesis.fourbar.limits import Limits
 from synthesis.free.compact import compacted, within_size
 from synthesis.free.few_poses import is_few
-from synthesis.free.poses import Poses
-from synthesis.guided.scores import proportions_of
+from synthesis.limits import Limits
+from synthesis.poses import Poses
+from synthesis.scores import relative_size, swing_of
 from synthesis.search.report import SearchReport
+from synthesis.solution import Solution, target_of
 from synthesis.target import MIN_SPAN
 from synthesis.work import OutOfTime, Work
 
@@ -39,8 +38,6 @@ _COMPACT_ROUNDS = 2
 _GOAL = 0.35
 """Fraction of the tolerances at which a search ends: the largest error of a linkage is two to three times its mean."""
 
-F = TypeVar("F", bound=Found)
-
 
 class Search(Protocol):
     """A search for candidates of one task, for other motions and limits."""
@@ -53,7 +50,7 @@ class Search(Protocol):
         work: Work,
         rounds: int | None = None,
         max_results: int | None = None,
-    ) -> tuple[list[Found], SearchReport]:
+    ) -> tuple[list[Solution], SearchReport]:
         """Return linkages and how the search went; it may end once the objective is below ``goal``."""
         ...
 
@@ -61,7 +58,7 @@ class Search(Protocol):
 class Measure(NamedTuple):
     """A measure of linkages; smaller is better."""
 
-    value: Callable[[Found], float]
+    value: Callable[[Solution], float]
     tightened: Callable[[float], tuple[Motion, Limits]]
     """The motion and limits that allow at most this value."""
     smallest: float
@@ -84,7 +81,7 @@ def accuracy_goal(motion: Motion, tolerance: float, smallest: float) -> float:
     return max(tolerance, _GOAL * tolerances.objective(motion.samples))
 
 
-def improved(found: Sequence[Found], task: Task, ranking: Ranking, search: Search, work: Work) -> list[Found]:
+def improved(found: Sequence[Solution], task: Task, ranking: Ranking, search: Search, work: Work) -> list[Solution]:
     """Return further linkages, accurate ones with a better value of the preferred measure.
 
     The same search within a tighter limit on the measure, half-way to a value that is known to be out of reach, finds better
@@ -93,7 +90,7 @@ def improved(found: Sequence[Found], task: Task, ranking: Ranking, search: Searc
     smallest = min((solution.errors.objective for solution in found), default=np.inf)
     goal = accuracy_goal(task.motion, task.tolerance, smallest)
     measure = measure_of(task.prefer, task.motion, task.limits)
-    further: list[Found] = []
+    further: list[Solution] = []
     best = min((measure.value(solution) for solution in ranking.accurate(found)), default=np.inf)
     out_of_reach = measure.smallest
     for _ in range(_MAX_TRIES):
@@ -131,13 +128,13 @@ def measure_of(prefer: Prefer, motion: Motion, limits: Limits) -> Measure:
         return Motion.of(spanned, motion.degrees, motion.tolerances, motion.length_unit), limits
 
     return {
-        "size": Measure(lambda found: proportions_of(found, samples)["size"], smaller, _SMALLEST, 0.03),
+        "size": Measure(lambda found: relative_size(found, samples), smaller, _SMALLEST, 0.03),
         "transmission": Measure(lambda found: -found.transmission_angle_min, straighter, -np.pi / 2, np.deg2rad(1.0)),
-        "crank_span": Measure(lambda found: proportions_of(found, samples)["swing"], shorter, MIN_SPAN, 0.03),
+        "crank_span": Measure(swing_of, shorter, MIN_SPAN, 0.03),
     }[prefer]
 
 
-def balanced(found: Sequence[Found], task: Task, ranking: Ranking, search: Search, work: Work) -> list[Found]:
+def balanced(found: Sequence[Solution], task: Task, ranking: Ranking, search: Search, work: Work) -> list[Solution]:
     """Return further four-bars with a smaller merit: by a short search for compact ones, and by `compacted`."""
     motion, samples = task.motion, task.motion.samples
     if not (isinstance(samples, Poses) and samples.asked is None and samples.position is not None):
@@ -145,7 +142,7 @@ def balanced(found: Sequence[Found], task: Task, ranking: Ranking, search: Searc
     smallest = ranking.smallest_error(found)
     if smallest is None or (is_few(samples) and smallest.errors.objective < task.tolerance):
         return []  # exact four-bars through few poses are already sought by their merit
-    further: list[Found] = []
+    further: list[Solution] = []
     sizes = [score.size for score in ranking.scores(ranking.accurate(found))]
     goal = accuracy_goal(motion, task.tolerance, smallest.errors.objective)
     if smallest.errors.objective < goal and min(sizes) > _COMPACT and not work.expired():
@@ -155,14 +152,14 @@ def balanced(found: Sequence[Found], task: Task, ranking: Ranking, search: Searc
             pass
         else:
             further += search(motion, compact, goal, work, _COMPACT_ROUNDS)[0]
-    four_bars = [solution for solution in [*found, *further] if isinstance(solution, fourbar.Solution)]
+    four_bars = [solution for solution in [*found, *further] if solution.linkage.is_four_bar]
     return further + list(
         compacted(samples, task.limits, four_bars, lambda some: ranking.merits(some, found), task.tolerance, work)
     )
 
 
 def arranged(
-    found: Sequence[Found], task: Task, ranking: Ranking, work: Work, report: SearchReport
+    found: Sequence[Solution], task: Task, ranking: Ranking, work: Work, report: SearchReport
 ) -> tuple[Studies, SearchReport]:
     """Make the layers of the accurate linkages, by which they are ranked then.
 
@@ -180,7 +177,7 @@ def arranged(
 
 
 def layers_of(
-    near: Sequence[Found], motion: Motion, assembly: AskedAssembly, work: Work
+    near: Sequence[Solution], motion: Motion, assembly: AskedAssembly, work: Work
 ) -> tuple[dict[int, LayerRank], dict[int, Assembly], int]:
     """Compute layers of linkages, in their order.
 
@@ -192,7 +189,7 @@ def layers_of(
     for k, solution in enumerate(near):
         try:
             work.go_on()
-            interval = target_of(solution, motion).interval
+            interval = target_of(motion.samples, solution.linkage, solution.travel).interval
             layers = assembled(solution.linkage, assembly, interval, motion.radian, work)
         except OutOfTime:
             return ranks, made, len(near) - k

@@ -9,16 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 
-from linkage_atlas.mechanism_search import Found
 from linkage_atlas.motions import Motion, Tolerances
-from synthesis.fourbar import solution as fourbar
-from synthesis.guided import solution as guided
-from synthesis.guided.scores import scores_of, usable_linkages
-from synthesis.guides import Driver, Kind
 from synthesis.ranking import (
     APART,
     EVERYDAY_POSITION,
@@ -31,7 +26,8 @@ from synthesis.ranking import (
     pareto_front,
     spread,
 )
-from synthesis.target import Target
+from synthesis.scores import scores_of, usable_solutions
+from synthesis.solution import Solution, target_of
 
 _NO_ANSWER = 0.1
 """J from which a linkage is dropped if another linkage is much better."""
@@ -46,7 +42,6 @@ _AS_GOOD = 1.02
 _ROUNDING = 1e-9
 """Relative excess of an error that counts as within a tolerance."""
 
-F = TypeVar("F", bound=Found)
 LayerRank = tuple[bool, int, int]
 """See `synthesis.ranking.Score.layers`."""
 UNRANKED: LayerRank = (True, 0, 0)
@@ -56,7 +51,7 @@ UNRANKED: LayerRank = (True, 0, 0)
 class _Facts(NamedTuple):
     """Properties of a linkage that take time to compute."""
 
-    found: Found
+    found: Solution
     usable: bool
     within: bool
     """True if every error is within the tolerances of the request, or else within the everyday accuracy."""
@@ -85,7 +80,7 @@ class Ranking:
 
     # -- scores ---------------------------------------------------------------------------------------------------------
 
-    def scores(self, found: Sequence[Found]) -> list[Score]:
+    def scores(self, found: Sequence[Solution]) -> list[Score]:
         """Return the score of each linkage; whether it is accurate depends on the others."""
         facts = self._examined(found)
         usable = np.array([fact.usable for fact in facts], dtype=bool)
@@ -106,35 +101,36 @@ class Ranking:
         ranks = [self.layers.get(id(solution), UNRANKED) for solution in found]
         return [replace(score, layers=rank) for score, rank in zip(scores, ranks)]
 
-    def usable(self, found: Sequence[Found]) -> list[bool]:
+    def usable(self, found: Sequence[Solution]) -> list[bool]:
         """Return which linkages can be used."""
         return [fact.usable for fact in self._examined(found)]
 
-    def accurate(self, found: Sequence[Found]) -> list[Found]:
+    def accurate(self, found: Sequence[Solution]) -> list[Solution]:
         """Return the linkages among which the preference decides, usable ones if there are any."""
         scores = self.scores(found)
         accurate = [(score, solution) for score, solution in zip(scores, found) if score.accurate]
         usable = [solution for score, solution in accurate if score.usable]
         return usable or [solution for _, solution in accurate]
 
-    def _examined(self, found: Sequence[Found]) -> list[_Facts]:
+    def _examined(self, found: Sequence[Solution]) -> list[_Facts]:
         fresh = [solution for solution in found if id(solution) not in self._facts]
         within = [self._within(solution) for solution in fresh]
         tolerated = within if self.motion.tolerances is not None else None
-        for solution, usable, inside in zip(fresh, usable_linkages(fresh, self.motion.samples, tolerated), within):
+        for solution, usable, inside in zip(fresh, usable_solutions(fresh, self.motion.samples, tolerated), within):
             self._facts[id(solution)] = _Facts(solution, bool(usable), inside)
         return [self._facts[id(solution)] for solution in found]
 
-    def _within(self, solution: Found) -> bool:
+    def _within(self, solution: Solution) -> bool:
         tolerances = self.motion.tolerances
         if tolerances is not None:
-            return bool(np.all(tolerances.shares(target_of(solution, self.motion), solution.linkage) <= 1))
+            target = target_of(self.motion.samples, solution.linkage, solution.travel)
+            return bool(np.all(tolerances.shares(target, solution.linkage) <= 1))
         errors, samples = solution.errors, self.motion.samples
         position = samples.position is None or (errors.position_max or 0.0) <= EVERYDAY_POSITION * samples.extent
         return position and (errors.rotation_max or 0.0) <= EVERYDAY_ROTATION * (1 + _ROUNDING)
 
     def _accurate(
-        self, found: Sequence[Found], usable: np.ndarray, within: np.ndarray
+        self, found: Sequence[Solution], usable: np.ndarray, within: np.ndarray
     ) -> Sequence[bool] | np.ndarray:
         if self.prefer == "error":
             return within if self.motion.tolerances is not None else np.ones(len(found), dtype=bool)
@@ -144,7 +140,7 @@ class Ranking:
         errors = np.array([solution.errors.objective for solution in found])
         return np.asarray(errors <= TRADED * max(errors[candidates].min(initial=np.inf), self.tolerance))
 
-    def merits(self, found: Sequence[F], beside: Sequence[Found]) -> list[tuple[float, F]]:
+    def merits(self, found: Sequence[Solution], beside: Sequence[Solution]) -> list[tuple[float, Solution]]:
         """Return the accurate linkages of some with their merits, smallest first; ``beside``: others that are known."""
         accurate = {id(solution) for solution in self.accurate([*beside, *found])}
         scored = [(score.merit, solution) for score, solution in zip(self.scores(found), found)]
@@ -152,18 +148,18 @@ class Ranking:
 
     # -- order and choice -----------------------------------------------------------------------------------------------
 
-    def ordered(self, found: Sequence[F]) -> list[F]:
+    def ordered(self, found: Sequence[Solution]) -> list[Solution]:
         """Return the linkages, best first."""
         keys = [key(score, self.prefer) for score in self.scores(found)]
         return [found[k] for k in sorted(range(len(found)), key=keys.__getitem__)]
 
-    def chosen(self, found: Sequence[Found], top: int) -> list[Found]:
+    def chosen(self, found: Sequence[Solution], top: int) -> list[Solution]:
         """Return the best four-bars that differ, at most ``top``; the one with the smallest error is among them."""
         ordered = self.ordered(found)
         chosen = distinct(ordered, top, APART, order=lambda _: 0, exact=self.tolerance)
         return self._with_smallest_error(chosen, found, top)
 
-    def diverse(self, found: Sequence[Found], top: int, floor: float) -> list[Found]:
+    def diverse(self, found: Sequence[Solution], top: int, floor: float) -> list[Solution]:
         """Return linkages as different from one another as possible, with at most twice the error of the best one.
 
         Linkages that cannot be used are dropped if others can be. ``floor``: smaller errors count as this one.
@@ -173,7 +169,7 @@ class Ranking:
         chosen = spread(self.ordered(found), top, _DIVERSE_LOSS, floor)
         return self._with_smallest_error(chosen, found, top)
 
-    def chosen_of_kinds(self, found: Sequence[Found], top: int) -> list[Found]:
+    def chosen_of_kinds(self, found: Sequence[Solution], top: int) -> list[Solution]:
         """Return the Pareto front of linkages of several kinds, best first, at most ``top``.
 
         Law: none of them beats another with the same drive. If there are more, the best of each kind and drive come before
@@ -185,7 +181,7 @@ class Ranking:
         front = self._front([solution for solution in found if solution.errors.objective <= poor])
         ordered = self.ordered(front)
         rank = {id(solution): number for number, solution in enumerate(ordered)}
-        apart: list[Found] = []
+        apart: list[Solution] = []
         for group in dict.fromkeys(map(_group, ordered)):
             alike = [solution for solution in ordered if _group(solution) == group]
             apart += distinct(alike, top, APART, order=lambda _: 0, exact=self.tolerance)
@@ -195,7 +191,7 @@ class Ranking:
         shown += [solution for solution in apart if all(solution is not other for other in shown)][: top - len(shown)]
         return self._with_smallest_error(sorted(shown, key=lambda solution: rank[id(solution)]), found, top)
 
-    def smallest_error(self, found: Sequence[Found]) -> Found | None:
+    def smallest_error(self, found: Sequence[Solution]) -> Solution | None:
         """Return the linkage with the smallest error, or None without linkages.
 
         Unless the error is preferred, linkages that cannot be used are only considered if no other linkage was found.
@@ -203,7 +199,7 @@ class Ranking:
         usable = [solution for solution, use in zip(found, self.usable(found)) if use and self.prefer != "error"]
         return min(usable or found, key=lambda solution: solution.errors.objective, default=None)
 
-    def _with_smallest_error(self, chosen: list[Found], found: Sequence[Found], top: int) -> list[Found]:
+    def _with_smallest_error(self, chosen: list[Solution], found: Sequence[Solution], top: int) -> list[Solution]:
         smallest = self.smallest_error(found)
         if smallest is None or top < 2 or any(solution is smallest for solution in chosen):
             return chosen
@@ -212,7 +208,7 @@ class Ranking:
             return chosen
         return self.ordered([*chosen[: top - 1], smallest])
 
-    def _front(self, found: Sequence[Found]) -> list[Found]:
+    def _front(self, found: Sequence[Solution]) -> list[Solution]:
         """Return the linkages that no other one with the same drive beats, and of equal measures only the first."""
         scores = self.scores(found)
         unranked = self.prefer == "layers" and not self.layers
@@ -247,15 +243,6 @@ def everyday_tolerances(motion: Motion) -> Tolerances:
     return Tolerances(rotation, position)
 
 
-def target_of(solution: Found, motion: Motion) -> Target:
-    """Return the motion over the coordinate of the linkage's own drive."""
-    if isinstance(solution, guided.GuidedSolution):
-        return guided.as_target(motion.samples, solution.linkage, solution.travel)
-    return motion.one_of(motion.with_angles([solution.linkage], [solution.crank]), 0).target
-
-
-def _group(solution: Found) -> tuple[str, str]:
+def _group(solution: Solution) -> tuple[str, str]:
     """Return the kind and the drive of a linkage."""
-    if isinstance(solution, fourbar.Solution):
-        return Kind.FOUR_BAR.value, Driver.CRANK.value
     return solution.linkage.kind.value, solution.linkage.driver.value

@@ -11,17 +11,17 @@ from linkage_atlas.answers import AnySolution, Report, Solution, cognate_notes, 
 from linkage_atlas.candidates import Candidates
 from linkage_atlas.finishing import RankedSolutions
 from linkage_atlas.limits import QUICK, QUICK_ROUNDS, thinned, what_excludes
-from linkage_atlas.mechanism_search import Found
 from linkage_atlas.motions import Motion
 from linkage_atlas.notes import counted, in_percent, limit_label, listed, sentences
 from linkage_atlas.preferences import Search
 from linkage_atlas.studies import study_notes
 from linkage_atlas.task import Task
+from synthesis import solution as model
 from synthesis.atlas.scan import Scan
-from synthesis.fourbar.limits import Limits
 from synthesis.free.few_poses import is_few
-from synthesis.free.poses import Poses
 from synthesis.guided.search import NOTHING_ROUND
+from synthesis.limits import Limits
+from synthesis.poses import Poses
 from synthesis.ranking import NEAR
 from synthesis.search.report import SearchReport
 from synthesis.target import TURN
@@ -110,7 +110,7 @@ def report_of(task: Task, candidates: Candidates, ranked: RankedSolutions, notes
     )
 
 
-def _ranks_of(continued: Sequence[Found | None], solutions: Sequence[AnySolution]) -> list[int | None]:
+def _ranks_of(continued: Sequence[model.Solution | None], solutions: Sequence[AnySolution]) -> list[int | None]:
     """Return the rank of each linkage among the finished solutions; None if it is not there."""
     ranks = {id(solution.origin.found): solution.rank for solution in solutions}
     return [ranks.get(id(linkage)) for linkage in continued]
@@ -125,7 +125,7 @@ def _empty_notes(task: Task, search: Search, candidates: Candidates, notes: Sequ
     if task.limits.only_family or isinstance(task.source, Scan) or set(notes) & set(NOTHING_ROUND.values()):
         return []
 
-    def quick(eased: Limits, work: Work) -> tuple[list[Found], SearchReport]:
+    def quick(eased: Limits, work: Work) -> tuple[list[model.Solution], SearchReport]:
         return search(thinned(task.motion), eased, max(task.tolerance, QUICK), work, QUICK_ROUNDS, 1)
 
     return what_excludes(task.limits, task.motion, quick, task.work, task.named_limits)

@@ -28,8 +28,8 @@ from linkage_atlas.notes import counted
 from linkage_atlas.records import Record, Values, Vectors, plain, plane
 from synthesis.arrays import Floats
 from synthesis.errors import FieldError
-from synthesis.fourbar.limits import BETWEEN_LENGTHS, Limits
 from synthesis.fourbar.rounding import given_lengths, multiples
+from synthesis.limits import BETWEEN_LENGTHS, Limits
 from synthesis.linkage import Linkage, Mass
 from synthesis.studies.forces import Load, forces, on_links
 from synthesis.studies.sensitivity import changes

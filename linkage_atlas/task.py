@@ -24,10 +24,10 @@ from linkage_atlas.studies import STUDIES, Studies, check_lengths, check_rows, r
 from linkage_atlas.warm_start import Start, StartingLinkage, check_local, read_starts, starts_for
 from synthesis.atlas.scan import Scan
 from synthesis.errors import FieldError
-from synthesis.fourbar.limits import Limits, Reach
 from synthesis.fourbar.mechanism import FOURBAR
 from synthesis.free.screen import PathScreen
 from synthesis.free.search import path_screens
+from synthesis.limits import Limits, Reach
 from synthesis.ranking import FAIR, PROPORTION
 from synthesis.search.seeds import SeedTables
 from synthesis.work import Work

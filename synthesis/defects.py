@@ -23,7 +23,8 @@ from numpy.typing import ArrayLike
 
 from synthesis.arrays import Flags, Floats, Ints
 from synthesis.four_bar import grashof_excesses
-from synthesis.fourbar.limits import (
+from synthesis.guides import DRIVERS, Driver, Rail, Slot
+from synthesis.limits import (
     LINK_RATIO,
     REACH,
     ROOM,
@@ -33,7 +34,6 @@ from synthesis.fourbar.limits import (
     Limits,
     placed_by,
 )
-from synthesis.guides import DRIVERS, Driver, Rail, Slot
 from synthesis.linkage import Linkage, through
 from synthesis.target import TURN, Interval, Samples, Target
 
@@ -481,20 +481,3 @@ def faults_of(
             f"the body point goes {excursion:.3g} times as far between two samples as they are apart, above {LEAVES_SAMPLES:g}"
         )
     return faults
-
-
-def size_of(linkage: Linkage, samples: Samples) -> float | None:
-    """Largest of the links, the coupler point's radius and the pivots' distances from the motion's middle, over its extent.
-
-    None without positions.
-    """
-    if samples.position is None or linkage.coupler_point is None:
-        return None
-    middle = complex(samples.position_mean(samples.position))
-    reach = (abs(linkage.pivot_a - middle), abs(linkage.pivot_b - middle))
-    return float(max(*linkage.links, linkage.coupler_point[0], *reach)) / samples.extent
-
-
-def proportion(linkage: Linkage, samples: Samples) -> float:
-    """How many extents of the motion, or shortest links, the longest part is, whichever are more."""
-    return max(linkage.link_ratio, size_of(linkage, samples) or 0.0)

@@ -1,7 +1,7 @@
-"""Excursions of the body point of four-bars between samples: length of the curve over the distance of neighbouring samples.
+"""Excursions of the body point between samples: length of the curve over the distance of neighbouring samples.
 
-A path may meet every sample and make a loop between two. The coordinate round a circuit follows from two signs: X of `kinematics`
-is smallest at theta1 = pi, and Y at theta1 = 0.
+A path may meet every sample and make a loop between two. The coordinate round a circuit of a four-bar follows from two signs:
+X of `four_bar` is smallest at theta1 = pi, and Y at theta1 = 0.
 
 * If neither is negative, the crank turns fully, and the two branches are the two circuits.
 * If one is negative, the crank swings about the other position. Both branches meet at both ends of the swing: one circuit.
@@ -10,6 +10,7 @@ is smallest at theta1 = pi, and Y at theta1 = 0.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -20,6 +21,8 @@ from synthesis.arrays import Complexes, Flags, Floats
 from synthesis.defects import SHORTEST_CHORD, one_way
 from synthesis.four_bar import Closure, close_loop, grashof_excesses
 from synthesis.linkage import Linkage
+from synthesis.poses import Poses
+from synthesis.solution import Solution
 from synthesis.target import TURN
 
 PANEL = np.deg2rad(15.0)
@@ -30,6 +33,8 @@ _GROWN = 50
 """Times as many panels at most: where more would be rough, it is the rounding of the positions that is."""
 ACCURACY = 1e-8
 """Estimated error of a panel, of the whole way between two samples, above which it is halved."""
+CHORDS = 48
+"""Chords of the curve between two samples, for linkages with rails or slots."""
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(8)
 # of values at the nodes, the last two coefficients of their Legendre series
 TAIL = (np.polynomial.legendre.legvander(NODES, 7) * WEIGHTS[:, None] * (np.arange(8) + 0.5))[:, 6:]
@@ -183,6 +188,40 @@ def excursions(
     for k, value in zip(rows, ratio):
         found[k] = float(value)
     return found
+
+
+def excursions_of(
+    solutions: Sequence[Solution], poses: Poses, carried: ArrayLike | None = None
+) -> list[float | None]:
+    """Return the excursion of the body point of each solution; None if the loop opens between samples.
+
+    Those of four-bars are accurate to rounding, see `excursions`; for other linkages the curve is a polygon.
+
+    ``carried`` (n,): whether one circuit carries all samples of each four-bar, if that is known.
+    """
+    linkages = [solution.linkage for solution in solutions]
+    if not all(linkage.is_four_bar for linkage in linkages):
+        return [_excursion(solution, poses) for solution in solutions]
+    travel = np.array([solution.travel for solution in solutions])
+    crank = np.array([[linkage.start] for linkage in linkages]) + travel
+    side = np.broadcast_to(np.array([[linkage.branch] for linkage in linkages]), crank.shape)
+    return excursions(
+        linkages, crank, side, poses.extent, ordered=poses.ordered, closed=poses.closed, carried=carried
+    )
+
+
+def _excursion(solution: Solution, poses: Poses) -> float | None:
+    """Return the excursion of the body point of any linkage, from chords of its curve."""
+    travel = solution.travel if poses.ordered else np.sort(solution.travel)
+    if poses.closed and solution.linkage.driver.turns:
+        travel = np.append(travel, travel[0] + np.copysign(TURN, travel[-1] - travel[0]))
+    parts = np.linspace(0.0, 1.0, CHORDS + 1)
+    places = travel[:-1, None] + np.diff(travel)[:, None] * parts
+    points = solution.linkage.body(solution.linkage.start + places.ravel()).position.reshape(places.shape)
+    arcs = np.abs(np.diff(points, axis=1)).sum(axis=1)
+    chords = np.abs(points[:, -1] - points[:, 0])
+    largest = float(np.max(arcs / np.maximum(chords, SHORTEST_CHORD * poses.extent)))
+    return max(1.0, largest) if math.isfinite(largest) else None
 
 
 def _arcs(circuit: RoundCircuit, point: Complexes, first: Floats, step: Floats) -> Floats:

@@ -31,7 +31,7 @@ is lost far from the origin.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -380,7 +380,7 @@ class Linkage:
         """The longest link of a four-bar over the shortest."""
         return float(max(self.links) / min(self.links))
 
-    @property
+    @cached_property
     def family(self) -> Family | None:
         """Grashof family of a four-bar; None for other kinds."""
         return Family(family(np.array(self.links)).item()) if self.is_four_bar else None
@@ -433,6 +433,7 @@ class Linkage:
         """Return the linkage with the body's frame turned in the body: rotations are more by the angle, positions as before."""
         if self.is_four_bar:
             return replace(self, body_offset=(self.body_offset or 0.0) + angle)
+        angle -= TURN * round(angle / TURN)
         factor = complex(np.exp(-1j * angle))
         first, second = (
             _mapped(one, lambda z: z, lambda z: z * factor, turn_in_body=-angle) for one in self.local_guides
@@ -970,6 +971,12 @@ def four_bar(
     crank, coupler, rocker, ground = links
     guides = Circle(0j, crank, 0j), Circle(complex(ground), rocker, complex(coupler))
     return Linkage(guides, Driver.CRANK, branch, start, pivot_a, ground_angle, coupler_point, body_offset)
+
+
+def as_lengths(row: Iterable[float]) -> Lengths:
+    """Return a row of four lengths as plain numbers."""
+    crank, coupler, rocker, ground = map(float, row)
+    return crank, coupler, rocker, ground
 
 
 def with_links(linkage: Linkage, links: Lengths) -> Linkage:

@@ -31,25 +31,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.arrays import Floats
+from synthesis.constraints import within
 from synthesis.descents import Pool, Stage, Timed
 from synthesis.four_bar import grashof_excesses
-from synthesis.fourbar.joints import joints_at
-from synthesis.fourbar.limits import Limits, in_family
-from synthesis.fourbar.mechanism import FOURBAR, AnyChart, FullCrankChart
-from synthesis.fourbar.solution import Solution, assess, mounted, within
+from synthesis.fourbar.mechanism import FOURBAR, AnyChart, FullCrankChart, mounted
 from synthesis.free.dyads import chart_of
 from synthesis.free.joint import JointProblem
 from synthesis.free.limited import limited_problem, refined_within
-from synthesis.free.poses import Poses
 from synthesis.free.search import solutions_of, within_limits
 from synthesis.function.answers import Generator
 from synthesis.function.search import FunctionSearch
 from synthesis.function.wanted import Wanted
+from synthesis.limits import Limits, in_family
 from synthesis.linkage import Linkage, with_links
 from synthesis.mechanism import Bounded
+from synthesis.poses import Poses
 from synthesis.ranking import Answer, Status
 from synthesis.search.problems import GivenProblem, given, problem_of
 from synthesis.search.report import SearchReport, stopped_by
+from synthesis.solution import Solution, assess, target_of
 from synthesis.target import TURN, Target
 from synthesis.work import Work
 
@@ -212,7 +212,7 @@ class _Descents:
 
     def assessed(self, linkages: list[Linkage]) -> list[Solution]:
         """Linkages with their errors, in their best pose where they have none; without those that do not close."""
-        closing = [one for one in linkages if joints_at(one, self.target.crank).closed]
+        closing = [one for one in linkages if np.isfinite(one.body(one.start + self.target.crank).rotation).all()]
         if self.target.position is None:
             closing = [replace(one, pivot_a=0j, ground_angle=0.0, coupler_point=None) for one in closing]
             closing = [one.scaled(1 / one.links[3]) for one in closing]
@@ -350,11 +350,9 @@ def refined_in_place(poses: Poses, limits: Limits, one: Solution, crank: Floats,
     held = replace(limits, links=one.linkage.links)
     found, _ = refine_poses(poses, held, one.linkage, crank, 0.0, work)
     for better in found:
-        if better.crank is not None and better.errors.objective < one.errors.objective:
+        if better.errors.objective < one.errors.objective:
             same = with_links(better.linkage, one.linkage.links)
-            turned = joints_at(same, better.crank).rotation if poses.rotation is not None else None
-            exactly = assess(poses.timed(better.crank, turned), [same])[0]
-            return replace(exactly, crank=better.crank)
+            return assess(target_of(poses, same, better.travel), [same])[0]
     return one
 
 

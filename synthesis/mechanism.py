@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from synthesis.arrays import Complexes, Flags, Floats
 from synthesis.kernels import codes, crank_loops
+from synthesis.linkage import Linkage
 from synthesis.target import Interval, Target
 
 Box = tuple[float, float, float, float]
@@ -272,5 +273,7 @@ class Mechanism(Turning, Protocol):
     ) -> list[Any]:
         """Linkages with actual lengths in a given pose: pivot A, ground angle, and z2; None where nothing is mounted."""
 
-    def assess(self, target: Target, linkages: list[Any], rows: list[int] | None = None) -> list[Any]:
-        """Linkages with their errors, recomputed from their own numbers: each a `ranking.Answer`."""
+    def assess(
+        self, target: Target, linkages: Sequence[Linkage], /, *, rows: Sequence[int] | None = None
+    ) -> list[Any]:
+        """Return the linkages with their errors, recomputed from their own numbers: each is a `ranking.Answer`."""

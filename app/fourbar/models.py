@@ -157,11 +157,11 @@ _FORMS: dict[str, Any] = {
     "box": Box | None,
     "boxes": Annotated[list[Box], Field(max_length=MAX_KEEP_OUT)] | None,
 }
-"""What a request may hold for a limit of each kind, see `synthesis.fourbar.limits.Form`."""
+"""What a request may hold for a limit of each kind, see `synthesis.limits.Form`."""
 
 
 def limits_request(name: str, doc: str, forms: Mapping[str, Any], family: str, preset: str) -> Any:
-    """The model of limits: fields as `synthesis.fourbar.limits.Limits` states them, and a set of limits by name."""
+    """The model of limits: fields as `synthesis.limits.Limits` states them, and a set of limits by name."""
     fields: dict[str, Any] = {
         one: (_FORMS[form.kind], Field(family if one == "family" else None, description=form.says))
         for one, form in forms.items()

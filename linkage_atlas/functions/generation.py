@@ -24,7 +24,6 @@ from linkage_atlas.result_notes import CUT_SHORT, NOWHERE
 from linkage_atlas.task import seed_tables
 from linkage_atlas.warm_start import FOR_STARTS, Start, StartingLinkage, check_local, pointing_to_start, read_starts
 from synthesis.errors import FieldError
-from synthesis.fourbar.limits import Limits
 from synthesis.function.answers import Generator
 from synthesis.function.quick_return import (
     crank_rocker_answers,
@@ -37,6 +36,7 @@ from synthesis.function.travel_search import (
     generate_travel,
     laws_for,
 )
+from synthesis.limits import Limits
 from synthesis.local_refinement import refine_function
 from synthesis.ranking import APART, Status, distinct
 from synthesis.search.report import SearchReport, StoppedBy, stopped_by

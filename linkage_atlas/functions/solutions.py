@@ -22,7 +22,6 @@ from linkage_atlas.studies import sensitivity_of
 from synthesis.arrays import Floats
 from synthesis.defects import faults_of, practical_faults, verdict
 from synthesis.fourbar.determination import determinations
-from synthesis.fourbar.limits import Limits
 from synthesis.function.answers import Generator, exchanged, rocker_angles, turns_back
 from synthesis.function.search import refit
 from synthesis.function.travel_search import (
@@ -31,6 +30,7 @@ from synthesis.function.travel_search import (
     TravelLimits,
     travel_turns_back,
 )
+from synthesis.limits import Limits
 from synthesis.linkage import Linkage as Plain
 from synthesis.target import Interval, Target
 from synthesis.work import Work

@@ -23,10 +23,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.arrays import Complexes, Floats
+from synthesis.constraints import SPARE, Constraints, placed_linkages
 from synthesis.four_bar import EXCESSES, close_loop, coupler_angle, grashof_excesses
-from synthesis.fourbar.limits import SPARE, Constraints, Limits
-from synthesis.fourbar.solution import four, placed_linkages
-from synthesis.linkage import Linkage, with_links
+from synthesis.limits import Limits
+from synthesis.linkage import Linkage, as_lengths, with_links
 from synthesis.target import Target
 
 FREE = 1e3
@@ -365,4 +365,4 @@ def _moved(target: Target, linkage: Linkage, step: Floats, free: int) -> Linkage
         changed["ground_angle"] = linkage.ground_angle + turn
         changed["pivot_a"] = linkage.pivot_a + target.length_scale * (x + 1j * y)
         changed["coupler_point"] = (abs(coupler), float(np.angle(coupler)))
-    return replace(with_links(linkage, four(links)), **changed)
+    return replace(with_links(linkage, as_lengths(links)), **changed)

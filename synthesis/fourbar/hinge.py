@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from synthesis.arrays import Complexes, Floats
-from synthesis.fourbar.limits import REACH
+from synthesis.limits import REACH
 from synthesis.target import Samples
 
 WITHIN = 1e-3

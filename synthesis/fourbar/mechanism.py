@@ -7,6 +7,7 @@ pose takes it up) and to the two constants X0, Y0 of the closure (see `kinematic
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
@@ -16,14 +17,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from synthesis.arrays import Complexes, Floats
-from synthesis.four_bar import coupler_angle, grashof_excesses, wrap
+from synthesis.constraints import Constraints, keeps, within
+from synthesis.four_bar import close_loop, coupler_angle, grashof_excesses, wrap
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule, enumerate_types
-from synthesis.fourbar.limits import Constraints, Limits, in_family
-from synthesis.fourbar.solution import assess, four, keeps, mounted, within
 from synthesis.kernels import codes
-from synthesis.linkage import Linkage, four_bar
+from synthesis.limits import PIVOTS, Limits, in_family
+from synthesis.linkage import Linkage, as_lengths, four_bar
 from synthesis.mechanism import Bounded, Box, Boxes, Chart
-from synthesis.target import TURN, Samples
+from synthesis.pose import fit_positions
+from synthesis.solution import assess
+from synthesis.target import TURN, Samples, Target
 
 _FAR = (-8.0, -5.0, -2.5, 2.5, 5.0, 8.0)
 
@@ -178,7 +181,7 @@ def ways(target: Samples, limits: Limits, posed: bool | None = None) -> list[Bou
 def _boxes(limits: Limits, middle: complex, scale: float) -> Boxes:
     """Where the limits leave pivots and lengths: as far as boxes can say it."""
     places = []
-    for name in ("pivot_a", "pivot_b"):
+    for name in PIVOTS:
         box, given, reach = limits.box(f"{name}_box") or _EVERYWHERE, getattr(limits, name), limits.pivot_reach
         if given is not None:
             box = (given.real, given.imag, given.real, given.imag)
@@ -232,6 +235,28 @@ def bounded_types(family: str) -> Floats:
     return lengths[in_family(family, lengths)]
 
 
+def mounted(target: Target, lengths: ArrayLike, branch: ArrayLike, start: ArrayLike) -> list[Linkage]:
+    """Return candidates as linkages in their best pose and with actual lengths; without positions with a ground of 1.
+
+    Parameters
+    ----------
+    target : Target
+    lengths : array_like, shape (n, 4)
+        In any scale; each closes at every sample.
+    branch, start : array_like, shape (n,)
+        Branches, and crank angles theta1 at the first sample in radians.
+    """
+    links, side, begin = np.asarray(lengths, dtype=float), np.asarray(branch, dtype=float), np.asarray(start) % TURN
+    if not begin.size:
+        return []
+    if target.position is None:
+        return FOURBAR.posed(links / links[:, 3:], side, begin, None)
+    fit = fit_positions(target, close_loop(links, begin[:, None] + target.crank).coupler_angle(side))
+    links = links * (np.abs(fit.crank_vector) / links[:, 0])[:, None]
+    turned = np.array([wrap(angle) for angle in np.angle(fit.crank_vector) - begin])
+    return FOURBAR.posed(links, side, begin, (fit.pivot, turned, fit.coupler_vector))
+
+
 class FourBar:
     """The four-bar whose coupler is the body; lengths are crank, coupler, rocker, ground. See `synthesis.mechanism.Mechanism`."""
 
@@ -243,7 +268,12 @@ class FourBar:
     keeps = staticmethod(keeps)
     within = staticmethod(within)
     mounted = staticmethod(mounted)
-    assess = staticmethod(assess)
+
+    def assess(
+        self, target: Target, linkages: Sequence[Linkage], /, *, rows: Sequence[int] | None = None
+    ) -> list[Any]:
+        """Return the linkages with their errors."""
+        return assess(target, linkages, rows=rows)
 
     @cached_property
     def coarse_types(self) -> Floats:
@@ -270,7 +300,7 @@ class FourBar:
     ) -> list[Linkage]:
         """Linkages in a given pose."""
         linkages = [
-            four_bar(four(row), int(side), float(at))
+            four_bar(as_lengths(row), int(side), float(at))
             for row, side, at in zip(lengths, branch, np.asarray(start) % TURN)
         ]
         if pose is None:

@@ -28,14 +28,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.arrays import Complexes, Floats
+from synthesis.constraints import BEGIN, COUPLER, END, PIVOT, TURNED, Constraints, keeps, within
 from synthesis.four_bar import close_loop, wrap
 from synthesis.fourbar.determination import derivative_matrix, residuals
-from synthesis.fourbar.limits import BEGIN, COUPLER, END, PIVOT, TURNED, Constraints, Limits
-from synthesis.fourbar.solution import Solution, assess, four, keeps, within
 from synthesis.least_squares import Evaluation, Minima, minimise
-from synthesis.linkage import Linkage, four_bar
+from synthesis.limits import Limits
+from synthesis.linkage import Linkage, as_lengths, four_bar
 from synthesis.mechanism import Placed
 from synthesis.pose import rotation_residual
+from synthesis.solution import Solution, assess
 from synthesis.target import TURN, Target
 from synthesis.work import Work
 
@@ -413,7 +414,7 @@ def _offer(
     some = np.flatnonzero(good)
     linkages = [
         four_bar(
-            four(links[k]),
+            as_lengths(links[k]),
             branch,
             float(places.start[k] % TURN),
             complex(places.pivot[k]),

@@ -16,16 +16,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from synthesis.defects import size_of
 from synthesis.descents import Stage, Timed
 from synthesis.errors import FieldError
-from synthesis.fourbar.limits import Limits, Reach
-from synthesis.fourbar.solution import Solution
 from synthesis.free.dyads import chart_of
 from synthesis.free.limited import limited_problem
-from synthesis.free.poses import Poses
 from synthesis.free.search import solutions_of
+from synthesis.limits import Limits, Reach
 from synthesis.mechanism import Chart
+from synthesis.poses import Poses
+from synthesis.scores import size_of
+from synthesis.solution import Solution
 from synthesis.target import Samples
 from synthesis.work import Work
 
@@ -184,6 +184,6 @@ def as_candidates(poses: Poses, chart: Chart, found: Sequence[Solution]) -> Time
         chart.unknowns(links),
         pose,
         ground + np.array([solution.linkage.body_offset or 0.0 for solution in found]),
-        start[:, None] + np.array([solution.crank for solution in found]),
+        start[:, None] + np.array([solution.travel for solution in found]),
         np.array([float(solution.linkage.branch) for solution in found]),
     )

@@ -32,11 +32,11 @@ from numpy.typing import NDArray
 
 from synthesis.arrays import Complexes, Flags, Floats
 from synthesis.descents import Pool, Stage, Timed
-from synthesis.fourbar.limits import in_family
 from synthesis.fourbar.mechanism import AnyChart, GrashofChart
 from synthesis.free.joint import JointProblem
-from synthesis.free.poses import Poses
 from synthesis.least_squares import Evaluation, minimise
+from synthesis.limits import in_family
+from synthesis.poses import Poses
 from synthesis.target import TURN
 from synthesis.work import Work
 

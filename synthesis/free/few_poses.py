@@ -22,10 +22,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.arrays import Complexes, Floats
+from synthesis.constraints import Constraints
 from synthesis.defects import LEAVES_SAMPLES, SHORTEST_CHORD
 from synthesis.descents import Timed
 from synthesis.four_bar import transmission_angle_over
-from synthesis.fourbar.limits import Constraints, Limits, in_family
 from synthesis.fourbar.mechanism import AnyChart
 from synthesis.free.dyads import (
     FEW,
@@ -39,8 +39,9 @@ from synthesis.free.dyads import (
     paired,
 )
 from synthesis.free.joint import JointProblem
-from synthesis.free.poses import Poses
+from synthesis.limits import Limits, in_family
 from synthesis.mechanism import Box, Placed
+from synthesis.poses import Poses
 from synthesis.ranking import merit
 from synthesis.target import Interval
 from synthesis.work import Work

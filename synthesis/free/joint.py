@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from synthesis.descents import Problem, Timed
-from synthesis.free.poses import Poses
 from synthesis.kernels import four_bar_limits
 from synthesis.mechanism import Chart
+from synthesis.poses import Poses
 
 
 class JointProblem(Problem):

@@ -15,13 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.arrays import Complexes
+from synthesis.constraints import Constraints
 from synthesis.descents import Pool, Timed
-from synthesis.fourbar.limits import Constraints, Limits
 from synthesis.fourbar.mechanism import ways
 from synthesis.free.dyads import chart_of
 from synthesis.free.joint import JointProblem
-from synthesis.free.poses import Poses
+from synthesis.limits import Limits
 from synthesis.mechanism import Boxes, Chart
+from synthesis.poses import Poses
 from synthesis.rounds import FEW_TO_THEIR_END, LAST
 from synthesis.search.problems import GivenProblem
 from synthesis.search.seeds import Fits, Windows

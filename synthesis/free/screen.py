@@ -16,8 +16,8 @@ import numpy as np
 
 from synthesis.arrays import Floats
 from synthesis.descents import Timed
-from synthesis.free.poses import Poses
 from synthesis.mechanism import Chart, Mechanism
+from synthesis.poses import Poses
 from synthesis.target import TURN
 
 _STARTS, _SAMPLES, _HARMONICS = 18, 64, 6

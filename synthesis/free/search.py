@@ -25,27 +25,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.arrays import Complexes, Flags, Floats
+from synthesis.constraints import keeps
 from synthesis.defects import LEAVES_SAMPLES, SHORTEST_CHORD
 from synthesis.descents import Pool, Stage, Timed
 from synthesis.errors import FieldError
 from synthesis.four_bar import coupler_angle, transmission_angle_over, wrap
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule, enumerate_types
-from synthesis.fourbar.limits import Limits, in_family
 from synthesis.fourbar.mechanism import FOURBAR, AnyChart, FullCrankChart, ways
-from synthesis.fourbar.solution import Solution, assess, keeps
 from synthesis.free.dyads import FEW, chart_of, search_motion
 from synthesis.free.few_poses import Candidates, exact_four_bars, is_few
 from synthesis.free.joint import JointProblem
 from synthesis.free.limited import guessed_windows, limited_problem, placed_within
-from synthesis.free.poses import Poses
-from synthesis.free.scores import four_bar_scores
 from synthesis.free.screen import COARSE, FINE, PathScreen, way_along
+from synthesis.limits import Limits, in_family
+from synthesis.linkage import Linkage
 from synthesis.mechanism import Chart, Placed
+from synthesis.poses import Poses
 from synthesis.ranking import APART, Status, distinct, key
 from synthesis.rounds import FEWER_ON, GAIN, Found, Plan, Rounds
+from synthesis.scores import scores_of
 from synthesis.search.report import SearchReport, StoppedBy
 from synthesis.search.search import DEFAULT_TOLERANCE, Best, Hops
 from synthesis.search.seeds import Windows
+from synthesis.solution import Solution, assess
 from synthesis.target import TURN, Interval, Target
 from synthesis.work import Work
 
@@ -114,13 +116,10 @@ class _Mounted(NamedTuple):
     def solutions(self) -> list[Solution]:
         """Them with errors, recomputed from their own numbers."""
         linkages = FOURBAR.posed(self.links, self.branch, self.start, (self.pivot, self.turn, self.coupler))
-        found = assess(self.target, linkages)
-        return [
-            replace(one, crank=crank.copy(), linkage=_offset_wrapped(one)) for one, crank in zip(found, self.crank)
-        ]
+        return [replace(solution, linkage=_offset_wrapped(solution)) for solution in assess(self.target, linkages)]
 
 
-def _offset_wrapped(solution: Solution) -> Any:
+def _offset_wrapped(solution: Solution) -> Linkage:
     offset = solution.linkage.body_offset
     return solution.linkage if offset is None else replace(solution.linkage, body_offset=wrap(offset))
 
@@ -180,7 +179,7 @@ def within_limits(poses: Poses, limits: Limits, pool: Pool, chart: Chart) -> Fla
 
 def _best(found: Sequence[Solution], poses: Poses, top: int, tolerance: float) -> list[Solution]:
     """Return the best solutions by their error that differ from one another; those that cannot be used come last."""
-    scores = four_bar_scores(found, poses, tolerance)
+    scores = scores_of(found, poses, tolerance)
     keys = [key(score, "error") for score in scores]
     ranked = [found[k] for k in sorted(range(len(found)), key=keys.__getitem__)]
     return distinct(ranked, top, APART, order=lambda _: 0, exact=tolerance)

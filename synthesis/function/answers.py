@@ -10,16 +10,16 @@ import numpy as np
 
 from synthesis.arrays import Floats
 from synthesis.export.layout import closed_motions
-from synthesis.four_bar import Family, close_loop, principal
+from synthesis.four_bar import FULL_CRANK, Family, close_loop, family, principal, transmission_angle_over
 from synthesis.fourbar.joints import joints_at
-from synthesis.fourbar.limits import Limits, in_family
 from synthesis.fourbar.mechanism import FourBar
-from synthesis.fourbar.solution import how_they_turn, looks_of
 from synthesis.function.wanted import Wanted
+from synthesis.limits import Limits, in_family
 from synthesis.linkage import Linkage, with_links
 from synthesis.pose import rotation_residual, whole_turns
 from synthesis.sheet import csv_text
-from synthesis.target import Target
+from synthesis.solution import looks_of
+from synthesis.target import Interval, Target
 
 _ROUNDING = 1e-13
 """A turn back between two places that is no more than rounding."""
@@ -86,7 +86,7 @@ class Generator:
     @property
     def looks(self) -> Floats:
         """Numbers of which two linkages that look alike in a picture differ by less than one."""
-        return looks_of(self.linkage, self.family)
+        return looks_of(self.linkage)
 
     def mirrored(self) -> Generator:
         """The linkage in a mirror, for the mirrored function."""
@@ -207,6 +207,23 @@ def errors_of(
     return [FunctionErrors(*column) for column in columns]
 
 
+def how_they_turn(links: Floats, used: Interval) -> list[tuple[Family, float, float | None]]:
+    """Return the family of linkages (n, 4), and their smallest transmission angles over the used interval and over a turn.
+
+    The first is 0 if a linkage does not close over its interval of theta1, the second None if its crank does not turn fully.
+    """
+    first, last = (
+        np.stack([np.broadcast_to(end, len(links)), np.full(len(links), whole)])
+        for end, whole in zip(used, (0.0, np.pi))
+    )
+    used_angles, turn = transmission_angle_over(links, Interval(first, last))
+    families = [Family(name) for name in family(links)]
+    return [
+        (name, smallest, over_turn if name in FULL_CRANK else None)
+        for name, smallest, over_turn in zip(families, np.nan_to_num(used_angles).tolist(), turn.tolist())
+    ]
+
+
 def finished(
     wanted: Wanted, linkages: Sequence[Linkage], largest: bool, offsets: Floats | None = None
 ) -> list[Generator]:
@@ -248,11 +265,13 @@ class Generators(FourBar):
     def __init__(self, wanted: Wanted, ground: float) -> None:
         self.wanted, self.ground = wanted, ground
 
-    def assess(self, target: Target, linkages: Sequence[Linkage], rows: list[int] | None = None) -> list[Any]:
-        """Linkages exchanged back, as generators with the errors of their rockers."""
+    def assess(
+        self, target: Target, linkages: Sequence[Linkage], /, *, rows: Sequence[int] | None = None
+    ) -> list[Any]:
+        """Return the linkages exchanged back, as generators with the errors of their rockers."""
         return finished(self.wanted, [exchanged(one).scaled(self.ground) for one in linkages], False)
 
-    def within(self, target: Target, limits: Limits, solutions: list[Any]) -> list[Any]:
+    def within(self, target: Target, limits: Limits, solutions: Sequence[Any]) -> list[Any]:
         """Those of the family that close over the interval."""
         if not solutions:
             return []

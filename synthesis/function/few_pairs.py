@@ -20,11 +20,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.arrays import Floats
+from synthesis.constraints import Constraints
 from synthesis.four_bar import close_loop, transmission_angle_over
-from synthesis.fourbar.limits import Constraints, Limits, in_family
-from synthesis.fourbar.solution import four
 from synthesis.function.wanted import Wanted
-from synthesis.linkage import Linkage, four_bar
+from synthesis.limits import Limits, in_family
+from synthesis.linkage import Linkage, as_lengths, four_bar
 from synthesis.mechanism import Placed
 from synthesis.ranking import PROPORTION, merit
 from synthesis.work import Work
@@ -320,7 +320,7 @@ def exact_functions(
     first = _regions(found, options, options.returned)
     found = found.take([*first, *np.setdiff1d(np.arange(found.merit.size), first)][: options.returned])
     rows = zip(found.lengths, found.branch, found.parameters.start)
-    return [four_bar(four(row), int(side), float(start)) for row, side, start in rows], found.parameters.offset
+    return [four_bar(as_lengths(row), int(side), float(start)) for row, side, start in rows], found.parameters.offset
 
 
 def _following(family: ExactFamily, candidates: Candidates) -> Candidates:

@@ -21,15 +21,15 @@ from typing import NamedTuple
 import numpy as np
 
 from synthesis.arrays import Floats
+from synthesis.constraints import keeps
 from synthesis.four_bar import close_loop, transmission_angle_over
-from synthesis.fourbar.limits import Limits
-from synthesis.fourbar.solution import four, keeps
 from synthesis.function.answers import Generator, finished
 from synthesis.function.few_pairs import function_merit
 from synthesis.function.travel_search import ANGLE, LAWS, TravelGenerator, TravelLimits, TravelSearch
 from synthesis.function.wanted import Wanted
 from synthesis.guides import Kind
-from synthesis.linkage import four_bar
+from synthesis.limits import Limits
+from synthesis.linkage import as_lengths, four_bar
 from synthesis.mechanism import Placed
 from synthesis.ranking import merit
 from synthesis.target import TURN, Interval
@@ -199,7 +199,7 @@ def crank_rocker_answers(wanted: Wanted, alpha: float, limits: Limits, top: int,
             links = lengths[k] * ground
             for index, _ in given:  # as it was given, to the last bit
                 links[index] = limits.links[index]
-            linkage = four_bar(four(links), int(branch[k]), float(start[k]))
+            linkage = four_bar(as_lengths(links), int(branch[k]), float(start[k]))
             found += [one for one in finished(wanted, [linkage], False) if one.errors.objective < tolerance]
     return found
 

@@ -22,9 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.arrays import Floats
-from synthesis.fourbar.limits import BEGIN, END, Constraints, Limits
+from synthesis.constraints import BEGIN, END, Constraints, keeps
 from synthesis.fourbar.mechanism import AnyChart
-from synthesis.fourbar.solution import four, keeps
 from synthesis.function.answers import PEAKS, Generator, Generators, exchanged, extremes, finished, look, turns_back
 from synthesis.function.descent import (
     FIRST_RADIUS,
@@ -38,7 +37,8 @@ from synthesis.function.descent import (
 from synthesis.function.few_pairs import exact_functions, function_merit, is_few
 from synthesis.function.wanted import Wanted
 from synthesis.least_squares import Evaluation, minimise
-from synthesis.linkage import Linkage, four_bar, with_links
+from synthesis.limits import Limits
+from synthesis.linkage import Linkage, as_lengths, four_bar, with_links
 from synthesis.mechanism import Placed
 from synthesis.pose import whole_turns
 from synthesis.ranking import APART, PROPORTION, Status, counted_error, distinct
@@ -566,7 +566,7 @@ class FunctionSearch:
         placed = Placed(lengths / ground, branch, self.wanted.interval.after(start))
         within = keeps(self.wanted.target, self.ratios, placed, _ROUNDING)
         linkages = [
-            exchanged(four_bar(four(row), int(side), float(at)))
+            exchanged(four_bar(as_lengths(row), int(side), float(at)))
             for row, side, at in zip(lengths[within], branch[within], start[within])
         ]
         # of least squares the offset is found anew, of the largest error it is the candidate's own
@@ -690,7 +690,7 @@ def exact_generators(wanted: Wanted, limits: Limits, most: int, tolerance: float
         lengths = np.array(linkage.links) * ground
         for k, length in given:  # as it was given, to the last bit
             lengths[k] = length
-        scaled.append(with_links(linkage, four(lengths)))
+        scaled.append(with_links(linkage, as_lengths(lengths)))
     found = [one for one in finished(wanted, scaled, False, offsets) if one.errors.objective < tolerance]
     places = {id(one): place for place, one in enumerate(found)}
     found = distinct(found, most, APART, order=lambda one: places[id(one)], exact=tolerance)
@@ -734,7 +734,7 @@ def refit(
         found = refit(wanted.mirrored(), generator.mirrored(), links, largest, tolerance, work)
         return None if found is None else found.mirrored()
     wanted = replace(wanted, one_way=False)
-    run = FunctionSearch(wanted, Limits("any", links=four(links)), largest, 1, tolerance, work)
+    run = FunctionSearch(wanted, Limits("any", links=as_lengths(links)), largest, 1, tolerance, work)
     start = generator.linkage.start + _AROUND
     if wanted.start is not None:
         start = np.array([wanted.start])

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from synthesis.arrays import Floats
+from synthesis.constraints import keeps
 from synthesis.four_bar import close_loop
-from synthesis.fourbar.limits import Limits
-from synthesis.fourbar.solution import four, keeps
 from synthesis.function.answers import Generator, finished
 from synthesis.function.wanted import Wanted
-from synthesis.linkage import four_bar
+from synthesis.limits import Limits
+from synthesis.linkage import as_lengths, four_bar
 from synthesis.mechanism import Placed
 from synthesis.pose import whole_turns
 from synthesis.ranking import APART, distinct
@@ -157,7 +157,7 @@ def symmetric_four_bars(
     if given is not None:  # as it was given, to the last bit
         lengths[:, [0, 2]] = given
     linkages = [
-        four_bar(four(row), int(branch), float(angle + first[0]))
+        four_bar(as_lengths(row), int(branch), float(angle + first[0]))
         for row, branch, angle in zip(lengths, branches, angles)
     ]
     offsets = wanted.output[0] - first[1] - (np.pi - angles)

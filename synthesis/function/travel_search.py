@@ -39,11 +39,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.arrays import Floats
-from synthesis.fourbar.limits import Limits
 from synthesis.function.answers import FunctionErrors, errors_of, turning_back
 from synthesis.function.search import Followed, FunctionSearch, WantedFunction
 from synthesis.function.wanted import Wanted
 from synthesis.guides import Circle, Driver, Guide, Kind, Rail, Slot
+from synthesis.limits import Limits
 from synthesis.linkage import Linkage, through
 from synthesis.one_variable import closer_looks
 from synthesis.pose import whole_turns

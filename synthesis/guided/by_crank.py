@@ -19,7 +19,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from synthesis.arrays import Complexes, Flags, Floats
-from synthesis.guided.solution import GuidedSolution, assess
 from synthesis.guides import Circle, Driver, Kind, Rail, Slot
 from synthesis.linkage import Linkage, on_guides
 from synthesis.mechanism import Bounded, Constrained, Placed
@@ -28,6 +27,7 @@ from synthesis.search.report import SearchReport
 from synthesis.search.search import DEFAULT_TOLERANCE, search
 from synthesis.search.seeds import SeedTables
 from synthesis.slider import FULL_CHARTS, RAIL, SliderTurning
+from synthesis.solution import Solution, assess
 from synthesis.target import Target
 from synthesis.work import Work
 
@@ -72,7 +72,7 @@ class CrankGuided(SliderTurning):
         """All do: the family alone is limited, and tables hold full cranks."""
         return np.ones(len(placed.lengths), dtype=bool)
 
-    def within(self, target: Target, limits: Any, solutions: list[GuidedSolution]) -> list[GuidedSolution]:
+    def within(self, target: Target, limits: Any, solutions: list[Solution]) -> list[Solution]:
         """The solutions of the family that close over the interval."""
         return [
             one
@@ -124,10 +124,10 @@ class CrankGuided(SliderTurning):
         return on_guides((Circle(pivot, crank, -arm), other), Driver.CRANK, 1, start + turn)
 
     def assess(
-        self, target: Target, linkages: Sequence[Linkage], rows: list[int] | None = None
-    ) -> list[GuidedSolution]:
-        """Linkages with their errors, recomputed from their own numbers; their bodies turned by the best offset."""
-        return [assess(target, one, target.crank) for one in linkages]
+        self, target: Target, linkages: Sequence[Linkage], /, *, rows: Sequence[int] | None = None
+    ) -> list[Any]:
+        """Return the linkages with their errors."""
+        return assess(target, linkages, rows=rows)
 
 
 BY_CRANK = {kind: CrankGuided(kind, FULL_CHARTS[kind]) for kind in (Kind.SLIDER_CRANK, Kind.SWINGING_BLOCK)}
@@ -147,7 +147,7 @@ def linkages_by_crank(
     top: int = 10,
     tolerance: float = DEFAULT_TOLERANCE,
     work: Work | None = None,
-) -> tuple[list[GuidedSolution], SearchReport]:
+) -> tuple[list[Solution], SearchReport]:
     """The best linkages of a kind for a motion whose crank angles are given: positions, rotations or both.
 
     Parameters
@@ -165,7 +165,7 @@ def linkages_by_crank(
 
     Returns
     -------
-    solutions : list of GuidedSolution
+    solutions : list of Solution
         Driven by their crank. Law: a mirrored target gives the mirrored linkages. No limit but the family is kept.
     report : SearchReport
     """

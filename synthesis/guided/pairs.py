@@ -48,12 +48,11 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 
 from synthesis.arrays import Complexes, Flags, Floats
-from synthesis.fourbar.limits import REACH, Limits
 from synthesis.free.dyads import Body, Dyads
-from synthesis.free.poses import Poses
-from synthesis.guided.solution import dead_length
 from synthesis.kernels import pair_descent
+from synthesis.limits import REACH, Limits
 from synthesis.mechanism import Box
+from synthesis.poses import Poses
 from synthesis.work import Work
 
 
@@ -371,7 +370,7 @@ def numbers_of(limits: Limits, poses: Poses, timed: bool) -> dict[str, Any]:
         "ground": length(ground),
         "link_ratio_max": limits.link_ratio_max,
         **{name: length(getattr(limits, name)) for name in _LENGTHS},
-        "cylinder_dead_length": length(dead_length(limits)),
+        "cylinder_dead_length": length(limits.dead_length),
         "pivots": np.array([place(limits.pivot_a), place(limits.pivot_b)]),
         "pivot_boxes": np.stack([box(limits.box("pivot_a_box")), box(limits.box("pivot_b_box"))]),
         "reach_middle": 0j if reach is None else complex(*place(reach.middle)),

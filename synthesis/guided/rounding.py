@@ -9,18 +9,17 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 
 import numpy as np
 
-from synthesis.arrays import Floats
+from synthesis.arrays import Complexes, Floats
 from synthesis.fourbar.rounding import NO_TIME, Rounding
-from synthesis.free.poses import Poses
-from synthesis.guided.solution import GuidedSolution, assess, nearest_travel
 from synthesis.guides import Circle, Guide, Rail, Slot
 from synthesis.least_squares import Evaluation, minimise
-from synthesis.linkage import Linkage
-from synthesis.target import TURN, Target
+from synthesis.linkage import Linkage, on_guides
+from synthesis.poses import Poses
+from synthesis.solution import Solution, assess
+from synthesis.target import TURN, Samples, Target
 from synthesis.work import Work
 
 AROUND = 2
@@ -34,17 +33,23 @@ _STEP = 1e-6
 """Half the step of difference quotients, in lengths of the linkage's size."""
 _STALL = 1e-5
 """Relative decrease of the squared error below which a step is the last."""
+_TRAVEL_STEPS = 30
+"""Largest number of Newton steps towards the travel at which the body is nearest to a sample."""
+_ARRIVED = 1e-7
+"""Step, as a fraction of the longest one, below which it is the last: the next would be its square."""
+_BACK = 20
+"""Largest number of halvings of a step that would increase a sample's error, or open the loop."""
 
 
 def rounded(
     samples: Poses | Target,
-    solution: GuidedSolution,
+    solution: Solution,
     choices: Callable[[float], Sequence[float]],
     combinations: int | None,
-    keeps: Callable[[GuidedSolution], bool],
+    keeps: Callable[[Solution], bool],
     tries: int,
     work: Work,
-) -> Rounding[GuidedSolution]:
+) -> Rounding[Solution]:
     """The best linkage with lengths that can be had and that keeps limits.
 
     ``choices``: the nearest lengths that can be had, nearest first. ``combinations``: how many there are of all lengths
@@ -55,7 +60,7 @@ def rounded(
     together = sorted(
         itertools.product(*rows), key=lambda row: sum(abs(np.log(a / b)) for a, b in zip(row, own.values()))
     )
-    best: GuidedSolution | None = None
+    best: Solution | None = None
     tried = 0
     for row in together[:tries]:
         if tried and work.expired():
@@ -123,13 +128,11 @@ class _Chart:
                 moved = complex(one.body_point + self.size * own[2] * normal)
                 guides.append(Slot(fixed, moved, one.body_direction + float(own[3])))
         unit = 1.0 if self.linkage.driver.turns else self.size
-        start = self.linkage.start + (unit * float(x[8]) if self.timed else 0.0)
-        return replace(self.linkage, local_guides=(guides[0], guides[1]), start=start)
+        start = self.linkage.start + self.linkage.ground_angle + (unit * float(x[8]) if self.timed else 0.0)
+        return on_guides((guides[0], guides[1]), self.linkage.driver, self.linkage.branch, start)
 
 
-def fitted(
-    samples: Poses | Target, solution: GuidedSolution, lengths: dict[str, float], work: Work
-) -> GuidedSolution | None:
+def fitted(samples: Poses | Target, solution: Solution, lengths: dict[str, float], work: Work) -> Solution | None:
     """A linkage of given lengths by least squares from a solution, as far as the time allows.
 
     None where its loop does not close at every sample.
@@ -150,8 +153,9 @@ def fitted(
         return None
     linkage = chart.at(found.unknowns[0])
     if timed:
-        return assess(samples, linkage, begin)
-    return assess(samples, linkage, _whole(samples, linkage, nearest_travel(samples, linkage, begin)))
+        return assess(samples, [linkage], begin)[0]
+    travel = _whole(samples, linkage, nearest_travel(samples, linkage, begin))
+    return assess(samples, [linkage], travel)[0]
 
 
 def _whole(samples: Poses | Target, linkage: Linkage, travel: Floats) -> Floats:
@@ -199,3 +203,82 @@ def _rows(samples: Poses | Target, linkage: Linkage, travel: Floats) -> Floats:
         off = samples.position_mean.root * (found.position - samples.position) / samples.length_scale
         rows[1:] = off.real, off.imag
     return rows
+
+
+# -- where the drive is -----------------------------------------------------------------------------------------------
+
+
+def nearest_travel(samples: Samples, linkage: Linkage, begin: Floats) -> Floats:
+    """Travel of the drive from the linkage's start at which the body comes nearest to each sample, by Newton's method.
+
+    ``samples``: rotations count modulo a turn. ``begin`` (N,): where each begins; the loop closes there.
+
+    Law: at every sample the error's derivative by the travel is zero, unless the drive is at the end of its way.
+    """
+    travel = np.array(begin, dtype=float)
+    square = _squares(samples, linkage, travel)
+    weights = _weights(samples)
+    for _ in range(_TRAVEL_STEPS):
+        first, second = _slopes(samples, linkage, travel, weights)
+        # towards a minimum where the error is convex, along the first-order step where it is not
+        step = np.nan_to_num(-first / np.where(second > 0, second, np.inf))
+        longest = 0.3 if linkage.driver.turns else 0.3 * samples.length_scale
+        step = np.clip(step, -longest, longest)
+        going = np.abs(step) > _ARRIVED * longest
+        if not going.any():
+            there = _squares(samples, linkage, travel + step)
+            return np.where(np.isfinite(there), travel + step, travel)
+        for _ in range(_BACK):
+            there = _squares(samples, linkage, travel + step)
+            worse = going & ~(there <= square)
+            if not worse.any():
+                break
+            step = np.where(worse, step / 2, step)
+        keep = there <= square
+        travel, square = np.where(keep, travel + step, travel), np.where(keep, there, square)
+        if not np.any(keep & going):
+            break
+    return travel
+
+
+def _weights(samples: Samples) -> tuple[Floats, Floats]:
+    """What a square of an error of rotation, and of position, counts at each sample, (N,)."""
+    # a sample on its own: only the ratio of both counts
+    turning: Floats = np.zeros(samples.samples)
+    placing = turning
+    if samples.rotation is not None:
+        turning = turning + samples.rotation_mean.root**2
+    if samples.position is not None:
+        placing = placing + samples.position_mean.root**2 / samples.length_scale**2
+    return turning, placing
+
+
+def _gaps(samples: Samples, linkage: Linkage, travel: Floats) -> tuple[Floats, Complexes]:
+    """Errors of rotation (to the nearest whole turn) and position, zeros where there is none."""
+    found = linkage.body(linkage.start + travel)
+    turned: Floats = np.zeros(travel.shape)
+    if samples.rotation is not None:
+        turned = found.rotation - samples.rotation
+        turned = turned - TURN * np.round(turned / TURN)
+    off = np.zeros(travel.shape, dtype=complex) if samples.position is None else found.position - samples.position
+    return turned, off
+
+
+def _squares(samples: Samples, linkage: Linkage, travel: Floats) -> Floats:
+    turning, placing = _weights(samples)
+    turned, off = _gaps(samples, linkage, travel)
+    square = turning * turned**2 + placing * np.abs(off) ** 2
+    return np.where(np.isfinite(square), square, np.inf)
+
+
+def _slopes(
+    samples: Samples, linkage: Linkage, travel: Floats, weights: tuple[Floats, Floats]
+) -> tuple[Floats, Floats]:
+    """First derivatives of half the squares by the travel, and second ones, at least those of first-order errors."""
+    turning, placing = weights
+    turned, off = _gaps(samples, linkage, travel)
+    rates = linkage.rates(linkage.start + travel)
+    first = turning * turned * rates.rotation + placing * np.real(np.conj(off) * rates.position)
+    gauss = turning * rates.rotation**2 + placing * np.abs(rates.position) ** 2
+    curved = turning * turned * rates.rotation_second + placing * np.real(np.conj(off) * rates.position_second)
+    return first, np.where(gauss + curved > 0.1 * gauss, gauss + curved, gauss)

@@ -21,8 +21,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from synthesis.arrays import Floats, Ints
+from synthesis.constraints import broken_limits
 from synthesis.four_bar import wrap
-from synthesis.fourbar.limits import Limits
 from synthesis.free.dyads import (
     FARTHEST,
     FEW,
@@ -36,7 +36,6 @@ from synthesis.free.dyads import (
     polished,
     sampled_dyads,
 )
-from synthesis.free.poses import Poses
 from synthesis.guided.pairs import (
     OWN,
     Chart,
@@ -51,13 +50,15 @@ from synthesis.guided.pairs import (
     as_circles,
     lines_of,
 )
-from synthesis.guided.solution import GuidedSolution, assess, broken_limits
 from synthesis.guides import DRIVERS, GUIDES, Circle, Driver, Guide, Kind, Rail, Slot
 from synthesis.kernels import distinct
+from synthesis.limits import Limits
 from synthesis.linkage import Linkage
+from synthesis.poses import Poses
 from synthesis.rounds import TIRED, elsewhere, unseen
 from synthesis.search.report import SearchReport, StoppedBy
 from synthesis.search.search import DEFAULT_TOLERANCE
+from synthesis.solution import Solution, assess
 from synthesis.target import TURN
 from synthesis.work import Work
 
@@ -335,7 +336,7 @@ class Search:
         """J that each round led to, of each drive."""
         self._used: Counter[float] = Counter()
         """How often hops started from a valley, by its cost."""
-        self._made: dict[tuple[int, float], GuidedSolution] = {}
+        self._made: dict[tuple[int, float], Solution] = {}
         """Answers as linkages, by their drive and J squared."""
 
     # -- candidates -------------------------------------------------------------------------------------------------
@@ -856,7 +857,7 @@ class Search:
 
     # -- answers ----------------------------------------------------------------------------------------------------
 
-    def solutions(self) -> list[GuidedSolution]:
+    def solutions(self) -> list[Solution]:
         """The best of each drive, in the user's unit."""
         if self.found is None:
             return []
@@ -864,7 +865,7 @@ class Search:
         solutions = [self._made.get(_key(one)) or self.solution(one) for one in ones]
         return [one for one in solutions if one is not None]
 
-    def solution(self, one: Candidates) -> GuidedSolution | None:
+    def solution(self, one: Candidates) -> Solution | None:
         """A single candidate as a linkage with its errors; None where it does not pass the samples."""
         rotation, *places = self._at(one).poses[0].T
         poses, place = self.poses, places[0] + 1j * places[1]
@@ -901,7 +902,7 @@ class Search:
             return None
         if not np.isfinite(linkage.body(drive).rotation).all():
             return None
-        found = assess(poses, linkage, poses.whole(travel) if way.driver.turns else travel)
+        (found,) = assess(poses, [linkage], poses.whole(travel) if way.driver.turns else travel)
         return found if np.isfinite(found.errors.objective) else None
 
 
@@ -1015,7 +1016,7 @@ def search_guided(
     turned: Floats | None = None,
     rounds: int | None = None,
     leads: Sequence[Linkage] = (),
-) -> tuple[list[GuidedSolution], SearchReport]:
+) -> tuple[list[Solution], SearchReport]:
     """The best linkages with sliders for poses whose drive is free, or given.
 
     Parameters
@@ -1043,7 +1044,7 @@ def search_guided(
 
     Returns
     -------
-    solutions : list of GuidedSolution
+    solutions : list of Solution
         Of each kind and drive the best that differ, in no order: J alone does not rank them. Law: with more time none of the
         least errors is larger.
     report : SearchReport

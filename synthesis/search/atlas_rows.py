@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 from synthesis.arrays import Floats
 from synthesis.atlas.scan import Scan
 from synthesis.atlas.windows import ScanReport, Windows
-from synthesis.fourbar.limits import Limits
-from synthesis.fourbar.solution import Solution
+from synthesis.limits import Limits
 from synthesis.mechanism import Placed
 from synthesis.pose import fit_positions
 from synthesis.ranking import distinct
+from synthesis.solution import Solution
 from synthesis.target import Target
 from synthesis.work import Work
 
@@ -51,7 +51,7 @@ def best_rows(
         windows, report = scan.best(target, wanted, exact, most, work, tolerance)
         chosen = windows.take(_first_of_each(target, windows))
         linkages = scan.mechanism.mounted(target, scan.lengths[chosen.row], chosen.branch, scan.start_angles(chosen))
-        solutions = distinct(scan.mechanism.assess(target, linkages, chosen.row.tolist()), top)
+        solutions = distinct(scan.mechanism.assess(target, linkages, rows=chosen.row.tolist()), top)
         complete = len(windows.row) < wanted or not report.exhaustive
         if len(solutions) == top or complete:
             return solutions, report

@@ -19,7 +19,7 @@ from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.support.ui import Select
 
 import linkage_atlas as la
-from synthesis.fourbar.limits import BETWEEN_LENGTHS
+from synthesis.limits import BETWEEN_LENGTHS
 from tests.conftest import some_of, until
 from tests.e2e.page import CARDS, EXAMPLES, FREE, IDLE, READY, ROOT, VERDICTS, WORKS, keep, path_request
 

@@ -12,7 +12,8 @@ from app.query import plain_of, reply_model
 from linkage_atlas.answers import GuidedSolution, finished_guided
 from linkage_atlas.limits import read_limits
 from linkage_atlas.studies import read_studies
-from synthesis.guided.solution import assess, nearest_travel
+from synthesis.guided.rounding import nearest_travel
+from synthesis.solution import assess
 from synthesis.work import Work
 from tests.conftest import some_of
 from tests.oracles.guided_cases import DRIVES, NAMES, good_linkage
@@ -31,7 +32,7 @@ def reply_of(drive, *, noise: float = 0.0, **studies) -> tuple[GuidedSolution, l
     motion = la.Motion(np.rad2deg(body.angle), np.stack([place.real, place.imag], 1), timing="free")
     scaled = linkage.scaled(50.0)
     begin = travel if scaled.driver.turns else 50 * travel
-    solution = assess(motion.samples, scaled, nearest_travel(motion.samples, scaled, begin))
+    solution = assess(motion.samples, [scaled], nearest_travel(motion.samples, scaled, begin))[0]
     limits = read_limits({"preset": "none"}, motion)
     (one,) = finished_guided([solution], motion, limits, read_studies(studies, motion), Work(None))
     return replace(one, rank=1), motion

@@ -14,7 +14,7 @@ import pytest
 
 import linkage_atlas as la
 from linkage_atlas.notes import LABELS, condition
-from synthesis.fourbar.limits import FORMS, Limits, Reach
+from synthesis.limits import FORMS, Limits, Reach
 from synthesis.work import Work
 
 GIVEN_PIVOTS: dict[str, Any] = {

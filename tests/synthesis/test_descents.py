@@ -11,14 +11,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from synthesis.constraints import Constraints
 from synthesis.descents import Problem, Stage, Timed
 from synthesis.four_bar import close_loop, coupler_angle
-from synthesis.fourbar.limits import Constraints, Limits, Reach
 from synthesis.fourbar.mechanism import AnyChart, FullCrankChart, GrashofChart
 from synthesis.free.joint import JointProblem
 from synthesis.free.limited import limited_problem
-from synthesis.free.poses import Poses
+from synthesis.limits import Limits, Reach
 from synthesis.mechanism import Placed
+from synthesis.poses import Poses
 from synthesis.search.problems import GivenProblem
 from synthesis.slider import SliderChart
 from synthesis.target import Interval, Samples, Target

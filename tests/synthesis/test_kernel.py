@@ -11,11 +11,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from synthesis.fourbar.limits import Constraints, Limits, Reach
+from synthesis.constraints import Constraints
 from synthesis.fourbar.mechanism import AnyChart, FullCrankChart, GrashofChart
-from synthesis.free.poses import make_poses
 from synthesis.guided.pairs import numbers_of
 from synthesis.kernels import codes, distinct
+from synthesis.limits import Limits, Reach
+from synthesis.poses import make_poses
 from synthesis.slider import SliderChart
 from tests.oracles.kernel import FOLDER, compiled, uncompiled
 from tests.oracles.slider_crank import SLIDER_CHARTS, SLIDER_NAMES, SLIDERS, body_angle

@@ -12,9 +12,8 @@ import linkage_atlas as la
 from synthesis.atlas.scan import Scan
 from synthesis.four_bar import coupler_angle
 from synthesis.fourbar.joints import body_point
-from synthesis.fourbar.limits import Limits
-from synthesis.fourbar.mechanism import FOURBAR
-from synthesis.fourbar.solution import mounted
+from synthesis.fourbar.mechanism import FOURBAR, mounted
+from synthesis.limits import Limits
 from synthesis.linkage import Linkage
 from synthesis.pose import DEGENERATE, fit_positions, objective
 from synthesis.search.atlas_rows import best_rows

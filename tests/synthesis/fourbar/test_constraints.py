@@ -9,10 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from synthesis.constraints import Constraints
 from synthesis.errors import FieldError
 from synthesis.four_bar import close_loop, transmission_angle_over
-from synthesis.fourbar.limits import Constraints, Limits, Reach
 from synthesis.fourbar.mechanism import GrashofChart
+from synthesis.limits import Limits, Reach
 from synthesis.mechanism import Placed
 from synthesis.target import Interval
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from synthesis.four_bar import coupler_angle
 from synthesis.fourbar import rounding
-from synthesis.fourbar.limits import Limits
+from synthesis.fourbar.mechanism import mounted
 from synthesis.fourbar.rounding import (
     MOST_OPEN,
     best_from_stock,
@@ -19,8 +19,9 @@ from synthesis.fourbar.rounding import (
     round_to_grid,
     scan,
 )
-from synthesis.fourbar.solution import Solution, assess, mounted
+from synthesis.limits import Limits
 from synthesis.linkage import with_links
+from synthesis.solution import Solution, assess
 from synthesis.target import Target, make_target
 from synthesis.work import Cancelled, Work
 

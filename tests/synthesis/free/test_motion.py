@@ -8,7 +8,7 @@ from synthesis.descents import Stage
 from synthesis.fourbar.mechanism import FullCrankChart
 from synthesis.free.dyads import Body, evaluate_dyads, linear_dyads, polished
 from synthesis.free.joint import JointProblem
-from synthesis.free.poses import Poses, make_poses
+from synthesis.poses import Poses, make_poses
 from tests.conftest import some_of
 from tests.oracles.free_classes import burmester_dyads, free_case, recompute_free
 from tests.synthesis.test_descents import unposed

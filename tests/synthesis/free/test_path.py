@@ -9,12 +9,12 @@ import pytest
 
 from synthesis.four_bar import coupler_angle
 from synthesis.fourbar.joints import joints_at
-from synthesis.fourbar.limits import Limits, practical_limits
 from synthesis.fourbar.mechanism import FOURBAR, FullCrankChart
-from synthesis.fourbar.solution import Solution
-from synthesis.free.poses import Poses
 from synthesis.free.screen import COARSE, PathScreen
 from synthesis.free.search import path_screens, search_free
+from synthesis.limits import Limits, practical_limits
+from synthesis.poses import Poses
+from synthesis.solution import Solution
 from synthesis.work import Work
 
 ROCKER, DOUBLE = (0.15, 0.3, 0.25, 0.3), (0.4, 0.25, 0.28, 0.07)
@@ -38,11 +38,11 @@ def request(lengths: tuple[float, ...], samples: int, span: float) -> Poses:
 
 def recomputed(poses: Poses, one: Solution) -> float:
     """J of an answer, from its own numbers by the general kinematics; the order must hold strictly."""
-    assert one.crank is not None and poses.position is not None
-    steps = np.diff(one.crank)
+    assert poses.position is not None
+    steps = np.diff(one.travel)
     assert np.all(steps > 0) or np.all(steps < 0)
     assert abs(steps.sum()) < 2 * np.pi
-    off = poses.position - joints_at(one.linkage, one.crank).body_point
+    off = poses.position - joints_at(one.linkage, one.travel).body_point
     return float(np.sqrt(np.mean(np.abs(off) ** 2))) / poses.length_scale
 
 

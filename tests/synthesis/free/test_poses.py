@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from synthesis.free.poses import make_poses, spin_faults
+from synthesis.poses import make_poses, spin_faults
 
 TURN = 2 * np.pi
 ANGLES = st.lists(st.floats(-170, 170), min_size=2, max_size=8).map(lambda steps: np.deg2rad(np.cumsum(steps)))

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from synthesis.fourbar.limits import Limits
-from synthesis.fourbar.solution import keeps
+from synthesis.constraints import keeps
 from synthesis.function.search import Problem
 from synthesis.function.wanted import Wanted
+from synthesis.limits import Limits
 from synthesis.mechanism import Placed
 
 EVERY = Limits("full_crank", 0.5, 0.2, link_ratio_max=6.0)

@@ -5,9 +5,9 @@ import pytest
 
 import linkage_atlas as la
 from linkage_atlas.task import seed_tables
-from synthesis.fourbar.limits import Limits
 from synthesis.function.search import Problem, generate
 from synthesis.function.wanted import Wanted
+from synthesis.limits import Limits
 from tests.conftest import some_of
 from tests.oracles.function_cases import CLASSES, function_case, recompute_rms, zeros_kept
 

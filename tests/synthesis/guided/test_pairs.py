@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from synthesis.fourbar.limits import Limits, Reach
-from synthesis.free.poses import Poses, make_poses
 from synthesis.guided.pairs import Chart, Guides, Looked, Pairs, Problem, Samples, Stage
+from synthesis.limits import Limits, Reach
+from synthesis.poses import Poses, make_poses
 from synthesis.work import Work
 from tests.conftest import some_of
 

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from synthesis.free.poses import make_poses
-from synthesis.guided.rounding import _Chart, _rows, fitted, from_stock, on_grid, rounded
-from synthesis.guided.solution import GuidedSolution, assess, nearest_travel
+from synthesis.guided.rounding import _Chart, _rows, fitted, from_stock, nearest_travel, on_grid, rounded
 from synthesis.guides import Kind
 from synthesis.linkage import Linkage
+from synthesis.poses import make_poses
+from synthesis.solution import Solution, assess
 from synthesis.target import make_target
 from synthesis.work import Work
 from tests.oracles.guided_cases import DRIVES, NAMES, good_linkage
@@ -20,10 +20,10 @@ def _case(drive, seed: int = 91):
     return linkage, travel, body
 
 
-def _solution(drive) -> tuple[object, GuidedSolution]:
+def _solution(drive) -> tuple[object, Solution]:
     linkage, travel, body = _case(drive)
     poses = make_poses(body.angle, body.origin)
-    return poses, assess(poses, linkage, nearest_travel(poses, linkage, travel))
+    return poses, assess(poses, [linkage], nearest_travel(poses, linkage, travel))[0]
 
 
 @pytest.mark.parametrize("drive", DRIVES, ids=NAMES)
@@ -58,7 +58,7 @@ def test_the_rest_is_fitted_as_well_as_by_a_general_method(drive) -> None:
 def test_with_given_timing_and_stock() -> None:
     linkage, travel, body = _case(DRIVES[1])
     target = make_target(body.angle, body.origin, crank_angle=travel)
-    solution = assess(target, linkage, target.crank)
+    solution = assess(target, [linkage])[0]
     stock = [0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0]
     count = len(stock) ** len(linkage.lengths)
     found = rounded(target, solution, from_stock(stock), count, lambda one: True, 8, Work(None))

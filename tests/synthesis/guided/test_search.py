@@ -6,11 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from synthesis.fourbar.limits import Limits
-from synthesis.free.poses import Poses, make_poses
+from synthesis.constraints import broken_limits
 from synthesis.guided.search import search_guided
-from synthesis.guided.solution import GuidedSolution, broken_limits
 from synthesis.guides import Driver, Kind, Rail, Slot
+from synthesis.limits import Limits
+from synthesis.poses import Poses, make_poses
+from synthesis.solution import Solution
 from synthesis.work import Work
 from tests.conftest import some_of
 from tests.oracles.guided import KINDS, random_motion
@@ -26,7 +27,7 @@ def gallery(name: str) -> Poses:
     return make_poses(np.deg2rad(request["rotation"]), np.array(request["position"]) @ [1, 1j])
 
 
-def least(solutions: list[GuidedSolution]) -> dict[str, float]:
+def least(solutions: list[Solution]) -> dict[str, float]:
     found: dict[str, float] = {}
     for one in solutions:
         kind = one.linkage.kind.value

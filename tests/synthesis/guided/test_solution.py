@@ -4,10 +4,13 @@ import numpy as np
 import pytest
 
 from synthesis.defects import practical_faults
-from synthesis.fourbar.limits import Limits
-from synthesis.free.poses import make_poses
-from synthesis.guided.solution import assess, excursion, nearest_travel, size_of
+from synthesis.excursions import excursions_of
+from synthesis.guided.rounding import nearest_travel
+from synthesis.limits import Limits
 from synthesis.linkage import Linkage
+from synthesis.poses import make_poses
+from synthesis.scores import size_of
+from synthesis.solution import assess
 from tests.oracles.guided_cases import DRIVES, NAMES, good_linkage
 
 
@@ -26,13 +29,13 @@ def test_an_exact_motion_is_met_from_nearby(drive) -> None:
         begin = travel + random.uniform(-0.05, 0.05, travel.size)
         found = nearest_travel(poses, linkage.turned_body(0.3), begin)
         assert np.allclose(found, travel, atol=1e-7)
-        solution = assess(poses, linkage, found)
+        solution = assess(poses, [linkage], found)[0]
         # the offset of the rotation is found with the errors
         assert solution.errors.objective < 1e-7 * (1 + np.abs(body.origin).max())
         turned = solution.linkage.body(solution.linkage.start).rotation[0] - body.angle[0] - 0.3
         assert abs(np.exp(1j * turned) - 1) < 1e-6
         assert solution.transmission_angle_min > 0.29
-        assert size_of(solution, poses) > 0 and excursion(solution, poses) >= 1
+        assert size_of(solution.linkage, poses, solution.interval) > 0 and excursions_of([solution], poses)[0] >= 1
         assert isinstance(practical_faults(solution, poses, Limits(), solution.interval), list)
 
 

@@ -7,15 +7,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from synthesis.constraints import keeps, within
 from synthesis.fourbar.joints import joints_at
-from synthesis.fourbar.limits import Limits
-from synthesis.fourbar.solution import assess, keeps, within
-from synthesis.free.poses import make_poses
 from synthesis.function.answers import exchanged, finished, rocker_angles
 from synthesis.function.wanted import Wanted
+from synthesis.limits import Limits
 from synthesis.linkage import Linkage, four_bar, with_links
 from synthesis.local_refinement import refine_function, refine_motion, refine_poses
 from synthesis.mechanism import Placed
+from synthesis.poses import make_poses
+from synthesis.solution import assess
 from synthesis.target import make_target
 from synthesis.work import Work
 
@@ -68,7 +69,7 @@ def test_a_moved_linkage_comes_back(family: str, sense: int) -> None:
         for crank in (sense * CRANK, None):
             (found,), _ = refine_poses(make_poses(**asked), Limits(family=family), begin, crank, 1e-10, Work())
             assert found.errors.objective < 1e-10
-            assert np.allclose(found.crank, sense * CRANK, atol=1e-6)
+            assert np.allclose(found.travel, sense * CRANK, atol=1e-6)
 
 
 def kept_at(target, limits: Limits, linkage: Linkage) -> list:

@@ -18,8 +18,8 @@ from linkage_atlas.studies import sensitivity_of
 from synthesis.four_bar import close_loop
 from synthesis.fourbar.determination import determinations
 from synthesis.fourbar.joints import body_point, joints_at
-from synthesis.fourbar.limits import Limits
 from synthesis.fourbar.mechanism import FOURBAR
+from synthesis.limits import Limits
 from synthesis.linkage import Linkage, with_links
 from synthesis.ranking import SAME, Status
 from synthesis.search.report import StoppedBy

@@ -1,8 +1,6 @@
-"""What a linkage must keep to: the limits of a request, and each of them as smooth functions with derivatives.
+"""The limits of a request: `Limits` states each limit once, with its default, its form in a request (`Form`) and its text.
 
-`Limits` states each limit once: its default, the form in which it is given (`Form`) and its text. `Constraints` holds each as
-smooth functions of placed linkages, at least 0 where it is kept, all over the length scale and of order one; equations, such
-as a given pivot, are 0 where they are kept. A search descends along them, and an answer is checked by them.
+`synthesis.constraints` holds them as functions.
 """
 
 from __future__ import annotations
@@ -17,12 +15,12 @@ import numpy as np
 from synthesis.arrays import Flags, Floats
 from synthesis.errors import FieldError
 from synthesis.four_bar import FULL_CRANK, family, grashof_excesses
-from synthesis.kernels import codes, four_bar_limits
-from synthesis.mechanism import Box, Constrained, Placed
+from synthesis.mechanism import Box
 from synthesis.target import MIN_LENGTH, Samples
 
 FAMILIES = ("full_crank", "crank_rocker", "double_crank", "any")
 LINKS = ("crank", "coupler", "rocker", "ground")
+PIVOTS = "pivot_a", "pivot_b"
 # the practical limits: where a request says so, and what a verdict calls practical
 TRANSMISSION_ANGLE = np.deg2rad(35.0)
 """Least over the used interval: below it friction grows, and play in the pins shows."""
@@ -36,12 +34,7 @@ SHORTEST = 0.05
 """No link is shorter than this fraction of the motion's extent: a tiny link hardly holds a body that reaches far out."""
 ROOM = 2.0
 """So many times a shortest length that is given links may be long, and pivots be away, at least."""
-# tuning of the constraints
-_TRACED = {True: (257, 3), False: (25, 1)}
-"""Crank angles at which joints are looked at, and how often their extremes are then refined: exactly, and in a search."""
 BETWEEN_LENGTHS = "the least and the greatest link length (`limits.link_min`, `limits.link_max`)"
-SPARE = 1e-4
-"""Part of the length scale by which the envelope of a search is smaller."""
 
 
 def in_family(family: str, lengths: Floats) -> Flags:
@@ -230,7 +223,7 @@ class Limits:
         """FieldError for limits that have no meaning for these samples, or that no linkage keeps."""
         if None not in self.links and 2 * max(given := [length or 0.0 for length in self.links]) >= sum(given):
             raise FieldError("/limits/links", "the given lengths do not close: one is as long as the others together")
-        for name in _BOTH_PIVOTS if self.rail_box is not None else ():
+        for name in PIVOTS if self.rail_box is not None else ():
             rails = self.rail_box_of(name)
             if rails is not None and (rails[0] > rails[2] or rails[1] > rails[3]):
                 raise FieldError(
@@ -285,6 +278,12 @@ class Limits:
     def practical(self) -> bool:
         """Whether they are, beside others, the practical ones of `practical_limits`."""
         return self.pivot_reach is not None
+
+    @property
+    def dead_length(self) -> float | None:
+        """Smallest length of a driving cylinder; 0 if only the largest length, or practical limits, are given."""
+        given = self.cylinder_dead_length
+        return 0.0 if given is None and (self.practical or self.cylinder_extended_max is not None) else given
 
     @property
     def swings(self) -> bool:
@@ -350,10 +349,7 @@ def practical_limits(samples: Samples, given: dict[str, Any]) -> dict[str, Any]:
         asked["link_max"] = max(far, *(one or 0.0 for one in given.get("links", ())), 0.0)
         asked["link_min"] = min(SHORTEST * samples.extent, *_possible_lengths(given))
         arm = None if "coupler_radius_max" in given else given.get("link_max", asked["link_max"])
-        places = [
-            None if given.keys() & {name, f"{name}_box", "pivot_box", "envelope"} else far
-            for name in ("pivot_a", "pivot_b")
-        ]
+        places = [None if given.keys() & {name, f"{name}_box", "pivot_box", "envelope"} else far for name in PIVOTS]
         asked["pivot_reach"] = Reach(middle, places[0], places[1], arm)
     lengths = [one for one in given.get("links", ()) if one is not None]
     if lengths:
@@ -376,142 +372,3 @@ def _possible_lengths(given: dict[str, Any]) -> list[float]:
 def placed_by(limits: Limits, pivot: str) -> bool:
     """Whether limits themselves say where a fixed pivot, ``pivot_a`` or ``pivot_b``, lies."""
     return any(getattr(limits, name) is not None for name in (pivot, f"{pivot}_box", "pivot_box", "envelope"))
-
-
-# -- as functions -----------------------------------------------------------------------------------------------------
-
-BEGIN, END, PIVOT, TURNED, COUPLER = 4, 5, 6, 8, 9
-"""Columns of derivatives, as `mechanism.Constrained` has them, behind those by the lengths."""
-_BOTH_PIVOTS, _COUPLER, _COUPLER_FROM_ROCKER = ("pivot_a", "pivot_b"), 2, 3
-"""The points that limits concern: the fixed pivots, and the body point from the crank pin and from the coupler pin."""
-_SIGNS = {"crank_rocker": 1.0, "double_crank": -1.0}
-"""Of the first two excesses of a family (see `kinematics.grashof_excesses`)."""
-
-
-class Constraints:
-    """The limits of a request as functions, in the unit of the linkages that are to keep them.
-
-    Parameters
-    ----------
-    limits : Limits
-    middle, scale : complex, float
-        Positions of the placed linkages are measured from the middle, and all their lengths over the scale.
-    exact : bool
-        Whether the joints' extremes are found to rounding; otherwise to a part of `SPARE`, by which the envelope is smaller.
-    smooth : bool
-        Whether each constraint is smooth wherever the linkage is, the family among them: for a search over all length ratios.
-        Otherwise the charts hold the family.
-    """
-
-    def __init__(
-        self, limits: Limits, middle: complex = 0j, scale: float = 1.0, exact: bool = True, smooth: bool = False
-    ) -> None:
-        self.limits, self.middle, self.scale, self.exact, self.smooth = limits, middle, scale, exact, smooth
-        self._made: dict[bool, tuple[four_bar_limits.Limits, _Table]] = {}
-
-    @property
-    def any(self) -> bool:
-        """Whether there are any."""
-        return not self.limits.only_family
-
-    def __call__(self, placed: Placed, derivatives: bool = True) -> Constrained:
-        """The constraints at linkages."""
-        posed = placed.pivot is not None
-        count, (limits, table) = len(placed.lengths), self._once(posed)
-        nothing = np.zeros(count)
-        pivot, turned, coupler = (0.0 if one is None else np.asarray(one) for one in placed[3:])
-        values, slopes = limits(
-            np.ascontiguousarray(placed.lengths, dtype=float),
-            nothing + placed.branch,
-            nothing + placed.used.first,
-            nothing + placed.used.last,
-            (nothing + 0j + pivot)[:, None].view(float),
-            nothing + turned,
-            (nothing + 0j + coupler)[:, None].view(float),
-            derivatives,
-        )
-        return Constrained(values, slopes, table.equal, table.names)
-
-    def compiled(self, posed: bool) -> four_bar_limits.Limits:
-        """Them as a descent takes them: for linkages in a place, or for shapes alone."""
-        return self._once(posed)[0]
-
-    def _once(self, posed: bool) -> tuple[four_bar_limits.Limits, _Table]:
-        if posed not in self._made:
-            table = self._table(posed)
-            self._made[posed] = four_bar_limits.Limits(np.array(table.rows).reshape(-1, 8), posed, table.equal), table
-        return self._made[posed]
-
-    def _table(self, posed: bool) -> _Table:
-        table, limits, scale = _Table(), self.limits, self.scale
-        every = self.smooth and limits.family != "any"
-        if limits.transmission_angle_min:
-            table.add("transmission_angle_min", codes.USED, np.cos(limits.transmission_angle_min))
-        if every:
-            table.add("family", codes.FAMILY, _SIGNS.get(limits.family, 0.0))
-        if (least := limits.transmission_angle_min_turn) and not limits.swings:
-            table.add("transmission_angle_min_turn", codes.OVER_TURN, np.cos(least), every)
-        for name, bound, sign in (("link_min", limits.link_min, 1.0), ("link_max", limits.link_max, -1.0)):
-            if bound is not None:
-                for k, given in enumerate(limits.links):
-                    if given is None:  # the others are within it
-                        table.add(name, codes.LENGTH, k, sign, -sign * bound / scale)
-        if limits.link_ratio_max is not None:
-            table.add("link_ratio_max", codes.RATIOS if self.smooth else codes.RATIO, limits.link_ratio_max)
-        for k, given in enumerate(limits.links):
-            if given is not None:
-                table.add(f"links.{LINKS[k]}", codes.LENGTH, k, 1.0, -given / scale, equal=True)
-        if posed:
-            self._on_pose(table)
-        return table
-
-    def _on_pose(self, table: _Table) -> None:
-        limits, reach = self.limits, self.limits.pivot_reach
-        for point, name in enumerate(_BOTH_PIVOTS):
-            if (given := getattr(limits, name)) is not None:
-                table.add(name, codes.AT, point, *self._point(given), equal=True)
-                continue
-            for box_name in (f"{name}_box", "pivot_box"):
-                if (box := getattr(limits, box_name)) is not None:
-                    table.add(box_name, codes.INSIDE, point, *self._box(box))
-            if reach is not None and (far := getattr(reach, name)) is not None:
-                table.add("pivot_reach", codes.NEAR, point, *self._point(reach.middle), far / self.scale)
-            for out in limits.keep_out:
-                table.add("keep_out", codes.OUTSIDE, point, *self._box(out))
-        if limits.coupler_radius_max is not None:
-            table.add("coupler_radius_max", codes.NEAR, _COUPLER, 0.0, 0.0, limits.coupler_radius_max / self.scale)
-        if reach is not None and reach.body is not None:
-            for point in (_COUPLER, _COUPLER_FROM_ROCKER):
-                table.add("body_reach", codes.NEAR, point, 0.0, 0.0, reach.body / self.scale)
-        if limits.envelope is not None:
-            spare = 0.0 if self.exact else SPARE
-            x, y, right, upper = self._box(limits.envelope)
-            box = x + spare, y + spare, right - spare, upper - spare
-            table.add("envelope", codes.ENVELOPE, *box, *_TRACED[self.exact])
-
-    def _point(self, point: complex) -> tuple[float, float]:
-        moved = (point - self.middle) / self.scale
-        return moved.real, moved.imag
-
-    def _box(self, box: Box) -> Box:
-        return *self._point(complex(*box[:2])), *self._point(complex(*box[2:]))
-
-
-class _Table:
-    """Limits as the compiled kernel takes them, and what each of its rows is."""
-
-    def __init__(self) -> None:
-        self.rows: list[list[float]] = []
-        self.names: list[str] = []
-        self._equal: list[bool] = []
-
-    def add(self, name: str, kind: int, *numbers: float, equal: bool = False) -> None:
-        """One limit."""
-        self.rows.append([kind, *numbers, *[0.0] * (7 - len(numbers))])
-        self.names += [name] * codes.COUNTS[kind]
-        self._equal += [equal] * codes.COUNTS[kind]
-
-    @property
-    def equal(self) -> Flags:
-        """Which rows are equations."""
-        return np.array(self._equal, dtype=bool)

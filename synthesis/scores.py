@@ -1,0 +1,183 @@
+"""Scores of solutions: whether they can be used, and the measures by which `synthesis.ranking` compares them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from synthesis.arrays import Flags, Floats
+from synthesis.defects import LEAVES_SAMPLES, shared_positions, verdict
+from synthesis.excursions import excursions_of
+from synthesis.guides import Circle, Rail
+from synthesis.linkage import Linkage
+from synthesis.linkages import body_motions
+from synthesis.poses import Poses
+from synthesis.ranking import Score
+from synthesis.solution import Solution, target_of
+from synthesis.target import Interval, Samples, Target
+
+NEAR_CHANGE_POINT = np.deg2rad(10.0)
+"""Transmission angle below which a linkage with a change point, such as a parallelogram, is said to come near it."""
+_AT_ONCE = 8
+"""Number of linkages whose paths are measured at once, which bounds the memory."""
+
+
+def exact_below(samples: Samples, tolerance: float) -> float:
+    """Return J below which a linkage is exact: the tolerance, or the rounding error of positions far from the origin."""
+    if samples.position is None:
+        return tolerance
+    return max(tolerance, 2 * float(np.finfo(float).eps * np.abs(samples.position).max() / samples.length_scale))
+
+
+def scores_of(
+    found: Sequence[Solution],
+    samples: Poses | Target,
+    tolerance: float,
+    usable: Sequence[bool] | Flags | None = None,
+    accurate: Sequence[bool] | Flags | None = None,
+) -> list[Score]:
+    """Measure solutions.
+
+    Parameters
+    ----------
+    found : sequence of Solution
+    samples : Poses or Target
+    tolerance : float
+        Objective below which a linkage is exact.
+    usable : sequence of bool, optional
+        See `usable_solutions`, by which it is computed by default.
+    accurate : sequence of bool, optional
+        Whether the error of each is small enough for the preference to count; default: all.
+    """
+    usable = usable_solutions(found, samples) if usable is None else usable
+    exact = exact_below(samples, tolerance)
+    return [
+        Score(
+            usable=bool(usable[k]),
+            accurate=accurate is None or bool(accurate[k]),
+            error=0.0 if solution.errors.objective < exact else solution.errors.objective,
+            transmission=solution.transmission_angle_min,
+            size=relative_size(solution, samples),
+            swing=swing_of(solution),
+            ratio=link_ratio(solution.linkage),
+        )
+        for k, solution in enumerate(found)
+    ]
+
+
+# -- proportions ----------------------------------------------------------------------------------------------------------
+
+
+def link_ratio(linkage: Linkage) -> float:
+    """Return the longest link over the shortest; 1 without lengths."""
+    lengths = linkage.links if linkage.is_four_bar else [*linkage.lengths.values()]
+    return max(lengths) / min(lengths) if lengths and min(lengths) > 0 else 1.0
+
+
+def swing_of(solution: Solution) -> float:
+    """Return the angle between the extreme positions of the drive at the samples; infinity for a drive that slides."""
+    return float(np.ptp(solution.travel)) if solution.linkage.driver.turns else np.inf
+
+
+def relative_size(solution: Solution, samples: Samples) -> float:
+    """Return the size over the motion's extent; without positions the ratio of the links."""
+    size = size_of(solution.linkage, samples, solution.interval)
+    return link_ratio(solution.linkage) if size is None else size
+
+
+def size_of(linkage: Linkage, samples: Samples, interval: Interval | None = None) -> float | None:
+    """Return the largest length of a mounted linkage over the motion's extent; None without positions.
+
+    Lengths are those of the links, the distances of the body point from its joints, those of fixed pivots, pins and used
+    rails from the motion's middle, and used slots. Of a four-bar only the distance from the crank pin counts.
+
+    ``interval``: travel that the motion uses, which rails and slots need.
+    """
+    if samples.position is None or not linkage.mounted:
+        return None
+    middle = samples.middle
+    if linkage.is_four_bar:
+        pivots = abs(linkage.pivot_a - middle), abs(linkage.pivot_b - middle)
+        return float(max(*linkage.links, abs(linkage.arm), *pivots)) / samples.extent
+    assert interval is not None
+    lengths = [length for name, length in linkage.lengths.items() if name == "coupler"]
+    for index, guide in enumerate(linkage.guides):
+        if isinstance(guide, Circle):
+            lengths += [guide.radius, abs(guide.pivot - middle), abs(guide.body_point)]
+            continue
+        ends = np.array(linkage.used(index, interval))
+        lengths.append(float(np.ptp(ends)))
+        if isinstance(guide, Rail):
+            on_rail = guide.point + ends * np.exp(1j * guide.direction)
+            lengths += [float(np.max(np.abs(on_rail - middle))), abs(guide.body_point)]
+        else:
+            in_slot = guide.body_point + ends * np.exp(1j * guide.body_direction)
+            lengths += [float(np.max(np.abs(in_slot))), abs(guide.pin - middle)]
+    return max(lengths) / samples.extent
+
+
+def proportion(linkage: Linkage, samples: Samples) -> float:
+    """Return the longest part of a four-bar over the motion's extent, or over the shortest link, whichever is larger."""
+    return max(linkage.link_ratio, size_of(linkage, samples) or 0.0)
+
+
+# -- use ------------------------------------------------------------------------------------------------------------------
+
+
+def usable_solutions(
+    found: Sequence[Solution], samples: Poses | Target, within_tolerances: Sequence[bool] | None = None
+) -> Flags:
+    """Check which solutions can be used, (n,): see the first criterion of `synthesis.ranking.CRITERIA`.
+
+    ``within_tolerances``: two samples may share a position of the drive in a linkage that satisfies the tolerances there.
+    """
+    usable = np.array([_is_driven(solution, samples) for solution in found], dtype=bool)
+    if not isinstance(samples, Poses):
+        return usable
+    if samples.position is not None:
+        for first in range(0, len(found), _AT_ONCE):
+            usable[first : first + _AT_ONCE] &= ~_leaves_path(found[first : first + _AT_ONCE], samples)
+    for k, solution in enumerate(found):
+        tolerated = within_tolerances is not None and within_tolerances[k]
+        if usable[k] and not tolerated:
+            target = target_of(samples, solution.linkage, solution.travel)
+            usable[k] = not shared_positions(target, solution.linkage.driver.turns)
+    return usable
+
+
+def passing(samples: Poses | Target) -> dict[str, bool]:
+    """Return the order of passage as arguments of `synthesis.defects.verdict`."""
+    return {"ordered": samples.ordered, "closed": samples.closed} if isinstance(samples, Poses) else {"timed": True}
+
+
+def _is_driven(solution: Solution, samples: Poses | Target) -> bool:
+    """Check that the drive moves a linkage through the samples, and not near a change point."""
+    passed = verdict(solution.linkage, solution.linkage.start + solution.travel, **passing(samples))
+    near_change = passed.uncertain and solution.transmission_angle_min < NEAR_CHANGE_POINT
+    return passed.order and passed.branch and passed.circuit and not near_change
+
+
+def _leaves_path(found: Sequence[Solution], poses: Poses) -> Flags:
+    """Check whether each body point leaves the path between samples, or the body turns differently from the request, (n,)."""
+    spins = [bool(poses.turned_otherwise(rotation)) for rotation in rotations_of(found, poses)]
+    return np.array(
+        [
+            spin or (excursion is not None and excursion > LEAVES_SAMPLES)
+            for spin, excursion in zip(spins, excursions_of(found, poses))
+        ],
+        dtype=bool,
+    )
+
+
+def rotations_of(found: Sequence[Solution], poses: Poses) -> list[Floats]:
+    """Return the rotations of each body, continuous, at the travel of `Poses.there_and_back`; drives that slide do not return."""
+    rotations: list[Floats] = [np.empty(0)] * len(found)
+    for turns in (True, False):
+        rows = [k for k, solution in enumerate(found) if solution.linkage.driver.turns == turns]
+        if rows:
+            travel = np.array([found[k].travel for k in rows])
+            travel = poses.there_and_back(travel) if turns else travel
+            for k, rotation in zip(rows, body_motions([found[k].linkage for k in rows], travel).rotation):
+                rotations[k] = rotation
+    return rotations
