@@ -120,7 +120,7 @@ class CandidateSearch:
                 return _with_fair(found, report, again, ranking_of(task), task.fair)
             return found, report
 
-        return search_kinds(task.kinds, motion, limits, goal, beside_sliders, work, rounds)
+        return search_kinds(task.kinds, motion, limits, goal, beside_sliders, work, rounds, task.soon)
 
 
 def find_candidates(task: Task, search: CandidateSearch) -> Candidates:

@@ -79,10 +79,11 @@ def search_kinds(
     search_four_bars: FourBarSearch,
     work: Work,
     rounds: int | None = None,
+    soon: bool = False,
 ) -> tuple[list[Solution], SearchReport]:
     """Find linkages of several kinds within the limits, in no particular order.
 
-    ``rounds``: maximum number of rounds of each search for linkages with sliders.
+    ``rounds``: maximum number of rounds of each search for linkages with sliders. ``soon``: see `search_guided`.
     """
     progress = _Progress()
     by_path = bool(kinds.sliders) and is_path(motion)
@@ -98,12 +99,12 @@ def search_kinds(
     between = work.elapsed
     if with_sliders and progress.found and work.expired():
         progress.notes.append(NO_TIME)
-    elif with_sliders:
+    elif with_sliders and not (soon and smallest(progress.trace) < tolerance):
         poses = as_poses(motion.samples)
         if by_path and not leads:
             progress.notes.append(NO_TIME if work.expired() else NO_LEAD)
         turned = _rotations(leads, poses) if by_path else [None]
-        _search_sliders(kinds, motion, limits, tolerance, work, turned, rounds, beginnings, progress)
+        _search_sliders(kinds, motion, limits, tolerance, work, turned, rounds, beginnings, progress, soon)
         if is_closed(motion.samples) and not set(progress.notes) & set(NOTHING_ROUND.values()):
             progress.notes.append(ROUND_AGAIN)
     if kinds.sliders and not with_sliders and not kinds.by_crank:
@@ -178,13 +179,14 @@ def _search_sliders(
     rounds: int | None,
     beginnings: Sequence[Linkage],
     progress: _Progress,
+    soon: bool,
 ) -> None:
     """Search linkages with rails or slots, once for each rotation curve."""
     poses = as_poses(motion.samples)
     drive, driver = _drive_of(motion, kinds.driver)
     for turned in rotations:
         found, report = search_guided(
-            poses, limits, kinds.sliders, driver, tolerance, work, drive, turned, rounds, beginnings
+            poses, limits, kinds.sliders, driver, tolerance, work, drive, turned, rounds, beginnings, soon
         )
         progress.add(found, report.trace)
         progress.unseen.append((smallest(report.trace), report.unseen if turned is None else None))

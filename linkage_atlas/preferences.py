@@ -140,7 +140,9 @@ def balanced(found: Sequence[Solution], task: Task, ranking: Ranking, search: Se
     if not (isinstance(samples, Poses) and samples.asked is None and samples.position is not None):
         return []
     smallest = ranking.smallest_error(found)
-    if smallest is None or (is_few(samples) and smallest.errors.objective < task.tolerance):
+    if smallest is None:
+        return []
+    if (task.soon or is_few(samples)) and smallest.errors.objective < task.tolerance:
         return []  # exact four-bars through few poses are already sought by their merit
     further: list[Solution] = []
     sizes = [score.size for score in ranking.scores(ranking.accurate(found))]

@@ -64,7 +64,8 @@ def synthesize(
     tolerance : float
         Objective below which the search ends.
     budget : float, optional
-        Time limit in seconds; the best linkages found by then are returned.
+        Time limit in seconds; the best linkages found by then are returned. Without a limit, and with one kind of linkage that
+        has rails or slots, alternatives to an exact linkage are searched for as long again as it took, at least 20 ms.
     start_from : sequence of FourBar, Solution or mapping, optional
         Four-bars that are candidates from the first step, for example the displayed linkage while a motion is changed; plain
         values are those of `Solution.to_dict`. Each is refined within the limits before the search begins: with the preference

@@ -131,6 +131,8 @@ class Task:
     top: int
     diverse: bool
     studies: Studies
+    soon: bool
+    """Alternatives to an exact linkage are sought for a short time: one kind with rails or slots was requested, and no budget."""
     fair: Fair | None
     """Used if the request does not limit the proportions of linkages."""
     atlas: Atlas | None
@@ -205,6 +207,7 @@ def read_task(
         top=options.top,
         diverse=options.diverse and kinds.only_four_bars,
         studies=studies,
+        soon=options.budget is None and len(kinds.kinds) == 1 and not kinds.only_four_bars,
         fair=fair,
         work=watch,
     )

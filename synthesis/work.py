@@ -80,6 +80,12 @@ class Work:
         """Seconds since the work began."""
         return self._clock() - self._begin
 
+    def ending_in(self, seconds: float) -> Work:
+        """Return the same work that ends after at most ``seconds`` from now."""
+        work = copy(self)
+        work._budget = min(self._budget, self.elapsed + seconds)
+        return work
+
     def part(self, seconds: float) -> Work:
         """Return new work that starts now, with at most ``seconds`` and at most the rest of this budget."""
         return Work(max(0.0, min(seconds, self._budget - self.elapsed)), self._cancelled, self._clock)

@@ -111,9 +111,9 @@ def answer_synthesize(request: SynthesizeRequest, resources: Resources) -> la.Re
     return la.synthesize(
         **asked,
         degrees=request.degrees,
-        budget=budget_of(request.budget_ms, resources),
+        budget=None if request.budget_ms is None else budget_of(request.budget_ms, resources),
         atlas=resources.atlas if request.effort == "atlas" else None,
-        work=resources.work,
+        work=lambda budget: resources.work(budget or budget_of(None, resources)),
     )
 
 

@@ -132,6 +132,8 @@ ODDS = (-1.3, 1.6)
 """As of `rounds.Rounds`, fitted to `benchmarks.unseen`."""
 _PATIENCE = 16
 """Rounds more for a drive that nothing was found of."""
+_ALTERNATIVES = 0.02
+"""Minimum time in seconds for alternatives to an exact linkage, if the search may end soon."""
 
 
 _HINGE = "the body comes back without a full turn, but it turns with a hinge that turns fully."
@@ -292,6 +294,7 @@ class Search:
 
     ``given`` (N,): the drive from the first sample on, in radians or in the unit of length; None where it is free.
     ``turned`` (N,): rotations to begin with, where none are asked for. ``leads``: linkages to begin with at the given drive.
+    ``soon``: see `search_guided`.
     """
 
     def __init__(
@@ -305,8 +308,9 @@ class Search:
         turned: Floats | None = None,
         rounds: int | None = None,
         leads: Sequence[Linkage] = (),
+        soon: bool = False,
     ) -> None:
-        self.leads = leads
+        self.leads, self.soon = leads, soon
         self.rounds = _ROUNDS if rounds is None else rounds
         self.poses, self.limits, self.ways, self.tolerance, self.work = poses, limits, list(ways), tolerance, work
         self.given = given
@@ -793,6 +797,8 @@ class Search:
         least = float(self.levels.min())
         if np.isfinite(least) and (not self.trace or least < self.trace[-1][1]):
             self.trace.append((self.work.elapsed, least))
+        if self.soon and least < self.tolerance:
+            self.soon, self.work = False, self.work.ending_in(max(_ALTERNATIVES, self.work.elapsed))
 
     def _answers(self, new: Candidates) -> Floats:
         """Keep those of candidates that are a gain and keep the limits over all that they use; others wait to be looked at.
@@ -1016,6 +1022,7 @@ def search_guided(
     turned: Floats | None = None,
     rounds: int | None = None,
     leads: Sequence[Linkage] = (),
+    soon: bool = False,
 ) -> tuple[list[Solution], SearchReport]:
     """The best linkages with sliders for poses whose drive is free, or given.
 
@@ -1041,6 +1048,8 @@ def search_guided(
         At most so many.
     leads : sequence of Linkage
         With which to begin, where the drive is given.
+    soon : bool
+        Whether the search for alternatives to the first exact linkage takes at most as long as the search for it, at least 20 ms.
 
     Returns
     -------
@@ -1059,12 +1068,12 @@ def search_guided(
     if not ways:
         notes = [] if round_once is None else [NOTHING_ROUND[turned is not None, round_once]]
         return [], SearchReport(StoppedBy.CONVERGED, [], seeds=0, notes=notes)
-    search = Search(poses, limits, ways, tolerance, work, given, turned, rounds, leads)
+    search = Search(poses, limits, ways, tolerance, work, given, turned, rounds, leads, soon)
     ended = search.run()
     search.further()
     search.straighten()
     solutions = search.solutions()
-    reached = not search._left.size
+    reached = not search._left.size or (soon and search.levels.min() < tolerance)
     stopped = StoppedBy.TOLERANCE if reached else StoppedBy.CONVERGED if ended else StoppedBy.BUDGET
     told = stopped is StoppedBy.CONVERGED and search.led and solutions
     missed = unseen(search.elsewhere, ODDS) if told else None

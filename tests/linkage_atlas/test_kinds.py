@@ -184,3 +184,26 @@ def test_a_cylinder_whose_length_passes_zero_is_no_practical_drive(preset: str, 
 
 BEAN = [[-19, 151], [-53, 143], [-82, 123], [-100, 92], [-81, 78], [-52, 93], [-20, 103]]
 BEAN += [[15, 106], [51, 100], [80, 109], [58, 136], [25, 149], [-9, 154]]
+
+
+def test_alternatives_to_an_exact_linkage_are_sought_as_long_again_unless_a_budget_is_given() -> None:
+    crank = 40 * np.exp(1j * np.deg2rad(np.linspace(20, 110, 8)))
+    rod = np.sqrt(100**2 - (crank.imag - 10) ** 2) + 1j * (10 - crank.imag)
+    angle = np.rad2deg(np.angle(rod))
+    point = crank + 0.6 * rod
+    found = {}
+    for budget in (None, 10):
+        ticks = iter(np.arange(0, 100, 1e-3))  # a clock that goes on by a millisecond each time it is read
+        found[budget] = la.synthesize(
+            rotation=angle - angle[0],
+            position=np.column_stack([point.real, point.imag]),
+            timing="free",
+            mechanisms="slider_crank",
+            budget=budget,
+            work=lambda budget, ticks=ticks: la.Work(budget, clock=lambda: float(next(ticks))),
+        )
+    short, long = found.values()
+    known = next(time for time, objective in short.report.trace if objective < 1e-9)
+    assert short.status == "reached" and short.report.stopped_by == "tolerance"
+    assert short.report.elapsed_ms["total"] < known + max(20, known) + 100
+    assert long.report.elapsed_ms["total"] > 3 * short.report.elapsed_ms["total"]
