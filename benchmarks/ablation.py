@@ -10,8 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from functools import cache
-from itertools import islice
+from functools import cache, partial
 from typing import Annotated, Any, NamedTuple
 from unittest.mock import patch
 
@@ -20,15 +19,18 @@ from threadpoolctl import threadpool_limits
 
 import linkage_atlas as la
 from benchmarks import engine, report
-from synthesis import descents, rounds
+from synthesis import descents
 from synthesis.descents import RefinementOptions, Stage
+from synthesis.free import free_timing
 from synthesis.free import search as free
 from synthesis.function import search as function
 from synthesis.guided import search as guided
 from synthesis.guides import Driver, Kind
 from synthesis.limits import Limits
 from synthesis.poses import Poses, make_poses
+from synthesis.search import crank_driven, prescribed_timing
 from synthesis.search import search as prescribed
+from synthesis.search.options import SELECTED_EARLY, SELECTED_LATE
 from tests.oracles.guided import KINDS, random_motion
 
 # -- requests ---------------------------------------------------------------------------------------------------------
@@ -115,14 +117,14 @@ class Heuristic(NamedTuple):
     sentence: str
     """Description for the table."""
     classes: tuple[str, ...]
-    patches: Sequence[tuple[Any, str, Any]]
-    """Object, attribute, and the attribute's value without the heuristic."""
+    patches: Sequence[tuple[Any, str, Any]] | None
+    """Object, attribute, and the attribute's value without the heuristic; None if the heuristic was deleted for its result."""
 
     @contextmanager
     def switched_off(self) -> Iterator[None]:
         """Run the searches without the heuristic."""
         with ExitStack() as stack:
-            for owner, attribute, value in self.patches:
+            for owner, attribute, value in self.patches or ():
                 stack.enter_context(patch.object(owner, attribute, value))
             yield
 
@@ -163,9 +165,36 @@ def refined(**options: bool) -> list[tuple[Any, str, Any]]:
     return [(descents.Problem, "options", RefinementOptions(**options))]
 
 
-def plans(**changes: Any) -> list[tuple[Any, str, Any]]:
+def options(**changes: Any) -> list[tuple[Any, str, Any]]:
+    """Return the patches that change options of the searches among four-bars."""
+    owners = (
+        (prescribed_timing, "PrescribedTimingOptions"),
+        (free_timing, "FreeTimingOptions"),
+        (free, "FreeTimingOptions"),
+    )
+    return [(owner, name, partial(getattr(owner, name), **changes)) for owner, name in owners]
+
+
+def schedules(**changes: Any) -> list[tuple[Any, str, Any]]:
     """Return the patches that change the stages of both searches in rounds."""
-    return [(owner, "plan", owner.plan._replace(**changes)) for owner in (rounds.Rounds, free.FreeRounds)]
+    late, early = (schedule._replace(**changes) for schedule in (SELECTED_LATE, SELECTED_EARLY))
+    return [
+        (
+            prescribed_timing,
+            "PrescribedTimingOptions",
+            partial(prescribed_timing.PrescribedTimingOptions, schedule=late),
+        ),
+        *[
+            (owner, "FreeTimingOptions", partial(free_timing.FreeTimingOptions, schedule=early))
+            for owner in (free_timing, free)
+        ],
+    ]
+
+
+def free_options(**changes: Any) -> list[tuple[Any, str, Any]]:
+    """Return the patch that changes options of the search with free crank angles."""
+    defaults = free.FreeSearch.__init__.__defaults__
+    return [(free.FreeSearch.__init__, "__defaults__", (free.FreeSearchOptions(**changes), *defaults[1:]))]
 
 
 def nothing(timed: Any) -> Any:
@@ -173,18 +202,11 @@ def nothing(timed: Any) -> Any:
     return timed.take(slice(0, 0))
 
 
-_closest, _restored, _spread, _near, _led_on = (
-    rounds.Rounds.closest,
+_restored, _near, _led_on = (
     descents.Problem.moved_onto,
-    free.FreeRounds.spread,
     guided.Search.near,
     function.FunctionSearch.led_on,
 )
-
-
-def one_guess(run: Any, timed: Any, power: float = 1.0) -> Any:
-    """Spread the crank angles by the first guess only."""
-    return _spread(run, timed, power) if power == 1.0 else nothing(_spread(run, timed, 1.0))
 
 
 def near_once(search: Any, lacking: Any = None) -> Any:
@@ -246,7 +268,7 @@ def heuristics() -> tuple[Heuristic, ...]:
                 "reuse penalty",
                 "A basin is used less often as the origin of perturbations the more often it was used.",
                 APPROXIMATE,
-                [(rounds, "TIRED", 0.0)],
+                options(reuse_penalty=0.0),
             ),
             (
                 "loose perturbations",
@@ -258,103 +280,103 @@ def heuristics() -> tuple[Heuristic, ...]:
                 "realigned perturbations",
                 "Perturbed candidates are tried with the crank angles that fit their new shape best as well.",
                 FREE,
-                [(free.FreeRounds, "realigned", lambda _, timed: nothing(timed))],
+                [(free_timing.FreeTiming, "realigned", lambda _, timed: nothing(timed))],
             ),
             (
                 "exchanged families",
                 "A tenth of the perturbations exchange crank-rocker and double-crank.",
                 (*APPROXIMATE, "path"),
-                [(rounds, "_EXCHANGED", 0.0)],
+                options(exchanged=0.0),
             ),
             (
                 "flipped branches",
                 "Some perturbations change the branch.",
                 (*APPROXIMATE, "path"),
-                [(rounds, "_FLIPPED", 0.0)],
+                options(flipped=0.0),
             ),
             (
                 "three widths",
                 "Perturbations are wide, medium and narrow in turn.",
                 APPROXIMATE,
-                [(rounds, "_WIDTHS", (1.0,))],
+                options(widths=(1.0,)),
             ),
             (
                 "heavy tails",
                 "Perturbations follow Student's distribution with 3 degrees of freedom.",
                 (*APPROXIMATE, "path", "change point"),
-                [(rounds, "np", Numpy()), (prescribed, "np", Numpy())],
+                [(crank_driven, "np", Numpy()), (prescribed, "np", Numpy())],
             ),
             (
                 "later restarts",
                 "Every third round starts from new seeds.",
                 APPROXIMATE,
-                [(rounds.Rounds, "closest", lambda run, seeds, most=np.inf: _closest(run, islice(seeds, 2), most))],
+                options(seed_interval=10**6),
             ),
             (
                 "straying candidates last",
                 "Candidates that leave the path between samples count with twice their error.",
                 ("drawn path", "random poses"),
-                [(free.FreeRounds, "strays", rounds.Rounds.strays)],
+                [(free_timing.FreeTiming, "strays", crank_driven.CrankDriven.strays)],
             ),
             (
                 "distinct basins",
                 "The pool keeps one candidate of each basin.",
                 (*APPROXIMATE, "path"),
-                [(rounds, "_POOL_APART", 0.0)],
+                options(pool_distance=0.0),
             ),
             (
                 "selection after a few steps",
                 "Only the best 12 basins of a round continue after 15 to 27 steps.",
                 APPROXIMATE,
-                plans(going=1000),
+                schedules(survivors=1000),
             ),
             (
                 "descents to the end",
                 "The best new basins of each round are refined to convergence.",
                 APPROXIMATE,
-                plans(ended=0),
+                schedules(finished=0),
             ),
             (
                 "last polish",
                 "The best four answers are refined once more at the end.",
                 APPROXIMATE,
-                [(rounds, "LAST", (Stage(0),))],
+                options(polish=(Stage(0),)),
             ),
             (
                 "fewer samples",
                 "Long requests are searched on a few samples and refined on all.",
                 (*APPROXIMATE, "path"),
-                [(module, "_SAMPLES", 10**6) for module in (free, prescribed)] + [(free, "EXACT_SAMPLES", 10**6)],
+                options(max_samples=10**6) + free_options(exact_samples=10**6),
             ),
             (
                 "two guesses between samples",
                 "Crank angles between the few samples are guessed by two rules.",
                 ("path",),
-                [(free.FreeRounds, "spread", one_guess)],
+                [(free_timing, "FreeTimingOptions", partial(free_timing.FreeTimingOptions, guesses=(1.0,)))],
             ),
             (
                 "promising candidates only",
                 "A candidate is refined on all samples only if it is near the best answer.",
                 ("path", "within limits"),
-                [(rounds, "_BETTER", np.inf)],
+                options(promising=np.inf),
             ),
             (
                 "rounds without limits",
                 "Rounds without limits on 12 samples look for an exact path beside the others.",
                 ("drawn path", "path"),
-                [(free._Search, "_exact", empty)],
+                [(free.FreeSearch, "_exact", empty)],
             ),
             (
                 "dyads as seeds",
                 "The four-bars that pairs of dyads give are among the first seeds.",
                 ("random poses",),
-                [(free, "_BEFORE", 0)],
+                free_options(seeds_before=0),
             ),
             (
                 "early end of the larger family",
                 "The search among all four-bars ends soon if the first rounds do not improve on full cranks.",
                 ("random poses",),
-                [(free, "_BEYOND_FULL_CRANKS", np.inf)],
+                free_options(idle_beyond_full_cranks=np.inf),
             ),
             (
                 "seeds next to change points",
@@ -378,7 +400,7 @@ def heuristics() -> tuple[Heuristic, ...]:
                 "calibrated odds",
                 "A logistic curve estimates the chance that a better basin was missed (`report.unseen`).",
                 APPROXIMATE,
-                [(rounds.Found, "unseen", lambda *_: None)],
+                None,
             ),
             (
                 "sliders: reuse penalty",
@@ -433,7 +455,7 @@ def heuristics() -> tuple[Heuristic, ...]:
                 "sliders: calibrated odds",
                 "The same estimate for linkages with sliders.",
                 SLIDERS,
-                [(guided, "unseen", lambda *_: None)],
+                None,
             ),
             (
                 "functions: restored candidates",
@@ -468,7 +490,7 @@ def heuristics() -> tuple[Heuristic, ...]:
 
 def measure_class(name: str, cases: int) -> dict[str, Any]:
     """Run the requests of a class with and without each heuristic that it uses. Return errors and milliseconds."""
-    switches = [one for one in heuristics() if name in one.classes]
+    switches = [one for one in heuristics() if name in one.classes and one.patches is not None]
     runs: dict[str, dict[str, list[Any]]] = {"": {"error": [], "ms": []}}
     runs |= {one.name: {"error": [], "ms": []} for one in switches}
     known = []

@@ -374,11 +374,6 @@ class Report(Record):
     notes: list[str]
     continued: list[int | None] | None = None
     """With `start_from`: the rank of the solution to which each of its linkages led, null if there is none."""
-    unseen: float | None = None
-    """The estimated chance that a better linkage was missed: of the searches that say 10 %, one in ten was beaten by more than
-    1 % by ten seconds of search. Of several kinds: that of the search that found the best. Null for exact answers, of a search
-    that its time ended, for effort atlas, from a given linkage, and where the best has a slider and the drive was given, or
-    positions alone."""
 
 
 class Ranked(Sequence[One]):

@@ -370,7 +370,7 @@ def _with_fair(
     first = proportion(ordered[0].linkage, samples)
     if times > PROPORTION and first <= PROPORTION and error >= exact:
         note = OUT_OF_PROPORTION.format(error=error, times=times, fair=fair.longest)
-        report = report._replace(unseen=second.unseen, stopped_by=second.stopped_by)
+        report = report._replace(stopped_by=second.stopped_by)
     elif first > PROPORTION and smallest >= ranking.tolerance:
         note = FIRST_OUT_OF_PROPORTION.format(which="exact" if error < exact else "best", times=times)
         note += FAIR_FOUND.format(smallest) if smallest < np.inf else NO_FAIR_FOUND

@@ -49,8 +49,6 @@ class _Progress:
 
     found: list[Solution] = field(default_factory=list)
     trace: list[tuple[float, float]] = field(default_factory=list)
-    unseen: list[tuple[float, float | None]] = field(default_factory=list)
-    """For each search its smallest objective, and the chance that it missed a better linkage."""
     seeds: int = 0
     notes: list[str] = field(default_factory=list)
     stopped: set[StoppedBy] = field(default_factory=set)
@@ -60,15 +58,11 @@ class _Progress:
         self.found = [*self.found, *found]
         self.trace = fallen(self.trace, trace)
 
-    def report(self, screen_seconds: float, tolerance: float) -> SearchReport:
+    def report(self, screen_seconds: float) -> SearchReport:
         """Return the report of all searches."""
-        best, unseen = min(self.unseen, key=lambda pair: pair[0], default=(np.inf, None))
-        unseen = None if best <= tolerance else unseen
         nothing = set(NOTHING_ROUND.values()) if self.found else set()
         notes = [note for note in self.notes if note not in nothing]
-        return SearchReport(
-            StoppedBy.worst(self.stopped), self.trace, screen_seconds, self.seeds, unseen=unseen, notes=notes
-        )
+        return SearchReport(StoppedBy.worst(self.stopped), self.trace, screen_seconds, self.seeds, notes=notes)
 
 
 def search_kinds(
@@ -113,7 +107,7 @@ def search_kinds(
         made = {found.linkage.kind for found in progress.found if not found.linkage.is_four_bar}
         if missing := [kind.value.replace("_", " ") for kind in kinds.sliders if kind not in made]:
             progress.notes.append(OUTSIDE_BOX.format(", ".join(missing)))
-    return progress.found, progress.report(between, tolerance)
+    return progress.found, progress.report(between)
 
 
 def _search_four_bars(
@@ -140,7 +134,6 @@ def _search_four_bars(
     if kinds.four_bars:
         for found, its_report in reversed(searches):
             progress.add(found, its_report.trace)
-        progress.unseen.append((smallest(progress.trace), report.unseen))
     progress.seeds += report.seeds
     progress.stopped.add(report.stopped_by)
     progress.notes += report.notes
@@ -163,7 +156,6 @@ def _search_by_crank(
         beginnings += [found.linkage for found in solutions]
         best = min((found.errors.objective for found in inside), default=np.inf)
         progress.add(inside, [(work.elapsed, best)] if inside else [])
-        progress.unseen.append((best, None))
         progress.seeds += report.seeds
         progress.stopped.add(report.stopped_by)
     return beginnings
@@ -189,7 +181,6 @@ def _search_sliders(
             poses, limits, kinds.sliders, driver, tolerance, work, drive, turned, rounds, beginnings, soon
         )
         progress.add(found, report.trace)
-        progress.unseen.append((smallest(report.trace), report.unseen if turned is None else None))
         progress.seeds += report.seeds
         progress.notes += [note for note in report.notes if note not in progress.notes]
         progress.stopped.add(report.stopped_by)

@@ -106,7 +106,6 @@ def report_of(task: Task, candidates: Candidates, ranked: RankedSolutions, notes
         exhaustive=report.exhaustive,
         notes=notes,
         continued=None if task.starts is None else _ranks_of(candidates.continued, ranked.solutions),
-        unseen=None if report.time_up else report.unseen,
     )
 
 

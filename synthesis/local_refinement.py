@@ -47,7 +47,7 @@ from synthesis.linkage import Linkage, with_links
 from synthesis.mechanism import Bounded
 from synthesis.poses import Poses
 from synthesis.ranking import Answer, Status
-from synthesis.search.problems import GivenProblem, given, problem_of
+from synthesis.search.prescribed import GivenProblem, given, problem_of
 from synthesis.search.report import SearchReport, stopped_by
 from synthesis.solution import Solution, assess, target_of
 from synthesis.target import TURN, Target

@@ -23,8 +23,8 @@ from synthesis.free.joint import JointProblem
 from synthesis.limits import Limits
 from synthesis.mechanism import Boxes, Chart
 from synthesis.poses import Poses
-from synthesis.rounds import FEW_TO_THEIR_END, LAST
-from synthesis.search.problems import GivenProblem
+from synthesis.search.options import POLISH, SELECTED_LATE
+from synthesis.search.prescribed import GivenProblem
 from synthesis.search.seeds import Fits, Windows
 from synthesis.target import Target
 from synthesis.work import Work
@@ -35,7 +35,7 @@ _SEEDS = 24
 """Windows of each guess."""
 _APART = 1e-6
 """A crank shorter than this part of the length scale is none."""
-_GO_IN = (*FEW_TO_THEIR_END.first, *FEW_TO_THEIR_END.on, *LAST)
+_GO_IN = (*SELECTED_LATE.first, *SELECTED_LATE.continuation, *POLISH)
 """How a candidate that may be far outside of the limits is led into them, and on to its end."""
 
 

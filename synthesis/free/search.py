@@ -17,7 +17,7 @@ requests, because in long curved valleys the cost of the right one is not yet th
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import chain, islice
 from typing import Any, NamedTuple
 
@@ -26,7 +26,6 @@ from numpy.typing import NDArray
 
 from synthesis.arrays import Complexes, Flags, Floats
 from synthesis.constraints import keeps
-from synthesis.defects import LEAVES_SAMPLES, SHORTEST_CHORD
 from synthesis.descents import Pool, Stage, Timed
 from synthesis.errors import FieldError
 from synthesis.four_bar import coupler_angle, transmission_angle_over, wrap
@@ -34,16 +33,18 @@ from synthesis.fourbar.dimension_types import OrderRule, TypeRule, enumerate_typ
 from synthesis.fourbar.mechanism import FOURBAR, AnyChart, FullCrankChart, ways
 from synthesis.free.dyads import FEW, chart_of, search_motion
 from synthesis.free.few_poses import Candidates, exact_four_bars, is_few
-from synthesis.free.joint import JointProblem
-from synthesis.free.limited import guessed_windows, limited_problem, placed_within
-from synthesis.free.screen import COARSE, FINE, PathScreen, way_along
+from synthesis.free.free_timing import FreeTiming, FreeTimingOptions, free_timing
+from synthesis.free.limited import guessed_windows, placed_within
+from synthesis.free.screen import COARSE, FINE, PathScreen
 from synthesis.limits import Limits, in_family
 from synthesis.linkage import Linkage
 from synthesis.mechanism import Chart, Placed
 from synthesis.poses import Poses
 from synthesis.ranking import APART, Status, distinct, key
-from synthesis.rounds import FEWER_ON, GAIN, Found, Plan, Rounds
 from synthesis.scores import scores_of
+from synthesis.search.multistart import Incumbents, MultiStart
+from synthesis.search.options import Schedule, SearchOptions
+from synthesis.search.prescribed_timing import in_portions
 from synthesis.search.report import SearchReport, StoppedBy
 from synthesis.search.search import DEFAULT_TOLERANCE, Best, Hops
 from synthesis.search.seeds import Windows
@@ -190,7 +191,7 @@ def in_turn(crank: Floats, ordered: bool) -> Floats:
     return crank if ordered else crank % TURN
 
 
-# -- rounds for an exact path --------------------------------------------------------------------------------------
+# -- options ---------------------------------------------------------------------------------------------------------
 
 
 class Fresh(NamedTuple):
@@ -202,172 +203,75 @@ class Fresh(NamedTuple):
 
 
 class Round(NamedTuple):
-    """One round of the search."""
+    """A round of the search for an exact path."""
 
     source: Fresh | Hops | Best
-    steps: int
-    """A descent's longest."""
-    stall: float
-    """A candidate whose cost falls by a smaller part in a step ends."""
+    stage: Stage
     reason: str
 
 
 _HOPS = Hops(16, 12)
-_STALL = 1e-2
-
+_DESCENT, _SHORT = Stage(100, 1e-2), Stage(60, 1e-2)
 EXACT = (
-    Round(Fresh(0, 0, 100), 100, _STALL, "more than half of all exact paths end here"),
-    Round(Fresh(0, 100, 200), 100, _STALL, "the next of the coarse types: nearly all end by the fourth round"),
-    Round(Fresh(0, 200, 400), 100, _STALL, "the next"),
-    Round(Fresh(0, 400, 600), 100, _STALL, "the rest"),
-    Round(_HOPS, 60, _STALL, "minima beside the best"),
-    Round(Fresh(1, 0, 300), 100, _STALL, "finer types, other spans"),
-    Round(_HOPS, 60, _STALL, "minima beside the new ones"),
-    Round(Best(12), 300, 1e-5, "to the end of the best valleys"),
+    Round(Fresh(0, 0, 100), _DESCENT, "more than half of all exact paths end here"),
+    Round(Fresh(0, 100, 200), _DESCENT, "the next of the coarse types: nearly all end by the fourth round"),
+    Round(Fresh(0, 200, 400), _DESCENT, "the next"),
+    Round(Fresh(0, 400, 600), _DESCENT, "the rest"),
+    Round(_HOPS, _SHORT, "minima beside the best"),
+    Round(Fresh(1, 0, 300), _DESCENT, "finer types, other spans"),
+    Round(_HOPS, _SHORT, "minima beside the new ones"),
+    Round(Best(12), Stage(300, 1e-5), "to the end of the best basins"),
 )
-EXACT_SAMPLES = 12
-"""A few samples fix the linkage, and the fewer they are the fewer minima lie beside it."""
-
-# -- rounds --------------------------------------------------------------------------------------------------------
+"""Rounds for an exact path; a round runs only if those before it did not reach the tolerance."""
 
 
-_LONGEST = 0.97
-"""Part of the longest span that crank angles are cut to."""
-_PLACES = 48
-"""Crank angles in a turn that samples are aligned with."""
-_NEAREST_STEPS, _LAST_STEPS, _SPAN_HOP = 6, 40, 0.25
-"""Steps of the crank angles alone, and of all, on all samples; width of hops of the span's logarithm."""
+@dataclass(frozen=True)
+class FreeSearchOptions:
+    """Options of the search with free crank angles that choose its seeds and its rounds."""
+
+    exact_samples: int = 12
+    """Number of samples that the rounds for an exact path use: the fewer they are, the fewer minima lie beside the linkage."""
+    full_samples: int = 3
+    """Number of samples with rotation and position from which on dyads lead to four-bars that fit the others too."""
+    far: float = 0.01
+    """Error of the dyads above which the motion is not that of a four-bar with some noise."""
+    seeds: int = 50
+    """Number of seeds of a round."""
+    seeds_before: int = 20
+    """Number of further seeds that come from a search before."""
+    first_answers: int = 15
+    """Number of leading seeds that may be answers without refinement."""
+    idle_beyond_full_cranks: float = 4
+    """Number of rounds among all four-bars without a gain on full cranks that end the search: four of 2,300 later ones gained."""
+    arc_length_rounds: int = 2
+    """Number of rounds whose seeds take their crank angles from the arc length; those of later seeds are random."""
+    guesses_beside_dyads: int = 2
+    """Number of guessed timings beside what dyads lead to."""
+    exact_in_sight: float = 1e-2
+    """Error of the first round for an exact path above which no further one runs,"""
+    exact_in_sight_within: float = 1e-3
+    """and the same within limits."""
 
 
-class FreeRounds(Rounds):
-    """The rounds of a request whose crank angles are free.
-
-    A long valley is told by its timing: shapes and even costs change along it while the crank angles between the samples
-    hardly do.
-
-    Parameters
-    ----------
-    samples : int
-        That descents look at; longer requests are thinned for them.
-    limited : bool
-        Whether descents keep to the limits; otherwise only answers do.
-    """
-
-    plan = FEWER_ON
-    thin: Poses
-    problem: JointProblem
-
-    def __init__(
-        self,
-        poses: Poses,
-        limits: Limits,
-        chart: Chart,
-        found: Found,
-        work: Work,
-        samples: int,
-        limited: bool = True,
-    ) -> None:
-        self.poses = poses
-        self.few = poses.spread(samples)
-        thin = poses if self.few.size == poses.samples else poses.at(self.few)
-        self._moved = poses.off(thin)
-        self._stays = limits.practical and poses.ordered and poses.position is not None
-        plain = JointProblem(poses, chart)
-        within = plain if limits.only_family else limited_problem(poses, chart, limits)
-        problem = within if limited else plain
-        if thin is not poses:
-            problem = limited_problem(thin, chart, limits) if problem.limited else JointProblem(thin, chart)
-        super().__init__(poses, thin, (plain, within, problem), limits.family, found, work)
-
-    def signature(self, timed: Timed) -> tuple[Floats, Floats]:
-        """The timing, and the span."""
-        timing = timed.angles - timed.angles[:, :1]
-        return timing, np.abs(timing).max(axis=1, initial=0.0)
-
-    def strays(self, timed: Timed) -> Flags:
-        """Flag candidates within the practical limits that leave the path between samples, measured by chords."""
-        if not (self._stays and timed.branch.size):
-            return super().strays(timed)
-        whole = timed.angles.shape[1] == self.poses.samples
-        poses, problem = (self.poses, self.plain) if whole else (self.thin, self.problem)
-        gone, rotation = problem.excursions(timed, SHORTEST_CHORD, _PANEL)
-        return np.asarray((gone > LEAVES_SAMPLES) | poses.turned_otherwise(rotation))
-
-    def turned_apart(self, timed: Timed, width: float) -> Floats:
-        """Another start, and another span."""
-        random, count = self.random, len(timed.branch)
-        along = timed.angles - timed.angles[:, :1]
-        factor = np.exp(width * _SPAN_HOP * random.standard_t(3, size=(count, 1)))
-        longest = _LONGEST * self.poses.span_max / np.maximum(np.abs(along[:, -1:]), 1e-9)
-        start = timed.angles[:, :1] + width * self.chart.hop[-1] * random.standard_t(3, size=(count, 1))
-        return np.asarray(start + along * np.minimum(factor, longest))
-
-    def realigned(self, timed: Timed) -> Timed:
-        """Where samples press on one another for their order, other crank angles may fit as well: minima lie there too."""
-        return self.problem.aligned(self.problem.measured(timed).timed, _PLACES)
-
-    def on_all(self, pool: Pool) -> Pool:
-        """Candidates refined on all samples."""
-        # two guesses of what lies between: angles that run into one another in one of them need not in the other
-        spread = self.spread(pool.timed, 1.0).joined(self.spread(pool.timed, 0.5))
-        timed, problem = self.plain.nearest(spread, _NEAREST_STEPS), self.within if self.limited else self.plain
-        done = problem.descended(timed, [Stage(_LAST_STEPS, 1e-4, 30.0)], 0.1 * self.found.tolerance, self.work)
-        steps = np.diff(done.timed.angles, axis=1)
-        strict = np.all(steps > 0, axis=1) | np.all(steps < 0, axis=1) | (not self.poses.ordered)
-        return done.take(strict) if strict.any() else done
-
-    def spread(self, timed: Timed, power: float = 1.0) -> Timed:
-        """Crank angles of all samples from those of the few, by the way along the path between them (see `way_along`)."""
-        if self.thin is self.poses:
-            return timed
-        way = way_along(self.poses, power)
-        angles = np.stack([np.interp(way, way[self.few], few) for few in timed.angles])
-        pose = timed.pose.copy()
-        pose[:, 0] += self._moved  # positions count from the mean of their own samples
-        return timed._replace(angles=angles, pose=pose)
-
-    def thinned(self, timed: Timed) -> Timed:
-        """Candidates at all samples at the few alone."""
-        if self.thin is self.poses:
-            return timed
-        pose = timed.pose.copy()
-        pose[:, 0] -= self._moved
-        return timed._replace(angles=timed.angles[:, self.few], pose=pose)
+OPTIONS = FreeSearchOptions()
+_COARSE_PERIMETER, _FINE_PERIMETER, _FINE_SEEDS = 28, 44, 1000
 
 
 # -- the search ----------------------------------------------------------------------------------------------------
 
 
 def bounded_windows(family: str) -> Windows:
-    """The windows that a search within limits begins with."""
+    """Return the windows that a search within limits begins with."""
     return Windows(FOURBAR, FOURBAR.bounded_types(family))
 
 
 Screens = Callable[[str], Sequence[PathScreen]]
-"""Gives the screens of a family; made once by whoever keeps them."""
-_COARSE_PERIMETER, _FINE_PERIMETER, _FINE_SEEDS = 28, 44, 1000
-_FEWEST_FULL = 3
-"""Samples with rotation and position from which on dyads lead to four-bars that fit the others too."""
-_FAR = 0.01
-"""J from which on poses are no four-bar's with some noise."""
-_SAMPLES, _FEWER = 64, 32
-"""Samples up to which descents look at all, and at how many of more."""
-_PANEL = np.deg2rad(12.0)
-"""Crank angle that a chord spans at most, where it is told how far a candidate goes between samples."""
-_SEEDS, _BEFORE, _LOOKED_AT = 50, 20, 15
-"""Seeds of a round; further ones that come from a search before; and seeds that may be answers at once."""
-_BEYOND_FULL_CRANKS = 4
-"""Rounds among four-bars of any family that gain nothing on those whose crank turns fully: four of 2,300 later ones did."""
-_FROM_THE_WAY = 2
-"""Rounds that begin from crank angles which the way between the samples suggests; others from such at random."""
-_GUESSES_BESIDE = 2
-"""Guesses beside what dyads lead to: more of them were not worth their time in `benchmarks.engine`."""
-_IN_SIGHT = 1e-2, 1e-3
-"""J of the first look, without limits and within them, from which on an exact answer is not sought further."""
+"""Gives the screens of a family, which the caller stores."""
+Run = MultiStart[FreeTiming]
 
 
 def path_screens(family: str) -> tuple[PathScreen, ...]:
-    """The coarse and the fine screen for paths, of the types of a family whose crank turns fully (6 MB)."""
+    """Return the coarse and the fine screen for paths, of the types of a family whose crank turns fully (6 MB)."""
 
     def types(perimeter: int) -> NDArray[np.float64]:
         lengths = enumerate_types(TypeRule(perimeter, 1, OrderRule.FULL_CRANK)).astype(float)
@@ -388,7 +292,7 @@ def search_free(
     windows: Callable[[str], Windows] = bounded_windows,
     rounds: int | None = None,
 ) -> tuple[list[Solution], SearchReport]:
-    """The best four-bars for samples whose crank angles are free.
+    """Find the best four-bars for samples whose crank angles are free.
 
     Parameters
     ----------
@@ -420,7 +324,7 @@ def search_free(
     trace: list[tuple[float, float]] = []
 
     def note(least: float) -> None:
-        if not trace or least < (1 - GAIN) * trace[-1][1]:
+        if not trace or least < (1 - SearchOptions.gain) * trace[-1][1]:
             trace.append((work.elapsed, least))
 
     if is_few(poses) and not poses.closed and not any(limits.links):
@@ -429,8 +333,8 @@ def search_free(
         if exact:
             trace = [(work.elapsed, min(solution.errors.objective for solution in exact))]
             return exact, SearchReport(StoppedBy.TOLERANCE, trace, 0.0, candidates.merit.size)
-    found = Found(tolerance, note)
-    search = _Search(poses, limits, found, work, screens, windows, rounds)
+    found = Incumbents(tolerance, note)
+    search = FreeSearch(poses, limits, found, work, screens, windows, rounds)
     ended = search.run()
     solutions: list[Solution] = []
     for chart, pool in found.pools.items():
@@ -444,181 +348,187 @@ def search_free(
         if not trace or trace[-1][1] != least:
             trace.append((work.elapsed, least))
     stopped = StoppedBy.TOLERANCE if reached else StoppedBy.CONVERGED if ended else StoppedBy.BUDGET
-    unseen = found.unseen(FreeRounds.odds) if solutions else None
-    return solutions, SearchReport(stopped, trace, 0.0, search.seeds, unseen=unseen)
+    return solutions, SearchReport(stopped, trace, 0.0, search.seeds)
 
 
-class _Search:
-    """One request's search."""
+class FreeSearch:
+    """The search of one request: it chooses the seeds of its multistart searches and their order."""
 
     def __init__(
         self,
         poses: Poses,
         limits: Limits,
-        found: Found,
+        incumbents: Incumbents,
         work: Work,
         screens: Screens,
         windows: Callable[[str], Windows],
         rounds: int | None,
+        options: FreeSearchOptions = OPTIONS,
     ) -> None:
-        self.poses, self.limits, self.found, self.work = poses, limits, found, work
-        self._near: dict[str, FreeRounds] = {}
-        """Rounds within the limits, by family."""
-        self.most = np.inf if rounds is None else rounds
+        self.poses, self.limits, self.incumbents, self.work, self.options = poses, limits, incumbents, work, options
+        self._within: dict[str, Run] = {}
+        """Searches within the limits, by family."""
+        self.max_rounds = np.inf if rounds is None else rounds
         self.screens, self.windows = screens, windows
         self.seeds = 0
         few = poses.full.size <= FEW and poses.full.size < poses.samples
-        self.dyads = poses.full.size >= _FEWEST_FULL or poses.full.size == poses.samples
-        self._sampled = self.dyads and few
+        self.has_dyads = poses.full.size >= options.full_samples or poses.full.size == poses.samples
+        self._sampled = self.has_dyads and few
         """Whether dyads are drawn at random, since infinitely many fit the few full samples."""
-        if not (self.dyads or poses.ordered):
+        if not (self.has_dyads or poses.ordered):
             raise FieldError(
                 "/order", "'any' needs rotation and position at three samples or more: a path has an order"
             )
 
     def run(self) -> bool:
-        """Search until the tolerance is reached, the time is up or nothing is gained; whether it ran to its end."""
+        """Search until the tolerance is reached, the time is up or nothing is gained. Return whether the search is complete."""
         family = self.limits.family
         if family != "any" or self.limits.swings:
-            return self._among(family)
-        # what turns fully first, so that the larger family is never worse; but an exact one of any family is seen at once
-        if self.dyads and not self._sampled:
-            pool = next(search_motion(self.poses, family, self.found.tolerance, self.work))
-            if pool.least <= self.found.tolerance:
-                self._keep_dyads(pool, family)
-        if self.found.reached:
+            return self._search_family(family)
+        # full cranks first, so that the larger family is never worse; an exact linkage of any family is found at once
+        if self.has_dyads and not self._sampled:
+            pool = next(search_motion(self.poses, family, self.incumbents.tolerance, self.work))
+            if pool.least <= self.incumbents.tolerance:
+                self._accept_dyads(pool, family)
+        if self.incumbents.reached:
             return True
-        return self._among("full_crank") and (self.found.reached or self._among(family))
+        return self._search_family("full_crank") and (self.incumbents.reached or self._search_family(family))
 
-    def _among(self, family: str) -> bool:
-        """The search among one family's linkages."""
-        work, found, chart = self.work, self.found, chart_of(family)
-        near = self._rounds_near(family)
-        guesses = self._guesses(near, family)
-        begin: list[Timed] = []
+    def _search_family(self, family: str) -> bool:
+        """Search among the linkages of a family. Return whether the search is complete."""
+        work, incumbents, options = self.work, self.incumbents, self.options
+        run = self._run_within(family)
+        guesses = self._guesses(run, family)
+        starts: list[Timed] = []
         pool = None
-        if self._sampled:  # a round of theirs takes long: something is known before
-            begin += islice(guesses, 1)
-        for pool in search_motion(self.poses, family, found.tolerance, work) if self.dyads else ():
-            self._keep_dyads(pool, family)
-            if found.reached:
+        if self._sampled:  # a round of random dyads takes long: an answer is known before
+            starts += islice(guesses, 1)
+        for pool in search_motion(self.poses, family, incumbents.tolerance, work) if self.has_dyads else ():
+            self._accept_dyads(pool, family)
+            if incumbents.reached:
                 return True
-            if near.holds and not work.expired():
-                if not begin:
-                    begin += islice(guesses, 1)  # among them are answers
-                elif pool.least > _IN_SIGHT[True]:
+            if run.problem.has_limits and not work.expired():
+                if not starts:
+                    starts += islice(guesses, 1)  # the best are answers
+                elif pool.least > options.exact_in_sight_within:
                     break
         if pool is not None and self._settled(pool):
             return not work.expired()
-        if not (begin or (work.expired() and np.isfinite(found.least))):
-            begin += islice(guesses, 1)
+        if not (starts or (work.expired() and np.isfinite(incumbents.smallest))):
+            starts += islice(guesses, 1)
         if work.expired():
             return False
         if pool is not None and pool.cost.size:
             if family == "any" and None in self.limits.links:
-                guesses = islice(guesses, _GUESSES_BESIDE)
-            begin.append(near.thinned(pool.best(_BEFORE).timed))
-        exact: Iterator[FreeRounds] = iter(())
-        if self.poses.ordered and family != "any" and (pool is None or pool.least <= _FAR):
-            exact = self._exact(chart, family)
+                guesses = islice(guesses, options.guesses_beside_dyads)
+            starts.append(run.problem.at_search_samples(pool.best(options.seeds_before).timed))
+        exact: Iterator[Run] = iter(())
+        if self.poses.ordered and family != "any" and (pool is None or pool.least <= options.far):
+            exact = self._exact(chart_of(family), family)
             for before in islice(exact, 1):
-                begin.append(near.thinned(before.spread(before.best(_BEFORE))))
-        if found.reached or work.expired():
-            return found.reached
-        for seeds in near.closest(chain([begin[0].joined(*begin[1:])] if begin else [], guesses), self.most):
+                found = before.problem.at_all_samples(before.best(options.seeds_before))
+                starts.append(run.problem.at_search_samples(found))
+        if incumbents.reached or work.expired():
+            return incumbents.reached
+        first = [starts[0].joined(*starts[1:])] if starts else []
+        for seeds in run.run(chain(first, guesses), self.max_rounds):
             self.seeds += seeds.branch.size
-            if found.reached or work.expired():
-                return found.reached
+            if incumbents.reached or work.expired():
+                return incumbents.reached
             next(exact, None)
-        for _ in exact if self.most == np.inf else ():
-            if found.reached or work.expired():
-                return found.reached
+        for _ in exact if self.max_rounds == np.inf else ():
+            if incumbents.reached or work.expired():
+                return incumbents.reached
         return not work.expired()
 
-    def _rounds_near(self, family: str) -> FreeRounds:
-        """The rounds within the limits."""
-        if family not in self._near:
-            samples = _SAMPLES if self.poses.samples <= _SAMPLES else _FEWER
-            self._near[family] = self._rounds(chart_of(family), samples)
-            if family == "any" and not self.limits.swings:  # after those whose crank turns fully
-                self._near[family].idle_at_first = _BEYOND_FULL_CRANKS
-        return self._near[family]
+    def _run_within(self, family: str) -> Run:
+        """Return the search within the limits."""
+        if family not in self._within:
+            options = FreeTimingOptions()
+            if family == "any" and not self.limits.swings:  # after full cranks
+                options = FreeTimingOptions(idle_rounds_at_first=self.options.idle_beyond_full_cranks)
+            few = self.poses.samples <= options.max_samples
+            samples = options.max_samples if few else options.thinned_samples
+            self._within[family] = self._run(chart_of(family), samples, options=options)
+        return self._within[family]
 
-    def _rounds(self, chart: Chart, samples: int, limited: bool = True) -> FreeRounds:
-        return FreeRounds(self.poses, self.limits, chart, self.found, self.work, samples, limited)
+    def _run(self, chart: Chart, samples: int, within_limits: bool = True, options: Any = None) -> Run:
+        return free_timing(
+            self.poses, self.limits, chart, self.incumbents, self.work, samples, within_limits, options
+        )
 
-    def _keep_dyads(self, pool: Pool, family: str) -> None:
-        """Pairs of dyads that keep the limits as they are are answers."""
+    def _accept_dyads(self, pool: Pool, family: str) -> None:
+        """Accept the pairs of dyads that satisfy the limits as they are."""
         self.seeds += pool.cost.size
-        rounds = self._rounds(chart_of(family), self.poses.samples)
-        rounds.keep(pool.best(pool.cost.size), rounds=4)
+        self._run(chart_of(family), self.poses.samples).accept(pool.best(pool.cost.size), steps=4)
 
     def _settled(self, pool: Pool) -> bool:
-        """Whether what dyads led to is all that is to be had: without limits, and near a four-bar's motion."""
+        """Return whether nothing better than the dyads is to be expected: no limits, and near the motion of a four-bar."""
         if not self.limits.only_family:
             return False
         if self.poses.full.size < self.poses.samples:
             return False
-        return not (self.poses.ordered and self.poses.samples > FEW and pool.least > _FAR)
+        return not (self.poses.ordered and self.poses.samples > FEW and pool.least > self.options.far)
 
-    # -- where an exact answer may lie --------------------------------------------------------------------------------
+    # -- seeds ------------------------------------------------------------------------------------------------------
 
-    def _exact(self, chart: Chart, family: str) -> Iterator[FreeRounds]:
-        """Rounds without limits on a few samples, while an exact answer is in sight."""
-        run = self._rounds(chart, EXACT_SAMPLES, limited=False)
+    def _exact(self, chart: Chart, family: str) -> Iterator[Run]:
+        """Run rounds without limits on a few samples while an exact answer is in sight. Yield their search after each."""
+        run = self._run(chart, self.options.exact_samples, within_limits=False)
+        problem = run.problem
         seeds: dict[int, Timed] = {}
         for one in EXACT:
             match one.source:
                 case Fresh(screen, start, stop):
                     if screen not in seeds:
-                        found = self.screens(family)[screen].seeds(run.thin, run.chart)
-                        seeds[screen] = run.problem.facing(found)
-                    begin = seeds[screen].take(slice(start, stop))
+                        found = self.screens(family)[screen].seeds(problem.thin, problem.chart)
+                        seeds[screen] = problem.search.facing(found)
+                    starts = seeds[screen].take(slice(start, stop))
                 case Hops(origins, copies):
-                    begin = run.hops(origins, copies)
+                    starts = run.perturbations(origins, copies)
                 case Best(most):
-                    begin = run.best(most)
-            self.seeds += begin.branch.size
-            run.round(begin, Plan((Stage(one.steps, one.stall),)))
+                    starts = run.best(most)
+            self.seeds += starts.branch.size
+            run.round(starts, Schedule((one.stage,)))
             yield run
-            if run.least > _IN_SIGHT[run.holds]:
+            options = self.options
+            if run.smallest > (options.exact_in_sight_within if problem.has_limits else options.exact_in_sight):
                 return
 
-    # -- what comes nearest -------------------------------------------------------------------------------------------
-
-    def _guesses(self, run: FreeRounds, family: str) -> Iterator[Timed]:
-        """Windows at guessed crank angles, in poses within the limits; the best are looked at as answers."""
-        limits = self.limits
+    def _guesses(self, run: Run, family: str) -> Iterator[Timed]:
+        """Yield windows at guessed crank angles, in poses within the limits; the best are offered as answers."""
+        limits, problem = self.limits, run.problem
         tables = [self.windows(family)] if family == "any" else []
-        if None not in limits.links:  # the linkage that has them is in no table
+        if None not in limits.links:  # no table contains the linkage with the given lengths
             tables.append(Windows(FOURBAR, np.array([limits.links], dtype=float)))
         within = replace(limits, family=family)
-        for some in zip(*(guessed_windows(self.poses, within, table) for table in tables)):
-            for one in some:
-                run.keep(run.plain.measured(one, posed=False), rounds=4)
-            yield run.thinned(some[0].joined(*some[1:]))
+        for guess in zip(*(guessed_windows(self.poses, within, table) for table in tables)):
+            for seeds in guess:
+                run.accept(problem.plain.measured(seeds, posed=False), steps=4)
+            yield problem.at_search_samples(guess[0].joined(*guess[1:]))
         if family == "any":
             return
         missing = None
         if limits.transmission_angle_min:
 
             def missing(lengths: Floats, first: Floats, last: Floats) -> Floats:
-                held = transmission_angle_over(lengths, Interval(first, last))
-                return np.maximum(limits.transmission_angle_min - np.nan_to_num(held), 0.0)
+                smallest = transmission_angle_over(lengths, Interval(first, last))
+                return np.maximum(limits.transmission_angle_min - np.nan_to_num(smallest), 0.0)
 
-        screen, problem = self.screens(family)[0], run.problem
-        boxes = ways(run.thin, limits, posed=True)[0].boxes if problem.limited else None
+        screen, search = self.screens(family)[0], problem.search
+        boxes = ways(problem.thin, limits, posed=True)[0].boxes if search.limited else None
+        count = self.options.first_answers
 
         def placed(seeds: Timed) -> tuple[Timed, NDArray[np.intp]]:
-            seeds, first = problem.facing(seeds), np.arange(_LOOKED_AT)
+            seeds, first = search.facing(seeds), np.arange(count)
             if boxes is None:
-                return problem.measured(seeds).timed, first
-            seeds, inside = placed_within(problem, seeds, boxes)
-            return seeds, np.concatenate([inside[:_LOOKED_AT], first])
+                return search.measured(seeds).timed, first
+            seeds, inside = placed_within(search, seeds, boxes)
+            return seeds, np.concatenate([inside[:count], first])
 
-        seeds, look = placed(screen.seeds(run.thin, run.chart, missing))
-        few = run.spread(seeds.take(look[look < seeds.branch.size]))
-        run.keep(run.plain.measured(few, posed=not run.holds), rounds=4)
-        yield from islice(run.in_turn(seeds, _SEEDS), _FROM_THE_WAY)
+        seeds, leading = placed(screen.seeds(problem.thin, problem.chart, missing))
+        few = problem.at_all_samples(seeds.take(leading[leading < seeds.branch.size]))
+        run.accept(problem.plain.measured(few, posed=not problem.has_limits), steps=4)
+        yield from islice(in_portions(seeds, self.options.seeds), self.options.arc_length_rounds)
         while True:
-            yield placed(screen.seeds(run.thin, run.chart, missing, run.random))[0]
+            yield placed(screen.seeds(problem.thin, problem.chart, missing, problem.random))[0]

@@ -55,7 +55,6 @@ from synthesis.kernels import distinct
 from synthesis.limits import Limits
 from synthesis.linkage import Linkage
 from synthesis.poses import Poses
-from synthesis.rounds import TIRED, elsewhere, unseen
 from synthesis.search.report import SearchReport, StoppedBy
 from synthesis.search.search import DEFAULT_TOLERANCE
 from synthesis.solution import Solution, assess
@@ -128,8 +127,8 @@ _LONG, _CHANCE = 10.0, 10.0
 _IDLE, _IDLE_LED, _IDLE_GIVEN, _ROUNDS, _WORTH = 40, 5, 4, 160, 0.01
 """A drive is left alone after so many rounds that gain nothing, or where rotations are led, or the drive is given; rounds at
 most; and the part of J that is a gain."""
-ODDS = (-1.3, 1.6)
-"""As of `rounds.Rounds`, fitted to `benchmarks.unseen`."""
+TIRED = 2.0
+"""Increase of the logarithm of a basin's squared error each time that it was an origin."""
 _PATIENCE = 16
 """Rounds more for a drive that nothing was found of."""
 _ALTERNATIVES = 0.02
@@ -336,8 +335,6 @@ class Search:
         """What keeps the limits at the samples, to be looked at between them when the search has ended."""
         self.trace: list[tuple[float, float]] = []
         self.notes: list[str] = []
-        self.led: list[Floats] = []
-        """J that each round led to, of each drive."""
         self._used: Counter[float] = Counter()
         """How often hops started from a valley, by its cost."""
         self._made: dict[tuple[int, float], Solution] = {}
@@ -653,7 +650,6 @@ class Search:
                 break
             before = self.levels
             begin = self._valued(self.descended(begin, _STAGES, self.few))
-            self.led.append(self._least(begin))
             fresh = self._pooled(begin.take(self._unlike(begin, ended)), _ENDED)
             ended = fresh if ended is None else ended.joined(fresh)
             pool = self._pooled(begin if pool is None else pool.joined(begin))
@@ -780,12 +776,6 @@ class Search:
         least = np.full(len(self.ways), np.inf)
         np.minimum.at(least, found.drive, np.sqrt(found.cost))
         return least
-
-    @property
-    def elsewhere(self) -> float:
-        """The part of the rounds of the best drive that led elsewhere."""
-        best = int(np.argmin(self.levels))
-        return elsewhere([float(led[best]) for led in self.led if np.isfinite(led[best])])
 
     @property
     def _left(self) -> Ints:
@@ -1075,9 +1065,7 @@ def search_guided(
     solutions = search.solutions()
     reached = not search._left.size or (soon and search.levels.min() < tolerance)
     stopped = StoppedBy.TOLERANCE if reached else StoppedBy.CONVERGED if ended else StoppedBy.BUDGET
-    told = stopped is StoppedBy.CONVERGED and search.led and solutions
-    missed = unseen(search.elsewhere, ODDS) if told else None
-    return solutions, SearchReport(stopped, search.trace, seeds=search.seeds, unseen=missed, notes=search.notes)
+    return solutions, SearchReport(stopped, search.trace, seeds=search.seeds, notes=search.notes)
 
 
 def _comes_round_turned(poses: Poses, turned: Floats | None) -> bool | None:

@@ -41,8 +41,6 @@ class SearchReport(NamedTuple):
     """Number of starting points that were refined."""
     settled: bool = True
     """False if the best was still improving when its last step was used up."""
-    unseen: float | None = None
-    """Estimated chance that a better basin was missed, for a search in rounds that found nothing exact."""
     notes: Sequence[str] = ()
     windows: int | None = None
     """Number of windows of an atlas that were compared."""

@@ -10,7 +10,7 @@ Data flow of a request::
 Where no linkage may be exact, or limits hold::
 
     windows of a coarse table in the best pose within the limits -> seeds, the first that keep all limits are answers
-      -> rounds of descents within the limits (`synthesis.rounds`) until they gain nothing
+      -> rounds within the limits (`synthesis.search.multistart`) until they gain nothing
 
 Rounds without limits grow: one runs only where those before it did not reach the tolerance. Their numbers were chosen on
 the random classes of the acceptance benchmark.
@@ -18,7 +18,8 @@ the random classes of the acceptance benchmark.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from itertools import chain, islice
 from typing import Any, NamedTuple
 
@@ -26,11 +27,12 @@ import numpy as np
 
 from synthesis.arrays import Floats
 from synthesis.descents import Pool, Stage, Timed
-from synthesis.mechanism import Bounded, Chart, Limits, Mechanism
+from synthesis.mechanism import Chart, Limits, Mechanism
 from synthesis.ranking import APART, Status, distinct
-from synthesis.rounds import Found, Rounds
-from synthesis.search.problems import GivenProblem, given, problem_of
-from synthesis.search.report import SearchReport, StoppedBy, stopped_by
+from synthesis.search.multistart import Incumbents
+from synthesis.search.prescribed import GivenProblem, given
+from synthesis.search.prescribed_timing import PrescribedTiming, prescribed_timing
+from synthesis.search.report import SearchReport, stopped_by
 from synthesis.search.seeds import FINER, SeedTables, Windows, thinned
 from synthesis.target import TURN, Target
 from synthesis.work import Work
@@ -99,76 +101,6 @@ TO_THE_END = (
 )
 """Where an exact answer is near."""
 
-# -- within limits -------------------------------------------------------------------------------------------------
-
-
-_SAMPLES, _FEWER = 40, 24
-"""Samples up to which descents look at all, and about how many of more."""
-_SEEDS = 50
-"""Seeds of a round."""
-_FIRST = 24
-"""Seeds that may be answers at once."""
-_APART = 10.0
-"""Shapes, in their cells, and starts of two valleys differ by this times `rounds.Rounds.signature`."""
-
-
-class GivenRounds(Rounds):
-    """The rounds of a request whose crank angles are given, within limits.
-
-    Parameters
-    ----------
-    target : Target
-        With a crank that turns counter-clockwise.
-    way : Bounded
-        The limits, and the chart in which to look.
-    family : str
-    found : Found
-    work : Work
-    """
-
-    bent_below, idle, odds = 1e-3, 2, (-2.0, 2.4)
-    within: GivenProblem
-    problem: GivenProblem
-
-    def __init__(self, target: Target, way: Bounded, family: str, found: Found, work: Work) -> None:
-        thin = target if target.samples <= _SAMPLES else target.condensed(_FEWER)
-        within = problem_of(target, way)
-        problem = within if thin is target else problem_of(thin, way)
-        self._moved = target.off(thin)
-        self.way = way
-        problems = GivenProblem(target, way.chart), within, problem
-        super().__init__(target, thin, problems, family, found, work)
-
-    def seeds(self, windows: Windows) -> Iterator[Timed]:
-        """Seeds, some at a time; the best are looked at as answers."""
-        seeds = windows.seeds(self.problem, self.way.on_shape, self.way.boxes)
-        first = self._shifted(seeds.take(slice(0, _FIRST)))
-        self.keep(self.plain.measured(first, posed=not self.within.posed), rounds=4)
-        yield from self.in_turn(seeds, _SEEDS)
-
-    def signature(self, timed: Timed) -> tuple[Floats, Floats]:
-        """Shape and start."""
-        rows = np.column_stack([self.chart.place(timed.shape), timed.angles[:, 0], 3 * timed.branch])
-        return rows, np.full(len(rows), _APART)
-
-    def on_all(self, pool: Pool) -> Pool:
-        """Candidates at the few samples, refined on all."""
-        stage = Stage(40, 1e-4, 30.0)
-        return self.within.descended(self._shifted(pool.timed), [stage], 0.1 * self.found.tolerance, self.work)
-
-    def turned_apart(self, timed: Timed, width: float) -> Floats:
-        """Another start."""
-        return timed.angles + width * self.chart.hop[-1] * self.random.standard_t(3, size=timed.angles.shape)
-
-    def thinned(self, timed: Timed) -> Timed:
-        """Candidates at all samples at the few alone."""
-        return timed._replace(pose=timed.pose - np.array([self._moved, 0, 0]))
-
-    def _shifted(self, timed: Timed) -> Timed:
-        """Candidates at the few samples at all: positions count from the mean of their own samples."""
-        return timed._replace(pose=timed.pose + np.array([self._moved, 0, 0]))
-
-
 # -- the search ----------------------------------------------------------------------------------------------------
 
 
@@ -213,7 +145,6 @@ class _Search:
         self.screen_seconds = 0.0
         self.random = np.random.default_rng(20)
         self.screened: Pool | None = None
-        self.found: Found | None = None
         self.taken = 0
         self.use(self.mechanism.charts(limits.family)[0])
 
@@ -354,16 +285,17 @@ class _Search:
             self.free_search(TO_THE_END)
             return solutions + self.polished(_FINISHED, 30)
         first, solutions = solutions, []
-        found = self.found = Found(self.tolerance, lambda least: self.note(np.array([least**2])))
+        found = Incumbents(self.tolerance, lambda least: self.note(np.array([least**2])))
         for chart, way in zip(charts, ways):
             # the first way is that of full cranks alone, so that the larger family is never worse
             family = "full_crank" if self.limits.family == "any" and way is ways[0] else self.limits.family
-            run = GivenRounds(self.target, way, family, found, self.work)
-            seeds = run.seeds(windows(family))
+            run = prescribed_timing(self.target, way, family, found, self.work)
+            problem = run.problem
+            seeds = problem.seeds(windows(family), run)
             late = self.work.expired() and way.chart in found.pools
             begin = [] if late else list(islice(seeds, 1))
             if not (begin or late) and len(way.types):
-                seeds = run.seeds(Windows(self.mechanism, way.types, FINER))
+                seeds = problem.seeds(Windows(self.mechanism, way.types, FINER), run)
                 begin = list(islice(seeds, 1))
             most = 0.0 if late else np.inf
             if not (looked or late):  # one round tells whether an exact answer keeps the limits
@@ -374,14 +306,14 @@ class _Search:
                         return first
                     most = 1  # for alternatives
             every = chain(begin, seeds)
-            for idle in (run.idle, _IDLE_IN_SIGHT):
-                run.idle = idle
-                for one in run.closest(every, most):
+            for idle in (run.options.idle_rounds, _IDLE_IN_SIGHT):
+                run.options = replace(run.options, idle_rounds=idle)
+                for one in run.run(every, most):
                     self.seeds += len(one.branch)
-                    if found.least < _EXACT_NEAR or self.work.expired():
+                    if found.smallest < _EXACT_NEAR or self.work.expired():
                         break
                 if way.chart in found.pools:
-                    solutions = solutions + self._finished(run, found.pools[way.chart], chart, top)
+                    solutions = solutions + self._finished(problem, found.pools[way.chart], chart, top)
                 least = min((one.errors.objective for one in solutions), default=np.inf)
                 # where J is so small, an exact answer may lie in another valley
                 if self.reached or self.work.expired() or not self.tolerance < least < _IN_SIGHT:
@@ -392,14 +324,14 @@ class _Search:
         reached = Status.of(first, self.tolerance) is Status.REACHED
         return solutions + [one for one in first if reached or one.errors.objective < best]
 
-    def _finished(self, run: GivenRounds, pool: Pool, chart: Chart, top: int) -> list[Any]:
+    def _finished(self, problem: PrescribedTiming, pool: Pool, chart: Chart, top: int) -> list[Any]:
         """Solutions of a pool; near an exact answer in the chart without bounds too."""
-        chosen = run.within.linkages(self.mechanism, pool.take(slice(0, 8 * top + 20)))
+        chosen = problem.within.linkages(self.mechanism, pool.take(slice(0, 8 * top + 20)))
         solutions = self.mechanism.within(self.target, self.limits, self.mechanism.assess(self.target, chosen))
         near = pool.take(pool.cost < _NEAR**2)
         if near.cost.size:
             self.use(chart)
-            shape = chart.unknowns(run.chart.shape(near.timed.shape).lengths)
+            shape = chart.unknowns(problem.chart.shape(near.timed.shape).lengths)
             self.pool = near._replace(timed=near.timed._replace(shape=shape))
             solutions = solutions + self.polished(_FINISHED, 100)
             if not self.reached and near.cost.min() < _NEARER**2:
@@ -415,9 +347,7 @@ class _Search:
         trace = [(seconds, max(objective, best)) for seconds, objective in self.trace] if solutions else []
         if solutions and (not trace or trace[-1][1] != best):
             trace.append((self.work.elapsed, best))
-        reached = stopped is StoppedBy.TOLERANCE
-        unseen = None if reached or not solutions or self.found is None else self.found.unseen(GivenRounds.odds)
-        return SearchReport(stopped, trace, self.screen_seconds, self.seeds, unseen=unseen)
+        return SearchReport(stopped, trace, self.screen_seconds, self.seeds)
 
 
 def search(

@@ -22,7 +22,7 @@ from synthesis.arrays import Complexes, Floats, Singles
 from synthesis.descents import Pool, Timed
 from synthesis.mechanism import Boxes, Chart, Constraints, Mechanism, Placed
 from synthesis.search.error_table import ErrorTable
-from synthesis.search.problems import GivenProblem, given
+from synthesis.search.prescribed import GivenProblem, given
 from synthesis.target import TURN, Mean, Target
 
 # -- windows within limits -----------------------------------------------------------------------------------------

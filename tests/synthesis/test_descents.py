@@ -20,7 +20,7 @@ from synthesis.free.limited import limited_problem
 from synthesis.limits import Limits, Reach
 from synthesis.mechanism import Placed
 from synthesis.poses import Poses
-from synthesis.search.problems import GivenProblem
+from synthesis.search.prescribed import GivenProblem
 from synthesis.slider import SliderChart
 from synthesis.target import Interval, Samples, Target
 from tests.oracles.slider_crank import SLIDER_CHARTS, SLIDER_NAMES, SLIDERS, body_angle

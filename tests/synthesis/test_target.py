@@ -14,8 +14,8 @@ from synthesis.four_bar import coupler_angle
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule
 from synthesis.fourbar.mechanism import FOURBAR, FullCrankChart
 from synthesis.pose import objective
-from synthesis.search import problems
-from synthesis.search.problems import GivenProblem
+from synthesis.search import prescribed
+from synthesis.search.prescribed import GivenProblem
 from synthesis.target import TURN, Interval, Mean, Target, make_target
 
 LINE = np.array([0.0, 1, 3, 4])
@@ -72,7 +72,7 @@ def test_the_value_of_a_sample_of_weight_0_has_no_effect(weights, replacements) 
     assert objective(changed, angle) == pytest.approx(objective(plain, angle), rel=1e-13 * size)
     random = np.random.default_rng(1)
     drawn = random.uniform(-1.5, 1.5, (20, 3)), random.choice([-1.0, 1.0], 20), random.uniform(-1.5, 1.5, 20)
-    timed = problems.given(*drawn)
+    timed = prescribed.given(*drawn)
     plain_problem, changed_problem = (GivenProblem(target, FullCrankChart()) for target in (plain, changed))
     expected_cost = plain_problem.measured(timed).cost
     np.testing.assert_allclose(changed_problem.measured(timed).cost, expected_cost, rtol=1e-13 * size)

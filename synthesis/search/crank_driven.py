@@ -1,0 +1,148 @@
+"""Linkages driven by a crank as a problem of the multistart search; a subclass knows the timing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from synthesis.arrays import Flags, Floats
+from synthesis.descents import Pool, Problem, Stage, Timed
+from synthesis.kernels import codes
+from synthesis.mechanism import Chart
+from synthesis.search.options import SearchOptions
+from synthesis.work import Work
+
+
+class Refinements(NamedTuple):
+    """The problems that refine candidates."""
+
+    plain: Problem
+    """All samples, without limits."""
+    within: Problem
+    """All samples, within the limits."""
+    search: Problem
+    """The samples of the search, within the limits if the search satisfies them."""
+
+
+class CrankDriven:
+    """A motion whose candidates have a shape, a pose, a branch and crank angles.
+
+    The search refines at some of the samples, answers at all of them.
+
+    Parameters
+    ----------
+    refinements : Refinements
+    on_all_samples : bool
+        Whether the search uses all samples.
+    family : str
+        Requested family.
+    tolerance : float
+        An error below it is exact.
+    work : Work
+    options : SearchOptions
+    """
+
+    def __init__(
+        self,
+        refinements: Refinements,
+        on_all_samples: bool,
+        family: str,
+        tolerance: float,
+        work: Work,
+        options: SearchOptions,
+    ) -> None:
+        self.refinements, self.on_all_samples, self.work, self.options = refinements, on_all_samples, work, options
+        self.key = self.chart
+        self.has_limits = refinements.within.limited
+        self.within_limits = refinements.search.limited or not self.has_limits
+        self.tolerance = tolerance
+        self._exchanges = family in ("full_crank", "any") and self.chart.kind == codes.GRASHOF
+        self.random = np.random.default_rng(options.seed)
+
+    @property
+    def chart(self) -> Chart:
+        """Chart of the candidates."""
+        return self.refinements.plain.chart
+
+    # -- to be known by the timing ----------------------------------------------------------------------------------
+
+    def signature(self, timed: Timed) -> tuple[Floats, Floats]:
+        """Return numbers (n, m) that differ between basins, and the scale (n,) of their differences."""
+        raise NotImplementedError
+
+    def complete(self, pool: Pool) -> Pool:
+        """Refine candidates of the search on all samples."""
+        raise NotImplementedError
+
+    def at_search_samples(self, timed: Timed) -> Timed:
+        """Return candidates at all samples as candidates of the search."""
+        raise NotImplementedError
+
+    def perturbed_angles(self, timed: Timed, width: float) -> Floats:
+        """Return perturbed crank angles (n, N)."""
+        raise NotImplementedError
+
+    def realigned(self, timed: Timed) -> Timed:
+        """Return candidates with the crank angles that fit their pose best; none with prescribed timing."""
+        return timed.take(slice(0, 0))
+
+    def strays(self, timed: Timed) -> Flags:
+        """Return whether candidates leave the motion between the samples, (n,)."""
+        return np.zeros(timed.branch.size, dtype=bool)
+
+    # -- refinement -------------------------------------------------------------------------------------------------
+
+    def refine(self, starts: Timed, stages: Sequence[Stage], between: Callable[[Pool], None] | None = None) -> Pool:
+        """Refine candidates of the search."""
+        return self.refinements.search.descended(
+            starts,
+            stages,
+            0.3 * self.tolerance,
+            self.work,
+            bent_below=self.options.geodesic_below,
+            between=between,
+        )
+
+    def polish(self, answers: Timed, stages: Sequence[Stage]) -> Pool:
+        """Refine answers once more, on all samples and within the limits."""
+        return self.refinements.within.descended(answers, stages, 0.3 * self.tolerance, self.work)
+
+    def satisfying(self, pool: Pool, steps: int) -> Iterator[Pool]:
+        """Yield candidates at all samples that satisfy the limits, or do so after Newton steps; then exact ones near them."""
+        if not self.has_limits:
+            yield pool
+            return
+        options, (plain, within, _) = self.options, self.refinements
+        merit = pool.cost + within.lacking(pool.timed)[0]
+        best = np.argsort(merit, kind="stable")[: options.restored]
+        moved, violation = within.moved_onto(pool.timed.take(best), steps)
+        yield moved.take((violation <= options.equation_tolerance) & np.isfinite(moved.cost))
+        near = moved.take(moved.cost < options.nearly_exact**2)
+        if near.cost.size:
+            exact = plain.descended(near.timed, [Stage(30, 1e-2)], 0.3 * self.tolerance, self.work)
+            yield exact.take(within.lacking(exact.timed)[1] <= options.equation_tolerance)
+
+    # -- perturbation -----------------------------------------------------------------------------------------------
+
+    def perturb(self, origins: Timed, width: float) -> Timed:
+        """Return perturbed copies of candidates.
+
+        Half of them move in all unknowns alike, which reaches other basins; with free crank angles these also start from the
+        angles that fit best. The others move along directions in which the cost is flat, to other minima of a long basin.
+        """
+        wide = self._perturb_widely(origins, width)
+        loose = self.refinements.search.loose_steps(origins, self.random, self.options.loose_width)
+        return wide.joined(self.realigned(wide), loose)
+
+    def _perturb_widely(self, timed: Timed, width: float) -> Timed:
+        """Perturb shape and timing with heavy tails; exchange the branch of some candidates and the family of others."""
+        random, options, (count, size) = self.random, self.options, timed.shape.shape
+        noise = width * random.standard_t(3, size=(count, size)) * self.chart.hop[:-1]
+        shape = self.chart.hopped(timed.shape, noise)
+        branch = np.where(random.random(count) < options.flipped, -timed.branch, timed.branch)
+        exchanged = random.random(count) < options.exchanged
+        if self._exchanges:
+            shape[:, 0] *= np.where(exchanged, -1.0, 1.0)
+        return timed._replace(shape=shape, angles=self.perturbed_angles(timed, width), branch=branch)

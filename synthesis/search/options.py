@@ -1,0 +1,108 @@
+"""Options of the multistart search."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from synthesis.descents import Stage
+
+
+class Schedule(NamedTuple):
+    """Refinement of the candidates of a round."""
+
+    first: tuple[Stage, ...]
+    """Stages for all starting points."""
+    survivors: int = 0
+    """Number of basins that continue after the first stages."""
+    continuation: tuple[Stage, ...] = ()
+    """Stages for the survivors; without any the round continues with all candidates."""
+    finished: int = 0
+    """Number of leading basins of the pool that are refined to convergence, unless they were before."""
+    end: tuple[Stage, ...] = ()
+    """Stages that refine a basin to convergence."""
+
+
+_CONTINUATION = (Stage(12, 1e-3, 3.0), Stage(15, 1e-3, 10.0), Stage(15, 1e-3, 30.0))
+_END = (Stage(60, 1e-6, 100.0), Stage(60, 1e-6, 300.0), Stage(60, 1e-7, 300.0))
+_EARLY, _LATE = Stage(15, 1e-2, 0.3), Stage(12, 1e-2, 1.0)
+SELECTED_LATE = Schedule((_EARLY, _LATE), 12, _CONTINUATION, 4, _END)
+"""Select after 27 steps."""
+SELECTED_EARLY = Schedule((_EARLY,), 12, (_LATE, *_CONTINUATION), 4, _END)
+"""Select after 15 steps: with free crank angles the best candidates are known as well after 15 steps as after 27."""
+POLISH = (Stage(60, 1e-9, 100.0), Stage(60, 1e-10, 300.0), Stage(60, 1e-12, 300.0), Stage(60, 1e-13, 300.0))
+"""Stages that refine the best answers on all samples when the search ends."""
+
+
+COMPLETION = Stage(40, 1e-4, 30.0)
+
+
+@dataclass(frozen=True)
+class SearchOptions:
+    """Options of the multistart search.
+
+    Distances between basins are relative to the scale that a problem's signature states, gains and errors to the error J.
+    """
+
+    schedule: Schedule = SELECTED_LATE
+    """Refinement of the candidates of a round."""
+    completion: Stage = COMPLETION
+    """Refinement of a candidate on all samples."""
+    polish: tuple[Stage, ...] = POLISH
+    """Stages of the last refinement of the best answers."""
+    max_pool: int = 120
+    """Number of basins that the pool and the incumbents keep."""
+    pool_distance: float = 0.03
+    """Distance below which two candidates of the pool belong to the same basin."""
+    answer_distance: float = 0.01
+    """Distance below which two incumbents belong to the same basin."""
+    exact_distance: float = 1e-4
+    """Difference of shape, start and branch below which two exact candidates are the same."""
+    seed_rounds: int = 2
+    """Number of first rounds that start from seeds."""
+    seed_interval: int = 3
+    """After the first rounds, a round starts from seeds again each time that so many rounds have passed."""
+    origins: int = 8
+    """Number of basins that are perturbed in a round."""
+    copies: int = 6
+    """Number of perturbations of a basin."""
+    active_basins: int = 40
+    """Number of leading basins of the pool from which the origins are chosen."""
+    reuse_penalty: float = 2.0
+    """Increase of the logarithm of a basin's squared error each time that it was an origin."""
+    widths: tuple[float, ...] = (1.0, 0.5, 0.25)
+    """Widths of the perturbations; each serves two rounds in turn."""
+    gain: float = 2e-3
+    """A round that lowers the error by a smaller fraction does not count as a gain."""
+    idle_rounds: float = 20
+    """Number of rounds without a gain that end the search."""
+    idle_fraction: float = 0.5
+    """The search continues at least for this fraction of the rounds up to its last gain."""
+    idle_rounds_at_first: float = np.inf
+    """Number of rounds that end a search without any gain on what was known before, if it is below ``idle_rounds``."""
+    refined_on_all: int = 4
+    """Number of candidates of a round that are refined on all samples, and of answers that are polished at the end."""
+    final_basins: int = 12
+    """Number of basins of the pool that are refined on all samples when the search ends."""
+    promising: float = 1.4
+    """A candidate is refined on all samples if its squared error is at most so many times that of the best answer."""
+    restored: int = 30
+    """Number of candidates that Newton steps move onto the limits."""
+    restoration_steps: int = 12
+    """Number of these steps."""
+    equation_tolerance: float = 1e-13
+    """Largest violation of an equation among the limits; inequalities hold exactly."""
+    nearly_exact: float = 1e-2
+    """Error below which an answer is refined without limits too: an exact linkage may be near."""
+    flipped: float = 0.15
+    """Fraction of the perturbations that change the branch."""
+    exchanged: float = 0.1
+    """Fraction of the perturbations that exchange crank-rocker and double-crank."""
+    loose_width: float = 0.5
+    """Width of the perturbations along directions in which the cost is flat."""
+    geodesic_below: float = np.inf
+    """Error below which the geodesic acceleration is added to the steps."""
+    seed: int = 20
+    """Seed of the random numbers."""
