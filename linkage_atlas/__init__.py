@@ -10,9 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from argparse import ArgumentParser, _SubParsersAction
+
     from linkage_atlas.answers import GuidedSolution, Match, Matches, Result, Solution
     from linkage_atlas.assemblies import Assembly
     from linkage_atlas.atlases import Atlas, build_atlas, load_atlas
@@ -112,14 +114,14 @@ def run_batch(arguments: Sequence[str]) -> int:
     return main(arguments)
 
 
-def add_batch_commands(commands: Any) -> None:
+def add_batch_commands(commands: _SubParsersAction[ArgumentParser]) -> None:
     """Add the batch's commands with all their options to the subparsers of a parser."""
     from data_build.batch import add_commands
 
     add_commands(commands)
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> object:
     if name not in _HOME_OF:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     value = getattr(import_module(_HOME_OF[name]), name)

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import Any, TypeAlias, TypeVar
+from typing import TypeAlias, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from synthesis.arrays import Floats
 from synthesis.errors import FieldError
@@ -17,11 +16,12 @@ MILLIMETRES = {"um": 0.001, "mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4, "ft"
 """Units of length and their millimetres."""
 LARGEST = 1e12
 """Largest speed, force, torque or mass, in the user's units."""
-Fields: TypeAlias = Mapping[str, Any]
-"""Fields of a request by name, with values as JSON has them: numbers, words, lists and mappings."""
+Fields: TypeAlias = Mapping[str, object]
+"""Fields of a request by name; their values are not checked yet."""
 
 
 W = TypeVar("W", bound=str)
+T = TypeVar("T")
 
 
 @contextmanager
@@ -75,17 +75,19 @@ def check_top(top: int) -> None:
         raise FieldError("/top", f"wanted a whole number of at least 1, found {top!r}")
 
 
-def check_above_zero(**values: float | None) -> None:
+def check_above_zero(**values: object) -> None:
     """FieldError for an argument that is given and not above zero."""
     for name, value in values.items():
         if value is not None and not number(name, value) > 0:
             raise FieldError(f"/{name}", f"wanted a number above 0, found {value}")
 
 
-def column(name: str, values: ArrayLike) -> Floats:
+def column(name: str, values: object) -> Floats:
     """Values as an array of numbers, or a FieldError that names the argument."""
-    if np.ma.is_masked(values):  # numpy would take what is behind the mask
+    if isinstance(values, np.ma.MaskedArray) and np.ma.is_masked(values):  # numpy would take what is behind the mask
         raise FieldError(f"/{name}", "wanted numbers without a mask: None where one is missing")
+    if isinstance(values, np.ndarray) and values.dtype == object:  # as a list, in which None is a missing number
+        values = values.tolist()
     try:
         return np.asarray(values, dtype=float)
     except (TypeError, ValueError):
@@ -99,11 +101,12 @@ def check_names(where: str, given: Iterable[str], known: Sequence[str], what: st
             raise FieldError.no_such(where, name, known, what)
 
 
-def known_fields(field: str, given: object, names: tuple[str, ...]) -> None:
-    """FieldError unless an argument is a mapping that has none but some fields."""
-    if not isinstance(given, Mapping):
+def known_fields(field: str, value: object, names: tuple[str, ...]) -> Fields:
+    """Return a mapping whose fields all have known names; otherwise raise FieldError."""
+    if not isinstance(value, Mapping):
         raise FieldError(f"/{field}", f"wanted a mapping of {', '.join(names)}")
-    check_names(f"/{field}", (name for name in given if given[name] is not None), names)
+    check_names(f"/{field}", (name for name in value if value[name] is not None), names)
+    return value
 
 
 def kinds_among(given: object, known: Sequence[str], there_are: str = "") -> list[str]:
@@ -129,16 +132,36 @@ def bounded(field: str, value: object, most: float = LARGEST) -> float:
     return found
 
 
-def pair(field: str, given: Any, most: float = LARGEST, words: str = "[x, y]") -> complex:
-    """Two bounded numbers as a complex one."""
-    if isinstance(given, str) or np.shape(given) != (2,):
+def pair(field: str, value: object, largest: float = LARGEST, words: str = "[x, y]") -> complex:
+    """Return two bounded numbers as a complex number."""
+    numbers = () if isinstance(value, str) else sequence(value)
+    if len(numbers) != 2:
         raise FieldError(f"/{field}", f"wanted two numbers {words}")
-    return complex(*(bounded(field, value, most) for value in given))
+    return complex(*(bounded(field, item, largest) for item in numbers))
 
 
-def box(field: str, given: ArrayLike, flat: bool = False) -> tuple[float, float, float, float]:
-    """[xmin, ymin, xmax, ymax], the least first; ``flat``: they may be the same."""
-    found = np.zeros(0) if isinstance(given, str) else column(field, given)
+def build(make: Callable[..., T], values: Fields, *positional: object) -> T:
+    """Call ``make`` with arguments that it checks itself, or whose values were checked one by one."""
+    return make(*positional, **values)
+
+
+def mapping(field: str, value: object) -> Fields:
+    """Return a mapping; raise FieldError for anything else."""
+    if not isinstance(value, Mapping):
+        raise FieldError(f"/{field}", f"wanted a mapping of fields, found {value!r}")
+    return value
+
+
+def sequence(value: object) -> Sequence[object]:
+    """Return the items of a list, tuple or array, empty for anything else."""
+    if isinstance(value, np.ndarray):
+        return list(value) if value.ndim else ()
+    return value if isinstance(value, Sequence) and not isinstance(value, str) else ()
+
+
+def box(field: str, value: object, flat: bool = False) -> tuple[float, float, float, float]:
+    """Return [xmin, ymin, xmax, ymax] after a check; ``flat``: the box may have no width or no height."""
+    found = np.zeros(0) if isinstance(value, str) else column(field, value)
     if (
         found.shape != (4,)
         or not np.all(np.abs(found) <= MAX_LENGTH)

@@ -5,11 +5,22 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
-from typing import Annotated, Any, Literal, NamedTuple, TypedDict
+from typing import Annotated, Literal, NamedTuple, TypedDict
 
 import numpy as np
 
-from linkage_atlas.arguments import box, check_names, flag, number, one_of, pair, pointing, whole_number
+from linkage_atlas.arguments import (
+    Fields,
+    box,
+    check_names,
+    flag,
+    number,
+    one_of,
+    pair,
+    pointing,
+    sequence,
+    whole_number,
+)
 from linkage_atlas.part_settings import PART_SETTINGS, PartSettings
 from linkage_atlas.records import KEPT, Record
 from synthesis.assembly import layers
@@ -225,7 +236,7 @@ class AskedAssembly(NamedTuple):
         )
 
 
-def read_assembly(given: Mapping[str, Any] | bool, where: str = "assembly/") -> AskedAssembly | None:
+def read_assembly(given: Fields | bool, where: str = "assembly/") -> AskedAssembly | None:
     """A checked request for an assembly: some of `ASSEMBLY`, or true for the defaults; None where none is asked for.
 
     ``where``: what stands before its fields in the names that errors have.
@@ -252,13 +263,13 @@ def read_assembly(given: Mapping[str, Any] | bool, where: str = "assembly/") -> 
     )
 
 
-def read_drive(name: str, given: Any) -> Motor | Strut | str:
+def read_drive(name: str, given: object) -> Motor | Strut | str:
     """Read a drive as a reply has it, whose parts are arranged with the linkage; of a drive in a hinge its link."""
 
-    def of(one: Any, part: str) -> Any:
+    def of(one: object, part: str) -> object:
         return one.get(part) if isinstance(one, Mapping) else getattr(one, part, None)
 
-    def length(one: Any, part: str, at: str = "") -> float:
+    def length(one: object, part: str, at: str = "") -> float:
         found = _length(f"{name}/{at}{part}", of(one, part))
         if found is None:
             raise FieldError(f"/{name}/{at}{part}", "needed: give the drive as a reply has it")
@@ -275,11 +286,11 @@ def read_drive(name: str, given: Any) -> Motor | Strut | str:
         pin = pair(f"{name}/pin_on_link", of(given, "pin_on_link"), np.inf)
         return Motor(link, place, length(bar, "crank", "six_bar/"), length(bar, "coupler", "six_bar/"), pin)
     pin = pair(f"{name}/pin_on_link", of(given, "pin_on_link"), np.inf)
-    end, on = pair(f"{name}/ground_point", of(given, "ground_point"), np.inf), of(given, "on") or "ground"
+    end, on = pair(f"{name}/ground_point", of(given, "ground_point"), np.inf), str(of(given, "on") or "ground")
     if kind == "actuator":
         return Strut(link, on, pin, end, (length(given, "retracted"), length(given, "stroke")))
-    lock, knee = of(given, "lock"), of(of(given, "curve"), "knee")
-    if knee is None or len(knee) == 0:
+    lock, knee = of(given, "lock"), sequence(of(of(given, "curve"), "knee"))
+    if not knee:
         raise FieldError(f"/{name}/curve/knee", "needed: give the drive as a reply has it")
     top, other = (
         pair(f"{name}/{at}", value, np.inf) for at, value in (("curve/knee/0", knee[0]), ("pin", of(given, "pin")))
@@ -292,7 +303,7 @@ def read_drive(name: str, given: Any) -> Motor | Strut | str:
     )
 
 
-def _length(name: str, value: Any) -> float | None:
+def _length(name: str, value: object) -> float | None:
     if value is None:
         return None
     found = number(name, value, 0.0)
@@ -301,7 +312,7 @@ def _length(name: str, value: Any) -> float | None:
     return found
 
 
-def _mounts(name: str, given: Any, boards: str) -> dict[str, str]:
+def _mounts(name: str, given: object, boards: str) -> dict[str, str]:
     if given is None:
         return {}
     if not isinstance(given, Mapping):
@@ -317,7 +328,7 @@ def _mounts(name: str, given: Any, boards: str) -> dict[str, str]:
     return dict(given)
 
 
-def _outline(name: str, given: Any) -> tuple[complex, ...]:
+def _outline(name: str, given: object) -> tuple[complex, ...]:
     """The corners of a body's outline, counter-clockwise."""
     try:
         points = np.asarray(given, dtype=float)

@@ -9,7 +9,7 @@ from functools import cache, cached_property, lru_cache
 from importlib.metadata import version
 from pathlib import Path
 from threading import Lock
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from linkage_atlas.answers import AtlasType
 from linkage_atlas.notes import counted
@@ -88,7 +88,7 @@ class Atlas:
         """Return the type of a row, counted from 0."""
         return AtlasType(row + 1, self.lengths[row].tolist())
 
-    def details_of(self, number: int) -> dict[str, Any]:
+    def details_of(self, number: int) -> dict[str, object]:
         """Return a type by its number, from 1: lengths, family and Haar features of its body's rotation over the whole turn."""
         if not 1 <= number <= len(self):
             raise FieldError("/number", f"there is no type {number}: the atlas has types 1 to {len(self)}")
@@ -117,7 +117,7 @@ class Atlas:
         """Hash of the rule and the features; None if no file holds them."""
         return self._stored.content_sha256 if self._stored else None
 
-    def describe(self) -> dict[str, Any]:
+    def describe(self) -> dict[str, object]:
         """Describe its contents as plain values."""
         return {
             "kind": self.kind,

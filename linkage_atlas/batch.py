@@ -7,12 +7,14 @@ import hashlib
 import json
 import os
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Executor, Future
 from importlib.metadata import version
 from itertools import chain
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
+
+import numpy as np
 
 from data_build.batch import dask_executor, local_executor
 from linkage_atlas.arguments import Fields
@@ -43,18 +45,19 @@ def key_of(text: bytes, *depends: str) -> str:
     return hashlib.sha256(json.dumps([version("linkage-atlas"), *depends]).encode() + b"\n" + text).hexdigest()[:16]
 
 
-def answer_line(question: Question, reply: Any = None, error: str | None = None) -> bytes:
+def answer_line(question: Question, reply: Fields | None = None, error: str | None = None) -> bytes:
     """Return the line with an answer: the reply without times, or the error."""
-    row: dict[str, Any] = {"line": question.line, "key": question.key}
-    row |= {"reply": without_times(reply)} if error is None else {"error": " ".join(error.split())}
+    row: dict[str, object] = {"line": question.line, "key": question.key}
+    row |= {"reply": without_times(reply or {})} if error is None else {"error": " ".join(error.split())}
     return json.dumps(row).encode()
 
 
-def without_times(reply: dict[str, Any]) -> dict[str, Any]:
+def without_times(reply: Fields) -> Fields:
     """Return a reply without the fields that differ from run to run."""
-    if "report" not in reply:
+    report = reply.get("report")
+    if not isinstance(report, Mapping):
         return reply
-    return reply | {"report": {name: value for name, value in reply["report"].items() if name not in TIMES}}
+    return {**reply, "report": {name: value for name, value in report.items() if name not in TIMES}}
 
 
 def answers(
@@ -77,7 +80,7 @@ def answers(
     if first is None:
         return
     jobs = jobs or os.cpu_count() or 1
-    executor: Any = dask_executor(scheduler) if scheduler else local_executor(jobs)
+    executor = dask_executor(scheduler) if scheduler else local_executor(jobs)
     ahead = AHEAD * (CLUSTER_JOBS if scheduler else jobs)
     with executor as pool, open(out, "ab") if out else contextlib.nullcontext() as file:
         for line in _in_order(pool, work, chain([first], remaining), ahead):
@@ -145,7 +148,7 @@ def study(
     jobs: int | None = None,
     scheduler: str | None = None,
     progress: Callable[[int, int], None] = lambda done, total: None,
-) -> Iterator[dict[str, Any]]:
+) -> Iterator[dict[str, object]]:
     """Answer many requests in order.
 
     Parameters
@@ -189,11 +192,11 @@ def _question(number: int, arguments: Fields) -> Question:
     return Question(number, text, key_of(text, "synthesize"))
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: object) -> object:
     """Return an array or a number of numpy's as JSON has it; complex points as pairs."""
-    if not hasattr(value, "tolist"):
+    if not isinstance(value, (np.ndarray, np.generic)):
         raise TypeError(f"found {type(value).__name__}")
-    if getattr(value, "dtype", None) is not None and value.dtype.kind == "c":
+    if value.dtype.kind == "c":
         return [[point.real, point.imag] for point in value.ravel().tolist()]
     return value.tolist()
 

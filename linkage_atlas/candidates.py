@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -144,7 +144,7 @@ def _best_four_bars(task: Task, search: CandidateSearch, ranking: Ranking) -> Ca
     if task.motion.tolerances is not None and not task.by_error:
         goal = accuracy_goal(task.motion, task.tolerance, 0.0)
     first_work = task.search_work(_FOR_LAYERS if task.prefer == "layers" else 0.0)
-    continued = [_continued(task, start, goal) for start in task.starts or ()]
+    continued: list[Solution | None] = [_continued(task, start, goal) for start in task.starts or ()]
     pool = size + _POOL if task.fair else size
     pool = max(pool, _BALANCED_POOL) if task.prefer == "balanced" else pool
     four_bars, report = search_four_bars(source, task.motion, task.limits, pool, goal, first_work)
@@ -235,7 +235,7 @@ def _with_continued(
     for k, solution in enumerate(held):
         if solution is None:
             continue
-        twin: Any = next((other for other in merged if len(distinct([other, solution], 2)) == 1), None)
+        twin = next((other for other in merged if len(distinct([other, solution], 2)) == 1), None)
         if twin is not None:
             if twin.errors.objective <= solution.errors.objective:
                 held[k] = twin

@@ -8,9 +8,8 @@ import math
 from collections.abc import Mapping, Sequence
 from functools import cache
 from importlib.resources import files
-from typing import Any
 
-from linkage_atlas.arguments import check_names, number
+from linkage_atlas.arguments import Fields, check_names, number, sequence
 from synthesis.drives.actuator import Actuator, Row
 from synthesis.drives.springs import SpringRow
 from synthesis.drives.torsion import TorsionRow
@@ -52,16 +51,16 @@ _NEEDED = {
 
 
 @cache
-def _bundled(name: str) -> tuple[Mapping[str, Any], ...]:
+def _bundled(name: str) -> tuple[Fields, ...]:
     return tuple(_table(name, files("linkage_atlas").joinpath(f"catalogues/{name}.csv").read_text()))
 
 
-def _table(field: str, text: str) -> list[dict[str, Any]]:
+def _table(field: str, text: str) -> list[dict[str, object]]:
     """Rows of a CSV text with a head; numbers where they are numbers."""
     reader = csv.DictReader(io.StringIO(text.strip()), delimiter=";" if ";" in text.partition("\n")[0] else ",")
-    rows: list[dict[str, Any]] = []
+    rows: list[dict[str, object]] = []
     for line, row in enumerate(reader, 2):
-        values: dict[str, Any] = {}
+        values: dict[str, object] = {}
         for name, value in row.items():
             if name is None or value is None:
                 raise FieldError(f"/{field}", f"line {line} has not as many columns as the head")
@@ -78,11 +77,11 @@ def _table(field: str, text: str) -> list[dict[str, Any]]:
     return rows
 
 
-def _rows(field: str, given: Any, kind: str, names: Sequence[str], most: int) -> list[Mapping[str, Any]]:
+def _rows(field: str, given: object, kind: str, names: Sequence[str], most: int) -> list[Fields]:
     """Rows of a catalogue: by its name, of a CSV text, or as they are."""
     if isinstance(given, str):
         if "\n" in given:
-            rows: list[Mapping[str, Any]] = list(_table(field, given))
+            rows: list[Fields] = list(_table(field, given))
         elif given in names:
             return list(_bundled(given))
         else:
@@ -90,7 +89,7 @@ def _rows(field: str, given: Any, kind: str, names: Sequence[str], most: int) ->
                 f"/{field}", f"wanted one of {', '.join(names)}, rows, or a CSV text, found {given[:60]!r}"
             )
     else:
-        rows = [dict(row) for row in given]
+        rows = [row if isinstance(row, Mapping) else {} for row in sequence(given)]
     if not 1 <= len(rows) <= most:
         raise FieldError(f"/{field}", f"wanted 1 to {most} rows, found {len(rows)}")
     for place, row in enumerate(rows):
@@ -101,7 +100,7 @@ def _rows(field: str, given: Any, kind: str, names: Sequence[str], most: int) ->
     return rows
 
 
-def _value(field: str, row: Mapping[str, Any], name: str, scale: float, default: float | None = None) -> float | None:
+def _value(field: str, row: Fields, name: str, scale: float, default: float | None = None) -> float | None:
     found = row.get(name)
     if found is None:
         return default
@@ -111,7 +110,9 @@ def _value(field: str, row: Mapping[str, Any], name: str, scale: float, default:
     return value / scale if name in _LENGTHS else value
 
 
-def read_actuators(field: str, given: Any, millimetres: float, pressure: float) -> tuple[list[Row], dict[str, float]]:
+def read_actuators(
+    field: str, given: object, millimetres: float, pressure: float
+) -> tuple[list[Row], dict[str, float]]:
     """Rows of a catalogue of actuators, and the rod diameters by the rows' names.
 
     A bundled one and none else is turned from millimetres to the request's unit, of which ``millimetres`` make one. A row with a
@@ -149,7 +150,7 @@ def read_actuators(field: str, given: Any, millimetres: float, pressure: float) 
     return rows, rods
 
 
-def read_springs(field: str, given: Any, kind: str, millimetres: float) -> list[SpringRow]:
+def read_springs(field: str, given: object, kind: str, millimetres: float) -> list[SpringRow]:
     """Read a catalogue of tension, gas or compression springs; None selects the bundled catalogue."""
     given = SPRINGS[kind] if given is None else given
     bundled = isinstance(given, str) and "\n" not in given
@@ -181,7 +182,7 @@ def read_springs(field: str, given: Any, kind: str, millimetres: float) -> list[
     return kinds
 
 
-def _compression(at: str, row: Mapping[str, Any], name: str, scale: float, price: float | None) -> SpringRow:
+def _compression(at: str, row: Fields, name: str, scale: float, price: float | None) -> SpringRow:
     """Read a row of a compression spring, which pushes between its free length and its length under the largest load."""
     stiffness, free, load = (_value(at, row, column, scale) for column in ("stiffness", "free_length", "load_max"))
     assert stiffness is not None and free is not None and load is not None
@@ -191,7 +192,7 @@ def _compression(at: str, row: Mapping[str, Any], name: str, scale: float, price
     return SpringRow(name, rate, free, 0.0, free - load / rate, free, price)
 
 
-def read_torsion_springs(field: str, given: Any, millimetres: float, radian: float) -> list[TorsionRow]:
+def read_torsion_springs(field: str, given: object, millimetres: float, radian: float) -> list[TorsionRow]:
     """Read a catalogue of torsion springs; None selects the bundled catalogue.
 
     The bundled catalogue has newtons times millimetres per degree and degrees; other rows are in the request's units.

@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from linkage_atlas.arguments import Fields, check_names, column, number, radians_in
+from linkage_atlas.arguments import Fields, build, check_names, column, number, one_of, radians_in, sequence
 from linkage_atlas.motions import Motion
 from linkage_atlas.notes import condition, counted
 from synthesis import limits as model
@@ -39,7 +37,7 @@ QUICK, QUICK_ROUNDS = 0.1, 2
 Search = Callable[[model.Limits, Work], tuple[Sequence[object], object]]
 
 
-class Limits(dict[str, Any]):
+class Limits(dict[str, object]):
     """Within what: limits by name, in the units of the motion, each checked when it is used.
 
     A mapping of the same names does as well. Lengths and places are in the unit of the positions, angles in that of the motion;
@@ -53,7 +51,7 @@ class Limits(dict[str, Any]):
     {'transmission_angle_min': 40, 'pivot_box': [-50, -50, 250, 250]}
     """
 
-    def __init__(self, **limits: Any) -> None:
+    def __init__(self, **limits: object) -> None:
         check_names("/limits", limits, (*LIMITS, "preset"), "limit")
         super().__init__(limits)
 
@@ -95,18 +93,16 @@ def _read(
     radian: float,
     forms: Mapping[str, Form],
     preset: str,
-    default: dict[str, Any],
+    default: Fields,
 ) -> model.Limits:
-    given = default | {name: value for name, value in (limits or {}).items() if value is not None}
+    given = {**default, **{name: value for name, value in (limits or {}).items() if value is not None}}
     check_names("/limits", given, (*forms, "preset"), "limit")
-    preset = given.pop("preset", preset)
-    if preset not in PRESETS:
-        raise FieldError("/limits/preset", f"wanted 'practical' or 'none', found {preset!r}")
+    preset = one_of("limits/preset", given.pop("preset", preset), PRESETS)
     given = {name: _value(f"limits/{name}", FORMS[name].kind, value, radian) for name, value in given.items()}
-    return model.Limits(**(practical_limits(samples, given) if preset == "practical" else given))
+    return build(model.Limits, practical_limits(samples, given) if preset == "practical" else given)
 
 
-def _value(field: str, kind: str, value: Any, radian: float) -> Any:
+def _value(field: str, kind: str, value: object, radian: float) -> object:
     match kind:
         case "angle":
             return number(field, value) * radian
@@ -117,13 +113,13 @@ def _value(field: str, kind: str, value: Any, radian: float) -> Any:
         case "box":
             return tuple(_numbers(field, value, 4, "[xmin, ymin, xmax, ymax]"))
         case "boxes":
-            return tuple(_value(f"{field}/{k}", "box", box, radian) for k, box in enumerate(value))
+            return tuple(_value(f"{field}/{k}", "box", box, radian) for k, box in enumerate(sequence(value)))
         case "links":
             return _lengths(field, value)
     return value
 
 
-def _numbers(field: str, values: ArrayLike, size: int, form: str) -> list[float]:
+def _numbers(field: str, values: object, size: int, form: str) -> list[float]:
     found = column(field, values)
     if found.shape != (size,):
         rows = f" in {counted(len(found), 'row')}" if found.ndim > 1 else ""
@@ -237,13 +233,13 @@ def _without(limits: model.Limits, name: str, extent: float) -> model.Limits:
     return _changed(limits, name, "any" if name == "family" else getattr(model.Limits(), name), extent)
 
 
-def _changed(limits: model.Limits, name: str, value: Any, extent: float) -> model.Limits:
+def _changed(limits: model.Limits, name: str, value: object, extent: float) -> model.Limits:
     """Return the limits with another value of one limit, as a request with that value would have them."""
-    changes: dict[str, Any] = {name: value}
+    changes = {name: value}
     if name == "link_min" and limits.practical and limits.link_max == ROOM * (limits.link_min or 0.0):
-        # it has lifted the preset's longest
-        changes["link_max"] = max(extent * REACH, ROOM * (value or 0.0))
-    return replace(limits, **changes)
+        # the shortest length has lifted the longest length of the preset
+        changes["link_max"] = max(extent * REACH, ROOM * (value if isinstance(value, float) else 0.0))
+    return build(replace, changes, limits)
 
 
 def _condition(limits: model.Limits, name: str, motion: Motion) -> str:

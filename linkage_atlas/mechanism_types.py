@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple, get_args
+from typing import NamedTuple, get_args
 
 from linkage_atlas.arguments import kinds_among, one_of
 from linkage_atlas.linkages import KindName
@@ -170,6 +170,10 @@ def as_poses(samples: Samples) -> Poses:
     """Return samples without their crank angles."""
     if isinstance(samples, Poses):
         return samples
-    names = ("rotation", "position", "length_scale", "rotation_weights", "position_weights")
-    columns: dict[str, Any] = {name: getattr(samples, name) for name in names}
-    return Poses(**columns)
+    return Poses(
+        samples.rotation,
+        samples.position,
+        length_scale=samples.length_scale,
+        rotation_weights=samples.rotation_weights,
+        position_weights=samples.position_weights,
+    )

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, TypedDict, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from linkage_atlas.arguments import column, number, radians_in, read_length_unit
+from linkage_atlas.arguments import build, column, number, radians_in, read_length_unit, sequence
 from linkage_atlas.plotting import plot_curves, plot_poses
 from linkage_atlas.records import plane
 from linkage_atlas.tables import POSES, decoded, read_table
@@ -56,6 +57,19 @@ _WRAPPED = 0.75
 MOST_STOCK = 1000
 """Lengths of a stock at most."""
 OR_FREE = ", or `timing` 'free' (its angles are unknown, and found with the linkage)"
+
+
+N = TypeVar("N", np.float64, np.complex128)
+
+
+class Columns(TypedDict):
+    """Arguments that motions with given and with free crank angles share, in radians."""
+
+    rotation: Floats | None
+    position: Complexes | None
+    length_scale: float | None
+    rotation_weights: Floats | None
+    position_weights: Floats | None
 
 
 @dataclass(frozen=True)
@@ -204,9 +218,9 @@ class Motion:
             wound, self._wraps = (rotation, []) if untimed else unwound("rotation", rotation, degrees)
             crank_angle, said = unwound("crank angle", crank_angle, degrees)
             self._wraps = [*self._wraps, *said]
-            turns, turn_weights = _present("rotation", wound, weights)
-            places, point_weights = _present("position", position, weights)
-            part: dict[str, Any] = {
+            turns, turn_weights = _present("rotation", wound, weights, 0.0, partial(column, "rotation"))
+            places, point_weights = _present("position", position, weights, (0.0, 0.0), _points)
+            part: Columns = {
                 "rotation": None if turns is None else turns * radian,
                 "position": places,
                 "length_scale": None if length_scale is None else number("length_scale", length_scale),
@@ -259,7 +273,7 @@ class Motion:
 
     @classmethod
     def read(
-        cls, path: str | Path, unwrap: bool = False, columns: Mapping[str, str] | None = None, **arguments: Any
+        cls, path: str | Path, unwrap: bool = False, columns: Mapping[str, str] | None = None, **arguments: object
     ) -> Motion:
         """Read the motion in a table of samples: CSV, or pasted from a spreadsheet.
 
@@ -280,7 +294,7 @@ class Motion:
         text = decoded(Path(path).read_bytes())
         table = read_table(text, POSES, arguments | unit, unwrap, columns, length_unit)
         fields = {name: value for name, value in table.fields.items() if name != "angle_unit"}
-        motion = cls(**fields, length_unit=table.length_unit)
+        motion = build(cls, {**fields, "length_unit": table.length_unit})
         motion._table_notes = [table.note]
         return motion
 
@@ -328,11 +342,11 @@ class Motion:
             return self.samples
         raise FieldError("/timing", "the crank angles are free: only a solution has them")
 
-    def with_angles(self, linkages: Sequence[Linkage], cranks: Sequence[Any]) -> Target:
+    def with_angles(self, linkages: Sequence[Linkage], cranks: Sequence[Floats | None]) -> Target:
         """The motion with crank angles (N,) that were found, one set a linkage; as it is where they were given."""
         if isinstance(self.samples, Target):
             return self.samples
-        crank, turns = np.stack(list(cranks)), None
+        crank, turns = np.stack([crank for crank in cranks if crank is not None]), None
         if self.samples.rotation is not None:
             start = np.array([one.start for one in linkages])[:, None]
             turned = np.array([one.ground_angle + (one.body_offset or 0.0) for one in linkages])[:, None]
@@ -346,7 +360,7 @@ class Motion:
             return self
         return Motion.of(target.one_of(place), self.degrees, self.tolerances, self.length_unit)
 
-    def of_solution(self, linkage: Linkage, crank: Any) -> Motion:
+    def of_solution(self, linkage: Linkage, crank: Floats) -> Motion:
         """The motion with the crank angles that one solution found."""
         if isinstance(self.samples, Target):
             return self
@@ -436,27 +450,30 @@ def looks_like_radians(values: ArrayLike) -> bool:
     return bool(np.ptp(given) >= _RADIANS and np.any(np.abs(10 * given - np.round(10 * given)) > 1e-6))
 
 
-def _present(name: str, values: Any, weights: Mapping[str, ArrayLike]) -> tuple[Any, Any]:
-    """A column as numbers and its weights: an entry None has weight 0, and a value between its neighbours that nobody reads."""
+def _present(
+    name: str, values: object, weights: Mapping[str, ArrayLike], blank: object, read: Callable[[object], NDArray[N]]
+) -> tuple[NDArray[N] | None, Floats | None]:
+    """Return a column as numbers and its weights.
+
+    An entry None gets the weight 0 and a value between its neighbours, which nothing reads. ``blank`` is a value of the right
+    form, which is read in its place.
+    """
     own = weights.get(name)
-    given = None if own is None else column(f"weights/{name}", own)
+    sample_weights = None if own is None else column(f"weights/{name}", own)
     if values is None:
-        return None, given
-    missing = np.zeros(0, dtype=bool)
-    if isinstance(values, (list, tuple)) or (isinstance(values, np.ndarray) and values.dtype == object):
-        missing = np.array([entry is None for entry in values])
-    blank: Any = 0.0 if name == "rotation" else (0.0, 0.0)
-    if missing.any():
-        values = [blank if gone else entry for entry, gone in zip(values, missing)]
-    values = column(name, values) if name == "rotation" else _points(values)
+        return None, sample_weights
+    entries = sequence(values) if not isinstance(values, np.ndarray) or values.dtype == object else ()
+    missing = np.array([entry is None for entry in entries], dtype=bool)
     if not missing.any():
-        return values, given
+        return read(values), sample_weights
+    numbers = read([blank if entry is None else entry for entry in entries])
     if missing.all():
         raise FieldError(f"/{name}", "wanted at least one entry that is not null")
-    if given is None or given.shape == values.shape:
-        given = np.where(missing, 0.0, 1.0 if given is None else given)
-    place = np.arange(values.size)
-    return np.interp(place, place[~missing], values[~missing]), given
+    if sample_weights is None or sample_weights.shape == numbers.shape:
+        sample_weights = np.where(missing, 0.0, 1.0 if sample_weights is None else sample_weights)
+    index = np.arange(numbers.size)
+    filled: NDArray[N] = np.interp(index, index[~missing], numbers[~missing])
+    return filled, sample_weights
 
 
 def unwound(name: str, angles: ArrayLike | None, degrees: bool) -> tuple[ArrayLike | None, list[str]]:
@@ -468,9 +485,8 @@ def unwound(name: str, angles: ArrayLike | None, degrees: bool) -> tuple[ArrayLi
     """
     turn = 360.0 if degrees else TURN
     try:
-        entries: Any = angles
-        values = np.array([np.nan if one is None else one for one in entries], dtype=float)
-    except (TypeError, ValueError):  # told by who reads it
+        values: Floats = np.array([np.nan if angle is None else angle for angle in sequence(angles)], dtype=float)
+    except (TypeError, ValueError):  # the reader of the angles names the wrong one
         return angles, []
     if values.ndim != 1:
         return angles, []
@@ -489,8 +505,9 @@ def unwound(name: str, angles: ArrayLike | None, degrees: bool) -> tuple[ArrayLi
         f"the {name} from sample {given[k] + 1} ({own[k]:.6g}) to {given[k + 1] + 1} ({own[k + 1]:.6g}) is taken as a turn of "
         f"{step:.4g} {unit}, the short way; for {jumps[k]:.4g} write it beyond {turn:.6g}"
     )
-    found: Any = [None if np.isnan(one) else float(one) for one in values]
-    return found, [said]
+    if np.isnan(values).any():
+        return np.array([None if np.isnan(value) else value for value in values.tolist()], dtype=object), [said]
+    return values, [said]
 
 
 def _tolerances(tolerances: Mapping[str, ArrayLike] | None, samples: Samples, radian: float) -> Tolerances | None:
@@ -563,7 +580,7 @@ def _check_given(what: str, order: str, closed: bool, crank_span_max: float | No
             raise FieldError(f"/{name}", f"needs `timing` 'free': here the {what} given")
 
 
-def _points(position: ArrayLike) -> Any:
+def _points(position: object) -> Complexes:
     points = np.asarray(position)
     if not np.iscomplexobj(points):
         points = column("position", position)

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Any
 
 import numpy as np
 
 from synthesis.arrays import Floats
-from synthesis.limits import FORMS, Limits
+from synthesis.limits import FORMS, Limits, Reach
 
 LABELS = {
     "family": "the family",
@@ -108,16 +107,19 @@ def condition(limits: Limits, name: str, radian: float) -> str:
     return _CONDITIONS[name].format(_shown(value, FORMS[name].kind, radian))
 
 
-def _shown(value: Any, kind: str, radian: float) -> str:
-    match kind:
-        case "angle":
-            return f"{value / radian:.3g} {'radians' if radian == 1 else 'degrees'}"
-        case "point":
-            return f"({value.real:.4g}, {value.imag:.4g})"
-        case "box":
-            return f"[{', '.join(f'{number:.4g}' for number in value)}]"
-        case "reach":
+def _shown(value: object, kind: str, radian: float) -> str:
+    """Write the value of a limit with its unit of angle; empty for values that no sentence shows."""
+    match value:
+        case Reach():
             return f"{max(far for far in value[1:] if far is not None):.4g}"
-        case "length" | "ratio":
-            return f"{value:.4g}"
+        case complex():
+            return f"({value.real:.4g}, {value.imag:.4g})"
+        case float():
+            return (
+                f"{value / radian:.3g} {'radians' if radian == 1 else 'degrees'}"
+                if kind == "angle"
+                else f"{value:.4g}"
+            )
+        case tuple() if kind == "box":
+            return f"[{', '.join(f'{number:.4g}' for number in value)}]"
     return ""

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
-from linkage_atlas.arguments import millimetres_in, number
+from linkage_atlas.arguments import Fields, millimetres_in, number
 from synthesis.assembly.layers import THICKNESS, WASHER
 from synthesis.assembly.machine import Sizes
 from synthesis.assembly.sizes import WIDTH_OF_HOLE
@@ -51,22 +49,22 @@ class PartSettings:
     """Unit of the lengths, for the default sizes; None: the unit of the file, or mm."""
 
     @classmethod
-    def read(cls, given: Mapping[str, Any], where: str) -> PartSettings:
+    def read(cls, given: Fields, where: str) -> PartSettings:
         """Check the settings among the fields of a request; ``where``: path of the fields in error messages."""
-        values: dict[str, Any] = {name: given[name] for name in PART_SETTINGS if given.get(name) is not None}
+        sizes: dict[str, float] = {}
         for name in LENGTHS:
-            if name in values:
-                values[name] = number(f"{where}{name}", values[name], 0.0)
-                if not values[name] > 0 and name not in ("clearance", "washer", "kerf"):
-                    raise FieldError(f"/{where}{name}", f"wanted a length above 0, found {values[name]:g}")
-        if "scale" in values:
-            values["scale"] = number(f"{where}scale", values["scale"])
-            if not LEAST_SCALE <= values["scale"] <= LARGEST_SCALE:
-                allowed = f"{LEAST_SCALE:g} to {LARGEST_SCALE:g}"
-                raise FieldError(f"/{where}scale", f"wanted {allowed}, found {values['scale']:g}")
-        if "length_unit" in values:
-            millimetres_in(values["length_unit"], where)
-        return cls(**values)
+            if given.get(name) is not None:
+                sizes[name] = number(f"{where}{name}", given[name], 0.0)
+                if not sizes[name] > 0 and name not in ("clearance", "washer", "kerf"):
+                    raise FieldError(f"/{where}{name}", f"wanted a length above 0, found {sizes[name]:g}")
+        if given.get("scale") is not None:
+            scale = sizes["scale"] = number(f"{where}scale", given["scale"])
+            if not LEAST_SCALE <= scale <= LARGEST_SCALE:
+                raise FieldError(f"/{where}scale", f"wanted {LEAST_SCALE:g} to {LARGEST_SCALE:g}, found {scale:g}")
+        unit = given.get("length_unit")
+        if unit is not None:
+            millimetres_in(unit, where)
+        return cls(**sizes, length_unit=None if unit is None else str(unit))
 
     def in_unit(self, length_unit: str) -> PartSettings:
         """Return the settings with a unit for the default sizes, if none is set."""

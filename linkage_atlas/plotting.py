@@ -109,7 +109,7 @@ def plot_linkage(
             if isinstance(guide, Circle):
                 bar = np.array([plane(guide.pivot), pin[index]])
                 ax.plot(*bar.T, "o-", color=LINK_COLOUR, alpha=opacity, lw=3, markersize=5)
-    for track in filter(lambda ends: ends is not None, map(layout.track, (0, 1))):
+    for track in [ends for ends in map(layout.track, (0, 1)) if ends is not None]:
         ax.plot(*plane(track).T, color=LINK_COLOUR, lw=1, linestyle="--")
     for block in layout.blocks:
         ax.fill(*plane(block).T, facecolor="white", edgecolor=LINK_COLOUR)

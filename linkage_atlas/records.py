@@ -13,8 +13,9 @@ from math import isfinite
 from typing import Annotated, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from synthesis.arrays import Floats
+from synthesis.arrays import Flags, Floats
 
 Values = Annotated[Floats, list[float | None]]
 """(n,): null where a value is not finite."""
@@ -31,7 +32,7 @@ class Record:
     """Base of dataclasses that are a reply, or a part of one."""
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain values under the names of the HTTP contract; null where there is no finite value."""
+        """Return plain values under the names of the HTTP contract; None replaces a value that is not finite."""
         return dict(plain(self))
 
 
@@ -44,7 +45,7 @@ def names_of(kind: Any) -> tuple[str, ...]:
     return getattr(kind, "_fields", ())
 
 
-def plane(points: Any) -> Floats:
+def plane(points: ArrayLike) -> Floats:
     """Complex points of any shape as [x, y], (..., 2)."""
     points = np.asarray(points, dtype=complex)
     return np.stack([points.real, points.imag], axis=-1)
@@ -55,7 +56,7 @@ def xy(point: complex) -> tuple[float, float]:
     return float(np.real(point)), float(np.imag(point))
 
 
-def plain(value: Any) -> Any:
+def plain(value: object) -> Any:
     """A value as JSON has it: dicts, lists and numbers; None for a number, or a row of an array, that is not finite."""
     if isinstance(value, float):
         return float(value) if isfinite(value) else None
@@ -72,10 +73,10 @@ def plain(value: Any) -> Any:
     return value.item() if isinstance(value, np.generic) else value
 
 
-def _numbers(values: Floats) -> list[Any]:
-    good: Any = np.isfinite(values)
+def _numbers(values: Floats) -> list[object]:
+    good: Flags = np.asarray(np.isfinite(values))
     if good.all():
         return values.tolist()
     if values.ndim < 2:
         return [value if fine else None for value, fine in zip(values.tolist(), good)]
-    return [row if fine else None for row, fine in zip(values.tolist(), good.all(axis=-1))]
+    return [row if fine else None for row, fine in zip(values.tolist(), np.all(good, axis=-1).tolist())]

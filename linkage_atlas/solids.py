@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
-from linkage_atlas.arguments import check_names, flag, millimetres_in, number, one_of
+from linkage_atlas.arguments import Fields, check_names, flag, millimetres_in, number, one_of
 from linkage_atlas.assemblies import ASSEMBLY, Assembly, assembled, read_assembly
 from linkage_atlas.formats import OF_PARTS, kind_of
 from linkage_atlas.records import KEPT, Record
@@ -39,7 +39,7 @@ class AskedSolids(NamedTuple):
     nevertheless: bool
 
 
-def read_solids(given: Mapping[str, Any] | None, where: str = "solids/") -> AskedSolids:
+def read_solids(given: Fields | None, where: str = "solids/") -> AskedSolids:
     """A checked request for solids: some of `SOLIDS`. ``where``: what stands before its fields in the names that errors have."""
     given = {} if given is None else given
     if not isinstance(given, Mapping):
@@ -47,8 +47,8 @@ def read_solids(given: Mapping[str, Any] | None, where: str = "solids/") -> Aske
     check_names(f"/{where}".rstrip("/"), given, SOLIDS)
     values = dict.fromkeys(SOLIDS) | {name: value for name, value in given.items() if value is not None}
 
-    def named(name: str, known: Iterable[str], usual: str | None) -> Any:
-        return usual if values[name] is None else one_of(f"{where}{name}", values[name], known)
+    def named(name: str, known: Iterable[str], default: str) -> str:
+        return default if values[name] is None else one_of(f"{where}{name}", values[name], known)
 
     fit = named("fit", FITS, "H7")
     fillet = 0.0 if values["fillet"] is None else number(f"{where}fillet", values["fillet"])
@@ -61,7 +61,7 @@ def read_solids(given: Mapping[str, Any] | None, where: str = "solids/") -> Aske
         named("material", DENSITIES, plates),
         named("pins", DENSITIES, pins),
         fillet,
-        named("layout", ("assembled", "bed"), None),
+        None if values["layout"] is None else named("layout", ("assembled", "bed"), ""),
         nevertheless,
     )
 
@@ -162,16 +162,16 @@ class SolidParts(Record):
         path.write_bytes(self.file(kind_of(path.name)))
 
 
-def masses_of_parts(linkage: Linkage, used: Interval, length_unit: str) -> list[dict[str, Any]]:
+def masses_of_parts(linkage: Linkage, used: Interval, length_unit: str) -> list[Weight]:
     """The masses that a load calls "parts": of the moving links as they are made by default, also where parts collide."""
     asked = read_assembly({"length_unit": length_unit})
     assert asked is not None
     found = assembled(linkage, asked, used, 1.0, Work())
     parts = solids_in(found, read_solids({"nevertheless": True}), length_unit)
-    return [one._asdict() for one in parts.masses]
+    return parts.masses
 
 
-def split(asked: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+def split(asked: Fields) -> tuple[dict[str, object], dict[str, object]]:
     """Arguments of an assembly, and those of solids."""
     check_names("", asked, ASSEMBLY + SOLIDS)
     return (

@@ -178,7 +178,7 @@ class AskedAnalysis(NamedTuple):
         from linkage_atlas.solids import masses_of_parts
 
         found = masses_of_parts(linkage, used, self.length_unit)
-        own = tuple(Mass(one["link"], one["mass"], complex(*one["at"]), one["inertia"]) for one in found)
+        own = tuple(Mass(weight.link, weight.mass, complex(*weight.at), weight.inertia) for weight in found)
         return self._replace(load=self.load._replace(masses=self.load.masses + own), parts=False)
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
+from linkage_atlas.arguments import Fields
 from linkage_atlas.cells import LENGTH_NAMES, decoded, sheet_of
 from linkage_atlas.columns import Column, Reading, with_aliases
 from linkage_atlas.heads import FUNCTIONS, KINDS, POSES, ROTATIONS, SHARES, Kind, axis_names
@@ -31,7 +31,7 @@ __all__ = [
 class Table:
     """Samples read from a table, as the fields of a request."""
 
-    fields: dict[str, Any]
+    fields: dict[str, object]
     """Angles are in the unit that the request asks for, degrees by default."""
     length_unit: str | None
     """Unit of the lengths; None if the table names none."""
@@ -53,8 +53,8 @@ def read_columns(text: str) -> dict[str, str]:
 
 
 def request_from_csv(
-    text: str, also: Mapping[str, Any] | None = None, unwrap: bool = False, columns: Mapping[str, str] | None = None
-) -> dict[str, Any]:
+    text: str, also: Fields | None = None, unwrap: bool = False, columns: Mapping[str, str] | None = None
+) -> dict[str, object]:
     """Return the body of /v1/synthesize for a table of poses; see `read_table`.
 
     Fields in ``also`` take precedence over the table's. Without crank angles in either the timing is free.
@@ -63,15 +63,15 @@ def request_from_csv(
 
 
 def match_from_csv(
-    text: str, also: Mapping[str, Any] | None = None, unwrap: bool = False, columns: Mapping[str, str] | None = None
-) -> dict[str, Any]:
+    text: str, also: Fields | None = None, unwrap: bool = False, columns: Mapping[str, str] | None = None
+) -> dict[str, object]:
     """Return the body of /v1/match for a table of rotations; see `read_table`."""
     return read_table(text, ROTATIONS, also, unwrap, columns).fields
 
 
 def function_from_csv(
-    text: str, also: Mapping[str, Any] | None = None, unwrap: bool = False, columns: Mapping[str, str] | None = None
-) -> dict[str, Any]:
+    text: str, also: Fields | None = None, unwrap: bool = False, columns: Mapping[str, str] | None = None
+) -> dict[str, object]:
     """Return the body of /v1/function for a table of input and output, or of x and y; see `read_table`."""
     return read_table(text, FUNCTIONS, also, unwrap, columns).fields
 
@@ -79,7 +79,7 @@ def function_from_csv(
 def read_table(
     text: str,
     kind: Kind = POSES,
-    also: Mapping[str, Any] | None = None,
+    also: Fields | None = None,
     unwrap: bool = False,
     columns: Mapping[str, str] | None = None,
     length_unit: str | None = None,
@@ -122,15 +122,16 @@ def read_table(
     given, chosen = dict(also or {}), with_aliases(columns, kind)
     sheet = sheet_of(text, kind.known, tuple(chosen.values()))
     reading = Reading(sheet, kind, given.get("angle_unit", "deg") != "rad", length_unit)
-    reading.ends = {role: unit for role in ("input", "output") if (unit := given.get(f"{role}_unit"))}
+    reading.ends = {role: str(unit) for role in ("input", "output") if (unit := given.get(f"{role}_unit"))}
     reading.assign(reading.chosen(chosen) if chosen else reading.recognised())
     reading.read_numbers()
     reading.combine_points()
     if unwrap:
         reading.unwrap()
     found = _poses(reading) if kind is POSES else _rotations(reading) if kind is ROTATIONS else _function(reading)
-    if isinstance(given.get("function"), dict) and "function" in found:
-        found["function"] |= given.pop("function")
+    table, own = found.get("function"), given.get("function")
+    if isinstance(table, dict) and isinstance(own, dict):
+        given["function"] = table | own
     fields = found | given
     if kind is not FUNCTIONS and len(sheet.rows) > MAX_SAMPLES:
         raise FieldError(
@@ -141,13 +142,13 @@ def read_table(
     return Table(fields, reading.length_unit, reading.columns(), reading.note(), reading.heads, reading.angle_named)
 
 
-def _poses(reading: Reading) -> dict[str, Any]:
+def _poses(reading: Reading) -> dict[str, object]:
     """Return rotation, position, crank angles, weights and tolerances."""
     columns, rows = reading.values, reading.sheet.rows
     if "crank_angle" in columns and None in columns["crank_angle"]:
         line = rows[columns["crank_angle"].index(None)].line
         raise FieldError("", f"line {line}: wanted a number for the crank angle, found an empty cell")
-    request: dict[str, Any] = {name: columns[name] for name in ("crank_angle", "rotation") if name in columns}
+    request: dict[str, object] = {name: columns[name] for name in ("crank_angle", "rotation") if name in columns}
     if "x" in columns:
         pairs = list(zip(columns["x"], columns["y"]))
         if half := [row.line for row, pair in zip(rows, pairs) if (pair[0] is None) != (pair[1] is None)]:
@@ -160,7 +161,7 @@ def _poses(reading: Reading) -> dict[str, Any]:
             f"none of the heads {heads} is read as x and y or as angle: wanted {POSES.described}", True
         )
     _check_plane(reading)
-    shares: dict[str, Any] = {}
+    shares: dict[str, dict[str, list[float]]] = {}
     for name in SHARES:
         if name not in columns:
             continue
@@ -198,14 +199,14 @@ def _check_plane(reading: Reading) -> None:
         )
 
 
-def _rotations(reading: Reading) -> dict[str, Any]:
+def _rotations(reading: Reading) -> dict[str, object]:
     """Return rotation and crank angles."""
     if "rotation" not in reading.values:
         raise reading.refuse("wanted a column of angles with the head angle", True)
     return dict(reading.values)
 
 
-def _function(reading: Reading) -> dict[str, Any]:
+def _function(reading: Reading) -> dict[str, object]:
     """Return input and output, or the table of a function."""
     columns = dict(reading.values)
     if {"x", "y"} <= columns.keys():

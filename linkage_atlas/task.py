@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from functools import cache
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, TypedDict, get_args
+from typing import Literal, NamedTuple, TypedDict, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from linkage_atlas.answers import FINISHING
-from linkage_atlas.arguments import Fields, check_above_zero, check_top, number
+from linkage_atlas.arguments import Fields, build, check_above_zero, check_top, mapping, number
 from linkage_atlas.atlases import Atlas, as_atlas, default_atlas
 from linkage_atlas.drive_design.design import check_request
 from linkage_atlas.limits import read_limits
@@ -154,7 +154,7 @@ class Task:
 
 
 def read_task(
-    arguments: Sequence[Any],
+    arguments: Sequence[object],
     named_limits: Fields | None,
     options: SearchOptions,
     more: MotionAndStudies,
@@ -213,7 +213,7 @@ def read_task(
     )
 
 
-def _check_start_angle(options: SearchOptions, kinds: Kinds, studies: Mapping[str, Any]) -> None:
+def _check_start_angle(options: SearchOptions, kinds: Kinds, studies: Fields) -> None:
     """Refuse options that do not keep the crank angle of the first sample."""
     given = {"start_from": options.start_from, "round_to": studies.get("round_to")}
     given |= {"lengths_from": studies.get("lengths_from"), "effort": "atlas" if options.effort == "atlas" else None}
@@ -243,10 +243,10 @@ def _source(options: SearchOptions) -> tuple[SeedTables | Scan, Atlas | None]:
 
 
 def _read_motion(
-    motion: Sequence[Any], limits: Fields | None, more: MotionAndStudies
-) -> tuple[Motion, Fields | None, dict[str, Any]]:
+    arguments: Sequence[object], limits: Fields | None, more: MotionAndStudies
+) -> tuple[Motion, Fields | None, dict[str, object]]:
     """Return the motion, the limits, and the arguments of studies."""
-    named: dict[str, Any] = dict(more)
+    named: dict[str, object] = dict(more)
     known = [*SearchOptions.__dataclass_fields__, "limits", "work", *MotionAndStudies.__annotations__]
     for name in named:
         if name not in known:
@@ -254,11 +254,13 @@ def _read_motion(
             names = f"near: {', '.join(near)}" if near else f"there are {', '.join(sorted(known))}"
             raise TypeError(f"synthesize() has no argument {name!r}; {names}")
     studies = {name: named.pop(name) for name in STUDIES if name in named}
-    if not (motion and isinstance(motion[0], Motion)):
-        return Motion(*motion, **named), limits, studies
-    if named or len(motion) > 2:
+    if not (arguments and isinstance(arguments[0], Motion)):
+        return build(Motion, named, *arguments), limits, studies
+    if named or len(arguments) > 2:
         raise TypeError(f"beside a Motion and its limits there is no {', '.join(named) or 'third argument'}")
-    return motion[0], motion[1] if len(motion) > 1 else limits, studies
+    if len(arguments) > 1 and arguments[1] is not None:
+        limits = mapping("limits", arguments[1])
+    return arguments[0], limits, studies
 
 
 def _preference(prefer: str | None, motion: Motion, searches: bool, only_error: bool) -> Prefer:
@@ -298,11 +300,13 @@ def _fair_within(named_limits: Fields, motion: Motion, limits: Limits, source: S
     allowed: dict[str, float | None] = {name: getattr(limits, name) for name in units}
     wider = any((allowed[name] or 0.0) > FAIR * unit for name, unit in units.items())
     longest = PROPORTION if wider else FAIR
-    lengths: dict[str, Any] = {name: min(longest * unit, allowed[name] or np.inf) for name, unit in units.items()}
+    lengths: dict[str, float | Reach] = {
+        name: min(longest * unit, allowed[name] or np.inf) for name, unit in units.items()
+    }
     if samples.position is not None:
         distance = longest * samples.extent
         lengths["pivot_reach"] = Reach(complex(samples.position_mean(samples.position)), distance, distance)
     try:
-        return Fair(replace(limits, **lengths), longest)
+        return Fair(build(replace, lengths, limits), longest)
     except FieldError:  # a limit of the request excludes them
         return None

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from statistics import median
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -54,7 +53,7 @@ def poses_of_points(points: ArrayLike, degrees: bool) -> tuple[list[float], list
     FieldError
         Of the field ``points``, with the row.
     """
-    rows: Any = column("points", points)
+    rows = column("points", points)
     if rows.ndim != 2 or rows.shape[1] != 4:
         raise FieldError("/points", "wanted rows [x1, y1, x2, y2] of two points of the body")
     if not np.isfinite(rows).all():

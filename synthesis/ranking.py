@@ -59,12 +59,16 @@ class Judged(Protocol):
         """What a search makes least."""
 
 
-class Answer(Protocol):
-    """A linkage with its errors, as any mechanism gives it."""
+class WithErrors(Protocol):
+    """Anything that has errors."""
 
     @property
     def errors(self) -> Judged:
-        """Its errors."""
+        """Errors of the answer."""
+
+
+class Answer(WithErrors, Protocol):
+    """Linkage with its errors, of any mechanism."""
 
     @property
     def identity(self) -> Floats:
@@ -90,8 +94,8 @@ class Status(StrEnum):
     UNKNOWN = "unknown"
 
     @classmethod
-    def of(cls, answers: Sequence[Answer], tolerance: float) -> Status:
-        """The status of answers within the limits, best first: reached where the best objective is below the tolerance."""
+    def of(cls, answers: Sequence[WithErrors], tolerance: float) -> Status:
+        """Return the status of answers within the limits, best first: reached if the best objective is below the tolerance."""
         if not answers:
             return cls.INFEASIBLE
         return cls.REACHED if answers[0].errors.objective < tolerance else cls.CLOSEST

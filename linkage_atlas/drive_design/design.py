@@ -6,12 +6,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkage_atlas.arguments import check_above_zero, check_top, millimetres_in, radians_in
+from linkage_atlas.arguments import Fields, check_above_zero, check_top, millimetres_in, radians_in, sequence
 from linkage_atlas.drive_design.actuators import find_actuators
 from linkage_atlas.drive_design.knees import find_knees
 from linkage_atlas.drive_design.motors import find_motors
@@ -43,14 +42,14 @@ REPLY_ORDER = ("rotary", "actuator", "dyad", "toggle")
 
 
 def drives(
-    linkage: Any = None,
-    drives: Sequence[Mapping[str, Any]] = ({"kind": "rotary"}, {"kind": "actuator"}, {"kind": "dyad"}),
+    linkage: object = None,
+    drives: Sequence[Fields] = ({"kind": "rotary"}, {"kind": "actuator"}, {"kind": "dyad"}),
     *,
-    load: Mapping[str, Any] | None = None,
-    springs: Sequence[Mapping[str, Any]] = (),
+    load: Fields | None = None,
+    springs: Sequence[Fields] = (),
     motion: Motion | None = None,
     crank_angle: ArrayLike | None = None,
-    rocker: Mapping[str, Any] | None = None,
+    rocker: Fields | None = None,
     hand: ArrayLike | None = None,
     length_unit: str | None = None,
     top: int = 5,
@@ -126,19 +125,19 @@ def drives(
         operation = Operation.of_rocker(rocker, radians_in(degrees))
     else:
         operation = Operation.of_given(linkage, motion, crank_angle, degrees)
-    own = (load or {}).get("masses") or ()
+    own = sequence((load or {}).get("masses"))
     if load is not None and load.get("parts"):
         load = {**load, "parts": False, "masses": [*own, *operation.masses_of_parts(length_unit)]}
     reader = Reader(operation.machine, operation.radian, millimetres_in(length_unit))
     question = reader.question(load, drives, springs, hand)
     check_sizes(question, operation.machine.extent)
     found = _answer(operation, question, top, watch)
-    if not question.load.speed and any(mass.get("inertia") for mass in own):
+    if not question.load.speed and any(isinstance(mass, Mapping) and mass.get("inertia") for mass in own):
         found.notes.append("load.masses: inertia counts at a speed alone, and load.speed gives none")
     return found
 
 
-def _unit_of(given: Any) -> str | None:
+def _unit_of(given: object) -> str | None:
     """Return the unit of lengths of a motion, a linkage or a solution; None if it is unknown."""
     unit: str | None = getattr(getattr(given, "linkage", given), "length_unit", None)
     return unit
@@ -178,7 +177,7 @@ def _find(task: DriveTask, request: DriveRequest) -> None:
 # -- drives of the solutions of a search ------------------------------------------------------------------------------
 
 
-def check_request(given: Mapping[str, Any], radian: float) -> None:
+def check_request(given: Fields, radian: float) -> None:
     """Raise FieldError for a request that no linkage can answer, before a linkage is known; see `driven_solution`."""
     interval = Interval(0.0, 0.2)
     circle, slot = Circle(0j, 1.0, 0j), Slot(3.0 + 0.5j, 1.0 + 0.2j, 0.1)
@@ -195,16 +194,14 @@ def check_request(given: Mapping[str, Any], radian: float) -> None:
     raise errors[0]
 
 
-def _read(reader: Reader, given: Mapping[str, Any]) -> tuple[DriveQuestion, DriveRequest | None]:
+def _read(reader: Reader, given: Fields) -> tuple[DriveQuestion, DriveRequest | None]:
     """Check the fields of a search, and the drive that decides which solutions come first."""
     question = reader.question(given.get("load"), given.get("drives"), given.get("springs"))
     deciding = given.get("drive")
     return question, None if deciding is None else reader.drive("drive", deciding)
 
 
-def driven_solution(
-    linkage: Linkage, travel: Floats, given: Mapping[str, Any], radian: float, work: Work
-) -> dict[str, Any]:
+def driven_solution(linkage: Linkage, travel: Floats, given: Fields, radian: float, work: Work) -> dict[str, object]:
     """Return the fields of a solution that `load`, `drives`, `springs` and `drive` request: the best of each kind.
 
     ``travel`` (n,): of its drive at the samples, radians or lengths. ``given``: in the user's units.

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkage_atlas.arguments import check_names, column, number, pair, radians_in
+from linkage_atlas.arguments import Fields, check_names, column, number, pair, radians_in
 from linkage_atlas.drive_design.question import SIZE_RATIO
 from linkage_atlas.linkages import Linkage, given_linkage
 from linkage_atlas.motions import Motion
@@ -59,7 +59,9 @@ class Operation(NamedTuple):
         return operation
 
     @classmethod
-    def of_given(cls, linkage: Any, motion: Motion | None, crank_angle: ArrayLike | None, degrees: bool) -> Operation:
+    def of_given(
+        cls, linkage: object, motion: Motion | None, crank_angle: ArrayLike | None, degrees: bool
+    ) -> Operation:
         """Prepare the user's linkage over the interval that a motion, its own motion or crank angles define."""
         angles = None if crank_angle is None else np.atleast_1d(column("crank_angle", crank_angle))
         view, own = given_linkage(linkage, degrees if motion is None else motion.degrees)
@@ -88,7 +90,7 @@ class Operation(NamedTuple):
         return cls.of(view.plain, travel, radian, target, view.length_unit)
 
     @classmethod
-    def of_rocker(cls, given: Mapping[str, Any], radian: float) -> Operation:
+    def of_rocker(cls, given: Fields, radian: float) -> Operation:
         """Prepare a link on a hinge."""
         check_names("/rocker", given, ("pivot", "start", "swing", "length"))
         values = {"pivot": (0, 0), "start": 0, "length": 1}
@@ -155,10 +157,11 @@ class Operation(NamedTuple):
                 return f"between poses {k + 1} and {1 if is_closed else k + 2}, "
         return ""
 
-    def masses_of_parts(self, length_unit: str) -> list[dict[str, Any]]:
+    def masses_of_parts(self, length_unit: str) -> list[dict[str, object]]:
         """Return the masses of the links as plates and pins of default sizes."""
         from linkage_atlas.solids import masses_of_parts
 
         if self.view is None:
             raise FieldError("/load/parts", "a link on a hinge has no parts: give its masses")
-        return masses_of_parts(self.view.plain, ends_of(self.samples), length_unit)
+        weights = masses_of_parts(self.view.plain, ends_of(self.samples), length_unit)
+        return [weight._asdict() for weight in weights]

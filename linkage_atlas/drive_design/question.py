@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
-from typing import Any, Literal, NamedTuple
+from dataclasses import dataclass, field, fields, replace
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from linkage_atlas.arguments import (
     LARGEST,
+    Fields,
     bounded,
     box,
+    build,
     check_above_zero,
     column,
     flag,
@@ -20,6 +22,7 @@ from linkage_atlas.arguments import (
     number,
     one_of,
     pair,
+    sequence,
     whole_number,
 )
 from linkage_atlas.catalogues import PRESSURE, read_actuators, read_springs, read_torsion_springs
@@ -63,7 +66,7 @@ class ActuatorRequest:
     links: list[str]
     retracted: float | None = None
     stroke: float | None = None
-    catalogue: Any = None
+    catalogue: object = None
     pressure: float | None = None
     on: str = GROUND
     ground_box: Box | None = None
@@ -151,7 +154,7 @@ class SpringRequest:
 
     kind: Literal["tension", "gas", "compression", "torsion"]
     between: tuple[str, str] | None = None
-    catalogue: Any = None
+    catalogue: object = None
     stiffness: float | None = None
     ground_box: Box | None = None
     reach_max: float | None = None
@@ -206,9 +209,9 @@ class Reader:
 
     def question(
         self,
-        load: Mapping[str, Any] | None,
-        drives: Sequence[Mapping[str, Any]] | None,
-        springs: Sequence[Mapping[str, Any]] | None,
+        load: object,
+        drives: object,
+        springs: object,
         hand: ArrayLike | None = None,
     ) -> DriveQuestion:
         """Check a whole request; raise FieldError with the name of a field."""
@@ -225,23 +228,30 @@ class Reader:
             self.millimetres,
         )
 
-    def _load(self, given: Mapping[str, Any]) -> Load:
+    def _load(self, value: object) -> Load:
         machine = self.machine
         links, mounted = (*machine.links, "body"), machine.body is not None
-        entries = _list("load/forces", given.get("forces"), MAX_MASSES) if isinstance(given, Mapping) else ()
+        given: Fields = value if isinstance(value, Mapping) else {}
+        entries = _list("load/forces", given.get("forces"), MAX_MASSES)
         acting = tuple(self._point_force(f"load/forces/{k}", entry) for k, entry in enumerate(entries))
-        if isinstance(given, Mapping):
-            given = {name: value for name, value in given.items() if name != "forces"}
+        without_forces = {name: item for name, item in given.items() if name != "forces"}
         load, parts = read_load(
-            "load", given, links, mounted, MAX_MASSES, "speed", link="body", middles=machine.middles
+            "load",
+            without_forces if isinstance(value, Mapping) else value,
+            links,
+            mounted,
+            MAX_MASSES,
+            "speed",
+            link="body",
+            middles=machine.middles,
         )
         if parts:
             raise FieldError("/load/parts", "for one linkage only: /v1/drives, or `linkage_atlas.drives`")
         speed = bounded("load/speed", given.get("speed") or 0.0) * (self.radian if machine.turns else 1.0)
         return load._replace(speed=speed, metre=self.millimetres / 1000, forces=acting)
 
-    def _point_force(self, at: str, given: Any) -> PointForce:
-        known_fields(at, given, ("link", "at", "force"))
+    def _point_force(self, at: str, given: object) -> PointForce:
+        given = known_fields(at, given, ("link", "at", "force"))
         names = [*self.machine.links, *(["body"] if self.machine.body is not None else [])]
         link = one_of(f"{at}/link", given.get("link"), names)
         point = (
@@ -251,29 +261,29 @@ class Reader:
         )
         return PointForce(link, point, pair(f"{at}/force", given.get("force"), words="[fx, fy]"))
 
-    def drive(self, at: str, given: Mapping[str, Any]) -> DriveRequest:
+    def drive(self, at: str, given: object) -> DriveRequest:
         """Check one entry of ``drives``."""
         kind = one_of(f"{at}/kind", given.get("kind") if isinstance(given, Mapping) else None, KINDS)
         links = list(self.machine.links)
         match kind:
             case "rotary":
                 pivoted = [name for name, link in self.machine.links.items() if link.pivot is not None]
-                return RotaryRequest(**self._fields(at, given, RotaryRequest, pivoted))
+                return build(RotaryRequest, self._fields(at, given, RotaryRequest, pivoted))
             case "dyad":
-                values = self._fields(at, given, MotorRequest, links)
-                if not 1 / LARGEST_RATIO <= values.get("time_ratio", 1.0) <= LARGEST_RATIO:
+                request = build(MotorRequest, self._fields(at, given, MotorRequest, links))
+                if not 1 / LARGEST_RATIO <= (request.time_ratio or 1.0) <= LARGEST_RATIO:
                     raise FieldError(
                         f"/{at}/time_ratio", f"wanted a ratio from {1 / LARGEST_RATIO:g} to {LARGEST_RATIO:g}"
                     )
                 searched = ("motor_box", "time_ratio", "pin_radius", "reach_max")
-                _check_given_ends(at, values, "motor", searched)
-                return MotorRequest(**values)
+                _check_given_ends(at, request, "motor", searched)
+                return request
             case "toggle":
                 return self._toggle(at, self._fields(at, given, ToggleRequest, links))
         return self._actuator(at, self._fields(at, given, ActuatorRequest, links))
 
-    def _toggle(self, at: str, values: dict[str, Any]) -> ToggleRequest:
-        request = ToggleRequest(**values)
+    def _toggle(self, at: str, values: Fields) -> ToggleRequest:
+        request = build(ToggleRequest, values)
         if request.at not in ("first", "last"):
             raise FieldError(f"/{at}/at", f"wanted 'first' or 'last', found {request.at!r}")
         if request.over_centre > np.pi / 3:
@@ -282,40 +292,35 @@ class Reader:
             raise FieldError(f"/{at}/knee", "wanted the handle's part of both links, from 0.1 to 0.9")
         return request
 
-    def _actuator(self, at: str, values: dict[str, Any]) -> ActuatorRequest:
-        names = self.machine.links
-        if (on := values.setdefault("on", GROUND)) not in (GROUND, *names):
-            raise FieldError(f"/{at}/on", f"wanted ground or one of {', '.join(names)}, found {on!r}")
-        if set(values["links"]) == {on}:
-            raise FieldError(f"/{at}/on", f"wanted ground or another link than it moves, found {on!r}")
+    def _actuator(self, at: str, values: Fields) -> ActuatorRequest:
+        names, request = self.machine.links, build(ActuatorRequest, values)
+        if request.on not in (GROUND, *names):
+            raise FieldError(f"/{at}/on", f"wanted ground or one of {', '.join(names)}, found {request.on!r}")
+        if set(request.links) == {request.on}:
+            raise FieldError(f"/{at}/on", f"wanted ground or another link than it moves, found {request.on!r}")
         searched = ("ground_box", "pin_box", "reach_max", "dead_length", "extends", "arm_min")
-        _check_given_ends(at, values, "ground_point", searched)
-        if not isinstance(values.get("extends", True), bool):
+        _check_given_ends(at, request, "ground_point", searched)
+        if not isinstance(request.extends, (bool, type(None))):
             raise FieldError(f"/{at}/extends", "wanted true or false")
-        if "catalogue" in values:
+        if request.catalogue is not None:
             for name in ("retracted", "stroke", "dead_length"):
                 if name in values:
                     raise FieldError(f"/{at}/{name}", "give either this or `catalogue`")
-            pressure = values.get("pressure", PRESSURE)
-            rows, rods = read_actuators(f"{at}/catalogue", values["catalogue"], self.millimetres, pressure)
-            values |= {"rows": rows, "rods": rods}
-        elif "pressure" in values:
+            pressure = PRESSURE if request.pressure is None else request.pressure
+            rows, rods = read_actuators(f"{at}/catalogue", request.catalogue, self.millimetres, pressure)
+            return replace(request, rows=rows, rods=rods)
+        if request.pressure is not None:
             raise FieldError(f"/{at}/pressure", "of a catalogue with bores; there is none")
-        return ActuatorRequest(**values)
+        return request
 
-    def spring(self, at: str, given: Mapping[str, Any]) -> SpringRequest:
+    def spring(self, at: str, given: object) -> SpringRequest:
         """Check one entry of ``springs``."""
         kind = one_of(f"{at}/kind", given.get("kind") if isinstance(given, Mapping) else None, SPRING_KINDS)
         values = self._fields(at, given, SpringRequest)
         names = (GROUND, *self.machine.links)
         if "between" in values:
-            both = values["between"]
-            if (
-                isinstance(both, str)
-                or len(both) != 2
-                or both[0] == both[1]
-                or any(name not in names for name in both)
-            ):
+            both = sequence(values["between"])
+            if len(both) != 2 or both[0] == both[1] or any(name not in names for name in both):
                 raise FieldError(f"/{at}/between", f"wanted two different ones of {', '.join(names)}")
             values["between"] = (both[1], both[0]) if both[1] == GROUND else (both[0], both[1])
         is_real = kind != "tension" or "catalogue" in values
@@ -344,23 +349,22 @@ class Reader:
         if is_real:
             if "stiffness" in values:
                 raise FieldError(f"/{at}/stiffness", "of ideal springs, which need no catalogue")
-        return SpringRequest(kind=kind, **values)
+        return build(SpringRequest, {"kind": kind, **values})
 
     def _check_hand(self, at: str) -> None:
         if self.machine.body is None:
             raise FieldError(f"/{at}", "needs `position`: without it there is no body for a hand to move")
 
-    def _holding(self, at: str, given: Any) -> Holding:
-        known_fields(at, given, Holding._fields)
-        force = given.get("force_min")
-        if force is not None:
+    def _holding(self, at: str, given: object) -> Holding:
+        given, force = known_fields(at, given, Holding._fields), None
+        if given.get("force_min") is not None:
             self._check_hand(f"{at}/force_min")
-            check_above_zero(**{f"{at}/force_min": force})
-            force = bounded(f"{at}/force_min", force)
+            check_above_zero(**{f"{at}/force_min": given["force_min"]})
+            force = bounded(f"{at}/force_min", given["force_min"])
         return Holding(flag(f"{at}/closed", given.get("closed")), flag(f"{at}/open", given.get("open")), force)
 
-    def _wanted(self, at: str, given: Any) -> WantedCurve:
-        known_fields(at, given, ("torque", "hand_force"))
+    def _wanted(self, at: str, given: object) -> WantedCurve:
+        given = known_fields(at, given, ("torque", "hand_force"))
         names = [name for name in ("torque", "hand_force") if given.get(name) is not None]
         if len(names) != 1:
             raise FieldError(f"/{at}", "wanted either `torque` or `hand_force`")
@@ -372,12 +376,10 @@ class Reader:
             raise FieldError(f"/{at}/{name}", f"wanted 2 to {MAX_WANTED} finite numbers, at even steps of the motion")
         return WantedCurve("torque" if name == "torque" else "hand_force", values)
 
-    def _fields(
-        self, at: str, given: Mapping[str, Any], request: type, links: Sequence[str] | None = None
-    ) -> dict[str, Any]:
+    def _fields(self, at: str, given: object, request: type, links: Sequence[str] | None = None) -> dict[str, object]:
         """Return the fields of an entry after a check of numbers, boxes and links."""
         names = [item.name for item in fields(request) if item.name not in ("kind", "rows", "rods", "torsion_rows")]
-        known_fields(at, given, ("kind", *names))
+        given = known_fields(at, given, ("kind", *names))
         values = {
             name: self._value(f"{at}/{name}", name, value)
             for name, value in given.items()
@@ -387,7 +389,7 @@ class Reader:
             values["links"] = _links(f"{at}/links", values.get("links"), links)
         return values
 
-    def _value(self, at: str, name: str, value: Any) -> Any:
+    def _value(self, at: str, name: str, value: object) -> object:
         match name:
             case (
                 "retracted" | "stroke" | "reach_max" | "pin_radius" | "time_ratio" | "pressure" | "rod" | "stiffness"
@@ -410,10 +412,10 @@ class Reader:
         return value
 
 
-def _check_given_ends(at: str, values: Mapping[str, Any], end: str, searched: Sequence[str]) -> None:
+def _check_given_ends(at: str, request: ActuatorRequest | MotorRequest, end: str, searched: Sequence[str]) -> None:
     """Raise FieldError unless both ends of a drive are given, for a single link and without fields of a search, or neither is."""
-    is_given = end in values
-    if is_given != ("pin" in values or "pin_on_link" in values):
+    is_given = getattr(request, end) is not None
+    if is_given != (request.pin is not None or request.pin_on_link is not None):
         missing = "pin" if is_given else end
         boxes = [name for name in searched if name.endswith("_box")]
         raise FieldError(
@@ -421,12 +423,12 @@ def _check_given_ends(at: str, values: Mapping[str, Any], end: str, searched: Se
         )
     if not is_given:
         return
-    if "pin" in values and "pin_on_link" in values:
+    if request.pin is not None and request.pin_on_link is not None:
         raise FieldError(f"/{at}/pin", "give either this or `pin_on_link`")
-    if len(values["links"]) != 1:
+    if len(request.links) != 1:
         raise FieldError(f"/{at}/links", "wanted the link that carries the given pin")
     for name in searched:
-        if name in values:
+        if getattr(request, name) is not None:
             raise FieldError(f"/{at}/{name}", "is for a search; here both ends are given")
 
 
@@ -453,16 +455,17 @@ def check_sizes(question: DriveQuestion, extent: float) -> None:
                 raise FieldError(at, f"lies farther than {size} from the origin")
 
 
-def _list(name: str, given: Sequence[Mapping[str, Any]] | None, max_entries: int) -> Sequence[Mapping[str, Any]]:
-    found = () if given is None else given
-    if isinstance(found, (Mapping, str)) or len(found) > max_entries:
+def _list(name: str, value: object, max_entries: int) -> Sequence[Fields]:
+    """Return the entries of a list; an entry that is no mapping is refused where its kind is read."""
+    entries = () if value is None else value
+    if not isinstance(entries, Sequence) or isinstance(entries, str) or len(entries) > max_entries:
         raise FieldError(f"/{name}", f"wanted a list of at most {max_entries}")
-    return found
+    return entries
 
 
-def _links(at: str, given: Any, names: Sequence[str]) -> list[str]:
+def _links(at: str, given: object, names: Sequence[str]) -> list[str]:
     if given is None:
         return list(names)
-    if isinstance(given, str) or not given:
+    if not (items := sequence(given)):
         raise FieldError(f"/{at}", f"wanted a list of some of {', '.join(names)}")
-    return list(dict.fromkeys(one_of(f"{at}/{k}", name, names) for k, name in enumerate(given)))
+    return list(dict.fromkeys(one_of(f"{at}/{k}", name, names) for k, name in enumerate(items)))

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkage_atlas.arguments import bounded, column, known_fields, millimetres_in, number
+from linkage_atlas.arguments import Fields, bounded, column, known_fields, mapping, millimetres_in, number
 from linkage_atlas.assemblies import Assembly, assembled, read_assembly
 from linkage_atlas.formats import OF_PARTS
 from linkage_atlas.linkages import FourBar, Joints, Linkage, content_of, given_linkage
@@ -68,7 +68,7 @@ class SixBarAnalysis(Record):
     pin_forces: dict[str, Vectors] | None
     """In each joint by its name, on the later link of the two; of a slide across it. Null without a load."""
 
-    def columns(self) -> dict[str, Iterable[Any]]:
+    def columns(self) -> dict[str, Iterable[object]]:
         """The columns of a table, a row an angle of the motor."""
         turning = ("angular_velocity", "angular_acceleration")
         return columns_of(self, "velocity", "acceleration", "pin_forces", *turning, "motor_torque")
@@ -113,7 +113,7 @@ class SixBarLinkage(Linkage):
     has_motor = True
 
     def __init__(
-        self, linkage: Any, drive: Any, crank_angle: ArrayLike | None = None, *, degrees: bool = True
+        self, linkage: object, drive: object, crank_angle: ArrayLike | None = None, *, degrees: bool = True
     ) -> None:
         base, own = given_linkage(linkage, degrees)
         if base.has_motor:
@@ -251,7 +251,7 @@ class SixBarLinkage(Linkage):
     def analysis(
         self,
         motor_speed: float,
-        load: Mapping[str, Any] | None = None,
+        load: Fields | None = None,
         motor: ArrayLike | None = None,
         *,
         length_unit: str | None = None,
@@ -305,9 +305,7 @@ class SixBarLinkage(Linkage):
 
     # -- what it becomes ----------------------------------------------------------------------------------------------
 
-    def _arranged(
-        self, target: Target, asked: Mapping[str, Any], work: Work, where: str, length_unit: str = "mm"
-    ) -> Assembly:
+    def _arranged(self, target: Target, asked: Fields, work: Work, where: str, length_unit: str = "mm") -> Assembly:
         if "drive" in asked:
             raise FieldError(f"/{where}drive", "is this six-bar's own motor")
         read = read_assembly({**asked, "drive": self.drive}, where)
@@ -321,9 +319,9 @@ class SixBarLinkage(Linkage):
         motion: Motion | None = None,
         length_unit: str | None = None,
         motor: ArrayLike | None = None,
-        analysis: Mapping[str, Any] | None = None,
-        assembly: Mapping[str, Any] | bool | None = None,
-        solids: Mapping[str, Any] | None = None,
+        analysis: Fields | None = None,
+        assembly: Fields | bool | None = None,
+        solids: Fields | None = None,
         work: Work | None = None,
     ) -> bytes:
         """The six-bar as the content of a file.
@@ -361,12 +359,12 @@ class SixBarLinkage(Linkage):
         shown = type(base).of(plain, self._radian, target)
         return shown.file(kind, length_unit=length_unit, drive=self.drive)
 
-    def _table(self, motor: ArrayLike | None, analysis: Mapping[str, Any] | None, length_unit: str | None) -> bytes:
+    def _table(self, motor: ArrayLike | None, analysis: Fields | None, length_unit: str | None) -> bytes:
         turned = np.linspace(0.0, TURN, _STEPS) / self._radian
         if motor is not None:
             turned = np.atleast_1d(column("motor", motor))
         found = self.joints(turned)
-        more: dict[str, Any] = {
+        more: dict[str, object] = {
             "motor_angle": turned,
             "motor_direction": found.motor_direction,
             "rod_transmission_angle": found.transmission_angle,
@@ -377,13 +375,18 @@ class SixBarLinkage(Linkage):
             known_fields("analysis", analysis, ("motor_speed", "load"))
             if analysis.get("motor_speed") is None:
                 raise FieldError("/analysis/motor_speed", "needed: how fast the motor turns")
-            asked = self.analysis(analysis["motor_speed"], analysis.get("load"), turned, length_unit=length_unit)
+            asked = self.analysis(
+                bounded("analysis/motor_speed", analysis["motor_speed"]),
+                None if analysis.get("load") is None else mapping("analysis/load", analysis["load"]),
+                turned,
+                length_unit=length_unit,
+            )
             more |= asked.columns()
         rows = Target(None, None, crank=found.travel * self._base._unit, found=True)
         return content_of(self._base.plain, rows, self._radian, "csv", length_unit, None, None, more=more)
 
     @property
-    def drive(self) -> dict[str, Any]:
+    def drive(self) -> dict[str, object]:
         """Its motor, as a reply has a drive."""
         motor = self._linkage.motor
         return {
@@ -395,17 +398,17 @@ class SixBarLinkage(Linkage):
             "six_bar": {"crank": motor.crank, "coupler": motor.rod},
         }
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, object]:
         """Plain values; `from_dict` takes them back."""
         return {"linkage": self._base.to_dict(), "drive": plain(self.drive), "crank_angle": list(self.ends)}
 
     @classmethod
-    def from_dict(cls, values: Mapping[str, Any], degrees: bool = True) -> SixBarLinkage:
+    def from_dict(cls, values: Fields, degrees: bool = True) -> SixBarLinkage:
         """A six-bar from what `to_dict` gives."""
         for name in ("linkage", "drive", "crank_angle"):
             if values.get(name) is None:
                 raise FieldError(f"/{name}", "needed")
-        return cls(values["linkage"], values["drive"], values["crank_angle"], degrees=degrees)
+        return cls(values["linkage"], values["drive"], column("crank_angle", values["crank_angle"]), degrees=degrees)
 
     # -- what it leaves to the linkage --------------------------------------------------------------------------------
 
@@ -418,7 +421,7 @@ class SixBarLinkage(Linkage):
         """Refused: tolerances are simulated of the linkage itself."""
         raise FieldError("/linkage", "tolerances are simulated of the linkage itself: `linkage.tolerance_study`")
 
-    def analysed(self, asked: AskedAnalysis, travel: Floats, over: Interval | None = None) -> Any:
+    def analysed(self, asked: AskedAnalysis, travel: Floats, over: Interval | None = None) -> object:
         """Refused: see `analysis`, whose speed is the motor's."""
         raise FieldError("/linkage", "of a six-bar see `analysis`, whose speed is the motor's")
 
@@ -429,7 +432,7 @@ class SixBarLinkage(Linkage):
         )
 
 
-def _no_motion(motion: Motion | None, travel: Any) -> None:
+def _no_motion(motion: Motion | None, travel: object) -> None:
     if motion is not None or travel is not None:
         raise FieldError("/motion", "a six-bar moves over a turn of its motor: leave this")
 

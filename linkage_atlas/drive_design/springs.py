@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TypedDict
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from linkage_atlas.drive_design.question import SpringRequest
 from linkage_atlas.drive_design.records import (
     BeforeAfter,
     Holds,
+    PinPeaks,
     Spring,
     SpringCurve,
     TorqueSize,
@@ -350,6 +351,19 @@ def _ideal_on_pendulums(task: DriveTask, between: tuple[str, str] | None, stiffn
     return Mounted(tuple(springs))
 
 
+class Effect(TypedDict):
+    """Fields that the records of all springs of a set share; see `linkage_atlas.drive_design.records`."""
+
+    set: int
+    count: int
+    torque: BeforeAfter
+    deviation: BeforeAfter | None
+    pin_forces: PinPeaks | None
+    stays: str
+    holds: Holds
+    hand_force_max: float | None
+
+
 # -- records ----------------------------------------------------------------------------------------------------------
 
 
@@ -380,7 +394,11 @@ def _add(goal: Goal, set_number: int, mounted: Mounted) -> None:
         )
     scale = max(sizes.before.peak, float(np.abs(mounted.torque(machine)).max()))
     holds, stays = _at_ends(torque[[0, -1]] * machine.sense, scale)
-    effect: dict[str, Any] = {
+    deviation = None
+    if request.wanted is not None:
+        after = _size(goal, lambda machine: goal.difference(machine, mounted))
+        deviation = BeforeAfter(_size(goal, goal.difference), after)
+    effect: Effect = {
         "set": set_number,
         "count": request.count,
         "torque": sizes,
@@ -388,10 +406,8 @@ def _add(goal: Goal, set_number: int, mounted: Mounted) -> None:
         "stays": stays,
         "holds": holds,
         "hand_force_max": hand_max,
+        "deviation": deviation,
     }
-    if request.wanted is not None:
-        after = _size(goal, lambda machine: goal.difference(machine, mounted))
-        effect["deviation"] = BeforeAfter(_size(goal, goal.difference), after)
     if mounted.torsion is not None:
         task.findings.springs.append(_torsion_record(goal, mounted.torsion, torque, hand, effect))
     names: list[str | None] = [row.name for row in mounted.rows]
@@ -408,7 +424,7 @@ def _linear_record(
     exact: bool,
     torque: Floats,
     hand: Floats | None,
-    effect: dict[str, Any],
+    effect: Effect,
 ) -> Spring:
     task, machine, count = goal.task, goal.task.machine, goal.request.count
     ends: list[Complexes] = [machine.end(*end) for end in zip(spring.between, spring.points)]
@@ -436,7 +452,7 @@ def _linear_record(
 
 
 def _torsion_record(
-    goal: Goal, spring: MountedTorsion, torque: Floats, hand: Floats | None, effect: dict[str, Any]
+    goal: Goal, spring: MountedTorsion, torque: Floats, hand: Floats | None, effect: Effect
 ) -> TorsionSpring:
     task, machine, count = goal.task, goal.task.machine, goal.request.count
     radian, twist, joint = task.operation.radian, spring.twist(machine), joint_of(machine, spring.between)

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
 from linkage_atlas.drive_design.operation import FINE, Operation
 from linkage_atlas.drive_design.question import DriveQuestion, DriveRequest, RotaryRequest
 from linkage_atlas.drive_design.records import AnySpring, Drive, PinPeaks, Refusal, TorqueCurve
-from synthesis.arrays import Floats
+from synthesis.arrays import Complexes, Floats
 from synthesis.drives.links import LinkMotions
 from synthesis.mechanism import Box
 from synthesis.studies.forces import Pull, forces, on_links
@@ -124,15 +124,16 @@ class DriveTask:
             )
 
 
-def both_ends(values: Any) -> tuple[float, float]:
+def both_ends(values: Sequence[float] | Floats) -> tuple[float, float]:
     """Return the first and the last of some values."""
     return float(values[0]), float(values[-1])
 
 
-def envelope(*points: Any) -> Box:
+def envelope(*points: Complexes | complex) -> Box:
     """Return the smallest box around points."""
-    every = np.concatenate([np.atleast_1d(one) for one in points])
-    return float(every.real.min()), float(every.imag.min()), float(every.real.max()), float(every.imag.max())
+    points_of_all = np.concatenate([np.atleast_1d(array) for array in points])
+    x, y = points_of_all.real, points_of_all.imag
+    return float(x.min()), float(y.min()), float(x.max()), float(y.max())
 
 
 def _simpson(values: Floats) -> float:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from linkage_atlas.arguments import (
+    Fields,
     check_names,
     column,
     number,
@@ -20,6 +22,8 @@ from synthesis.arrays import Floats
 from synthesis.errors import FieldError
 from synthesis.target import MAX_SAMPLES, MIN_SAMPLES
 
+RealFunction: TypeAlias = Callable[[Any], ArrayLike]
+"""Function of a number or of an array of numbers, as a user gives it."""
 MIN_PAIRS = 2
 """Minimum number of pairs of a function; two leave freedom, and the answers are a spread of exact linkages."""
 SAMPLES = 101
@@ -51,7 +55,7 @@ class Dials:
     exact: Callable[[Floats], Floats] | None
 
 
-def read_dials(function: Mapping[str, Any], crank_span: float | None, degrees: bool) -> Dials:
+def read_dials(function: Fields, crank_span: float | None, degrees: bool) -> Dials:
     """Return the checked dials of a function by name or table; ``crank_span`` in radians. See `linkage_atlas.function`.
 
     In place of a name ``of`` may be a callable.
@@ -95,7 +99,7 @@ def read_dials(function: Mapping[str, Any], crank_span: float | None, degrees: b
     return Dials(x, y, crank, scale * (y - first), (high - low) / abs(span), exact)
 
 
-def _table(table: Any) -> tuple[Floats, Floats]:
+def _table(table: object) -> tuple[Floats, Floats]:
     rows = column("function/table", table)
     if rows.ndim != 2 or rows.shape[1] != 2 or not MIN_PAIRS <= len(rows) <= MAX_SAMPLES:
         raise FieldError("/function/table", f"wanted {MIN_PAIRS} to {MAX_SAMPLES} pairs [x, y]")
@@ -111,7 +115,7 @@ def _table(table: Any) -> tuple[Floats, Floats]:
     return x.copy(), y.copy()
 
 
-def _sampled(given: Mapping[str, Any], degrees: bool) -> tuple[Floats, Floats, Callable[[Floats], Floats]]:
+def _sampled(given: Fields, degrees: bool) -> tuple[Floats, Floats, Callable[[Floats], Floats]]:
     one_of("function/name", given.get("name", NAMES[0]), NAMES)
     if "x" not in given:
         raise FieldError("/function/x", "needed: [first, last]")
@@ -121,7 +125,8 @@ def _sampled(given: Mapping[str, Any], degrees: bool) -> tuple[Floats, Floats, C
     samples = given.get("samples", SAMPLES)
     if not isinstance(samples, (int, np.integer)) or not MIN_SAMPLES <= samples <= MAX_SAMPLES:
         raise FieldError("/function/samples", f"wanted a whole number from {MIN_SAMPLES} to {MAX_SAMPLES}")
-    of = partial(_called, given["of"]) if "of" in given else _named(given, ends, degrees)
+    called = given.get("of")
+    of = partial(_called, called) if callable(called) else _named(given, ends, degrees)
     x = np.linspace(ends[0], ends[1], samples)
     with np.errstate(all="ignore"):
         y = of(x)
@@ -130,7 +135,7 @@ def _sampled(given: Mapping[str, Any], degrees: bool) -> tuple[Floats, Floats, C
     return x, y, of
 
 
-def _called(of: Callable[[Any], Any], x: Floats) -> Floats:
+def _called(of: RealFunction, x: Floats) -> Floats:
     """Return the values of a callable, which may take arrays or only numbers; FieldError if a value is not finite."""
     with np.errstate(all="ignore"):
         try:
@@ -145,15 +150,15 @@ def _called(of: Callable[[Any], Any], x: Floats) -> Floats:
     return y.astype(float)
 
 
-def _value(of: Callable[[Any], Any], x: float) -> float:
+def _value(of: RealFunction, x: float) -> float:
     try:
-        return float(of(x))
+        return float(np.asarray(of(x)))
     except Exception as error:
         raise FieldError("/output", f"the function fails at x = {x:g}: {error}") from error
 
 
-def _named(given: Mapping[str, Any], ends: Floats, degrees: bool) -> Callable[[Floats], Floats]:
-    name = given["name"]
+def _named(given: Fields, ends: Floats, degrees: bool) -> Callable[[Floats], Floats]:
+    name = str(given["name"])
     if (name == "power") != ("exponent" in given):
         raise FieldError("/function/exponent", "belongs to the function 'power', which needs it")
     exponent, radian = number("function/exponent", given.get("exponent", 0.0)), radians_in(degrees)

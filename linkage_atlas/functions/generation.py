@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any, Literal, TypeVar
+from typing import Literal, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from linkage_atlas.answers import FINISHING
 from linkage_atlas.arguments import (
+    Fields,
     check_above_zero,
     check_top,
 )
+from linkage_atlas.functions.dials import RealFunction
 from linkage_atlas.functions.notes import UNASKED, angle_notes, travel_notes
 from linkage_atlas.functions.question import FunctionFields, FunctionQuestion, read_travel_limits
 from linkage_atlas.functions.results import FunctionReport, FunctionResult, FunctionSolution, TravelSolution
@@ -47,16 +49,16 @@ G = TypeVar("G", Generator, TravelGenerator)
 
 
 def function(
-    output: ArrayLike | Callable[[Any], Any] | None = None,
+    output: ArrayLike | RealFunction | None = None,
     crank_span: float | None = None,
     *,
     input: ArrayLike | None = None,
     interval: ArrayLike | None = None,
     output_span: float | None = None,
     samples: int | None = None,
-    function: Mapping[str, Any] | None = None,
-    quick_return: Mapping[str, Any] | None = None,
-    steering: Mapping[str, Any] | None = None,
+    function: Fields | None = None,
+    quick_return: Fields | None = None,
+    steering: Fields | None = None,
     symmetric: bool = False,
     objective: Literal["rms", "max"] = "rms",
     input_zero: float | None = None,
@@ -68,7 +70,7 @@ def function(
     input_unit: Literal["deg", "rad", "length"] | None = None,
     output_unit: Literal["deg", "rad", "length"] | None = None,
     mechanisms: Sequence[str] | Literal["all"] | None = None,
-    limits: Mapping[str, Any] | None = None,
+    limits: Fields | None = None,
     top: int = 10,
     tolerance: float = DEFAULT_TOLERANCE,
     budget: float | None = None,
@@ -307,7 +309,7 @@ def _closed_form(found: list[G], work: Work) -> tuple[list[G], SearchReport]:
 
 def _result(
     question: FunctionQuestion,
-    found: Sequence[Any],
+    found: Sequence[Generator | TravelGenerator],
     solutions: Sequence[FunctionSolution | TravelSolution],
     course: SearchReport,
     searched: float,

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from linkage_atlas.arguments import (
+    Fields,
     bounded,
+    build,
     check_above_zero,
     column,
     kinds_among,
@@ -20,7 +22,7 @@ from linkage_atlas.arguments import (
     pointing,
     radians_in,
 )
-from linkage_atlas.functions.dials import MIN_PAIRS, Dials, read_dials
+from linkage_atlas.functions.dials import MIN_PAIRS, Dials, RealFunction, read_dials
 from linkage_atlas.functions.special import (
     STEERING_NOTE,
     QuickReturn,
@@ -105,9 +107,7 @@ def read_kinds(mechanisms: Sequence[str] | str | None, dial: Dial) -> list[str]:
     )
 
 
-def read_travel_limits(
-    limits: Mapping[str, Any] | None, laws: Sequence[Law], target: Target, degrees: bool
-) -> TravelLimits:
+def read_travel_limits(limits: Fields | None, laws: Sequence[Law], target: Target, degrees: bool) -> TravelLimits:
     """Return the checked limits of linkages with sliders, angles in radians."""
     given = {name: value for name, value in (limits or {}).items() if value is not None}
     for name, value in given.items():
@@ -119,14 +119,15 @@ def read_travel_limits(
         {name: value for name, value in given.items() if name not in ("links", "offset")}, target, degrees
     )
     lengths: dict[str, float] = {}
-    for name, value in (given.get("links") or {}).items():
+    links = given.get("links")
+    for name, value in links.items() if isinstance(links, Mapping) else ():
         if value is None:
             continue
         if _LINKS.get(name) not in {known for law in laws for known in law.lengths}:
             kinds = ", ".join(dict.fromkeys(law.kind.value for law in laws))
             raise FieldError(f"/limits/links/{name}", f"there is none in {kinds}")
         check_above_zero(**{f"limits/links/{name}": value})
-        lengths[_LINKS[name]] = float(value)
+        lengths[_LINKS[name]] = number(f"limits/links/{name}", value)
     if "offset" in given:
         if not any("offset" in law.lengths for law in laws):
             raise FieldError("/limits/offset", "belongs to slider-cranks")
@@ -164,7 +165,7 @@ def read_wanted(
     *,
     dial: Dial,
     input: ArrayLike | None = None,
-    function: Mapping[str, Any] | None = None,
+    function: Fields | None = None,
     input_zero: float | None = None,
     output_zero: float | None = None,
     weights: ArrayLike | None = None,
@@ -196,7 +197,7 @@ def _in_radians(
     output: ArrayLike | None,
     crank_span: float | None,
     input: ArrayLike | None,
-    function: Mapping[str, Any] | None,
+    function: Fields | None,
     input_zero: float | None,
     output_zero: float | None,
     weights: ArrayLike | None,
@@ -218,7 +219,8 @@ def _in_radians(
         if angles is not None:
             raise FieldError("/input", "the input dial of a `function` is linear: give `crank_span`")
         if of_output != radian and "output_span" in function:  # dials take it as an angle
-            function = {**function, "output_span": function["output_span"] * of_output / radian}
+            output_span = number("function/output_span", function["output_span"])
+            function = {**function, "output_span": output_span * of_output / radian}
         called = _CALLED if "of" in function else {}
         with pointing(lambda field: called.get(field, field)):
             dials = read_dials(function, span, degrees)
@@ -251,7 +253,7 @@ def _in_radians(
 
 def _finite(name: str, given: ArrayLike | None) -> Floats:
     """Return samples of an input or output after a check that they are finite."""
-    values: Floats = column(name, given)  # type: ignore[arg-type]
+    values = column(name, given)
     if values.ndim != 1 or values.size < 2 or not np.isfinite(values).all():
         raise FieldError(f"/{name}", f"wanted at least {MIN_PAIRS} finite numbers")
     return values
@@ -280,7 +282,7 @@ class FunctionQuestion:
     dial: Dial
     scales: Scales
     kinds: list[str]
-    limits: dict[str, Any]
+    limits: dict[str, object]
     """As given, without fields that are None."""
     largest: bool
     """Whether the largest error over the interval is minimised, or the root of the mean square at the samples."""
@@ -307,15 +309,15 @@ class FunctionQuestion:
 class FunctionFields:
     """Arguments of `linkage_atlas.function` that say which function is wanted, as a user gives them."""
 
-    output: ArrayLike | Callable[[Any], Any] | None = None
+    output: ArrayLike | RealFunction | None = None
     crank_span: float | None = None
     input: ArrayLike | None = None
     interval: ArrayLike | None = None
     output_span: float | None = None
     samples: int | None = None
-    function: Mapping[str, Any] | None = None
-    quick_return: Mapping[str, Any] | None = None
-    steering: Mapping[str, Any] | None = None
+    function: Fields | None = None
+    quick_return: Fields | None = None
+    steering: Fields | None = None
     symmetric: bool = False
     objective: str = "rms"
     input_zero: float | None = None
@@ -327,7 +329,7 @@ class FunctionFields:
     input_unit: str | None = None
     output_unit: str | None = None
     mechanisms: Sequence[str] | str | None = None
-    limits: Mapping[str, Any] | None = None
+    limits: Fields | None = None
     tolerance: float = DEFAULT_TOLERANCE
 
     def question(self) -> FunctionQuestion:
@@ -373,7 +375,7 @@ class FunctionFields:
             if self.objective != "rms":
                 raise FieldError("/objective", "belongs to functions that are approximated: a quick return is exact")
             quick = read_quick_return(self.quick_return, self.degrees)
-            fields = replace(self, **quick.pairs)
+            fields = build(replace, quick.pairs, self)
         elif self.steering is not None:
             self._check_alone("steering")
             left, right, track = read_steering(self.steering, self.degrees)

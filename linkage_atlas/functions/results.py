@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -86,11 +86,11 @@ class RoundedFunction(Record):
     """Generator whose links lie on a grid, with zeros fitted again; null if it does not close."""
 
     closes: bool
-    links: Links | None
-    start_angle: float | None
-    output_offset: float | None
-    errors: FunctionErrors | None
-    transmission_angle_min: float | None
+    links: Links | None = None
+    start_angle: float | None = None
+    output_offset: float | None = None
+    errors: FunctionErrors | None = None
+    transmission_angle_min: float | None = None
     """Over the used interval; limits are not applied again."""
     linkage: Linkage | None = field(default=None, metadata=KEPT)
 
@@ -181,12 +181,12 @@ class FunctionResult(Record, Ranked[FunctionSolution | TravelSolution]):
         return self.solutions
 
     @property
-    def best(self) -> Any:
+    def best(self) -> FunctionSolution | TravelSolution:
         """The best solution, of either kind; IndexError where there is none."""
         return self.solutions[0]
 
     @property
-    def linkage(self) -> Any:
+    def linkage(self) -> Linkage:
         """The linkage of the best solution."""
         return self.best.linkage
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from linkage_atlas.answers import verdict_of
@@ -17,7 +15,6 @@ from linkage_atlas.functions.results import (
     TravelSolution,
 )
 from linkage_atlas.linkages import Linkage, guides_of
-from linkage_atlas.records import names_of
 from linkage_atlas.studies import sensitivity_of
 from synthesis.arrays import Floats
 from synthesis.defects import faults_of, practical_faults, verdict
@@ -152,16 +149,15 @@ def rounded(question: FunctionQuestion, one: Generator, grid: float, work: Work)
     """Return a generator with its links on a grid."""
     links = np.maximum(np.round(np.array(one.linkage.links) / grid), 1.0) * grid
     again = refit(question.wanted, one, links, question.largest, question.tolerance, work)
-    values: dict[str, Any] = dict.fromkeys(names_of(RoundedFunction)) | {"closes": False}
     if again is None:
-        return RoundedFunction(**values)
+        return RoundedFunction(closes=False)
     linkage = Linkage.of(again.linkage, question.radian, question.target)
-    values |= {
-        "closes": True,
-        "links": linkage.dimensions.links,
-        "start_angle": linkage.start_angle,
-        "output_offset": again.offset / question.radian,
-        "errors": errors_of(question, again),
-        "transmission_angle_min": again.transmission_angle_min / question.radian,
-    }
-    return RoundedFunction(**values, linkage=linkage)
+    return RoundedFunction(
+        closes=True,
+        links=linkage.dimensions.links,
+        start_angle=linkage.start_angle,
+        output_offset=again.offset / question.radian,
+        errors=errors_of(question, again),
+        transmission_angle_min=again.transmission_angle_min / question.radian,
+        linkage=linkage,
+    )

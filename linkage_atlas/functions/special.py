@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from linkage_atlas.arguments import known_fields, number, radians_in
+from linkage_atlas.arguments import Fields, known_fields, number, radians_in
 from synthesis.arrays import Floats
 from synthesis.errors import FieldError
 from synthesis.function.quick_return import excess_angle
@@ -39,7 +38,7 @@ class QuickReturn:
     degrees: bool
 
     @property
-    def pairs(self) -> dict[str, Any]:
+    def pairs(self) -> dict[str, object]:
         """The ends of both motions as arguments of `linkage_atlas.function`."""
         half, turn = (np.pi + self.alpha) / radians_in(self.degrees), 2 * np.pi / radians_in(self.degrees)
         size = self.stroke if self.stroke is not None else self.swing
@@ -53,9 +52,9 @@ class QuickReturn:
         return QUICK_RETURN_NOTE.format(slow=slow, fast=360 - slow)
 
 
-def read_quick_return(given: Any, degrees: bool) -> QuickReturn:
+def read_quick_return(given: object, degrees: bool) -> QuickReturn:
     """Return a checked quick return; see `linkage_atlas.function`."""
-    known_fields("quick_return", given, ("stroke", "swing", "time_ratio"))
+    given = known_fields("quick_return", given, ("stroke", "swing", "time_ratio"))
     stroke, swing, ratio = (given.get(name) for name in ("stroke", "swing", "time_ratio"))
     if (stroke is None) == (swing is None):
         raise FieldError(
@@ -83,12 +82,12 @@ def read_quick_return(given: Any, degrees: bool) -> QuickReturn:
     return QuickReturn(excess_angle(ratio), stroke, swing, degrees)
 
 
-def read_steering(given: Any, degrees: bool) -> tuple[Floats, Floats, float]:
+def read_steering(given: object, degrees: bool) -> tuple[Floats, Floats, float]:
     """Return angles of the left and of the right wheel from straight ahead in the request's unit, and the track.
 
     The axes of all wheels meet in one point (R. Ackermann's condition): cot(outer) - cot(inner) = track / wheelbase.
     """
-    known_fields("steering", given, ("track", "wheelbase", "angle"))
+    given = known_fields("steering", given, ("track", "wheelbase", "angle"))
     values: dict[str, float] = {}
     for name in ("track", "wheelbase", "angle"):
         if given.get(name) is None:
@@ -114,10 +113,11 @@ def ackermann(left: Floats, ratio: float) -> Floats:
     )
 
 
-def with_ground(limits: Mapping[str, Any] | None, track: float) -> dict[str, Any]:
+def with_ground(limits: Fields | None, track: float) -> dict[str, object]:
     """Return limits whose ground is the track; FieldError if another one is given."""
     given = dict(limits or {})
-    links = {name: value for name, value in (given.get("links") or {}).items() if value is not None}
+    own = given.get("links")
+    links = {name: value for name, value in own.items() if value is not None} if isinstance(own, Mapping) else {}
     if links.get("ground", track) != track:
         raise FieldError("/limits/links/ground", f"the ground is the track, {track:g}: leave it out")
     return given | {"links": links | {"ground": track}}
