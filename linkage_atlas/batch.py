@@ -194,6 +194,8 @@ def _question(number: int, arguments: Fields) -> Question:
 
 def _plain(value: object) -> object:
     """Return an array or a number of numpy's as JSON has it; complex points as pairs."""
+    if isinstance(value, Mapping):
+        return dict(value)
     if not isinstance(value, (np.ndarray, np.generic)):
         raise TypeError(f"found {type(value).__name__}")
     if value.dtype.kind == "c":

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import combinations
+from typing import Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from linkage_atlas.arguments import Fields, build, check_names, column, number, one_of, radians_in, sequence
 from linkage_atlas.motions import Motion
@@ -37,27 +39,90 @@ QUICK, QUICK_ROUNDS = 0.1, 2
 Search = Callable[[model.Limits, Work], tuple[Sequence[object], object]]
 
 
-class Limits(dict[str, object]):
-    """Within what: limits by name, in the units of the motion, each checked when it is used.
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Limits(Mapping[str, object]):
+    """Limits on the linkages of a search, in the units of the motion; a field that is None limits nothing.
 
-    A mapping of the same names does as well. Lengths and places are in the unit of the positions, angles in that of the motion;
-    points are [x, y], boxes [xmin, ymin, xmax, ymax], links {"crank": length, ..}; the family is full_crank,
-    crank_rocker, double_crank or any, see `read_limits`; preset: "practical", see the limits' page of the documents.
+    `synthesize` checks the values against the motion. Everything that takes limits also takes a mapping with the same names,
+    and `Limits` is such a mapping of the fields that are set.
+
+    Parameters
+    ----------
+    {parameters}
+
+    Raises
+    ------
+    FieldError
+        If there is no limit of a name; the error lists similar names.
 
     Examples
     --------
     >>> import linkage_atlas as la
     >>> la.Limits(transmission_angle_min=40, pivot_box=[-50, -50, 250, 250])
-    {'transmission_angle_min': 40, 'pivot_box': [-50, -50, 250, 250]}
+    Limits(transmission_angle_min=40, pivot_box=[-50, -50, 250, 250])
     """
 
-    def __init__(self, **limits: object) -> None:
+    family: Literal["full_crank", "crank_rocker", "double_crank", "any"] | None = None
+    transmission_angle_min: float | None = None
+    transmission_angle_min_turn: float | None = None
+    pivot_a: ArrayLike | None = None
+    pivot_b: ArrayLike | None = None
+    pivot_box: ArrayLike | None = None
+    pivot_a_box: ArrayLike | None = None
+    pivot_b_box: ArrayLike | None = None
+    keep_out: Sequence[ArrayLike] | None = None
+    link_ratio_max: float | None = None
+    link_min: float | None = None
+    link_max: float | None = None
+    links: Mapping[str, float | None] | None = None
+    coupler_radius_max: float | None = None
+    envelope: ArrayLike | None = None
+    stroke_max: float | None = None
+    rail_box: ArrayLike | None = None
+    cylinder_dead_length: float | None = None
+    cylinder_extended_max: float | None = None
+    arm_min: float | None = None
+    preset: Literal["practical", "none"] | None = None
+
+    def __new__(cls, **limits: object) -> Limits:
+        """Check the names before the fields are set."""
         check_names("/limits", limits, (*LIMITS, "preset"), "limit")
-        super().__init__(limits)
+        return super().__new__(cls)
+
+    def __getitem__(self, name: str) -> object:
+        value = getattr(self, name) if name in self.__dataclass_fields__ else None
+        if value is None:
+            raise KeyError(name)
+        return value
+
+    def __iter__(self) -> Iterator[str]:
+        return (name for name in self.__dataclass_fields__ if getattr(self, name) is not None)
+
+    def __len__(self) -> int:
+        return sum(1 for _ in self)
+
+    def __repr__(self) -> str:
+        return f"Limits({', '.join(f'{name}={value!r}' for name, value in self.items())})"
 
 
-Limits.__doc__ = f"{Limits.__doc__}\n    Notes\n    -----\n" + "\n".join(
-    f"    {name} : {form.kind}\n        {form.says}" for name, form in LIMITS.items()
+_PARAMETERS = {
+    "family": "{'full_crank', 'crank_rocker', 'double_crank', 'any'}, optional",
+    "angle": "float, optional, in the unit of angle of the motion",
+    "length": "float, optional, in the unit of the positions",
+    "ratio": "float, optional",
+    "links": "mapping of crank, coupler, rocker, ground to float, optional, in the unit of the positions",
+    "point": "array_like, shape (2,), optional, in the unit of the positions",
+    "box": "array_like, shape (4,), optional, in the unit of the positions",
+    "boxes": "sequence of array_like, shape (4,), optional, in the unit of the positions",
+}
+"""Type and unit of a limit of each kind, as the docstring of `Limits` describes them."""
+_PRESET = """preset : {'practical', 'none'}, optional
+        Set of limits that holds beside the given ones. Default: 'practical' with free crank angles, otherwise 'none'."""
+Limits.__doc__ = (Limits.__doc__ or "").replace(
+    "{parameters}",
+    "\n    ".join(
+        [*(f"{name} : {_PARAMETERS[form.kind]}\n        {form.says}" for name, form in LIMITS.items()), _PRESET]
+    ),
 )
 
 

@@ -13,6 +13,7 @@ from linkage_atlas.arguments import Fields
 from linkage_atlas.atlases import Atlas
 from linkage_atlas.candidates import CandidateSearch, find_candidates
 from linkage_atlas.finishing import finish_candidates, rank_solutions
+from linkage_atlas.limits import Limits
 from linkage_atlas.linkages import DriverName, KindName
 from linkage_atlas.motions import Motion
 from linkage_atlas.result_notes import notes_of, report_of
@@ -24,7 +25,7 @@ from synthesis.work import Work
 
 def synthesize(
     *motion: Motion | Fields | ArrayLike | None,
-    limits: Fields | None = None,
+    limits: Limits | Fields | None = None,
     top: int = 10,
     effort: Effort = "refine",
     prefer: Prefer | None = None,

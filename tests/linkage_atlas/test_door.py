@@ -1,9 +1,11 @@
 """The front door in Python: arrays in and out, errors by name, the same answers as over HTTP, and a light import."""
 
+import dataclasses
 import doctest
 import importlib
 import json
 import pkgutil
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -20,6 +22,7 @@ import linkage_atlas as la
 from app.main import create_app
 from app.registry import worked_example
 from app.settings import Settings
+from linkage_atlas.limits import LIMITS
 
 ROOT = Path(__file__).parents[2]
 EXAMPLE = worked_example()
@@ -329,6 +332,14 @@ def test_the_examples_of_the_docstrings_are_true() -> None:
     results = [doctest.testmod(importlib.import_module(name)) for name in ["linkage_atlas", *names]]
     assert sum(result.failed for result in results) == 0
     assert sum(result.attempted for result in results) >= 5
+
+
+def test_the_fields_of_limits_are_described_and_checked_by_name() -> None:
+    described = re.findall(r"^    (\w+) : ", la.Limits.__doc__ or "", re.MULTILINE)
+    assert described == [field.name for field in dataclasses.fields(la.Limits)]
+    assert {*described} == {*LIMITS, "preset"}
+    with pytest.raises(la.FieldError, match="near: link_max"):
+        la.Limits(link_mx=200)
 
 
 def test_a_table_is_a_motion(tmp_path) -> None:
