@@ -6,8 +6,9 @@ import json
 import math
 import re
 from collections.abc import Mapping, Sequence
-from difflib import get_close_matches
 from typing import Any
+
+from linkage_atlas.arguments import suggestion
 
 _NUMBER = "must be a number"
 _WHOLE = "must be a whole number"
@@ -71,8 +72,7 @@ def sentence(error: Mapping[str, Any], quoting: bool = False) -> str:
         allowed += f", found {_short(value)}"
     elif not context:
         allowed += ", found text"
-    near = get_close_matches(str(value)[:_LONGEST], choices, 1)
-    return f"{allowed}; did you mean {near[0]}?" if near else allowed
+    return allowed + suggestion(value, choices)
 
 
 def _items(loc: Sequence[str | int], count: Any) -> str:

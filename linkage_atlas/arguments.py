@@ -4,16 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from difflib import get_close_matches
 from typing import TypeAlias, TypeVar
 
 import numpy as np
 
+from linkage_atlas.cells import UNITS
 from synthesis.arrays import Floats
 from synthesis.errors import FieldError
 from synthesis.target import MAX_LENGTH
 
 MILLIMETRES = {"um": 0.001, "mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4, "ft": 304.8}
 """Units of length and their millimetres."""
+_LONGEST_WORD = 40
+"""Number of characters of a word for which similar words are searched."""
 LARGEST = 1e12
 """Largest speed, force, torque or mass, in the user's units."""
 Fields: TypeAlias = Mapping[str, object]
@@ -49,12 +53,20 @@ def read_length_unit(unit: object) -> str | None:
 
 
 def one_of(field: str, value: object, known: Iterable[W]) -> W:
-    """Return a word that is known; otherwise raise a FieldError that names the argument."""
+    """Return a known word; raise FieldError with the known words for any other value."""
     words = tuple(known)
     for word in words:
         if value == word:
             return word
-    raise FieldError(f"/{field}", f"wanted one of {', '.join(words)}, found {value!r}")
+    raise FieldError(f"/{field}", f"wanted one of {', '.join(words)}, found {value!r}{suggestion(value, words)}")
+
+
+def suggestion(value: object, words: Iterable[str]) -> str:
+    """Return the end of an error message, "; did you mean m?": the word for the unit that is spelled out, or the nearest word."""
+    known = {word.lower(): word for word in words}
+    known |= {spelling: unit for spelling, unit in UNITS.items() if unit in known and spelling not in known}
+    near = get_close_matches(str(value).strip()[:_LONGEST_WORD].lower(), known, 1)
+    return f"; did you mean {known[near[0]]}?" if near else ""
 
 
 def number(field: str, value: object, least: float = -np.inf) -> float:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from linkage_atlas.answers import FINISHING
-from linkage_atlas.arguments import Fields, build, check_above_zero, check_top, mapping, number
+from linkage_atlas.arguments import Fields, build, check_above_zero, check_top, mapping, number, one_of
 from linkage_atlas.atlases import Atlas, as_atlas, default_atlas
 from linkage_atlas.drive_design.design import check_request
 from linkage_atlas.limits import read_limits
@@ -274,17 +274,14 @@ def _preference(prefer: str | None, motion: Motion, searches: bool, only_error: 
         return "balanced"
     if prefer is None:
         return "size" if motion.tolerances is not None and searches and positions else "error"
-    for name in PREFER:
-        if name != prefer:
-            continue
-        if name != "error" and not searches:
-            raise FieldError("/prefer", "linkages are not searched for here, so that only 'error' has a meaning")
-        if name == "size" and not positions:
-            raise FieldError("/prefer", "'size' needs `position`: only positions fix the size of a linkage")
-        if name == "crank_span" and (not motion.free or motion.travel is not None):
-            raise FieldError("/prefer", "the crank angles or the travel are given: all linkages turn alike far")
-        return name
-    raise FieldError("/prefer", f"wanted one of {', '.join(PREFER)}, found {prefer!r}")
+    name: Prefer = one_of("prefer", prefer, PREFER)
+    if name != "error" and not searches:
+        raise FieldError("/prefer", "linkages are not searched for here, so that only 'error' has a meaning")
+    if name == "size" and not positions:
+        raise FieldError("/prefer", "'size' needs `position`: only positions fix the size of a linkage")
+    if name == "crank_span" and (not motion.free or motion.travel is not None):
+        raise FieldError("/prefer", "the crank angles or the travel are given: all linkages turn alike far")
+    return name
 
 
 def _fair_within(named_limits: Fields, motion: Motion, limits: Limits, source: SeedTables | Scan) -> Fair | None:

@@ -32,6 +32,12 @@ CASES = [
     ),
     ({"limits": {"link_min": 1e99}}, "limits.link_min: must be at most 1e50, found 1e99"),
     ({"effort": "refin"}, "effort: must be one of atlas, refine; did you mean refine?"),
+    ({"angle_unit": "grad"}, "angle_unit: must be one of deg, rad; did you mean deg?"),
+    ({"angle_unit": "°"}, "angle_unit: must be one of deg, rad; did you mean deg?"),
+    (
+        {"analysis": {"crank_speed": 1, "length_unit": "Meter"}},
+        "analysis.length_unit: must be one of um, mm, cm, m, in, ft; did you mean m?",
+    ),
     ({"drives": [{}]}, "drives, item 1, kind: is required"),
     ({"toop": 3}, "toop: there is no field 'toop'; near: top"),
 ]
