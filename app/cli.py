@@ -362,7 +362,7 @@ def _fields(model: Any, path: str = "") -> Iterator[tuple[str, str]]:
     from app.query import models_in
 
     for name, info in model.model_fields.items():
-        within = [] if name in ("solution", "linkage", "start_from") else models_in(info.annotation)
+        within = [] if name in ("linkage", "start_from") else models_in(info.annotation)
         is_list = "list[" in str(info.annotation)
         if name == "request":
             continue

@@ -172,7 +172,7 @@ def _file(
     """Return the content of a file of a reply's solution, or of the reply if the question has no solutions."""
     if query.files is not None:
         kind = next(kind for kind in query.files.formats if FILES[kind].endings[0] == name)
-        body = {"request": request, "solution": reply.solutions[rank - 1].to_dict(), "format": kind}
+        body = {"request": request, "linkage": reply.solutions[rank - 1].to_dict(), "format": kind}
         body |= {"length_unit": length_unit} if length_unit else {}
         return query.files.render(query.files.request(**body), resources)
     return json_of(reply, 2) if name == "json" else query.exports[name](request, resources)

@@ -21,8 +21,10 @@ from linkage_atlas.tables import FUNCTIONS, KINDS, POSES, Kind, Table, decoded, 
 
 Setting = tuple[list[str], Any]
 """Path of a field and its value."""
-LINKAGES = ("linkage", "solution")
-"""Fields that hold a solution of a reply; `start_from` is a list of such solutions."""
+LINKAGE = "linkage"
+"""Field that holds a solution of a reply; `start_from` is a list of such solutions."""
+SAVED = frozenset(("request", LINKAGE, "length_unit"))
+"""Fields of a file with a linkage and the request that it answers."""
 
 
 class Target(NamedTuple):
@@ -48,7 +50,7 @@ class Target(NamedTuple):
     @property
     def linkage(self) -> str | None:
         """Name of the field with the linkage."""
-        return next((name for name in LINKAGES if name in self.model.model_fields), None)
+        return LINKAGE if LINKAGE in self.model.model_fields else None
 
     @property
     def table(self) -> Kind | None:
@@ -179,11 +181,7 @@ def _body_of(target: Target, content: Any, rank: int) -> tuple[dict[str, Any], s
         raise FieldError("", "this is JSON, but not an object with the fields of a request")
     content = _with_reply(content)
     what = (
-        "a reply"
-        if _is_reply(content)
-        else "a solution and its request"
-        if "solution" in content
-        else "a saved request"
+        "a reply" if _is_reply(content) else "a linkage and its request" if _is_saved(content) else "a saved request"
     )
     inner = content.get("request")
     if target.motion is None:
@@ -193,28 +191,25 @@ def _body_of(target: Target, content: Any, rank: int) -> tuple[dict[str, Any], s
             inner = inner["request"]
         body, dropped = _without_foreign(target, inner)
         return body, f"{what}, of which the request is used" + dropped.replace("a request ", ", ")
-    name = target.linkage or ""
     if _is_linkage(content):
-        return {name: content}, "a linkage"
+        return {LINKAGE: content}, "a linkage"
     if not _is_reply(content):
         if inner is None and content.keys() & {"rotation", "position"}:
             return {"request": content}, "a request, which is solved"
         body = {
-            name if key in LINKAGES else key: value
-            for key, value in content.items()
-            if key != "length_unit" or key in target.model.model_fields
+            key: value for key, value in content.items() if key != "length_unit" or key in target.model.model_fields
         }
-        return body, what if "solution" in content else ""
+        return body, what if _is_saved(content) else ""
     body = {}
     if isinstance(inner, dict):
-        nested = inner.keys() & {"request", *LINKAGES}
+        nested = inner.keys() & {"request", LINKAGE}
         body = _body_of(target, inner, rank)[0] if nested else {"request": inner}
         load = inner.get("load") if target.command == "drive" else None
-        body = {key: value for key, value in body.items() if key in ("request", name)}
+        body = {key: value for key, value in body.items() if key in ("request", LINKAGE)}
         if load is not None:
             body["load"] = load
     if content.get("solutions"):
-        body[name] = _ranked(content["solutions"], rank)
+        body[LINKAGE] = _ranked(content["solutions"], rank)
         what += f", of which solution {rank} is used"
     if "request" not in body and target.command == "export":
         raise FieldError(
@@ -234,6 +229,10 @@ def _is_reply(content: Mapping[str, Any]) -> bool:
         any(isinstance(content.get(name), list) for name in ("solutions", "matches", "refused"))
         or "report" in content
     )
+
+
+def _is_saved(content: Mapping[str, Any]) -> bool:
+    return LINKAGE in content and content.keys() <= SAVED
 
 
 def _is_linkage(content: Mapping[str, Any]) -> bool:
@@ -276,7 +275,7 @@ def solution_of(content: Any, rank: int = 1) -> Any:
     content = _with_reply(content)
     if isinstance(content.get("solutions"), list):
         return _ranked(content["solutions"], rank)
-    nested = content.get("solution", content.get("linkage"))
+    nested = content.get(LINKAGE)
     return content if nested is None else nested
 
 
@@ -308,7 +307,7 @@ def file_value(path: str, file: Path, rank: int = 1) -> Any:
             content = parsed(text)
             if field == "start_from":
                 return content if isinstance(content, list) else [solution_of(content, rank)]
-            return solution_of(content, rank) if field in LINKAGES else content
+            return solution_of(content, rank) if field == LINKAGE else content
         if field in SAMPLED:
             kind = FUNCTIONS if field in ("input", "output") else POSES
             return read_table(decoded(text), kind).fields[field]

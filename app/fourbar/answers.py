@@ -165,20 +165,20 @@ def exports_of(
 SYNTHESIZE_EXPORTS = exports_of(tuple(kind for kind in FILES if kind != "json"), _best_linkage)
 
 
-def as_json(request: RequestModel, solution: Any, length_unit: str | None = None) -> bytes:
-    """Return a solution with its request, and with the unit of their lengths if it is named."""
-    content = {"request": request.model_dump(mode="json", exclude_defaults=True), "solution": solution}
+def as_json(request: RequestModel, linkage: Any, length_unit: str | None = None) -> bytes:
+    """Return a linkage with its request, and with the unit of their lengths if it is named."""
+    content = {"request": request.model_dump(mode="json", exclude_defaults=True), "linkage": linkage}
     content |= {"length_unit": length_unit} if length_unit else {}
     return json.dumps(content, indent=1, allow_nan=False).encode()
 
 
-_PREFIXES = {"crank_angle": "/solution", "travel": "/solution", "analysis": "/request"}
+_PREFIXES = {"crank_angle": "/linkage", "travel": "/linkage", "analysis": "/request"}
 
 
 def _linkage_file(body: ExportRequest, resources: Resources) -> bytes:
     from linkage_atlas.linkages import check_format, check_held  # a command that writes no file does not load it
 
-    request, given = body.request, body.solution
+    request, given = body.request, body.linkage
     held = body.given("assembly", "solids", "drive")
     check_held(body.format, **held)
     if given is None:
@@ -187,7 +187,7 @@ def _linkage_file(body: ExportRequest, resources: Resources) -> bytes:
         motion = motion_of(request)
         request = in_unit(request, body.length_unit)
         found = None if given else ranked(request, body.rank, resources)
-    with pointing(lambda field: "/solution" + field):
+    with pointing(lambda field: "/linkage" + field):
         linkage = found.linkage if found else given.linkage(request.degrees)
     if body.format == "json":
         solution = found.to_dict() if found else given.model_dump(mode="json", exclude_none=True)
@@ -227,9 +227,9 @@ def _drive_in(kind: str, drives: Sequence[Any]) -> Any:
 
 
 def is_long_export(body: ExportRequest) -> bool:
-    if body.solution is None:
+    if body.linkage is None:
         return is_long_search(body.request)
-    return has_much_to_arrange(body.assembly or body.request.assembly, body.solution.driver)
+    return has_much_to_arrange(body.assembly or body.request.assembly, body.linkage.driver)
 
 
 LINKAGE_FILES = Files(
@@ -372,13 +372,13 @@ def _function_file(body: FunctionExportRequest, resources: Resources) -> bytes:
     from linkage_atlas.functions.question import FunctionFields
     from linkage_atlas.functions.results import render
 
-    request, solution = body.request, body.solution
+    request, solution = body.request, body.linkage
     if body.format == "json":
         unit = body.length_unit if "length_unit" in body.model_fields_set else None
         unused = {"joints"} if solution.joints is None else None
         return as_json(request, solution.model_dump(mode="json", exclude=unused), unit)
     degrees = request.angle_unit == "deg"
-    with pointing(lambda field: "/solution" + field):
+    with pointing(lambda field: "/linkage" + field):
         given = solution.linkage(degrees)
     names = [field.name for field in fields(FunctionFields) if field.name in FunctionRequest.model_fields]
     with pointing(lambda field: "/request" + field):

@@ -828,10 +828,12 @@ class ExportRequest(RequestModel):
     """A motion, one of its solutions, and the kind of file that is wanted."""
 
     request: SynthesizeRequest = Field(description="The request of /v1/synthesize; angles are in its unit.")
-    solution: GivenLinkage | None = Field(
-        None, description="One of the reply's solutions. Without it the request is solved."
+    linkage: GivenLinkage | None = Field(
+        None, description="One of the reply's solutions, or its like. Without it the request is solved."
     )
-    rank: Annotated[int, Strict(), Field(ge=1, le=100)] = Field(1, description="Which solution, if none is given.")
+    rank: Annotated[int, Strict(), Field(ge=1, le=100)] = Field(
+        1, description="Rank of the solution, if no linkage is given."
+    )
     format: Literal[
         "json", "csv", "svg", "dxf", "plates", "mjcf", "pylinkage", "step", "3mf", "stl", "urdf", "sdf", "parts"
     ] = Field("json", description="`stl`: a zip file with a file a part; `parts`: a parts list (CSV).")
@@ -1043,6 +1045,6 @@ class FunctionExportRequest(RequestModel):
     """A function, one of its linkages, and the kind of file that is wanted."""
 
     request: FunctionRequest = Field(description="The request of /v1/function; angles are in its unit.")
-    solution: GivenMaker
+    linkage: GivenMaker
     format: Literal["json", "csv", "svg", "dxf", "mjcf"] = "json"
     length_unit: LengthUnit = Field("mm", description="The unit of the lengths, for DXF and MJCF.")

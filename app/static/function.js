@@ -378,7 +378,7 @@ async function save(format) {
   const { request } = answer, solution = shown;
   $("export-note").textContent = `Making ${format.toUpperCase()}…`;
   try {
-    const reply = await ask("/v1/function/export", { request, solution, format });
+    const reply = await ask("/v1/function/export", { request, linkage: solution, format });
     const name = `function-${solution.rank}.${format === "mjcf" ? "xml" : format}`;
     download(await reply.blob(), name);
     $("export-note").textContent = `Saved ${name}.`;

@@ -308,7 +308,7 @@ export class Results {
     // what slides is in no URDF or SDF
     const driven = ["dxf", "csv", "svg", "mjcf", "plates", ...OF_PARTS.filter((one) => this.driving.shown?.kind !== "actuator" || !["urdf", "sdf"].includes(one))];
     const drive = this.driving.shown && driven.includes(format) ? { drive: this.driving.shown } : {};
-    return ask("/v1/export", { request, solution, format, length_unit: motion.unit, ...parts, ...drive });
+    return ask("/v1/export", { request, linkage: solution, format, length_unit: motion.unit, ...parts, ...drive });
   }
 
   /** The parts list of the selected linkage, a row a part by column; null where its layers are not free. */

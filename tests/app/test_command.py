@@ -40,7 +40,7 @@ def test_one_answer_gives_table_and_files(run, tmp_path, monkeypatch) -> None:
     assert code == Exit.OK and len(asked) == 1, "answered once, whatever is written"
     second = json.loads(out)["solutions"][1]
     written = json.loads(files[0].read_text())
-    assert written["solution"]["links"] == second["links"]
+    assert written["linkage"]["links"] == second["links"]
     assert SynthesizeRequest.model_validate(written["request"]).position == worked_example()["position"]
     title = ElementTree.parse(files[1]).getroot()[0].text
     assert f"crank {second['links']['crank']:.6g}, coupler {second['links']['coupler']:.6g}" in title
@@ -143,7 +143,7 @@ def test_every_format_of_a_solution_is_written_from_the_reply(command, run, tmp_
             assert not ezdxf.readfile(file).audit().errors
         else:
             assert file.read_bytes() == over_http
-    assert json.loads(files[-1].read_text()).keys() >= {"request", "solution"}
+    assert json.loads(files[-1].read_text()).keys() >= {"request", "linkage"}
 
 
 def test_an_export_is_of_the_format_and_rank_that_its_body_says_unless_an_option_says_another(

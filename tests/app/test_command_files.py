@@ -66,7 +66,7 @@ def test_a_linkage_is_read_from_each_file(command, kind, run, files, tmp_path) -
     assert code == Exit.OK, err
     assert err.startswith("read ")
     if command == "export":
-        found = json.loads(out_file.read_text())["solution"]["links"]
+        found = json.loads(out_file.read_text())["linkage"]["links"]
         assert found == json.loads(files["reply"].read_text())["solutions"][1]["links"]
     else:
         assert json.loads(out)[{"drive": "drives", "assembly": "layers"}[command]]

@@ -159,7 +159,7 @@ def test_a_drive_of_the_request_is_in_its_files(client: TestClient, run: Any, tm
         assert word in client.post(f"/v1/synthesize.{kind}", json=REQUEST).text
     solution = client.post("/v1/synthesize", json=REQUEST).json()["solutions"][0]
     assert solution["drives"]
-    body = {"request": REQUEST, "solution": solution, "format": "parts", "solids": {"nevertheless": True}}
+    body = {"request": REQUEST, "linkage": solution, "format": "parts", "solids": {"nevertheless": True}}
     assert "piston_rod" in client.post("/v1/export", json=body).text
     assert "piston_rod" not in client.post("/v1/export", json={**body, "drive": None}).text
     given = tmp_path / "request.json"

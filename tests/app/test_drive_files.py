@@ -24,7 +24,7 @@ def found(client):
 
 def export(client, found, kind, drive):
     request, solution, _ = found
-    body = {"request": request, "solution": solution, "format": kind, "drive": drive}
+    body = {"request": request, "linkage": solution, "format": kind, "drive": drive}
     reply = client.post("/v1/export", json=body)
     assert reply.status_code == 200, reply.text
     return reply.text
@@ -114,7 +114,7 @@ def test_a_model_is_moved_by_the_drive(client, found, kind) -> None:
 
 def test_a_drive_that_is_none_or_in_a_file_that_has_none_is_refused(client, found) -> None:
     request, solution, drives = found
-    body = {"request": request, "solution": solution, "drive": drives[0]}
+    body = {"request": request, "linkage": solution, "drive": drives[0]}
     for kind in ("pylinkage", "json"):
         refused = client.post("/v1/export", json={**body, "format": kind})
         assert refused.json()["errors"][0]["pointer"].endswith("/drive")

@@ -35,7 +35,7 @@ def test_every_format_over_http_from_a_solution(client, solved) -> None:
     best = reply["solutions"][0]
 
     def export(**more):
-        return client.post("/v1/export", json={"request": request, "solution": best, **more})
+        return client.post("/v1/export", json={"request": request, "linkage": best, **more})
 
     dxf = export(format="dxf")
     assert dxf.status_code == 200 and dxf.headers["content-type"] == "image/vnd.dxf"
@@ -46,12 +46,12 @@ def test_every_format_over_http_from_a_solution(client, solved) -> None:
     rows = rows_of(export(format="csv").text)
     assert [float(row["x_wanted"]) for row in rows] == [x for x, _ in request["position"]]
     whole = export().json()
-    assert whole["solution"]["links"] == best["links"] and whole["request"] == request
-    second = client.post("/v1/export", json={"request": request, "rank": 2}).json()["solution"]
+    assert whole["linkage"]["links"] == best["links"] and whole["request"] == request
+    second = client.post("/v1/export", json={"request": request, "rank": 2}).json()["linkage"]
     assert second["links"] == reply["solutions"][1]["links"]
     thin = {"crank": 1e-99, "coupler": 1e99, "rocker": 1e99, "ground": 1}
     odd = {"links": thin, "branch": 1, "start_angle": 0}
-    assert all(export(solution=odd, format=kind).status_code == 200 for kind in ("csv", "svg"))
+    assert all(export(linkage=odd, format=kind).status_code == 200 for kind in ("csv", "svg"))
 
 
 def test_exports_by_ending_over_http_and_on_the_command_line(client, solved, tmp_path) -> None:

@@ -11,9 +11,9 @@ PAIRS = {"input": [0, 15, 35, 60, 80], "output": [0, 12, 31, 62, 90], "top": 2}
 def test_export_of_what_does_not_close_or_was_not_asked(client: TestClient) -> None:
     links = {"crank": 5, "coupler": 1, "rocker": 1, "ground": 1}
     solution = {"links": links, "branch": 1, "start_angle": 0, "output_offset": 0}
-    body = {"request": PAIRS, "solution": solution, "format": "svg"}
+    body = {"request": PAIRS, "linkage": solution, "format": "svg"}
     refused = client.post("/v1/function/export", json=body).json()["errors"][0]
-    assert refused["pointer"] == "#/solution/links/crank" and "cannot be assembled" in refused["detail"]
+    assert refused["pointer"] == "#/linkage/links/crank" and "cannot be assembled" in refused["detail"]
     links["crank"] = 0.5
     bad = client.post("/v1/function/export", json={**body, "request": {"output": [1, 2, 3]}})
     assert bad.json()["errors"][0]["pointer"] == "#/request/crank_span"
@@ -58,7 +58,7 @@ def test_any_solution_is_exported(
 ) -> None:
     request, reply = asked
     solution = reply["solutions"][1]
-    made = client.post("/v1/function/export", json={"request": request, "solution": solution, "format": kind})
+    made = client.post("/v1/function/export", json={"request": request, "linkage": solution, "format": kind})
     assert made.status_code == 200 and len(made.content) > 100, made.text
     if kind == "csv":
         head, *rows = [line.split(",") for line in made.text.splitlines()]

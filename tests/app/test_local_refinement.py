@@ -88,7 +88,7 @@ def test_the_command_refines_what_was_written(tmp_path, capsys, exact) -> None:
     request, begin = tmp_path / "request.json", tmp_path / "begin.json"
     request.write_text(json.dumps(EXAMPLE))
     one = changed(exact)
-    for content in ({"request": EXAMPLE, "solution": one}, one, {"solutions": [one]}):
+    for content in ({"request": EXAMPLE, "linkage": one}, one, {"solutions": [one]}):
         begin.write_text(json.dumps(content))
         assert cli.main(["synthesize", str(request), "--no-preset", "--start-from", str(begin), "--local"]) == 0
         out = capsys.readouterr().out

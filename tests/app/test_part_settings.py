@@ -112,7 +112,7 @@ def test_http_command_line_and_python_make_the_same_plates(client: TestClient, r
     settings = {"hole": 3, "width": 9, "kerf": 0.2, "scale": 0.5}
     layers = client.post("/v1/assembly", json={"linkage": solution, "request": REQUEST, **settings}).json()
     assert layers["sizes"]["hole"] == 3 and layers["sizes"]["width"] == 9
-    body = {"request": REQUEST, "solution": solution, "format": "plates", "solids": {"nevertheless": True}}
+    body = {"request": REQUEST, "linkage": solution, "format": "plates", "solids": {"nevertheless": True}}
     sent = client.post("/v1/export", json={**body, "assembly": settings})
     assert sent.status_code == 200, sent.text
     assert circles(sent.content, "CRANK") == {1.3}

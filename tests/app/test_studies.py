@@ -84,7 +84,7 @@ def test_a_study_has_its_bounds_and_says_so(client, monkeypatch) -> None:
 
 def test_the_csv_has_the_analysis_in_further_columns(client) -> None:
     solved = ask(client, analysis=ANALYSIS)
-    body = {"request": {**EXAMPLE, "analysis": ANALYSIS}, "solution": solved["solutions"][0], "format": "csv"}
+    body = {"request": {**EXAMPLE, "analysis": ANALYSIS}, "linkage": solved["solutions"][0], "format": "csv"}
     rows = list(csv.DictReader(io.StringIO(client.post("/v1/export", json=body).text)))
     analysis = solved["solutions"][0]["analysis"]
     assert [float(row["velocity_x"]) for row in rows] == pytest.approx([v[0] for v in analysis["velocity"]])

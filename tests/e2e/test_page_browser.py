@@ -121,7 +121,7 @@ def test_formats_are_exported_and_a_pivot_box_is_kept_to(standing) -> None:
         standing.centre(button).click()
         standing.wait("document.getElementById('export-note').textContent.startsWith('Saved')")
     whole = json.loads(standing.saved("linkage-1.json"))
-    assert whole["solution"]["links"]["crank"] == pytest.approx(19, abs=1e-6)
+    assert whole["linkage"]["links"]["crank"] == pytest.approx(19, abs=1e-6)
     rows = list(csv.DictReader(io.StringIO(standing.saved("linkage-1.csv").decode())))
     assert len(rows) == 16 and float(rows[5]["position_error"]) < 1e-9
     assert ElementTree.fromstring(standing.saved("linkage-1.svg")).tag.endswith("svg")

@@ -111,7 +111,7 @@ def test_files_over_http_from_a_solution(client, drive) -> None:
     one, motion = reply_of(drive)
     position = [[z.real, z.imag] for z in motion.asked.position]
     request = {"position": position, "rotation": np.rad2deg(motion.asked.rotation).tolist(), "timing": "free"}
-    body = {"request": request, "solution": json.loads(json.dumps(plain_of(one)))}
+    body = {"request": request, "linkage": json.loads(json.dumps(plain_of(one)))}
 
     def exported(kind: str, status: int, mark: str = "", **more) -> bytes:
         reply = client.post("/v1/export", json={**body, **more, "format": kind})
@@ -130,10 +130,10 @@ def test_files_over_http_from_a_solution(client, drive) -> None:
             assert made == one.linkage.file(kind, motion, **solids, **passed)
     for kind in ("urdf", "sdf"):
         exported(kind, 422, "whose joints all turn", **solids)
-    del body["solution"]["driver"]
-    exported("svg", 422, "/solution/driver")
-    body["solution"] = {"branch": 1}
-    exported("svg", 422, "/solution/links")
+    del body["linkage"]["driver"]
+    exported("svg", 422, "/linkage/driver")
+    body["linkage"] = {"branch": 1}
+    exported("svg", 422, "/linkage/links")
 
 
 @pytest.mark.parametrize("drive", some_of([(drive,) for drive in DRIVES[1:]], 6), ids=NAMES[1:])

@@ -212,7 +212,7 @@ def test_one_command_gives_a_window_to_print(tmp_path, monkeypatch, capsys) -> N
 
 def test_a_saved_solution_is_exported_without_a_search(tmp_path, capsys, request_body) -> None:
     saved = tmp_path / "best.json"
-    content = {"request": request_body, "solution": WORKED.to_dict()}
+    content = {"request": request_body, "linkage": WORKED.to_dict()}
     saved.write_text(json.dumps(content))
     motion = la.Motion(**request_body)
     for ending in ("step", "stl.zip", "urdf", "parts.csv", "plates.dxf"):
@@ -237,7 +237,7 @@ def test_a_saved_solution_is_exported_without_a_search(tmp_path, capsys, request
 @pytest.mark.parametrize("kind", OF_PARTS)
 def test_http_gives_the_same_files(client, kind, request_body) -> None:
     asked = {"assembly": BOTH, "solids": {"fit": "print", "pins": "brass"}}
-    body = {"request": request_body, "solution": WORKED.to_dict(), "format": kind, **asked}
+    body = {"request": request_body, "linkage": WORKED.to_dict(), "format": kind, **asked}
     reply = client.post("/v1/export", json=body)
     assert reply.status_code == 200, reply.text
     assert reply.headers["content-type"] == FORMATS[kind].media_type
