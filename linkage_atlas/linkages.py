@@ -39,6 +39,7 @@ from linkage_atlas.studies import (
     studied,
 )
 from synthesis.arrays import Floats, cross
+from synthesis.assembly.machine import loop_of
 from synthesis.assembly.sizes import plate_sizes
 from synthesis.drives.attached import COLOUR, LAYER, Attached
 from synthesis.drives.links import GROUND, LinkMotions, ends_of, motions_at
@@ -60,6 +61,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _TURN_STEPS = 73
+_MARGIN = 0.01
+"""Fraction of the way to each dead position by which a linkage is shown over less than its own range."""
 
 
 DriverName = Literal["crank", "slider", "cylinder", "hinge"]
@@ -824,15 +827,18 @@ class Linkage:
         path.write_bytes(self.file(kind, length_unit=length_unit, assembly=of_assembly, solids=of_solids, **more))
 
     def _default_motion(self) -> Target:
-        """What it is drawn over: the motion that it answers, or a whole turn."""
+        """Return the motion that it answers, or a whole turn, or a drive's range between its dead positions."""
         if self._motion is not None:
             return self._motion
-        if not self.turns_fully:
+        if self.turns_fully:
+            return Target(None, None, crank=np.linspace(0.0, TURN, _TURN_STEPS))
+        loop = loop_of(self._linkage, Interval(0.0, 0.0)) if self._linkage.driver.turns else None
+        if loop is None:
             raise FieldError(
-                "/motion",
-                f"this {self._drive} cannot turn fully: give the motion that it is to be shown over",
+                "/motion", f"this {self._drive} has no range of its own: give the motion to show it over"
             )
-        return Target(None, None, crank=np.linspace(0.0, TURN, _TURN_STEPS))
+        range_shown = (1 - _MARGIN) * np.linspace(loop.first, loop.last, _TURN_STEPS)
+        return Target(None, None, crank=range_shown, found=True)
 
     def _repr_svg_(self) -> str | None:
         """A drawing, for notebooks."""
@@ -901,16 +907,16 @@ class Linkage:
             )
 
     def target_of(self, motion: Motion | None, travel: ArrayLike | None) -> Target:
-        """Return a motion with the travel of the drive at its samples; without one the motion that it answers, or a turn."""
-        if motion is None:
-            return self._default_motion()
+        """Return a motion with the travel of the drive at its samples.
+
+        Without a motion, or without the travel of a free motion, it is the motion that the linkage answers, or its own range.
+        """
         one = self._linkage
-        name = "crank_angle" if one.driver.turns else "travel"
-        if travel is None and not one.driver.turns:
+        if travel is None and motion is not None and not one.driver.turns:
             travel = motion.travel
-        if motion.free and travel is None:
-            free = "crank angles are" if one.is_four_bar else "timing is"
-            raise FieldError(f"/{name}", f"needed: the motion's {free} free")
+        if motion is None or (motion.free and travel is None):
+            return self._default_motion()
+        name = "crank_angle" if one.driver.turns else "travel"
         positions = np.zeros(0) if travel is None else column(name, travel) * self._unit
         if motion.free and positions.shape != (motion.asked.samples,):
             raise FieldError(f"/{name}", f"wanted {motion.asked.samples} numbers, found {positions.size}")

@@ -54,6 +54,24 @@ def test_every_format_over_http_from_a_solution(client, solved) -> None:
     assert all(export(linkage=odd, format=kind).status_code == 200 for kind in ("csv", "svg"))
 
 
+@pytest.mark.parametrize(
+    ("linkage", "span"),
+    [
+        ({"joints": {"A": [0, 0], "D": [60, 0], "C": [80, 46], "B": [90, 0], "P": [70, 60]}}, None),
+        ({"links": {"crank": 19, "coupler": 72, "rocker": 144, "ground": 165}, "branch": 1, "start_angle": 0}, 360.0),
+    ],
+)
+def test_a_linkage_is_exported_over_its_own_range_when_the_timing_is_free(client, linkage, span) -> None:
+    """A linkage whose crank cannot turn fully is shown between its dead positions, about the given position."""
+    request = {"rotation": [0, 10, 30], "position": [[70, 60], [60, 65], [40, 70]], "timing": "free"}
+    body = {"request": request, "linkage": linkage}
+    rows = rows_of(client.post("/v1/export", json={**body, "format": "csv"}).text)
+    angles = np.array([float(row["crank_angle"]) for row in rows])
+    assert np.ptp(angles) == span if span else 60 < np.ptp(angles) < 359
+    assert all(np.isfinite(float(row["transmission_angle"])) for row in rows)
+    assert client.post("/v1/export", json={**body, "format": "dxf"}).status_code == 200
+
+
 def test_exports_by_ending_over_http_and_on_the_command_line(client, solved, tmp_path) -> None:
     request, _ = solved
     file = tmp_path / "request.json"
