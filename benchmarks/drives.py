@@ -11,9 +11,11 @@ import numpy as np
 from benchmarks import report
 from benchmarks.report import Times
 from linkage_atlas.drive_design.operation import FINE as FINE_WAY
-from synthesis.drives.actuator import Placement, Refused
+from synthesis.drives.crank_rocker import place_motor_about_pivot
 from synthesis.drives.links import GROUND, motions_at, motions_of
-from synthesis.drives.six_bar import Driven, about_pivot, driven, on_any_link
+from synthesis.drives.motor import MotorCycle, evaluate_motor
+from synthesis.drives.motor_search import place_motor
+from synthesis.drives.placements import Placement, Refusal
 from synthesis.guides import Kind
 from synthesis.linkage import Linkage
 from synthesis.target import Interval
@@ -53,19 +55,21 @@ def actuators(cases: int) -> list[dict[str, Any]]:
         again = fine.best(actuator)
         # the grid's own best, also on links with a pivot, where the search needs none
         fine.link = replace(fine.link, pivot=None)
-        grid = fine.screened([actuator])
+        grid = fine.screen([actuator])
         row["cases"] += 1
         row["clockwise"] += int(one.interval.last < 0)
-        if isinstance(found, Refused):
+        if isinstance(found, Refusal):
             row["refused"] += 1
-            row["missed"] += not isinstance(again, Refused) or (not isinstance(grid, Refused) and grid.short is None)
+            row["missed"] += not isinstance(again, Refusal) or (
+                not isinstance(grid, Refusal) and grid.shortfall is None
+            )
             continue
         best = found.worst
-        if not isinstance(again, Refused):
+        if not isinstance(again, Refusal):
             row["gap"] = float(max(row["gap"], best / again.worst - 1))
             row["worse"] += int(best > again.worst * (1 + BETTER))
-        if not isinstance(grid, Refused) and grid.short is None:
-            row["worse_than_grid"] += int(best > asked.scale_of_burden / grid.worth * (1 + BETTER))
+        if not isinstance(grid, Refusal) and grid.shortfall is None:
+            row["worse_than_grid"] += int(best > asked.torque_scale / grid.best_value * (1 + BETTER))
         row["equilibrium"] = float(max(row["equilibrium"], equilibrium(one, found)))
     return [
         {"link": kind.replace("_", " "), **{key: value for key, value in row.items() if key != "times"}}
@@ -100,9 +104,9 @@ def motors(cases: int) -> list[dict[str, Any]]:
             if link.pivot is None:
                 middle = complex(np.mean(link.origin))
                 box = (middle.real - 4, middle.imag - 4, middle.real + 4, middle.imag + 4)
-                found = times.run(on_any_link, link, machine.at, torque, ratio, 1.5, box)
+                found = times.run(place_motor, link, machine.at, torque, ratio, 1.5, box)
             else:
-                found = times.run(about_pivot, link, torque, ratio, 1.0, False, None)
+                found = times.run(place_motor_about_pivot, link, torque, ratio, 1.0, False, None)
             if isinstance(found, str):
                 refused += 1
                 continue
@@ -126,7 +130,7 @@ def motors(cases: int) -> list[dict[str, Any]]:
 
 
 def _turned(
-    linkage: Linkage | Linkage, interval: Interval, name: str, found: Driven, ratio: float | None
+    linkage: Linkage | Linkage, interval: Interval, name: str, found: MotorCycle, ratio: float | None
 ) -> tuple[float, float]:
     """The largest error of swing, times and rod, infinite where it turns back; degrees by which the angle is less in between."""
 
@@ -140,12 +144,12 @@ def _turned(
     if not one.swings:
         return np.inf, np.nan
     fine = motions_of(linkage, interval, FINE_WAY).links[name]
-    told = driven(fine, np.ones(FINE_WAY), found.motor, found.pin, found.crank, found.rod, found.extends)
+    told = evaluate_motor(fine, np.ones(FINE_WAY), found.motor, found.pin, found.crank, found.rod, found.extends)
     assert told is not None
     span = abs(interval.last - interval.first)
     swing = float(np.abs(one.ends - np.sort([interval.first, interval.last])).max()) / span
     times = abs(one.time_ratio / (found.time_ratio if ratio is None else ratio) - 1)
-    return max(swing, times, one.rod), float(np.rad2deg(told.least_angle - one.transmission_angle))
+    return max(swing, times, one.rod), float(np.rad2deg(told.transmission_angle_min - one.transmission_angle))
 
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:

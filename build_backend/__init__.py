@@ -18,7 +18,7 @@ def compiler() -> str | None:
 
 
 def get_requires_for_build_wheel(config_settings: object = None) -> list[str]:
-    """What a build needs beside the requirements of pyproject.toml."""
+    """Return the build requirements beyond those of pyproject.toml."""
     return [] if compiler() else ["ziglang"]
 
 

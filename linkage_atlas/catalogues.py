@@ -10,7 +10,8 @@ from functools import cache
 from importlib.resources import files
 
 from linkage_atlas.arguments import Fields, check_names, number, sequence
-from synthesis.drives.actuator import Actuator, Row
+from synthesis.drives.catalogue import CatalogueRow
+from synthesis.drives.placements import Actuator
 from synthesis.drives.springs import SpringRow
 from synthesis.drives.torsion import TorsionRow
 from synthesis.errors import FieldError
@@ -112,7 +113,7 @@ def _value(field: str, row: Fields, name: str, scale: float, default: float | No
 
 def read_actuators(
     field: str, given: object, millimetres: float, pressure: float
-) -> tuple[list[Row], dict[str, float]]:
+) -> tuple[list[CatalogueRow], dict[str, float]]:
     """Rows of a catalogue of actuators, and the rod diameters by the rows' names.
 
     A bundled one and none else is turned from millimetres to the request's unit, of which ``millimetres`` make one. A row with a
@@ -137,7 +138,7 @@ def read_actuators(
         assert retracted is not None and stroke is not None
         price, never = _value(at, row, "price", scale), math.inf
         rows.append(
-            Row(
+            CatalogueRow(
                 name,
                 Actuator(retracted, stroke),
                 never if push is None else push,

@@ -14,20 +14,10 @@ from linkage_atlas.drive_design.records import ActuatorCurve, ActuatorDrive, Buc
 from linkage_atlas.drive_design.task import DriveTask, both_ends, envelope
 from linkage_atlas.records import plane, xy
 from synthesis.arrays import Complexes, Floats
-from synthesis.drives.actuator import (
-    COARSE_GRID,
-    GRID,
-    Actuator,
-    Placement,
-    Question,
-    Refused,
-    Row,
-    Sizes,
-    Unfit,
-    Wanted,
-    best_of_rows,
-)
+from synthesis.drives.catalogue import CatalogueRow, UnfitRow, choose_rows
 from synthesis.drives.links import LinkMotions, largest
+from synthesis.drives.placement_search import COARSE_GRID, GRID, PlacementSearch
+from synthesis.drives.placements import Actuator, Placement, PlacementLimits, Refusal, Sizes
 from synthesis.mechanism import Box
 from synthesis.studies.forces import Pull
 
@@ -129,12 +119,12 @@ def limits_of(
     arm_min: float | None,
     extends: bool | None = None,
     stroke: float | None = None,
-) -> Wanted:
+) -> PlacementLimits:
     """Return the limits of a placement; by default with an arm of a fraction of the largest for a stroke."""
     reach = task.reach(reach_max, name)
     if arm_min is None:
         arm_min = ARM_SHARE * (stroke or task.machine.seen(name, on).longest_way(reach)) / task.machine.span
-    return Wanted(ground_box or task.box, reach, arm_min, extends)
+    return PlacementLimits(ground_box or task.box, reach, arm_min, extends)
 
 
 def find_actuators(task: DriveTask, request: ActuatorRequest) -> None:
@@ -152,21 +142,21 @@ def find_actuators(task: DriveTask, request: ActuatorRequest) -> None:
             _of_sizes(task, request, name)
 
 
-def _question(task: DriveTask, request: ActuatorRequest, name: str, grid: int) -> Question:
+def _question(task: DriveTask, request: ActuatorRequest, name: str, grid: int) -> PlacementSearch:
     stroke = min((row.actuator.stroke for row in request.rows), default=request.stroke)
     limits = limits_of(
         task, name, request.on, request.ground_box, request.reach_max, request.arm_min, request.extends, stroke
     )
     link = task.machine.seen(name, request.on)
     torque, amount = task.torque / request.count, task.torque_curve.amount / request.count
-    return Question(link, task.machine.at, torque, limits._replace(pin_box=request.pin_box), grid, amount)
+    return PlacementSearch(link, task.machine.at, torque, limits._replace(pin_box=request.pin_box), grid, amount)
 
 
 def _of_given_ends(task: DriveTask, request: ActuatorRequest, name: str, ground: complex) -> None:
     """Evaluate an actuator whose two ends are given, of given sizes or from a catalogue."""
     pin = task.given_pin(name, request.pin, request.pin_on_link)
     question = _question(task, request, name, 2)
-    placement = question.placement(ground, pin)
+    placement = question.evaluate(ground, pin)
     lengths, arms = task.fine.seen(name, request.on).leverage(ground, pin)
     is_dead = ~(arms * arms[0] > 0)
     if is_dead.any():
@@ -198,11 +188,16 @@ def _covers(sizes: Actuator, used: Actuator) -> bool:
 
 
 def _rows_of_given_ends(
-    task: DriveTask, request: ActuatorRequest, name: str, question: Question, placement: Placement, used: Actuator
+    task: DriveTask,
+    request: ActuatorRequest,
+    name: str,
+    question: PlacementSearch,
+    placement: Placement,
+    used: Actuator,
 ) -> None:
     """Add the rows of a catalogue whose lengths and forces suffice for given ends, the cheapest first."""
     fitting = [row for row in request.rows if _covers(row.actuator, used)]
-    strong = [row for row in fitting if not task.loaded or row.bears(placement)]
+    strong = [row for row in fitting if not task.loaded or row.can_carry(placement)]
     strong.sort(key=lambda row: (math.inf if row.price is None else row.price, max(row.push, row.pull)))
     for index, row in enumerate(strong[: task.max_results]):
         _add(task, request, name, question, placement, row.actuator, row, index)
@@ -215,7 +210,7 @@ def _rows_of_given_ends(
 
 def _from_catalogue(task: DriveTask, request: ActuatorRequest, name: str) -> None:
     question = _question(task, request, name, COARSE_GRID)
-    bought, unfit = best_of_rows(question, request.rows, task.max_results, task.work)
+    bought, unfit = choose_rows(question, request.rows, task.max_results, task.work)
     for index, one in enumerate(bought):
         _add(task, request, name, question, one.placement, one.row.actuator, one.row, index)
     if not bought:
@@ -234,7 +229,7 @@ def _of_sizes(task: DriveTask, request: ActuatorRequest, name: str) -> None:
         found = question.best_of_sizes(Sizes(sizes, retracted is None, stroke is None, dead_length), task.work)
         if retracted is None and isinstance(found, Placement):
             found = _of_usual_length(task, fine, found, dead_length, stroke is None)
-    if isinstance(found, Refused):
+    if isinstance(found, Refusal):
         task.findings.refuse("actuator", name, reason_of(task.operation, found, question, sizes, stroke is None))
     else:
         low, high = float(found.length[[0, -1]].min()), float(found.length[[0, -1]].max())
@@ -242,7 +237,7 @@ def _of_sizes(task: DriveTask, request: ActuatorRequest, name: str) -> None:
 
 
 def _of_usual_length(
-    task: DriveTask, question: Question, best: Placement, dead_length: float, is_stroke_free: bool
+    task: DriveTask, question: PlacementSearch, best: Placement, dead_length: float, is_stroke_free: bool
 ) -> Placement:
     """Replace the best actuator of any length by one of usual length if this costs little force."""
     low, high = np.sort(best.length[[0, -1]]).tolist()
@@ -263,10 +258,10 @@ def _add(
     task: DriveTask,
     request: ActuatorRequest,
     name: str,
-    question: Question,
+    question: PlacementSearch,
     placement: Placement,
     sizes: Actuator,
-    row: Row | None,
+    row: CatalogueRow | None,
     index: int,
 ) -> None:
     mounted = Mounted(task, request.on, name, placement, request.count)
@@ -280,7 +275,7 @@ def _add(
         return
     ground, pin = mounted.ends(task.machine)
     used = abs(float(placement.length[-1] - placement.length[0]))
-    bound = task.if_loaded(question.bound(used))
+    bound = task.if_loaded(question.force_bound(used))
     is_whole = sizes.stroke <= used * (1 + STROKE_TOLERANCE)
     rank: tuple[float, ...] = (placement.worst,)
     if row is not None:
@@ -327,10 +322,10 @@ def _add(
 
 
 def reason_of(
-    operation: Operation, refused: Refused, question: Question, sizes: Actuator, is_stroke_free: bool
+    operation: Operation, refused: Refusal, question: PlacementSearch, sizes: Actuator, is_stroke_free: bool
 ) -> str:
     """Explain why an actuator finds no placement, with the number that binds."""
-    limits, stroke = question.wanted, sizes.stroke
+    limits, stroke = question.limits, sizes.stroke
     subject = "an actuator of free stroke" if is_stroke_free else f"stroke {stroke:.6g}"
     match refused.reason:
         case "reach":
@@ -356,14 +351,14 @@ def reason_of(
     return f"{subject} from {sizes.retracted:.6g} on fits no point of ground_box: no pin is so near, or so far, at both ends"
 
 
-def _none_fits(task: DriveTask, name: str, question: Question, unfit: list[Unfit]) -> None:
+def _none_fits(task: DriveTask, name: str, question: PlacementSearch, unfit: list[UnfitRow]) -> None:
     """Refuse the row that comes nearest, and count the others."""
     findings = task.findings
     weak = [(why, max(row.push, row.pull), row.name) for row, why in unfit if isinstance(why, float)]
     if weak:
         force, available, row_name = min(weak, key=lambda one: one[0] / one[1])
         findings.refuse("actuator", name, f"needs a force of {force:.4g}, and it gives {available:.4g}", row_name)
-    placeless = [(row, why) for row, why in unfit if isinstance(why, Refused)]
+    placeless = [(row, why) for row, why in unfit if isinstance(why, Refusal)]
     if placeless:
         row, why = min(placeless, key=lambda one: one[0].actuator.stroke)
         findings.refuse("actuator", name, reason_of(task.operation, why, question, row.actuator, False), row.name)
@@ -371,6 +366,6 @@ def _none_fits(task: DriveTask, name: str, question: Question, unfit: list[Unfit
         findings.notes.append(f"actuator on the {name}: {_count_unfit(unfit)}")
 
 
-def _count_unfit(unfit: list[Unfit]) -> str:
+def _count_unfit(unfit: list[UnfitRow]) -> str:
     weak = sum(isinstance(one.why, float) for one in unfit)
     return f"{weak} rows of the catalogue are too weak and {len(unfit) - weak} find no place"

@@ -9,8 +9,10 @@ from linkage_atlas.drive_design.question import ToggleRequest
 from linkage_atlas.drive_design.records import Lock, ToggleCurve, ToggleDrive
 from linkage_atlas.drive_design.task import DriveTask, both_ends, envelope
 from linkage_atlas.records import plane, xy
-from synthesis.drives.actuator import Actuator, Knee, Question, Refused, locked
+from synthesis.drives.knee import Knee, place_knee
 from synthesis.drives.links import GROUND
+from synthesis.drives.placement_search import PlacementSearch
+from synthesis.drives.placements import Actuator, Refusal
 
 
 def find_knees(task: DriveTask, request: ToggleRequest) -> None:
@@ -21,9 +23,9 @@ def find_knees(task: DriveTask, request: ToggleRequest) -> None:
             return
         link = machine.links[name]
         limits = limits_of(task, name, GROUND, request.ground_box, request.reach_max, request.arm_min)
-        found = locked(link, machine.at, task.torque, limits, last, request.over_centre, request.knee, task.work)
-        if isinstance(found, Refused):
-            question = Question(link, machine.at, task.torque, limits._replace(extends=last))
+        found = place_knee(link, machine.at, task.torque, limits, last, request.over_centre, request.knee, task.work)
+        if isinstance(found, Refusal):
+            question = PlacementSearch(link, machine.at, task.torque, limits._replace(extends=last))
             reason = reason_of(task.operation, found, question, Actuator(1.0, 1.0), True)
             task.findings.refuse("toggle", name, reason)
         else:

@@ -11,19 +11,11 @@ from linkage_atlas.drive_design.six_bars import SixBarLinkage, on_hinge
 from linkage_atlas.drive_design.task import DriveTask, both_ends, envelope
 from linkage_atlas.records import plane, xy
 from synthesis.arrays import dot
+from synthesis.drives.crank_rocker import place_motor_about_pivot
 from synthesis.drives.links import GROUND
-from synthesis.drives.six_bar import (
-    MOTOR_CRANK,
-    ROD,
-    Driven,
-    Joint,
-    Motor,
-    about_pivot,
-    driven,
-    joints_of,
-    on_any_link,
-    rod_joints,
-)
+from synthesis.drives.motor import MotorCycle, evaluate_motor
+from synthesis.drives.motor_search import place_motor
+from synthesis.drives.six_bar import MOTOR_CRANK, ROD, Joint, Motor, joints_of, rod_joints
 from synthesis.drives.six_bar import SixBar as Swung
 from synthesis.studies.forces import Pull
 from synthesis.target import TURN, Interval
@@ -46,35 +38,35 @@ def find_motors(task: DriveTask, request: MotorRequest) -> None:
             task.findings.refuse("dyad", name, found)
             continue
         link = task.fine.links[name]
-        whole = driven(link, task.fine_torque, found.motor, found.pin, found.crank, found.rod, found.extends)
+        whole = evaluate_motor(link, task.fine_torque, found.motor, found.pin, found.crank, found.rod, found.extends)
         if whole is None:
             task.findings.refuse("dyad", name, "the best motor's rod turns back between the positions looked at")
             continue
         words = "the best transmission angle is"
-        if not task.too_flat("dyad", name, words, whole.least_angle, request.transmission_angle_min):
+        if not task.too_flat("dyad", name, words, whole.transmission_angle_min, request.transmission_angle_min):
             _add(task, name, whole)
 
 
-def _placed(task: DriveTask, request: MotorRequest, name: str) -> Driven | str:
+def _placed(task: DriveTask, request: MotorRequest, name: str) -> MotorCycle | str:
     machine, link, ratio = task.machine, task.machine.links[name], request.time_ratio
     reach = task.reach(request.reach_max, name)
     if request.motor is not None:
         pin = task.given_pin(name, request.pin, request.pin_on_link)
         first, last = np.abs(link.place(pin) - request.motor)[[0, -1]].tolist()
         crank, rod = abs(last - first) / 2, (first + last) / 2
-        found = driven(link, task.torque, request.motor, pin, crank, rod, last > first)
+        found = evaluate_motor(link, task.torque, request.motor, pin, crank, rod, last > first)
         return (
             found or "the distance from the motor to the pin does not grow or shrink all the way: it has a dead point"
         )
     if link.pivot is None:
         box = request.motor_box or task.box
-        return on_any_link(link, machine.at, task.torque, ratio, request.pin_radius or reach, box, task.work)
+        return place_motor(link, machine.at, task.torque, ratio, request.pin_radius or reach, box, task.work)
     radius = request.pin_radius or min(reach, PIN_SHARE * machine.reaches.get(name, reach))
     is_given = request.pin_radius is not None
-    return about_pivot(link, task.torque, ratio, radius, is_given, request.motor_box, reach=reach)
+    return place_motor_about_pivot(link, task.torque, ratio, radius, is_given, request.motor_box, reach=reach)
 
 
-def _add(task: DriveTask, name: str, whole: Driven) -> None:
+def _add(task: DriveTask, name: str, whole: MotorCycle) -> None:
     operation, coarse = task.operation, slice(None, None, (FINE - 1) // (task.machine.at.size - 1))
     pin = task.fine.links[name].place(whole.pin)
     interval = Interval(*task.fine.at[[0, -1]].tolist())
@@ -114,7 +106,7 @@ def _add(task: DriveTask, name: str, whole: Driven) -> None:
     task.findings.ranked.append(((-bar.transmission_angle_min,), drive))
 
 
-def _six_bar(task: DriveTask, six: Swung, whole: Driven) -> SixBar:
+def _six_bar(task: DriveTask, six: Swung, whole: MotorCycle) -> SixBar:
     """Describe a motor with its rod over a whole turn at even steps."""
     operation, motor = task.operation, six.motor
     radian = operation.radian
@@ -138,7 +130,7 @@ def _six_bar(task: DriveTask, six: Swung, whole: Driven) -> SixBar:
         coupler=motor.rod,
         kind="crank_rocker" if operation.view is None else six.kind,
         time_ratio=whole.time_ratio,
-        transmission_angle_min=whole.least_angle / radian,
+        transmission_angle_min=whole.transmission_angle_min / radian,
         motor_torque_max=task.if_loaded(float(np.abs(whole.motor_torque).max())),
         motor_turn=(forwards / radian, backwards / radian),
         dwell=(dwell[0] / radian, dwell[1] / radian),

@@ -29,9 +29,9 @@ from linkage_atlas.catalogues import PRESSURE, read_actuators, read_springs, rea
 from linkage_atlas.drive_design.records import SPRING_KINDS
 from linkage_atlas.studies import read_load
 from synthesis.arrays import Floats
-from synthesis.drives.actuator import Row
+from synthesis.drives.catalogue import CatalogueRow
+from synthesis.drives.crank_rocker import MAX_TIME_RATIO
 from synthesis.drives.links import GROUND, LinkMotions
-from synthesis.drives.six_bar import LARGEST_RATIO
 from synthesis.drives.springs import SpringRow
 from synthesis.drives.torsion import TorsionRow
 from synthesis.errors import FieldError
@@ -85,7 +85,7 @@ class ActuatorRequest:
     """In the frame of the link."""
     count: int = 1
     """Number of equal actuators side by side."""
-    rows: list[Row] = field(default_factory=list)
+    rows: list[CatalogueRow] = field(default_factory=list)
     """Rows of the catalogue."""
     rods: dict[str, float] = field(default_factory=dict)
     """Rod diameters by the names of the rows."""
@@ -271,9 +271,9 @@ class Reader:
                 return build(RotaryRequest, self._fields(at, given, RotaryRequest, pivoted))
             case "dyad":
                 request = build(MotorRequest, self._fields(at, given, MotorRequest, links))
-                if not 1 / LARGEST_RATIO <= (request.time_ratio or 1.0) <= LARGEST_RATIO:
+                if not 1 / MAX_TIME_RATIO <= (request.time_ratio or 1.0) <= MAX_TIME_RATIO:
                     raise FieldError(
-                        f"/{at}/time_ratio", f"wanted a ratio from {1 / LARGEST_RATIO:g} to {LARGEST_RATIO:g}"
+                        f"/{at}/time_ratio", f"wanted a ratio from {1 / MAX_TIME_RATIO:g} to {MAX_TIME_RATIO:g}"
                     )
                 searched = ("motor_box", "time_ratio", "pin_radius", "reach_max")
                 _check_given_ends(at, request, "motor", searched)

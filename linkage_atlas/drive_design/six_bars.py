@@ -287,7 +287,7 @@ class SixBarLinkage(Linkage):
                 weights = self.solids(length_unit=unit, nevertheless=True).masses
                 masses += tuple(Mass(one.link, one.mass, complex(*one.at), one.inertia) for one in weights)
             read = read._replace(masses=masses, speed=speed, metre=metre)
-            held = six.held(machine, joints_of(self._base.plain, six.motor, machine), read)
+            held = six.reactions(machine, joints_of(self._base.plain, six.motor, machine), read)
         turning = {name: one for name, one in machine.links.items() if not name.endswith("slider")}
         body = machine.body
         return SixBarAnalysis(

@@ -28,21 +28,10 @@ from linkage_atlas.drive_design.records import (
 from linkage_atlas.drive_design.task import DriveTask, both_ends
 from linkage_atlas.records import plane, xy
 from synthesis.arrays import Complexes, Floats
+from synthesis.drives.balance import one_spring, potential_of, springs_on_pendulums, two_springs
 from synthesis.drives.links import GROUND, LinkMotions, largest
-from synthesis.drives.springs import (
-    Behaviour,
-    Fitted,
-    Room,
-    SpringRow,
-    best_pair,
-    best_spring,
-    one_spring,
-    pairs_of,
-    potential_of,
-    spring_torque,
-    springs_on_pendulums,
-    two_springs,
-)
+from synthesis.drives.spring_search import best_pair, best_spring
+from synthesis.drives.springs import Behaviour, MountedSprings, SpringRegion, SpringRow, pairs_of, spring_torque
 from synthesis.drives.springs import Spring as LinearSpring
 from synthesis.drives.torsion import TorsionSpring as MountedTorsion
 from synthesis.drives.torsion import best_torsion_spring, joint_of
@@ -76,7 +65,7 @@ class Mounted:
     torsion: MountedTorsion | None = None
 
     @classmethod
-    def of(cls, found: Fitted | str) -> Mounted | str:
+    def of(cls, found: MountedSprings | str) -> Mounted | str:
         """Take over the springs of a search."""
         if isinstance(found, str):
             return found
@@ -287,7 +276,7 @@ def _torsion(goal: Goal, machine: LinkMotions) -> Mounted | str:
 def _from_catalogue(goal: Goal, machine: LinkMotions) -> Mounted | str:
     """Find a spring, or two on the links with fixed pivots if these are clearly better."""
     task, request, extent = goal.task, goal.request, machine.extent
-    room = Room(
+    room = SpringRegion(
         request.ground_box or task.box,
         float(request.reach_max or extent),
         float(request.clear or CLEAR_SHARE * extent),

@@ -1,1 +1,1 @@
-"""What drives a linkage that swings: rotary drives, actuators, motors that turn on, and springs that carry the weight."""
+"""Drives of a linkage: rotary drives, actuators, motors with a rod, knees, and springs that carry the weight."""

@@ -1,4 +1,4 @@
-"""A drive on a linkage as it is drawn, tabulated and simulated: columns, lines of a drawing, and parts of a MuJoCo model."""
+"""A drive on a linkage, for drawings, tables and simulations: columns, lines and parts of a MuJoCo model."""
 
 from __future__ import annotations
 
@@ -17,38 +17,42 @@ from synthesis.export.simulation import xy0
 from synthesis.sheet import Extra, Sheet
 from synthesis.target import TURN
 
-LAYER, COLOUR = "DRIVE", 6
-"""Of a drawing, and AutoCAD's number of its colour."""
-_LIGHT = 0.1
-"""Of the heaviest link in a simulation: what the two links of a motor or of a knee weigh."""
+LAYER = "DRIVE"
+"""Layer of a drawing for CAD."""
+COLOUR = 6
+"""AutoCAD's index of the layer's colour."""
+_LINK_MASS = 0.1
+"""Mass of each link of a motor or a knee in a simulation, as a fraction of the heaviest link."""
 _STYLE = "<style>.drive{stroke:#d97706;stroke-width:6}.arm{stroke:#1d2733;stroke-width:8}</style>"
 _BODY_WIDTH = 0.08
-"""Of an actuator's body in a drawing, over its retracted length."""
+"""Width of an actuator's body in a drawing, as a fraction of its retracted length."""
 
 
 @dataclass(frozen=True)
 class Attached:
-    """A drive at its place on a linkage.
-
-    ``kind``: rotary, actuator, dyad or toggle. ``ground``: its other end, the motor, or the pivot of a rotary drive, in the
-    plane at the first sample; on the link ``on``. ``pin``: in the frame of ``link``. ``sizes``: retracted length and stroke,
-    motor crank and rod, or handle and strut. ``knee``: of a toggle, where its links meet at the first sample.
-    """
+    """A drive that is attached to a linkage."""
 
     machine: LinkMotions
     kind: str
+    """``rotary``, ``actuator``, ``dyad`` or ``toggle``."""
     link: str
+    """Link that carries the pin."""
     on: str
+    """Link that carries the other end, or ``ground``."""
     ground: complex
+    """Other end, motor, or pivot of a rotary drive, in the plane at the first sample."""
     pin: complex
+    """Pin in the frame of its link."""
     sizes: tuple[float, float]
+    """Retracted length and stroke, motor crank and rod, or handle and strut."""
     extends: bool = True
     knee: complex | None = None
+    """Joint of the links of a toggle at the first sample."""
     six_bar: SixBar | None = None
-    """Of a motor that swings the machine."""
+    """Six-bar of a motor that swings the linkage."""
 
     def ends(self) -> tuple[Complexes, Complexes]:
-        """Where its other end and its pin are, (n,) each."""
+        """Return the paths (n,) of the other end and of the pin."""
         for name in (self.link, self.on):
             if name not in (*self.machine.links, GROUND):
                 raise FieldError("/drive/link", f"this linkage has no {name}")
@@ -56,7 +60,10 @@ class Attached:
         return ground, ground if self.kind == "rotary" else self.machine.end(self.link, self.pin)
 
     def knees(self) -> Complexes | None:
-        """Where motor crank and rod meet on the way forwards, or handle and strut, (n,); None where there is no such place."""
+        """Return the path (n,) of the knee, if there is one.
+
+        The knee joins motor crank and rod, shown in the forward stroke, or handle and strut.
+        """
         if self.six_bar is not None:
             return self.six_bar.knee(self.six_bar.forwards(self.machine.at))
         if self.kind != "toggle" or self.knee is None:
@@ -68,37 +75,44 @@ class Attached:
         along = (first**2 - second**2 + length**2) / (2 * length)
         high = np.sqrt(np.maximum(first**2 - along**2, 0.0))
         side = np.sign(np.imag(np.conj(v[0]) * (self.knee - ground[0])))
-        # the locked end is bent the other way than all others; the side is known of the first position
+        # the locked end is bent to the side opposite to all other positions; the side is known at the first position
         bent = np.full(length.size, side if self.extends else -side)
         bent[-1 if self.extends else 0] *= -1
         return np.asarray(ground + (along + 1j * bent * high) * v / length)
 
     def columns(self) -> dict[str, list[Any]]:
-        """Columns of a table over the machine's positions: length, arm, and where its joints are."""
+        """Return columns of a table over the machine's positions: length, arm, and the coordinates of the joints."""
         ground, pin = self.ends()
-        found: dict[str, Any] = {}
+        columns: dict[str, Any] = {}
         if self.kind != "rotary":
             link = self.machine.seen(self.link, self.on)
-            found["drive_length"], found["drive_arm"] = link.leverage(self.ground, self.pin)
+            columns["drive_length"], columns["drive_arm"] = link.leverage(self.ground, self.pin)
         knees = self.knees()
-        places = {"ground": ground, "pin": pin} | ({} if knees is None else {"knee": knees})
-        for name, place in places.items():
-            found[f"drive_{name}_x"], found[f"drive_{name}_y"] = place.real, place.imag
-        return {name: values.tolist() for name, values in found.items()}
+        points = {"ground": ground, "pin": pin} | ({} if knees is None else {"knee": knees})
+        for name, positions in points.items():
+            columns[f"drive_{name}_x"], columns[f"drive_{name}_y"] = positions.real, positions.imag
+        return {name: values.tolist() for name, values in columns.items()}
 
     def lines(self) -> tuple[list[complex], list[complex], list[tuple[Complexes, bool]]]:
-        """What is drawn of it at the first position: its fixed place, its pins, and lines, closed or not."""
-        ground, pin = (complex(place[0]) for place in self.ends())
+        """Return the drawing of the drive at the first position.
+
+        Returns
+        -------
+        pivots, pins : list of complex
+        lines : list of (ndarray of complex, bool)
+            Points of each line, and whether it is closed.
+        """
+        ground, pin = (complex(path[0]) for path in self.ends())
         if self.kind == "rotary":
             return [ground], [], []
         knees = self.knees()
         if knees is not None:
             knee = complex(knees[0])
-            way = ground + abs(knee - ground) * np.exp(1j * np.linspace(0.0, TURN, 73))
+            circle = ground + abs(knee - ground) * np.exp(1j * np.linspace(0.0, TURN, 73))
             return (
                 [ground],
                 [pin, knee],
-                [(np.array([ground, knee, pin]), False)] + [(way, True)] * (self.kind == "dyad"),
+                [(np.array([ground, knee, pin]), False)] + [(circle, True)] * (self.kind == "dyad"),
             )
         along = (pin - ground) / abs(pin - ground)
         body, half = 0.85 * self.sizes[0], 0.5 * _BODY_WIDTH * self.sizes[0]
@@ -107,42 +121,64 @@ class Attached:
         return [ground], [pin], [(ground + along * corners, True), (rod, False)]
 
     def arms(self) -> list[Complexes]:
-        """Return the lines from the joints of each link that carries an end of it to that end, at the first position."""
-        found = []
+        """Return lines, at the first position, from the joints of each link that carries an end of the drive to that end."""
+        lines = []
         for name, end in ((self.on, self.ends()[0][0]), (self.link, self.ends()[1][0])):
             if name == GROUND or self.kind == "rotary":
                 continue
             joints = [complex(self.machine.link(name).origin[0])]
             if name in self.machine.middles:
                 joints.append(complex(self.machine.link(name).place(2 * self.machine.middles[name])[0]))
-            found.append(np.array([joints[0], end, *joints[1:]]))
-        return found
+            lines.append(np.array([joints[0], end, *joints[1:]]))
+        return lines
 
     def draw(self, space: Any, xy: Callable[[complex], tuple[float, float]], size: float) -> None:
-        """It on the layer `LAYER` of a drawing for CAD; ``size``: of the drawing, in its unit."""
+        """Draw the drive on the layer `LAYER` of a drawing for CAD.
+
+        Parameters
+        ----------
+        space : modelspace of ezdxf
+        xy : callable
+            Return the drawing's coordinates of a point.
+        size : float
+            Size of the drawing, in its unit.
+        """
         at = {"layer": LAYER}
         pivots, pins, lines = self.lines()
-        for places, radius in ((pivots, 0.02), (pins, 0.012)):
-            for place in places:
-                space.add_circle(xy(place), radius * size, dxfattribs=at)
+        for centres, radius in ((pivots, 0.02), (pins, 0.012)):
+            for centre in centres:
+                space.add_circle(xy(centre), radius * size, dxfattribs=at)
         for line, closed in [*lines, *((arm, False) for arm in self.arms())]:
-            space.add_lwpolyline([xy(complex(place)) for place in line], close=closed, dxfattribs=at)
+            space.add_lwpolyline([xy(complex(point)) for point in line], close=closed, dxfattribs=at)
 
     def shown(self) -> Extra:
-        """It in a drawing to look at."""
+        """Return the drive for an SVG drawing."""
         pivots, pins, lines = self.lines()
         arms = self.arms()
 
         def draw(sheet: Sheet) -> str:
             parts = [sheet.line(arm, "arm") for arm in arms]
             parts += [sheet.line(line, "drive", closed) for line, closed in lines]
-            parts += [sheet.dot(place, 11, 'class="pivot"') for place in pivots]
-            return _STYLE + "".join([*parts, *(sheet.dot(place, 8, 'class="pin"') for place in pins)])
+            parts += [sheet.dot(pivot, 11, 'class="pivot"') for pivot in pivots]
+            return _STYLE + "".join([*parts, *(sheet.dot(pin, 8, 'class="pin"') for pin in pins)])
 
         return Extra(np.concatenate([np.array([*pivots, *pins]), *(line for line, _ in lines), *arms]), draw)
 
     def simulated(self, model: str, metre: float) -> str:
-        """A MuJoCo model with this drive in the place of its own; ``metre``: metres in the machine's unit of length."""
+        """Return a MuJoCo model in which this drive replaces the model's own.
+
+        Parameters
+        ----------
+        model : str
+            The model in MJCF.
+        metre : float
+            Metres per unit of length of the machine.
+
+        Raises
+        ------
+        FieldError
+            If the linkage or the model lacks the link, or if the motor does not drive the linkage.
+        """
         if self.kind == "rotary":
             self._need(model, self.link)
             return re.sub(r'(<velocity name="drive" joint=")[^"]+"', rf'\g<1>{self.link}"', model)
@@ -179,10 +215,10 @@ class Attached:
         rod = float(np.angle(pin - knee)) - turned
         model = self._with_site(model, self.link, "drive_pin", self.pin, metre)
 
-        heaviest = max(float(one) for one in re.findall(r'<inertial [^>]*?mass="([^"]+)"', model))
+        heaviest = max(float(mass) for mass in re.findall(r'<inertial [^>]*?mass="([^"]+)"', model))
 
         def part(length: float) -> str:
-            mass = _LIGHT * heaviest
+            mass = _LINK_MASS * heaviest
             inertia = mass * length**2 / 12
             return (
                 f'<inertial pos="{length / 2!r} 0 0" mass="{mass!r}" diaginertia="{inertia!r} {inertia!r} {inertia!r}"/>'

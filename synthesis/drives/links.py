@@ -1,7 +1,7 @@
-"""Poses of a machine's links over its drive's interval, with derivatives, and the torque that a load asks of the drive.
+"""Poses of a machine's links over its drive's interval, with derivatives, and the torque that a load requires of the drive.
 
-Everything is given at n even values of one parameter, the drive's: for a four-bar the crank angle. Derivatives are by that
-parameter, so a torque here times the parameter's rate is a power, and a moment arm is a length per radian of it.
+All quantities are given at n even values of one parameter, the drive's: for a four-bar the crank angle. Derivatives are by that
+parameter, so a torque times the parameter's rate is a power, and a moment arm is a length per radian of it.
 """
 
 from __future__ import annotations
@@ -19,68 +19,71 @@ from synthesis.studies.forces import Load
 from synthesis.target import Interval
 
 SAMPLES = 61
-"""Positions over the interval at which forces and arms are looked at."""
-_TOPS, _LOOKS = 3, (9, 9, 9, 9)
-"""Peaks that are looked at between places, and how often, at how many nodes."""
+"""Number of positions over the interval at which forces and arms are computed."""
+_PEAKS = 3
+"""Number of peaks that are refined between positions."""
+_REFINEMENTS = (9, 9, 9, 9)
+"""Number of nodes of each refinement of a peak."""
 GROUND = "ground"
 
 
 @dataclass(frozen=True)
 class LinkMotions:
-    """A linkage over its drive's interval, (n,) positions: its moving links by name, the body's among them as ``body``.
-
-    ``at`` (n,): the drive's parameter, from the first sample on. ``drive``: what it is the angle, or the place, of.
-    """
+    """Motion of a linkage over its drive's interval, at n positions."""
 
     at: Floats
+    """Drive parameter at each position, (n,), counted from the first sample."""
     links: dict[str, LinkMotion]
+    """Moving links by name."""
     body: LinkMotion | None
+    """Body that the linkage moves; None if it has none."""
     drive: str = "crank"
+    """Link or part whose angle or displacement is the drive parameter."""
     extent: float = 1.0
-    """A length of the machine's size."""
+    """Length that characterizes the machine's size."""
     reaches: dict[str, float] = field(default_factory=dict)
-    """How far each link goes from its frame's origin to its joints and, of the coupler, to the body point."""
+    """Largest distance of each link's joints, and of the body point of the coupler, from the origin of its frame."""
     middles: dict[str, complex] = field(default_factory=dict)
-    """The middle between the two joints of a link, in its frame."""
+    """Midpoint of the two joints of a link, in its frame."""
 
     @property
     def sense(self) -> float:
-        """Which way the parameter runs: 1 or -1."""
+        """Direction of the drive parameter: 1 if it grows, -1 if it falls."""
         return 1.0 if self.at[-1] >= self.at[0] else -1.0
 
     @property
     def turns(self) -> bool:
-        """Whether the parameter is an angle."""
+        """True if the drive parameter is an angle."""
         return self.drive not in ("slider", "cylinder")
 
     @property
     def span(self) -> float:
-        """How far it runs."""
+        """Absolute change of the drive parameter over the interval."""
         return float(abs(self.at[-1] - self.at[0]))
 
     def link(self, name: str) -> LinkMotion:
-        """A link, or the body."""
+        """Return the motion of a link, or of the body."""
         if name == "body":
             assert self.body is not None
             return self.body
         return self.links[name]
 
     def seen(self, name: str, on: str) -> LinkMotion:
-        """A link as an observer on the ground, or on another link, has it."""
+        """Return the motion of a link relative to another link, or to the ground."""
         return self.link(name) if on == GROUND else self.link(name).seen_from(self.link(on))
 
     def end(self, name: str, point: complex) -> Complexes:
-        """Where a point goes that is told in a link's frame, of the ground in the plane, (n,)."""
+        """Return the path (n,) of a point that is given in a link's frame; for the ground in the plane."""
         return np.full(self.at.size, point, dtype=complex) if name == GROUND else self.link(name).place(point)
 
-    def point_on(self, name: str, place: complex) -> complex:
-        """The point, as of `end`, that lies at a place of the plane at the first sample."""
-        return place if name == GROUND else self.link(name).point_at(place)
+    def point_on(self, name: str, position: complex) -> complex:
+        """Return the point of a link, in its frame, that lies at a position of the plane at the first sample."""
+        return position if name == GROUND else self.link(name).point_at(position)
 
     def torque(self, load: Load) -> Floats:
-        """What the drive must give, (n,): force times length per radian of the parameter.
+        """Return the torque that the drive must give, (n,), a force times a length per radian of the parameter.
 
-        Law: minus the power of the load per unit of the parameter's rate, inertia counted as a load.
+        It is minus the power of the load per unit of the parameter's rate, with inertia counted as a load.
         """
         torque = np.zeros(self.at.size)
         if self.body is not None:
@@ -97,38 +100,52 @@ class LinkMotions:
 
 
 def ends_of(at: Floats) -> Interval:
-    """The least and the largest of places of a drive, from the end that is nearer to the first one."""
+    """Return the smallest and the largest coordinate of a drive, starting with the end that is nearer to the first position."""
     low, high = float(np.min(at)), float(np.max(at))
     return Interval(low, high) if abs(at[0] - low) <= abs(at[0] - high) else Interval(high, low)
 
 
-def largest(of: Callable[[Floats], Floats], at: Floats) -> float:
-    """The largest value of a smooth function over places (n,), at them and between: where one is larger than its neighbours.
+def largest(function: Callable[[Floats], Floats], at: Floats) -> float:
+    """Return the maximum of a smooth function over an interval, at given positions and between them.
 
-    ``of``: values (m,) at places (m,). Law: with places so close that one peak lies between two of them, to rounding.
+    The maximum is correct up to rounding if the positions are so dense that no two peaks lie between neighbours.
+
+    Parameters
+    ----------
+    function : callable
+        Return the values (m,) at positions (m,).
+    at : ndarray, shape (n,)
+        Positions.
     """
-    values = np.nan_to_num(of(at), nan=-np.inf)
+    values = np.nan_to_num(function(at), nan=-np.inf)
     before, after = np.append(-np.inf, values[:-1]), np.append(values[1:], -np.inf)
-    tops = np.flatnonzero((values >= before) & (values >= after))
-    tops = tops[np.argsort(-values[tops])[:_TOPS]]
-    low, high = at[np.maximum(tops - 1, 0)], at[np.minimum(tops + 1, at.size - 1)]
-    least, _ = closer_looks(
-        lambda looks: -of(np.asarray(looks.ravel(), dtype=float)).reshape(looks.shape), low, high, _LOOKS
+    peaks = np.flatnonzero((values >= before) & (values >= after))
+    peaks = peaks[np.argsort(-values[peaks])[:_PEAKS]]
+    low, high = at[np.maximum(peaks - 1, 0)], at[np.minimum(peaks + 1, at.size - 1)]
+    minima, _ = closer_looks(
+        lambda nodes: -function(np.asarray(nodes.ravel(), dtype=float)).reshape(nodes.shape), low, high, _REFINEMENTS
     )
-    return float(max(values.max(), -np.nanmin(least)))
+    return float(max(values.max(), -np.nanmin(minima)))
 
 
 def motions_of(linkage: Linkage, interval: Interval, samples: int = SAMPLES) -> LinkMotions:
-    """A linkage between two places of its drive from the first sample, at even steps; see `motions_at`."""
+    """Return the motion of a linkage between two coordinates of its drive, counted from the first sample; see `motions_at`."""
     return motions_at(linkage, np.linspace(*interval, samples))
 
 
 def motions_at(linkage: Linkage, at: Floats) -> LinkMotions:
-    """A linkage at places (n,) of its drive from the first sample; NaN where it does not close or is dead.
+    """Return the motion of a linkage at given coordinates of its drive; NaN if it does not close or is at a dead position.
 
-    Frames of a four-bar: the crank's from pivot A, the coupler's from the crank pin and the rocker's from pivot B, each along
-    its link; the body's from the body point, turned by the body's rotation. Of a body on two guides they are those of
-    `Linkage.motions`, the coupler's is the body's; a link on a circle, and the block of a slot, turn about fixed pivots.
+    The frames of a four-bar lie along its links: the crank's starts at pivot A, the coupler's at the crank pin and the
+    rocker's at pivot B. The body's frame has its origin at the body point and turns with the body. For the frames of a body
+    on two guides see `Linkage.motions`; there the coupler's frame is the body's frame, and a link on a circle and the block
+    of a slot turn about fixed pivots.
+
+    Parameters
+    ----------
+    linkage : Linkage
+    at : ndarray, shape (n,)
+        Coordinates of the drive, counted from the first sample.
     """
     first, body, second = linkage.motions(at)
     pin = linkage.on_body(0j)
@@ -139,7 +156,7 @@ def motions_at(linkage: Linkage, at: Floats) -> LinkMotions:
         velocity=body.speed(pin),
         acceleration=body.change(pin),
     )
-    links = {one.name: one for one in (first, coupler, second)}
+    links = {motion.name: motion for motion in (first, coupler, second)}
     extent = _extent(linkage, links.values())
     reaches, middles = dict.fromkeys(links, extent), {}
     for name, guide in linkage.named_guides:
@@ -154,13 +171,25 @@ def motions_at(linkage: Linkage, at: Floats) -> LinkMotions:
 def _extent(linkage: Linkage, links: Iterable[LinkMotion]) -> float:
     if linkage.is_four_bar:
         return max(*linkage.links, abs(linkage.arm))
-    way = float(max(np.ptp(one.origin.real) + np.ptp(one.origin.imag) for one in links))
+    path = float(max(np.ptp(link.origin.real) + np.ptp(link.origin.imag) for link in links))
     sizes = [guide.radius for guide in linkage.guides if isinstance(guide, Circle)]
-    return max(way, *sizes, *(abs(guide.body_point) for guide in linkage.guides), 1e-300)
+    return max(path, *sizes, *(abs(guide.body_point) for guide in linkage.guides), 1e-300)
 
 
 def hinged_at(pivot: complex, start: float, length: float, at: Floats) -> LinkMotions:
-    """A link on a hinge that is the body itself, its body point at its end: a flap, a wiper, a boom; at angles (n,)."""
+    """Return the motion of a single hinged link that is the body, for example a flap, a wiper or a boom.
+
+    Parameters
+    ----------
+    pivot : complex
+        Position of the hinge.
+    start : float
+        Direction of the link at angle 0, in radians.
+    length : float
+        Distance of the body point from the hinge.
+    at : ndarray, shape (n,)
+        Angles in radians.
+    """
     ones, still, end = np.ones(at.size), np.zeros(at.size, dtype=complex), complex(length)
     rocker = LinkMotion("rocker", pivot + still, start + at, still, ones, still, 0 * ones, pivot)
     body = LinkMotion("body", rocker.place(end), start + at, rocker.speed(end), ones, rocker.change(end), 0 * ones)

@@ -102,13 +102,13 @@ def joint_of(machine: LinkMotions, between: Between) -> complex | None:
     if first == GROUND:
         pivot = machine.links[second].pivot
         return None if pivot is None else complex(pivot)
-    for carrier, other in (
+    for carrier, partner in (
         (machine.links[first], machine.links[second]),
         (machine.links[second], machine.links[first]),
     ):
         for point in (0j, 2 * machine.middles.get(carrier.name, 0j)):
             path = carrier.place(point)
-            distance = np.abs(other.place(other.point_at(complex(path[0]))) - path)
+            distance = np.abs(partner.place(partner.point_at(complex(path[0]))) - path)
             if distance.max() <= JOINT_TOLERANCE * machine.extent:
                 return complex(path[0])
     return None

@@ -11,8 +11,10 @@ import shapely
 
 from synthesis.assembly.layers import Arrangement, Heights, Search, parts_of
 from synthesis.assembly.machine import Machine, Sizes, as_plates, motor_driven
+from synthesis.drives.crank_rocker import place_motor_about_pivot, proportions
 from synthesis.drives.links import motions_of
-from synthesis.drives.six_bar import Motor, about_pivot, on_any_link, proportions
+from synthesis.drives.motor_search import place_motor
+from synthesis.drives.six_bar import Motor
 from synthesis.fourbar.joints import joints_at
 from synthesis.guides import DRIVERS, Circle, Rail, Slot
 from synthesis.linkage import four_bar, on_guides
@@ -225,10 +227,10 @@ def other_six_bars(count: int) -> Iterator[tuple[Any, Interval, Motor]]:
             link = machine.links["coupler"]
         with np.errstate(all="ignore"):
             if link.pivot is None:
-                found = on_any_link(link, machine.at, np.ones(61), None, 1.5, (-4.0, -4.0, 4.0, 4.0))
+                found = place_motor(link, machine.at, np.ones(61), None, 1.5, (-4.0, -4.0, 4.0, 4.0))
             else:
-                found = about_pivot(link, np.ones(61), None, 0.6, False, None)
-        if isinstance(found, str) or found.least_angle < 0.15:
+                found = place_motor_about_pivot(link, np.ones(61), None, 0.6, False, None)
+        if isinstance(found, str) or found.transmission_angle_min < 0.15:
             continue
         yield linkage, used, Motor(link.name, found.motor, found.crank, found.rod, found.pin)
         count -= 1

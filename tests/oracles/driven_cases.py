@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from synthesis.drives.actuator import Actuator, Question, Wanted
 from synthesis.drives.links import GROUND, LinkMotions, motions_of
+from synthesis.drives.placement_search import PlacementSearch
+from synthesis.drives.placements import Actuator, PlacementLimits
 from synthesis.linkage import Linkage, LinkMotion, Mass, four_bar
 from synthesis.studies.forces import Load
 from synthesis.target import Interval
@@ -65,13 +66,13 @@ class Case:
         link = self.machine.links[self.name]
         return link if self.on == GROUND else link.seen_from(self.machine.links[self.on])
 
-    def question(self, grid: int = 60) -> Question:
+    def question(self, grid: int = 60) -> PlacementSearch:
         """Box and reach are of the linkage's size."""
         link = self.link
         middle = complex(np.mean(link.origin))
         box = (middle.real - 2.5, middle.imag - 2.5, middle.real + 2.5, middle.imag + 2.5)
-        wanted = Wanted(box, 1.5, 0.02 * self.stroke)
-        return Question(link, self.machine.at, self.machine.torque(self.load), wanted, grid)
+        wanted = PlacementLimits(box, 1.5, 0.02 * self.stroke)
+        return PlacementSearch(link, self.machine.at, self.machine.torque(self.load), wanted, grid)
 
 
 def straight(link: LinkMotion, actuator: Actuator) -> tuple[tuple[float, float, float], complex, complex]:

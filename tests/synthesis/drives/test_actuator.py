@@ -3,18 +3,11 @@
 import numpy as np
 import pytest
 
-from synthesis.drives.actuator import (
-    Actuator,
-    Placement,
-    Question,
-    Refused,
-    Row,
-    Sizes,
-    Wanted,
-    _Descent,
-    best_of_rows,
-)
+from synthesis.drives.catalogue import CatalogueRow, choose_rows
 from synthesis.drives.links import SAMPLES, hinged_at, motions_of
+from synthesis.drives.placement_descent import PlacementProblem
+from synthesis.drives.placement_search import PlacementSearch
+from synthesis.drives.placements import Actuator, Placement, PlacementLimits, Refusal, Sizes
 from synthesis.linkage import four_bar
 from synthesis.studies.forces import Load
 from synthesis.target import Interval
@@ -22,7 +15,7 @@ from tests.conftest import some_of
 from tests.oracles.driven_cases import Case, loads, random_linkage, straight
 
 
-def random_question(seed: int, grid: int = 60) -> tuple[Question, Actuator]:
+def random_question(seed: int, grid: int = 60) -> tuple[PlacementSearch, Actuator]:
     """A link of a random linkage with a random load, and an actuator that may fit; the box and the reach are of its size."""
     rng = np.random.default_rng(seed)
     linkage, interval = random_linkage(rng)
@@ -32,8 +25,8 @@ def random_question(seed: int, grid: int = 60) -> tuple[Question, Actuator]:
     middle = complex(np.mean(link.origin))
     box = (middle.real - 2.5, middle.imag - 2.5, middle.real + 2.5, middle.imag + 2.5)
     stroke = rng.uniform(0.15, 0.8)
-    wanted = Wanted(box, 1.5, 0.02 * stroke)
-    return Question(link, machine.at, torque, wanted, grid), Actuator(stroke * rng.uniform(1.1, 2.5), stroke)
+    wanted = PlacementLimits(box, 1.5, 0.02 * stroke)
+    return PlacementSearch(link, machine.at, torque, wanted, grid), Actuator(stroke * rng.uniform(1.1, 2.5), stroke)
 
 
 @pytest.mark.parametrize("seed", some_of(sorted(range(24), key=lambda seed: seed not in (13, 16, 20)), 7))
@@ -43,20 +36,20 @@ def test_no_grid_four_times_as_fine_finds_a_smaller_force(seed: int) -> None:
     found = asked.best(actuator)
     fine, _ = random_question(seed, 240)
     link, fine.link = fine.link, _without_pivot(fine.link)
-    begin = fine.screened([actuator])
-    if isinstance(found, Refused):
-        if not isinstance(begin, Refused):  # the finer grid has a place: only in between the coarse one's points
-            assert not isinstance(fine.best(actuator), Refused)
+    begin = fine.screen([actuator])
+    if isinstance(found, Refusal):
+        if not isinstance(begin, Refusal):  # the finer grid has a place: only in between the coarse one's points
+            assert not isinstance(fine.best(actuator), Refusal)
             assert link.pivot is None
-            assert begin.worth < 0.05
+            assert begin.best_value < 0.05
         return
-    assert asked.keeps(found, 1e-6)
-    assert isinstance(begin, Refused) or found.worst <= (1 + 1e-6) * asked.scale_of_burden / begin.worth
+    assert asked.satisfies_limits(found, 1e-6)
+    assert isinstance(begin, Refusal) or found.worst <= (1 + 1e-6) * asked.torque_scale / begin.best_value
     again = fine.best(actuator)
-    assert isinstance(again, Refused) or found.worst <= again.worst * (1 + 1e-6)
+    assert isinstance(again, Refusal) or found.worst <= again.worst * (1 + 1e-6)
     ends = [actuator.retracted, actuator.retracted + actuator.stroke][:: 1 if found.extends else -1]
     assert found.length[[0, -1]] == pytest.approx(ends, abs=1e-9)
-    assert found.worst >= asked.bound(actuator.stroke) * (1 - 1e-3)
+    assert found.worst >= asked.force_bound(actuator.stroke) * (1 - 1e-3)
 
 
 @pytest.mark.parametrize("seed", some_of(range(1, 33), 10))
@@ -65,13 +58,13 @@ def test_nor_on_a_linkage_of_any_kind(seed: int) -> None:
     found, fine = case.question().best(case.actuator), case.question(150)
     again = fine.best(case.actuator)
     fine.link = _without_pivot(fine.link)
-    grid = fine.screened([case.actuator])
-    if isinstance(found, Refused):
-        assert isinstance(again, Refused)
-        assert isinstance(grid, Refused) or grid.short is not None
+    grid = fine.screen([case.actuator])
+    if isinstance(found, Refusal):
+        assert isinstance(again, Refusal)
+        assert isinstance(grid, Refusal) or grid.shortfall is not None
         return
-    assert isinstance(again, Refused) or found.worst <= again.worst * (1 + 1e-6)
-    assert isinstance(grid, Refused) or found.worst <= (1 + 1e-6) * fine.scale_of_burden / grid.worth
+    assert isinstance(again, Refusal) or found.worst <= again.worst * (1 + 1e-6)
+    assert isinstance(grid, Refusal) or found.worst <= (1 + 1e-6) * fine.torque_scale / grid.best_value
 
 
 def _without_pivot(link):
@@ -84,17 +77,17 @@ def _without_pivot(link):
 @pytest.mark.parametrize("seed", range(4))
 def test_derivatives_of_the_descent_are_exact(seed: int, free: tuple[bool, bool]) -> None:
     asked, actuator = random_question(3 * seed + 1)
-    begin = asked.screened([actuator])
-    if isinstance(begin, Refused):
+    begin = asked.screen([actuator])
+    if isinstance(begin, Refusal):
         pytest.skip("no place to begin from")
-    one = _Descent(asked, Sizes(actuator, *free), bool(begin.ways[0]))
+    one = PlacementProblem(asked, Sizes(actuator, *free), bool(begin.extends[0]))
     z = one.start(complex(begin.grounds[0]), complex(begin.pins[0]), 0.999)
-    slopes, step = np.vstack([one.slopes(z), one.off_slopes(z)]), 1e-6
+    slopes, step = np.vstack([one.constraint_jacobian(z), one.equality_jacobian(z)]), 1e-6
     for k in range(z.size):
         there, here = z.copy(), z.copy()
         there[k] += step
         here[k] -= step
-        rows = [np.append(one.rows(at), one.off(at)) for at in (there, here)]
+        rows = [np.append(one.constraints(at), one.equalities(at)) for at in (there, here)]
         measured = (rows[0] - rows[1]) / (2 * step)
         assert measured == pytest.approx(slopes[:, k], rel=1e-4, abs=1e-4 * max(1, np.abs(slopes[:, k]).max()))
 
@@ -108,14 +101,14 @@ def test_the_closed_form_has_the_largest_least_arm() -> None:
         link = machine.links["rocker"]
         (_, _, arm), ground, pin = straight(link, actuator)
         box = (-20.0, -20.0, 20.0, 20.0)
-        asked = Question(link, machine.at, np.zeros(61), Wanted(box, 20.0, 0.0))
-        placed = asked.placement(ground, pin)
+        asked = PlacementSearch(link, machine.at, np.zeros(61), PlacementLimits(box, 20.0, 0.0))
+        placed = asked.evaluate(ground, pin)
         assert np.abs(placed.arm).min() == pytest.approx(arm, rel=1e-12)
         assert placed.length[[0, -1]] == pytest.approx([actuator.retracted, sum(actuator)], rel=1e-12)
         found = asked.best(actuator)
         assert isinstance(found, Placement)
         assert np.abs(found.arm).min() == pytest.approx(arm, rel=1e-6)
-        bound = asked.bound(stroke) / found.worst
+        bound = asked.force_bound(stroke) / found.worst
         assert bound == pytest.approx(abs(swing) / 2 / np.tan(abs(swing) / 2), rel=1e-6)
 
 
@@ -129,13 +122,13 @@ def test_a_shorter_dead_length_and_a_larger_box_lose_no_answer() -> None:
         span: float,
         half: float,
         name: str = "coupler",
-    ) -> Question:
+    ) -> PlacementSearch:
         way = Interval(0.0, float(np.deg2rad(span)))
         place = (5 + 8j, float(np.deg2rad(10)), (40.0, float(np.deg2rad(30))))
         machine = motions_of(four_bar(links, branch, float(np.deg2rad(start)), *place), way)
         torque = machine.torque(Load(3 - 20j, 30.0))
-        wanted = Wanted((-half, -half, half + 50, half + 50), machine.reaches[name], 2.0 / machine.span)
-        return Question(machine.links[name], machine.at, torque, wanted)
+        wanted = PlacementLimits((-half, -half, half + 50, half + 50), machine.reaches[name], 2.0 / machine.span)
+        return PlacementSearch(machine.links[name], machine.at, torque, wanted)
 
     one = asked((87.1, 92.42, 79.71, 46.03), -1, -64.278, 186.1, 100.0)
     forces = []
@@ -162,32 +155,40 @@ def test_reasons_name_what_binds() -> None:
     link, torque = machine.links["rocker"], np.ones(61)
     box = (-3.0, -3.0, 3.0, 3.0)
 
-    def asked(**more: float) -> Question:
-        return Question(link, machine.at, torque, Wanted(box, 2.0, 0.0)._replace(**more))
+    def asked(**more: float) -> PlacementSearch:
+        return PlacementSearch(link, machine.at, torque, PlacementLimits(box, 2.0, 0.0)._replace(**more))
 
-    assert asked(reach=0.4).best(Actuator(1.0, 0.5)) == Refused("reach", pytest.approx(0.5))
+    assert asked(reach=0.4).best(Actuator(1.0, 0.5)) == Refusal("reach", pytest.approx(0.5))
     refused = asked(arm=0.6).best(Actuator(1.0, 0.5))
-    assert refused == Refused("arm", pytest.approx(0.25 / np.tan(np.pi / 6), rel=1e-3))
+    assert refused == Refusal("arm", pytest.approx(0.25 / np.tan(np.pi / 6), rel=1e-3))
     away = asked(box=(9.0, 9.0, 9.5, 9.5)).best(Actuator(1.0, 0.5))
-    assert isinstance(away, Refused)
+    assert isinstance(away, Refusal)
     assert away.reason == "box"
-    far = Question(_without_pivot(link), machine.at, torque, Wanted((50.0, 50.0, 51.0, 51.0), 2.0, 0.0))
+    far = PlacementSearch(
+        _without_pivot(link), machine.at, torque, PlacementLimits((50.0, 50.0, 51.0, 51.0), 2.0, 0.0)
+    )
     assert far.best(Actuator(1.0, 0.5)).reason == "stroke"
 
 
 def test_a_catalogue_gives_its_cheapest_row_that_does() -> None:
     machine = hinged_at(0j, 0.0, 1.0, np.linspace(0.0, np.deg2rad(60), SAMPLES))
-    wanted = Wanted((-3.0, -3.0, 3.0, 3.0), 2.0, 0.0)
-    asked = Question(machine.links["rocker"], machine.at, 100 * np.ones(61), wanted, 30)
-    rows = [Row("dear", Actuator(1.0, 0.6), 500, 500, 90), Row("weak", Actuator(1.0, 0.6), 150, 150, 10)]
-    rows += [Row("cheap", Actuator(1.0, 0.5), 500, 500, 40), Row("long", Actuator(6.0, 5.0), 5000, 5000, 5)]
-    found, unfit = best_of_rows(asked, rows, 1)
+    wanted = PlacementLimits((-3.0, -3.0, 3.0, 3.0), 2.0, 0.0)
+    asked = PlacementSearch(machine.links["rocker"], machine.at, 100 * np.ones(61), wanted, 30)
+    rows = [
+        CatalogueRow("dear", Actuator(1.0, 0.6), 500, 500, 90),
+        CatalogueRow("weak", Actuator(1.0, 0.6), 150, 150, 10),
+    ]
+    rows += [
+        CatalogueRow("cheap", Actuator(1.0, 0.5), 500, 500, 40),
+        CatalogueRow("long", Actuator(6.0, 5.0), 5000, 5000, 5),
+    ]
+    found, unfit = choose_rows(asked, rows, 1)
     assert [one.row.name for one in found] == ["cheap"]
     assert {one.row.name for one in unfit} == {"weak", "long"}
     weak = next(one for one in unfit if one.row.name == "weak")
     assert weak.why == pytest.approx(100 * np.pi / 3 / 0.6)
-    unpriced, _ = best_of_rows(asked, [row.__class__(row.name, row.actuator, row.push, row.pull) for row in rows], 5)
+    unpriced, _ = choose_rows(asked, [row.__class__(row.name, row.actuator, row.push, row.pull) for row in rows], 5)
     assert unpriced[0].row.name == "dear"  # of equal forces the one with the longer stroke pushes least
-    pulls = Row("pulls", Actuator(1.0, 0.6), 500, 1)
-    pushes = Row("pushes", Actuator(1.0, 0.6), 1, 500)
-    assert len(best_of_rows(asked, [pulls, pushes], 2)[0]) == 1
+    pulls = CatalogueRow("pulls", Actuator(1.0, 0.6), 500, 1)
+    pushes = CatalogueRow("pushes", Actuator(1.0, 0.6), 1, 500)
+    assert len(choose_rows(asked, [pulls, pushes], 2)[0]) == 1

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from synthesis.drives.actuator import Question, Wanted
 from synthesis.drives.links import LinkMotions
+from synthesis.drives.placement_search import PlacementSearch
+from synthesis.drives.placements import PlacementLimits
 from synthesis.linkage import LinkMotion
 from synthesis.scenes.lift.pose import Design, pose_at_turn
 from synthesis.studies.forces import Load
@@ -27,8 +28,8 @@ def test_length_arm_and_force_are_those_of_the_lift(design: Design) -> None:
     machine = LinkMotions(turn, {"coupler": link}, platform)
     load = 1000.0
     torque = machine.torque(Load(-1j * load))
-    asked = Question(link, turn, torque, Wanted((-1e4, -1e4, 1e4, 1e4), 1e4, 0.0))
-    found = asked.placement(0j, complex(design.l2))
+    asked = PlacementSearch(link, turn, torque, PlacementLimits((-1e4, -1e4, 1e4, 1e4), 1e4, 0.0))
+    found = asked.evaluate(0j, complex(design.l2))
     assert found.length == pytest.approx(pose.length, rel=1e-9)
     assert found.arm == pytest.approx(pose.length_1, rel=1e-9)
     assert found.force == pytest.approx(load * pose.height_1 / pose.length_1, rel=1e-9)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from synthesis.drives.balance import springs_on_pendulums
 from synthesis.drives.links import motions_at
-from synthesis.drives.springs import springs_on_pendulums
 from synthesis.guides import Circle, Driver, Rail, Slot
 from synthesis.linkage import Mass
 from synthesis.studies.forces import Load

@@ -7,10 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from synthesis.drives.actuator import Actuator, Question, Refused, Wanted
+from synthesis.drives.balance import one_spring, potential_of, two_springs
+from synthesis.drives.crank_rocker import place_motor_about_pivot, proportions
 from synthesis.drives.links import LinkMotions, motions_of
-from synthesis.drives.six_bar import about_pivot, driven, proportions
-from synthesis.drives.springs import Spring, fitted, one_spring, potential_of, two_springs
+from synthesis.drives.motor import evaluate_motor
+from synthesis.drives.placement_search import PlacementSearch
+from synthesis.drives.placements import Actuator, PlacementLimits, Refusal
+from synthesis.drives.springs import Spring, mount_springs
 from synthesis.linkage import Linkage, Mass, four_bar
 from synthesis.studies.forces import Load
 from synthesis.target import Interval
@@ -30,12 +33,12 @@ def machine(row: dict, samples: int = 61) -> LinkMotions:
     return motions_of(linkage_of(row), Interval(0.0, row["span"] * DEGREE), samples)
 
 
-def question(row: dict, link: str) -> Question:
+def question(row: dict, link: str) -> PlacementSearch:
     one = machine(row)
     torque = one.torque(Load(complex(*row["force"])))
     amount = row.get("amount", row.get("work"))
-    wanted = Wanted(tuple(row["box"]), row["reach"], row["arm"])
-    return Question(one.links[link], one.at, torque, wanted, amount=amount)
+    wanted = PlacementLimits(tuple(row["box"]), row["reach"], row["arm"])
+    return PlacementSearch(one.links[link], one.at, torque, wanted, torque_integral=amount)
 
 
 CASEMENT, WHOLE = REFERENCE["casement"], REFERENCE["whole_numbers"]
@@ -50,7 +53,7 @@ def test_torques_work_and_bound_of_the_casement() -> None:
     assert at_b == pytest.approx(CASEMENT["torque_b_largest"], abs=1e-6)
     assert abs(one.links["rocker"].swing()) / DEGREE == pytest.approx(CASEMENT["rocker_swing"], abs=1e-6)
     assert abs(one.links["coupler"].swing()) / DEGREE == pytest.approx(CASEMENT["coupler_swing"], abs=1e-6)
-    assert question(CASEMENT, "crank").bound(150) == pytest.approx(CASEMENT["bound"], abs=1e-6)
+    assert question(CASEMENT, "crank").force_bound(150) == pytest.approx(CASEMENT["bound"], abs=1e-6)
 
 
 def test_the_actuator_on_the_crank_in_closed_form() -> None:
@@ -58,24 +61,24 @@ def test_the_actuator_on_the_crank_in_closed_form() -> None:
     actuator = Actuator(255, 150)
     found, ground, pin = straight(asked.link, actuator)
     assert found == pytest.approx((want["pin"], want["ground"], want["arm"]), abs=1e-6)
-    place = asked.placement(ground, pin)
+    place = asked.evaluate(ground, pin)
     assert [ground.real, ground.imag] == pytest.approx(want["ground_point"], abs=1e-6)
     at_first = asked.link.place(pin)[0]
     assert [at_first.real, at_first.imag] == pytest.approx(want["pin_at"], abs=1e-6)
     assert place.length[[0, -1]] == pytest.approx([255, 405], abs=1e-9)
     assert place.peak == pytest.approx(want["peak"], abs=1e-6)
     assert 1000 / np.abs(place.arm).min() == pytest.approx(want["unit"], abs=1e-6)
-    assert asked.best(actuator) == Refused("reach", pytest.approx(want["pin"], abs=1e-6))
+    assert asked.best(actuator) == Refusal("reach", pytest.approx(want["pin"], abs=1e-6))
 
 
 @pytest.mark.parametrize("link", ["coupler", "rocker"])
 def test_the_same_actuator_on_coupler_and_rocker(link: str) -> None:
     want, asked = CASEMENT[link], question(CASEMENT, link)
     found = asked.best(Actuator(255, 150))
-    assert not isinstance(found, Refused)
+    assert not isinstance(found, Refusal)
     assert found.peak == pytest.approx(want["peak"], abs=1e-6)
     assert np.abs(found.arm).min() == pytest.approx(want["arm"], abs=1e-5)
-    assert found.peak / asked.bound(150) == pytest.approx(want["over"], abs=5e-4)
+    assert found.peak / asked.force_bound(150) == pytest.approx(want["over"], abs=5e-4)
     assert found.length[[0, -1]] == pytest.approx([255, 405] if found.extends else [405, 255], abs=1e-9)
     if link == "coupler":
         at_first = asked.link.place(found.pin)[0]
@@ -92,14 +95,16 @@ def test_the_same_actuator_on_coupler_and_rocker(link: str) -> None:
 def test_a_catalogue_on_all_three_links(stroke: str) -> None:
     for link, peak in zip(("crank", "coupler", "rocker"), CASEMENT["catalogue"][stroke]):
         found = question(CASEMENT, link).best(Actuator(float(stroke) + 105, float(stroke)))
-        assert (None if isinstance(found, Refused) else round(found.peak, 3)) == peak, link
+        assert (None if isinstance(found, Refusal) else round(found.peak, 3)) == peak, link
 
 
 def motor_torque(row: dict, motor: complex, crank: float, rod: float, radius: float) -> float:
     """Largest motor torque at 61 even motor angles of one way."""
     fine = machine(CASEMENT, 200_001)
     torque = fine.torque(Load(complex(*CASEMENT["force"])))
-    found = driven(fine.links["crank"], torque, motor, complex(radius), crank, rod, _extends(fine, motor, radius))
+    found = evaluate_motor(
+        fine.links["crank"], torque, motor, complex(radius), crank, rod, _extends(fine, motor, radius)
+    )
     assert found is not None
     way = row["way"]  # forwards here is the slower one
     angle = np.abs(found.motor_angle[way] - found.motor_angle[way, 0])
@@ -128,7 +133,7 @@ def test_a_motor_on_the_crank(name: str) -> None:
     motor = complex(*row["motor"])
     assert motor_torque(row, motor, row["crank"], row["rod"], radius) == pytest.approx(row["torque"], rel=1e-4)
     one = machine(CASEMENT)
-    best = about_pivot(one.links["crank"], one.torque(Load(100j)), ratio, radius, True, None, row["rod"])
+    best = place_motor_about_pivot(one.links["crank"], one.torque(Load(100j)), ratio, radius, True, None, row["rod"])
     assert not isinstance(best, str)
     assert abs(best.motor - one.links["crank"].pivot) == pytest.approx(row["ground"], abs=1e-3)
     turns = row.get("turns", [180, 180])
@@ -175,10 +180,10 @@ def test_two_springs_balance(name: str) -> None:
     anchors = [complex(*row["s1"]), complex(*row["s3"])]
     ends = zip(("crank", "rocker"), anchors, (crank, rocker))
     springs = [Spring(("ground", link), (at, pin), 0.5) for link, at, pin in ends]
-    assert np.abs(fitted(one, torque, springs).torque).max() < 1e-5  # the anchors are given to seven decimals
+    assert np.abs(mount_springs(one, torque, springs).torque).max() < 1e-5  # the anchors are given to seven decimals
     for mine, want in zip(two_springs(found, 0.5), anchors):
         assert mine.points[0] == pytest.approx(want, abs=1e-7)
-    assert np.abs(fitted(one, torque, two_springs(found)).torque).max() < 1e-11 * np.abs(torque).max() * 100
+    assert np.abs(mount_springs(one, torque, two_springs(found)).torque).max() < 1e-11 * np.abs(torque).max() * 100
     assert one_spring(found, ("ground", "coupler")) == pytest.approx(row["one"], abs=1e-7)
 
 
@@ -199,4 +204,4 @@ def test_one_spring_balances_where_the_signs_allow(name: str) -> None:
     got = [both.stiffness, *(part for p in both.points for part in (p.real, p.imag))]
     assert got == pytest.approx(row["crank_rocker"], abs=1e-5)
     for spring in (coupler, both):
-        assert np.abs(fitted(one, torque, [spring]).torque).max() < 1e-9 * np.abs(torque).max()
+        assert np.abs(mount_springs(one, torque, [spring]).torque).max() < 1e-9 * np.abs(torque).max()

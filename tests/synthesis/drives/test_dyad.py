@@ -3,15 +3,12 @@
 import numpy as np
 import pytest
 
-from synthesis.drives.actuator import Question, Refused, Wanted, locked
+from synthesis.drives.crank_rocker import place_motor_about_pivot, proportions
+from synthesis.drives.knee import place_knee
 from synthesis.drives.links import SAMPLES, hinged_at, motions_at, motions_of
-from synthesis.drives.six_bar import (
-    _beginnings,
-    _Descent,
-    about_pivot,
-    on_any_link,
-    proportions,
-)
+from synthesis.drives.motor_search import _grid_starts, _TransmissionProblem, place_motor
+from synthesis.drives.placement_search import PlacementSearch
+from synthesis.drives.placements import PlacementLimits, Refusal
 from synthesis.work import Work
 from tests.conftest import some_of
 from tests.oracles.driven_cases import any_linkage, random_linkage
@@ -61,19 +58,21 @@ def test_derivatives_of_the_descent_are_exact(seed: int, way: bool) -> None:
     rng = np.random.default_rng(seed)
     linkage, interval = random_linkage(rng)
     machine = motions_of(linkage, interval)
-    asked = Question(machine.links["coupler"], machine.at, np.zeros(61), Wanted((-4.0, -4.0, 4.0, 4.0), 1.5, 0.0), 20)
+    asked = PlacementSearch(
+        machine.links["coupler"], machine.at, np.zeros(61), PlacementLimits((-4.0, -4.0, 4.0, 4.0), 1.5, 0.0), 20
+    )
     # the crank pin goes at one speed: there the least one has a corner
-    some = [one for one in _beginnings(asked, 0.3) if one.way is way and one.pin]
+    some = [one for one in _grid_starts(asked, 0.3) if one.extends is way and one.pin]
     for begin in some:
-        one, step = _Descent(asked, way, 0.3), 1e-6
+        one, step = _TransmissionProblem(asked, way, 0.3), 1e-6
         z = one.start(begin)
-        assert one.off(z) == pytest.approx(0, abs=1e-9)
-        slopes = np.vstack([one.slopes(z), one.off_slopes(z)])
+        assert one.equalities(z) == pytest.approx(0, abs=1e-9)
+        slopes = np.vstack([one.constraint_jacobian(z), one.equality_jacobian(z)])
         for k in range(5):
             there, here = z.copy(), z.copy()
             there[k] += step
             here[k] -= step
-            rows = [np.append(one.rows(at), one.off(at)) for at in (there, here)]
+            rows = [np.append(one.constraints(at), one.equalities(at)) for at in (there, here)]
             largest = np.abs(slopes[:, k]).max()
             assert (rows[0] - rows[1]) / (2 * step) == pytest.approx(
                 slopes[:, k], rel=1e-4, abs=1e-4 * max(1, largest)
@@ -89,9 +88,9 @@ def test_a_motor_that_is_turned_round_swings_a_linkage_of_any_kind(seed: int) ->
     middle = complex(np.mean(link.origin))
     box = (middle.real - 4, middle.imag - 4, middle.real + 4, middle.imag + 4)
     if link.pivot is None:
-        found = on_any_link(link, machine.at, torque, ratio, 1.5, box)
+        found = place_motor(link, machine.at, torque, ratio, 1.5, box)
     else:
-        found = about_pivot(link, torque, ratio, 1.0, False, None)
+        found = place_motor_about_pivot(link, torque, ratio, 1.0, False, None)
     if isinstance(found, str):
         turns = np.diff(link.direction)
         assert "turns back" in found and turns.min() < 0 < turns.max()
@@ -107,7 +106,7 @@ def test_a_motor_that_is_turned_round_swings_a_linkage_of_any_kind(seed: int) ->
     assert one.rod < 1e-12
     assert one.ends == pytest.approx(sorted(interval), abs=1e-9)
     assert one.time_ratio == pytest.approx(ratio or found.time_ratio, rel=1e-9)
-    assert found.least_angle == pytest.approx(one.transmission_angle, abs=np.deg2rad(1))
+    assert found.transmission_angle_min == pytest.approx(one.transmission_angle, abs=np.deg2rad(1))
     if (
         link.pivot is None
     ):  # its pin moves: the longest way of any is that of the origin and the turn about it together
@@ -118,10 +117,10 @@ def test_a_motor_that_is_turned_round_swings_a_linkage_of_any_kind(seed: int) ->
 def test_times_and_boxes_that_cannot_be_are_refused_in_words() -> None:
     machine = hinged_at(0j, 0.0, 1.0, np.linspace(0.0, np.deg2rad(185), SAMPLES))
     link = machine.links["rocker"]
-    assert "no crank-rocker swings" in str(about_pivot(link, np.ones(61), 4.9, 1.0, False, None))
+    assert "no crank-rocker swings" in str(place_motor_about_pivot(link, np.ones(61), 4.9, 1.0, False, None))
     small = hinged_at(0j, 0.0, 1.0, np.linspace(0.0, 1.0, SAMPLES)).links["rocker"]
-    assert "motor_box" in str(about_pivot(small, np.ones(61), 1.0, 1.0, True, (50.0, 50.0, 51.0, 51.0)))
-    placed = about_pivot(small, np.ones(61), 1.1, 1.0, False, (0.4, -0.6, 0.8, -0.2))
+    assert "motor_box" in str(place_motor_about_pivot(small, np.ones(61), 1.0, 1.0, True, (50.0, 50.0, 51.0, 51.0)))
+    placed = place_motor_about_pivot(small, np.ones(61), 1.1, 1.0, False, (0.4, -0.6, 0.8, -0.2))
     assert not isinstance(placed, str)
     assert 0.4 <= placed.motor.real <= 0.8
     assert -0.6 <= placed.motor.imag <= -0.2
@@ -131,22 +130,22 @@ def test_times_and_boxes_that_cannot_be_are_refused_in_words() -> None:
 def test_a_motor_is_found_in_a_small_box_and_its_pin_within_reach(seed: int, ratio: float | None) -> None:
     rng = np.random.default_rng(seed)
     link = hinged_at(0j, rng.uniform(0, 6), 1.0, np.linspace(0.0, rng.uniform(0.4, 1.2), SAMPLES)).links["rocker"]
-    free = about_pivot(link, np.ones(61), ratio, 0.8, False, None, reach=1.0)
+    free = place_motor_about_pivot(link, np.ones(61), ratio, 0.8, False, None, reach=1.0)
     assert not isinstance(free, str)
     for size, turn, hair in ((1.2, 0.003, 1e-3), (0.77, 2.0, 1e-4), (0.5, 4.0, 0.0)):
         at = free.motor * size * np.exp(1j * turn)
         box = (at.real - hair, at.imag - hair, at.real + hair, at.imag + hair)
-        found = about_pivot(link, np.ones(61), ratio, 0.8, False, box, reach=1.0)
+        found = place_motor_about_pivot(link, np.ones(61), ratio, 0.8, False, box, reach=1.0)
         assert not isinstance(found, str)
         assert abs(found.motor - at) <= 2 * hair + 1e-9
         assert abs(found.pin) <= 1.0
-        assert found.least_angle == pytest.approx(free.least_angle, abs=1e-6)
+        assert found.transmission_angle_min == pytest.approx(free.transmission_angle_min, abs=1e-6)
         if ratio is None:  # its own times, which are equal to rounding
-            again = about_pivot(link, np.ones(61), 1 + 1e-9, 0.8, False, box, reach=1.0)
+            again = place_motor_about_pivot(link, np.ones(61), 1 + 1e-9, 0.8, False, box, reach=1.0)
             assert not isinstance(again, str)
             assert again.motor == found.motor
     far = abs(free.motor) / 0.8 * 1.1
-    outside = about_pivot(link, np.ones(61), 1.2, 0.8, False, (far, -far, far + 1, far), reach=1.0)
+    outside = place_motor_about_pivot(link, np.ones(61), 1.2, 0.8, False, (far, -far, far + 1, far), reach=1.0)
     assert "motor_box" in str(outside)
 
 
@@ -154,10 +153,10 @@ def test_a_motor_is_found_in_a_small_box_and_its_pin_within_reach(seed: int, rat
 def test_a_knee_goes_over_its_centre_and_holds_what_pushes_it(last: bool) -> None:
     machine = hinged_at(0j, 0.0, 1.0, np.linspace(0.0, np.deg2rad(70), SAMPLES))
     link, delta, share = machine.links["rocker"], np.deg2rad(6), 0.4
-    wanted = Wanted((-2.0, -2.0, 2.0, 2.0), 1.0, 0.05)
+    wanted = PlacementLimits((-2.0, -2.0, 2.0, 2.0), 1.0, 0.05)
     push = np.full(61, 10.0 if last else -10.0)
-    found = locked(link, machine.at, push, wanted, last, delta, share, Work())
-    assert not isinstance(found, Refused)
+    found = place_knee(link, machine.at, push, wanted, last, delta, share, Work())
+    assert not isinstance(found, Refusal)
     assert found.placement.extends is last
     pins = link.place(found.placement.pin)
     assert np.abs(found.knee - found.placement.ground) == pytest.approx(np.full(61, found.handle), abs=1e-9)
@@ -168,5 +167,5 @@ def test_a_knee_goes_over_its_centre_and_holds_what_pushes_it(last: bool) -> Non
     others = np.delete(bend, end)
     assert np.all(others * bend[end] < 0)
     assert found.holds
-    assert not locked(link, machine.at, -push, wanted, last, delta, share, Work()).holds
+    assert not place_knee(link, machine.at, -push, wanted, last, delta, share, Work()).holds
     assert found.overshoot > 0

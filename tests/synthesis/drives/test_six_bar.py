@@ -74,10 +74,10 @@ def test_newton_and_euler_give_the_torque_of_virtual_work(six, linkage) -> None:
     masses = tuple(Mass(one, rng.uniform(0.1, 2), complex(*rng.normal(size=2)), rng.uniform(0, 1)) for one in links)
     for speed in (0.0, 2.0):
         load = Load(complex(*rng.normal(size=2)), rng.normal(), masses, 1 - 9.81j, speed, 0.7)
-        held = six.held(machine, joints_of(linkage, six.motor, machine), load)
+        held = six.reactions(machine, joints_of(linkage, six.motor, machine), load)
         wanted = machine.torque(load)
         assert np.abs(held.torque - wanted).max() <= 1e-11 * np.abs(wanted).max()
         # inertia counts, and its unit
         if speed:
-            other = six.held(machine, joints_of(linkage, six.motor, machine), load._replace(metre=1.0))
+            other = six.reactions(machine, joints_of(linkage, six.motor, machine), load._replace(metre=1.0))
             assert np.abs(other.torque - held.torque).max() > 1e-6 * np.abs(wanted).max()

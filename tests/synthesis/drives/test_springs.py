@@ -5,18 +5,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from synthesis.drives.balance import one_spring, potential_of, two_springs
 from synthesis.drives.links import motions_of
-from synthesis.drives.springs import (
-    Room,
-    Spring,
-    SpringRow,
-    best_spring,
-    fitted,
-    one_spring,
-    potential_of,
-    spring_torque,
-    two_springs,
-)
+from synthesis.drives.spring_search import best_spring
+from synthesis.drives.springs import Spring, SpringRegion, SpringRow, mount_springs, spring_torque
 from synthesis.linkage import Mass
 from synthesis.studies.forces import Load
 from synthesis.target import Interval
@@ -44,13 +36,13 @@ def test_two_springs_balance_any_linkage(seed: int) -> None:
     torque, potential = machine.torque(load), potential_of(linkage, load)
     size = abs(potential.w1) + abs(potential.w2)
     for stiffness in (None, 0.7):
-        left = fitted(machine, torque, two_springs(potential, stiffness)).torque
+        left = mount_springs(machine, torque, two_springs(potential, stiffness)).torque
         assert np.abs(left).max() < 1e-10 * size * 100
     for between in (("ground", "coupler"), ("crank", "rocker")):
         spring = one_spring(potential, between)
         if isinstance(spring, Spring):
             assert spring.stiffness > 0
-            left = fitted(machine, torque, [spring]).torque
+            left = mount_springs(machine, torque, [spring]).torque
             moved = np.abs(spring_torque(machine, spring)[1]).max()
             assert np.abs(left).max() < 1e-9 * (size + moved) * 100
         else:
@@ -80,7 +72,7 @@ def test_a_fitted_spring_helps_and_keeps_its_lengths_and_places(seed: int) -> No
     linkage, interval = random_linkage(rng)
     machine, load = motions_of(linkage, interval), weights(rng)
     torque = machine.torque(load)
-    room = Room((-3.0, -3.0, 3.0, 3.0), 1.2, 0.1)
+    room = SpringRegion((-3.0, -3.0, 3.0, 3.0), 1.2, 0.1)
     between = [("ground", "crank"), ("ground", "coupler"), ("crank", "rocker")][seed % 3]
     found = best_spring(machine, torque, [between], KINDS, room)
     if isinstance(found, str):
@@ -102,7 +94,9 @@ def test_a_fitted_spring_helps_and_keeps_its_lengths_and_places(seed: int) -> No
             ends = complex(*rng.uniform(-0.8, 0.8, 2)), ends[1]
         other = rng.choice(len(KINDS))
         one = KINDS[other]
-        trial = fitted(machine, torque, [Spring(between, ends, one.stiffness, one.free_length, one.preload)], [one])
+        trial = mount_springs(
+            machine, torque, [Spring(between, ends, one.stiffness, one.free_length, one.preload)], [one]
+        )
         if trial.lengths[0].min() >= one.shortest and trial.lengths[0].max() <= one.longest:
             clear = between[0] != "ground" or min(abs(ends[0] - p) for p in (linkage.pivot_a, linkage.pivot_b)) >= 0.1
             if clear and min(map(abs, ends[1:])) >= 0.1:

@@ -1,0 +1,245 @@
+"""The crank-rocker that swings a link about a fixed pivot through a given angle with a given time ratio.
+
+Motor, rod, the pin's radius c and the distance d of the motor O from the pivot are a crank-rocker. With h half the chord of the
+pin's path and e the angle QaOQb, which determines the time ratio (pi + e) / (pi - e)::
+
+    a = h sin(zeta) / cos(e/2)        b = h cos(zeta) / |sin(e/2)|        0 < zeta < pi/2
+
+and zeta is chosen for the largest minimum transmission angle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from synthesis.arrays import Complexes, Flags, Floats
+from synthesis.drives.motor import MotorCycle, evaluate_motor, return_angle
+from synthesis.drives.pivoted import direction_into_box
+from synthesis.four_bar import grashof_excesses, transmission_angle_over
+from synthesis.linkage import LinkMotion
+from synthesis.mechanism import Box, outside
+from synthesis.target import TURN, Interval
+
+
+@dataclass(frozen=True)
+class CrankRockerOptions:
+    """Options of the search for a crank-rocker."""
+
+    zetas: int = 2000
+    """Number of values of zeta that are evaluated before the best is refined."""
+    refinements: int = 90
+    """Number of golden-section steps around the best value."""
+    rod: float = 3.0
+    """Rod divided by pin radius for equal times, for which any rod works: at most 1.7 degrees worse than an infinite rod."""
+    more_rods: tuple[float, ...] = (2.5, 2.0, 1.6, 1.3, 1.1, 0.9, 4.0, 6.0)
+    """Further rods that are tried if the region of the motor is limited."""
+    equal_time_tolerance: float = 1e-6
+    """Difference from 1 below which a time ratio counts as equal times."""
+    directions: int = 360
+    """Number of directions of the pin about the pivot that are tried."""
+    radius_factors: tuple[float, ...] = (1, 0.8, 1.25, 0.6, 1.6, 0.4, 2.2, 0.25, 3, 0.15)
+    """Factors of the pin's default radius that are tried."""
+
+
+OPTIONS = CrankRockerOptions()
+MAX_TIME_RATIO = 5.0
+"""Largest time ratio: the rod's transmission angle is then at best 60 degrees less half the swing."""
+
+
+class Proportions(NamedTuple):
+    """A crank-rocker in units of the pin's radius, seen from the pivot with the bisector of the swing along x.
+
+    It belongs to a swing that turns counter-clockwise while the rod's end moves away from the motor; mirror images give the
+    other swings.
+    """
+
+    crank: float
+    rod: float
+    ground: float
+    motor: complex
+    transmission_angle_min: float
+    """Minimum over the whole turn of the motor, in radians."""
+    zeta: float | None
+    """None for equal times."""
+
+
+def proportions(
+    swing: float, time_ratio: float = 1.0, rod: float | None = None, options: CrankRockerOptions = OPTIONS
+) -> Proportions | None:
+    """Return the crank-rocker with the largest minimum transmission angle for a swing; None if there is none.
+
+    Parameters
+    ----------
+    swing : float
+        Angle of the rocker's swing, in radians, below pi.
+    time_ratio : float
+        Ratio of the slower and the faster stroke, at least 1.
+    rod : float, optional
+        Length of the rod divided by the pin's radius, for equal times only.
+    options : CrankRockerOptions
+    """
+    if not 0 < swing < np.pi:
+        return None
+    if time_ratio == 1.0:
+        return _centric_proportions(swing, options.rod if rod is None else rod)
+    half = swing / 2
+    chord = np.sin(half)
+    e = return_angle(time_ratio)
+
+    def evaluate(zeta: Floats) -> tuple[Floats, Complexes, Floats, Floats]:
+        crank = chord * np.sin(zeta) / np.cos(e / 2)
+        rod = chord * np.cos(zeta) / np.sin(e / 2)
+        down = -crank * rod / chord
+        folded = rod - crank
+        with np.errstate(invalid="ignore"):
+            across = np.sqrt((folded - down - chord) * (folded + down + chord))
+        motors = np.cos(half) + np.stack([across, -across]) + 1j * down
+        return _transmission_angles(crank, rod, motors, half), motors, crank, rod
+
+    zetas = np.linspace(0, np.pi / 2, options.zetas + 2)[1:-1]
+    angles, *_ = evaluate(zetas)
+    side, k = divmod(int(np.argmax(angles)), zetas.size)
+    if angles[side, k] <= 0:
+        return None
+    low, high = (zetas[min(max(k + step, 0), zetas.size - 1)] for step in (-1, 1))
+    ratio = (np.sqrt(5) - 1) / 2
+    for _ in range(options.refinements):
+        left, right = high - ratio * (high - low), low + ratio * (high - low)
+        left_angle, right_angle = evaluate(np.array([left, right]))[0][side]
+        low, high = (low, right) if left_angle >= right_angle else (left, high)
+    zeta = (low + high) / 2
+    if evaluate(np.array([zeta]))[0][side, 0] < angles[side, k]:
+        zeta = zetas[k]
+    angles, motors, crank, rods = evaluate(np.array([zeta]))
+    motor = complex(motors[side, 0])
+    return Proportions(float(crank[0]), float(rods[0]), abs(motor), motor, float(angles[side, 0]), float(zeta))
+
+
+def _centric_proportions(swing: float, rod: float) -> Proportions | None:
+    """Return the crank-rocker with equal times and a given rod."""
+    half = swing / 2
+    chord = np.sin(half)
+    ground = np.sqrt(rod**2 + np.cos(half) ** 2)
+    lengths = np.array([chord, rod, 1.0, ground])
+    angle = transmission_angle_over(lengths, Interval(0.0, TURN))
+    if not np.isfinite(angle) or rod <= chord:
+        return None
+    # on the line through both ends of the pin's path, b - a from the nearer end
+    return Proportions(chord, rod, float(ground), complex(np.cos(half), -rod), float(angle), None)
+
+
+def _transmission_angles(crank: Floats, rod: Floats, motors: Complexes, half: float) -> Floats:
+    """Return the minimum transmission angles (2, n) of crank-rockers with pin radius 1; -1 if the crank does not turn fully."""
+    ground = np.abs(motors)
+    lengths = np.stack(np.broadcast_arrays(crank, rod, 1.0, ground), axis=-1)
+    with np.errstate(invalid="ignore"):
+        shortest = (crank < rod) & (crank < 1) & (crank < ground)
+        turns = np.all(np.stack(grashof_excesses(np.nan_to_num(lengths, nan=1.0))) > 0, axis=0)
+        first, last = (np.imag(np.conj(motors) * np.exp(1j * angle)) for angle in (-half, half))
+        same_side = first * last > 0
+    good: Flags = shortest & turns & same_side & np.isfinite(ground)
+    angles = np.full(good.shape, -1.0)
+    if good.any():
+        angles[good] = transmission_angle_over(lengths[good], Interval(0.0, TURN))
+    return np.where(np.isfinite(angles), angles, -1.0)
+
+
+def place_motor_about_pivot(
+    link: LinkMotion,
+    torque: Floats,
+    time_ratio: float | None,
+    radius: float,
+    radius_is_fixed: bool,
+    box: Box | None,
+    rod: float | None = None,
+    reach: float = np.inf,
+    options: CrankRockerOptions = OPTIONS,
+) -> MotorCycle | str:
+    """Return the best motor and rod on a link that turns about a pivot, or a sentence with the reason why there is none.
+
+    The transmission angle depends neither on the pin's radius nor on its direction from the pivot; these are chosen so that the
+    motor lies in its box. By default the pin lies on the link's line.
+
+    Parameters
+    ----------
+    link : LinkMotion
+        Motion of the link at n positions.
+    torque : ndarray, shape (n,)
+        Torque that the linkage's drive must give.
+    time_ratio : float or None
+        Ratio of forward and return stroke or its reciprocal; None for equal times.
+    radius : float
+        Distance of the pin from the pivot, or the first one that is tried.
+    radius_is_fixed : bool
+    box : Box or None
+        Region of the motor.
+    rod : float, optional
+        Length of the rod for equal times.
+    reach : float
+        Largest distance of the pin from the pivot.
+    options : CrankRockerOptions
+    """
+    assert link.pivot is not None
+    pivot = link.pivot
+    turned = np.unwrap(np.angle(link.direction))
+    swing = abs(float(turned[-1] - turned[0]))
+    if np.min(np.diff(turned) * np.sign(turned[-1] - turned[0])) <= 0:
+        return "the link turns back within the way: no motor drives it through"
+    has_equal_times = time_ratio is None or abs(time_ratio - 1) < options.equal_time_tolerance
+    ratio = 1.0 if time_ratio is None or has_equal_times else max(time_ratio, 1 / time_ratio)
+    # for equal times any rod works: other rods are tried if the motor has a box
+    rods = [options.rod if rod is None else rod / radius]
+    if rod is None and ratio == 1.0 and box is not None:
+        rods += options.more_rods
+    shapes = [shape for shape in (proportions(swing, ratio, length, options) for length in rods) if shape is not None]
+    if not shapes:
+        return f"no crank-rocker swings by {np.rad2deg(swing):.6g} degrees with a time ratio of {ratio:.6g}"
+    rising = float(np.sign(turned[-1] - turned[0]))
+    around = np.linspace(0.0, TURN, options.directions, endpoint=False)
+    directions = sorted(around.tolist(), key=lambda angle: min(angle, TURN - angle))
+    radii = [radius] if radius_is_fixed else [radius * factor for factor in options.radius_factors]
+    radii = radii[:1] + [size for size in radii[1:] if size <= reach]
+    bisector = link.direction[0] * np.exp(0.5j * rising * swing)
+    for shape in shapes:
+        # the shape extends counter-clockwise; its mirror image serves the other direction or the other sense
+        extends_options = (True, False) if rising > 0 else (False, True)
+        motors = [bisector * motor for motor in (shape.motor, shape.motor.conjugate())]
+        for pin in _pins(radii, directions, pivot, motors, box):
+            cycles = []
+            for extends, offset in zip(extends_options, motors):
+                motor, size = complex(pivot + pin * offset), abs(pin)
+                if box is None or _is_inside(motor, box, pivot):
+                    cycles.append(
+                        evaluate_motor(link, torque, motor, pin, size * shape.crank, size * shape.rod, extends)
+                    )
+            good = [cycle for cycle in cycles if cycle is not None]
+            if good:
+                return min(good, key=lambda cycle: float(np.abs(cycle.motor_torque).max()))
+    return "no place of the pin puts the motor into motor_box"
+
+
+def _pins(
+    radii: list[float], directions: list[float], pivot: complex, motors: list[complex], box: Box | None
+) -> Iterator[complex]:
+    """Yield the pins of a grid, and for each motor the pin that puts it on the middle of an arc in its box."""
+    yield from (complex(size * np.exp(1j * angle)) for size in radii for angle in directions)
+    if box is None:
+        return
+    nearest = complex(min(max(pivot.real, box[0]), box[2]), min(max(pivot.imag, box[1]), box[3]))
+    farthest = max(abs(complex(x, y) - pivot) for x in box[::2] for y in box[1::2])
+    distance = abs(motors[0])
+    low, high = max(abs(nearest - pivot) / distance, min(radii)), min(farthest / distance, max(radii))
+    if low <= high:
+        size = radii[0] if low <= radii[0] <= high else (low + high) / 2
+        for motor in motors:
+            direction = direction_into_box(pivot, size * distance, box, np.sort(directions))
+            yield complex(size * np.exp(1j * (direction - np.angle(motor))))
+
+
+def _is_inside(motor: complex, box: Box, pivot: complex) -> bool:
+    """Check that a motor lies in a box, up to the rounding of its distance from the pivot."""
+    return bool(outside(motor, box) <= 1e-12 * abs(motor - pivot))
