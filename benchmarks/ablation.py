@@ -2,8 +2,8 @@
 
 ``python -m benchmarks.ablation --cases 40`` runs each request once with all heuristics and once without each heuristic that
 its class uses, one run after another, so that a drift of the machine affects all runs alike. An answer is *good* if its error
-is within 1 % of the smallest error that any of these runs, or the reference of `benchmarks.engine`, reached; the answer to
-an exact request is good below 1e-9. Times are processor time. The first heuristic is empty: it shows the noise of the method.
+is within 1 % of the smallest error that any of these runs reached; the answer to an exact request is good below 1e-9.
+Times are processor time. The first heuristic is empty: it shows the noise of the method.
 """
 
 from __future__ import annotations
@@ -47,26 +47,18 @@ SOLVED = 1e-9
 """Error below which an answer is exact, so that smaller differences are rounding."""
 
 
-class Request(NamedTuple):
-    """A request of a class."""
-
-    answer: Callable[[], float]
-    """Solve the request and return the error of the best answer, or infinity."""
-    reference: float = np.inf
-    """Smallest error that is known from elsewhere."""
+Request = Callable[[], float]
+"""Solves a request and returns the error of the best answer, or infinity."""
 
 
 def requests_of(name: str, count: int) -> Iterator[Request]:
     """Yield the first requests of a class."""
     if name in SLIDERS:
-        kind = SLIDERS.index(name)
-        yield from (slider_request(kind, seed) for seed in range(count))
+        yield from (slider_request(SLIDERS.index(name), seed) for seed in range(count))
         return
-    references = engine.References()
     for seed in engine.CLASSES[name].some(count)[:count]:
         case = engine.CLASSES[name].case(seed)
-        best = np.inf if engine.CLASSES[name].exact else references.of(name, seed, case.mark)[0]
-        yield Request(lambda case=case: engine.first_cost(case, case.ask()), best)
+        yield lambda case=case: engine.first_cost(case, case.ask())
 
 
 def slider_request(kind: int, seed: int) -> Request:
@@ -75,7 +67,7 @@ def slider_request(kind: int, seed: int) -> Request:
         angle = (None, 30.0, 40.0)[seed % 3]
         limits = Limits("any", **({} if angle is None else {"transmission_angle_min": float(np.deg2rad(angle))}))
         kinds = [one for one in Kind if one is not Kind.FOUR_BAR]
-        return Request(lambda: slider_error(wandering_body(seed), limits, kinds))
+        return lambda: slider_error(wandering_body(seed), limits, kinds)
     random, mechanism = np.random.default_rng([kind, seed]), KINDS[seed % len(KINDS)]
     rotation, position, drive = random_motion(random, mechanism, 12 if kind == 2 else 6)
     poses = make_poses(rotation, position)
@@ -84,7 +76,7 @@ def slider_request(kind: int, seed: int) -> Request:
         scale = poses.length_scale
         poses = make_poses(rotation + noise[0], position + scale * (noise[1] + 1j * noise[2]), length_scale=scale)
     given = {"given": drive} if kind == 2 else {}
-    return Request(lambda: slider_error(poses, Limits("any"), [Kind(mechanism)], DRIVERS[mechanism], **given))
+    return lambda: slider_error(poses, Limits("any"), [Kind(mechanism)], DRIVERS[mechanism], **given)
 
 
 def wandering_body(seed: int) -> Poses:
@@ -493,20 +485,20 @@ def measure_class(name: str, cases: int) -> dict[str, Any]:
     switches = [one for one in heuristics() if name in one.classes and one.patches is not None]
     runs: dict[str, dict[str, list[Any]]] = {"": {"error": [], "ms": []}}
     runs |= {one.name: {"error": [], "ms": []} for one in switches}
-    known = []
+    prepared = False
     for request in requests_of(name, cases * (3 if name in REPEATED else 1)):
-        if not known:
-            request.answer()  # tables are built once
-        known.append(request.reference)
+        if not prepared:
+            request()  # tables are built once
+            prepared = True
         for key, switch in {"": None, **{one.name: one for one in switches}}.items():
             times = report.Times()
             with ExitStack() as stack:
                 if switch is not None:
                     stack.enter_context(switch.switched_off())
-                error = times.run(request.answer)
+                error = times.run(request)
             runs[key]["error"].append(report.finite(float(f"{error:.6g}")))
             runs[key]["ms"].append(round(1000 * times.processor[0], 2))
-    return {"runs": runs, "known": [report.finite(float(f"{error:.6g}")) for error in known]}
+    return {"runs": runs}
 
 
 def floats(values: Sequence[float | None]) -> np.ndarray:
@@ -517,7 +509,7 @@ def floats(values: Sequence[float | None]) -> np.ndarray:
 def judged(part: Mapping[str, Any]) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Return the errors relative to the smallest known error, and the milliseconds, by heuristic."""
     errors = {name: np.maximum(floats(run["error"]), SOLVED) for name, run in part["runs"].items()}
-    best = np.minimum(np.maximum(floats(part["known"]), SOLVED), np.min(list(errors.values()), axis=0))
+    best = np.min(list(errors.values()), axis=0)
     best[~np.isfinite(best)] = 1.0
     return {name: (errors[name] / best, np.array(part["runs"][name]["ms"])) for name in errors}
 

@@ -70,7 +70,9 @@ class Case(NamedTuple):
     def ask(self, budget: float | None = None, **more: Any) -> Any:
         """The reply, with a budget in seconds of the processor; where no preset is asked for, by the error alone."""
         asked = {**self.request, **more}
-        if asked.get("timing") != "free":
+        if asked.get("timing") == "free":
+            asked = {"prefer": "error"} | asked
+        else:
             asked["limits"] = {"preset": "none"} | asked.get("limits", {})
         return self.search(**asked, budget=budget, work=processor_work)
 
