@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from linkage_atlas.functions.dials import MIN_PAIRS
 from linkage_atlas.functions.question import FunctionQuestion
 from linkage_atlas.functions.results import FunctionSolution
 from linkage_atlas.functions.special import (
@@ -15,7 +14,7 @@ from linkage_atlas.functions.special import (
 )
 from linkage_atlas.motions import unit_notes
 from linkage_atlas.notes import in_percent
-from linkage_atlas.result_notes import LOCAL
+from linkage_atlas.result_notes import LOCAL, NUMERALS
 from synthesis.function.answers import Generator
 from synthesis.function.quick_return import (
     all_slider_cranks,
@@ -27,8 +26,6 @@ from synthesis.function.travel_search import (
 from synthesis.function.wanted import Wanted
 from synthesis.ranking import PROPORTION
 
-_FEW_PAIRS = 3
-"""Number of pairs up to which linkages that meet them leave freedom."""
 _STEEP = 8.0
 """Ratio of the slope of a step to the slope of any other step from which on it is called a jump."""
 UNASKED = (
@@ -82,8 +79,9 @@ def angle_notes(
     if not local:
         notes += _proportion_notes(found, question.tolerance)
     exact = [one for one in found[:top] if one.errors.objective < question.tolerance]
-    if wanted.crank.size <= _FEW_PAIRS and wanted.exact is None and len(exact) > 1:
-        notes.append(FEW_PAIRS.format("two" if wanted.crank.size == MIN_PAIRS else "three"))
+    free = 3 + (wanted.start is None) + (wanted.offset is None) - wanted.crank.size
+    if free > 0 and wanted.exact is None and len(exact) > 1:
+        notes.append(FEW_PAIRS.format(NUMERALS[wanted.crank.size]))
         if question.largest:
             notes.append("Between the pairs a straight line is requested.")
     elif solutions and solutions[0].determination.ill_posed:

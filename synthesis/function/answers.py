@@ -294,6 +294,12 @@ def turning_back(wanted: Wanted, output: Callable[[Floats], Floats], least: floa
     return float(-made[made < 0].sum()), float(abs(places[int(np.argmin(made))] / wanted.crank[-1]))
 
 
+def fraction_back(wanted: Wanted, linkage: Linkage) -> float:
+    """Return the fraction of the output's range by which a rocker turns back on the way."""
+    back = turning_back(wanted, lambda crank: rocker_angles([linkage], crank)[0], _ROUNDING)
+    return 0.0 if back is None else back[0] / float(np.ptp(wanted.output))
+
+
 def turns_back(wanted: Wanted, linkages: Sequence[Linkage]) -> list[str | None]:
     """A sentence for each linkage whose rocker turns back where the wanted output goes one way; None for the others."""
     found: list[str | None] = []

@@ -1,4 +1,4 @@
-"""Four-bars that meet two or three pairs of a function exactly: sample the exact family densely, then improve the best within it.
+"""Four-bars that meet two to five pairs of a function exactly: sample the exact family densely, then improve the best within it.
 
 With the crank angle phi and the rocker angle psi of a pair, both from the ground line, and the ground as the unit of length,
 Freudenstein's equation is linear in three ratios of the lengths::
@@ -7,8 +7,9 @@ Freudenstein's equation is linear in three ratios of the lengths::
     K3 = (crank^2 - coupler^2 + rocker^2 + 1) / (2 crank rocker)
 
 (F. Freudenstein, Approximate synthesis of four-bar linkages, Trans. ASME 77 (1955) 853-861). So the zeros of both dials are free
-numbers of the family, and every pair fixes one ratio; two pairs leave one ratio free as well. The improvement moves these free
-numbers, and never has to trade exactness for anything else.
+numbers of the family, and every pair fixes one ratio; two pairs leave one ratio free as well. Four pairs leave one zero free, and
+five leave a few four-bars (`dial_zeros`). The improvement moves the free numbers, and never has to trade exactness for anything
+else.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from numpy.typing import NDArray
 from synthesis.arrays import Floats
 from synthesis.constraints import Constraints
 from synthesis.four_bar import close_loop, transmission_angle_over
+from synthesis.function.dial_zeros import zeros_of_five_pairs, zeros_of_four_pairs
 from synthesis.function.wanted import Wanted
 from synthesis.limits import Limits, in_family
 from synthesis.linkage import Linkage, as_lengths, four_bar
@@ -29,16 +31,22 @@ from synthesis.mechanism import Placed
 from synthesis.ranking import PROPORTION, merit
 from synthesis.work import Work
 
+HARDLY_BACK = 0.01
+"""Fraction of the output's range by which a rocker may turn back on the way and is still ranked with those that do not."""
+MOST_PAIRS = 5
+"""Number of pairs that a four-bar can meet exactly in general."""
 _EQUAL = 1e-12
 """Difference of the turns of input and output, in radians, up to which they are equal."""
 
 
 @dataclass(frozen=True)
 class FewPairsOptions:
-    """Options of the search for four-bars that meet two or three pairs."""
+    """Options of the search for four-bars that meet two to five pairs."""
 
     samples: int = 16_000
     """Random members of the family."""
+    samples_on_curve: int = 1440
+    """The same for four pairs, whose zeros lie on a curve."""
     examined: int = 1000
     """Number of sampled four-bars, best first, whose rocker is followed between the pairs."""
     regions: int = 20
@@ -112,12 +120,12 @@ class Candidates(NamedTuple):
 
 
 class ExactFamily:
-    """The four-bars that meet two or three pairs exactly within limits.
+    """The four-bars that meet two to five pairs exactly within limits.
 
     Parameters
     ----------
     wanted : Wanted
-        Of two or three pairs, with a crank that turns counter-clockwise.
+        Of two to five pairs, with a crank that turns counter-clockwise.
     limits : Limits
         Lengths over the ground.
     sized : bool
@@ -143,6 +151,8 @@ class ExactFamily:
     def sample(self) -> Parameters:
         """Draw members of the family evenly over its free numbers."""
         options, wanted = self.options, self.wanted
+        if self.pairs > 3:
+            return self._sample_on_curve()
         ratio_is_free = self.pairs == 2 and self._held is None
         count = options.samples if ratio_is_free or wanted.start is None or wanted.offset is None else 1
         start, offset = (
@@ -151,6 +161,35 @@ class ExactFamily:
         )
         ratio = self.random.uniform(-options.farthest, options.farthest, count)
         return Parameters(start, offset, ratio if self._held is None else np.full(count, np.log(self._held)))
+
+    def _sample_on_curve(self) -> Parameters:
+        """Return both roots for zeros all around, or for the given zero; the few four-bars of five pairs."""
+        options, wanted = self.options, self.wanted
+        if self.pairs == 5:
+            start, offset = zeros_of_five_pairs(wanted.crank, wanted.output)
+            return Parameters(start, offset, np.zeros_like(start))
+        given = [zero for zero in (wanted.start, wanted.offset) if zero is not None]
+        zeros = np.array(given or np.arange(options.samples_on_curve) * (np.pi / options.samples_on_curve))
+        pairs = np.repeat(zeros, 2), self._other_zeros(zeros).ravel()
+        start, offset = pairs if wanted.offset is None else pairs[::-1]
+        return Parameters(start, offset, np.zeros_like(start))
+
+    def _other_zeros(self, zeros: Floats) -> Floats:
+        """Return the two offsets for starts (n,), or the two starts for given offsets, of four pairs, (n, 2)."""
+        crank, output = self.wanted.crank, self.wanted.output
+        if self.wanted.offset is None:
+            return zeros_of_four_pairs(zeros[:, None] + crank, output)
+        return -zeros_of_four_pairs(output - zeros[:, None], crank)
+
+    def _on_curve(self, parameters: Parameters) -> Parameters:
+        """Return parameters of four pairs with the nearest zero for which the equations are dependent."""
+        free = "offset" if self.wanted.offset is None else "start"
+        near = getattr(parameters, free)
+        roots = self._other_zeros(parameters.start if free == "offset" else parameters.offset)
+        away = roots - near[:, None]
+        away -= np.pi * np.round(away / np.pi)
+        nearest = np.argmin(np.abs(np.nan_to_num(away, nan=np.inf)), axis=1)
+        return parameters._replace(**{free: near + away[np.arange(near.size), nearest]})
 
     def moved(self, parameters: Parameters, step: float) -> Parameters:
         """Return random neighbours of parameters, by changes of very different sizes."""
@@ -170,8 +209,11 @@ class ExactFamily:
 
         A negative length is a positive one whose link points the other way, which a dial without a given zero allows.
         """
-        crank = parameters.start[:, None] + self.wanted.crank
-        rocker = self.wanted.output - parameters.offset[:, None]
+        if self.pairs == 4:
+            parameters = self._on_curve(parameters)
+        pairs = np.unique(np.linspace(0, self.pairs - 1, 3).round().astype(int))
+        crank = parameters.start[:, None] + self.wanted.crank[pairs]
+        rocker = self.wanted.output[pairs] - parameters.offset[:, None]
         columns = [np.cos(rocker), -np.cos(crank), np.ones_like(crank)]
         right = np.cos(crank - rocker)
         given = np.exp(-parameters.ratio)
@@ -244,15 +286,16 @@ class ExactFamily:
         return np.where(same, side[:, 0], 0.0), np.all(speed == self._direction, axis=1) | (self._direction == 0)
 
     def follows(self, candidates: Candidates) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Check that rockers turn as far as the output, not by whole turns more, and that they never turn back on the way."""
+        """Check that rockers turn as far as the output, not by whole turns more, and that they hardly turn back on the way."""
         share = (1 - np.cos(np.linspace(0.0, np.pi, self.options.places))) / 2
         travel = np.concatenate([self.wanted.crank, share * self.wanted.crank[-1]])
         closure = close_loop(candidates.lengths, candidates.parameters.start[:, None] + travel)
         at_pairs, between = np.split(closure.rocker_angle(candidates.branch), [self.pairs], axis=1)
         gap = at_pairs - at_pairs[:, :1] - (self.wanted.output - self.wanted.output[0])
         turns = np.all(np.abs(gap) < 1.0, axis=1)
-        forward = np.all(np.diff(between, axis=1) * self._direction > 0, axis=1) | (self._direction == 0)
-        return turns, forward
+        back = np.minimum(np.diff(between, axis=1) * self._direction, 0.0).sum(axis=1)
+        allowed = 0.0 if self.wanted.one_way else HARDLY_BACK * np.ptp(self.wanted.output)
+        return turns, np.nan_to_num(back, nan=-np.inf) >= -allowed
 
 
 def function_merit(lengths: Floats, transmission: Floats, sized: bool) -> Floats:
@@ -281,17 +324,19 @@ def _solved(matrix: Floats, right: Floats) -> Floats:
 
 
 def is_few(wanted: Wanted, limits: Limits) -> bool:
-    """Check that the lengths of four-bars through two or three pairs follow from the zeros, and perhaps one ratio."""
+    """Check that the lengths of four-bars through two to five pairs follow from the zeros, and perhaps one ratio."""
     crank, coupler, rocker, _ = limits.links
-    free = (crank is None) + (rocker is None) + 1
-    counted = wanted.weights is None or bool(np.all(wanted.weights > 0))
-    return wanted.crank.size <= min(3, free) and coupler is None and counted
+    pairs, free = wanted.crank.size, (crank is None) + (rocker is None) + 1
+    if coupler is not None or (wanted.weights is not None and not np.all(wanted.weights > 0)):
+        return False
+    zeros = (wanted.start is None) + (wanted.offset is None)
+    return pairs <= free or (free == 3 and pairs <= MOST_PAIRS and pairs <= free + zeros)
 
 
 def exact_functions(
     wanted: Wanted, limits: Limits, sized: bool, work: Work, options: FewPairsOptions | None = None
 ) -> tuple[list[Linkage], Floats]:
-    """Search for good four-bars that meet two or three pairs exactly.
+    """Search for good four-bars that meet two to five pairs exactly.
 
     Parameters
     ----------
@@ -349,7 +394,7 @@ def _improved(family: ExactFamily, candidates: Candidates, work: Work) -> Candid
     Law: no candidate has a higher merit than before, unless its rocker turned back then.
     """
     options, step = family.options, family.options.step
-    for _ in range(options.rounds):
+    for _ in range(options.rounds if family.pairs < MOST_PAIRS else 0):
         if work.expired() or not candidates.merit.size:
             break
         parents = np.repeat(np.arange(candidates.merit.size), options.trials)

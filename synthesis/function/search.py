@@ -23,8 +23,19 @@ from numpy.typing import NDArray
 
 from synthesis.arrays import Floats
 from synthesis.constraints import BEGIN, END, Constraints, keeps
+from synthesis.four_bar import Family
 from synthesis.fourbar.mechanism import AnyChart
-from synthesis.function.answers import PEAKS, Generator, Generators, exchanged, extremes, finished, look, turns_back
+from synthesis.function.answers import (
+    PEAKS,
+    Generator,
+    Generators,
+    exchanged,
+    extremes,
+    finished,
+    fraction_back,
+    look,
+    turns_back,
+)
 from synthesis.function.descent import (
     FIRST_RADIUS,
     PENALTY,
@@ -34,7 +45,7 @@ from synthesis.function.descent import (
     descend,
     freudenstein_step,
 )
-from synthesis.function.few_pairs import exact_functions, function_merit, is_few
+from synthesis.function.few_pairs import HARDLY_BACK, MOST_PAIRS, exact_functions, function_merit, is_few
 from synthesis.function.wanted import Wanted
 from synthesis.least_squares import Evaluation, minimise
 from synthesis.limits import Limits
@@ -42,6 +53,7 @@ from synthesis.linkage import Linkage, as_lengths, four_bar, with_links
 from synthesis.mechanism import Placed
 from synthesis.pose import whole_turns
 from synthesis.ranking import APART, PROPORTION, Status, counted_error, distinct
+from synthesis.scores import NEAR_CHANGE_POINT
 from synthesis.search.report import SearchReport, StoppedBy, stopped_by
 from synthesis.search.search import SEARCH_SAMPLES, search
 from synthesis.search.seeds import SeedTables
@@ -72,7 +84,9 @@ _EVEN = 20.0
 _RANKED = 10
 """Answers that are known at least, of which exact ones are then ordered by what one would build."""
 _USABLE = np.deg2rad(20.0)
-"""Transmission angle of the best four-bar through two or three pairs above which nothing else is searched."""
+"""Transmission angle of the best four-bar through two to four pairs above which nothing else is searched."""
+_LOCKED = np.deg2rad(5.0)
+"""Transmission angle below which a linkage nearly locks and cannot be used."""
 _FIRST_PLACES, _PLACES = 9, 33
 _SEEDS, _VALLEYS, _CANDIDATES = 160, 48, 24
 _BEGUN = 8
@@ -628,11 +642,15 @@ def generate(
     few, many = list[Generator](), max(top, _RANKED)
     if not largest and is_few(wanted, limits):
         few = exact_generators(wanted, limits, many, tolerance, work)
-        if few and few[0].transmission_angle_min > _USABLE:
+        if few and few[0].transmission_angle_min > _USABLE and wanted.crank.size < MOST_PAIRS:
             trace = [(work.elapsed, few[0].errors.objective)]
             return few[:top], SearchReport(StoppedBy.TOLERANCE, trace, work.elapsed, len(few))
     found, report = _generate_any(tables, wanted, limits, largest, many, tolerance, work)
     found = distinct(few + found, many, APART) if few else found
+    if found and not is_usable(min(found, key=lambda one: one.errors.objective)) and not work.expired():
+        within = replace(limits, transmission_angle_min=_USABLE)
+        more, _ = _generate_any(tables, wanted, within, largest, many, tolerance, work)
+        found = distinct(found + more, 2 * many, APART)
     return best_built(wanted, found, top, tolerance, limits.links[3] is not None), report
 
 
@@ -681,7 +699,7 @@ def _is_lopsided(found: Sequence[Generator], tolerance: float) -> bool:
 
 
 def exact_generators(wanted: Wanted, limits: Limits, most: int, tolerance: float, work: Work) -> list[Generator]:
-    """Return linkages that meet two or three pairs, different from one another, the best to build first."""
+    """Return linkages that meet two to five pairs, different from one another, the best to build first."""
     ground = ground_of(limits)
     linkages, offsets = exact_functions(wanted, limits.over(ground), limits.links[3] is not None, work)
     given = [(k, length) for k, length in enumerate(limits.links) if length is not None]
@@ -694,19 +712,25 @@ def exact_generators(wanted: Wanted, limits: Limits, most: int, tolerance: float
     found = [one for one in finished(wanted, scaled, False, offsets) if one.errors.objective < tolerance]
     places = {id(one): place for place, one in enumerate(found)}
     found = distinct(found, most, APART, order=lambda one: places[id(one)], exact=tolerance)
-    back = [sentence is not None for sentence in turns_back(wanted, [one.linkage for one in found])]
-    return [found[k] for k in np.argsort(back, kind="stable")]
+    return sorted(found, key=lambda one: (not is_usable(one), fraction_back(wanted, one.linkage) > HARDLY_BACK))
+
+
+def is_usable(generator: Generator) -> bool:
+    """Check that a rocker comes near no dead position, and near no position of a change point."""
+    change_point = generator.family is Family.CHANGE_POINT
+    return generator.transmission_angle_min >= (NEAR_CHANGE_POINT if change_point else _LOCKED)
 
 
 def best_built(wanted: Wanted, found: list[Generator], top: int, tolerance: float, sized: bool) -> list[Generator]:
     """Return the first of answers: exact ones by merit, others by `counted_error`, the best at least second.
 
-    Exact ones whose rocker turns back on the way come behind the other exact ones. ``sized``: see `function_merit`.
+    Exact ones whose rocker turns back on the way come behind the other exact ones, and those that cannot be used behind all
+    others. ``sized``: see `function_merit`.
     """
     if not found:
         return []
     exact = [one for one in found if one.errors.objective < tolerance]
-    back = np.array([sentence is not None for sentence in turns_back(wanted, [one.linkage for one in exact])], bool)
+    back = np.array([fraction_back(wanted, one.linkage) > HARDLY_BACK for one in exact], bool)
     lengths = np.array([one.linkage.links for one in exact]).reshape(-1, 4)
     merits = function_merit(lengths, np.array([one.transmission_angle_min for one in exact]), sized)
     ranked = [exact[k] for k in np.lexsort((merits, back))]
@@ -714,15 +738,15 @@ def best_built(wanted: Wanted, found: list[Generator], top: int, tolerance: floa
         (one for one in found if one.errors.objective >= tolerance), key=lambda one: one.errors.objective
     )
 
-    def error(generator: Generator) -> float:
-        own = generator.errors.objective
-        return counted_error(0.0 if own < tolerance else own, generator.linkage.link_ratio, PROPORTION)
+    def key(generator: Generator) -> tuple[bool, float]:
+        own = 0.0 if generator.errors.objective < tolerance else generator.errors.objective
+        return not is_usable(generator), counted_error(own, generator.linkage.link_ratio, PROPORTION)
 
-    ordered = sorted(ranked, key=error)
+    ordered = sorted(ranked, key=key)
     built = [one for one in ordered if one.linkage.link_ratio <= PROPORTION]
     best = ranked[0] if exact else min(ranked, key=lambda one: one.errors.objective)
     if built and all(one is not best for one in built):  # of those that nobody builds only the best is listed
-        built.insert(0 if best is ordered[0] else 1, best)
+        built.insert(0 if best is ordered[0] else 1 if is_usable(best) else top - 1, best)
     return (built or ordered)[:top]
 
 

@@ -1,4 +1,4 @@
-"""Two or three pairs of a function are met exactly by linkages that an engineer would build.
+"""Two to five pairs of a function are met exactly by linkages that an engineer would build.
 
 Catches first answers that hardly transmit, turn back or are not exact although random sampling finds better ones at once.
 """
@@ -110,3 +110,51 @@ def test_given_zeros_leave_one_linkage_through_three_pairs() -> None:
     found = la.function(output, **asked)
     assert found.status == "reached"
     np.testing.assert_allclose(found.linkage.links, [2, 5, 4.5, 5.5], rtol=1e-9)
+
+
+def drawn_pairs(seed: int, count: int) -> tuple[la.FourBar, np.ndarray, np.ndarray]:
+    """Return a practical linkage and pairs that it draws."""
+    random = np.random.default_rng([45, seed])
+    while True:
+        links, start = random.uniform(1, 4, 4), random.uniform(-180, 180)
+        travel = np.concatenate([[0.0], np.cumsum(random.uniform(10, 30, count - 1))])
+        try:
+            maker = la.FourBar(*links, start_angle=start)
+            drawn = maker.joints(np.linspace(0, travel[-1], 50))
+        except la.FieldError:
+            continue
+        way = np.diff(drawn.rocker_direction)
+        steady = abs(np.sign(way).sum()) == way.size and np.ptp(drawn.rocker_direction) > 15
+        if steady and np.all(drawn.transmission_angle > 40):
+            return maker, travel, maker.joints(travel).rocker_direction
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_four_pairs_are_met_by_linkages_that_transmit_as_well_as_the_one_that_drew_them(seed: int) -> None:
+    _, travel, output = drawn_pairs(seed, 4)
+    found = la.function(output, input=travel)
+    assert_exact(found, travel, output, len(found))
+    assert len(found) >= 3
+    assert found.best.transmission_angle_min > 34.0
+    assert any(note.startswith("Infinitely many linkages pass through four pairs") for note in found.report.notes)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_linkage_that_drew_five_pairs_is_found_and_unusable_ones_come_last(seed: int) -> None:
+    maker, travel, output = drawn_pairs(seed, 5)
+    found = la.function(output, input=travel)
+    assert_exact(la.function(output, input=travel, top=1), travel, output, 1)
+    shapes = [np.array(solution.links) / solution.links[3] for solution in found if solution.errors.max < EXACT]
+    wanted = np.array(maker.links) / maker.links[3]
+    assert min(np.abs(shape / wanted - 1).max() for shape in shapes) < 1e-6
+    usable = [solution.transmission_angle_min > 5 for solution in found]
+    assert usable == sorted(usable, reverse=True)
+
+
+def test_a_given_zero_leaves_few_linkages_through_four_pairs() -> None:
+    maker, travel, output = drawn_pairs(0, 4)
+    for zeros in ({"input_zero": maker.start_angle}, {"output_zero": output[0]}):
+        found = la.function(output, input=travel, **zeros)
+        assert found.status == "reached"
+        shapes = [np.array(solution.links) / solution.links[3] for solution in found]
+        assert min(np.abs(shape - np.array(maker.links) / maker.links[3]).max() for shape in shapes) < 1e-6

@@ -161,16 +161,10 @@ def figures(name: str) -> tuple[list[float], float, float]:
 
 ACCURACY = {"Morgan and Wampler 7": 1e-3, "Steering trapezoid": 1.0}
 """Allowed errors of the tasks without an exact answer: a fraction of the extent, degrees."""
-HARDLY_TRANSMITS = pytest.mark.xfail(
-    strict=True, reason="an exact answer with 30 degrees exists; the first one transmits with 1.8 degrees"
-)
 NAMES = [*MOTIONS, *FUNCTIONS, *SPECIAL]
 
 
-@pytest.mark.parametrize(
-    "name",
-    [pytest.param(name, marks=HARDLY_TRANSMITS) if name == "Cubic function" else name for name in NAMES],
-)
+@pytest.mark.parametrize("name", NAMES)
 def test_the_first_answer_is_usable(name: str) -> None:
     lengths, transmission, error = figures(name)
     assert first_answer(name).verdict.works
