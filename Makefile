@@ -11,7 +11,7 @@ PORT ?= 8000
 export PIP_CONSTRAINT := constraints.txt
 export PIP_BUILD_CONSTRAINT := constraints.txt
 
-.PHONY: help run test fault audit parts lock wheel lint style types map report accept everyday engine poses function limits stability studies drives assembly solids bench docs scenes clean setup
+.PHONY: help run test fault audit parts lock wheel lint style types map report accept everyday engine poses function limits stability studies drives assembly solids bench docs site scenes clean setup
 .DELETE_ON_ERROR:
 
 help:
@@ -26,6 +26,7 @@ help:
 	@echo "make lock       the parts of the container and of its build with their hashes: requirements.lock, build.lock"
 	@echo "make wheel      a wheel for this version of Python on this kind of machine, to install without a compiler: dist/"
 	@echo "make docs       draw the pictures and fill the tables of all documents from the stored results, without measuring"
+	@echo "make site       build the documentation with its examples: site/index.html (a minute)"
 	@echo "make scenes     measure the scenes: docs/lift.md, docs/chain.md, docs/knotter.md (a few minutes)"
 	@echo "make report     error against run time: docs/error_vs_runtime.md (about half an hour)"
 	@echo "make everyday   everyday questions to the running service: docs/everyday.md (half an hour)"
@@ -112,8 +113,10 @@ bench: $(READY) $(ATLAS)
 
 docs: $(READY)
 	$(BIN)/python -m docs.figures
-	$(BIN)/python -m docs.notebook
 	$(BIN)/python -m benchmarks.report
+
+site: $(READY)
+	MPLBACKEND=agg COLUMNS=100 $(BIN)/python -m sphinx --builder html --fail-on-warning --keep-going --quiet docs site
 
 scenes: $(READY)
 	$(BIN)/python -m benchmarks.lift
