@@ -8,7 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from linkage_atlas.mechanism_search import search_kinds
+from linkage_atlas.mechanism_search import drive_of, search_kinds
+from linkage_atlas.mechanism_types import as_poses
 from linkage_atlas.motions import Motion
 from linkage_atlas.preferences import accuracy_goal, arranged, balanced, improved
 from linkage_atlas.ranking import Ranking
@@ -20,6 +21,7 @@ from synthesis.constraints import within
 from synthesis.four_bar import Family, wrap
 from synthesis.fourbar.joints import joints_at
 from synthesis.free.search import search_free
+from synthesis.guided.local_refinement import refine_guided
 from synthesis.limits import Limits
 from synthesis.local_refinement import nearby_motion, nearby_poses, refine_motion, refine_poses
 from synthesis.poses import Poses
@@ -190,7 +192,7 @@ def _continued(task: Task, start: Start, goal: float) -> Solution | None:
     work = task.search_work()
     part = work.part(FOR_STARTS * work.budget)
     found: list[Solution] = []
-    if task.prefer == "balanced":
+    if task.prefer == "balanced" and start.linkage.is_four_bar:
         found = move_start(start, task.motion, task.limits, accuracy_goal(task.motion, task.tolerance, 0.0), part)
     if not found:
         found, _ = refine_start(start, task.motion, task.limits, goal, part)
@@ -213,7 +215,7 @@ def _refine_all(
     reports: list[SearchReport] = []
     for start in task.starts or ():
         found, report = refine_start(start, motion, limits, goal, work)
-        if fair and proportion(start.linkage, motion.samples) <= fair.longest:
+        if fair and start.linkage.is_four_bar and proportion(start.linkage, motion.samples) <= fair.longest:
 
             def again(fair_limits: Limits, start: Start = start) -> tuple[list[Solution], SearchReport]:
                 return refine_start(start, motion, fair_limits, goal, work)
@@ -235,7 +237,7 @@ def _with_continued(
     for k, solution in enumerate(held):
         if solution is None:
             continue
-        twin = next((other for other in merged if len(distinct([other, solution], 2)) == 1), None)
+        twin = next((other for other in merged if _is_twin(other, solution)), None)
         if twin is not None:
             if twin.errors.objective <= solution.errors.objective:
                 held[k] = twin
@@ -249,16 +251,26 @@ def _with_continued(
     return [solution for solution in merged if all(solution is not other for other in dropped)], held
 
 
+def _is_twin(one: Solution, other: Solution) -> bool:
+    """Return whether two linkages of the same kind and drive hardly differ."""
+    same_group = (one.linkage.kind, one.linkage.driver) == (other.linkage.kind, other.linkage.driver)
+    return same_group and len(distinct([one, other], 2)) == 1
+
+
 def _best_of_kinds(task: Task, search: CandidateSearch, ranking: Ranking) -> Candidates:
     """Find the best linkages of several kinds, or of other kinds than four-bars."""
     work, layered = task.search_work(), task.prefer == "layers"
     first_work = task.search_work(_FOR_LAYERS if layered else 0.0)
+    continued: list[Solution | None] = [_continued(task, start, task.tolerance) for start in task.starts or ()]
     found, report = search(task.motion, task.limits, task.tolerance, first_work)
+    found = [*found, *(solution for solution in continued if solution is not None)]
     if layered:
         found = ranking.chosen_of_kinds(found, max(_LAYERED * task.top, _MIN_LAYERED))
     found, studies, report = _preferred(found, task, search, ranking, work, report)
     chosen = ranking.chosen_of_kinds(found, task.top)
-    return Candidates(chosen, report, studies, ranking, task.work.elapsed)
+    if continued:
+        chosen, continued = _with_continued(chosen, continued, ranking, task.top)
+    return Candidates(chosen, report, studies, ranking, task.work.elapsed, continued)
 
 
 # -- four-bars --------------------------------------------------------------------------------------------------------
@@ -287,9 +299,12 @@ def search_four_bars(
 def refine_start(
     start: Start, motion: Motion, limits: Limits, tolerance: float, work: Work
 ) -> tuple[list[Solution], SearchReport]:
-    """Refine a given four-bar to its nearest optimum; there is none if no descent leads within the limits."""
+    """Refine a given linkage to its nearest optimum; there is none if no descent leads within the limits."""
     samples = motion.samples
     with pointing_to_start(start.field):
+        if not start.linkage.is_four_bar:
+            drive, _ = drive_of(motion, None)
+            return refine_guided(as_poses(samples), limits, start.linkage, tolerance, work, drive)
         if isinstance(samples, Poses):
             found, report = refine_poses(samples, limits, start.linkage, start.crank, tolerance, work)
         else:

@@ -175,7 +175,7 @@ def _search_sliders(
 ) -> None:
     """Search linkages with rails or slots, once for each rotation curve."""
     poses = as_poses(motion.samples)
-    drive, driver = _drive_of(motion, kinds.driver)
+    drive, driver = drive_of(motion, kinds.driver)
     for turned in rotations:
         found, report = search_guided(
             poses, limits, kinds.sliders, driver, tolerance, work, drive, turned, rounds, beginnings, soon
@@ -200,7 +200,7 @@ def _rotations(leads: Sequence[Solution], poses: Poses) -> list[Floats]:
     return curves
 
 
-def _drive_of(motion: Motion, driver: Driver | None) -> tuple[Floats | None, Driver | None]:
+def drive_of(motion: Motion, driver: Driver | None) -> tuple[Floats | None, Driver | None]:
     """Return the given coordinates of the drive, and the driver."""
     if motion.travel is not None:
         return motion.travel, driver

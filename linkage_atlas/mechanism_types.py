@@ -124,16 +124,6 @@ def _check_crank_angles(kinds: Kinds) -> None:
         raise FieldError("/mechanisms", message)
 
 
-def check_only_four_bars(effort: str, start_from: object) -> None:
-    """Raise FieldError for an option that only a request for four-bars can have."""
-    for name, used, reason in (
-        ("effort", effort == "atlas", "the atlas holds four-bars alone"),
-        ("start_from", start_from is not None, "only the search among four-bars begins with given linkages"),
-    ):
-        if used:
-            raise FieldError(f"/{name}", f"{reason}: leave `mechanisms` out")
-
-
 def check_no_slider_limits(limits: Limits) -> None:
     """Raise FieldError for limits of sliders in a request for four-bars."""
     for name, form in FORMS.items():

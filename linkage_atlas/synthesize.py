@@ -67,11 +67,12 @@ def synthesize(
     budget : float, optional
         Time limit in seconds; the best linkages found by then are returned. Without a limit, and with one kind of linkage that
         has rails or slots, alternatives to an exact linkage are searched for as long again as it took, at least 20 ms.
-    start_from : sequence of FourBar, Solution or mapping, optional
-        Four-bars that are candidates from the first step, for example the displayed linkage while a motion is changed; plain
-        values are those of `Solution.to_dict`. Each is refined within the limits before the search begins: with the preference
-        "balanced" until its error is small or almost stops falling, otherwise to its nearest optimum. ``report.continued`` has
-        the rank of each result. With free timing each needs its mount.
+    start_from : sequence of Linkage, Solution or mapping, optional
+        Linkages that are candidates from the first step, for example the displayed linkage while a motion is changed. Plain
+        values are those of `Solution.to_dict`, or ``joints`` as of `Linkage.from_points`. Each is refined within the limits
+        before the search begins: with the preference "balanced" a four-bar until its error is small or almost stops falling,
+        otherwise to its nearest optimum. ``report.continued`` has the rank of each result. With free timing a four-bar needs
+        its mount.
     local : bool
         Search nowhere else: only the linkages of ``start_from`` are refined, which need not lead to the best linkage.
     atlas : Atlas, str or Path, optional
@@ -79,7 +80,8 @@ def synthesize(
     work : callable
         Makes the object that watches time and cancellation from a budget in seconds.
     mechanisms : sequence of str or "all", optional
-        Kinds of mechanism: "four_bar" (the default), "slider_crank", "swinging_block", "rail_slot", "two_rails", "two_slots".
+        Kinds of mechanism: "four_bar", "slider_crank", "swinging_block", "rail_slot", "two_rails", "two_slots".
+        Default: the kinds of ``start_from``, or else "four_bar".
         With several kinds the result is the Pareto front of error, size and transmission angle for each drive.
     driver : {"crank", "slider", "cylinder", "hinge"}, optional
         Restrict the search to linkages with this drive.

@@ -18,10 +18,10 @@ from linkage_atlas.atlases import Atlas, as_atlas, default_atlas
 from linkage_atlas.drive_design.design import check_request
 from linkage_atlas.limits import read_limits
 from linkage_atlas.linkages import DriverName, KindName
-from linkage_atlas.mechanism_types import Kinds, check_no_slider_limits, check_only_four_bars, read_kinds
+from linkage_atlas.mechanism_types import Kinds, check_no_slider_limits, read_kinds
 from linkage_atlas.motions import Motion
 from linkage_atlas.studies import STUDIES, Studies, check_lengths, check_rows, read_studies
-from linkage_atlas.warm_start import Start, StartingLinkage, check_local, read_starts, starts_for
+from linkage_atlas.warm_start import Start, StartingLinkage, check_local, kinds_of, read_starts, starts_for
 from synthesis.atlas.scan import Scan
 from synthesis.errors import FieldError
 from synthesis.fourbar.mechanism import FOURBAR
@@ -174,15 +174,16 @@ def read_task(
     motion, named_limits, study_arguments = _read_motion(arguments, named_limits, more)
     if options.effort == "atlas" and motion.free:
         raise FieldError("/effort", "the atlas holds curves over crank angles: with free ones only 'refine' answers")
-    kinds = read_kinds(options.mechanisms, options.driver, motion)
+    starts = read_starts(options.start_from, motion.degrees)
+    kinds = read_kinds(options.mechanisms or kinds_of(starts), options.driver, motion)
     if not motion.free and motion.target.start is not None:
         _check_start_angle(options, kinds, study_arguments)
-    if not kinds.only_four_bars:
-        check_only_four_bars(options.effort, options.start_from)
+    if options.effort == "atlas" and not kinds.only_four_bars:
+        raise FieldError("/effort", "the atlas holds four-bars alone: leave `mechanisms` out")
     source, atlas = _source(options)
     watch = work(options.budget)  # the tables are made before the time of a request begins
     limits, studies = read_limits(named_limits, motion), read_studies(study_arguments, motion)
-    starts = starts_for(read_starts(options.start_from, motion.degrees), motion)
+    starts = starts_for(starts, motion, kinds)
     if studies.drives is not None:
         check_request(studies.drives, motion.radian)
     if studies.analysis is not None:

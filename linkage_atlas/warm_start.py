@@ -11,12 +11,14 @@ import numpy as np
 
 from linkage_atlas.arguments import Fields, column, flag, number, pointing
 from linkage_atlas.linkages import Linkage
+from linkage_atlas.mechanism_types import Kinds
 from linkage_atlas.motions import Motion
 from synthesis.arrays import Floats
 from synthesis.errors import FieldError
 from synthesis.four_bar import wrap
+from synthesis.guides import Driver
 from synthesis.linkage import Linkage as Plain
-from synthesis.target import MAX_LENGTH, MIN_LENGTH, TURN, Samples
+from synthesis.target import MAX_LENGTH, MIN_LENGTH, TURN, Samples, Target
 
 MAX_STARTS = 10
 """Maximum number of linkages in `start_from`."""
@@ -24,6 +26,9 @@ FOR_STARTS = 0.6
 """Fraction of the budget for the refinement of a linkage of `start_from` before a search."""
 MAX_RATIO = 1e6
 """Largest ratio of a given linkage's lengths and distances to one another and to the motion's extent."""
+
+
+_FORMS = "`links` with `branch` and `start_angle`, `joints`, or `guides` with `driver`, `branch` and `start`"
 
 
 class WithLinkage(Protocol):
@@ -44,7 +49,7 @@ class Start(NamedTuple):
 
     linkage: Plain
     crank: Floats | None = None
-    """(N,): crank angles at the samples, relative to the first sample."""
+    """(N,): crank angles of a four-bar at the samples, relative to the first sample."""
     offset: float | None = None
     """For a function generator: the output minus the rocker angle."""
     field: str = "start_from"
@@ -88,12 +93,18 @@ def read_starts(starts: Sequence[StartingLinkage] | None, degrees: bool) -> list
     return [_read(start, degrees, f"start_from/{k}") for k, start in enumerate(starts)]
 
 
-def starts_for(starts: Sequence[Start] | None, motion: Motion) -> list[Start] | None:
-    """Return linkages after a check against the motion, without crank angles for another number of samples."""
+def kinds_of(starts: Sequence[Start] | None) -> list[str] | None:
+    """Return the kinds of the linkages to begin with, each once; None without such linkages."""
+    return None if starts is None else list(dict.fromkeys(start.linkage.kind.value for start in starts))
+
+
+def starts_for(starts: Sequence[Start] | None, motion: Motion, kinds: Kinds) -> list[Start] | None:
+    """Return linkages after a check against the request, without crank angles for another number of samples."""
     if starts is None:
         return None
     checked = []
     for start in starts:
+        _check_kind(start, motion, kinds)
         if start.crank is not None and start.crank.shape != (motion.asked.samples,):  # samples were added or removed
             start = start._replace(crank=None)
         _check_start(start, motion)
@@ -111,36 +122,66 @@ def _read(start: StartingLinkage, degrees: bool, field: str) -> Start:
             except (KeyError, TypeError, ValueError) as error:
                 if isinstance(error, FieldError):
                     raise
-                raise FieldError("", "wanted links (crank, coupler, rocker, ground), branch, start_angle") from None
+                raise FieldError("", f"wanted {_FORMS}") from None
         crank, offset = start.get("crank_angle"), start.get("output_offset")
     else:
         found = getattr(start, "linkage", None)
         crank, offset = getattr(start, "crank_angle", None), getattr(start, "output_offset", None)
         if not isinstance(found, Linkage):
-            raise FieldError(f"/{field}", "wanted a FourBar, a solution with one, or its plain values")
+            raise FieldError(f"/{field}", "wanted a linkage, a solution, or the plain values of either")
         linkage = found
     radian = np.pi / 180 if linkage.degrees else 1.0
-    angles = None if crank is None else column(f"{field}/crank_angle", crank) * radian
+    angles = None
+    if crank is not None and linkage.plain.is_four_bar:
+        angles = column(f"{field}/crank_angle", crank) * radian
     if angles is not None and not np.isfinite(angles).all():
         raise FieldError(f"/{field}/crank_angle", "wanted finite numbers")
     own = None if offset is None else number(f"{field}/output_offset", offset) * radian
     return _checked(linkage, field)._replace(crank=angles, offset=own)
 
 
+def _check_kind(start: Start, motion: Motion, kinds: Kinds) -> None:
+    """Raise FieldError for a linkage whose kind or drive the request excludes."""
+    kind, driver = start.linkage.kind, start.linkage.driver
+    if kind not in kinds.kinds:
+        raise FieldError(f"/{start.field}", f"is a {kind}, which is not among the `mechanisms` of the request")
+    if kinds.driver not in (None, driver):
+        raise FieldError(f"/{start.field}", f"is driven by a {driver}, but the request allows only a {kinds.driver}")
+    if motion.travel is not None and driver.turns:
+        raise FieldError(f"/{start.field}", f"is driven by a {driver}, but the motion gives the travel of a slide")
+    if isinstance(motion.samples, Target) and driver is not Driver.CRANK:
+        raise FieldError(f"/{start.field}", f"is driven by a {driver}, but the motion gives crank angles")
+
+
 def _check_start(start: Start, motion: Motion) -> None:
     """Raise FieldError for a linkage that no search for this motion can begin with."""
     linkage, samples = start.linkage, motion.asked
+    if not linkage.is_four_bar:
+        _check_guides(start, samples)
+        return
     if motion.free and not linkage.mounted:
         raise FieldError(f"/{start.field}/mount", "needed, with its coupler point: the crank angles are free")
     if samples.position is not None and linkage.mounted:
         _check_mount(linkage, samples, start.field)
 
 
-def _checked(four_bar: Linkage, field: str) -> Start:
-    """Return a linkage with lengths in the allowed range and angles within a turn."""
-    if not four_bar.plain.is_four_bar:
-        raise FieldError(f"/{field}", "wanted a FourBar, a solution with one, or its plain values")
-    linkage = four_bar.plain
+def _check_guides(start: Start, samples: Samples) -> None:
+    """Raise FieldError for a linkage with rails or slots without positions, or out of proportion to them."""
+    if samples.position is None:
+        raise FieldError(f"/{start.field}", "has a rail or slot: to continue it the motion needs `position`")
+    limit, middle = MAX_RATIO * samples.length_scale, complex(samples.position_mean(samples.position))
+    for index, guide in enumerate(start.linkage.guides):
+        far = max(abs(guide[0] - middle), abs(guide.body_point), getattr(guide, "radius", 0.0))
+        if far > limit:
+            message = f"is larger, or lies farther away, than {MAX_RATIO:g} times the motion's extent"
+            raise FieldError(f"/{start.field}/guides/{index}", message)
+
+
+def _checked(given: Linkage, field: str) -> Start:
+    """Return a linkage; the lengths of a four-bar are in the allowed range and its angles within a turn."""
+    linkage = given.plain
+    if not linkage.is_four_bar:
+        return Start(linkage, field=field)
     for name, length in zip(("crank", "coupler", "rocker", "ground"), linkage.links):
         path = f"/{field}/links/{name}"
         if not MIN_LENGTH <= length <= MAX_LENGTH:

@@ -219,17 +219,6 @@ class GivenMount(_ReplyPart):
     coupler_point: GivenCouplerPoint
 
 
-class GivenSolution(_ReplyPart):
-    """One of the `solutions` of a reply, as it came or changed."""
-
-    links: GivenLinks
-    branch: Literal[-1, 1]
-    start_angle: Angle
-    body_offset: Angle | None = None
-    mount: GivenMount | None = None
-    crank_angle: Annotated[list[Angle], Field(min_length=MIN_POSES, max_length=MAX_SAMPLES)] | None = None
-
-
 class GivenJoints(_ReplyPart):
     """Joints of a four-bar at its first sample: pivots A and B, crank pin D, coupler pin C, and optionally the body point P."""
 
@@ -315,13 +304,10 @@ class GivenLinkage(_ReplyPart):
         return la.Linkage.from_dict(self.model_dump(), degrees)
 
 
-class GivenGenerator(_ReplyPart):
-    """One of the `solutions` of a reply of /v1/function, as it came or changed."""
+class GivenGenerator(GivenLinkage):
+    """One of the `solutions` of a reply of /v1/function, or its like."""
 
-    links: GivenLinks
-    branch: Literal[-1, 1]
-    start_angle: Angle
-    output_offset: Angle
+    output_offset: FarCoordinate | None = None
 
 
 class GivenMaker(GivenLinkage):
@@ -750,12 +736,12 @@ class SynthesizeRequest(CrankMotion):
     limits: LimitsRequest = Field(default_factory=LimitsRequest)
     tolerance: Tolerance = Field(1e-10, description="The search ends when the objective is below this.")
     budget_ms: PositiveNumber | None = Field(None, description="Return the best found within this time.")
-    start_from: Annotated[list[GivenSolution], Field(min_length=1, max_length=MAX_STARTS)] | None = Field(
+    start_from: Annotated[list[GivenLinkage], Field(min_length=1, max_length=MAX_STARTS)] | None = Field(
         None,
-        description="Four-bars that are candidates from the first step, for example the displayed solution while a motion is "
+        description="Linkages that are candidates from the first step, for example the displayed solution while a motion is "
         'dragged: each is refined within the limits, with `prefer` "balanced" no farther than needed, otherwise to its nearest '
-        "optimum, then the search continues. `report.continued` has the rank of each result. With free timing each needs its "
-        "`mount`, and its `crank_angle` if it has one.",
+        "optimum, then the search continues. `report.continued` has the rank of each result. With free timing a four-bar needs "
+        "its `mount` or `joints`, and its `crank_angle` if it has one.",
     )
     local: Flag = Field(
         False,

@@ -210,6 +210,8 @@ def function(
         if foreign := [name for name, value in only_angles.items() if value is not None]:
             raise FieldError(f"/{foreign[0]}", f"belongs to functions {kind}")
     starts = read_starts(start_from, degrees) or []
+    if other := next((start for start in starts if not start.linkage.is_four_bar), None):
+        raise FieldError(f"/{other.field}", "is no four-bar: functions from angle to angle are made by four-bars")
     watch = work(budget)
     if question.dial.travels:
         return _travel_answers(question, top, curves, watch)

@@ -216,7 +216,7 @@ def nearest_travel(samples: Samples, linkage: Linkage, begin: Floats) -> Floats:
     Law: at every sample the error's derivative by the travel is zero, unless the drive is at the end of its way.
     """
     travel = np.array(begin, dtype=float)
-    square = _squares(samples, linkage, travel)
+    square = squared_errors(samples, linkage, travel)
     weights = _weights(samples)
     for _ in range(_TRAVEL_STEPS):
         first, second = _slopes(samples, linkage, travel, weights)
@@ -226,10 +226,10 @@ def nearest_travel(samples: Samples, linkage: Linkage, begin: Floats) -> Floats:
         step = np.clip(step, -longest, longest)
         going = np.abs(step) > _ARRIVED * longest
         if not going.any():
-            there = _squares(samples, linkage, travel + step)
+            there = squared_errors(samples, linkage, travel + step)
             return np.where(np.isfinite(there), travel + step, travel)
         for _ in range(_BACK):
-            there = _squares(samples, linkage, travel + step)
+            there = squared_errors(samples, linkage, travel + step)
             worse = going & ~(there <= square)
             if not worse.any():
                 break
@@ -264,7 +264,8 @@ def _gaps(samples: Samples, linkage: Linkage, travel: Floats) -> tuple[Floats, C
     return turned, off
 
 
-def _squares(samples: Samples, linkage: Linkage, travel: Floats) -> Floats:
+def squared_errors(samples: Samples, linkage: Linkage, travel: Floats) -> Floats:
+    """Return the weighted squared error at each sample, (N,); infinite where the loop does not close."""
     turning, placing = _weights(samples)
     turned, off = _gaps(samples, linkage, travel)
     square = turning * turned**2 + placing * np.abs(off) ** 2

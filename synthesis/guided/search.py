@@ -324,7 +324,8 @@ class Search:
         self.few = (
             self.all if self.samples.number <= _SAMPLES else self._problem(_some(self.samples, _SAMPLES, _FEWER))
         )
-        self.body = Body(poses if turned is None else replace(poses, rotation=turned, rotation_weights=None))
+        self.posed = poses if turned is None else replace(poses, rotation=turned, rotation_weights=None)
+        self.body = Body(self.posed)
         full = poses.full
         self.thin = self.body if full.size <= _MANY else Body(poses.at(full[:: 3 * full.size // _MANY]))
         self.sorts = {sort for way in ways for sort in (way.first, way.second)}
@@ -533,11 +534,22 @@ class Search:
             sorts = type(one.guides[0]), type(one.guides[1])
             for number, way in enumerate(self.ways):
                 if (way.first, way.second, way.driver) == (*sorts, one.driver):
-                    first, second = (_as_guides(guide, self.poses) for guide in one.guides)
-                    found.append(
-                        self.measured(Pairs(first, second, np.zeros(1, dtype=bool)), np.array([number]), self.all)
-                    )
+                    first, second = (_as_guides(guide, self.posed) for guide in one.guides)
+                    hinge = np.array([way.driver is Driver.HINGE])
+                    found.append(self.measured(Pairs(first, second, hinge), np.array([number]), self.all))
         return found[0].joined(*found[1:]) if found else None
+
+    def refine_leads(self) -> None:
+        """Descend from the linkages to begin with, without a search elsewhere."""
+        begin = self.led_by()
+        if begin is None:
+            return
+        if self.given is None:
+            self._to_the_end(begin)
+        else:
+            for stages in (_GIVEN, _GIVEN_END):
+                self._answers(self.timed(begin, stages))
+        self.note()
 
     def hops(self, pool: Candidates) -> Candidates:
         """Perturbed copies of each drive's best valleys, those used least first; of every other one guide alone is moved far."""

@@ -90,6 +90,43 @@ def test_the_search_runs_too() -> None:
     assert begun.status == "reached" and len(begun.report.continued) == 2
 
 
+BENDING = {"rotation": [0, 5, 11, 20, 30], "position": [[0, 0], [20, 5], [45, 8], [70, 20], [100, 25]]}
+
+
+@pytest.mark.parametrize(
+    ("kind", "timing"),
+    [
+        ("two_slots", {"timing": "free"}),
+        ("rail_slot", {"timing": "free"}),
+        ("slider_crank", {"travel_span": 100}),
+        ("swinging_block", {"crank_span": 60}),
+    ],
+)
+def test_every_kind_of_linkage_continues_while_the_motion_is_dragged(kind, timing) -> None:
+    """The kinds of a request are those of its linkages unless it names others."""
+    asked = BENDING | timing
+    shown = plain(la.synthesize(**asked, mechanisms=[kind], top=1, budget=2.0, work=stepped).best)
+    places = [*asked["position"][:2], [45.5, 8], *asked["position"][3:]]
+    for local in (True, False):
+        found = la.synthesize(
+            **asked | {"position": places}, start_from=[shown], local=local, budget=1.0, work=stepped
+        )
+        near = found.solutions[found.report.continued[0] - 1]
+        assert (near.kind, near.driver, near.branch) == (kind, shown["driver"], shown["branch"])
+        assert near.errors.objective < 1.1 * shown["errors"]["objective"]
+        guides = [np.array(one["guides"][0]["body_point"]) for one in (plain(near), shown)]
+        assert np.abs(guides[0] - guides[1]).max() < 15, "the same linkage, a little changed"
+
+
+def test_a_linkage_by_its_joints_is_refined() -> None:
+    asked = {key: TIMED[key] for key in ("rotation", "position", "crank_span")}
+    at = la.FourBar(19, 72, 144, 165, start_angle=30, coupler_point=(20, 60)).joints(0)
+    points = (at.pivot_a, at.crank_pin, at.coupler_pin, at.pivot_b, at.body_point)
+    joints = {name: point.ravel().tolist() for name, point in zip("ADCBP", points)}
+    found = la.synthesize(**asked, start_from=[{"joints": joints}], local=True)
+    assert found.status == "reached" and found.best.links.crank == pytest.approx(19, rel=1e-3)
+
+
 def test_errors_point_to_the_linkage() -> None:
     good = {"links": dict(crank=19, coupler=72, rocker=144, ground=165), "branch": 1, "start_angle": 30}
     for wrong, field in [
@@ -97,6 +134,11 @@ def test_errors_point_to_the_linkage() -> None:
         ([good] * 11, "/start_from"),
         ([good, good | {"links": dict(crank=0, coupler=72, rocker=144, ground=165)}], "/start_from/1/links/crank"),
         ([good, 3], "/start_from/1"),
+        ([{"joints": {"A": [0, 0], "D": [1, 0], "C": [2, 1]}}], "/start_from/0/joints/B"),
+        (
+            [{"guides": [{"guide": "rail"}, {"guide": "rail"}], "driver": "slider", "branch": 1}],
+            "/start_from/0/start",
+        ),
     ]:
         with pytest.raises(la.FieldError) as error:
             la.synthesize(**question("timed"), start_from=wrong)
