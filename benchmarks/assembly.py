@@ -9,7 +9,7 @@ import numpy as np
 
 from benchmarks import report
 from benchmarks.report import Times
-from synthesis.assembly.layers import Asked, Search
+from synthesis.assembly.stacks import StackRequest, StackSearch
 from synthesis.work import Work
 from tests.oracles.assembly import disagreements, four_bars, motors_elsewhere, nearest, six_bars, sliders
 
@@ -20,7 +20,13 @@ KINDS = {
     "motors on couplers, and on bodies on rails and slots": (motors_elsewhere, 2),
 }
 """Random machines of each kind, and the part of the cases that is taken of it."""
-ASKED = (Asked("below"), Asked("both"), Asked("bar"), Asked("below", heads=True), Asked("both", heads=True))
+ASKED = (
+    StackRequest("below"),
+    StackRequest("both"),
+    StackRequest("bar"),
+    StackRequest("below", heads=True),
+    StackRequest("both", heads=True),
+)
 
 
 def measure(cases: Annotated[int, "linkages of each kind"] = 400) -> Iterator[dict[str, Any]]:
@@ -32,8 +38,8 @@ def measure(cases: Annotated[int, "linkages of each kind"] = 400) -> Iterator[di
         least = np.inf
         for number, machine in enumerate(machines(cases // part)):
             question = ASKED[number % len(ASKED)]
-            search = proved.run(Search, machine, question, Work())
-            found = times.run(lambda: Search(machine, question, Work()).answer())  # noqa: B023
+            search = proved.run(StackSearch, machine, question, Work())
+            found = times.run(lambda: StackSearch(machine, question, Work()).solve())  # noqa: B023
             for name, value in zip(("pairs", "places", "wrong"), disagreements(machine, search)):
                 counts[name] += value
             counts[found.status] += 1

@@ -23,11 +23,15 @@ from linkage_atlas.arguments import (
 )
 from linkage_atlas.part_settings import PART_SETTINGS, PartSettings
 from linkage_atlas.records import KEPT, Record
-from synthesis.assembly import layers
-from synthesis.assembly.gaps import crosses_itself, signed_area
-from synthesis.assembly.layers import BOARDS, BOTH, ENVELOPE, Arrangement, Asked, Heights, arrange, outside, parts_of
-from synthesis.assembly.machine import Machine, Sizes, Strut, as_plates, motor_driven, strut_driven
+from synthesis.assembly import stacks
+from synthesis.assembly.driven_machine import Strut, motor_driven, strut_driven
+from synthesis.assembly.keep_out import ENVELOPE, outside
+from synthesis.assembly.linkage_machine import as_plates
+from synthesis.assembly.machine import Machine, Sizes
+from synthesis.assembly.parts import Heights, parts_of
+from synthesis.assembly.shapes import crosses_itself, signed_area
 from synthesis.assembly.sizes import check_sizes
+from synthesis.assembly.stacks import ABOVE, BELOW, BOARDS, BOTH, Arrangement, StackRequest, arrange
 from synthesis.drives.six_bar import Motor
 from synthesis.errors import FieldError
 from synthesis.linkage import Linkage
@@ -51,7 +55,7 @@ MOST_CORNERS = 200
 """Corners of a body's outline at most."""
 LAYERS_MOST, MOST_LAYERS = 6, 8
 """Layers that are tried unless a request says so, and at most."""
-MOUNTS = (layers.BELOW, layers.ABOVE, BOTH)
+MOUNTS = (BELOW, ABOVE, BOTH)
 """How a fixed pin may be held."""
 FIXED_PINS = ("A", "B", "M", "G", "A1", "A2", "B1", "B2")
 """Pins on the ground: of links on circles and of slots, of a motor or a cylinder, and the posts of rails."""
@@ -222,7 +226,7 @@ class AskedAssembly(NamedTuple):
 
     settings: PartSettings
     body: tuple[complex, ...]
-    arranged: Asked
+    arranged: StackRequest
     envelope: Box | None = None
     keep_out: tuple[Box, ...] = ()
     drive: Motor | Strut | str | None = None
@@ -256,7 +260,7 @@ def read_assembly(given: Fields | bool, where: str = "assembly/") -> AskedAssemb
     return AskedAssembly(
         PartSettings.read(values, where),
         () if values["body"] is None else _outline(f"{where}body", values["body"]),
-        Asked(boards, heads, most, _mounts(f"{where}mounts", values["mounts"], boards)),
+        StackRequest(boards, heads, most, _mounts(f"{where}mounts", values["mounts"], boards)),
         None if values["envelope"] is None else box(f"{where}envelope", values["envelope"]),
         tuple(box(f"{where}keep_out/{k}", one) for k, one in enumerate(values["keep_out"] or ())),
         None if values["drive"] is None else read_drive(f"{where}drive", values["drive"]),
@@ -377,7 +381,7 @@ def _machine(linkage: Linkage, asked: AskedAssembly, share: float, used: Interva
         return as_plates(linkage, used, sizes, body, bar)
 
     with pointing(lambda field: f"/{where}{field.lstrip('/')}" if field.startswith(("/drive", "/body")) else field):
-        rough = made(asked.settings.sizes._replace(share=share), ())
+        rough = made(asked.settings.sizes._replace(hole_factor=share), ())
         whole = asked.settings.completed(rough.hole, rough.width, rough.clearance)
         machine = made(whole.sizes, asked.body)
     check_sizes(machine.lengths, machine.hole, machine.width, f"/{where}".rstrip("/"))
@@ -448,8 +452,8 @@ def described(
         layers=stack.layers,
         mounts=stack.mounts,
         least_gap=None
-        if found.least is None
-        else LeastGap(found.least[1].gap, found.least[0], found.least[1].at / unit.radian),
+        if found.min_gap is None
+        else LeastGap(found.min_gap[1].gap, found.min_gap[0], found.min_gap[1].at / unit.radian),
         stops=Stops(_stop(found.low, unit), _stop(found.high, unit)),
         collisions=[_collision(one, unit) for one in found.collisions],
         touches=[_collision(one, unit) for one in found.touches],
@@ -460,7 +464,7 @@ def described(
         ],
         shaft={name: ThroughShaft(one.both_sides, _passing(name, one, unit)) for name, one in found.shaft.items()},
         fewer={str(count): None if one is None else _collision(one, unit) for count, one in found.fewer.items()},
-        others=found.others,
+        others=found.alternatives,
         tried=found.tried,
         exhaustive=found.exhaustive,
         sizes=PartSizes(machine.hole, machine.width, machine.clearance, heights.thickness, heights.washer),
@@ -490,11 +494,11 @@ def described(
     )
 
 
-def _collision(one: layers.Collision, unit: Reading) -> Collision:
+def _collision(one: stacks.Collision, unit: Reading) -> Collision:
     return {"pair": list(one.pair), "from": one.first / unit.radian, "to": one.last / unit.radian}
 
 
-def _stop(one: layers.Stop | None, unit: Reading) -> Stop:
+def _stop(one: stacks.Stop | None, unit: Reading) -> Stop:
     if one is None:
         return Stop(None, None, None)
     return Stop(one.at / unit.radian, "loop" if one.pair is None else "pair", one.pair)
@@ -519,17 +523,17 @@ def _both(pair: Sequence[str], machine: Machine) -> str:
     return " and ".join(_part(name, machine) for name in pair)
 
 
-def _between(one: layers.Collision, unit: Reading) -> str:
+def _between(one: stacks.Collision, unit: Reading) -> str:
     return f"from {one.first / unit.radian:.6g} to {_angle(one.last, unit)}"
 
 
-def _beyond(one: layers.Collision, machine: Machine, unit: Reading) -> str:
+def _beyond(one: stacks.Collision, machine: Machine, unit: Reading) -> str:
     wall, plate = one.pair
     what = "leaves the envelope" if wall == ENVELOPE else f"enters {wall.replace('_', '-')}"
     return f"{_part(plate, machine)} {what} {_between(one, unit)}"
 
 
-def _passing(pin: str, shaft: layers.Shaft, unit: Reading) -> str | None:
+def _passing(pin: str, shaft: stacks.Shaft, unit: Reading) -> str | None:
     if shaft.both_sides:
         return None
     ways = [f"the {_other(one.pair, pin)} passes over {pin} {_between(one, unit)}" for one in shaft.passes]
@@ -540,7 +544,7 @@ def _other(pair: Sequence[str], pin: str) -> str:
     return next(name for name in pair if name != pin)
 
 
-def _reasons(machine: Machine, found: Arrangement, asked: Asked, unit: Reading) -> list[str]:
+def _reasons(machine: Machine, found: Arrangement, asked: StackRequest, unit: Reading) -> list[str]:
     stack = found.stack
     slits = {end.pair for end in machine.slit_ends if end is not None}
     by_layer: dict[int, list[str]] = {}
@@ -550,7 +554,7 @@ def _reasons(machine: Machine, found: Arrangement, asked: Asked, unit: Reading) 
     reasons = []
     if found.status == "blocked":
         if found.exhaustive:
-            reasons.append(f"no arrangement of up to {asked.most} layers is free over the used interval")
+            reasons.append(f"no arrangement of up to {asked.max_layers} layers is free over the used interval")
         else:
             reasons.append(
                 f"none of the {found.tried:,} arrangements that were looked at is free over the used interval"

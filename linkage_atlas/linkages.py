@@ -39,7 +39,7 @@ from linkage_atlas.studies import (
     studied,
 )
 from synthesis.arrays import Floats, cross
-from synthesis.assembly.machine import loop_of
+from synthesis.assembly.linkage_machine import loop_of
 from synthesis.assembly.sizes import plate_sizes
 from synthesis.drives.attached import COLOUR, LAYER, Attached
 from synthesis.drives.links import GROUND, LinkMotions, ends_of, motions_at

@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass, replace
 
 from linkage_atlas.arguments import Fields, millimetres_in, number
-from synthesis.assembly.layers import THICKNESS, WASHER
 from synthesis.assembly.machine import Sizes
+from synthesis.assembly.parts import THICKNESS, WASHER
 from synthesis.assembly.sizes import WIDTH_OF_HOLE
 from synthesis.errors import FieldError
 

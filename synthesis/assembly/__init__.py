@@ -1,1 +1,1 @@
-"""From lines to parts: plates and pins in layers, whether they pass one another, and where the motion stops."""
+"""Assemblies: plates and pins in layers, collisions between them, and the ends of the motion."""

@@ -1,12 +1,12 @@
-"""Where the bodies of a mechanism are at crank angles, and how far they can be from there within an interval of them.
+"""Positions of the bodies of a mechanism at crank angles, with bounds of their movement over intervals.
 
-A mechanism is built up in steps: the crank turns about a point of a body; a dyad closes two links between two points that are
+A mechanism is constructed in steps: the crank turns about a point of a body; a dyad closes two links between two points that are
 known by then. Each step encloses its bodies over a cell |t - tm| <= h from the enclosures of the bodies before: the origin of a
-body moves by at most ``dp`` and it turns by at most ``dth``, so that a point z of it moves by at most dp + |z| min(2, dth).
+body moves by at most ``dp`` and it turns by at most ``dth``, so a point z of it moves by at most dp + |z| min(2, dth).
 
 In a dyad between P and Q with lengths a, b the distance r = |Q - P| changes by at most e = d_P + d_Q, its direction by
-asin(e / r), and the angle at P, phi(r) = acos((a^2 + r^2 - b^2) / (2 a r)), is monotone in r except at r^2 = a^2 - b^2: so the
-bound holds also next to dead positions, where no bound of the derivative does.
+asin(e / r), and the angle at P, phi(r) = acos((a^2 + r^2 - b^2) / (2 a r)), is monotone in r except at r^2 = a^2 - b^2. So the
+bound also holds next to dead positions, where no bound of the derivative does.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ GROUND = 0
 """The body that does not move."""
 
 
-class Place(NamedTuple):
+class BodyPoint(NamedTuple):
     """A point of a body, in the body's frame."""
 
     body: int
@@ -31,43 +31,43 @@ class Place(NamedTuple):
 
 
 class Bodies(NamedTuple):
-    """Bodies at m places of the motion, and their enclosures over the cells about them; arrays of shape (bodies, m)."""
+    """Bodies at m positions of the motion, with bounds of their movement over the cells around them, (bodies, m)."""
 
     origin: Complexes
     direction: Complexes
-    """e^{i angle} of the x axis."""
+    """Unit vector of the x axis."""
     shift: Floats
-    """dp; infinite where nothing is known over so wide a cell."""
+    """Bound dp of the movement of the origin; infinite if the cell is too wide for a bound."""
     turn: Floats
-    """dth."""
+    """Bound dth of the rotation, in radians."""
 
-    def point(self, place: Place) -> Complexes:
-        """Where a point is, shape (m,)."""
-        return np.asarray(self.origin[place.body] + self.direction[place.body] * place.at)
+    def point(self, point: BodyPoint) -> Complexes:
+        """Return the positions of a point, shape (m,)."""
+        return np.asarray(self.origin[point.body] + self.direction[point.body] * point.at)
 
-    def spread(self, place: Place) -> Floats:
-        """How far it can be from there, shape (m,)."""
-        return np.asarray(self.shift[place.body] + abs(place.at) * np.minimum(2.0, self.turn[place.body]))
+    def spread(self, point: BodyPoint) -> Floats:
+        """Return the bound of a point's movement, shape (m,)."""
+        return np.asarray(self.shift[point.body] + abs(point.at) * np.minimum(2.0, self.turn[point.body]))
 
 
 class Step(Protocol):
-    """A step of the construction: it fills in the rows of its own bodies."""
+    """Step of the construction, which fills in the rows of its own bodies."""
 
-    def place(self, bodies: Bodies, travel: Floats, half: Floats) -> None:
-        """``travel``, ``half`` (m,): middle of each cell and half its width."""
+    def enclose(self, bodies: Bodies, travel: Floats, half: Floats) -> None:
+        """Fill in the rows for cells with middles ``travel`` and half widths ``half``, (m,)."""
 
 
 @dataclass(frozen=True)
 class Crank:
-    """A body that the drive turns about a point of another; its origin is that point."""
+    """A body that the drive turns about a point of another body, which is its origin."""
 
     body: int
-    pivot: Place
+    pivot: BodyPoint
     start: float
-    """Its angle against the other body at travel 0."""
+    """Angle from the other body at travel 0, in radians."""
 
-    def place(self, bodies: Bodies, travel: Floats, half: Floats) -> None:
-        """Enclosed by the half width alone where it turns about the ground."""
+    def enclose(self, bodies: Bodies, travel: Floats, half: Floats) -> None:
+        """Add the half width to the rotation of the other body."""
         base = self.pivot.body
         bodies.origin[self.body] = bodies.point(self.pivot)
         bodies.direction[self.body] = bodies.direction[base] * np.exp(1j * (self.start + travel))
@@ -77,45 +77,43 @@ class Crank:
 
 @dataclass(frozen=True)
 class Dyad:
-    """Two links that meet in a pin: the first from P, the second from Q; each has its origin there and its x axis to the pin.
-
-    ``side``: +1 where the pin lies to the left of P -> Q.
-    """
+    """Two links that meet in a pin, the first from P and the second from Q; the x axes of their frames point to the pin."""
 
     first: int
     second: int
-    p: Place
-    q: Place
+    p: BodyPoint
+    q: BodyPoint
     a: float
     b: float
     side: int
+    """1 if the pin lies to the left of the line from P to Q, otherwise -1."""
 
-    def place(self, bodies: Bodies, travel: Floats, half: Floats) -> None:
-        """Where the distance of P and Q can be 0, nothing is known."""
+    def enclose(self, bodies: Bodies, travel: Floats, half: Floats) -> None:
+        """Enclose both links; there is no bound if the distance of P and Q can vanish."""
         p, q = bodies.point(self.p), bodies.point(self.q)
         shifts = bodies.spread(self.p), bodies.spread(self.q)
         r = np.abs(q - p)
         e = shifts[0] + shifts[1]
         line, a, b = (q - p) / r, self.a, self.b
         rows = ((self.first, p, shifts[0], a, b, 1), (self.second, q, shifts[1], b, a, -1))
-        for body, origin, shift, near, far, sign in rows:
+        for body, origin, shift, own, opposite, sign in rows:
             bodies.origin[body] = origin
-            bodies.direction[body] = sign * line * corner(near, far, r, sign * self.side)
+            bodies.direction[body] = sign * line * corner(own, opposite, r, sign * self.side)
             bodies.shift[body] = shift
-            bodies.turn[body] = turn_over(near, far, r, e)
+            bodies.turn[body] = turn_over(own, opposite, r, e)
 
 
 @dataclass(frozen=True)
 class Between:
-    """A link of a length between points of two bodies that keep it; its frame begins at the first, x to the second."""
+    """A link between points of two bodies at constant distance; its frame starts at the first, with the x axis to the second."""
 
     body: int
-    first: Place
-    second: Place
+    first: BodyPoint
+    second: BodyPoint
     length: float
 
-    def place(self, bodies: Bodies, travel: Floats, half: Floats) -> None:
-        """Its direction moves by a chord, at most what both ends do over its length: an angle of 2 asin(chord / 2)."""
+    def enclose(self, bodies: Bodies, travel: Floats, half: Floats) -> None:
+        """Bound the rotation by 2 asin(chord / 2), with the movement of both ends divided by the length as the chord."""
         origin = bodies.point(self.first)
         shift = bodies.spread(self.first)
         bodies.origin[self.body] = origin
@@ -129,10 +127,10 @@ class Aimed:
     """A body with its origin at a point of one body and its x axis towards a point of a second body, at any distance."""
 
     body: int
-    origin: Place
-    target: Place
+    origin: BodyPoint
+    target: BodyPoint
 
-    def place(self, bodies: Bodies, travel: Floats, half: Floats) -> None:
+    def enclose(self, bodies: Bodies, travel: Floats, half: Floats) -> None:
         """Enclose the direction by asin(e / r), with the sum e of the movements of both points and their distance r."""
         p, q = bodies.point(self.origin), bodies.point(self.target)
         shift = bodies.spread(self.origin)
@@ -142,58 +140,70 @@ class Aimed:
         bodies.turn[self.body] = np.where(e < r, np.arcsin(np.where(e < r, e / r, 0.0)), np.inf)
 
 
-def turn_over(near: float, far: float, r: Floats, e: Floats) -> Floats:
-    """How far the side ``near`` of a triangle turns whose side r varies by at most e, its direction with it."""
-    low, high = np.maximum(r - e, abs(near - far)), np.minimum(r + e, near + far)
+def turn_over(own: float, opposite: float, r: Floats, e: Floats) -> Floats:
+    """Return the largest rotation of a side of a triangle.
+
+    Parameters
+    ----------
+    own, opposite : float
+        Length of the side, and of the side opposite to the corner at which it turns.
+    r : ndarray
+        Length of the third side.
+    e : ndarray
+        Largest change of the third side's length and of its ends' distance.
+    """
+    low, high = np.maximum(r - e, abs(own - opposite)), np.minimum(r + e, own + opposite)
     known = (e < r) & (low <= high)
-    middle = corner_angle(near, far, r)
-    span = np.maximum(np.abs(corner_angle(near, far, low) - middle), np.abs(corner_angle(near, far, high) - middle))
-    if near > far:
-        turning = np.sqrt((near - far) * (near + far))
-        extreme = np.abs(corner_angle(near, far, np.full(1, turning)) - middle)
+    middle = corner_angle(own, opposite, r)
+    span = np.maximum(
+        np.abs(corner_angle(own, opposite, low) - middle), np.abs(corner_angle(own, opposite, high) - middle)
+    )
+    if own > opposite:
+        turning = np.sqrt((own - opposite) * (own + opposite))
+        extreme = np.abs(corner_angle(own, opposite, np.full(1, turning)) - middle)
         span = np.where((low < turning) & (turning < high), np.maximum(span, extreme), span)
     return np.where(known, np.arcsin(np.where(known, e / r, 0.0)) + span, np.inf)
 
 
-def _halves(near: float, far: float, r: Floats) -> tuple[Floats, Floats]:
-    """sin^2 and cos^2 of half the angle between ``near`` and ``r`` in the triangle with ``far`` opposite, times 4 near r.
+def _halves(own: float, opposite: float, r: Floats) -> tuple[Floats, Floats]:
+    """Return sin^2 and cos^2 of half the angle between ``own`` and ``r`` in the triangle, multiplied by 4 own r.
 
-    Differences before sums, so that neither loses digits next to a dead position.
+    Differences come before sums, so that neither loses digits next to a dead position.
     """
-    below = np.maximum((far - (near - r)) * ((near + far) - r), 0.0)
-    above = np.maximum(((near - far) + r) * (near + far + r), 0.0)
+    below = np.maximum((opposite - (own - r)) * ((own + opposite) - r), 0.0)
+    above = np.maximum(((own - opposite) + r) * (own + opposite + r), 0.0)
     return below, above
 
 
-def corner(near: float, far: float, r: Floats, side: int) -> Complexes:
-    """e^{i side phi} of that angle."""
-    below, above = _halves(near, far, r)
+def corner(own: float, opposite: float, r: Floats, side: int) -> Complexes:
+    """Return e^{i side phi} for the angle phi between the sides ``own`` and ``r``."""
+    below, above = _halves(own, opposite, r)
     return np.asarray((above - below + 2j * side * np.sqrt(below * above)) / (below + above))
 
 
-def corner_angle(near: float, far: float, r: Floats) -> Floats:
-    """That angle, 0 to pi."""
-    below, above = _halves(near, far, r)
+def corner_angle(own: float, opposite: float, r: Floats) -> Floats:
+    """Return the angle phi between the sides ``own`` and ``r``, from 0 to pi."""
+    below, above = _halves(own, opposite, r)
     return np.asarray(2 * np.arctan2(np.sqrt(below), np.sqrt(above)))
 
 
 class Movement:
-    """Bodies and the steps that place them, in the order of their construction; body 0 is the ground.
+    """Bodies and the steps that position them, in the order of their construction; body 0 is the ground.
 
-    Law: over a cell no point of a body is farther from its place in the middle than `Bodies.spread` says.
+    Over a cell no point of a body is farther from its position in the middle than `Bodies.spread`.
     """
 
     def __init__(self, names: Sequence[str], steps: Sequence[Step]) -> None:
         self.names, self.steps = tuple(names), tuple(steps)
 
     def bodies(self, travel: Floats, half: Floats | float = 0.0) -> Bodies:
-        """Bodies at crank angles (m,) in radians from the first sample, enclosed over cells of half widths (m,)."""
+        """Return the bodies at crank angles (m,) in radians from the first sample, enclosed over cells of half widths (m,)."""
         travel = np.asarray(travel, dtype=float)
         shape = (len(self.names), travel.size)
-        found = Bodies(
+        bodies = Bodies(
             np.zeros(shape, dtype=complex), np.ones(shape, dtype=complex), np.zeros(shape), np.zeros(shape)
         )
         with np.errstate(divide="ignore", invalid="ignore"):
             for step in self.steps:
-                step.place(found, travel, np.broadcast_to(half, travel.shape))
-        return found
+                step.enclose(bodies, travel, np.broadcast_to(half, travel.shape))
+        return bodies

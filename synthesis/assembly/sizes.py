@@ -15,21 +15,27 @@ WIDTH_OF_HOLE = 2.5
 
 
 def plate_sizes(
-    links: Sequence[float], hole: float | None = None, width: float | None = None, share: float = 1.0
+    links: Sequence[float], hole: float | None = None, width: float | None = None, factor: float = 1.0
 ) -> tuple[float, float]:
-    """Diameter of the holes and width of the plates of links; the defaults go by the shortest and the longest.
+    """Return the diameter of the holes and the width of the plates of some links.
 
-    ``share``: of the default diameter, where that leaves no room for something else.
+    Parameters
+    ----------
+    links : sequence of float
+        Lengths of the links; the defaults depend on the shortest and the longest.
+    hole, width : float, optional
+    factor : float
+        Factor of the default diameter, below 1 if that leaves no room for other parts.
     """
     if hole is None:
-        most = np.inf if width is None else width / WIDTH_OF_HOLE
-        hole = share * min(HOLE_OF_SHORTEST * min(links), HOLE_OF_LONGEST * max(links), most)
+        largest = np.inf if width is None else width / WIDTH_OF_HOLE
+        hole = factor * min(HOLE_OF_SHORTEST * min(links), HOLE_OF_LONGEST * max(links), largest)
     return float(hole), float(WIDTH_OF_HOLE * hole if width is None else width)
 
 
-def check_sizes(links: Sequence[float], hole: float, width: float, where: str) -> None:
-    """FieldError for a hole that leaves no material: wider than the plate, or than the distance of two joints."""
+def check_sizes(links: Sequence[float], hole: float, width: float, field: str) -> None:
+    """Raise `FieldError` for a hole that leaves no material: wider than the plate, or than the distance of two joints."""
     if not hole < width:
-        raise FieldError(f"{where}/hole", f"wanted less than the width {width:g}, found {hole:g}")
+        raise FieldError(f"{field}/hole", f"wanted less than the width {width:g}, found {hole:g}")
     if not hole < min(links):
-        raise FieldError(f"{where}/hole", f"wanted less than the shortest link {min(links):g}, found {hole:g}")
+        raise FieldError(f"{field}/hole", f"wanted less than the shortest link {min(links):g}, found {hole:g}")

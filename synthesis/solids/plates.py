@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from synthesis.assembly.gaps import hull
+from synthesis.assembly.shapes import hull
 from synthesis.assembly.sizes import check_sizes, plate_sizes
 from synthesis.errors import FieldError
 from synthesis.linkage import Linkage

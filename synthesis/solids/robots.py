@@ -46,7 +46,7 @@ def tree_of(machine: Machine) -> list[Joint]:
         (pin, first, second)
         for pin in machine.pins
         if not pin.post
-        for first, second in zip(pin.places, pin.places[1:])
+        for first, second in zip(pin.points, pin.points[1:])
     ]
     while left:
         number = next(

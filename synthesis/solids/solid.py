@@ -14,8 +14,9 @@ from typing import NamedTuple
 import numpy as np
 
 from synthesis.arrays import Floats
-from synthesis.assembly.layers import HEAD, Heights, Part, Stack, parts_of
 from synthesis.assembly.machine import Machine
+from synthesis.assembly.parts import Heights, Part, parts_of
+from synthesis.assembly.stacks import HEAD, Stack
 from synthesis.errors import FieldError
 from synthesis.linkage import BODY, Mass
 from synthesis.solids.prism import Hole, MassProperties, Prism, filleted, rounded, together
@@ -191,7 +192,7 @@ def solids_of(machine: Machine, stack: Stack, made: Made, unit_mm: float) -> Sol
             "/assembly/hole",
             f"wanted holes above {made.fit.turning:g} mm, the play of this fit, found {2 * turning:g}",
         )
-    carriers = {pin.name: pin.places[0].body for pin in machine.pins}
+    carriers = {pin.name: pin.points[0].body for pin in machine.pins}
     washers = _Washers(machine, parts, heights, made, unit, pin_radius, held)
     found: list[Solid] = []
 

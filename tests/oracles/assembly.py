@@ -9,8 +9,11 @@ from typing import Any
 import numpy as np
 import shapely
 
-from synthesis.assembly.layers import Arrangement, Heights, Search, parts_of
-from synthesis.assembly.machine import Machine, Sizes, as_plates, motor_driven
+from synthesis.assembly.driven_machine import motor_driven
+from synthesis.assembly.linkage_machine import as_plates
+from synthesis.assembly.machine import Machine, Sizes
+from synthesis.assembly.parts import Heights, parts_of
+from synthesis.assembly.stacks import Arrangement, StackSearch
 from synthesis.drives.crank_rocker import place_motor_about_pivot, proportions
 from synthesis.drives.links import motions_of
 from synthesis.drives.motor_search import place_motor
@@ -42,7 +45,7 @@ def _geometry(core):
 def free_stacks(machine, boards, hits, most):
     """Fewest layers of free stacks, and all of them as (layers, mounts); ``hits(a, b)`` says whether two parts ever collide.
 
-    Without heads, and every plate in every layer: constraints 1 to 4 of `synthesis.assembly.layers` word by word.
+    Without heads, and every plate in every layer: constraints 1 to 4 of `synthesis.assembly.stacks` word by word.
     """
     names = [plate.name for plate in machine.plates]
     grounded = [pin.name for pin in machine.pins if pin.grounded] if boards != "bar" else []
@@ -260,7 +263,7 @@ def outlines(machine: Machine, body: int, core: tuple[complex, ...], travel: Any
     return shapely.linestrings(places) if len(core) == 2 else shapely.polygons(places)
 
 
-def disagreements(machine: Machine, search: Search) -> tuple[int, int, int]:
+def disagreements(machine: Machine, search: StackSearch) -> tuple[int, int, int]:
     """Pairs, places that were compared, and of them those where the proof and shapely differ."""
     travel = np.linspace(*machine.used, PLACES)
     drawn: dict[int, Any] = {}

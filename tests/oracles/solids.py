@@ -10,9 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from synthesis.assembly.gaps import distances
-from synthesis.assembly.layers import Arrangement, Asked, arrange
-from synthesis.assembly.machine import Machine, Sizes, as_plates
+from synthesis.assembly.linkage_machine import as_plates
+from synthesis.assembly.machine import Machine, Sizes
+from synthesis.assembly.shapes import distances
+from synthesis.assembly.stacks import Arrangement, StackRequest, arrange
 from synthesis.linkage import Linkage, four_bar
 from synthesis.solids.mesh import mesh_of, ring_of
 from synthesis.solids.solid import FITS, Made, Solid, Solids, solids_of
@@ -47,7 +48,7 @@ def arranged(name: str, boards: str = "both", heads: bool = False, body=()) -> t
     case = TABLE[name]
     sizes = Sizes(*(case[size] for size in ("hole", "width", "clearance")))
     machine = as_plates(linkage_of(case), Interval(*np.deg2rad(case["used"])), sizes, body=body, bar=boards == "bar")
-    return machine, arrange(machine, Asked(boards, heads=heads), Work())
+    return machine, arrange(machine, StackRequest(boards, heads=heads), Work())
 
 
 def places_of(machine: Machine, count: int) -> np.ndarray:

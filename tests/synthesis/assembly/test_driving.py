@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
-from synthesis.assembly.layers import Asked, Search
-from synthesis.assembly.machine import Machine, Sizes, Swung, as_plates, motor_driven
-from synthesis.assembly.movement import Place
+from synthesis.assembly.driven_machine import SwungLinkage, motor_driven
+from synthesis.assembly.linkage_machine import as_plates
+from synthesis.assembly.machine import Machine, Sizes
+from synthesis.assembly.movement import BodyPoint
+from synthesis.assembly.stacks import StackRequest, StackSearch
 from synthesis.drives.six_bar import Motor
 from synthesis.errors import FieldError
 from synthesis.guides import Circle, Driver, Rail
@@ -22,22 +24,22 @@ MOTOR = Motor("crank", 74.76662388200997 - 5.0943059670631925j, 12.0, 72.0, 24 +
 
 def check(machine: Machine, number: int) -> None:
     """Its layers agree with shapely, and no point of a body leaves its enclosure over a cell."""
-    search = Search(machine, Asked("below" if number % 2 else "both"), Work())
+    search = StackSearch(machine, StackRequest("below" if number % 2 else "both"), Work())
     assert disagreements(machine, search)[2] == 0
-    found = search.answer()
+    found = search.solve()
     if found.status == "free":
         assert nearest(machine, found) > -1e-9
     rng = np.random.default_rng(number)
     cells = [*zip(rng.uniform(*machine.used, 20), 10 ** rng.uniform(-6, -0.5, 20))]
     # within these the linkage turns back: it is farther out than at both their ends
     swung = machine.movement.steps[0]
-    assert isinstance(swung, Swung)
+    assert isinstance(swung, SwungLinkage)
     cells += [(dead + 0.4 * half, half) for dead in (0.0, swung.six.last) for half in (0.01, 0.2)]
     for at, half in cells:
         cell = machine.movement.bodies(np.array([at]), np.array([half]))
         moved = machine.movement.bodies(at + half * np.linspace(-1, 1, 33))
         for body in range(1, len(machine.movement.names)):
-            point = Place(body, complex(*rng.normal(size=2)))
+            point = BodyPoint(body, complex(*rng.normal(size=2)))
             far = np.abs(moved.point(point) - cell.point(point)[0]).max()
             assert far <= cell.spread(point)[0] * (1 + 1e-9) + 1e-9
 
@@ -46,7 +48,7 @@ def test_the_motor_swings_the_linkage_from_end_to_end() -> None:
     machine, plain = motor_driven(LINKAGE, USED, MOTOR, Sizes()), as_plates(LINKAGE, USED, Sizes())
     turn = machine.movement.bodies(np.linspace(*machine.used, 7201))
     for body, end in ((1, 30.0), (2, 60.0), (3, 70.0)):
-        pin = Place(body, complex(end))
+        pin = BodyPoint(body, complex(end))
         ends = plain.movement.bodies(np.array(USED)).point(pin)
         found = turn.point(pin)
         assert abs(found[0] - ends[0]) < 1e-6
@@ -65,7 +67,7 @@ def test_so_do_those_with_a_rod_on_the_coupler_or_on_a_linkage_on_guides() -> No
         machine = motor_driven(linkage, used, motor, Sizes())
         turn = machine.movement.bodies(np.linspace(0.0, TURN, 181))
         rod, moved = (machine.movement.names.index(name) for name in ("rod", motor.link))
-        ends = {one.name: one.places for one in machine.pins}["Q"]
+        ends = {one.name: one.points for one in machine.pins}["Q"]
         assert (ends[0].body, ends[1].body) == (rod, moved)
         assert np.abs(turn.point(ends[0]) - turn.point(ends[1])).max() < 1e-12 * machine.size
         check(machine, number)

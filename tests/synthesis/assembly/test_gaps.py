@@ -8,19 +8,12 @@ import shapely
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from synthesis.assembly.gaps import (
-    Carried,
-    Gaps,
-    Shape,
-    contains,
-    crosses_itself,
-    disc,
-    distances,
-    hull,
-    signed_area,
-)
-from synthesis.assembly.machine import Sizes, as_plates
-from synthesis.assembly.movement import GROUND, Crank, Dyad, Movement, Place
+from synthesis.assembly.gaps import CarriedShape, Gaps
+from synthesis.assembly.linkage_machine import as_plates
+from synthesis.assembly.machine import Sizes
+from synthesis.assembly.movement import GROUND, BodyPoint, Crank, Dyad, Movement
+from synthesis.assembly.shapes import Shape, contains, crosses_itself, disc, distances, hull, signed_area
+from synthesis.four_bar import grashof_excesses
 from synthesis.fourbar.joints import joints_at
 from synthesis.linkage import four_bar
 from synthesis.target import TURN, Interval
@@ -33,8 +26,10 @@ SEED = 20351
 
 
 def shapes_of(machine):
-    found = {plate.name: Carried(plate.body, plate.shape) for plate in machine.plates}
-    return found | {pin.name: Carried(pin.places[0].body, disc(pin.places[0].at, pin.radius)) for pin in machine.pins}
+    found = {plate.name: CarriedShape(plate.body, plate.shape) for plate in machine.plates}
+    return found | {
+        pin.name: CarriedShape(pin.points[0].body, disc(pin.points[0].at, pin.radius)) for pin in machine.pins
+    }
 
 
 def gaps_of(machine, pairs):
@@ -51,7 +46,7 @@ def test_gaps_are_those_of_the_table(name) -> None:
     gaps = gaps_of(machine, [tuple(pair.split()) for pair in case["pairs"]])
     proofs = gaps.prove(machine.used, Work())
     free = [k for k, proof in enumerate(proofs) if proof.free]
-    least = gaps.least(free, machine.used)
+    least = gaps.minimum_gaps(free, machine.used)
     for k, wanted in enumerate(case["pairs"].values()):
         if "hits" in wanted:
             assert np.rad2deg(proofs[k].hits) == pytest.approx(np.array(wanted["hits"]), abs=NEAR)
@@ -73,7 +68,7 @@ def test_closed_forms() -> None:
     machine = machine_of(TABLE["E4"])
     gaps = gaps_of(machine, [("crank", "B")])
     gaps.prove(machine.used, Work())
-    assert gaps.least([0], machine.used)[0].gap == pytest.approx(20 - 3 - 9 - machine.clearance, abs=1e-13)
+    assert gaps.minimum_gaps([0], machine.used)[0].gap == pytest.approx(20 - 3 - 9 - machine.clearance, abs=1e-13)
 
 
 # -- poses and their enclosures -----------------------------------------------------------------------------------------
@@ -85,14 +80,16 @@ lengths = st.lists(st.floats(0.1, 1.0), min_size=4, max_size=4)
 @given(lengths, st.sampled_from([-1, 1]), st.integers(0, 2**32 - 1))
 def test_no_body_leaves_its_enclosure(links, branch, seed) -> None:
     """Cells of all widths, also next to dead positions, where the loop closes over all of them."""
+    # at a change point the branch is ambiguous
+    assume(np.abs(np.stack(grashof_excesses(np.array(links)))).min() > 1e-9 * max(links))
     rng = np.random.default_rng(seed)
     linkage = four_bar(tuple(links), branch)
     crank, coupler, rocker, ground = links
     movement = Movement(
         ("ground", "crank", "coupler", "rocker"),
         (
-            Crank(1, Place(GROUND, 0j), 0.0),
-            Dyad(2, 3, Place(1, complex(crank)), Place(GROUND, complex(ground)), coupler, rocker, branch),
+            Crank(1, BodyPoint(GROUND, 0j), 0.0),
+            Dyad(2, 3, BodyPoint(1, complex(crank)), BodyPoint(GROUND, complex(ground)), coupler, rocker, branch),
         ),
     )
     places = np.linspace(0, TURN, 2000)
@@ -101,7 +98,7 @@ def test_no_body_leaves_its_enclosure(links, branch, seed) -> None:
     assume(closed.any())
     bodies = movement.bodies(places[closed])
     for body, end, wanted in ((1, crank, "crank_pin"), (2, coupler, "coupler_pin"), (3, rocker, "coupler_pin")):
-        found = bodies.point(Place(body, complex(end)))
+        found = bodies.point(BodyPoint(body, complex(end)))
         # next to a dead position a place is the root of a small difference
         near = np.abs(found - getattr(joints, wanted)[closed])
         assert np.all(near < 1e-7)
@@ -117,7 +114,7 @@ def test_no_body_leaves_its_enclosure(links, branch, seed) -> None:
             continue
         moved = movement.bodies(times)
         for body in range(4):
-            place = Place(body, point)
+            place = BodyPoint(body, point)
             far = np.abs(moved.point(place) - cells.point(place)[k])
             assert np.all(far <= cells.spread(place)[k] * (1 + 1e-9) + 1e-9), (body, half[k])
 
@@ -192,7 +189,7 @@ def test_proofs_agree_with_shapely_at_many_places() -> None:
         pairs = [("crank", "rocker"), ("coupler", "A"), ("coupler", "B"), ("crank", "B"), ("rocker", "D")]
         gaps = gaps_of(machine, pairs)
         proofs = gaps.prove(machine.used, Work())
-        least = gaps.least([k for k, proof in enumerate(proofs) if proof.free], machine.used)
+        least = gaps.minimum_gaps([k for k, proof in enumerate(proofs) if proof.free], machine.used)
         places = np.linspace(*machine.used, 181)
         bodies = machine.movement.bodies(places)
         for k, pair in enumerate(pairs):
@@ -212,9 +209,9 @@ def test_proofs_agree_with_shapely_at_many_places() -> None:
 
 def test_shapes_that_touch_by_design_are_not_decided() -> None:
     """A disc on a crank that just reaches a disc of the ground all the way, and one that would only for an instant."""
-    movement = Movement(("ground", "crank"), (Crank(1, Place(GROUND, 0j), 0.0),))
+    movement = Movement(("ground", "crank"), (Crank(1, BodyPoint(GROUND, 0j), 0.0),))
     discs = [(GROUND, 0j, 1.0), (1, 3 + 0j, 2.0), (GROUND, 6 + 0j, 1.0), (1, 3 + 0j, 1.9)]
-    shapes = [Carried(body, disc(at, radius)) for body, at, radius in discs]
+    shapes = [CarriedShape(body, disc(at, radius)) for body, at, radius in discs]
     gaps = Gaps(movement, shapes, [(0, 1), (1, 2), (0, 3)], 0.0, 6.0)
     around, once, clear = gaps.prove(Interval(-1.0, 2.0), Work())
     assert not around.hits
@@ -222,13 +219,13 @@ def test_shapes_that_touch_by_design_are_not_decided() -> None:
     assert not once.hits
     assert np.abs(once.touches[0]).max() < 2e-4
     assert clear.free
-    assert gaps.least([2], Interval(-1.0, 2.0))[2].gap == pytest.approx(0.1, abs=1e-14)
+    assert gaps.minimum_gaps([2], Interval(-1.0, 2.0))[2].gap == pytest.approx(0.1, abs=1e-14)
 
 
 def test_overlap_of_sharp_outlines_is_a_collision() -> None:
-    movement = Movement(("ground", "crank"), (Crank(1, Place(GROUND, 0j), 0.0),))
+    movement = Movement(("ground", "crank"), (Crank(1, BodyPoint(GROUND, 0j), 0.0),))
     box = (1 - 0.5j, 2 - 0.5j, 2 + 0.5j, 1 + 0.5j)
-    shapes = [Carried(GROUND, Shape(box, 0.0)), Carried(1, Shape(box, 0.0))]
+    shapes = [CarriedShape(GROUND, Shape(box, 0.0)), CarriedShape(1, Shape(box, 0.0))]
     (proof,) = Gaps(movement, shapes, [(0, 1)], 0.0, 2.0).prove(Interval(0.0, 3.0), Work())
     assert len(proof.hits) == 1
     assert proof.hits[0].first == 0.0

@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
-from synthesis.assembly.layers import Asked, Search
-from synthesis.assembly.machine import OnGuides, Sizes, as_plates
-from synthesis.assembly.movement import GROUND, Between, Movement, Place
+from synthesis.assembly.guided_body import GuidedBody
+from synthesis.assembly.linkage_machine import as_plates
+from synthesis.assembly.machine import Sizes
+from synthesis.assembly.movement import GROUND, Between, BodyPoint, Movement
+from synthesis.assembly.stacks import StackRequest, StackSearch
 from synthesis.guides import DRIVERS, Circle, Driver, Rail, Slot
 from synthesis.linkage import on_guides
 from synthesis.target import TURN, Interval
@@ -40,17 +42,17 @@ def test_no_body_leaves_its_enclosure(way) -> None:
             if not linkage.closes_over(Interval(linkage.start - half, linkage.start + half)):
                 continue
         seen += 1
-        names, steps = ["ground", "coupler"], [OnGuides(linkage)]
+        names, steps = ["ground", "coupler"], [GuidedBody(linkage)]
         driven, last = linkage.guides
         if isinstance(last, Circle):
             names.append("rocker")
-            ends = Place(GROUND, last.pivot), Place(1, last.body_point - driven.body_point)
+            ends = BodyPoint(GROUND, last.pivot), BodyPoint(1, last.body_point - driven.body_point)
             steps.append(Between(2, *ends, last.radius))
         movement = Movement(names, steps)
         cell = movement.bodies(np.array([0.0]), np.array([half]))
         moved = movement.bodies(half * np.linspace(-1, 1, 65))
         for body in range(1, len(names)):
-            point = Place(body, place(rng))
+            point = BodyPoint(body, place(rng))
             far = np.abs(moved.point(point) - cell.point(point)[0]).max()
             spread = cell.spread(point)[0]
             assert far <= spread * (1 + 1e-9) + 1e-9, (body, half)
@@ -60,9 +62,9 @@ def test_no_body_leaves_its_enclosure(way) -> None:
 
 def test_proofs_of_sliders_agree_with_shapely() -> None:
     for machine in sliders(11):
-        search = Search(machine, Asked("below"), Work())
+        search = StackSearch(machine, StackRequest("below"), Work())
         assert disagreements(machine, search)[2] == 0
-        found = search.answer()
+        found = search.solve()
         assert found.status == "free"
         assert nearest(machine, found) > -1e-9
 
@@ -84,11 +86,11 @@ def test_a_pin_in_a_slit_meets_the_other_pins_of_its_plate() -> None:
     crank, slot = Circle(0j, 1.0, 0j), Slot(1.5 + 0j, 0j, 0.0)
     linkage = on_guides((crank, slot), Driver.CRANK, 1, np.pi / 2)
     machine = as_plates(linkage, Interval(0.0, 1.0), Sizes(0.3, 0.6, 0.0))
-    names = Search(machine, Asked("below"), Work()).sliding
+    names = StackSearch(machine, StackRequest("below"), Work()).sliding
     assert names == {("coupler", frozenset(("B", "D")))}
     # at travel -pi / 2 the crank points at the pin: 0.5 apart
     near = as_plates(linkage, Interval(-1.5, 1.0), Sizes(0.45, 0.9, 0.2))
-    found = Search(near, Asked("below"), Work()).answer()
+    found = StackSearch(near, StackRequest("below"), Work()).solve()
     assert any(set(one.pair) == {"B", "D"} for one in found.collisions)
 
 
@@ -97,7 +99,7 @@ def test_the_motion_ends_where_a_slit_or_the_loop_does() -> None:
     seen = set()
     for machine in sliders(24):
         step = machine.movement.steps[0]
-        assert isinstance(step, OnGuides)
+        assert isinstance(step, GuidedBody)
         linkage, (first, last) = step.linkage, machine.used
         if machine.whole_turn:
             assert machine.slit_ends == (None, None)

@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
-from synthesis.assembly.layers import BOARDS, Asked, Free, Search, arrange, outside
-from synthesis.assembly.machine import Sizes, as_plates
+from synthesis.assembly.keep_out import outside
+from synthesis.assembly.linkage_machine import as_plates
+from synthesis.assembly.machine import Sizes
+from synthesis.assembly.stacks import BOARDS, CollisionFree, StackRequest, StackSearch, arrange
 from synthesis.fourbar.joints import joints_at
 from synthesis.linkage import four_bar
 from synthesis.target import TURN, Interval
@@ -28,7 +30,7 @@ def in_order(layers):
 @pytest.mark.parametrize("name", TABLE)
 def test_layers_and_stops_are_those_of_the_table(name) -> None:
     case = TABLE[name]
-    below = arrange(machine_of(case), Asked("below"), Work())
+    below = arrange(machine_of(case), StackRequest("below"), Work())
     if wanted := case["below"].get("layers"):
         assert below.status == "free"
         assert in_order(below.stack.layers) == wanted
@@ -42,13 +44,13 @@ def test_layers_and_stops_are_those_of_the_table(name) -> None:
         assert below.tried == case["below"]["tried"]
         assert np.rad2deg(below.free) == pytest.approx(case["below"]["free"], abs=NEAR)
         assert {*below.low.pair, *below.high.pair} == set(case["below"]["pair"].split())
-    both = arrange(machine_of(case), Asked("both"), Work())
+    both = arrange(machine_of(case), StackRequest("both"), Work())
     assert both.status == "free"
     assert in_order(both.stack.layers) == case["both"]["layers"]
     assert [both.stack.mounts[pin] for pin in "AB"] == case["both"]["mounts"]
     if "stops" in case["both"]:
         assert np.rad2deg([both.low.at, both.high.at]) == pytest.approx(case["both"]["stops"], abs=NEAR)
-    heads = arrange(machine_of(case), Asked("below", heads=True), Work())
+    heads = arrange(machine_of(case), StackRequest("below", heads=True), Work())
     assert (in_order(heads.stack.layers) if heads.status == "free" else None) == case["heads"]
 
 
@@ -70,37 +72,37 @@ def test_the_search_finds_what_going_through_all_arrangements_finds(boards) -> N
     for number, machine in enumerate(random_machines(5, 6, body=square, bar=boards == "bar")):
         if number % 2:
             machine = next(random_machines(100 + number, 1, bar=boards == "bar"))
-        search = Search(machine, Asked(boards), Work())
+        search = StackSearch(machine, StackRequest(boards), Work())
 
         def hits(one, other, search=search) -> bool:
             return not search.proofs[search.pair(one, other)].free
 
-        found = search.answer()
+        found = search.solve()
         count, stacks = free_stacks(machine, boards, hits, len(machine.plates))
         statuses.add(found.status)
         assert (found.status == "free") == bool(stacks)
         if stacks:
             assert found.stack.count == count
-            assert found.others == len(stacks) - 1
+            assert found.alternatives == len(stacks) - 1
             assert (found.stack.layers, found.stack.mounts) in stacks
     assert "free" in statuses
 
 
 def test_of_free_stacks_the_best_by_pins_held_on_both_sides() -> None:
     for machine in random_machines(11, 6):
-        search = Search(machine, Asked("both"), Work())
-        found = search.answer()
+        search = StackSearch(machine, StackRequest("both"), Work())
+        found = search.solve()
         assert found.status == "free"
-        free = [stack for stack, _ in search.stacks(found.stack.count, search.strict, Free())]
-        assert found.stack.held == max(stack.held for stack in free)
-        alike = [stack for stack in free if stack.held == found.stack.held]
+        free = [stack for stack, _ in search.stacks(found.stack.count, search.strict, CollisionFree())]
+        assert found.stack.pins_held_twice == max(stack.pins_held_twice for stack in free)
+        alike = [stack for stack in free if stack.pins_held_twice == found.stack.pins_held_twice]
         assert found.stack.pin_length == min(stack.pin_length for stack in alike)
 
 
 def test_a_blocked_machine_is_free_where_it_says_and_stopped_where_it_says() -> None:
     """A shaft through A that the coupler passes over: both pivots held on both sides."""
     case = TABLE["E4"]
-    found = arrange(machine_of(case), Asked("both", mounts={"A": "below+above", "B": "below+above"}), Work())
+    found = arrange(machine_of(case), StackRequest("both", mounts={"A": "below+above", "B": "below+above"}), Work())
     assert found.status == "blocked"
     first, last = np.rad2deg(found.free)
     # over the seam of the turn in one
@@ -112,25 +114,25 @@ def test_a_blocked_machine_is_free_where_it_says_and_stopped_where_it_says() -> 
 
 
 def test_a_collision_over_the_seam_of_a_turn_is_one() -> None:
-    found = arrange(machine_of(TABLE["E3"]), Asked("below"), Work())
+    found = arrange(machine_of(TABLE["E3"]), StackRequest("below"), Work())
     (collision,) = found.collisions
     assert np.rad2deg(collision[1:]) == pytest.approx([347.8051246, 372.1948754], abs=NEAR)
 
 
 def test_stops_are_where_the_next_collision_begins() -> None:
     machine = machine_of(TABLE["E1"])
-    found = arrange(machine, Asked("both"), Work())
+    found = arrange(machine, StackRequest("both"), Work())
     for stop, way in ((found.low, -1), (found.high, 1)):
         assert stop.pair == ("coupler", "A")
         for off, hits in ((1e-6, True), (-1e-6, False)):
             used = Interval(*sorted((stop.at + way * off, machine.used[way < 0])))
             moved = as_plates(linkage_of(TABLE["E1"]), used, Sizes(5.7, 14.25))
-            again = arrange(moved, Asked("both", mounts=found.stack.mounts), Work())
+            again = arrange(moved, StackRequest("both", mounts=found.stack.mounts), Work())
             assert (again.status != "free" or again.stack.count > 2) == hits
 
 
 def test_heads_lie_in_no_board_and_fill_layers() -> None:
-    found = arrange(machine_of(TABLE["E4"]), Asked("both", heads=True), Work())
+    found = arrange(machine_of(TABLE["E4"]), StackRequest("both", heads=True), Work())
     stack = found.stack
     assert found.status == "free"
     assert all(1 <= head.layer <= stack.count for head in stack.heads)
@@ -141,7 +143,7 @@ def test_heads_lie_in_no_board_and_fill_layers() -> None:
 def test_a_body_lies_in_a_layer_of_its_own_on_a_post() -> None:
     square = (-5 - 5j, 5 - 5j, 5 + 5j, -5 + 5j)
     machine = machine_of(TABLE["E1"], body=square)
-    found = arrange(machine, Asked("below"), Work())
+    found = arrange(machine, StackRequest("below"), Work())
     assert found.stack.layers["body"] != found.stack.layers["coupler"]
     assert "P" in found.stack.pins
     # a body that does not hold its point is reached by a longer coupler

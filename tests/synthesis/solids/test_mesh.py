@@ -7,7 +7,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from synthesis.assembly.gaps import distances
+from synthesis.assembly.shapes import distances
 from synthesis.solids.mesh import Mesh, mesh_of, on_bed, ring_of, to_3mf, to_stl_zip
 from synthesis.solids.prism import Prism
 from tests.oracles.solids import SASH, built

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import shapely
 
-from synthesis.assembly.layers import Asked, arrange
+from synthesis.assembly.stacks import StackRequest, arrange
 from synthesis.errors import FieldError
 from synthesis.solids.mesh import mesh_of
 from synthesis.solids.plates import parts_to_plates
@@ -30,7 +30,7 @@ PLATE = Prism(rounded([0j, 70 + 0j, 30 + 40j], 14), 0.0, 4.0, (SLIT, Hole(0j, 3.
 def made(machine, fit: str = "H7"):
     """The parts of a machine in free layers; None where there are none, or a plate has no room for a hole."""
     for boards in ("below", "both"):
-        found = arrange(machine, Asked(boards), Work())
+        found = arrange(machine, StackRequest(boards), Work())
         if found.status == "free":
             # models of a hand's size
             unit = 200.0 / machine.size

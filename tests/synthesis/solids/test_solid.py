@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from synthesis.assembly.layers import Asked, arrange
-from synthesis.assembly.machine import Sizes, as_plates
+from synthesis.assembly.linkage_machine import as_plates
+from synthesis.assembly.machine import Sizes
+from synthesis.assembly.stacks import StackRequest, arrange
 from synthesis.fourbar.joints import joints_at
 from synthesis.linkage import four_bar
 from synthesis.solids.solid import COLOURS, FITS, Made, parts_list, solids_of
@@ -51,7 +52,7 @@ def test_the_parts_list_measures_a_board_along_its_pins_however_the_ground_lies(
     for ground_angle in (0.0, 0.3, 2.0):
         lying = replace(linkage, ground_angle=ground_angle)
         machine = as_plates(lying, Interval(0.0, 1.0), Sizes(6.0, 18.0, 0.2), bar=boards == "bar")
-        stack = arrange(machine, Asked(boards), Work()).stack
+        stack = arrange(machine, StackRequest(boards), Work()).stack
         columns = parts_list(solids_of(machine, stack, Made(FITS["H7"], "steel", "steel"), 1.0), FITS["H7"])
         k = columns["name"].index(name)
         assert (columns["length"][k], columns["width"][k]) == (pytest.approx(68.0), pytest.approx(18.0))
@@ -114,7 +115,7 @@ def test_a_post_keeps_away_from_the_pins_and_the_outline() -> None:
         linkage = four_bar((30.0, 60.0, 70.0, 50.0), 1, coupler_point=(point, 0.0))
         machine = as_plates(linkage, Interval(0.0, 1.0), Sizes(6.0, 18.0, 0.2), body=body)
         solids = solids_of(
-            machine, arrange(machine, Asked("both"), Work()).stack, Made(FITS["H7"], "steel", "steel"), 1.0
+            machine, arrange(machine, StackRequest("both"), Work()).stack, Made(FITS["H7"], "steel", "steel"), 1.0
         )
         # as much as a plate has
         walls = {part.name: part.prism.thinnest_wall for part in solids.parts}

@@ -1,0 +1,339 @@
+"""A linkage as plates and pins; rails and slots are plates with a slit."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from synthesis.arrays import Flags, Floats
+from synthesis.assembly.guided_body import GuidedBody
+from synthesis.assembly.machine import CLEARANCE, Hole, Machine, Pin, Plate, Sizes, Slit, SlitEnd
+from synthesis.assembly.movement import (
+    GROUND,
+    Between,
+    BodyPoint,
+    Crank,
+    Dyad,
+    Movement,
+    Step,
+)
+from synthesis.assembly.shapes import Shape, hull, nearest_room
+from synthesis.assembly.sizes import plate_sizes
+from synthesis.errors import FieldError
+from synthesis.excursions import Circuits, RoundCircuit
+from synthesis.fourbar.joints import joints_at
+from synthesis.guides import Circle, Rail
+from synthesis.linkage import BODY, Linkage
+from synthesis.one_variable import bisect
+from synthesis.target import TURN, Interval
+
+_EXTENSION = 64
+"""Extension of the used interval, as a multiple of its length, that is searched for the end of the loop of a slide."""
+_STEPS = 360
+"""Number of steps of a slide between which the end of a slit is sought."""
+_CONTACT = 1e-12
+"""Distance beyond its slit at which a pin still counts as inside, as a fraction of the size."""
+_PINS = (("A", "D"), ("B", "C"))
+"""Fixed pin, in a slot, and moving pin, on a rail, of each guide."""
+
+
+def as_plates(
+    linkage: Linkage, used: Interval, sizes: Sizes, body: Sequence[complex] = (), bar: bool = False
+) -> Machine:
+    """Return a linkage as plates and pins, over an interval of travel from the first sample.
+
+    The body's plate, the coupler, holds the pins D and C of the first and the second guide and the body point P. A link on a
+    circle turns about A or B; a rail is a plate of the ground on posts A1, A2 or B1, B2, with a slit for the pin; a slot is a
+    slit in the coupler for the fixed pin A or B. Slits are as long as the interval requires. A four-bar is a body on two
+    circles whose frame lies along its coupler.
+
+    Parameters
+    ----------
+    linkage : Linkage
+    used : Interval
+        Travel of the drive.
+    sizes : Sizes
+    body : sequence of complex
+        Corners, counter-clockwise, of a plate that the coupler carries, from P in axes that turn with the coupler and are
+        parallel to the user's where the body's rotation is 0. A post joins it, at P if there is room.
+    bar : bool
+        Add a plate for the ground.
+
+    Raises
+    ------
+    FieldError
+        If the loop does not close over the interval, or if the body has no room for its post.
+    """
+    first, last = min(used), max(used)
+    four_bar, guided = linkage.is_four_bar, linkage.by_coupler
+    loop = loop_of(linkage, Interval(first, last))
+    spans = {
+        index: guided.used(index, Interval(first, last))
+        for index, guide in enumerate(guided.guides)
+        if not isinstance(guide, Circle)
+    }
+    driven, second_guide = guided.guides
+    origin = driven[0]
+    local = guided.moved(0.0, -origin)
+    arm = abs(second_guide.body_point - driven.body_point)
+    if four_bar:
+        lengths = [*linkage.links]
+        point = linkage.arm if linkage.mounted else None
+        turn = body_turn(linkage)
+        names = ["ground", "crank", BODY, "rocker"]
+    else:
+        lengths = [length for length in guided.lengths.values() if length > 0]
+        lengths += [abs(high - low) for low, high in spans.values() if high > low]
+        point, turn = -driven.body_point, 0.0
+        names = ["ground", BODY, *(name for name, guide in guided.named_guides if isinstance(guide, Circle))]
+    hole, width = plate_sizes(lengths, sizes.hole, sizes.width, sizes.hole_factor)
+    size = max([*lengths, arm])
+    carrier = names.index(BODY)
+    plates: list[Plate] = []
+    pins: list[Pin] = []
+    steps: list[Step] = [] if four_bar else [GuidedBody(local, carrier)]
+    corners, holes, slits = [] if point is None else [point], [], []
+    for index, (link, guide) in enumerate(local.named_guides):
+        fixed, moving = _PINS[index]
+        at = guide.body_point - driven.body_point
+        if isinstance(guide, Circle):
+            number = names.index(link)
+            pivot, end = BodyPoint(GROUND, guide.pivot), complex(guide.radius)
+            if index == 0:
+                steps.append(Crank(number, pivot, guided.start + guided.ground_angle))
+            elif four_bar:
+                pin = BodyPoint(names.index("crank"), complex(lengths[0]))
+                steps.append(Dyad(carrier, number, pin, pivot, abs(at), guide.radius, guided.branch))
+            else:
+                steps.append(Between(number, pivot, BodyPoint(carrier, at), guide.radius))
+            plates.append(Plate(link, number, Shape((0j, end), width / 2), (Hole(0j, fixed), Hole(end, moving))))
+            pins.append(Pin(fixed, (pivot, BodyPoint(number, 0j)), hole / 2, (link,)))
+            ends = BodyPoint(number, end), BodyPoint(carrier, at)
+            pins.append(Pin(moving, ends[::-1] if four_bar and index else ends, hole / 2, (link, BODY)))
+        elif isinstance(guide, Rail):
+            name = "rail" if "rail" not in [plate.name for plate in plates] else "second_rail"
+            along = complex(np.exp(1j * guide.direction))
+            low, high = (guide.point + along * value for value in spans[index])
+            posts = low - 2 * hole * along, high + 2 * hole * along
+            plates.append(
+                Plate(
+                    name,
+                    GROUND,
+                    Shape(posts, width / 2),
+                    (Hole(posts[0], f"{fixed}1"), Hole(posts[1], f"{fixed}2")),
+                    (Slit(low, high, moving),),
+                )
+            )
+            pins += [
+                Pin(f"{fixed}{k + 1}", (BodyPoint(GROUND, post),), hole / 2, (name,)) for k, post in enumerate(posts)
+            ]
+            pins.append(Pin(moving, (BodyPoint(carrier, at),), hole / 2, (BODY, name)))
+        else:
+            along = complex(np.exp(1j * guide.body_direction))
+            low, high = (at + along * value for value in spans[index])
+            slits.append(Slit(low, high, fixed))
+            corners += [low, high]
+            pins.append(Pin(fixed, (BodyPoint(GROUND, guide.pin),), hole / 2, (BODY,)))
+            continue
+        corners.append(at)
+        holes.append(Hole(at, moving))
+    if four_bar:
+        pins.sort(key=lambda pin: not pin.grounded)
+    if point is not None:
+        obstacles = [*((at, at) for at, _ in holes), *((slit.first, slit.last) for slit in slits)]
+        sash, post = carried_by(body, point, turn, obstacles, hole, width)
+        if sash:
+            corners.append(post)
+            plates.append(Plate("body", carrier, Shape(sash, 0.0), (Hole(post, "P"),)))
+            pins.append(Pin("P", (BodyPoint(carrier, post),), hole / 2, (BODY, "body"), True))
+        # a hole that would overlap another hole is left out
+        if all(abs(post - at) > hole for at, _ in holes) and all(slit.distance(post) > hole for slit in slits):
+            holes.append(Hole(post, "P"))
+    plates.insert(1, Plate(BODY, carrier, Shape(hull(corners), width / 2), tuple(holes), tuple(slits)))
+    if bar:
+        fixed_at = {pin.name: pin.points[0].at for pin in pins if pin.grounded}
+        core = tuple(fixed_at.values()) if four_bar else hull([*fixed_at.values()])
+        bores = tuple(Hole(at, name) for name, at in fixed_at.items())
+        plates.append(Plate("bar", GROUND, Shape(core, width / 2), bores))
+        pins = [replace(pin, joins=(*pin.joins, "bar")) if pin.grounded else pin for pin in pins]
+    is_whole_turn = guided.driver.turns and loop is None and last - first >= TURN
+    ends_of_slits: list[SlitEnd | None] = []
+    for start, limit in ((first, last - TURN), (last, first + TURN)):
+        reach = limit if loop is None else loop[len(ends_of_slits)]
+        if not np.isfinite(reach):  # a slide of its own drives it there
+            reach = start + np.sign(reach) * (last - first)
+        slit_end = _slit_end(guided, start, float(reach), spans, size)
+        if slit_end is None:
+            ends_of_slits.append(None)
+            continue
+        at, index = slit_end
+        pair = next((slit.pin, plate.name) for plate in plates for slit in plate.slits if slit.pin in _PINS[index])
+        ends_of_slits.append(SlitEnd(at, pair))
+    return Machine(
+        Movement(names, steps),
+        tuple(plates),
+        tuple(pins),
+        Interval(first, first + TURN if is_whole_turn else last),
+        loop,
+        hole,
+        width,
+        CLEARANCE * size if sizes.clearance is None else sizes.clearance,
+        size,
+        tuple(lengths),
+        origin,
+        guided.driver.turns,
+        0j if four_bar else -driven.body_point,
+        (None, None) if is_whole_turn else (ends_of_slits[0], ends_of_slits[1]),
+    )
+
+
+def loop_of(linkage: Linkage, used: Interval) -> Interval | None:
+    """Return the travel over which the loop closes around the used interval; None if the drive turns fully.
+
+    The end is infinite if a slide drives the loop and it still closes at `_EXTENSION` times the used interval.
+
+    Raises
+    ------
+    FieldError
+        If the loop does not close over the whole used interval.
+    """
+    if linkage.is_four_bar:
+        return _loop_of_four_bar(linkage, used)
+    first, last = used
+    if not linkage.closes_over(used.after(linkage.start)):
+        raise FieldError("/solution/guides", "the loop does not close over the whole used interval")
+    if linkage.turns_fully:
+        return None
+    farthest = TURN if linkage.driver.turns else _EXTENSION * (last - first)
+
+    def end(start: float, direction: float) -> float:
+        # double the distance until the loop does not close, then bisect
+        closes, outside = 0.0, last - first if last > first else farthest
+        while outside < farthest and _closes(linkage, start, direction * outside):
+            closes, outside = outside, min(2 * outside, farthest)
+        if _closes(linkage, start, direction * outside):
+            return direction * np.inf
+
+        def holds(distance: NDArray[np.floating]) -> Flags:
+            return np.array([_closes(linkage, start, direction * float(distance[0]))])
+
+        inside, _ = bisect(holds, np.array([closes]), np.array([outside]))
+        return start + direction * float(inside[0])
+
+    return Interval(end(first, -1.0), end(last, 1.0))
+
+
+def _loop_of_four_bar(linkage: Linkage, used: Interval) -> Interval | None:
+    """Return the travel over which the loop of a four-bar closes, from its circuit."""
+    lengths = np.array([linkage.links])
+    circuits = Circuits.of(lengths)
+    if circuits.turns.item():
+        return None
+    middle = linkage.start + (used.first + used.last) / 2
+    circuit, _ = RoundCircuit.through(lengths, np.array([[middle]]), np.array([[float(linkage.branch)]]))
+    low, width = circuit.low.item(), circuit.width.item()
+    turns = TURN * np.floor((middle - low) / TURN)
+    first = low + turns - linkage.start
+    slack = 1e-9
+    if used.first < first - slack or used.last > first + width + slack:
+        fault = used.first if used.first < first - slack else used.last
+        raise FieldError(
+            "/solution/links", f"the four links do not close {np.rad2deg(fault):.6g} degrees after the start"
+        )
+    return Interval(min(first, used.first), max(first + width, used.last))
+
+
+def _closes(linkage: Linkage, start: float, distance: float) -> bool:
+    ends = sorted((linkage.start + start, linkage.start + start + distance))
+    return linkage.closes_over(Interval(*ends))
+
+
+def _slit_end(
+    linkage: Linkage, start: float, end: float, spans: Mapping[int, tuple[float, float]], size: float
+) -> tuple[float, int] | None:
+    """Return the travel at which a slide first leaves its slit, and the guide; None if it does not.
+
+    Parameters
+    ----------
+    linkage : Linkage
+    start, end : float
+        Coordinates of the drive between which the end is sought, in steps of at most a degree or a 360th of the distance.
+    spans : mapping
+        Used range of each guide that is a rail or a slot.
+    size : float
+    """
+    found: tuple[float, int] | None = None
+    steps = int(np.ceil(abs(end - start) / np.deg2rad(1.0))) if linkage.driver.turns else _STEPS
+    travels = np.linspace(start, end, max(steps, 2) + 1)
+
+    def beyond(guide: int, at: NDArray[np.floating]) -> Floats:
+        low, high = spans[guide]
+        along = linkage.along(guide, at)
+        # at the loop's end itself a place may not be known
+        return np.nan_to_num(np.maximum(along - high, low - along), nan=-np.inf) - _CONTACT * size
+
+    for guide in spans:
+        out = np.flatnonzero(beyond(guide, travels) > 0)
+        if out.size:
+            inside = start
+            if out[0]:
+                ends = bisect(lambda at, guide=guide: beyond(guide, at) <= 0, travels[out[:1] - 1], travels[out[:1]])  # type: ignore[misc]
+                inside = float(ends[0][0])
+            if abs(inside - start) < 1e-9 * max(1.0, abs(end - start)):
+                inside = start
+            if found is None or abs(inside - start) < abs(found[0] - start):
+                found = inside, guide
+    return found
+
+
+def carried_by(
+    body: Sequence[complex],
+    point: complex,
+    turn: float,
+    obstacles: Sequence[tuple[complex, complex]],
+    hole: float,
+    width: float,
+) -> tuple[tuple[complex, ...], complex]:
+    """Return a body's outline and its post, in the frame of the link that carries it.
+
+    The post is at the body point or near it. Around its hole the outline, the link's holes and the slits leave as much
+    material as a plate of the width does, or at least a half or a quarter of that. Without an outline the post is the body
+    point.
+
+    Parameters
+    ----------
+    body : sequence of complex
+        Corners of the outline.
+    point, turn : complex, float
+        Origin and rotation of the body's frame in the link's frame.
+    obstacles : sequence of pairs of complex
+        Holes and slits of the link.
+    hole, width : float
+
+    Raises
+    ------
+    FieldError
+        If there is no room for the post.
+    """
+    corners = tuple(complex(point + np.exp(1j * turn) * z) for z in body)
+    if not corners:
+        return corners, point
+    for fraction in (1.0, 0.5, 0.25):
+        rim = fraction * (width - hole) / 2
+        post = nearest_room(corners, obstacles, hole / 2 + rim, hole + rim, point)
+        if post is not None:
+            return corners, post
+    raise FieldError("/body", f"leaves no room for a post with a hole of {hole:g} that joins it to the coupler")
+
+
+def body_turn(linkage: Linkage) -> float:
+    """Return the angle of the body's axes in the coupler's frame.
+
+    If the rotation of the body is unknown, its axes are parallel to the user's at the first sample.
+    """
+    if linkage.body_offset is not None:
+        return linkage.body_offset
+    return -float(joints_at(linkage, np.zeros(1)).coupler_angle[0])

@@ -1,0 +1,594 @@
+"""Arrange plates in layers so that nothing collides, by a search over layers and over the mounting of fixed pins.
+
+Layers are numbered from 1; board 0 lies below them, board N + 1 above. An arrangement satisfies these conditions:
+
+1. Plates that a pin joins lie in different layers.
+2. Plates in the same layer do not collide.
+3. A pin fills the layers from its lowest to its highest plate, and a fixed pin also those up to its board. Plates in these layers
+   that it does not join do not collide with it.
+4. Two pins do not collide in a layer in which neither of them has a plate of its own, or in which one of them slides in a slit
+   of a plate that both join.
+5. A head fills another layer at each free end of a pin and lies in no board. Only with heads may a layer be empty.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cache
+from itertools import combinations, product
+from typing import NamedTuple
+
+from synthesis.assembly.gaps import CarriedShape, Gaps, MinimumGap, Proof, Run
+from synthesis.assembly.machine import WHOLE, Machine
+from synthesis.assembly.shapes import disc
+from synthesis.errors import FieldError
+from synthesis.target import TURN, Interval
+from synthesis.work import Work
+
+HEAD = 1.8
+"""Ratio of the diameters of a head and its pin."""
+BELOW, ABOVE, BOTH = "below", "above", "below+above"
+BOARDS = ("below", "above", "both", "bar")
+MAX_STACKS = 40_000
+"""Number of arrangements that are searched for free arrangements, which takes a few seconds."""
+MAX_BLOCKED_STACKS = 4_000
+"""Number of arrangements that are searched for the best if none is free."""
+_LEVEL = 1e-9
+"""Difference of smallest gaps that counts as equal, as a fraction of the size."""
+Pair = tuple[str, str]
+
+
+class Head(NamedTuple):
+    """A head of a pin and the layer that it fills."""
+
+    pin: str
+    end: str
+    """``below`` or ``above``."""
+    layer: int
+
+
+@dataclass(frozen=True)
+class Stack:
+    """Layers of plates and mounting of each fixed pin, with the layers that pins and heads fill."""
+
+    count: int
+    layers: dict[str, int]
+    mounts: dict[str, str]
+    pins: dict[str, tuple[int, int]]
+    heads: tuple[Head, ...]
+    pairs: tuple[int, ...] = ()
+    """Indices of the pairs that meet in a layer."""
+
+    @property
+    def pins_held_twice(self) -> int:
+        """Number of pins that are held on both sides."""
+        return sum(mount == BOTH for mount in self.mounts.values())
+
+    @property
+    def pin_length(self) -> int:
+        """Total length of all pins, in layers."""
+        return sum(high - low for low, high in self.pins.values())
+
+
+class Collision(NamedTuple):
+    """Two parts and the crank angles over which they collide; beyond the end of a whole turn if the range contains the seam."""
+
+    pair: Pair
+    first: float
+    last: float
+
+
+class Stop(NamedTuple):
+    """End of the motion."""
+
+    at: float
+    pair: Pair | None
+    """Parts that collide there; None if the loop itself ends."""
+
+
+@dataclass(frozen=True)
+class Shaft:
+    """Whether a shaft may pass through all layers at a fixed pivot, and the plates that pass over it."""
+
+    both_sides: bool
+    passes: tuple[Collision, ...]
+
+
+@dataclass(frozen=True)
+class Arrangement:
+    """The best stack with its collisions, its smallest gap and the ends of its motion."""
+
+    status: str
+    """``free``, ``touching`` or ``blocked``."""
+    stack: Stack
+    min_gap: tuple[Pair, MinimumGap] | None
+    """Smallest gap of all pairs that meet; None if no pairs meet or the stack is not free."""
+    collisions: tuple[Collision, ...]
+    touches: tuple[Collision, ...]
+    free: Interval | None
+    """Longest part of the used interval over which a blocked stack is free."""
+    low: Stop | None
+    high: Stop | None
+    fewer: dict[int, Collision | None]
+    """Collision that prevents a stack with a layer less; None if no such stack exists."""
+    alternatives: int
+    """Number of further free stacks with the same number of layers."""
+    tried: int
+    shaft: dict[str, Shaft] = field(default_factory=dict)
+    exhaustive: bool = True
+    """True if all arrangements with this number of layers, and for a blocked stack with all allowed numbers, were searched."""
+    best_known: bool = True
+    """For a blocked stack, true if it is the best of all, not only of the searched stacks."""
+
+
+class StackRequest(NamedTuple):
+    """Requirements of an assembly."""
+
+    boards: str = "below"
+    heads: bool = False
+    max_layers: int = 6
+    mounts: Mapping[str, str] = {}
+    """Required mounting of some fixed pins."""
+
+
+class _Part(NamedTuple):
+    """A plate, a pin or a head, with its shape on each body that it belongs to."""
+
+    name: str
+    shapes: tuple[CarriedShape, ...]
+
+
+def arrange(machine: Machine, request: StackRequest, work: Work) -> Arrangement:
+    """Return the best stack of a machine's plates.
+
+    A free stack with the fewest layers is the best, or otherwise a stack that is free over the longest part of the motion.
+    Among free stacks with the same number of layers, more pins held on both sides come first, then shorter pins, then a larger
+    smallest gap.
+    """
+    return StackSearch(machine, request, work).solve()
+
+
+class StackSearch:
+    """Parts of a machine, proofs for their pairs, and the search for a stack."""
+
+    def __init__(self, machine: Machine, request: StackRequest, work: Work) -> None:
+        self.machine, self.request, self.work = machine, request, work
+        self.plates = [part.name for part in machine.plates]
+        self.pins = [part.name for part in machine.pins]
+        self.joined = {pin.name: frozenset(pin.joins) for pin in machine.pins}
+        # a pin that slides in a plate may meet the others of that plate
+        self.sliding = {
+            (plate.name, frozenset((slit.pin, pin.name)))
+            for plate in machine.plates
+            for slit in plate.slits
+            for pin in machine.pins
+            if plate.name in pin.joins and pin.name != slit.pin
+        }
+        parts = [_Part(part.name, (CarriedShape(part.body, part.shape),)) for part in machine.plates]
+        parts += [
+            _Part(part.name, tuple(CarriedShape(at.body, disc(at.at, part.radius)) for at in part.points))
+            for part in machine.pins
+        ]
+        if request.heads:
+            parts += [
+                _Part(
+                    _head(part.name),
+                    tuple(CarriedShape(at.body, disc(at.at, HEAD * part.radius)) for at in part.points),
+                )
+                for part in machine.pins
+            ]
+        self.partner = {a: b for pair in machine.telescopes for a, b in (pair, pair[::-1])}
+        self.pairs = self._pairs_of(parts)
+        shapes, numbers = _numbered(parts, self.pairs)
+        self.gaps = Gaps(machine.movement, shapes, numbers, machine.clearance, machine.size)
+        self.proofs = self.gaps.prove(machine.used, work)
+        self.shapes, self.numbers = shapes, numbers
+        self.number = {pair: k for k, pair in enumerate(self.pairs)}
+        self.strict = _Masks(self.proofs, machine, touching=True)
+        self.tried, self.cut = 0, False
+        # with more layers than plates a layer would stay empty; heads need layers of their own
+        self.counts = range(
+            1, request.max_layers + 1 if request.heads else min(request.max_layers, len(self.plates)) + 1
+        )
+
+    def _pairs_of(self, parts: Sequence[_Part]) -> list[Pair]:
+        """Return the pairs that may meet in a layer, without plates that a pin joins and without a pin and its plates."""
+        never = {frozenset(pair) for pair in self.machine.telescopes}
+        for pin, plates in self.joined.items():
+            never |= {frozenset((a, b)) for a in plates for b in plates if a != b}
+            never |= {frozenset((part, plate)) for part in (pin, _head(pin)) for plate in plates}
+            never.add(frozenset((pin, _head(pin))))
+        names = [part.name for part in parts]
+        return [
+            (first, second)
+            for k, first in enumerate(names)
+            for second in names[k + 1 :]
+            if frozenset((first, second)) not in never
+        ]
+
+    def pair(self, first: str, second: str) -> int:
+        """Return the index of a pair."""
+        found = self.number.get((first, second))
+        return self.number[second, first] if found is None else found
+
+    # -- stacks -----------------------------------------------------------------------------------------------------
+
+    def stacks(self, count: int, masks: _Masks, bound: _Bound) -> Iterator[tuple[Stack, int]]:
+        """Yield the stacks with some number of layers that satisfy the bound, with the masks of their collisions."""
+        boards = self.request.boards
+        options = [self._mounts(pin.name) for pin in self.machine.pins if pin.grounded and boards != "bar"]
+        grounded = [pin.name for pin in self.machine.pins if pin.grounded and boards != "bar"]
+        for layers in self._layers(count, masks, bound, {}, 0):
+            self.work.check()
+            for mounts in product(*options):
+                if self.tried >= bound.max_stacks or self.work.expired():
+                    self.cut = True
+                    return
+                stack = self._stack(count, layers, dict(zip(grounded, mounts)))
+                if stack is None:
+                    continue
+                self.tried += 1
+                mask, numbers = 0, set()
+                for pair in self._meeting(stack):
+                    numbers.add(number := self.pair(*pair))
+                    mask |= masks.by_pair[number]
+                    if mask and not bound.lets_pass(mask):
+                        break
+                else:
+                    if bound.lets_pass(mask):
+                        yield replace(stack, pairs=tuple(sorted(numbers))), mask
+
+    def _mounts(self, pin: str) -> tuple[str, ...]:
+        mount = self.request.mounts.get(pin)
+        if mount is not None:
+            return (mount,)
+        return {"below": (BELOW,), "above": (ABOVE,), "both": (BELOW, ABOVE, BOTH)}[self.request.boards]
+
+    def _open_to(self, plate: str, count: int) -> range:
+        """Return the layers of a plate; next to a board there is no room for the head of a pin that moves with the plate."""
+        boards = self.request.boards
+        moving = any(plate in pin.joins and not pin.grounded for pin in self.machine.pins)
+        if not (self.request.heads and moving):
+            return range(1, count + 1)
+        return range(1 + (boards in ("below", "both")), count + (boards not in ("above", "both")))
+
+    def _layers(
+        self, count: int, masks: _Masks, bound: _Bound, assigned: dict[str, int], mask: int
+    ) -> Iterator[dict[str, int]]:
+        """Yield the layers of all plates that are consistent with the plates assigned so far and the pins between them."""
+        if self.tried >= bound.max_stacks:
+            self.cut = True
+            return
+        if len(assigned) == len(self.plates):
+            yield dict(assigned)
+            return
+        plate, remaining = self.plates[len(assigned)], len(self.plates) - len(assigned) - 1
+        for layer in self._open_to(plate, count):
+            if not self.request.heads and count - len({layer, *assigned.values()}) > remaining:
+                continue  # a layer would stay empty
+            if any(
+                assigned.get(neighbour) == layer
+                for plates in self.joined.values()
+                if plate in plates
+                for neighbour in plates
+                if neighbour != plate
+            ):
+                continue
+            partner = self.partner.get(plate)
+            if partner in assigned and assigned[partner] != layer:
+                continue
+            combined = mask
+            for neighbour, level in assigned.items():
+                if level == layer and neighbour != partner:
+                    combined |= masks.by_pair[self.pair(neighbour, plate)]
+            assigned[plate] = layer
+            for pin, plates in self.joined.items():
+                if plates <= assigned.keys():
+                    layers_of_pin = [assigned[joined] for joined in plates]
+                    for neighbour, level in assigned.items():
+                        if min(layers_of_pin) <= level <= max(layers_of_pin) and neighbour not in plates:
+                            combined |= masks.by_pair[self.pair(neighbour, pin)]
+            if bound.lets_pass(combined):
+                yield from self._layers(count, masks, bound, assigned, combined)
+            else:
+                self.tried += len(assigned) == len(self.plates)
+            del assigned[plate]
+
+    def _stack(self, count: int, layers: dict[str, int], mounts: dict[str, str]) -> Stack | None:
+        """Return the stack with these layers and mounts; None if there is no room for a head."""
+        boards = self.request.boards
+        floor, roof = boards in ("below", "both"), boards in ("above", "both")
+        pins: dict[str, tuple[int, int]] = {}
+        heads: list[Head] = []
+        for pin, plates in self.joined.items():
+            own_layers = [layers[plate] for plate in plates]
+            mount = mounts.get(pin, "")
+            low = 0 if mount in (BELOW, BOTH) else min(own_layers)
+            high = count + 1 if mount in (ABOVE, BOTH) else max(own_layers)
+            pins[pin] = low, high
+            if self.request.heads:
+                heads += [Head(pin, BELOW, low - 1)] * (low > 0) + [Head(pin, ABOVE, high + 1)] * (high <= count)
+        if self.request.heads:
+            if any((floor and head.layer < 1) or (roof and head.layer > count) for head in heads):
+                return None
+            # otherwise the same stack occurs among the stacks with fewer layers
+            filled = [*layers.values(), *(head.layer for head in heads)]
+            lowest = min(filled) if floor else min(layers.values())
+            highest = max(filled) if roof else max(layers.values())
+            if lowest != 1 or highest != count:
+                return None
+        return Stack(count, dict(layers), mounts, pins, tuple(heads))
+
+    def _meeting(self, stack: Stack) -> Iterator[Pair]:
+        """Yield the pairs that meet in a layer, possibly several times."""
+        for layer in range(stack.count + 2):
+            plates = [name for name, level in stack.layers.items() if level == layer]
+            yield from (pair for pair in combinations(plates, 2) if self.partner.get(pair[0]) != pair[1])
+            inner = 1 <= layer <= stack.count
+            through = [name for name, (low, high) in stack.pins.items() if inner and low <= layer <= high]
+            bare = []
+            for pin in through:
+                joined = self.joined[pin]
+                yield from ((plate, pin) for plate in plates if plate not in joined)
+                if not joined.intersection(plates):
+                    bare.append(pin)
+            yield from combinations(bare, 2)
+            for plate, pair in self.sliding:
+                if plate in plates and pair <= set(through):
+                    first, second = pair
+                    yield first, second
+            tops = [head.pin for head in stack.heads if head.layer == layer]
+            for pin in tops:
+                yield from ((plate, _head(pin)) for plate in plates)
+                yield from ((second, _head(pin)) for second in bare if second != pin)
+            yield from ((_head(a), _head(b)) for a, b in combinations(tops, 2) if a != b)
+
+    # -- the answer -------------------------------------------------------------------------------------------------
+
+    def solve(self) -> Arrangement:
+        """Return the best stack with all results."""
+        loose = _Masks(self.proofs, self.machine, touching=False)
+        for status, masks in (("free", self.strict), ("touching", loose)):
+            if status == "touching" and masks.by_pair == self.strict.by_pair:
+                continue
+            self.tried, self.cut = 0, False
+            for count in self.counts:
+                free = [stack for stack, _ in self.stacks(count, masks, CollisionFree())]
+                if free:
+                    return self._arrangement(status, *self._best(free), None, len(free) - 1, masks)
+        tried, was_cut = self.tried, self.cut
+        self.tried, longest = 0, _LongerFree(loose)
+        best: Stack | None = None
+        for count in self.counts:
+            for stack, mask in self.stacks(count, loose, longest):
+                best = stack
+                longest.most = loose.longest(mask)[0]
+        if best is None:
+            self.work.go_on()  # else none was looked at
+            raise FieldError(
+                "/layers_most",
+                f"plates on common pins{', with heads,' * self.request.heads} need more than {self.request.max_layers} layers",
+            )
+        _, first, last = loose.longest(loose.of(best.pairs))
+        free_part = None if first is None or last is None else Interval(first, last)
+        best_known, self.cut = not self.cut, was_cut
+        self.tried = max(self.tried, tried)
+        return replace(self._arrangement("blocked", best, None, free_part, 0, loose), best_known=best_known)
+
+    def _best(self, free: Sequence[Stack]) -> tuple[Stack, tuple[Pair, MinimumGap] | None]:
+        """Return the best free stack by pins held on both sides, length of pins and smallest gap."""
+        best_rank = min((-stack.pins_held_twice, stack.pin_length) for stack in free)
+        equal = [stack for stack in free if (-stack.pins_held_twice, stack.pin_length) == best_rank]
+        min_gaps = self.gaps.minimum_gaps(
+            sorted({pair for stack in equal for pair in stack.pairs if self.proofs[pair].free}), self.machine.used
+        )
+
+        def smallest(stack: Stack) -> tuple[Pair, MinimumGap] | None:
+            gaps = [(self.pairs[pair], min_gaps[pair]) for pair in stack.pairs if pair in min_gaps]
+            return min(gaps, key=lambda entry: entry[1].gap, default=None)
+
+        candidates = [(stack, smallest(stack)) for stack in equal]
+        step = _LEVEL * self.machine.size
+        return min(
+            candidates, key=lambda entry: float("-inf") if entry[1] is None else -round(entry[1][1].gap / step)
+        )
+
+    def _arrangement(
+        self,
+        status: str,
+        stack: Stack,
+        min_gap: tuple[Pair, MinimumGap] | None,
+        free: Interval | None,
+        alternatives: int,
+        masks: _Masks,
+    ) -> Arrangement:
+        tried, exhaustive = self.tried, not self.cut
+        low, high = self._stops(stack, self.machine.used if status != "blocked" else free)
+        fewer: dict[int, Collision | None] = {}
+        if status != "blocked" and stack.count > 1:
+            fewer[stack.count - 1] = self._why_not(stack.count - 1, masks)
+        return Arrangement(
+            status,
+            stack,
+            min_gap,
+            self._collisions(stack.pairs, "hits"),
+            self._collisions(stack.pairs, "touches"),
+            free,
+            low,
+            high,
+            fewer,
+            alternatives,
+            tried,
+            {pin.name: self._shaft(pin.name) for pin in self.machine.pins if pin.grounded},
+            exhaustive,
+        )
+
+    def _collisions(self, pairs: Sequence[int], kind: str) -> tuple[Collision, ...]:
+        """Return the collisions of pairs by crank angle; collisions on both sides of the seam of a turn are merged."""
+        found = []
+        for pair in pairs:
+            runs: list[Run] = list(getattr(self.proofs[pair], kind))
+            first, last = self.machine.used
+            if self.machine.whole_turn and len(runs) > 1 and runs[0].first <= first and runs[-1].last >= last:
+                runs = [*runs[1:-1], Run(runs[-1].first, runs[0].last + TURN)]
+            found += [Collision(self.pairs[pair], *run) for run in runs]
+        return tuple(sorted(found, key=lambda collision: (collision.first, collision.last, collision.pair)))
+
+    def _why_not(self, count: int, masks: _Masks) -> Collision | None:
+        """Return the longest collision of the best stack with some number of layers."""
+        self.tried = 0
+        longest, best = _LongerFree(masks), None
+        for stack, mask in self.stacks(count, masks, longest):
+            best = stack
+            longest.most = masks.longest(mask)[0]
+        if best is None:
+            return None
+        return max(
+            self._collisions(best.pairs, "hits"), key=lambda collision: collision.last - collision.first, default=None
+        )
+
+    def _shaft(self, pin: str) -> Shaft:
+        plates = [plate for plate in self.plates if plate not in self.joined[pin]]
+        passes = self._collisions([self.pair(plate, pin) for plate in plates], "hits")
+        return Shaft(not passes, passes)
+
+    def _stops(self, stack: Stack, free: Interval | None) -> tuple[Stop | None, Stop | None]:
+        """Return the ends of the motion below and above an interval over which the stack is free."""
+        if free is None:
+            return None, None
+        loop, turn = self.machine.loop, TURN
+        ends = self.machine.slit_ends
+        if loop is None and None in ends:
+            if free.last - free.first >= turn - WHOLE:
+                return None, None
+            runs = self._runs(stack, Interval(free.last, free.first + turn))
+            if not runs:
+                return None, None
+            (pair, run), (last_pair, last_run) = min(runs, key=_begin), max(runs, key=_end)
+            return Stop(last_run.last - turn, last_pair), Stop(run.first, pair)
+        low, high = (
+            Stop(*end) if end is not None else Stop(loop[k], None)  # type: ignore[index]
+            for k, end in enumerate(ends)
+        )
+        if runs := self._runs(stack, Interval(low.at, free.first)):
+            pair, run = max(runs, key=_end)
+            low = Stop(run.last, pair)
+        if runs := self._runs(stack, Interval(free.last, high.at)):
+            pair, run = min(runs, key=_begin)
+            high = Stop(run.first, pair)
+        return low, high
+
+    def _runs(self, stack: Stack, interval: Interval) -> list[tuple[Pair, Run]]:
+        """Return the collisions of a stack's pairs over another interval."""
+        if interval.last - interval.first < WHOLE or not stack.pairs:
+            return []
+        gaps = Gaps(
+            self.machine.movement,
+            self.shapes,
+            [self.numbers[pair] for pair in stack.pairs],
+            self.machine.clearance,
+            self.machine.size,
+        )
+        proofs = gaps.prove(interval, self.work)
+        return [(self.pairs[pair], run) for pair, proof in zip(stack.pairs, proofs) for run in proof.hits]
+
+
+def _begin(entry: tuple[Pair, Run]) -> float:
+    return entry[1].first
+
+
+def _end(entry: tuple[Pair, Run]) -> float:
+    return entry[1].last
+
+
+def _head(pin: str) -> str:
+    """Return the name of a pin's heads."""
+    return f"head {pin}"
+
+
+def _numbered(parts: Sequence[_Part], pairs: Sequence[Pair]) -> tuple[list[CarriedShape], list[tuple[int, int]]]:
+    """Return all shapes of some parts, and each pair by two shapes, which are on the same body if possible."""
+    shapes = [shape for part in parts for shape in part.shapes]
+    first, count = {}, 0
+    for part in parts:
+        first[part.name] = range(count, count + len(part.shapes))
+        count += len(part.shapes)
+    found = []
+    for first_name, second_name in pairs:
+        options = list(product(first[first_name], first[second_name]))
+        found.append(next((pair for pair in options if shapes[pair[0]].body == shapes[pair[1]].body), options[0]))
+    return shapes, found
+
+
+class _Masks:
+    """Collisions of pairs as bits of an integer, with a bit for each end of a collision and for each range between two ends."""
+
+    def __init__(self, proofs: Sequence[Proof], machine: Machine, touching: bool) -> None:
+        runs = [[*proof.hits, *(proof.touches if touching else ())] for proof in proofs]
+        first, last = machine.used
+        self.points = sorted({first, last, *(end for pair_runs in runs for run in pair_runs for end in run)})
+        at = {point: 2 * k for k, point in enumerate(self.points)}
+        self.bits = 2 * len(self.points) - 1
+        self.by_pair = [
+            sum({1 << bit: 0 for run in pair_runs for bit in range(at[run.first], at[run.last] + 1)})
+            for pair_runs in runs
+        ]
+        self._whole = machine.whole_turn
+        self.longest = cache(self._longest)
+
+    def of(self, pairs: Sequence[int]) -> int:
+        """Return the bits in which any of some pairs collides."""
+        mask = 0
+        for pair in pairs:
+            mask |= self.by_pair[pair]
+        return mask
+
+    def _longest(self, mask: int) -> tuple[float, float | None, float | None]:
+        """Return the length and the ends of the longest range without a bit; ranges at the seam of a turn are merged."""
+        parts: list[tuple[float, float]] = []
+        start: float | None = None
+        for bit in range(self.bits + 1):
+            occupied = bit == self.bits or bool(mask >> bit & 1)
+            if not occupied and start is None:
+                start = self.points[bit // 2]
+            if occupied and start is not None:
+                parts.append((start, self.points[min(bit, self.bits - 1) // 2 + (bit < self.bits and bit % 2)]))
+                start = None
+        if self._whole and len(parts) > 1 and not mask & 1 and not mask >> (self.bits - 1) & 1:
+            parts = [*parts[1:-1], (parts[-1][0], parts[0][1] + TURN)]
+        if not parts:
+            return 0.0, None, None
+        first, last = max(parts, key=lambda part: part[1] - part[0])
+        return last - first, first, last
+
+
+class _Bound:
+    """Condition on the collisions of a stack, or of a part of it, and the largest number of stacks."""
+
+    max_stacks = MAX_STACKS
+
+    def lets_pass(self, mask: int) -> bool:
+        """Check the collisions so far; further plates can only add collisions."""
+        raise NotImplementedError
+
+
+class CollisionFree(_Bound):
+    """Condition that a stack collides nowhere."""
+
+    def lets_pass(self, mask: int) -> bool:
+        """Return true if there is no collision."""
+        return mask == 0
+
+
+class _LongerFree(_Bound):
+    """Condition that a stack is free over a longer part of the motion than the best known stack."""
+
+    max_stacks = MAX_BLOCKED_STACKS
+
+    def __init__(self, masks: _Masks) -> None:
+        self.masks, self.most = masks, -1.0
+
+    def lets_pass(self, mask: int) -> bool:
+        """Return true if the longest free range is longer than that of the best known stack."""
+        return self.masks.longest(mask)[0] > self.most
