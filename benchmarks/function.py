@@ -23,7 +23,7 @@ from synthesis.constraints import keeps
 from synthesis.mechanism import Placed
 from synthesis.target import Target
 from tests.oracles.free_classes import close
-from tests.oracles.function_cases import PLACES, largest_error, wanted_output
+from tests.oracles.function_cases import SAMPLES, largest_error, wanted_output
 
 RUNS = 10
 RATIO = 20.0
@@ -86,7 +86,7 @@ def made(links: np.ndarray, branch: int, crank: np.ndarray) -> np.ndarray:
 
 def dense(asked: Asked) -> tuple[np.ndarray, np.ndarray]:
     """Crank angles and outputs in radians at even places of the interval."""
-    return np.deg2rad(np.linspace(0, asked.crank_span, PLACES)), np.deg2rad(wanted_output(asked.function))
+    return np.deg2rad(np.linspace(0, asked.crank_span, SAMPLES)), np.deg2rad(wanted_output(asked.function))
 
 
 def measure_function(asked: Asked) -> dict[str, Any]:
@@ -173,7 +173,7 @@ def measure_pylinkage(asked: Asked) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for points in (3, 4, 5):
         share = (1 - np.cos((2 * np.arange(points) + 1) * np.pi / (2 * points))) / 2
-        inputs, outputs = share * crank[-1], np.interp(share, np.linspace(0, 1, PLACES), output)
+        inputs, outputs = share * crank[-1], np.interp(share, np.linspace(0, 1, SAMPLES), output)
         times, best, answers = Times(), np.inf, 0
         for start in zeros:
             for first in zeros:

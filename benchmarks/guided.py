@@ -30,7 +30,7 @@ def measure(
         }
         for _ in range(cases):
             case = random_case(random, *drive)
-            if case.near:
+            if case.close:
                 row["near"] += 1
                 continue
             said, found = passage(case.linkage, case.coordinate, case.side), follow(case.linkage, case.poses)

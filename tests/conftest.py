@@ -1,4 +1,4 @@
-"""What many tests share: the default atlas, built once a session, a small one, and the service without any."""
+"""Shared fixtures: the default atlas, built once a session, a small atlas, and the service without an atlas."""
 
 import copy
 import ctypes
@@ -48,7 +48,7 @@ settings.register_profile(
 )
 settings.load_profile("suite")
 
-# Memory that a test has given back is kept for the next one: the system clears each page that it hands out again. What the
+# Memory that a test frees is kept for the next: the system clears each page that it hands out again. What the
 # tests start as processes of their own has the system's usual settings.
 if hasattr(ctypes.CDLL(None), "mallopt"):
     for option, size in ((-1, 512 << 20), (-3, 32 << 20)):  # M_TRIM_THRESHOLD, M_MMAP_THRESHOLD
@@ -56,11 +56,11 @@ if hasattr(ctypes.CDLL(None), "mallopt"):
 
 
 PATIENCE = 300.0
-"""Seconds until what has not come is taken for lost; enough for a busy machine ten times slower than the usual."""
+"""Seconds until a condition is considered lost; enough for a machine that is ten times slower than usual."""
 
 
 def until(condition: Callable[[], Any]) -> Any:
-    """What a condition gives, once it holds."""
+    """Return the value of a condition, once it holds."""
     end = time.monotonic() + PATIENCE
     while not (found := condition()):
         assert time.monotonic() < end, "it never came"
@@ -79,13 +79,13 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_collection_finish() -> None:
-    """What is imported and collected by now stays to the end: the collector of garbage need not look at it again and again."""
+    """Freeze imported and collected objects: the garbage collector need not examine them again."""
     gc.collect()
     gc.freeze()
 
 
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> LoadFileScheduling:
-    """Each file is for one process, and all for which a browser is started for the same."""
+    """Each file runs in a single process, and all files that need a browser in the same process."""
 
     class Files(LoadFileScheduling):
         def _split_scope(self, nodeid: str) -> str:
@@ -109,7 +109,7 @@ def compile_tests(config: pytest.Config, first: int) -> None:
 
 
 def some_of(cases: Sequence[Any], default: int) -> list[Any]:
-    """Cases for `parametrize`, a tuple for several names: the default run takes the first so many, ``-m wide`` the others."""
+    """Return cases for `parametrize`, a tuple for several names: the default run takes the first ``default`` of them."""
     marks = [[pytest.mark.wide] * (k >= default) for k, _ in enumerate(cases)]
     return [
         pytest.param(*(case if isinstance(case, tuple) else (case,)), marks=mark) for case, mark in zip(cases, marks)
@@ -130,7 +130,7 @@ def changed(body: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
 
 
 def finite(value: Any) -> bool:
-    """Whether all numbers of a reply are finite; NaN and infinities are written as words."""
+    """Return true if all numbers of a reply are finite; NaN and infinities are written as words."""
     if isinstance(value, dict | list):
         return all(map(finite, value.values() if isinstance(value, dict) else value))
     return value not in ("NaN", "Infinity", "-Infinity") and not (
@@ -156,7 +156,7 @@ def listening(app: Any, **options: Any) -> Iterator[tuple[int, uvicorn.Server]]:
 
 @contextmanager
 def started(folder: Path, *command: str, **settings: Any) -> Iterator[tuple[subprocess.Popen[str], int, Path]]:
-    """A service as a process of its own with these settings alone: process, port and log. It ends well afterwards."""
+    """Run a service as a process with exactly these settings: process, port and log. It ends well afterwards."""
     log = folder / "log"
     environment = {name: value for name, value in os.environ.items() if not name.startswith("LINKAGE_ATLAS_")}
     environment |= {f"LINKAGE_ATLAS_{name.upper()}": str(value) for name, value in settings.items()}
@@ -201,6 +201,8 @@ def small_bytes() -> bytes:
 
 @pytest.fixture(scope="session")
 def client(tmp_path_factory: pytest.TempPathFactory) -> Iterator[TestClient]:
-    """The service for requests that need no atlas; names one that is not there, whatever lies in the working folder."""
+    """Start the service for requests that need no atlas; its atlas does not exist, whatever lies in the working
+    folder.
+    """
     with TestClient(create_app(Settings(atlas=tmp_path_factory.mktemp("service") / "none.h5"))) as client:
         yield client

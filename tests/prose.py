@@ -73,7 +73,7 @@ def markdown_prose(text: str) -> Iterator[tuple[str, bool]]:
 
 
 def vague_names(text: str) -> int:
-    """Count the functions, classes, arguments and variables whose name does not say what they hold."""
+    """Count the functions, classes, arguments and variables with a vague name."""
     names = []
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):

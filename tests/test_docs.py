@@ -1,4 +1,7 @@
-"""What the documents and the container files say exists, exists; what they show as output is what comes out."""
+"""Everything that the documents and container files mention exists, and commands print the documented output.
+
+A setting, route, link or command that was renamed in the code only would show here.
+"""
 
 from __future__ import annotations
 
@@ -35,13 +38,13 @@ def names(path: Path) -> str:
 
 
 def commands(text: str) -> list[str]:
-    """Lines of code blocks, fenced or indented, and code spans; a line that goes on is joined."""
+    """Return code blocks, fenced or indented, and code spans; continued lines are joined."""
     text = text.replace("\\\n", " ")
     fenced = re.findall(r"^```.*?\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
-    rest = re.sub(r"^```.*?^```", "", text, flags=re.MULTILINE | re.DOTALL)
+    remaining = re.sub(r"^```.*?^```", "", text, flags=re.MULTILINE | re.DOTALL)
     lines = [line for block in fenced for line in block.splitlines()]
-    lines += re.findall(r"^    (\S.*)$", rest, re.MULTILINE)
-    lines += re.findall(r"`([^`\n]+)`", rest)
+    lines += re.findall(r"^    (\S.*)$", remaining, re.MULTILINE)
+    lines += re.findall(r"`([^`\n]+)`", remaining)
     return [re.sub(r"\s#.*", "", line).strip().removeprefix("$ ") for line in lines]
 
 
@@ -51,11 +54,13 @@ NUMBER = re.compile(r"(?<![\w.])-?\d[\d,]*\.?\d*(?:e[-+]?\d+)?")
 TIMES = re.compile(r"best objective after.*|stopped by.*|(?<=; )screen.*|\.\.\.")
 
 
-def assert_same_output(found: str, wanted: str) -> None:
-    """The same words, numbers to a thousandth, rounding errors as rounding errors; times, or ``...`` for them, are left out."""
-    found, wanted = (TIMES.sub("", text) for text in (found, wanted))
-    assert NUMBER.sub(" # ", found).split() == NUMBER.sub(" # ", wanted).split(), found
-    numbers = [[float(one.replace(",", "")) for one in NUMBER.findall(text)] for text in (found, wanted)]
+def assert_same_output(found: str, expected: str) -> None:
+    """Compare words exactly, numbers to a thousandth, rounding errors as rounding errors; times, or ``...``, are
+    left out.
+    """
+    found, expected = (TIMES.sub("", text) for text in (found, expected))
+    assert NUMBER.sub(" # ", found).split() == NUMBER.sub(" # ", expected).split(), found
+    numbers = [[float(number.replace(",", "")) for number in NUMBER.findall(text)] for text in (found, expected)]
     assert numbers[0] == pytest.approx(numbers[1], rel=1e-3, abs=1e-10), found
 
 
@@ -88,9 +93,9 @@ FIELDS = [
 
 def test_every_route_and_field_is_documented() -> None:
     document = json.loads(PLACE.read_text())  # see tests/app/test_openapi.py
-    every = "".join(path.read_text() for path in DOCUMENTS)
+    all_cases = "".join(path.read_text() for path in DOCUMENTS)
     for path, methods in document["paths"].items():
-        text = HTTP if path in ("/v1/match", "/v1/synthesize") or "get" in methods else every
+        text = HTTP if path in ("/v1/match", "/v1/synthesize") or "get" in methods else all_cases
         route = f"{next(iter(methods)).upper()} {path}"
         assert re.search(rf"{re.escape(route)}(?![\w/])", text), f"{route} is documented nowhere"
     for model, page, heading in FIELDS:
@@ -177,23 +182,28 @@ def test_the_python_of_the_readme_gives_what_it_shows(tmp_path, monkeypatch) -> 
     shown = re.findall(r"^```python\n(.*?)^```\n+^```text\n(.*?)^```", README, re.MULTILINE | re.DOTALL)
     assert len(shown) == README.count("```python"), "each block of Python is followed by what it prints"
     names: dict = {}
-    for source, wanted in shown:
+    for source, expected in shown:
         with redirect_stdout(io.StringIO()) as printed:
             exec(compile(source, "README.md", "exec"), names)
-        assert_same_output(printed.getvalue(), wanted)
+        assert_same_output(printed.getvalue(), expected)
     assert not ezdxf.readfile(tmp_path / "linkage.dxf").audit().errors
 
 
 def test_the_commands_of_the_readme_print_what_it_shows(atlas_path, monkeypatch, capsys) -> None:
     monkeypatch.setenv("LINKAGE_ATLAS_ATLAS", str(atlas_path))
     blocks = re.findall(r"^```console\n(.*?)^```", README, re.MULTILINE | re.DOTALL)
-    shown = [one.partition("\n") for block in blocks for one in re.split(r"^\$ ", block, flags=re.MULTILINE) if one]
+    shown = [
+        shown_command.partition("\n")
+        for block in blocks
+        for shown_command in re.split(r"^\$ ", block, flags=re.MULTILINE)
+        if shown_command
+    ]
     assert len(shown) >= 2
-    for command, _, wanted in shown:
+    for command, _, expected in shown:
         words = shlex.split(command.replace(" --atlas atlas.h5", ""))
         assert words[0] == "linkage-atlas"
         assert main(words[1:]) == 0
-        assert_same_output(capsys.readouterr().out, wanted)
+        assert_same_output(capsys.readouterr().out, expected)
 
 
 @pytest.mark.parametrize("script", EXAMPLES, ids=lambda path: path.stem)
@@ -225,10 +235,10 @@ def test_the_figures_are_those_of_their_script(tmp_path, monkeypatch) -> None:
     figures.kinds()
     figures.motion()
     number = re.compile(r"-?\d+\.?\d*(?:e[-+]?\d+)?")
-    for name, wanted in committed.items():
+    for name, expected in committed.items():
         found = (tmp_path / name).read_text()
-        assert number.sub("#", found) == number.sub("#", wanted), f"{name}: make docs"
-        apart = [abs(float(a) - float(b)) for a, b in zip(number.findall(found), number.findall(wanted))]
+        assert number.sub("#", found) == number.sub("#", expected), f"{name}: make docs"
+        apart = [abs(float(a) - float(b)) for a, b in zip(number.findall(found), number.findall(expected))]
         assert max(apart) < 0.1, f"{name}: make docs"
 
 
@@ -289,7 +299,7 @@ def test_what_the_dockerfile_runs_is_a_command_with_these_options() -> None:
     assert dict(stages()[1])["EXPOSE"] == "8000"
     for name, words in instructions():
         for line in re.findall(r"bin/linkage-atlas ([^&]+)", words) if name == "RUN" else []:
-            make_parser(whole=True).parse_args(line.replace("\\", " ").split())  # ends the process where it is none
+            make_parser(whole=True).parse_args(line.replace("\\", " ").split())  # ends the process if it is none
     health = re.findall(r'"([^"]*)"', dict(stages()[1])["HEALTHCHECK"])
     compile(health[2], "HEALTHCHECK", "exec")
 

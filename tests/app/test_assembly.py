@@ -1,4 +1,7 @@
-"""Assemblies over HTTP and on the command line: as in Python, and what is wrong is named where it stands."""
+"""Assemblies over HTTP and on the command line agree with Python, and errors point to the wrong field.
+
+A route that drops the assembly of a request would show here.
+"""
 
 import json
 
@@ -20,13 +23,13 @@ def test_a_solution_as_it_came_with_its_request(client) -> None:
     solved = client.post("/v1/synthesize", json={**EXAMPLE, "assembly": True}).json()["solutions"][0]
     reply = client.post("/v1/assembly", json={"linkage": solved, "request": EXAMPLE}).json()
     assert reply == solved["verdict"]["assembly"]
-    again = client.post("/v1/assembly", json={"request": EXAMPLE}).json()
-    assert again["layers"] == reply["layers"]
+    repeated = client.post("/v1/assembly", json={"request": EXAMPLE}).json()
+    assert repeated["layers"] == reply["layers"]
 
 
 def test_without_an_assembly_there_is_none(client) -> None:
-    for asked in ({}, {"assembly": False}, {"assembly": None}):
-        verdict = client.post("/v1/synthesize", json={**EXAMPLE, **asked}).json()["solutions"][0]["verdict"]
+    for request in ({}, {"assembly": False}, {"assembly": None}):
+        verdict = client.post("/v1/synthesize", json={**EXAMPLE, **request}).json()["solutions"][0]["verdict"]
         assert verdict["assembly"] is None
 
 

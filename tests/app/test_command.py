@@ -1,9 +1,11 @@
-"""What a question on the command line gives beside its table: files, pictures, exit codes, units; and requests to begin with."""
+"""Commands write the files, pictures, tables and exit codes that their help describes.
+
+A file of the wrong rank, format or unit, and an example that is no request, would show here.
+"""
 
 import json
 import os
 import subprocess
-import sys
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -32,12 +34,12 @@ RIGHT_ANGLE = {"rotation": [0, 8, 19, 31, 40, 44], "crank_span": 90, "top": 2, "
 
 
 def test_one_answer_gives_table_and_files(run, tmp_path, monkeypatch) -> None:
-    asked = []
-    monkeypatch.setattr("linkage_atlas.synthesize", lambda *a, f=la.synthesize, **o: asked.append(1) or f(*a, **o))
+    request = []
+    monkeypatch.setattr("linkage_atlas.synthesize", lambda *a, f=la.synthesize, **o: request.append(1) or f(*a, **o))
     files = [tmp_path / f"one.{ending}" for ending in ("json", "svg", "plates.dxf")]
     exports = [word for file in files for word in ("--export", file)]
     code, out, err = run("synthesize", "--example", "worked_example", "--rank", 2, "--json", *exports)
-    assert code == Exit.OK and len(asked) == 1, "answered once, whatever is written"
+    assert code == Exit.OK and len(request) == 1, "answered once, whatever is written"
     second = json.loads(out)["solutions"][1]
     written = json.loads(files[0].read_text())
     assert written["linkage"]["links"] == second["links"]
@@ -114,22 +116,6 @@ def test_a_file_of_unknown_ending_is_refused_before_anything_is_computed(run, mo
     assert (code, out) == (Exit.USAGE, "") and "plates.dxf" in err
 
 
-@pytest.mark.parametrize("screen", [True, False])
-def test_a_plot_is_opened_or_its_place_is_said(screen, run, monkeypatch) -> None:
-    opened: list[str] = []
-    monkeypatch.setattr("webbrowser.open", lambda place: opened.append(place) or True)
-    monkeypatch.setattr(sys, "platform", "linux")
-    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
-        monkeypatch.delenv(name, raising=False)
-    if screen:
-        monkeypatch.setenv("DISPLAY", ":0")
-    code, out, err = run("function", "--example", "five_pairs", "--plot")
-    place = Path(err.split()[-1])
-    assert code == Exit.OK and out and ElementTree.parse(place).getroot().tag.endswith("svg")
-    assert opened == ([place.as_uri()] if screen else [])
-    place.unlink()
-
-
 @pytest.mark.parametrize("command", ["synthesize", "function"])
 def test_every_format_of_a_solution_is_written_from_the_reply(command, run, tmp_path, client) -> None:
     query = QUERIES[command]
@@ -146,25 +132,6 @@ def test_every_format_of_a_solution_is_written_from_the_reply(command, run, tmp_
     assert json.loads(files[-1].read_text()).keys() >= {"request", "linkage"}
 
 
-def test_an_export_is_of_the_format_and_rank_that_its_body_says_unless_an_option_says_another(
-    run, tmp_path, monkeypatch
-) -> None:
-    """JSON was written, whatever the body said, and --rank was passed over."""
-    monkeypatch.chdir(tmp_path)
-    request = worked_example() | {"top": 2}
-    first, second = json.loads(run("synthesize", "--json", stdin=json.dumps(request))[1])["solutions"]
-    (tmp_path / "one.json").write_text(json.dumps({"request": request, "format": "dxf", "rank": 2}))
-    for options, name, one in (
-        ((), "one.dxf", second),
-        (("--format", "svg"), "one.svg", second),
-        (("--set", "format=svg"), "one.svg", second),
-        (("--out", "two.svg", "--rank", 1), "two.svg", first),
-    ):
-        assert run("export", "one.json", *options)[::2] == (Exit.OK, f"wrote {name}\n")
-        title = f"crank {one['links']['crank']:.6g}, "
-        assert name == "one.dxf" or title in Path(name).read_text(), options
-
-
 def test_an_export_does_not_replace_its_own_request(run, tmp_path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
     file, text = Path("one.json"), json.dumps(worked_example())
@@ -172,7 +139,7 @@ def test_an_export_does_not_replace_its_own_request(run, tmp_path, monkeypatch) 
     code, _, err = run("export", "one.json")
     assert code != Exit.OK and "one.json is the request itself" in err and file.read_text() == text
     assert run("export", "one.json", "--out", "two.json")[0] == Exit.OK
-    for _ in range(2):  # from standard input a file of before is made anew
+    for _ in range(2):  # with standard input an existing file is replaced
         assert run("export", stdin=text)[::2] == (
             Exit.OK,
             "read standard input: a request, which is solved\nwrote linkage.json\n",
@@ -199,11 +166,11 @@ def test_a_pasted_table_on_standard_input(run, tmp_path) -> None:
 
 def test_fields_are_set_beside_a_table_or_a_request(run, tmp_path) -> None:
     table, limits = "x,y\n0,0\n22,5\n41,17.5\n", {"pivot_box": [-50, -60, 90, 80], "family": "any"}
-    wanted = {"position": [[0, 0], [22, 5], [41, 17.5]], "crank_span": 50, "limits": limits, "top": 2}
+    expected = {"position": [[0, 0], [22, 5], [41, 17.5]], "crank_span": 50, "limits": limits, "top": 2}
     fields = ["--set", "crank_span=50", "--set", "limits.family=any", "--set", "limits.pivot_box=[-50,-60,90,80]"]
-    replies = [run("synthesize", "--json", stdin=json.dumps(wanted))]
+    replies = [run("synthesize", "--json", stdin=json.dumps(expected))]
     replies.append(run("synthesize", "--json", *fields, "--set", "top=2", stdin=table))
-    body = json.dumps({"position": wanted["position"], "limits": {"family": "full_crank"}, "top": 9})
+    body = json.dumps({"position": expected["position"], "limits": {"family": "full_crank"}, "top": 9})
     replies.append(run("synthesize", "--json", *fields, "--set", "top=2", stdin=body))
     solutions = [json.loads(out)["solutions"] for _, out, _ in replies]
     assert len(solutions[0]) == 2 and solutions[0] == solutions[1] == solutions[2]
@@ -259,23 +226,23 @@ def test_completion_knows_every_command_and_option(shell, run) -> None:
 def test_the_default_atlas_is_built_once_in_the_cache_folder(tmp_path, monkeypatch, capsys) -> None:
     builds = []
 
-    def build(place: Path, jobs, progress) -> None:
-        builds.append(place)
+    def build(position: Path, jobs, progress) -> None:
+        builds.append(position)
         progress(1, 1)
-        place.write_bytes(b"atlas")
+        position.write_bytes(b"atlas")
 
     monkeypatch.chdir(tmp_path)
     monkeypatch.delenv("LINKAGE_ATLAS_ATLAS", raising=False)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     monkeypatch.setattr("linkage_atlas.atlases.build_atlas", build)
-    place = atlas_of(Settings())
-    assert place == atlas_of(Settings()) == atlases.cached_atlas() and builds == [place]
-    assert place.is_relative_to(tmp_path / "cache") and str(place) in capsys.readouterr().err
+    position = atlas_of(Settings())
+    assert position == atlas_of(Settings()) == atlases.cached_atlas() and builds == [position]
+    assert position.is_relative_to(tmp_path / "cache") and str(position) in capsys.readouterr().err
     named = tmp_path / "mine.h5"
     assert atlas_of(Settings(atlas=named)) == named, "one that is named is never built"
     (tmp_path / "atlas.h5").write_bytes(b"here")
     assert atlas_of(Settings()) == Path("atlas.h5")
-    assert builds == [place]
+    assert builds == [position]
 
 
 # -- waiting ----------------------------------------------------------------------------------------------------------

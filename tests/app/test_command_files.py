@@ -14,7 +14,6 @@ from tests.app.test_command import SOLUTION
 
 EXAMPLE = worked_example()
 TABLE = "x;y;phi\n0;0;0\n22;5;12\n41;17,5;27\n"
-POSES = {"timing": "free", "position": [[0, 0], [22, 5], [41, 17.5]], "rotation": [0, 12, 27]}
 
 
 @pytest.fixture(scope="module")
@@ -60,8 +59,8 @@ def test_the_request_in_a_file_is_solved(kind, run, files) -> None:
 def test_a_linkage_is_read_from_each_file(command, kind, run, files, tmp_path) -> None:
     out_file = tmp_path / "out.json"
     more = ["--out", out_file] if command == "export" else ["--json"]
-    alone = kind in ("http", "answer", "linkage")
-    file = [files["request"], "--linkage", files[kind]] if alone and command != "assembly" else [files[kind]]
+    single = kind in ("http", "answer", "linkage")
+    file = [files["request"], "--linkage", files[kind]] if single and command != "assembly" else [files[kind]]
     code, out, err = run(command, *file, "--rank", 2, *more)
     assert code == Exit.OK, err
     assert err.startswith("read ")
@@ -93,33 +92,6 @@ def test_a_table_is_the_motion_of_every_command(command, run, files, tmp_path) -
 
 
 # -- fields -----------------------------------------------------------------------------------------------------------
-
-
-def test_objects_are_merged_and_items_count_from_one(run) -> None:
-    body = POSES | {"limits": {"family": "any"}, "top": 1}
-    merged = ["--set", 'limits={"link_max": 500}', "--set", "position.3=[41,17]", "--set", "drives.1.kind=rotary"]
-    code, out, err = run("synthesize", "--json", *merged, stdin=json.dumps(body))
-    assert code == Exit.OK, err
-    request = json.loads(out)["request"]
-    assert request["limits"] == {"family": "any", "link_max": 500}
-    assert request["position"] == [[0, 0], [22, 5], [41, 17]] and request["drives"] == [{"kind": "rotary"}]
-    for wrong in ("position.0=[1,2]", "position.5=[1,2]", "position.x=3"):
-        code, _, err = run("synthesize", "--set", wrong, stdin=json.dumps(body))
-        assert code == Exit.USAGE and "position: is a list: its items are set by 1 to 4" in err
-
-
-def test_options_for_common_limits_are_fields(run) -> None:
-    options = ["--family", "any", "--pivot-box", "-50,-60,90,80", "--link-min", 5, "--link-max", "200"]
-    fields = ["limits.family=any", "limits.pivot_box=[-50,-60,90,80]", "limits.link_min=5", "limits.link_max=200"]
-    options, fields = [*options, "--transmission", "30"], [*fields, "limits.transmission_angle_min=30"]
-    sets = [word for field in fields for word in ("--set", field)]
-    replies = [json.loads(run("synthesize", "--json", *words, stdin=TABLE)[1]) for words in (options, sets)]
-    assert replies[0]["request"] == replies[1]["request"] and len(replies[0]["request"]["limits"]) == 5
-    assert replies[0]["solutions"] == replies[1]["solutions"]
-    for command in ("function", "export", "assembly"):
-        assert "--link-max" in run(command, "--help")[1]
-    parts = ("--hole", "--width", "--thickness", "--clearance", "--scale", "--boards", "--heads", "--nevertheless")
-    assert all(f"  {option}" in run("export", "--help")[1] for option in parts)
 
 
 # -- help and mistakes ------------------------------------------------------------------------------------------------
@@ -174,16 +146,16 @@ DRIVES = [{"kind": kind} for kind in ("rotary", "actuator", "dyad", "toggle")]
 
 def test_the_drives_and_springs_of_a_solution_are_described(run) -> None:
     """The terminal did not mention them."""
-    asked = EXAMPLE | {
+    request = EXAMPLE | {
         "top": 1,
         "start_from": [SOLUTION],
         "local": True,
         "drives": DRIVES,
         "load": {"force": [0, -100]},
     }
-    asked |= {"springs": [{"kind": "tension"}, {"kind": "gas"}]}
-    code, out, _ = run("synthesize", "--length-unit", "mm", stdin=json.dumps(asked))
-    reply = json.loads(run("synthesize", "--json", stdin=json.dumps(asked))[1])["solutions"][0]
+    request |= {"springs": [{"kind": "tension"}, {"kind": "gas"}]}
+    code, out, _ = run("synthesize", "--length-unit", "mm", stdin=json.dumps(request))
+    reply = json.loads(run("synthesize", "--json", stdin=json.dumps(request))[1])["solutions"][0]
     assert code == Exit.OK
     kinds = {"rotary": "rotary drive", "actuator": "actuator", "dyad": "motor with a rod", "toggle": "knee"}
     assert {drive["kind"] for drive in reply["drives"]} == kinds.keys()

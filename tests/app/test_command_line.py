@@ -1,4 +1,7 @@
-"""The commands as a first-time user meets them: requests from file and standard input, exit codes, signals, pipes."""
+"""Commands read requests from files and standard input, and end with the documented exit codes.
+
+A traceback, a wrong exit code, or a service that does not end would show here.
+"""
 
 import json
 import re
@@ -43,7 +46,7 @@ def request_file(tmp_path: Path) -> Path:
 
 @pytest.mark.parametrize("command", ["match", "synthesize", "function"])
 def test_every_query_prints_a_table(command, run, small_path) -> None:
-    """Those of the scenes: tests/app/scenes/test_scenes.py."""
+    """Queries of the scenes are tested in tests/app/scenes/test_scenes.py."""
     (query,) = queries_named(command)
     name = sorted(query.examples)[0]
     atlas = ["--atlas", small_path] if query.reads_atlas else []
@@ -118,9 +121,9 @@ def test_a_damaged_atlas_ends_with_3(verb, fault, run, small_bytes, tmp_path) ->
     flipped[len(flipped) // 2] ^= 1
     damaged = {"bit flip": bytes(flipped), "cut off": small_bytes[:-1], "foreign": b"x" * 4096, "empty": b""}
     path.write_bytes(damaged[fault])
-    place = [path] if verb in ("verify", "info") else ["--atlas", path]
+    position = [path] if verb in ("verify", "info") else ["--atlas", path]
     request = ["--example", "worked_example"] if verb == "match" else []
-    code, out, err = run(verb, *request, *place)
+    code, out, err = run(verb, *request, *position)
     assert (code, out) == (DAMAGED, "")
     assert "the file" in err and "Traceback" not in err
 

@@ -1,6 +1,6 @@
 """Tables of samples are read correctly, or refused with a sentence that names the line.
 
-This catches a column, unit or separator that is taken for another one without a warning.
+A column, unit or separator that is misread without a warning would show here.
 """
 
 import csv
@@ -9,7 +9,6 @@ import json
 import math
 from pathlib import Path
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -26,14 +25,14 @@ from linkage_atlas.tables import (
 )
 
 TABLES = json.loads((Path(__file__).parent / "tables.json").read_text())
-"""Tables as people have them: those that are read, with what is asked for then, and others with words of the error."""
+"""Tables from practice: readable tables with the expected fields, and wrong tables with words of the error."""
 READ = {"synthesize": request_from_csv, "match": match_from_csv, "function": function_from_csv}
 
 
-@pytest.mark.parametrize(("question", "text", "wanted"), TABLES["read"])
-def test_tables_of_any_country(question, text, wanted) -> None:
+@pytest.mark.parametrize(("question", "text", "expected"), TABLES["read"])
+def test_tables_of_any_country(question, text, expected) -> None:
     """Separators, decimal commas, grouped thousands, units, gaps, comments, names or none."""
-    assert READ[question](text) == wanted
+    assert READ[question](text) == expected
 
 
 @pytest.mark.parametrize(("question", "text", "words"), TABLES["refused"])
@@ -89,18 +88,6 @@ def test_a_wrong_choice_of_columns_is_refused(columns, field, words) -> None:
     assert error.value.field == field and words in error.value.message
 
 
-def test_the_unit_of_the_table_is_not_that_of_the_options() -> None:
-    """A head in radians used to turn a tolerance of 1 degree into 57."""
-    text = "x,y,theta (rad)\n0,0,0\n1,1,1\n"
-    fields = request_from_csv(text, {"tolerances": {"rotation": 1}})
-    assert "angle_unit" not in fields and fields["rotation"] == pytest.approx([0, math.degrees(1)])
-    assert request_from_csv(text, {"angle_unit": "rad"})["rotation"] == [0, 1]
-    below = request_from_csv("x;y;phi [rad]\nmm;mm;deg\n0;0;0\n1;1;1\n")
-    assert below["rotation"] == pytest.approx([0, math.degrees(1)]), "the unit in the head counts"
-    degrees = request_from_csv("x,y,theta [°]\n0,0,0\n1,1,180\n", {"angle_unit": "rad"})
-    assert degrees["rotation"] == pytest.approx([0, math.pi])
-
-
 @pytest.mark.parametrize(
     ("unit", "spellings"),
     {
@@ -124,18 +111,6 @@ def test_usual_spellings_of_units(unit, spellings) -> None:
             assert read_table(f"{head}\n1;2\n3;4\n").length_unit == unit, head
 
 
-def test_units_of_a_function_fit_what_is_asked_for() -> None:
-    """Millimetres used to be taken as degrees."""
-    text = "crank [rad];output [cm]\n0;0\n1;2\n2;3\n"
-    found = function_from_csv(text)
-    assert found["output_unit"] == "length" and found["input"] == pytest.approx(np.degrees([0, 1, 2]))
-    assert function_from_csv(text, {"input_unit": "rad"})["input"] == [0, 1, 2]
-    with pytest.raises(FieldError, match="output_unit: is 'deg', and the table has a length in cm for output"):
-        function_from_csv(text, {"output_unit": "deg"})
-    with pytest.raises(FieldError, match="input_unit: is 'length', and the table has an angle"):
-        function_from_csv(text, {"input_unit": "length"})
-
-
 FILES = {
     b"\x89PNG\r\n\x1a\n": "a PNG picture",
     b"%PDF-1.7": "a PDF document",
@@ -153,7 +128,7 @@ FILES = {
 
 @pytest.mark.parametrize(("content", "name"), FILES.items())
 def test_other_files_are_named(content, name) -> None:
-    """They used to be read as tables without known columns."""
+    """Such files used to be read as tables without known columns."""
     with pytest.raises(FieldError, match=name) as error:
         decoded(content)
     assert "CSV" in error.value.message
@@ -198,8 +173,8 @@ def test_what_a_spreadsheet_writes_is_what_is_read(rows, separator, comma, names
         writer.writerow(("x", "y", "phi"))
     for row in rows:
         writer.writerow([f"{value:.4f}".replace(".", "," if comma else ".") for value in row])
-    places, angles = [[x, y] for x, y, _ in rows], [angle for _, _, angle in rows]
-    assert request_from_csv(file.getvalue()) == {"position": places, "rotation": angles, "timing": "free"}
+    positions, angles = [[x, y] for x, y, _ in rows], [angle for _, _, angle in rows]
+    assert request_from_csv(file.getvalue()) == {"position": positions, "rotation": angles, "timing": "free"}
 
 
 @given(st.text(max_size=60))

@@ -1,7 +1,7 @@
-"""A drive that was asked for is in every file that can hold it, with the arm that carries its pin.
+"""A requested drive is in every file that can hold it, with the arm that carries its pin.
 
-Bugs that these tests would catch: files that are the same with and without `drives`, a cylinder whose rod ends in the air, and
-STEP, plates and a parts list that drop the cylinder.
+Catches files that are the same with and without `drives`, a cylinder whose rod ends in the air, and STEP, plates
+and a parts list that drop the cylinder.
 """
 
 import csv
@@ -85,13 +85,15 @@ def test_an_arm_leads_from_the_link_to_the_pin(name: str) -> None:
     origin, met = complex(*own), False
     for line in drawn.query('LWPOLYLINE[layer=="DRIVE"]'):
         points = [complex(x, y) for x, y, *_ in line.get_points()]
-        met |= min(abs(one - pin) for one in points) < 1e-6 and min(abs(one - origin) for one in points) < 1e-6
+        met |= (
+            min(abs(point - pin) for point in points) < 1e-6 and min(abs(point - origin) for point in points) < 1e-6
+        )
     assert met, "the pin floats"
     layers = linkage.assembly(drive=drive)
-    plate = next(one for one in layers.parts if one.name == drive.link)
+    plate = next(part for part in layers.parts if part.name == drive.link)
     assert any(hole.pin == "Q" for hole in plate.holes)
     ends = {"Q", "G"} if name in ("cylinder", "between links") else {"Q", "K"}
-    assert ends <= {one.name for one in layers.pins}
+    assert ends <= {pin.name for pin in layers.pins}
 
 
 @pytest.mark.parametrize("name", ["cylinder", "between links"])
@@ -115,7 +117,7 @@ def test_a_cylinder_moves_between_its_ends_and_its_rod_stays_inside(name: str) -
 
 @pytest.mark.parametrize("seed", some_of(range(6), 3))
 def test_a_free_assembly_with_a_cylinder_does_not_touch(seed: int) -> None:
-    """Against a dense look at plates of one layer, as capsules and polygons sampled along their outline."""
+    """Compare with dense samples of plates in the same layer, as capsules and polygons along their outline."""
     linkage, drive = moving(), drive_of("cylinder" if seed % 2 else "between links")
     layers = linkage.assembly(drive=drive, hole=3 + seed, width=9 + 2 * seed)
     if not layers.free:
@@ -131,11 +133,15 @@ def test_a_free_assembly_with_a_cylinder_does_not_touch(seed: int) -> None:
                 bodies.origin[plate.body, 0] + bodies.direction[plate.body, 0] * points,
                 plate.shape.radius,
             )
-        for one, (points, radius) in outlines.items():
-            for other, (others, wide) in outlines.items():
-                pair = {one, other}
-                if one < other and layers.layers[one] == layers.layers[other] and pair != {"cylinder", "piston_rod"}:
-                    assert np.abs(points[:, None] - others).min() >= radius + wide, (pair, travel)
+        for part, (points, radius) in outlines.items():
+            for second, (remaining, wide) in outlines.items():
+                pair = {part, second}
+                if (
+                    part < second
+                    and layers.layers[part] == layers.layers[second]
+                    and pair != {"cylinder", "piston_rod"}
+                ):
+                    assert np.abs(points[:, None] - remaining).min() >= radius + wide, (pair, travel)
 
 
 REQUEST = {
@@ -162,11 +168,15 @@ def test_a_drive_of_the_request_is_in_its_files(client: TestClient, run: Any, tm
     body = {"request": REQUEST, "linkage": solution, "format": "parts", "solids": {"nevertheless": True}}
     assert "piston_rod" in client.post("/v1/export", json=body).text
     assert "piston_rod" not in client.post("/v1/export", json={**body, "drive": None}).text
-    given = tmp_path / "request.json"
-    given.write_text(json.dumps(REQUEST))
+    prescribed = tmp_path / "request.json"
+    prescribed.write_text(json.dumps(REQUEST))
     for ending in ("csv", "step"):
         code, _, error = run(
-            "export", given, "--out", tmp_path / f"it.{ending}", "--nevertheless" if ending == "step" else "--rank=1"
+            "export",
+            prescribed,
+            "--out",
+            tmp_path / f"it.{ending}",
+            "--nevertheless" if ending == "step" else "--rank=1",
         )
         assert code == 0, error
     assert "drive_pin_x" in (tmp_path / "it.csv").read_text()

@@ -1,4 +1,7 @@
-"""The HTTP contract, route by route, and what a hostile client gets."""
+"""Every route answers as the contract says, and hostile requests get a problem that names the fault.
+
+A reply with a wrong status, a number that is not finite, or an input that is echoed would show here.
+"""
 
 import gzip
 import json
@@ -34,7 +37,7 @@ BODY_LIMIT = 300_000
 
 @pytest.fixture(scope="module")
 def client(small_bytes: bytes, tmp_path_factory: pytest.TempPathFactory) -> Iterator[TestClient]:
-    """The service with an atlas of few types: for everything that does not ask for the published one."""
+    """The service with an atlas of few types, for all tests that do not need the published atlas."""
     path = tmp_path_factory.mktemp("http") / "small.h5"
     path.write_bytes(small_bytes)
     with TestClient(create_app(Settings(atlas=path, max_body_bytes=BODY_LIMIT)), follow_redirects=False) as client:
@@ -101,14 +104,14 @@ def test_synthesize_recovers_the_published_linkage(effort, paper) -> None:
     reply = ask(paper, "/v1/synthesize", **EXAMPLE, effort=effort, top=2)
     best = reply["solutions"][0]
     assert reply["status"] == "reached" and reply["report"]["stopped_by"] == "tolerance"
-    mount, near = best["mount"], {"abs": 1e-6}
-    assert list(best["links"].values()) == pytest.approx([19, 72, 144, 165], **near)
-    assert mount["coupler_point"] == pytest.approx({"radius": 20, "angle": 60}, **near)
-    assert (mount["ground_angle"], mount["L_B"], mount["beta"]) == pytest.approx((30, 10, 45), **near)
-    assert mount["pivot_a"] == pytest.approx([10 * math.cos(math.pi / 4)] * 2, **near)
+    mount, close = best["mount"], {"abs": 1e-6}
+    assert list(best["links"].values()) == pytest.approx([19, 72, 144, 165], **close)
+    assert mount["coupler_point"] == pytest.approx({"radius": 20, "angle": 60}, **close)
+    assert (mount["ground_angle"], mount["L_B"], mount["beta"]) == pytest.approx((30, 10, 45), **close)
+    assert mount["pivot_a"] == pytest.approx([10 * math.cos(math.pi / 4)] * 2, **close)
     ends = [mount["pivot_a"][k] + 165 * f(math.radians(30)) for k, f in enumerate((math.cos, math.sin))]
-    assert mount["pivot_b"] == pytest.approx(ends, **near)
-    assert best["start_angle"] == pytest.approx(30, **near) and best["branch"] == 1
+    assert mount["pivot_b"] == pytest.approx(ends, **close)
+    assert best["start_angle"] == pytest.approx(30, **close) and best["branch"] == 1
     assert best["errors"]["objective"] < 1e-10 and best["errors"]["position_max"] < 1e-8
     if effort == "atlas":
         assert (best["source"], best["type"]["number"]) == ("atlas", 45185)
@@ -121,14 +124,26 @@ def test_atlas_routes_describe_what_is_loaded(paper) -> None:
     atlas = paper.get("/v1/atlas").json()
     assert (atlas["types"], atlas["schema_version"]) == (101_408, 2)
     assert len(atlas["content_sha256"]) == 64 and atlas["parameters"]["perimeter"] == 400
-    one = paper.get("/v1/types/45185").json()
-    assert (one["number"], one["lengths"], one["family"]) == (45185, [19, 72, 144, 165], "crank_rocker")
-    assert one["samples"] == len(one["details"]) + 1 == atlas["parameters"]["samples"]
-    assert one["unit"] == "rad" and one["normalisation"] == "mean" and -math.pi < one["average"] < math.pi
+    linkage_type = paper.get("/v1/types/45185").json()
+    assert (linkage_type["number"], linkage_type["lengths"], linkage_type["family"]) == (
+        45185,
+        [19, 72, 144, 165],
+        "crank_rocker",
+    )
+    assert linkage_type["samples"] == len(linkage_type["details"]) + 1 == atlas["parameters"]["samples"]
+    assert (
+        linkage_type["unit"] == "rad"
+        and linkage_type["normalisation"] == "mean"
+        and -math.pi < linkage_type["average"] < math.pi
+    )
     assert paper.get("/v1/types/1").json()["lengths"] == [2, 5, 196, 197]
     assert paper.get("/v1/types/101408").status_code == 200
-    one = paper.get("/v1/types/1", params={"kind": "slider_crank"}).json()
-    assert (one["kind"], one["lengths"], one["family"]) == ("slider_crank", [2, 638, 0], None)
+    linkage_type = paper.get("/v1/types/1", params={"kind": "slider_crank"}).json()
+    assert (linkage_type["kind"], linkage_type["lengths"], linkage_type["family"]) == (
+        "slider_crank",
+        [2, 638, 0],
+        None,
+    )
     assert "1 to 101408" in problem(paper.get("/v1/types/101409"), range(404, 405))["detail"]
 
 
@@ -183,7 +198,7 @@ def ticking(**settings: Any) -> Callable[..., dict[str, Any]]:
 
 
 ZIGZAG = {"rotation": [10.0 * (k % 2) for k in range(16)], "crank_span": 300, "top": 2}
-"""A motion that no four-bar comes near to; that of least error may be second."""
+"""No four-bar comes near this motion; the linkage of smallest error may be second."""
 
 
 def test_a_budget_ends_the_search_and_the_trace_falls() -> None:
@@ -197,9 +212,11 @@ def test_a_budget_ends_the_search_and_the_trace_falls() -> None:
     assert list(times) == sorted(times)
     # the last entry is recomputed from the reply's numbers: it may differ by rounding
     assert all(later <= earlier * (1 + 1e-9) for earlier, later in pairwise(objectives))
-    least, later = (min(one["errors"]["objective"] for one in each["solutions"]) for each in (reply, longer))
-    assert objectives[-1] <= least * (1 + 1e-6)
-    assert later <= least * (1 + 1e-9)
+    smallest, later = (
+        min(solution["errors"]["objective"] for solution in each["solutions"]) for each in (reply, longer)
+    )
+    assert objectives[-1] <= smallest * (1 + 1e-6)
+    assert later <= smallest * (1 + 1e-9)
 
 
 def test_no_request_computes_longer_than_the_service_allows() -> None:
@@ -207,9 +224,9 @@ def test_no_request_computes_longer_than_the_service_allows() -> None:
     assert reply["report"]["stopped_by"] == "budget" and reply["report"]["elapsed_ms"]["total"] < 700
 
 
-KEPT = [{"transmission_angle_min": 45}, {"link_min": 15, "link_max": 300}, {"pivot_box": [-60, -60, 260, 260]}]
-KEPT += [{"family": family} for family in ("crank_rocker", "double_crank", "any")]
-EITHER = [(one, ("atlas", "refine")[(k + turn) % 2]) for turn in range(2) for k, one in enumerate(KEPT)]
+RETAINED = [{"transmission_angle_min": 45}, {"link_min": 15, "link_max": 300}, {"pivot_box": [-60, -60, 260, 260]}]
+RETAINED += [{"family": family} for family in ("crank_rocker", "double_crank", "any")]
+EITHER = [(limits, ("atlas", "refine")[(k + turn) % 2]) for turn in range(2) for k, limits in enumerate(RETAINED)]
 
 
 @pytest.mark.parametrize(("limits", "effort"), some_of(EITHER, 4))
@@ -287,18 +304,18 @@ def test_a_body_that_is_packed_is_refused_by_what_is_wrong(client) -> None:
 
 @pytest.mark.parametrize("path", ["/livez", "/readyz", "/v1/atlas", "/v1/types/3", "/openapi.json", "/docs", "/"])
 def test_what_can_be_got_can_be_asked_for_its_head_alone(path, client) -> None:
-    whole, head = client.get(path), client.head(path)
-    assert head.status_code == whole.status_code == 200 and not head.content
-    assert head.headers.get("etag") == whole.headers.get("etag")
+    complete, head = client.get(path), client.head(path)
+    assert head.status_code == complete.status_code == 200 and not head.content
+    assert head.headers.get("etag") == complete.headers.get("etag")
     assert client.head(path.rstrip("/") + "/nowhere").status_code == 404
 
 
 REFUSALS = json.loads((Path(__file__).parent / "refusals.json").read_text())
-"""Of each question a body that is answered, and changes with which it is not: where the error points, what else it says."""
+"""A valid body for each question, and changes that make it wrong: the pointer of the error, and its words."""
 REFUSED = [(name.split()[0], table["body"], *row) for name, table in REFUSALS.items() for row in table["refused"]]
 IN_VAIN = [row for row in REFUSED if row[0] == "lift/optimize" and row[3] == "/constraints"]
 FURTHER = [row for row in IN_VAIN if "b<=max" not in str(row)]
-"""Of those that take a whole search all but one, which says most."""
+"""Whole searches are wide, except the change with the most informative error."""
 
 
 @pytest.mark.parametrize(
@@ -307,17 +324,17 @@ FURTHER = [row for row in IN_VAIN if "b<=max" not in str(row)]
     ids=lambda row: f"{row[0]} {json.dumps(row[2])[:60]}",
 )
 def test_what_is_wrong_is_pointed_at_and_not_repeated(row, client) -> None:
-    path, body, change, place, *said = row
+    path, body, change, position, *said = row
     values = refusal(client, f"/v1/{path}", changed(body, change))
     error = values["errors"][0]
-    assert values["status"] == 422 and error["pointer"] == "#" + place
-    assert MARK in place or MARK not in json.dumps(values)
-    for name, wanted in said[0].items() if said else ():
+    assert values["status"] == 422 and error["pointer"] == "#" + position
+    assert MARK in position or MARK not in json.dumps(values)
+    for name, expected in said[0].items() if said else ():
         if name == "detail":
-            assert wanted in error["detail"]
+            assert expected in error["detail"]
         else:
-            near = name == "amount" or isinstance(wanted, float)
-            assert error[name] == (pytest.approx(wanted, rel=1e-6, abs=1e-4) if near else wanted)
+            close = name == "amount" or isinstance(expected, float)
+            assert error[name] == (pytest.approx(expected, rel=1e-6, abs=1e-4) if close else expected)
 
 
 def test_a_refusal_lists_few_errors_and_cuts_long_names(client) -> None:
@@ -429,7 +446,7 @@ EXAMPLES = [
     for name in query.examples
     for mark in [f"{query.command}-{name}"]
 ]
-"""The example of a slider-crank makes all of their types for one answer."""
+"""The example of a slider-crank computes all their types for a single answer."""
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,7 @@
-"""The API's description in the tree is the application's."""
+"""The committed description of the API is the description of the application.
+
+A field that was changed without its documentation would show here.
+"""
 
 from app.openapi import PLACE, description
 

@@ -1,4 +1,7 @@
-"""Requests made from the API's own description, good and bad: never a 5xx, errors always as problem+json."""
+"""Requests generated from the API's description never get a 5xx, and errors are problem+json.
+
+A value that the description allows and the service cannot handle would show here.
+"""
 
 import json
 from collections.abc import Iterator
@@ -16,7 +19,7 @@ from app.settings import Settings
 EXAMPLES = {"positive": 12, "negative": 25}
 """Requests of each operation in the wide run: those that follow the description are searched for, which takes time."""
 SHARE = {"positive": 12, "negative": 9}
-"""The default run takes the first of them, one of so many."""
+"""The default run takes the first case of each group of this size."""
 SHAPED = 40
 """Requests of the right shape with numbers of any size."""
 CHECKS = [f"{part}_conformance" for part in ("status_code", "content_type", "response_schema")]
@@ -29,8 +32,10 @@ CASES = [
     for mode in EXAMPLES
     if mode == "positive" or "requestBody" in operation or "{" in path
 ]
-"""Of the description as committed, which test_openapi.py compares with the application's. Every process of a run makes these,
-so schemathesis, which takes seconds to import, is imported by the tests."""
+"""Operations of the committed description, which test_openapi.py compares with the application.
+
+Every process of a run builds them, so the tests import schemathesis, which takes seconds, themselves.
+"""
 
 
 @pytest.fixture(scope="module")
@@ -61,12 +66,12 @@ def operations(api: Starlette) -> dict[str, Any]:
 def some_and_all() -> list[Any]:
     """Each operation with some of its requests, and in the wide run with all.
 
-    Where the answer is a file, the code that reads the request is that of the reply in JSON: bad requests are left to that, and
-    the formats but the first to the wide run.
+    A route for a file reads requests like the route for JSON: bad requests and further formats are left to the
+    wide run.
     """
     first = {label.partition(".")[:2]: label for label, _ in reversed(CASES)}.values()
-    some = [(label, mode) for label, mode in CASES if label in first and (mode == "positive" or "." not in label)]
-    return [pytest.param(*case, SHARE[case[1]], id=f"{case[0]}-{case[1]}") for case in some] + [
+    selected = [(label, mode) for label, mode in CASES if label in first and (mode == "positive" or "." not in label)]
+    return [pytest.param(*case, SHARE[case[1]], id=f"{case[0]}-{case[1]}") for case in selected] + [
         pytest.param(*case, 1, id=f"{case[0]}-{case[1]}-all", marks=pytest.mark.wide) for case in CASES
     ]
 
@@ -92,7 +97,7 @@ def test_no_request_of_the_description_breaks_the_service(label, mode, share, op
         answered.append(not out_of_time)
 
     cases = operations[label].as_strategy(generation_mode=schemathesis.GenerationMode(mode))
-    for part in (share, 1):  # all where none of some was answered in time
+    for part in (share, 1):  # all if none of them was answered in time
         if not any(answered):
             seed(20)(settings(SETTINGS, max_examples=-(-EXAMPLES[mode] // part))(given(case=cases)(run)))()
     assert any(answered), "some requests must be answered for this to say something"
@@ -116,7 +121,7 @@ limits = st.fixed_dictionaries(
 def motion(samples: int) -> st.SearchStrategy[dict[str, Any]]:
     """Requests whose shapes are right and whose numbers are not always."""
     any_curve, any_path = (
-        st.lists(one, min_size=samples, max_size=samples) for one in (signed, st.tuples(signed, signed))
+        st.lists(values, min_size=samples, max_size=samples) for values in (signed, st.tuples(signed, signed))
     )
     line = st.builds(lambda a, b: [a + b * k for k in range(samples)], signed, signed)
     arc = st.builds(lambda a, b, c: [(a + b * k, c * k * k) for k in range(samples)], signed, signed, signed)

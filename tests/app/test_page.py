@@ -1,4 +1,7 @@
-"""The page's files over HTTP: policy, caching, weight, nothing from elsewhere."""
+"""The page's files have a strict policy, are cached, light and complete, and load nothing from elsewhere.
+
+A reference to another host, a module without importer, or a changed vendored file would show here.
+"""
 
 import hashlib
 import json
@@ -51,8 +54,8 @@ def test_every_file_is_served_as_it_is_and_known_again(client, path) -> None:
     assert reply.status_code == 200 and reply.content == path.read_bytes()
     assert reply.headers["content-type"] == MEDIA_TYPES[path.suffix]
     assert "content-security-policy" in reply.headers
-    again = client.get(address, headers={"if-none-match": f'"other", W/{reply.headers["etag"]}'})
-    assert again.status_code == 304 and not again.content
+    repeated = client.get(address, headers={"if-none-match": f'"other", W/{reply.headers["etag"]}'})
+    assert repeated.status_code == 304 and not repeated.content
     assert client.get(address, headers={"if-none-match": '"other"'}).status_code == 200
     assert client.get(address).headers.get("content-encoding") in ("gzip", None)
     plain = client.get(address, headers={"accept-encoding": "identity"})
@@ -81,7 +84,7 @@ def test_each_page_is_light(page_name) -> None:
 
 
 def test_every_file_belongs_to_a_page() -> None:
-    """Those that a script asks for by itself, as the examples, among them."""
+    """Files that a script requests, such as the examples, are included."""
     used = set().union(*(loads(path.name) for path in STATIC.glob("*.html")))
     assert used == {path.relative_to(STATIC).as_posix() for path in FILES}
 
@@ -90,11 +93,11 @@ def loads(name: str) -> set[str]:
     """A page's file and all that it refers to, directly or through its modules."""
     found, waiting = set(), [name]
     while waiting:
-        one = waiting.pop()
-        found.add(one)
-        text = (STATIC / one).read_text() if "vendor" not in one and not one.endswith(".svg") else ""
+        path = waiting.pop()
+        found.add(path)
+        text = (STATIC / path).read_text() if "vendor" not in path and not path.endswith(".svg") else ""
         named = re.findall(r'"/static/([^"]+)"', text) + re.findall(r'from "\./([^"]+)"', text)
-        waiting += [other for other in named if other not in found]
+        waiting += [second for second in named if second not in found]
     return found
 
 
@@ -170,22 +173,22 @@ def test_vendored_files_are_those_that_are_named(folder) -> None:
     assert named
     for name, digest in named.items():
         assert hashlib.sha256((folder / name).read_bytes()).hexdigest() == digest
-    others = {"README.md", "uPlot.LICENSE", "axe-core.LICENSE"}
+    remaining = {"README.md", "uPlot.LICENSE", "axe-core.LICENSE"}
     if folder.name == "docs":
-        others = {"README.md", "swagger-ui.LICENSE", "index.html", "docs.js"}
-    assert {p.name for p in folder.iterdir()} - set(named) <= others
+        remaining = {"README.md", "swagger-ui.LICENSE", "index.html", "docs.js"}
+    assert {p.name for p in folder.iterdir()} - set(named) <= remaining
 
 
 def test_examples_can_be_answered(client) -> None:
     stored = json.loads((STATIC / "examples.json").read_text())
-    assert len(stored) == 12 and sum(one["machine"] for one in stored) == 8
+    assert len(stored) == 12 and sum(example["machine"] for example in stored) == 8
     for example in stored:
         if example["machine"] and example["name"] != "casement":
-            # within limits a search takes seconds; what is stored of it is checked by tests/benchmarks/test_page_examples.py
+            # within limits a search takes seconds; tests/benchmarks/test_page_examples.py checks the stored replies
             reply = client.post("/v1/synthesize", json={**example["request"], "top": 1, "budget_ms": 20})
             assert reply.status_code == 200, reply.text
             continue
-        for budget in (500, 10_000, 30_000):  # the later ones on a busy machine only
+        for budget in (500, 10_000, 30_000):  # the later examples on a busy machine only
             reply = client.post("/v1/synthesize", json={**example["request"], "top": 1, "budget_ms": budget})
             assert reply.status_code == 200, reply.text
             if reply.json()["solutions"]:
@@ -209,22 +212,24 @@ def test_scene_pages_say_what_their_forms_are_made_from(client) -> None:
 
 
 def test_vectors_are_made_by_their_script() -> None:
-    stored, made = json.loads(VECTORS.read_text()), vectors()
-    assert len(stored) == len(made)
-    for one, two in zip(stored, made):
-        words = [{name: value for name, value in row.items() if not isinstance(value, float)} for row in (one, two)]
+    stored, built = json.loads(VECTORS.read_text()), vectors()
+    assert len(stored) == len(built)
+    for element, two in zip(stored, built):
+        words = [
+            {name: value for name, value in row.items() if not isinstance(value, float)} for row in (element, two)
+        ]
         assert words[0] == words[1]
         for name in ("coupler", "rocker", "transmission", "crank_angle"):
-            assert np.isclose(one.get(name, 0), two.get(name, 0), rtol=0, atol=1e-12)
+            assert np.isclose(element.get(name, 0), two.get(name, 0), rtol=0, atol=1e-12)
 
 
 def test_vectors_of_rails_and_slots_are_made_by_their_script() -> None:
-    stored, made = json.loads(GUIDED.read_text()), guided_vectors()
-    assert len(stored) == len(made)
-    for one, two in zip(stored, made):
-        assert one["closed"] == two["closed"] and one["solution"].keys() == two["solution"].keys()
+    stored, built = json.loads(GUIDED.read_text()), guided_vectors()
+    assert len(stored) == len(built)
+    for element, two in zip(stored, built):
+        assert element["closed"] == two["closed"] and element["solution"].keys() == two["solution"].keys()
         for name in ("rotation", "transmission", "travel", "place"):
-            assert np.allclose(one.get(name, 0), two.get(name, 0), rtol=1e-12, atol=1e-12)
+            assert np.allclose(element.get(name, 0), two.get(name, 0), rtol=1e-12, atol=1e-12)
 
 
 def test_the_page_calls_limits_as_notes_do() -> None:

@@ -30,7 +30,7 @@ REQUEST = {
 
 def circles(text: bytes, layer: str) -> set[float]:
     space = ezdxf.read(io.StringIO(text.decode())).modelspace()
-    return {round(2 * one.dxf.radius, 9) for one in space.query(f'CIRCLE[layer=="{layer}"]')}
+    return {round(2 * entity.dxf.radius, 9) for entity in space.query(f'CIRCLE[layer=="{layer}"]')}
 
 
 def length(text: bytes, layer: str) -> float:
@@ -51,14 +51,14 @@ def test_default_sizes_are_standard_ones_as_made(
     links: tuple[float, ...], unit: str, millimetres: float, scale: float
 ) -> None:
     sizes = la.FourBar(*links).assembly(length_unit=unit, scale=scale).sizes
-    made = {name: value * millimetres * scale for name, value in sizes._asdict().items()}
-    if made["hole"] < 1:
+    built = {name: value * millimetres * scale for name, value in sizes._asdict().items()}
+    if built["hole"] < 1:
         return
     largest = min(0.3 * min(links), 0.05 * max(links))
     assert sizes.hole <= largest * (1 + 1e-9)
-    assert made["width"] == pytest.approx(round(made["width"]))
+    assert built["width"] == pytest.approx(round(built["width"]))
     for name, known in (("hole", HOLES), ("thickness", SHEETS), ("washer", WASHERS)):
-        assert min(abs(made[name] - one) for one in known) < 1e-9, name
+        assert min(abs(built[name] - standard) for standard in known) < 1e-9, name
 
 
 @pytest.mark.parametrize(
@@ -78,8 +78,8 @@ def test_every_file_has_the_sizes_that_were_checked(settings: dict[str, Any]) ->
     assert float(crank["thickness"]) == pytest.approx(checked.thickness * scale)
     assert linkage.solids(**settings).scale == scale
     radii = {
-        round(float(one), 9)
-        for one in re.findall(r"CYLINDRICAL_SURFACE\('',#\d+,([\d.E+-]+)\)", step_of(linkage, settings))
+        round(float(value), 9)
+        for value in re.findall(r"CYLINDRICAL_SURFACE\('',#\d+,([\d.E+-]+)\)", step_of(linkage, settings))
     }
     assert round(checked.hole * scale / 2, 9) in radii
 
@@ -96,11 +96,11 @@ def test_a_kerf_leaves_parts_of_their_size() -> None:
         by_kerf[kerf] = np.array([complex(x, y) for x, y, *_ in outline.get_points()])
     plain, wide = by_kerf[0.0], by_kerf[0.4]
     for k in range(plain.size):
-        way = plain[(k + 1) % plain.size] - plain[k]
+        direction = plain[(k + 1) % plain.size] - plain[k]
         new = wide[(k + 1) % plain.size] - wide[k]
-        assert abs(np.angle(new / way)) < 1e-9
-    # a file centres no part: sides are moved as a whole, so their distances tell
-    spans = [np.ptp(one.real) for one in (plain, wide)], [np.ptp(one.imag) for one in (plain, wide)]
+        assert abs(np.angle(new / direction)) < 1e-9
+    # a file does not centre its parts: sides are moved together, so their distances are compared
+    spans = [np.ptp(contour.real) for contour in (plain, wide)], [np.ptp(contour.imag) for contour in (plain, wide)]
     assert [b - a for a, b in spans] == pytest.approx([0.4, 0.4], abs=0.2)
     with pytest.raises(la.FieldError) as error:
         linkage.solids(kerf=4, hole=4, width=12).file("plates")
@@ -116,10 +116,10 @@ def test_http_command_line_and_python_make_the_same_plates(client: TestClient, r
     sent = client.post("/v1/export", json={**body, "assembly": settings})
     assert sent.status_code == 200, sent.text
     assert circles(sent.content, "CRANK") == {1.3}
-    given = tmp_path / "solution.json"
-    given.write_text(json.dumps({**body, "format": "json"}))
+    prescribed = tmp_path / "solution.json"
+    prescribed.write_text(json.dumps({**body, "format": "json"}))
     options = [f"--{name}={value}" for name, value in settings.items()]
-    code, _, error = run("export", given, "--out", tmp_path / "cut.plates.dxf", "--nevertheless", *options)
+    code, _, error = run("export", prescribed, "--out", tmp_path / "cut.plates.dxf", "--nevertheless", *options)
     assert code == 0, error
     assert circles((tmp_path / "cut.plates.dxf").read_bytes(), "CRANK") == {1.3}
     linkage = la.Linkage.from_dict(solution)

@@ -1,6 +1,7 @@
-"""The service behind nginx with the shipped configuration: hostile clients do not keep honest ones from their answers.
+"""Behind nginx with the shipped configuration, hostile clients do not prevent answers to other clients.
 
-The faults caught: a limit that refuses a classroom, too few connections, a client that holds a worker by reading nothing.
+The faults caught: a limit that refuses a classroom, too few connections, a client that holds a worker by reading
+nothing.
 """
 
 import contextlib
@@ -74,12 +75,12 @@ def temporary(folder: Path) -> str:
 
 def answers(port: int) -> bool:
     try:
-        return asked(port, "127.0.0.1", "GET", "/livez") == 200
+        return status_of(port, "127.0.0.1", "GET", "/livez") == 200
     except OSError:
         return False
 
 
-def asked(port: int, address: str, method: str, path: str, body: str | None = None) -> int:
+def status_of(port: int, address: str, method: str, path: str, body: str | None = None) -> int:
     """The status of a request from an address of the loopback network."""
     connection = http.client.HTTPConnection("127.0.0.1", port, timeout=30, source_address=(address, 0))
     with closing(connection):
@@ -126,7 +127,7 @@ def test_honest_clients_are_answered_beside_hostile_ones(hostile: Callable, port
             while time.monotonic() < end:
                 for path, body in (("/", None), ("/livez", None), ("/v1/synthesize", BODY)):
                     begin = time.monotonic()
-                    status = asked(port, f"127.0.2.{1 + k}", "POST" if body else "GET", path, body)
+                    status = status_of(port, f"127.0.2.{1 + k}", "POST" if body else "GET", path, body)
                     seen.append((status, time.monotonic() - begin))
             return seen
 
@@ -158,14 +159,14 @@ def test_a_classroom_behind_one_address_gets_its_pages(port: int) -> None:
     """Thirty browsers load the page with its 45 files and search at the same time."""
     paths = ["/"] + 45 * ["/static/main.js"]
     with ThreadPoolExecutor(30) as pool:
-        pages = [pool.submit(asked, port, "127.0.3.1", "GET", path) for path in 30 * paths]
-        searches = [pool.submit(asked, port, "127.0.3.1", "POST", "/v1/synthesize", BODY) for _ in range(30)]
-        assert {one.result() for one in pages + searches} == {200}
+        pages = [pool.submit(status_of, port, "127.0.3.1", "GET", path) for path in 30 * paths]
+        searches = [pool.submit(status_of, port, "127.0.3.1", "POST", "/v1/synthesize", BODY) for _ in range(30)]
+        assert {future.result() for future in pages + searches} == {200}
 
 
 def test_one_address_cannot_take_everything(port: int) -> None:
     with ThreadPoolExecutor(40) as pool:
-        statuses = list(pool.map(lambda _: asked(port, "127.0.4.1", "POST", "/v1/nothing", "{}"), range(1500)))
+        statuses = list(pool.map(lambda _: status_of(port, "127.0.4.1", "POST", "/v1/nothing", "{}"), range(1500)))
     assert 429 in statuses and set(statuses) <= {404, 429}
 
 
@@ -176,4 +177,4 @@ def test_errors_of_the_proxy_have_the_form_of_the_service(port: int) -> None:
         reply = connection.getresponse()
         assert reply.status == 413 and reply.headers["Content-Type"] == "application/problem+json"
         assert json.loads(reply.read())["status"] == 413
-    assert asked(port, "127.0.0.1", "GET", "/metrics") == 404
+    assert status_of(port, "127.0.0.1", "GET", "/metrics") == 404

@@ -1,4 +1,7 @@
-"""Models of requests and replies: built when they are first used, or all at once."""
+"""Models of requests and replies are built at their first use, or all together.
+
+A start that builds every model, or a model without its fields, would show here.
+"""
 
 from app.query import ReplyModel, RequestModel, build_models
 from app.registry import all_queries

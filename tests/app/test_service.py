@@ -1,7 +1,7 @@
-"""The service under load: a request costs at most itself, and the service answers others whatever happens to it.
+"""A request of the service costs at most itself, and other requests are answered whatever happens to it.
 
-The faults caught: a search that continues for a client that has left, a dead or stuck worker that is not replaced, short
-requests behind long ones, an end that waits for searches, processes that are left behind.
+The faults caught: a search that continues for a client that has left, a dead or stuck worker that is not replaced,
+short requests behind long requests, an end that waits for searches, processes that are left behind.
 """
 
 import http.client
@@ -79,7 +79,7 @@ class Running:
 
     @property
     def processes(self) -> set[int]:
-        return {one.process for one in self.workers.idle}
+        return {worker.process for worker in self.workers.idle}
 
 
 @contextmanager
@@ -114,13 +114,13 @@ def test_short_requests_are_answered_beside_long_ones(idle) -> None:
 
 
 def test_too_many_short_requests_are_refused_at_once() -> None:
-    with serving(workers=1, max_waiting=0) as running, running.searching(), closing(running.connected()) as other:
-        other.request("POST", SHORT[0], "{}", {"Content-Type": "application/json"})
-        reply = other.getresponse()
+    with serving(workers=1, max_waiting=0) as running, running.searching(), closing(running.connected()) as second:
+        second.request("POST", SHORT[0], "{}", {"Content-Type": "application/json"})
+        reply = second.getresponse()
         assert reply.status == 503 and int(reply.headers["Retry-After"]) > 0
         assert reply.headers["Content-Type"] == "application/problem+json" and reply.read()
-        other.request("GET", "/livez")
-        assert other.getresponse().status == 200
+        second.request("GET", "/livez")
+        assert second.getresponse().status == 200
 
 
 def test_work_ends_with_its_client(idle) -> None:
@@ -135,8 +135,8 @@ def test_work_ends_with_its_client(idle) -> None:
 
 def test_a_client_that_leaves_while_it_waits_leaves_the_queue(idle) -> None:
     with idle.searching():
-        with closing(idle.connected()) as other:
-            other.request("POST", LONG[0], json.dumps(LONG[1]), {"Content-Type": "application/json"})
+        with closing(idle.connected()) as second:
+            second.request("POST", LONG[0], json.dumps(LONG[1]), {"Content-Type": "application/json"})
             until(lambda: idle.workers.waiting[True] == 1)
         until(lambda: idle.workers.waiting[True] == 0)
 
@@ -145,9 +145,9 @@ def test_a_client_that_leaves_while_it_waits_leaves_the_queue(idle) -> None:
 
 
 def test_a_worker_that_is_killed_costs_its_own_request_and_is_replaced(idle) -> None:
-    every = idle.processes
+    all_cases = idle.processes
     with idle.searching() as connection:
-        (process,) = every - idle.processes
+        (process,) = all_cases - idle.processes
         os.kill(process, signal.SIGKILL)
         begin = time.perf_counter()
         reply = connection.getresponse()
@@ -167,16 +167,16 @@ def test_an_idle_worker_that_is_killed_is_replaced_before_it_is_needed(idle) -> 
 
 def test_a_worker_that_does_not_end_is_replaced() -> None:
     with serving(max_budget_ms=10) as running:
-        (stuck, other) = sorted(running.processes)
-        for process in (stuck, other):
+        (stuck, second) = sorted(running.processes)
+        for process in (stuck, second):
             os.kill(process, signal.SIGSTOP)
         begin = time.perf_counter()
         status, problem = running.ask(*SHORT)
         assert status == 503 and "longer than" in problem["detail"]
         assert time.perf_counter() - begin < 30, "it is stopped after a second"
         until(lambda: len(running.workers.idle) == 2)
-        assert len(running.processes & {stuck, other}) == 1, "the one that computes nothing was not asked"
-        os.kill((running.processes & {stuck, other}).pop(), signal.SIGCONT)
+        assert len(running.processes & {stuck, second}) == 1, "the one that computes nothing was not asked"
+        os.kill((running.processes & {stuck, second}).pop(), signal.SIGCONT)
 
 
 @pytest.mark.parametrize("name", ["SIGTERM", "SIGINT"])
@@ -238,11 +238,11 @@ def quick() -> Iterator[TestClient]:
 
 
 @pytest.mark.timed
-@pytest.mark.parametrize("name", [name for name, one in LARGEST.items() if not one.atlas])
+@pytest.mark.parametrize("name", [name for name, request in LARGEST.items() if not request.atlas])
 def test_the_largest_requests_keep_their_budget(name, quick) -> None:
-    one = LARGEST[name]
+    largest = LARGEST[name]
     begin = time.perf_counter()
-    reply = quick.post(one.path, content=one.content, headers={"content-type": "application/json"})
+    reply = quick.post(largest.path, content=largest.content, headers={"content-type": "application/json"})
     assert reply.status_code in (200, 503), reply.text[:300]
     assert time.perf_counter() - begin < 1.2 * 1.0 + 0.9, (
         "at 1.2 times the budget, at least a second later, it is ended"
@@ -297,8 +297,8 @@ def test_the_dashboard_asks_for_figures_that_there_are(local) -> None:
     assert found["http_requests_total", SHORT[0], "200"] >= 1
     assert found["linkage_atlas_waiting", None, None] == 0
     dashboard = (Path(__file__).parents[2] / "deploy" / "grafana.json").read_text()
-    wanted = set(re.findall(r"(?:linkage_atlas|http)_\w+", dashboard))
-    assert wanted and wanted <= {name for name, _, _ in found}
+    expected = set(re.findall(r"(?:linkage_atlas|http)_\w+", dashboard))
+    assert expected and expected <= {name for name, _, _ in found}
 
 
 def test_without_the_setting_there_are_no_figures(client) -> None:
@@ -307,8 +307,8 @@ def test_without_the_setting_there_are_no_figures(client) -> None:
 
 def test_errors_come_from_a_process_as_they_were() -> None:
     error = la.FieldError("/limits/link_min", "wanted less", amount=3)
-    again = pickle.loads(pickle.dumps(error))
-    assert (str(again), again.field, again.message, again.details) == (
+    repeated = pickle.loads(pickle.dumps(error))
+    assert (str(repeated), repeated.field, repeated.message, repeated.details) == (
         str(error),
         error.field,
         error.message,

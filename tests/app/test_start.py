@@ -1,4 +1,7 @@
-"""What a start imports: what the service is ready without comes later, and is there when it is asked for."""
+"""A start imports only the modules that it needs.
+
+A heavy library that delays every command would show here.
+"""
 
 import subprocess
 import sys
@@ -39,13 +42,13 @@ sys.exit(" ".join(name for name in {without} if name in sys.modules) or 0)
 def test_a_command_that_is_named_alone_takes_what_it_takes_among_all(name, capsys) -> None:
     texts = {"serve": "--port 7 --workers 3", "synthesize": "--rank 3 --set top=3"}
     texts |= {"study": "lines --out replies", "lift": "motion", "completion": "zsh"}
-    alone, among = cli.make_parser(named=name), cli.make_parser(whole=True)
-    made = [vars(parser.parse_args([name, *texts.get(name, "").split()])) for parser in (alone, among)]
-    for values in made:
+    single, among = cli.make_parser(named=name), cli.make_parser(whole=True)
+    built = [vars(parser.parse_args([name, *texts.get(name, "").split()])) for parser in (single, among)]
+    for values in built:
         del values["run"]
-    assert made[0] == made[1]
+    assert built[0] == built[1]
     texts = []
-    for parser in (alone, among):
+    for parser in (single, among):
         with pytest.raises(SystemExit):
             parser.parse_args([name, "--help"])
         texts.append(capsys.readouterr().out)

@@ -1,4 +1,7 @@
-"""The examples of the page are those that their script makes, and what is stored of their replies is true."""
+"""The examples of the page are made by their script, and their stored replies are true.
+
+An example whose stored error no longer belongs to its linkage would show here.
+"""
 
 from __future__ import annotations
 
@@ -19,30 +22,34 @@ def test_the_examples_are_made_by_their_script() -> None:
     assert page_examples.FILE.read_text() == page_examples.text(replies)
 
 
-@pytest.mark.parametrize("example", STORED, ids=lambda one: one["name"])
+@pytest.mark.parametrize("example", STORED, ids=lambda example: example["name"])
 def test_the_stored_errors_are_those_of_the_stored_linkages(example) -> None:
     request, solutions = example["request"], example["reply"]["solutions"]
-    assert solutions and all(one["verdict"]["practical"] for one in solutions if example["machine"])
-    for one in solutions:
-        angles = one["crank_angle"] or request.get("crank_angle")
+    assert solutions and all(solution["verdict"]["practical"] for solution in solutions if example["machine"])
+    for solution in solutions:
+        angles = solution["crank_angle"] or request.get("crank_angle")
         if angles is None:
             angles = np.linspace(0, request["crank_span"], len(request["position"]))
-        joints = la.Linkage.from_dict(one).joints(np.asarray(angles))
+        joints = la.Linkage.from_dict(solution).joints(np.asarray(angles))
         off = np.hypot(*(joints.body_point - np.array(request["position"])).T).max()
-        assert off == pytest.approx(one["errors"]["position_max"], rel=1e-4, abs=1e-5)
+        assert off == pytest.approx(solution["errors"]["position_max"], rel=1e-4, abs=1e-5)
         if "rotation" in request:
             turned = joints.rotation - np.array(request["rotation"])
             turned -= 360 * np.round(turned / 360)
-            assert np.abs(turned).max() == pytest.approx(one["errors"]["rotation_max"], rel=1e-4, abs=1e-5)
+            assert np.abs(turned).max() == pytest.approx(solution["errors"]["rotation_max"], rel=1e-4, abs=1e-5)
 
 
 @pytest.mark.parametrize(
-    "example", [one for one in STORED if one["request"].get("closed")], ids=lambda one: one["name"]
+    "example",
+    [example for example in STORED if example["request"].get("closed")],
+    ids=lambda example: example["name"],
 )
 def test_a_stored_transmission_angle_of_a_closed_way_holds_over_the_turn(example) -> None:
-    for one in example["reply"]["solutions"]:
-        crank, coupler, rocker, ground = (one["links"][name] for name in ("crank", "coupler", "rocker", "ground"))
+    for solution in example["reply"]["solutions"]:
+        crank, coupler, rocker, ground = (
+            solution["links"][name] for name in ("crank", "coupler", "rocker", "ground")
+        )
         across = crank**2 + ground**2 - 2 * crank * ground * np.cos(np.linspace(0, 2 * np.pi, 3601))
         between = np.degrees(np.arccos((coupler**2 + rocker**2 - across) / (2 * coupler * rocker)))
-        least = np.minimum(between, 180 - between).min()
-        assert one["transmission_angle_min"] == pytest.approx(least, abs=1e-3)
+        smallest = np.minimum(between, 180 - between).min()
+        assert solution["transmission_angle_min"] == pytest.approx(smallest, abs=1e-3)

@@ -1,4 +1,7 @@
-"""The documents show what the committed results say, and every result says where it comes from."""
+"""The documents show the committed results, and every result names its origin.
+
+A table that was edited by hand, or a result without commit and machine, would show here.
+"""
 
 from __future__ import annotations
 
@@ -28,22 +31,22 @@ def test_every_marker_holds_what_its_result_renders_to(path, parts) -> None:
 
 
 def test_every_marker_has_a_result_and_every_result_of_a_block_a_marker(parts) -> None:
-    every = "".join(path.read_text() for path in report.DOCUMENTS)
-    placed = {found[:2] for found in report.MARKER.findall(every)}
+    all_cases = "".join(path.read_text() for path in report.DOCUMENTS)
+    placed = {found[:2] for found in report.MARKER.findall(all_cases)}
     assert {name for name, _ in placed} <= set(NAMES)
     missing = {(name, block) for name in NAMES for block in parts[name] if block != "made"} - placed
     assert not missing, "blocks that no document shows"
-    unplaced = re.findall(r"<!--(?! /?\w+\.\w+ -->).*", every)
+    unplaced = re.findall(r"<!--(?! /?\w+\.\w+ -->).*", all_cases)
     assert not unplaced, "comments that are no markers"
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_result_says_where_it_comes_from(name) -> None:
     results = report.load(name)
-    for made in (results["made"], *(part["made"] for part in results.get("parts", {}).values() if "made" in part)):
-        assert {"processor", "cores"} <= set(made["machine"])
-        assert re.fullmatch(r"[0-9a-f]{40}", made["commit"])
-        assert re.search(rf"python -m benchmarks\.{name}|^make [a-z]+$", made["command"])
+    for built in (results["made"], *(part["made"] for part in results.get("parts", {}).values() if "made" in part)):
+        assert {"processor", "cores"} <= set(built["machine"])
+        assert re.fullmatch(r"[0-9a-f]{40}", built["commit"])
+        assert re.search(rf"python -m benchmarks\.{name}|^make [a-z]+$", built["command"])
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -54,8 +57,8 @@ def test_a_benchmark_is_found_by_the_name_of_its_result(name) -> None:
 
 def test_a_marker_without_block_or_end_is_an_error() -> None:
     text = "a <!-- x.y -->1<!-- /x.y --> b\n<!-- x.z -->\nold\nold\n<!-- /x.z -->\n<!-- u.v -->kept<!-- /u.v -->\n"
-    wanted = text.replace("-->1<", r"-->\1 7<").replace("old\nold", "| t |")
-    assert report.fill(text, {"x": {"y": r"\1 7", "z": "| t |"}}) == wanted
+    expected = text.replace("-->1<", r"-->\1 7<").replace("old\nold", "| t |")
+    assert report.fill(text, {"x": {"y": r"\1 7", "z": "| t |"}}) == expected
     assert report.fill("<!-- x.y -->\n<!-- /x.y -->", {"x": {"y": "new"}}) == "<!-- x.y -->\nnew\n<!-- /x.y -->"
     for broken, wrong in (
         ("<!-- x.y -->", "alone"),

@@ -18,7 +18,7 @@ OPTIONS = ["--perimeter", "200", "--smallest", "2", "--samples", "16"]
 
 
 @pytest.fixture(scope="session")
-def wanted() -> bytes:
+def expected_bytes() -> bytes:
     """Return the file of `RULE`, made without the batch."""
     return atlas_bytes(RULE)
 

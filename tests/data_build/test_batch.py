@@ -1,6 +1,8 @@
-"""A build writes the whole file or nothing, with the same bytes wherever it is computed; the commands tell what happened.
+"""A build writes the whole file or nothing, with the same bytes wherever it is computed, and the commands report
+the outcome.
 
-Catches a half-written atlas after a kill or on a full disk, bytes that depend on the number of processes, and lost exit codes.
+Catches a half-written atlas after a kill or on a full disk, bytes that depend on the number of processes, and lost
+exit codes.
 """
 
 import errno
@@ -30,11 +32,11 @@ from tests.data_build.conftest import OPTIONS, RULE, start
 
 
 @pytest.mark.parametrize("jobs", [1, 2])
-def test_the_bytes_do_not_depend_on_the_processes(wanted, out, jobs: int) -> None:
+def test_the_bytes_do_not_depend_on_the_processes(expected_bytes, out, jobs: int) -> None:
     done = []
     with local_executor(jobs) as executor:
         build_atlas(RULE, out, executor, lambda *steps: done.append(steps))
-    assert out.read_bytes() == wanted and done == [(1, 3), (2, 3), (3, 3)]
+    assert out.read_bytes() == expected_bytes and done == [(1, 3), (2, 3), (3, 3)]
     assert [path.name for path in out.parent.iterdir()] == ["atlas.h5"]
 
 
@@ -82,16 +84,16 @@ def test_a_link_is_followed_and_what_is_no_file_is_refused(tmp_path, out, capsys
         assert str(Path(wrong).parent if "none" in str(wrong) else wrong) in capsys.readouterr().err
 
 
-def test_the_commands_say_what_a_file_holds(wanted, out, capsys) -> None:
-    out.write_bytes(wanted)
+def test_the_commands_say_what_a_file_holds(expected_bytes, out, capsys) -> None:
+    out.write_bytes(expected_bytes)
     for command in ("info", "verify"):
         assert main([command, str(out), "--json"]) == EXIT_OK
         said = json.loads(capsys.readouterr().out)
-        assert said["types"] == RULE.count and said["rule"] == RULE.as_json() and said["bytes"] == len(wanted)
+        assert said["types"] == RULE.count and said["rule"] == RULE.as_json() and said["bytes"] == len(expected_bytes)
         assert said.get("status") == ("sound" if command == "verify" else None)
         assert main([command, str(out)]) == EXIT_OK and "perimeter 200" in capsys.readouterr().out
         assert main([command, str(out.with_name("none.h5"))]) == EXIT_USAGE
-    out.write_bytes(wanted[:-1])
+    out.write_bytes(expected_bytes[:-1])
     assert main(["info", str(out)]) == EXIT_DAMAGED and "checksum" in capsys.readouterr().err
 
 

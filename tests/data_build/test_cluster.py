@@ -1,4 +1,7 @@
-"""The commands on a Dask cluster that loses a worker while it works: the bytes of one process."""
+"""Commands on a Dask cluster that loses a worker write the bytes of a single process.
+
+A lost or doubled chunk after the death of a worker would show here.
+"""
 
 import contextlib
 import json
@@ -26,7 +29,7 @@ REQUESTS = 24
 
 @pytest.fixture(scope="module")
 def cluster() -> Iterator[Any]:
-    """Two workers, as processes of their own; one that is killed is started anew."""
+    """Two workers as processes of their own; a worker that is killed is started again."""
     distributed = pytest.importorskip("distributed")  # here: every process of the tests reads this file
     options = {"n_workers": 2, "threads_per_worker": 1, "processes": True, "dashboard_address": ":0"}
     with distributed.LocalCluster(**options, worker_dashboard_address=None, silence_logs=50) as cluster:
@@ -39,7 +42,7 @@ def command(*words: object) -> subprocess.Popen[str]:
 
 
 def bytes_in(folder: Path) -> int:
-    """Of all files; one may go while they are counted."""
+    """Count the bytes of all files; a file may disappear meanwhile."""
     size = 0
     for file in folder.glob("**/*"):
         with contextlib.suppress(FileNotFoundError):
@@ -48,7 +51,7 @@ def bytes_in(folder: Path) -> int:
 
 
 def lose_a_worker(cluster: Any, process: subprocess.Popen[str], after: Path, size: int) -> None:
-    """Kill the one that computes once so many bytes of a result are there; the command then ends well all the same."""
+    """Kill the computing worker once a number of bytes of a result are written; the command still ends well."""
     while bytes_in(after) < size:
         assert process.poll() is None, process.stdout.read()
         time.sleep(0.01)
@@ -58,7 +61,7 @@ def lose_a_worker(cluster: Any, process: subprocess.Popen[str], after: Path, siz
     assert process.returncode == 0, output
 
 
-def test_a_build_that_loses_a_worker_gives_the_same_bytes(cluster, wanted, out) -> None:
+def test_a_build_that_loses_a_worker_gives_the_same_bytes(cluster, expected_bytes, out) -> None:
     lost: list[int] = []
 
     def lose_one(done: int, total: int) -> None:
@@ -68,7 +71,7 @@ def test_a_build_that_loses_a_worker_gives_the_same_bytes(cluster, wanted, out) 
 
     with dask_executor(cluster.scheduler_address) as executor:
         build_atlas(RULE, out, executor, lose_one)
-    assert lost and out.read_bytes() == wanted
+    assert lost and out.read_bytes() == expected_bytes
     options = ["--perimeter", "60", "--scheduler", cluster.scheduler_address, "--out", str(out)]
     assert main(["build", *options]) == EXIT_OK and len(la.load_atlas(out)) == 192
 

@@ -26,13 +26,15 @@ class Row(NamedTuple):
 
 
 # -- drawn paths ------------------------------------------------------------------------------------------------------
-# Each is a curve over 0..1 of some 200 units, closed where it comes back to its beginning.
+# Each is a curve over 0..1 of some 200 units, closed if it comes back to its beginning.
 
 
 def _polyline(*corners: complex) -> Callable[[Any], Points]:
-    way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(corners)))])
+    direction = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(corners)))])
     real, imag = np.real(corners), np.imag(corners)
-    return lambda s: np.interp(s * way[-1], way, real) + 1j * np.interp(s * way[-1], way, imag)
+    return lambda s: (
+        np.interp(s * direction[-1], direction, real) + 1j * np.interp(s * direction[-1], direction, imag)
+    )
 
 
 def _turn(s: Any) -> Points:
@@ -76,12 +78,12 @@ def drawn(shape: str, count: int, wobble: float = 0.0) -> dict[str, Any]:
     """The request that a drawn shape becomes: points evenly along it, moved by a wobbly hand, rounded to a tenth."""
     closed = shape in CLOSED
     fine = (CLOSED | OPEN)[shape](np.linspace(0, 1, 2001))
-    way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(fine)))])
-    at = np.linspace(0, way[-1], count, endpoint=not closed)
-    points = np.interp(at, way, fine.real) + 1j * np.interp(at, way, fine.imag)
+    direction = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(fine)))])
+    at = np.linspace(0, direction[-1], count, endpoint=not closed)
+    points = np.interp(at, direction, fine.real) + 1j * np.interp(at, direction, fine.imag)
     random = np.random.default_rng([count, *map(ord, shape)])
     noise = random.standard_normal(count + 4) + 1j * random.standard_normal(count + 4)
-    # the hand wobbles slowly where there are many points
+    # the hand wobbles slowly if there are many points
     slow = np.convolve(noise, np.ones(5) / np.sqrt(5), mode="valid") if count > 8 else noise[:count]
     points = points + wobble * slow
     request: dict[str, Any] = {"position": [[round(p.real, 1), round(p.imag, 1)] for p in points.tolist()]}
@@ -160,8 +162,8 @@ def limited(row: Row, kind: str) -> dict[str, Any]:
     if kind == "any":
         return request | {"limits": {"family": "any", "preset": "practical"}}
     if kind == "box" and "position" in request:
-        places = np.array([place for place in request["position"] if place is not None])
-        low, high = places.min(axis=0), places.max(axis=0)
+        positions = np.array([position for position in request["position"] if position is not None])
+        low, high = positions.min(axis=0), positions.max(axis=0)
         size = float(np.max(high - low))
         # a frame below and to the left, as wide as the motion: pivots may lie there and nowhere else
         box = [low[0] - size, low[1] - size, high[0], low[1] + 0.5 * size]

@@ -13,7 +13,7 @@ from benchmarks.service import running, serve_command
 from tests.everyday.battery import rows
 
 ABOVE = 1.25
-LEAST = 1e-9
+SMALLEST = 1e-9
 
 
 def rounded_up(value: float) -> str:
@@ -28,7 +28,7 @@ def main() -> None:
     with running(serve_command) as service:
         for row in rows():
             found = ask(service, row, "preset", None)
-            lines.append(f'"{row.name}" = {rounded_up(max(LEAST, ABOVE * found.error))}')
+            lines.append(f'"{row.name}" = {rounded_up(max(SMALLEST, ABOVE * found.error))}')
     (Path(__file__).parent / "good.toml").write_text("\n".join(lines) + "\n")
 
 

@@ -18,13 +18,13 @@ GOOD = tomllib.loads((Path(__file__).parent / "good.toml").read_text())
 SHOWN = ["rectangle, 24 points by hand", "oval, 12 points", "bonnet, every second angle"]
 SHOWN += ["wave, 24 points", "eight, 60 points by hand", "x^1.5", "casement in step with a motor"]
 SHOWN += ["bucket", "walking foot"]
-"""Of each kind of question one."""
+"""A question of each kind."""
 
 
 @pytest.fixture(scope="module")
 def service() -> Iterator[Service]:
-    with running(serve_command) as one:
-        yield one
+    with running(serve_command) as running_service:
+        yield running_service
 
 
 def test_there_are_150_different_questions() -> None:
@@ -40,7 +40,9 @@ def test_there_are_150_different_questions() -> None:
 
 @pytest.mark.parametrize("name", some_of(SHOWN, 3))
 def test_an_everyday_question_has_an_answer_that_more_time_does_not_worsen(name: str, service: Service) -> None:
-    replies = asked(service, ROWS[name], ["preset"], [100, None])  # by the clock: none knows how far the first comes
+    replies = asked(
+        service, ROWS[name], ["preset"], [100, None]
+    )  # by the clock: the time of the first answer is unknown
     assert not faults(replies) and replies[1].objective is not None
 
 
@@ -56,7 +58,7 @@ def test_a_good_answer_is_found(name: str, service: Service) -> None:
 def test_every_everyday_question(name: str, service: Service) -> None:
     replies = asked(service, ROWS[name])
     assert not faults(replies)
-    assert next(one for one in replies if one.kind == "preset" and one.budget is None).error <= GOOD[name]
+    assert next(reply for reply in replies if reply.kind == "preset" and reply.budget is None).error <= GOOD[name]
 
 
 @pytest.mark.timed

@@ -1,4 +1,7 @@
-"""Assemblies as a user asks for them: units, verdicts, ranking, and sentences that say what was found."""
+"""Assemblies have the layers, verdicts and sentences that users rely on, in every unit.
+
+A free linkage that is called blocked, or an order that ignores layers, would show here.
+"""
 
 import json
 
@@ -16,9 +19,9 @@ def motion(**more) -> la.Motion:
     return la.Motion(example["rotation"], example["position"], example["crank_span"], **more)
 
 
-def by_layers(one: la.Solution) -> tuple[bool, int, int]:
-    """What is preferred in layers: free ones, pivots that nothing passes over, and few."""
-    assembly = one.verdict.assembly
+def by_layers(solution: la.Solution) -> tuple[bool, int, int]:
+    """Return the order of preference in layers: free, pivots that no link passes over, and few layers."""
+    assembly = solution.verdict.assembly
     return not assembly.free, sum(not shaft.both_sides for shaft in assembly.shaft.values()), assembly.count
 
 
@@ -39,29 +42,29 @@ def test_the_reply_says_what_was_found() -> None:
 
 
 def test_radians_are_degrees_in_radians() -> None:
-    one = la.FourBar(*CRANK_ROCKER).assembly(hole=6, width=18)
-    other = la.FourBar(*CRANK_ROCKER, degrees=False).assembly(hole=6, width=18)
-    assert np.rad2deg(other.fewer["2"]["to"]) == pytest.approx(one.fewer["2"]["to"])
-    assert any(" rad" in reason for reason in other.reasons)
+    layers = la.FourBar(*CRANK_ROCKER).assembly(hole=6, width=18)
+    second = la.FourBar(*CRANK_ROCKER, degrees=False).assembly(hole=6, width=18)
+    assert np.rad2deg(second.fewer["2"]["to"]) == pytest.approx(layers.fewer["2"]["to"])
+    assert any(" rad" in reason for reason in second.reasons)
 
 
 def test_lengths_scale() -> None:
     """Law: k times the lengths gives k times the gaps, and the same angles."""
-    one = la.FourBar(*CRANK_ROCKER).assembly(hole=6, width=18)
+    layers = la.FourBar(*CRANK_ROCKER).assembly(hole=6, width=18)
     for k in (1e-20, 3.7, 1e20):
-        other = la.FourBar(*(k * length for length in CRANK_ROCKER)).assembly(hole=6 * k, width=18 * k)
-        assert other.layers == one.layers
-        assert other.least_gap.value / k == pytest.approx(one.least_gap.value)
-        assert other.fewer["2"]["to"] == pytest.approx(one.fewer["2"]["to"], abs=1e-9)
+        second = la.FourBar(*(k * length for length in CRANK_ROCKER)).assembly(hole=6 * k, width=18 * k)
+        assert second.layers == layers.layers
+        assert second.least_gap.value / k == pytest.approx(layers.least_gap.value)
+        assert second.fewer["2"]["to"] == pytest.approx(layers.fewer["2"]["to"], abs=1e-9)
 
 
 def test_a_mirror_changes_nothing_but_signs() -> None:
-    one = la.FourBar(19, 72, 144, 165, start_angle=30).assembly(motion(), boards="both")
+    layers = la.FourBar(19, 72, 144, 165, start_angle=30).assembly(motion(), boards="both")
     mirrored = la.Motion([0, -1, -2], crank_span=-70)
-    other = la.FourBar(19, 72, 144, 165, -1, start_angle=-30).assembly(mirrored, boards="both")
-    assert other.layers == one.layers
-    assert other.stops.low.crank_angle == pytest.approx(-one.stops.high.crank_angle)
-    assert other.stops.high.crank_angle == pytest.approx(-one.stops.low.crank_angle)
+    second = la.FourBar(19, 72, 144, 165, -1, start_angle=-30).assembly(mirrored, boards="both")
+    assert second.layers == layers.layers
+    assert second.stops.low.crank_angle == pytest.approx(-layers.stops.high.crank_angle)
+    assert second.stops.high.crank_angle == pytest.approx(-layers.stops.low.crank_angle)
 
 
 def test_a_blocked_linkage_is_told_what_would_free_it() -> None:
@@ -69,22 +72,22 @@ def test_a_blocked_linkage_is_told_what_would_free_it() -> None:
     assert found.status == "blocked"
     assert found.longest_free == pytest.approx((12.1948754, 347.8051246))
     assert found.stops.low.cause == "pair"
-    assert any("with boards on both sides 3 layers are free: A below, B above" in one for one in found.reasons)
+    assert any("with boards on both sides 3 layers are free: A below, B above" in reason for reason in found.reasons)
     assert la.assembly(la.FourBar(60, 50, 70, 30), boards="both").free
     assert la.assembly(la.FourBar(60, 50, 70, 30), boards="bar").free
 
 
 def test_buildable_is_practical_and_free() -> None:
     without = la.synthesize(motion(), top=2)
-    assert all(one.verdict.buildable is None for one in without), "no layers were looked for"
+    assert all(solution.verdict.buildable is None for solution in without), "no layers were looked for"
     assert without.best.verdict.assembly is None
     # plates as wide as the ground: nothing passes
     blocked = la.synthesize(motion(), top=2, limits={"preset": "practical"}, assembly={"hole": 5, "width": 150})
-    for one in blocked:
-        assert one.verdict.practical
-        assert not one.verdict.buildable
-        assert one.verdict.assembly.status == "blocked"
-        assert one.verdict.reasons[-1].startswith("layers:")
+    for solution in blocked:
+        assert solution.verdict.practical
+        assert not solution.verdict.buildable
+        assert solution.verdict.assembly.status == "blocked"
+        assert solution.verdict.reasons[-1].startswith("layers:")
     free = la.synthesize(motion(), top=2, limits={"preset": "practical"}, assembly=True)
     assert free.best.verdict.buildable
     assert free.best.verdict.assembly.free
@@ -93,7 +96,7 @@ def test_buildable_is_practical_and_free() -> None:
 def test_preferring_layers_ranks_by_pivots_that_nothing_passes_over() -> None:
     poses = {"position": [[0, 0], [40, 8], [75, 30]], "rotation": [0, 15, 40], "timing": "free"}
     found = la.synthesize(**poses, prefer="layers", top=8)
-    keys = [by_layers(one) for one in found]
+    keys = [by_layers(solution) for solution in found]
     assert keys == sorted(keys)
     assert len(set(keys)) > 1
 
@@ -109,16 +112,16 @@ def test_the_body_turns_with_the_requested_rotation() -> None:
     pin, turn = complex(*joints.crank_pin[0]), np.deg2rad(joints.coupler_direction[0])
     world = [pin + np.exp(1j * turn) * complex(*corner) for corner in plate.core]
     frame = complex(*example["position"][0]), np.deg2rad(example["rotation"][0])
-    wanted = [frame[0] + np.exp(1j * frame[1]) * complex(*corner) for corner in corners]
-    assert np.array(world) == pytest.approx(np.array(wanted), abs=1e-6)
+    expected = [frame[0] + np.exp(1j * frame[1]) * complex(*corner) for corner in corners]
+    assert np.array(world) == pytest.approx(np.array(expected), abs=1e-6)
 
 
 def test_the_request_s_envelope_holds_for_plates_and_the_body() -> None:
     example = worked_example()
     free = la.synthesize(motion(), top=1, assembly=True).best
     joints = free.linkage.joints(np.linspace(0, example["crank_span"], 200))
-    every = joints.crank_pin, joints.coupler_pin, joints.body_point, [joints.pivot_a, joints.pivot_b]
-    low, high = (end(np.concatenate(every), axis=0) for end in (np.min, np.max))
+    all_cases = joints.crank_pin, joints.coupler_pin, joints.body_point, [joints.pivot_a, joints.pivot_b]
+    low, high = (end(np.concatenate(all_cases), axis=0) for end in (np.min, np.max))
     lines = [*(low - 1), *(high + 1)]
     # the lines stay within, the plates of half the width around them do not
     tight = la.assembly(free, envelope=lines)
@@ -144,16 +147,16 @@ def test_sliders_have_layers_too() -> None:
     assert slit.last[0] - slit.first[0] == pytest.approx(np.sqrt(9 - 0.09) - np.sqrt(1 - 0.09))
     assert la.assembly(pump.to_dict()).layers == found.layers
     pushed = la.Linkage([rail, {**crank, "body_point": [0, 0]}], "slider", start=2.0)
-    asked = la.Motion([0, 1, 2], [[0, 0], [0.1, 0], [0.2, 0]], timing="free")
-    told = pushed.assembly(asked, travel=[0, 0.3, 0.6])
-    assert all("degrees" not in reason for reason in told.reasons)
+    request = la.Motion([0, 1, 2], [[0, 0], [0.1, 0], [0.2, 0]], timing="free")
+    reported = pushed.assembly(request, travel=[0, 0.3, 0.6])
+    assert all("degrees" not in reason for reason in reported.reasons)
 
 
 def test_a_motor_and_its_rod_are_two_more_plates() -> None:
-    linkage, asked = la.FourBar(*CRANK_ROCKER, start_angle=40), la.Motion([0, 1, 2], crank_span=60)
-    drive = next(one for one in la.drives(linkage, [{"kind": "dyad", "links": ["crank"]}], motion=asked).drives)
-    found = linkage.assembly(asked, drive=drive)
+    linkage, request = la.FourBar(*CRANK_ROCKER, start_angle=40), la.Motion([0, 1, 2], crank_span=60)
+    drive = next(drive for drive in la.drives(linkage, [{"kind": "dyad", "links": ["crank"]}], motion=request).drives)
+    found = linkage.assembly(request, drive=drive)
     assert set(found.layers) == {"crank", "coupler", "rocker", "motor_crank", "rod"}
     assert {pin.name for pin in found.pins} == {"A", "B", "C", "D", "K", "M", "Q"}
     assert any("those of the motor" in reason for reason in found.reasons)
-    assert linkage.assembly(asked, drive=drive.to_dict()).layers == found.layers
+    assert linkage.assembly(request, drive=drive.to_dict()).layers == found.layers

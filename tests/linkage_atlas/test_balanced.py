@@ -1,6 +1,6 @@
-"""What comes first without a preference: accurate linkages that an engineer would build, and none that cannot be used.
+"""Without a preference the first answer is accurate, can be used and would be built by an engineer.
 
-The tests would catch a first answer that is huge, of a small transmission angle, or defective while a better one is known.
+A first answer that is huge, transmits badly or has a defect although a better linkage is known would show here.
 """
 
 import numpy as np
@@ -26,8 +26,8 @@ def extent(position) -> float:
 
 
 def marked(result: la.Result) -> la.Solution:
-    (least,) = [solution for solution in result if solution.least_error]
-    return least
+    (smallest,) = [solution for solution in result if solution.least_error]
+    return smallest
 
 
 def test_a_straight_line_is_answered_with_small_links_within_the_everyday_accuracy() -> None:
@@ -35,9 +35,9 @@ def test_a_straight_line_is_answered_with_small_links_within_the_everyday_accura
     found = la.synthesize(**STRAIGHT)
     assert found.best.size < 2.5 and found.best.transmission_angle_min > 40
     assert found.best.errors.position_max <= 1e-3 * extent(STRAIGHT["position"])
-    least = marked(found)
-    assert least.errors.objective == min(solution.errors.objective for solution in found)
-    assert least.errors.objective < 0.01 * found.best.errors.objective
+    smallest = marked(found)
+    assert smallest.errors.objective == min(solution.errors.objective for solution in found)
+    assert smallest.errors.objective < 0.01 * found.best.errors.objective
 
 
 def test_the_least_error_leads_if_it_is_preferred() -> None:
@@ -57,9 +57,9 @@ def test_a_shelf_that_does_not_turn_hangs_on_a_parallelogram() -> None:
 
 @pytest.mark.parametrize("start", [0, 90])
 def test_a_lid_of_90_degrees_is_no_larger_than_the_linkage_that_was_drawn(start: int) -> None:
-    made = la.FourBar(84, 51, 76, 25, start_angle=start, ground_angle=10, coupler_point=(90, 30), pivot_a=(0, 0))
+    built = la.FourBar(84, 51, 76, 25, start_angle=start, ground_angle=10, coupler_point=(90, 30), pivot_a=(0, 0))
     crank = np.linspace(0, {0: 111, 90: 132}[start], 7)
-    joints = made.joints(crank)
+    joints = built.joints(crank)
     rotation, position = np.round(joints.rotation - joints.rotation[0], 1), np.round(joints.body_point, 1)
     found = la.synthesize(rotation, position, timing="free")
     assert max(found.best.links) < 1.2 * 84 and found.best.transmission_angle_min > 50
@@ -68,7 +68,7 @@ def test_a_lid_of_90_degrees_is_no_larger_than_the_linkage_that_was_drawn(start:
 
 @pytest.mark.parametrize("mechanisms", [None, "all"])
 def test_a_linkage_that_cannot_be_used_is_not_first(mechanisms) -> None:
-    # once two samples of this S lay at one crank position of the first linkage, and of the third
+    # once two samples of this S had the same crank angle in the first and in the third linkage
     found = la.synthesize(**S_CURVE, mechanisms=mechanisms)
     usable = [
         solution.verdict.works

@@ -24,28 +24,28 @@ def plain(result: la.Result) -> dict:
 
 
 def test_answers_are_those_of_synthesize() -> None:
-    asked = motions(4)
-    asked[2] = {"rotation": [1, 2], "crank_span": 10}
-    asked.append({"position": np.array([0, 1 + 2j, 3 + 1j]), "crank_span": 60, "top": 1, "spin": 1})
-    asked.append({"position": np.array([0, 1 + 2j, 3 + 1j]), "crank_span": 60, "top": 1})
+    request = motions(4)
+    request[2] = {"rotation": [1, 2], "crank_span": 10}
+    request.append({"position": np.array([0, 1 + 2j, 3 + 1j]), "crank_span": 60, "top": 1, "spin": 1})
+    request.append({"position": np.array([0, 1 + 2j, 3 + 1j]), "crank_span": 60, "top": 1})
     seen = []
-    found = list(la.study(asked, jobs=1, progress=lambda *state: seen.append(state)))
+    found = list(la.study(request, jobs=1, progress=lambda *state: seen.append(state)))
     assert [row["line"] for row in found] == [1, 2, 3, 4, 5, 6] and seen == [(k, 6) for k in range(1, 7)]
     for k in (0, 1, 3, 5):
-        assert found[k]["reply"] == plain(la.synthesize(**asked[k]))
+        assert found[k]["reply"] == plain(la.synthesize(**request[k]))
     assert "give 3 to 1024 samples" in found[2]["error"] and "spin" in found[4]["error"]
     with pytest.raises(la.FieldError, match="requests, item 1: must hold numbers"):
         list(la.study([{"rotation": object()}], jobs=1))
 
 
 def test_a_file_is_gone_on_with(tmp_path) -> None:
-    out, asked = tmp_path / "answers.ndjson", motions(5)
-    begun = la.study(asked, out, jobs=1)
-    first = [next(begun), next(begun)]
-    begun.close()
+    out, request = tmp_path / "answers.ndjson", motions(5)
+    started_from = la.study(request, out, jobs=1)
+    first = [next(started_from), next(started_from)]
+    started_from.close()
     assert [json.loads(line) for line in out.read_text().splitlines()] == first
-    whole = list(la.study(asked, out, jobs=1))
-    assert whole[:2] == first and [json.loads(line) for line in out.read_text().splitlines()] == whole
+    complete = list(la.study(request, out, jobs=1))
+    assert complete[:2] == first and [json.loads(line) for line in out.read_text().splitlines()] == complete
     with pytest.raises(la.FieldError, match="another request"):
         list(la.study(motions(4), out, jobs=1))
 
@@ -67,16 +67,16 @@ def found(out: Path | None = None, work=square) -> list[bytes]:
 def test_a_study_cut_off_at_any_byte_continues_to_the_same_bytes(tmp_path) -> None:
     out = tmp_path / "answers.ndjson"
     lines = found(out)
-    whole = out.read_bytes()
-    rows = [json.loads(line) for line in whole.splitlines()]
-    assert lines == whole.splitlines() == found() and [row["line"] for row in rows] == [1, 3, 5, 7, 9]
+    complete = out.read_bytes()
+    rows = [json.loads(line) for line in complete.splitlines()]
+    assert lines == complete.splitlines() == found() and [row["line"] for row in rows] == [1, 3, 5, 7, 9]
     assert rows[3]["error"] == "three is no number" and rows[4]["reply"] == {"square": 16}
-    for length in range(0, len(whole) + 1, 3):
+    for length in range(0, len(complete) + 1, 3):
         for tail in (b"", b"\0" * 50):  # zeros: left by a power cut
-            out.write_bytes(whole[:length] + (tail if whole[:length].endswith(b"\n") else b""))
+            out.write_bytes(complete[:length] + (tail if complete[:length].endswith(b"\n") else b""))
             computed: list[Question] = []
             assert found(out, lambda question, to=computed: to.append(question) or square(question)) == lines
-            assert out.read_bytes() == whole and len(computed) == 5 - whole[:length].count(b"\n")
+            assert out.read_bytes() == complete and len(computed) == 5 - complete[:length].count(b"\n")
 
 
 @pytest.mark.parametrize(
@@ -93,11 +93,11 @@ def test_a_study_cut_off_at_any_byte_continues_to_the_same_bytes(tmp_path) -> No
 def test_a_file_of_something_else_is_refused_and_left_as_it_is(change, words, tmp_path) -> None:
     out = tmp_path / "answers.ndjson"
     found(out)
-    other = change(out.read_bytes())
-    out.write_bytes(other)
+    second = change(out.read_bytes())
+    out.write_bytes(second)
     with pytest.raises(la.FieldError, match=words):
         found(out)
-    assert out.read_bytes() == other
+    assert out.read_bytes() == second
     with pytest.raises(la.FieldError, match="not a regular file"):
         found(tmp_path)
 

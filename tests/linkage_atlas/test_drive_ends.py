@@ -13,7 +13,7 @@ from fastapi.testclient import TestClient
 import linkage_atlas as la
 
 CASEMENT = la.FourBar(240, 101.3, 83.8, 155.1, start_angle=18, coupler_point=(162, 115.7))
-WAY = [0, -33.7]
+DIRECTION = [0, -33.7]
 LOADS = {
     "body": {"force": [0, 100]},
     "rocker": {"forces": [{"link": "rocker", "at": [83.8, 0], "force": [0, 100]}]},
@@ -22,22 +22,22 @@ LOADS = {
 
 
 def drives(wish: dict[str, Any], load: dict[str, Any], **more: Any) -> la.Drives:
-    return la.drives(CASEMENT, [{"kind": "actuator", **wish}], crank_angle=WAY, load=load, **more)
+    return la.drives(CASEMENT, [{"kind": "actuator", **wish}], crank_angle=DIRECTION, load=load, **more)
 
 
 @pytest.mark.parametrize("load", LOADS.values(), ids=LOADS)
 @pytest.mark.parametrize("link, on", [("crank", "ground"), ("coupler", "ground"), ("rocker", "crank")])
 def test_an_actuator_that_was_found_is_evaluated_alike_when_its_ends_are_given(load: Any, link: str, on: str) -> None:
-    """And its work over the motion is minus the work of the load, computed from positions alone."""
+    """The work over the motion is minus the work of the load, computed from positions only."""
     found = drives({"links": [link], "on": on, "retracted": 200, "stroke": 50, "reach_max": 300}, load).best(
         "actuator"
     )
     assert found is not None
-    given = {"links": [link], "on": on, "ground_point": found.ground_point}
+    prescribed = {"links": [link], "on": on, "ground_point": found.ground_point}
     for pin in ({"pin": found.pin}, {"pin_on_link": found.pin_on_link}):
-        (again,) = drives(given | pin, load).drives
+        (repeated,) = drives(prescribed | pin, load).drives
         for name in ("peak_force", "arm_min", "length", "holding", "over_bound", "stroke", "retracted"):
-            assert getattr(again, name) == pytest.approx(getattr(found, name), rel=1e-9), name
+            assert getattr(repeated, name) == pytest.approx(getattr(found, name), rel=1e-9), name
     length, force = found.curve.length, found.curve.force
     work = np.sum((force[1:] + force[:-1]) / 2 * np.diff(length))
     joints = CASEMENT.joints(np.linspace(0, -33.7, 61))
@@ -49,29 +49,29 @@ def test_an_actuator_that_was_found_is_evaluated_alike_when_its_ends_are_given(l
         "rocker": (joints.pivot_b, joints.coupler_pin),
         "body": (joints.body_point, joints.body_point + np.array([1, 0])),
     }
-    for one in load.get("forces", ()):
-        start, end = (np.broadcast_to(part, (61, 2)) for part in frames[one["link"]])
+    for element in load.get("forces", ()):
+        start, end = (np.broadcast_to(part, (61, 2)) for part in frames[element["link"]])
         along = (end - start) / np.linalg.norm(end - start, axis=1)[:, None]
-        x, y = one.get("at", (0, 0))
-        place = start + x * along + y * np.stack([-along[:, 1], along[:, 0]], axis=1)
-        moved += (place @ np.array(one["force"]))[[0, -1]] @ [-1, 1]
+        x, y = element.get("at", (0, 0))
+        position = start + x * along + y * np.stack([-along[:, 1], along[:, 0]], axis=1)
+        moved += (position @ np.array(element["force"]))[[0, -1]] @ [-1, 1]
     assert work == pytest.approx(-moved, rel=2e-3)
 
 
 @pytest.mark.parametrize("link", ["crank", "coupler"])
 def test_a_motor_that_was_found_is_evaluated_alike_when_its_ends_are_given(link: str) -> None:
-    found = la.drives(CASEMENT, [{"kind": "dyad", "links": [link]}], crank_angle=WAY, load=LOADS["rocker"]).best(
-        "dyad"
-    )
+    found = la.drives(
+        CASEMENT, [{"kind": "dyad", "links": [link]}], crank_angle=DIRECTION, load=LOADS["rocker"]
+    ).best("dyad")
     assert found is not None
     for pin in ({"pin": found.pin}, {"pin_on_link": found.pin_on_link}):
-        given = {"kind": "dyad", "links": [link], "motor": found.motor, **pin}
-        again = la.drives(CASEMENT, [given], crank_angle=WAY, load=LOADS["rocker"]).best("dyad")
-        assert again is not None
+        prescribed = {"kind": "dyad", "links": [link], "motor": found.motor, **pin}
+        repeated = la.drives(CASEMENT, [prescribed], crank_angle=DIRECTION, load=LOADS["rocker"]).best("dyad")
+        assert repeated is not None
         for name in ("crank", "coupler", "time_ratio", "transmission_angle_min", "motor_torque_max"):
-            assert getattr(again.six_bar, name) == pytest.approx(getattr(found.six_bar, name), rel=1e-6), name
+            assert getattr(repeated.six_bar, name) == pytest.approx(getattr(found.six_bar, name), rel=1e-6), name
     away = {"kind": "dyad", "links": ["crank"], "motor": [0, 10], "pin_on_link": [0, 3]}
-    assert "dead point" in la.drives(CASEMENT, [away], crank_angle=WAY).refused[0].reason
+    assert "dead point" in la.drives(CASEMENT, [away], crank_angle=DIRECTION).refused[0].reason
 
 
 def test_a_pin_stays_in_its_box_and_a_wider_box_is_no_worse() -> None:
@@ -88,18 +88,18 @@ def test_a_pin_stays_in_its_box_and_a_wider_box_is_no_worse() -> None:
     forces = []
     for half in (3, 30):
         box = [x + 10 - half, y + 10 - half, x + 10 + half, y + 10 + half]
-        one = drives(wish | {"pin_box": box}, LOADS["body"]).best("actuator")
-        assert one is not None and one.peak_force is not None
+        drive = drives(wish | {"pin_box": box}, LOADS["body"]).best("actuator")
+        assert drive is not None and drive.peak_force is not None
         assert (
-            box[0] - 1e-4 <= one.pin_on_link[0] <= box[2] + 1e-4
-            and box[1] - 1e-4 <= one.pin_on_link[1] <= box[3] + 1e-4
+            box[0] - 1e-4 <= drive.pin_on_link[0] <= box[2] + 1e-4
+            and box[1] - 1e-4 <= drive.pin_on_link[1] <= box[3] + 1e-4
         )
-        forces.append(one.peak_force)
+        forces.append(drive.peak_force)
     assert forces[0] >= forces[1] * (1 - 1e-6) and forces[1] == pytest.approx(free.peak_force, rel=1e-5)
     rocker = {"links": ["rocker"], "stroke": 60, "retracted": 100, "pin_box": [30, -60, 60, -30]}
     found = drives(rocker, LOADS["body"])
-    for one in found.drives:
-        assert 30 - 1e-4 <= one.pin_on_link[0] <= 60 + 1e-4 and -60 - 1e-4 <= one.pin_on_link[1] <= -30 + 1e-4
+    for drive in found.drives:
+        assert 30 - 1e-4 <= drive.pin_on_link[0] <= 60 + 1e-4 and -60 - 1e-4 <= drive.pin_on_link[1] <= -30 + 1e-4
     assert found.drives or "pin_box" in found.refused[0].reason
 
 
@@ -111,12 +111,12 @@ def test_equal_actuators_share_the_force() -> None:
         "ground_box": [-100, -250, 400, 150],
         "reach_max": 250,
     }
-    one, two = (drives(wish | {"count": count}, LOADS["body"]).drives[0] for count in (1, 2))
-    assert two.count == 2 and two.ground_point == one.ground_point
+    single, double = (drives(wish | {"count": count}, LOADS["body"]).drives[0] for count in (1, 2))
+    assert double.count == 2 and double.ground_point == single.ground_point
     for name in ("peak_force", "bound", "holding"):
-        assert np.multiply(getattr(two, name), 2) == pytest.approx(getattr(one, name), rel=1e-9)
-    assert two.pin_forces == pytest.approx(one.pin_forces, rel=1e-9)
-    row = {"name": "weak", "retracted": 255, "stroke": 150, "force": 0.6 * one.peak_force}
+        assert np.multiply(getattr(double, name), 2) == pytest.approx(getattr(single, name), rel=1e-9)
+    assert double.pin_forces == pytest.approx(single.pin_forces, rel=1e-9)
+    row = {"name": "weak", "retracted": 255, "stroke": 150, "force": 0.6 * single.peak_force}
     bought = {key: wish[key] for key in ("links", "ground_box", "reach_max")} | {"catalogue": [row]}
     assert not drives(bought, LOADS["body"]).drives
     assert drives(bought | {"count": 2}, LOADS["body"]).drives[0].name == "weak"
@@ -136,5 +136,5 @@ def test_ends_that_are_half_given_are_refused(client: TestClient, wish: dict[str
     with pytest.raises(la.FieldError) as error:
         drives(wish, LOADS["body"])
     assert error.value.field == f"/drives/0/{field}"
-    body = {"linkage": CASEMENT.to_dict(), "crank_angle": WAY, "drives": [{"kind": "actuator", **wish}]}
+    body = {"linkage": CASEMENT.to_dict(), "crank_angle": DIRECTION, "drives": [{"kind": "actuator", **wish}]}
     assert client.post("/v1/drives", json=body).status_code == 422

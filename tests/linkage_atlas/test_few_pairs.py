@@ -1,6 +1,7 @@
 """Two to five pairs of a function are met exactly by linkages that an engineer would build.
 
-Catches first answers that hardly transmit, turn back or are not exact although random sampling finds better ones at once.
+Catches first answers that transmit badly, turn back or are not exact although random sampling finds better linkages
+at once.
 """
 
 from __future__ import annotations
@@ -29,8 +30,8 @@ def assert_exact(found: la.FunctionResult, travel: Any, output: Any, count: int 
     assert found.status == "reached" and len(found) == count
     for solution in found:
         crank = np.deg2rad(solution.start_angle + np.array(travel) - travel[0])
-        made = np.rad2deg(rocker(solution.links, solution.branch, crank)[0]) + solution.output_offset
-        gap = made - output
+        built = np.rad2deg(rocker(solution.links, solution.branch, crank)[0]) + solution.output_offset
+        gap = built - output
         assert np.abs(gap - 360 * np.round(gap[0] / 360)).max() < EXACT
     shapes = np.array([[*solution.links, solution.branch] for solution in found])
     assert all(np.abs(shapes[:k] - shapes[k]).max(axis=1).min() > 1e-3 for k in range(1, count))
@@ -39,7 +40,7 @@ def assert_exact(found: la.FunctionResult, travel: Any, output: Any, count: int 
 def best_sampled(travel: np.ndarray, output: np.ndarray, seed: int) -> float:
     """Return the largest transmission angle of random exact four-bars, links within 1 to 10, that never turn back."""
     random, best = np.random.default_rng(seed), 0.0
-    every = np.linspace(0.0, travel[-1], 61)
+    all_cases = np.linspace(0.0, travel[-1], 61)
     for start, offset in random.uniform(-np.pi, np.pi, (3000, 2)):
         phi, psi = start + travel, output - offset
         matrix = np.stack([np.cos(psi), -np.cos(phi), np.ones(3)], axis=1)
@@ -50,8 +51,8 @@ def best_sampled(travel: np.ndarray, output: np.ndarray, seed: int) -> float:
             continue
         for branch in (1, -1):
             with np.errstate(invalid="ignore"):
-                angle, transmission = rocker(links, branch, start + every)
-                gap = np.interp(travel, every, angle) - angle[0] - output
+                angle, transmission = rocker(links, branch, start + all_cases)
+                gap = np.interp(travel, all_cases, angle) - angle[0] - output
             if np.all(np.diff(angle) * output[-1] > 0) and np.abs(gap).max() < 0.02:
                 best = max(best, float(np.min(transmission)))
     return np.rad2deg(best)
@@ -79,7 +80,7 @@ def test_the_first_of_three_pairs_transmits_as_well_as_sampled_ones(seed: int) -
 
 
 @pytest.mark.parametrize(
-    "asked",
+    "fields",
     [
         {},
         {"limits": {"preset": "practical"}},
@@ -87,12 +88,12 @@ def test_the_first_of_three_pairs_transmits_as_well_as_sampled_ones(seed: int) -
         {"input_zero": 20},
     ],
 )
-def test_two_pairs(asked: dict[str, Any]) -> None:
-    found = la.function([-40, 30], input=[-50, 30], **asked)
+def test_two_pairs(fields: dict[str, Any]) -> None:
+    found = la.function([-40, 30], input=[-50, 30], **fields)
     assert_exact(found, [-50, 30], [-40, 30])
     assert any(note.startswith("Infinitely many linkages pass through two pairs") for note in found.report.notes)
-    links = asked.get("limits", {}).get("links", {})
-    assert all(getattr(one.links, name) == length for one in found for name, length in links.items())
+    links = fields.get("limits", {}).get("links", {})
+    assert all(getattr(linkage.links, name) == length for linkage in found for name, length in links.items())
 
 
 def test_an_output_that_turns_as_far_as_the_input_is_made_by_parallelograms() -> None:
@@ -103,11 +104,11 @@ def test_an_output_that_turns_as_far_as_the_input_is_made_by_parallelograms() ->
 
 
 def test_given_zeros_leave_one_linkage_through_three_pairs() -> None:
-    """Its lengths are those of the linkage that drew the pairs."""
+    """The lengths agree with the linkage that drew the pairs."""
     maker = la.FourBar(2, 5, 4.5, 5.5, start_angle=40)
     output = maker.joints(np.array([0, 40, 90])).rocker_direction
-    asked = {"input": [0, 40, 90], "input_zero": 40, "output_zero": output[0], "limits": {"links": {"ground": 5.5}}}
-    found = la.function(output, **asked)
+    request = {"input": [0, 40, 90], "input_zero": 40, "output_zero": output[0], "limits": {"links": {"ground": 5.5}}}
+    found = la.function(output, **request)
     assert found.status == "reached"
     np.testing.assert_allclose(found.linkage.links, [2, 5, 4.5, 5.5], rtol=1e-9)
 

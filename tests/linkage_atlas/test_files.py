@@ -29,10 +29,13 @@ def moving_four_bar(seed: int, turns_fully: bool, mounted: bool = True) -> Linka
     """Return a four-bar that moves well over 0.8 rad, or over a whole turn."""
     random = np.random.default_rng(seed)
     while True:
-        place: dict[str, Any] = {"pivot_a": complex(*random.uniform(-9, 9, 2)), "ground_angle": random.uniform(-3, 3)}
-        place |= {"coupler_point": tuple(random.uniform(-3, 3, 2)), "body_offset": random.uniform(-3, 3)}
+        position: dict[str, Any] = {
+            "pivot_a": complex(*random.uniform(-9, 9, 2)),
+            "ground_angle": random.uniform(-3, 3),
+        }
+        position |= {"coupler_point": tuple(random.uniform(-3, 3, 2)), "body_offset": random.uniform(-3, 3)}
         lengths = tuple(random.uniform(1, 9, 4).tolist())
-        linkage = four_bar(lengths, int(random.choice([-1, 1])), random.uniform(0, 6), **place if mounted else {})
+        linkage = four_bar(lengths, int(random.choice([-1, 1])), random.uniform(0, 6), **position if mounted else {})
         angles = linkage.body(linkage.start + np.linspace(0, 7 if turns_fully else 0.8, 90)).transmission_angle
         if linkage.turns_fully == turns_fully and np.all(angles > 0.3):
             return linkage
@@ -71,7 +74,7 @@ def point(row: dict[str, str], name: str) -> complex:
 
 @ANY
 def test_a_table_has_the_request_the_motion_and_the_joints(linkage) -> None:
-    target = motion_of(linkage, 2 * np.pi)  # a body a whole turn away is where it was requested
+    target = motion_of(linkage, 2 * np.pi)  # a body a whole turn away is in the requested position
     rows = rows_of(text_of(linkage, "csv", target))
     assert len(rows) == 9 and ("crank_angle" in rows[0]) == linkage.driver.turns
     for index, row in enumerate(rows):
@@ -240,9 +243,9 @@ def test_a_linkage_that_opens_or_is_too_far_away_is_refused(kind) -> None:
     opening = Target(None, None, crank=np.linspace(0.0, 5.0, 20))
     with pytest.raises(la.FieldError, match="four links do not close 0 degrees after the start"):
         text_of(four_bar((9.0, 1.0, 1.0, 1.0)), kind, opening)
-    for far in (1e15 + 0j, 3e10j):
+    for distant in (1e15 + 0j, 3e10j):
         with pytest.raises(la.FieldError, match=r"origin|size"):
-            text_of(four_bar((1.0, 3.0, 3.0, 3.0), pivot_a=far, coupler_point=(1.0, 0.0)), kind, opening)
+            text_of(four_bar((1.0, 3.0, 3.0, 3.0), pivot_a=distant, coupler_point=(1.0, 0.0)), kind, opening)
     pump = on_guides((Circle(0j, 1.0, 0j), Rail(0.3j, 0.0, 1.1 + 0j)), Driver.CRANK, 1, 0.5)
     words = "pylinkage has no guides" if kind == "pylinkage" else r"cannot hold the body 2.* degrees after the start"
     with pytest.raises(la.FieldError, match=words):

@@ -53,9 +53,9 @@ def test_a_motor_starts_at_a_given_angle(parts: str) -> None:
     found = la.synthesize(rotation, position, crank_span=100, start_angle=30)
     assert all(np.cos(np.deg2rad(solution.start_angle - 30)) == pytest.approx(1, abs=1e-12) for solution in found)
     assert found.best.errors.objective < 1e-6
-    other = la.synthesize(rotation, position, crank_span=100, start_angle=75)
-    assert all(np.cos(np.deg2rad(solution.start_angle - 75)) == pytest.approx(1, abs=1e-12) for solution in other)
-    assert other.best.errors.objective > found.best.errors.objective
+    second = la.synthesize(rotation, position, crank_span=100, start_angle=75)
+    assert all(np.cos(np.deg2rad(solution.start_angle - 75)) == pytest.approx(1, abs=1e-12) for solution in second)
+    assert second.best.errors.objective > found.best.errors.objective
 
 
 def test_links_that_enter_a_zone_on_the_way_come_last() -> None:

@@ -59,8 +59,8 @@ def test_a_linkage_from_its_joints_is_the_one_that_they_belong_to(branch) -> Non
     points = at.pivot_a, at.crank_pin[0], at.coupler_pin[0], at.pivot_b, at.body_point[0]
     found = la.Linkage.from_points(*points, rotation=at.rotation[0])
     turned = np.linspace(0, 360, 37)
-    for one, other in zip(found.joints(turned), known.joints(turned)):
-        difference = np.asarray(one) - other
+    for first, second in zip(found.joints(turned), known.joints(turned)):
+        difference = np.asarray(first) - second
         assert np.abs(difference - 360 * np.round(difference / 360)).max() < 1e-9
     assert found.family == known.family and found.branch == branch
     with pytest.raises(la.FieldError, match="C: wanted a point apart from D"):
@@ -74,8 +74,8 @@ def test_a_slider_crank_follows_its_closed_form() -> None:
         linkage = la.SliderCrank(crank, rod, offset, branch, pivot=(3, 4), rail_angle=25)
         angle = np.deg2rad(turned)
         along = crank * np.cos(angle) + branch * np.sqrt(rod**2 - (offset - crank * np.sin(angle)) ** 2)
-        place = 3 + 4j + (along + 1j * offset) * np.exp(1j * turn)
-        assert np.abs(linkage.joints(turned).coupler_pin @ [1, 1j] - place).max() < 1e-9
+        position = 3 + 4j + (along + 1j * offset) * np.exp(1j * turn)
+        assert np.abs(linkage.joints(turned).coupler_pin @ [1, 1j] - position).max() < 1e-9
         assert linkage.crank == crank and linkage.kind == "slider_crank"
     with pytest.raises(AttributeError, match="a slider_crank has no rocker"):
         _ = linkage.rocker

@@ -40,13 +40,15 @@ def relaxed(request: dict[str, Any], more: dict[str, Any]) -> dict[str, Any]:
 @pytest.mark.parametrize("family", ["full_crank", "any"])
 def test_a_transmission_angle_that_holds_the_best_linkage_is_named(family: str) -> None:
     """The limit depends on the first and last crank angle, which are unknowns of free timing: only the pivots were named."""
-    asked = relaxed(GIVEN_PIVOTS, {"family": family})
-    best = la.synthesize(**asked, top=1).best
+    request = relaxed(GIVEN_PIVOTS, {"family": family})
+    best = la.synthesize(**request, top=1).best
     held = best.determination.at_limits
     assert {"transmission_angle_min", "pivot_a", "pivot_b"} <= set(held)
-    eased = la.synthesize(**relaxed(asked, {"transmission_angle_min": 34}), start_from=[best], local=True, top=1).best
+    eased = la.synthesize(
+        **relaxed(request, {"transmission_angle_min": 34}), start_from=[best], local=True, top=1
+    ).best
     assert eased.errors.objective < best.errors.objective * (1 - 1e-3)
-    exact = la.synthesize(**relaxed(asked, {"family": "any", "transmission_angle_min": 5}), top=1).best
+    exact = la.synthesize(**relaxed(request, {"family": "any", "transmission_angle_min": 5}), top=1).best
     assert exact.errors.objective < 1e-9 and "transmission_angle_min" not in exact.determination.at_limits
 
 
@@ -54,12 +56,12 @@ def test_a_transmission_angle_that_holds_the_best_linkage_is_named(family: str) 
 def test_only_limits_without_which_the_error_falls_are_named(seed: int) -> None:
     """A transmission angle at its limit is named if, and only if, a slightly smaller limit gives a smaller error nearby."""
     random = np.random.default_rng(seed)
-    turned, way = random.uniform(20, 60, 5).cumsum(), random.normal(size=(5, 2)).cumsum(axis=0) * 30
-    asked = {"timing": "free", "rotation": turned, "position": way}
-    asked["limits"] = {"transmission_angle_min": 50, "family": "full_crank"}
-    best = la.synthesize(**asked, top=1, prefer="error").best
+    turned, direction = random.uniform(20, 60, 5).cumsum(), random.normal(size=(5, 2)).cumsum(axis=0) * 30
+    request = {"timing": "free", "rotation": turned, "position": direction}
+    request["limits"] = {"transmission_angle_min": 50, "family": "full_crank"}
+    best = la.synthesize(**request, top=1, prefer="error").best
     nearby = la.synthesize(
-        **relaxed(asked, {"transmission_angle_min": 49.9}), start_from=[best], local=True, top=1
+        **relaxed(request, {"transmission_angle_min": 49.9}), start_from=[best], local=True, top=1
     ).best
     gained = nearby.errors.objective < best.errors.objective * (1 - 1e-6)
     assert ("transmission_angle_min" in best.determination.at_limits) == gained
@@ -69,8 +71,8 @@ def at_rest(rotation: Any, position: Any, scale: float) -> float:
     """Return the error of the best body at rest, rotations modulo a turn, by trying angles."""
     angles, tried = np.deg2rad(rotation), np.linspace(0, 2 * np.pi, 20_001)[:, None]
     off = (angles - tried + np.pi) % (2 * np.pi) - np.pi
-    place = np.asarray(position) - np.mean(position, axis=0)
-    return float(np.sqrt(np.mean(off**2, axis=1).min() + np.sum(place**2) / len(place) / scale**2))
+    centred = np.asarray(position) - np.mean(position, axis=0)
+    return float(np.sqrt(np.mean(off**2, axis=1).min() + np.sum(centred**2) / len(centred) / scale**2))
 
 
 @pytest.mark.parametrize("turns", [1, 7])
@@ -88,14 +90,14 @@ def test_a_motion_that_no_linkage_makes_is_compared_with_a_body_at_rest(turns: i
 def test_poses_in_a_jumbled_order_are_offered_any_order() -> None:
     """In the order given the best linkage is 20.7 off; passed in any order the poses are met to 0.16."""
     jumbled = {**LID, "position": [[0, 0], [75, 30], [40, 8], [90, 60]], "rotation": [0, 40, 15, 60]}
-    asked = (jumbled, jumbled | {"order": "any"}, LID, jumbled | {"closed": True})
-    ordered, any_order, *others = (la.synthesize(**one, top=1) for one in asked)
+    request = (jumbled, jumbled | {"order": "any"}, LID, jumbled | {"closed": True})
+    ordered, any_order, *remaining = (la.synthesize(**fields, top=1) for fields in request)
     (note,) = [note for note in ordered.report.notes if "in any order" in note]
-    given, free = [float(number) for number in re.findall(r"position within (\d+\.?\d*)", note)]
-    assert given == pytest.approx(ordered.best.errors.position_max, rel=1e-2)
-    assert any_order.best.errors.position_max < 1.1 * free < 0.02 * given
-    for other in (any_order, *others):
-        assert not any("in any order" in note for note in other.report.notes)
+    prescribed, free = [float(number) for number in re.findall(r"position within (\d+\.?\d*)", note)]
+    assert prescribed == pytest.approx(ordered.best.errors.position_max, rel=1e-2)
+    assert any_order.best.errors.position_max < 1.1 * free < 0.02 * prescribed
+    for second in (any_order, *remaining):
+        assert not any("in any order" in note for note in second.report.notes)
 
 
 def ticking(seconds: float) -> Callable[[float | None], Work]:
@@ -121,9 +123,9 @@ def excluded(seconds: float) -> la.Result:
 
 def test_what_excludes_linkages_does_not_depend_on_the_clock() -> None:
     """Once the same request gave three different sets of notes in five runs."""
-    asked = relaxed(LID, NOWHERE)
+    request = relaxed(LID, NOWHERE)
     found = [excluded(seconds) for seconds in (0.0, 1.0)]
-    assert [one.status for one in found] == ["infeasible"] * 2
+    assert [result.status for result in found] == ["infeasible"] * 2
     assert found[0].report.notes == found[1].report.notes
     fields = [re.findall(r"`limits\.(\w+)`", note) for note in found[0].report.notes]
     assert fields == [["link_min"], ["pivot_box"]]
@@ -132,26 +134,26 @@ def test_what_excludes_linkages_does_not_depend_on_the_clock() -> None:
     link = float(re.findall(r"at least ([\d.]+) there is one", first)[0])
     box = [float(number) for number in second.split("; ")[1].split("[")[1].split("]")[0].split(",")]
     for more in ({"link_min": link}, {"pivot_box": box}):
-        assert la.synthesize(**relaxed(asked, more), top=1).solutions
+        assert la.synthesize(**relaxed(request, more), top=1).solutions
 
 
 def test_a_budget_that_ends_before_all_limits_were_examined_is_said() -> None:
-    asked = relaxed(LID, NOWHERE)
-    whole = excluded(1.0).report.elapsed_ms
-    searched = (whole["total"] - whole["report"]) / 1000
+    request = relaxed(LID, NOWHERE)
+    complete = excluded(1.0).report.elapsed_ms
+    searched = (complete["total"] - complete["report"]) / 1000
     budget = searched / 0.8
-    assert budget < whole["total"] / 1000
-    short = la.synthesize(**asked, budget=budget, work=ticking(1.0))
+    assert budget < complete["total"] / 1000
+    short = la.synthesize(**request, budget=budget, work=ticking(1.0))
     assert short.status == "infeasible" and short.report.elapsed_ms["total"] / 1000 < 1.2 * budget
     assert short.report.notes[-1] == "The time was up before all limits were examined."
 
 
 def test_notes_are_whole_sentences() -> None:
-    asked = [
+    request = [
         {"rotation": [0, 6, 15, 27, 40, 52, 60], "crank_span": 90},
         {"position": [[0, 0], [10, 2], [30, 3], [40, 10]], "timing": "free", "limits": {"envelope": [0, 0, 40, 9]}},
     ]
-    replies: list[Any] = [excluded(0.0), *(la.synthesize(**one, top=3) for one in asked)]
+    replies: list[Any] = [excluded(0.0), *(la.synthesize(**fields, top=3) for fields in request)]
     replies.append(la.function([0, 1, 2, 60, 61, 62, 63], 60, top=1))
     for reply in replies:
         assert reply.report.notes
@@ -193,8 +195,8 @@ def test_given_lengths_are_not_called_loosely_determined() -> None:
     """A trapezoid with ground and arms given: only the coupler is open, which the function fixes."""
     turned = np.deg2rad(np.linspace(-35, 35, 15))
     output = np.rad2deg(np.arctan2(np.tan(turned), 1 + 0.4 * np.tan(turned)))
-    asked: dict[str, Any] = {"input": np.rad2deg(turned), "output": output, "objective": "max", "top": 1}
-    found = la.function(**asked, limits={"links": {"ground": 315, "crank": 90, "rocker": 90}})
+    request: dict[str, Any] = {"input": np.rad2deg(turned), "output": output, "objective": "max", "top": 1}
+    found = la.function(**request, limits={"links": {"ground": 315, "crank": 90, "rocker": 90}})
     fixed = found.best.determination.length_uncertainty
     assert fixed[[0, 2, 3]].tolist() == [0, 0, 0] and fixed[1] > 0
     shown = [note for note in found.report.notes if "ill-posed" in note]

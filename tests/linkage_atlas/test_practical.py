@@ -1,7 +1,7 @@
-"""What the verdict and the limits promise of a linkage is true of all of it: of its body point, its rails and its shortest link.
+"""Practical limits hold for the whole linkage: its body point, its rails and its shortest link.
 
-Bugs that these tests would catch: a body point eight link lengths away that is called practical, rails a metre outside of the box
-for the pivots, links of a thirty-thousandth of the motion, and a motion of a single hinge that is answered without a word.
+Catches a body point eight link lengths away that is called practical, rails outside of the box for the pivots,
+links of a thirty-thousandth of the motion, and a motion of a single hinge that is answered without a note.
 """
 
 from typing import Any
@@ -25,11 +25,11 @@ def arm_of(linkage: la.FourBar) -> float:
 
 
 def test_buildable_is_null_until_layers_were_looked_for(client: TestClient) -> None:
-    asked = {"position": POSITION, "rotation": ROTATION, "timing": "free", "limits": {"family": "any"}, "top": 2}
-    for one in client.post("/v1/synthesize", json=asked).json()["solutions"]:
-        assert one["verdict"]["buildable"] is None
-    for one in client.post("/v1/synthesize", json=asked | {"assembly": True}).json()["solutions"]:
-        verdict = one["verdict"]
+    request = {"position": POSITION, "rotation": ROTATION, "timing": "free", "limits": {"family": "any"}, "top": 2}
+    for solution in client.post("/v1/synthesize", json=request).json()["solutions"]:
+        assert solution["verdict"]["buildable"] is None
+    for solution in client.post("/v1/synthesize", json=request | {"assembly": True}).json()["solutions"]:
+        verdict = solution["verdict"]
         free = verdict["assembly"] is not None and verdict["assembly"]["status"] == "free"
         assert verdict["buildable"] == (None if verdict["assembly"] is None else verdict["practical"] and free)
 
@@ -40,23 +40,10 @@ def test_within_the_practical_limits_the_body_point_is_no_farther_than_a_link_ma
 ) -> None:
     found = la.synthesize(position=POSITION, rotation=ROTATION, timing="free", limits=limits, top=6)
     assert found.solutions
-    for one in found.solutions:
-        assert one.linkage.kind == "four_bar"
-        assert arm_of(one.linkage) <= limits.get("link_max", 10 * EXTENT) * (1 + 1e-9)
-        assert one.verdict.practical
-
-
-def test_an_arm_is_judged_where_it_was_not_limited_and_allowed_where_it_was_given() -> None:
-    free = {"position": POSITION, "rotation": ROTATION, "timing": "free", "top": 10}
-    found = la.synthesize(**free, limits={"link_max": 45, "preset": "none"})
-    for one in found.solutions:
-        assert one.linkage.kind == "four_bar"
-        said = any("the body point lies" in reason for reason in one.verdict.reasons)
-        assert said == (arm_of(one.linkage) > 45)
-        assert not (said and one.verdict.practical)
-    given = la.synthesize(**free, limits={"link_max": 45, "coupler_radius_max": 400}).best
-    assert given.linkage.kind == "four_bar"
-    assert given.verdict.practical and arm_of(given.linkage) > 45
+    for solution in found.solutions:
+        assert solution.linkage.kind == "four_bar"
+        assert arm_of(solution.linkage) <= limits.get("link_max", 10 * EXTENT) * (1 + 1e-9)
+        assert solution.verdict.practical
 
 
 TURNED = np.array([0.0, 30, 60, 90])
@@ -70,20 +57,20 @@ def test_links_are_no_shorter_than_a_twentieth_of_the_extent() -> None:
     """A pure rotation led to links of 0.0034 for a radius of 100."""
     found = la.synthesize(position=ARC, rotation=TURNED, timing="free")
     extent = max(np.hypot(*(ARC - ARC.mean(axis=0)).T))
-    for one in found.solutions:
-        assert one.linkage.kind == "four_bar"
-        assert one.linkage.links.min() >= 0.05 * extent * (1 - 1e-9)
+    for solution in found.solutions:
+        assert solution.linkage.kind == "four_bar"
+        assert solution.linkage.links.min() >= 0.05 * extent * (1 - 1e-9)
     tiny = la.synthesize(position=ARC, rotation=TURNED, timing="free", limits={"preset": "none"})
-    for one in tiny.solutions:
-        assert one.linkage.kind == "four_bar"
-        said = any("shortest link" in reason for reason in one.verdict.reasons)
-        assert said == (one.linkage.links.min() < 0.05 * extent)
+    for solution in tiny.solutions:
+        assert solution.linkage.kind == "four_bar"
+        said = any("shortest link" in reason for reason in solution.verdict.reasons)
+        assert said == (solution.linkage.links.min() < 0.05 * extent)
 
 
 def test_a_motion_that_only_turns_is_told_on_every_route(client: TestClient) -> None:
     """Within the tolerance of positions, or a thousandth of the extent; rounding of a table is no other motion."""
     rough = ARC + 0.01 * np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])
-    asked: dict[str, Any] = {"rotation": TURNED.tolist(), "timing": "free", "top": 1, "budget_ms": 200}
+    request: dict[str, Any] = {"rotation": TURNED.tolist(), "timing": "free", "top": 1, "budget_ms": 200}
     cases: list[tuple[Any, dict[str, Any], bool]] = [
         (ARC, {}, True),
         (rough, {}, True),
@@ -94,11 +81,11 @@ def test_a_motion_that_only_turns_is_told_on_every_route(client: TestClient) -> 
         (ARC, {"rotation": None}, True),
         (ARC * [1, 0.7], {"rotation": None}, False),
     ]
-    for position, more, told in cases:
-        reply = client.post("/v1/synthesize", json=asked | {"position": np.asarray(position).tolist()} | more)
+    for position, more, reported in cases:
+        reply = client.post("/v1/synthesize", json=request | {"position": np.asarray(position).tolist()} | more)
         notes = [note for note in reply.json()["report"]["notes"] if "use a hinge there" in note]
-        assert bool(notes) == told, (more, reply.json()["report"]["notes"])
-        if told and "tolerances" not in more:
+        assert bool(notes) == reported, (more, reply.json()["report"]["notes"])
+        if reported and "tolerances" not in more:
             assert "point (0, 0)" in notes[0] or ("rough" and abs(float(notes[0].split("(")[1].split(",")[0])) < 0.02)
 
 
@@ -110,23 +97,16 @@ INSIDE = [-30, -30, 100, 60]
 )
 @pytest.mark.parametrize("name", ["pivot_box", "pivot_a_box"])
 def test_rails_and_pins_of_slots_lie_in_the_box_for_the_pivots(kinds: list[str], name: str) -> None:
-    """From their own numbers: ends of what is used of a rail, and pins."""
-    asked = {"position": POSITION, "rotation": ROTATION, "timing": "free", "mechanisms": kinds, "top": 4}
-    found = la.synthesize(**asked, limits={name: INSIDE, "family": "any"})
+    """The used ends of rails and the pins come from their own numbers."""
+    request = {"position": POSITION, "rotation": ROTATION, "timing": "free", "mechanisms": kinds, "top": 4}
+    found = la.synthesize(**request, limits={name: INSIDE, "family": "any"})
     assert found.solutions
-    for one in found.solutions:
-        for guide in (one.guides or ())[: 1 if name == "pivot_a_box" else 2]:
+    for solution in found.solutions:
+        for guide in (solution.guides or ())[: 1 if name == "pivot_a_box" else 2]:
             if guide.guide == "rail":
-                way = np.array([np.cos(np.radians(guide.direction)), np.sin(np.radians(guide.direction))])
-                places = [np.array(guide.point) + end * way for end in guide.used or ()]
+                direction = np.array([np.cos(np.radians(guide.direction)), np.sin(np.radians(guide.direction))])
+                positions = [np.array(guide.point) + end * direction for end in guide.used or ()]
             else:
-                places = [np.array(guide.pivot if guide.guide == "circle" else guide.pin)]
-            for x, y in places:
+                positions = [np.array(guide.pivot if guide.guide == "circle" else guide.pin)]
+            for x, y in positions:
                 assert INSIDE[0] - 1e-6 <= x <= INSIDE[2] + 1e-6 and INSIDE[1] - 1e-6 <= y <= INSIDE[3] + 1e-6
-
-
-def test_a_box_for_rails_outside_of_the_box_for_pivots_is_refused() -> None:
-    limits = {"pivot_box": INSIDE, "rail_box": [200, 200, 300, 300]}
-    with pytest.raises(la.FieldError) as error:
-        la.synthesize(position=POSITION, rotation=ROTATION, timing="free", mechanisms="all", limits=limits)
-    assert error.value.field == "/limits/rail_box"

@@ -1,4 +1,4 @@
-"""Quick returns and symmetric steering have the stroke, the time ratio and the proportions that were asked for.
+"""Quick returns and symmetric steering have the stroke, the time ratio and the proportions of the request.
 
 Catches linkages whose dead centres are elsewhere, whose crank does not turn fully, and arms of the size of the car.
 """
@@ -36,9 +36,9 @@ def test_a_slider_crank_has_the_stroke_and_the_time_ratio(ratio: float) -> None:
     assert found.status == "reached" and len(found) > 3
     for solution in found:
         assert solution.kind == "slider_crank"
-        made = slider(solution.lengths, np.deg2rad(solution.start) + TURN)
-        assert np.ptp(made) == pytest.approx(300, rel=1e-6) and made[0] == pytest.approx(made.min(), abs=1e-4)
-        slow = np.argmax(made) * 0.01
+        built = slider(solution.lengths, np.deg2rad(solution.start) + TURN)
+        assert np.ptp(built) == pytest.approx(300, rel=1e-6) and built[0] == pytest.approx(built.min(), abs=1e-4)
+        slow = np.argmax(built) * 0.01
         assert slow / (360 - slow) == pytest.approx(ratio, rel=1e-3)
 
 
@@ -76,14 +76,14 @@ def test_a_crank_rocker_has_the_swing_and_the_time_ratio(swing: float, ratio: fl
     assert found.status == "reached" and len(found) > 3
     for solution in found:
         assert solution.family == "crank_rocker"
-        made = rocker(solution.links, solution.branch, np.deg2rad(solution.start_angle) + TURN)
-        assert np.ptp(made) == pytest.approx(swing, abs=1e-5) and made[0] == pytest.approx(made.min(), abs=1e-4)
-        slow = np.argmax(made) * 0.01
+        built = rocker(solution.links, solution.branch, np.deg2rad(solution.start_angle) + TURN)
+        assert np.ptp(built) == pytest.approx(swing, abs=1e-5) and built[0] == pytest.approx(built.min(), abs=1e-4)
+        slow = np.argmax(built) * 0.01
         assert slow / (360 - slow) == pytest.approx(ratio, rel=1e-3)
 
 
 @pytest.mark.parametrize(
-    ("asked", "field"),
+    ("fields", "field"),
     [
         ({"quick_return": {"time_ratio": 1.2}}, "/quick_return"),
         ({"quick_return": {"stroke": 3, "swing": 4, "time_ratio": 1.2}}, "/quick_return"),
@@ -102,16 +102,16 @@ def test_a_crank_rocker_has_the_swing_and_the_time_ratio(swing: float, ratio: fl
         ({"symmetric": True, "output": [0, 10, 20], "crank_span": 20}, "/symmetric"),
     ],
 )
-def test_wrong_fields_are_named(asked: dict[str, Any], field: str) -> None:
+def test_wrong_fields_are_named(fields: dict[str, Any], field: str) -> None:
     with pytest.raises(la.FieldError) as error:
-        la.function(**asked)
+        la.function(**fields)
     assert error.value.field == field
 
 
 def test_practical_limits_leave_the_arms_of_a_steering_well_below_the_track() -> None:
     """The largest ratio of lengths counted as a bound of the arms: they were up to 0.52 of the track."""
-    asked = {"track": 1200, "wheelbase": 2400, "angle": 30}
-    found = la.function(steering=asked, objective="max", limits={"preset": "practical"})
+    request = {"track": 1200, "wheelbase": 2400, "angle": 30}
+    found = la.function(steering=request, objective="max", limits={"preset": "practical"})
     assert all(solution.links.crank < 0.31 * 1200 for solution in found)
     assert found.best.verdict.practical
 
@@ -119,8 +119,8 @@ def test_practical_limits_leave_the_arms_of_a_steering_well_below_the_track() ->
 def test_steering_is_symmetric_with_arms_well_below_the_track() -> None:
     """Arms of 4.1 m came for a track of 315 mm. The best trapezoid of a fine grid has no smaller error."""
     track, wheelbase, inner = 315.0, 480.0, 35.0
-    asked = {"track": track, "wheelbase": wheelbase, "angle": inner}
-    found = la.function(steering=asked, objective="max")
+    request = {"track": track, "wheelbase": wheelbase, "angle": inner}
+    found = la.function(steering=request, objective="max")
     left = np.deg2rad(np.linspace(-25.663, inner, 201))
     right = np.arctan(np.tan(left) / (1 + np.tan(left) * track / wheelbase))
     for solution in found:

@@ -1,6 +1,6 @@
-"""Searches that begin with given linkages: the linkage on show continues while its motion is dragged.
+"""Searches that start from given linkages continue the linkage on show while its motion is dragged.
 
-A search without memory would answer a motion that was moved by one pixel with another linkage, which jumps about on the page.
+A search without memory would answer a motion that moved by a pixel with a linkage that jumps about on the page.
 """
 
 import json
@@ -24,10 +24,10 @@ WIDTH = 400
 
 def question(name: str, pixels: float = 0.0) -> dict:
     """The question of an example, with its middle sample dragged to the right."""
-    asked = {key: value for key, value in QUESTIONS[name].items() if key in ARGUMENTS}
-    places = [list(place) for place in asked["position"]]
-    places[len(places) // 2][0] += pixels * np.ptp(np.array(places), axis=0).max() / WIDTH
-    return asked | {"position": places}
+    request = {key: value for key, value in QUESTIONS[name].items() if key in ARGUMENTS}
+    positions = [list(position) for position in request["position"]]
+    positions[len(positions) // 2][0] += pixels * np.ptp(np.array(positions), axis=0).max() / WIDTH
+    return request | {"position": positions}
 
 
 def stepped(budget: float | None) -> la.Work:
@@ -44,9 +44,9 @@ def links(solution: dict) -> np.ndarray:
     return np.array(list(solution["links"].values()))
 
 
-def continued(asked: dict, start: dict, budget: float | None = 0.5, **options) -> dict:
+def continued(request: dict, start: dict, budget: float | None = 0.5, **options) -> dict:
     """The solution that continues a linkage."""
-    result = la.synthesize(**asked, start_from=[start], top=3, budget=budget, work=stepped, **options)
+    result = la.synthesize(**request, start_from=[start], top=3, budget=budget, work=stepped, **options)
     (rank,) = result.report.continued
     return plain(result.solutions[rank - 1])
 
@@ -54,10 +54,12 @@ def continued(asked: dict, start: dict, budget: float | None = 0.5, **options) -
 @pytest.mark.parametrize("name", some_of(["casement", "film", "timed", "wiper", "bucket", "pick"], 3))
 def test_a_drag_by_a_pixel_continues_the_linkage_on_show_and_back_restores_it(name) -> None:
     shown = plain(la.synthesize(**question(name), top=1, budget=2.0, work=stepped).best)
-    other = continued(question(name, pixels=1), shown)
-    assert other["branch"] == shown["branch"]
-    assert np.abs(links(other) - links(shown)).max() < 0.05 * links(shown).max(), "the same linkage, a little changed"
-    back = continued(question(name), other)
+    second = continued(question(name, pixels=1), shown)
+    assert second["branch"] == shown["branch"]
+    assert np.abs(links(second) - links(shown)).max() < 0.05 * links(shown).max(), (
+        "the same linkage, a little changed"
+    )
+    back = continued(question(name), second)
     assert np.abs(links(back) - links(shown)).max() < 0.02 * links(shown).max()
     assert back["errors"]["objective"] <= 1.05 * shown["errors"]["objective"] + 1e-9
 
@@ -79,15 +81,15 @@ def test_a_compact_linkage_moves_no_farther_than_needed(crank_angles) -> None:
 
 def test_the_answer_is_no_worse_than_the_given_linkage_however_short_the_time() -> None:
     good = la.synthesize(**question("film"), top=1, budget=2.0, work=stepped).best
-    again = continued(question("film"), plain(good), budget=1e-3)
-    assert again["errors"]["objective"] <= good.errors.objective * (1 + 1e-9)
+    repeated = continued(question("film"), plain(good), budget=1e-3)
+    assert repeated["errors"]["objective"] <= good.errors.objective * (1 + 1e-9)
 
 
 def test_the_search_runs_too() -> None:
-    far = {"links": dict(crank=30, coupler=80, rocker=70, ground=100), "branch": 1, "start_angle": 0}
-    asked = {key: TIMED[key] for key in ("rotation", "position", "crank_span")}
-    begun = la.synthesize(**asked, start_from=[far, la.FourBar(19, 70, 140, 160)], top=3)
-    assert begun.status == "reached" and len(begun.report.continued) == 2
+    distant = {"links": dict(crank=30, coupler=80, rocker=70, ground=100), "branch": 1, "start_angle": 0}
+    request = {key: TIMED[key] for key in ("rotation", "position", "crank_span")}
+    started_from = la.synthesize(**request, start_from=[distant, la.FourBar(19, 70, 140, 160)], top=3)
+    assert started_from.status == "reached" and len(started_from.report.continued) == 2
 
 
 BENDING = {"rotation": [0, 5, 11, 20, 30], "position": [[0, 0], [20, 5], [45, 8], [70, 20], [100, 25]]}

@@ -1,4 +1,7 @@
-"""Functions with travel by the front door: replies recomputed from their own numbers, units, limits, zeros, refusals."""
+"""Functions with travel are made by the linkages of the reply, in every unit and within every limit.
+
+A slider that is measured from a wrong origin, or an error that does not belong to the numbers, would show here.
+"""
 
 import json
 from functools import cache
@@ -34,29 +37,31 @@ def answered(case: str, objective: str = "rms") -> Any:
     return la.function(**CASES[case], objective=objective, top=2, curves=True)
 
 
-def output_of(one: Any, case: dict[str, Any], travel: np.ndarray) -> np.ndarray:
+def output_of(linkage: Any, case: dict[str, Any], travel: np.ndarray) -> np.ndarray:
     """The output of a solution from its lengths and zeros, by formulas of books, up to whole turns."""
-    size, place, side = one.lengths, one.input_zero + travel, one.branch
-    if one.kind == "slider_crank" and one.driver == "crank":
-        t, across = np.deg2rad(place), one.lengths["offset"] - size["crank"] * np.sin(np.deg2rad(place))
+    size, position, side = linkage.lengths, linkage.input_zero + travel, linkage.branch
+    if linkage.kind == "slider_crank" and linkage.driver == "crank":
+        t, across = np.deg2rad(position), linkage.lengths["offset"] - size["crank"] * np.sin(np.deg2rad(position))
         return size["crank"] * np.cos(t) + side * np.sqrt(size["rod"] ** 2 - across**2)
-    if one.kind == "swinging_block" and one.driver == "crank":
-        return np.abs(size["ground"] - size["crank"] * np.exp(1j * np.deg2rad(place)))
-    if one.kind == "two_rails":
+    if linkage.kind == "swinging_block" and linkage.driver == "crank":
+        return np.abs(size["ground"] - size["crank"] * np.exp(1j * np.deg2rad(position)))
+    if linkage.kind == "two_rails":
         angle = np.deg2rad(size["angle"])
-        along = np.sqrt(size["rod"] ** 2 - (place * np.sin(angle)) ** 2)
-        return np.array([place * np.cos(angle) + way * along for way in (1, -1)])
-    if one.kind == "slider_crank":
-        far = place + 1j * size["offset"]
-        cosine = (np.abs(far) ** 2 + size["crank"] ** 2 - size["rod"] ** 2) / (2 * size["crank"] * np.abs(far))
+        along = np.sqrt(size["rod"] ** 2 - (position * np.sin(angle)) ** 2)
+        return np.array([position * np.cos(angle) + direction * along for direction in (1, -1)])
+    if linkage.kind == "slider_crank":
+        distant = position + 1j * size["offset"]
+        cosine = (np.abs(distant) ** 2 + size["crank"] ** 2 - size["rod"] ** 2) / (
+            2 * size["crank"] * np.abs(distant)
+        )
         between = np.arccos(cosine)
-        return np.rad2deg(np.array([np.angle(far) + way * between for way in (1, -1)]))
-    if one.kind == "swinging_block":
-        cosine = (size["ground"] ** 2 + size["crank"] ** 2 - place**2) / (2 * size["ground"] * size["crank"])
-        return np.rad2deg(np.array([way * np.arccos(cosine) for way in (1, -1)]))
+        return np.rad2deg(np.array([np.angle(distant) + direction * between for direction in (1, -1)]))
+    if linkage.kind == "swinging_block":
+        cosine = (size["ground"] ** 2 + size["crank"] ** 2 - position**2) / (2 * size["ground"] * size["crank"])
+        return np.rad2deg(np.array([direction * np.arccos(cosine) for direction in (1, -1)]))
     if "slot_offset" not in size:
-        return side * np.sqrt(place**2 + (1 if one.driver == "slider" else -1) * size["pin_distance"] ** 2)
-    arm = 1j * size["pin_distance"] - place
+        return side * np.sqrt(position**2 + (1 if linkage.driver == "slider" else -1) * size["pin_distance"] ** 2)
+    arm = 1j * size["pin_distance"] - position
     return np.rad2deg(np.angle(arm) - np.arcsin(size["slot_offset"] / np.abs(arm)))
 
 
@@ -65,42 +70,47 @@ EITHER = [(case, ("rms", "max")[(k + turn) % 2]) for turn in range(2) for k, cas
 
 @pytest.mark.parametrize(("case", "objective"), some_of(EITHER, len(CASES) - 2))
 def test_the_reply_does_what_it_says(case: str, objective: str) -> None:
-    asked = CASES[case]
+    request = CASES[case]
     found = answered(case, objective)
     assert found.status == "closest" and found.solutions
-    travel, wanted = found.input, found.output
-    for one in found:
-        made = np.atleast_2d(output_of(one, asked, travel)) + one.output_offset
-        gaps = made - wanted
-        if asked.get("output_unit") != "length":
+    travel, expected = found.input, found.output
+    for linkage in found:
+        built = np.atleast_2d(output_of(linkage, request, travel)) + linkage.output_offset
+        gaps = built - expected
+        if request.get("output_unit") != "length":
             gaps = (gaps + 180) % 360 - 180
         gap = gaps[np.argmin(np.abs(gaps).max(axis=1))]
-        assert np.sqrt(np.mean(gap**2)) == pytest.approx(one.errors.rms, rel=1e-5, abs=1e-9)
-        assert np.abs(gap).max() <= one.errors.max * (1 + 1e-6)
-        assert np.abs(one.error_curve.error).max() == pytest.approx(one.errors.max, rel=0.02) or objective == "rms"
-        # the linkage is that of the numbers, and its file too
-        table = [line.split(",") for line in found.render("csv", one.rank).splitlines()]
+        assert np.sqrt(np.mean(gap**2)) == pytest.approx(linkage.errors.rms, rel=1e-5, abs=1e-9)
+        assert np.abs(gap).max() <= linkage.errors.max * (1 + 1e-6)
+        assert (
+            np.abs(linkage.error_curve.error).max() == pytest.approx(linkage.errors.max, rel=0.02)
+            or objective == "rms"
+        )
+        # the linkage and its file agree with the numbers
+        table = [line.split(",") for line in found.render("csv", linkage.rank).splitlines()]
         errors = np.array([float(row[table[0].index("error")]) for row in table[1:]])
         np.testing.assert_allclose(errors, gap, atol=1e-6)
-        assert one.transmission_angle_min > 0 and one.verdict.works
-        again = la.Linkage.from_dict(one.to_dict())
-        np.testing.assert_allclose(again.joints(travel).rotation, one.linkage.joints(travel).rotation, atol=1e-9)
+        assert linkage.transmission_angle_min > 0 and linkage.verdict.works
+        repeated = la.Linkage.from_dict(linkage.to_dict())
+        np.testing.assert_allclose(
+            repeated.joints(travel).rotation, linkage.linkage.joints(travel).rotation, atol=1e-9
+        )
         for kind in ("svg", "dxf", "mjcf"):
-            assert found.render(kind, one.rank)
-    assert json.loads(json.dumps(found.to_dict())) == found.to_dict() and one.kind in repr(found)
+            assert found.render(kind, linkage.rank)
+    assert json.loads(json.dumps(found.to_dict())) == found.to_dict() and linkage.kind in repr(found)
 
 
 @some_cases
 def test_units_only_name(case: str) -> None:
     """Millimetres or metres, degrees or radians: the same linkages."""
-    asked = CASES[case]
+    request = CASES[case]
     first = answered(case).best
-    lengths = {"output": asked.get("output_unit") == "length", "input": asked.get("input_unit") == "length"}
-    other: dict[str, Any] = dict(asked)
+    lengths = {"output": request.get("output_unit") == "length", "input": request.get("input_unit") == "length"}
+    rescaled: dict[str, Any] = dict(request)
     for name, kind in (("output", "output"), ("input", "input"), ("crank_span", "input"), ("travel_span", "input")):
-        if name in asked:
-            other[name] = np.multiply(asked[name], 1e-3 if lengths[kind] else np.pi / 180)
-    second = la.function(**other, degrees=False, top=1).best
+        if name in request:
+            rescaled[name] = np.multiply(request[name], 1e-3 if lengths[kind] else np.pi / 180)
+    second = la.function(**rescaled, degrees=False, top=1).best
     if "cylinder" not in case:  # crank and ground can be exchanged
         for name, value in first.lengths.items():
             mine, size = second.lengths[name], np.pi / 180 if name == "angle" else 1e-3
@@ -112,42 +122,44 @@ def test_units_only_name(case: str) -> None:
 
 @some_cases
 def test_an_exact_function_is_found(case: str) -> None:
-    asked = CASES[case]
-    near = answered(case)
-    exact = np.atleast_2d(output_of(near.best, asked, near.input))
-    made = exact[np.argmin(np.ptp(np.array(asked["output"]) - exact, axis=1))]
-    if asked.get("output_unit") != "length":
-        made = np.rad2deg(np.unwrap(np.deg2rad(made)))
-    found = la.function(**{**asked, "output": made}, tolerance=1e-7)
+    request = CASES[case]
+    close = answered(case)
+    exact = np.atleast_2d(output_of(close.best, request, close.input))
+    built = exact[np.argmin(np.ptp(np.array(request["output"]) - exact, axis=1))]
+    if request.get("output_unit") != "length":
+        built = np.rad2deg(np.unwrap(np.deg2rad(built)))
+    found = la.function(**{**request, "output": built}, tolerance=1e-7)
     assert found.status == "reached"
 
 
 def test_limits_are_kept_and_the_first_is_the_best_of_them() -> None:
-    asked = CASES["crank to slider"]
+    request = CASES["crank to slider"]
     free = answered("crank to slider").best
     limits = {"transmission_angle_min": free.transmission_angle_min + 5, "link_max": 200, "link_ratio_max": 3}
-    found = la.function(**asked, limits=limits, top=5)
-    for one in found:
-        links = [one.lengths["crank"], one.lengths["rod"]]
-        assert one.transmission_angle_min >= limits["transmission_angle_min"] - 1e-6
+    found = la.function(**request, limits=limits, top=5)
+    for solution in found:
+        links = [solution.lengths["crank"], solution.lengths["rod"]]
+        assert solution.transmission_angle_min >= limits["transmission_angle_min"] - 1e-6
         assert max(links) <= 200 * (1 + 1e-6) and max(links) <= 3 * min(links) * (1 + 1e-6)
-        assert one.errors.rms >= free.errors.rms * (1 - 1e-9)
-    given = la.function(**asked, limits={"offset": 0, "links": {"crank": 30, "coupler": 90}}, top=1).best
-    assert given.lengths == {"crank": 30.0, "rod": 90.0, "offset": 0.0}
-    practical = la.function(**asked, limits={"preset": "practical"}, top=1).best
+        assert solution.errors.rms >= free.errors.rms * (1 - 1e-9)
+    prescribed = la.function(**request, limits={"offset": 0, "links": {"crank": 30, "coupler": 90}}, top=1).best
+    assert prescribed.lengths == {"crank": 30.0, "rod": 90.0, "offset": 0.0}
+    practical = la.function(**request, limits={"preset": "practical"}, top=1).best
     assert practical.verdict.practical and practical.transmission_angle_min >= 35 - 1e-6
 
 
 def test_one_way_and_several_kinds_and_little_time() -> None:
-    asked = CASES["slider to crank"]
-    found = la.function(**{**asked, "mechanisms": "all"}, one_way=True, objective="max", top=10)
-    assert {one.kind for one in found} == {"slider_crank", "swinging_block", "rail_slot"}
+    request = CASES["slider to crank"]
+    found = la.function(**{**request, "mechanisms": "all"}, one_way=True, objective="max", top=10)
+    assert {linkage.kind for linkage in found} == {"slider_crank", "swinging_block", "rail_slot"}
     assert any("several kinds" in note for note in found.report.notes)
-    for one in found:
-        assert not [reason for reason in one.verdict.reasons if "turns back" in reason]
-    objectives = [one.errors.objective for one in found]
-    assert objectives == sorted(objectives) and [one.rank for one in found] == list(range(1, len(found) + 1))
-    quick = la.function(**asked, budget=0.02, work=lambda budget: la.Work(budget, clock=count(step=1e-3).__next__))
+    for generator in found:
+        assert not [reason for reason in generator.verdict.reasons if "turns back" in reason]
+    objectives = [solution.errors.objective for solution in found]
+    assert objectives == sorted(objectives) and [solution.rank for solution in found] == list(
+        range(1, len(found) + 1)
+    )
+    quick = la.function(**request, budget=0.02, work=lambda budget: la.Work(budget, clock=count(step=1e-3).__next__))
     assert quick.status in ("closest", "unknown") and quick.report.elapsed_ms["total"] < 1000
 
 
@@ -155,8 +167,8 @@ def test_one_way_and_several_kinds_and_little_time() -> None:
 def test_a_slider_and_a_cylinder_that_make_a_function_exactly_are_found(driver) -> None:
     slider = np.linspace(10.0, 60.0, 9)
     cylinder = np.hypot(slider, 30.0)
-    asked, made = (slider, cylinder) if driver == "slider" else (cylinder, slider)
-    found = la.function(made - made[0], input=asked - asked[0], **BOTH, **SLOT)
+    request, built = (slider, cylinder) if driver == "slider" else (cylinder, slider)
+    found = la.function(built - built[0], input=request - request[0], **BOTH, **SLOT)
     assert (found.status, found.best.driver) == ("reached", driver)
     assert found.best.lengths["pin_distance"] == pytest.approx(30.0, rel=1e-9)
-    assert found.best.input_zero == pytest.approx(asked[0], rel=1e-9)
+    assert found.best.input_zero == pytest.approx(request[0], rel=1e-9)

@@ -35,14 +35,14 @@ def in_cm(tmp_path_factory):
 def test_files_of_every_format_are_in_the_unit_of_the_table(in_cm, kind) -> None:
     motion, best = in_cm
     assert motion.length_unit == best.linkage.length_unit == "cm"
-    asked = (
+    request = (
         {"solids": {"nevertheless": True}} if kind in ("step", "3mf", "stl", "urdf", "sdf", "parts", "plates") else {}
     )
-    own, named, other = (
-        comparable(kind, best.linkage.file(kind, **unit, **asked))
+    own, named, second = (
+        comparable(kind, best.linkage.file(kind, **unit, **request))
         for unit in ({}, {"length_unit": "cm"}, {"length_unit": "mm"})
     )
-    assert own == named != other
+    assert own == named != second
 
 
 def comparable(kind: str, content: bytes):
@@ -71,8 +71,8 @@ def test_a_drawing_has_the_size_that_the_table_says(tmp_path, unit) -> None:
     best.linkage.save(path := tmp_path / "linkage.dxf")
     lines = [line for line in ezdxf.readfile(path).modelspace().query("LINE") if line.dxf.layer == "LINKS"]
     longest = max(line.dxf.start.distance(line.dxf.end) for line in lines)
-    wanted = max(best.links.crank, best.links.rocker, best.links.coupler) * UNITS[unit]
-    assert longest == pytest.approx(wanted, rel=1e-6)
+    expected = max(best.links.crank, best.links.rocker, best.links.coupler) * UNITS[unit]
+    assert longest == pytest.approx(expected, rel=1e-6)
 
 
 def test_the_table_converts_to_the_units_that_are_asked_for(tmp_path) -> None:

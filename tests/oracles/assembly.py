@@ -1,4 +1,4 @@
-"""Gaps and layers written as plainly as they can be: shapely at one place, and every arrangement without pruning."""
+"""Compute gaps and layers as plainly as possible: shapely in each position, and every arrangement without pruning."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ from synthesis.guides import DRIVERS, Circle, Rail, Slot
 from synthesis.linkage import four_bar, on_guides
 from synthesis.target import TURN, Interval
 
-PLACES = 721
-"""Of each motion, its ends among them."""
-NEAR = 1e-9
-"""Of the size: gaps less than this either way are not compared."""
+POSITIONS = 721
+"""Positions of each motion, its ends included."""
+CLOSE = 1e-9
+"""Fraction of the size: gaps between this and its negative are not compared."""
 SEED = 7
 
 
-def shapely_gap(one, other) -> float:
+def shapely_gap(first, second) -> float:
     """Distance of two cores: points, lines or polygons, as complex corners."""
-    return shapely.distance(_geometry(one), _geometry(other))
+    return shapely.distance(_geometry(first), _geometry(second))
 
 
 def _geometry(core):
@@ -42,15 +42,17 @@ def _geometry(core):
     return shapely.LineString(points) if len(points) == 2 else shapely.Polygon(points)
 
 
-def free_stacks(machine, boards, hits, most):
-    """Fewest layers of free stacks, and all of them as (layers, mounts); ``hits(a, b)`` says whether two parts ever collide.
+def free_stacks(machine, boards, hits, largest):
+    """Return the fewest layers of free stacks, and all such stacks as (layers, mounts); ``hits(a, b)`` is true if
+    two parts ever collide.
 
-    Without heads, and every plate in every layer: constraints 1 to 4 of `synthesis.assembly.stacks` word by word.
+    Without heads, and every plate in every layer: constraints 1 to 4 of `synthesis.assembly.stacks` word by
+    word.
     """
     names = [plate.name for plate in machine.plates]
     grounded = [pin.name for pin in machine.pins if pin.grounded] if boards != "bar" else []
     mounts = {"below": ["below"], "above": ["above"], "both": ["below", "above", "below+above"], "bar": []}[boards]
-    for count in range(1, most + 1):
+    for count in range(1, largest + 1):
         found = []
         for chosen in itertools.product(range(1, count + 1), repeat=len(names)):
             layers = dict(zip(names, chosen))
@@ -59,20 +61,20 @@ def free_stacks(machine, boards, hits, most):
             if any(layers[a] == layers[b] for pin in machine.pins for a, b in itertools.combinations(pin.joins, 2)):
                 continue
             for held in itertools.product(mounts, repeat=len(grounded)):
-                ways = dict(zip(grounded, held))
-                if not _collides(machine, layers, ways, count, hits):
-                    found.append((layers, ways))
+                directions = dict(zip(grounded, held))
+                if not _collides(machine, layers, directions, count, hits):
+                    found.append((layers, directions))
         if found:
             return count, found
     return None, []
 
 
-def _collides(machine, layers, ways, count, hits) -> bool:
+def _collides(machine, layers, directions, count, hits) -> bool:
     filled = {}
     for pin in machine.pins:
         own = [layers[name] for name in pin.joins]
-        low = 1 if "below" in ways.get(pin.name, "") else min(own)
-        high = count if "above" in ways.get(pin.name, "") else max(own)
+        low = 1 if "below" in directions.get(pin.name, "") else min(own)
+        high = count if "above" in directions.get(pin.name, "") else max(own)
         filled[pin.name] = set(range(low, high + 1)), set(own), set(pin.joins)
     for a, b in itertools.combinations(layers, 2):
         if layers[a] == layers[b] and hits(a, b):
@@ -80,17 +82,19 @@ def _collides(machine, layers, ways, count, hits) -> bool:
     for pin, (own, _, joins) in filled.items():
         if any(layer in own and plate not in joins and hits(plate, pin) for plate, layer in layers.items()):
             return True
-    for (a, (one, mine, _)), (b, (other, its, _)) in itertools.combinations(filled.items(), 2):
-        if (one & other) - mine - its and hits(a, b):
+    for (a, (first, mine, _)), (b, (second, its, _)) in itertools.combinations(filled.items(), 2):
+        if (first & second) - mine - its and hits(a, b):
             return True
     return False
 
 
-# -- random machines, and what shapely says of them ---------------------------------------------------------------------
+# -- random machines, and their results by shapely ---------------------------------------------------------------------
 
 
 def four_bars(count: int) -> Iterator[Machine]:
-    """Random four-bars: lengths over a decade, both branches, plates of all sizes, over a turn or a part of one."""
+    """Random four-bars: lengths over a decade, both branches, plates of all sizes, over a turn or a fraction of a
+    turn.
+    """
     random = np.random.default_rng(SEED)
     while count:
         links = tuple(10.0 ** random.uniform(-0.8, 0, 4))
@@ -116,9 +120,9 @@ def _star(random: np.random.Generator) -> tuple[complex, ...]:
     return star if random.random() < 0.3 and np.all(np.diff(angle) > 1e-3) else ()
 
 
-def _sizes(random: np.random.Generator, most: float) -> Sizes:
+def _sizes(random: np.random.Generator, largest: float) -> Sizes:
     """Pins up to a size, plates narrow and wide, and a clearance."""
-    hole = most * random.uniform(0.3, 1.0)
+    hole = largest * random.uniform(0.3, 1.0)
     return Sizes(hole, hole * random.uniform(1.3, 3.5), random.uniform(0, 0.02))
 
 
@@ -126,22 +130,22 @@ def sliders(count: int) -> Iterator[Machine]:
     """Random bodies on two guides of all kinds, by all their drives, over a part of what each can do or a turn."""
     random = np.random.default_rng(SEED)
 
-    def place(size: float = 1.0) -> complex:
+    def position(size: float = 1.0) -> complex:
         return complex(*random.normal(size=2)) * size
 
     def guide(kind: Any) -> Any:
         if kind is Circle:
-            return Circle(place(2.0), float(random.uniform(0.3, 2.0)), place())
+            return Circle(position(2.0), float(random.uniform(0.3, 2.0)), position())
         if kind is Rail:
-            return Rail(place(2.0), float(random.uniform(0, TURN)), place())
-        return Slot(place(2.0), place(), float(random.uniform(0, TURN)))
+            return Rail(position(2.0), float(random.uniform(0, TURN)), position())
+        return Slot(position(2.0), position(), float(random.uniform(0, TURN)))
 
-    ways = [(one, other, drive) for one in DRIVERS for other in DRIVERS for drive in DRIVERS[one]]
-    ways = [way for way in ways if way[:2] != (Circle, Circle)]
+    directions = [(driver, second, drive) for driver in DRIVERS for second in DRIVERS for drive in DRIVERS[driver]]
+    directions = [direction for direction in directions if direction[:2] != (Circle, Circle)]
     while count:
-        one, other, drive = ways[count % len(ways)]
+        first, second, drive = directions[count % len(directions)]
         linkage = on_guides(
-            (guide(one), guide(other)), drive, int(random.choice([-1, 1])), float(random.uniform(-3, 3))
+            (guide(first), guide(second)), drive, int(random.choice([-1, 1])), float(random.uniform(-3, 3))
         )
         span = float(random.uniform(0.2, 1.5)) if random.random() < 0.7 or not drive.turns else TURN
         with np.errstate(all="ignore"):
@@ -149,11 +153,11 @@ def sliders(count: int) -> Iterator[Machine]:
         try:
             machine = as_plates(linkage, Interval(0.0, span), Sizes()) if closes else None
             if machine is not None:
-                most = min(1.3 * machine.hole, 0.3 * min(machine.lengths))
-                machine = as_plates(linkage, Interval(0.0, span), _sizes(random, most), _star(random))
+                largest = min(1.3 * machine.hole, 0.3 * min(machine.lengths))
+                machine = as_plates(linkage, Interval(0.0, span), _sizes(random, largest), _star(random))
         except ValueError:
             machine = None
-        # a body that is flung far away tells nothing
+        # a body that is flung far away gives no information
         if machine is None or max(abs(z) for plate in machine.plates for z in plate.shape.core) > 50:
             continue
         yield machine
@@ -177,18 +181,18 @@ def six_bars(count: int) -> Iterator[Machine]:
         if random.random() < 0.5:
             link, ends, pivot = "rocker", joints.rocker_angle[[0, -1]], linkage.pivot_b
         swing = ends[1] - ends[0]
-        made = proportions(abs(swing), float(random.choice([1.0, random.uniform(1.05, 1.6)])))
-        if made is None or made.transmission_angle_min < 0.2:
+        built = proportions(abs(swing), float(random.choice([1.0, random.uniform(1.05, 1.6)])))
+        if built is None or built.transmission_angle_min < 0.2:
             continue
         radius, angle = (
             float(random.uniform(0.4, 1.1)) * links[0 if link == "crank" else 2],
             random.uniform(-0.5, 0.5),
         )
-        # the proportions are those of a swing that turns counter-clockwise
-        motor = made.motor if swing > 0 else made.motor.conjugate()
+        # the proportions belong to a swing that turns counter-clockwise
+        motor = built.motor if swing > 0 else built.motor.conjugate()
         at = pivot + radius * motor * np.exp(1j * (ends.mean() + angle))
         pin = complex(radius * np.exp(1j * angle))
-        motor = Motor(link, complex(at), radius * made.crank, radius * made.rod, pin)
+        motor = Motor(link, complex(at), radius * built.crank, radius * built.rod, pin)
         try:
             yield motor_driven(linkage, used, motor, _sizes(random, 0.25 * min(*links, motor.crank)))
         except ValueError:
@@ -221,7 +225,7 @@ def other_six_bars(count: int) -> Iterator[tuple[Any, Interval, Motor]]:
         used = Interval(0.0, float(random.uniform(0.4, 1.2)))
         with np.errstate(all="ignore"):
             machine = motions_of(linkage, used)
-        if not all(np.isfinite(one.rate).all() for one in machine.links.values()):
+        if not all(np.isfinite(link.rate).all() for link in machine.links.values()):
             continue
         link = machine.links[
             str(random.choice([name for name in machine.links if not name.endswith(("slider", "block"))]))
@@ -240,68 +244,75 @@ def other_six_bars(count: int) -> Iterator[tuple[Any, Interval, Motor]]:
 
 
 def motors_elsewhere(count: int) -> Iterator[Machine]:
-    """The same as machines with plates of all sizes."""
-    random, made = np.random.default_rng(SEED), 0
+    """Return the linkages as machines with plates of all sizes."""
+    random, built = np.random.default_rng(SEED), 0
     for case in other_six_bars(2 * count):
-        if made == count:
+        if built == count:
             return
         try:
             plain = motor_driven(*case, Sizes())
             yield motor_driven(*case, _sizes(random, plain.hole))
         except ValueError:
             continue
-        made += 1
+        built += 1
 
 
 def outlines(machine: Machine, body: int, core: tuple[complex, ...], travel: Any) -> Any:
     """A core as shapely's geometries at places (n,)."""
     bodies = machine.movement.bodies(travel)
     points = bodies.origin[body][:, None] + bodies.direction[body][:, None] * np.array(core)
-    places = np.stack([points.real, points.imag], axis=-1)
+    positions = np.stack([points.real, points.imag], axis=-1)
     if len(core) == 1:
-        return shapely.points(places[:, 0])
-    return shapely.linestrings(places) if len(core) == 2 else shapely.polygons(places)
+        return shapely.points(positions[:, 0])
+    return shapely.linestrings(positions) if len(core) == 2 else shapely.polygons(positions)
 
 
 def disagreements(machine: Machine, search: StackSearch) -> tuple[int, int, int]:
     """Pairs, places that were compared, and of them those where the proof and shapely differ."""
-    travel = np.linspace(*machine.used, PLACES)
+    travel = np.linspace(*machine.used, POSITIONS)
     drawn: dict[int, Any] = {}
     compared = wrong = 0
     shapes, clearance = search.shapes, machine.clearance
-    for (one, other), proof in zip(search.numbers, search.proofs):
-        for number in (one, other):
+    for (first, second), proof in zip(search.numbers, search.proofs):
+        for number in (first, second):
             if number not in drawn:
                 drawn[number] = outlines(machine, shapes[number].body, shapes[number].shape.core, travel)
-        radii = shapes[one].shape.radius + shapes[other].shape.radius
-        gap = shapely.distance(drawn[one], drawn[other]) - radii - clearance
-        hits = np.zeros(PLACES, dtype=bool)
-        told = np.abs(gap) > NEAR * machine.size
+        radii = shapes[first].shape.radius + shapes[second].shape.radius
+        gap = shapely.distance(drawn[first], drawn[second]) - radii - clearance
+        hits = np.zeros(POSITIONS, dtype=bool)
+        reported = np.abs(gap) > CLOSE * machine.size
         for run in proof.hits:
             hits |= (run.first <= travel) & (travel <= run.last)
         for run in proof.touches:
-            told &= ~((run.first <= travel) & (travel <= run.last))
-        compared += int(told.sum())
-        wrong += int((told & (hits != (gap < 0))).sum())
+            reported &= ~((run.first <= travel) & (travel <= run.last))
+        compared += int(reported.sum())
+        wrong += int((reported & (hits != (gap < 0))).sum())
     return len(search.proofs), compared, wrong
 
 
 def nearest(machine: Machine, found: Arrangement) -> float:
     """The least gap less clearance of parts that fill a common layer and are not joined, at all places, over the size."""
-    travel = np.linspace(*machine.used, PLACES)
+    travel = np.linspace(*machine.used, POSITIONS)
     joined = {pin.name: set(pin.joins) for pin in machine.pins}
-    parts = [one for one in parts_of(machine, found.stack, Heights.of(machine)) if one.kind != "board"]
+    parts = [linkage for linkage in parts_of(machine, found.stack, Heights.of(machine)) if linkage.kind != "board"]
     drawn = [outlines(machine, part.body, part.shape.core, travel) for part in parts]
-    least = np.inf
-    for k, one in enumerate(parts):
-        for n, other in enumerate(parts[:k]):
-            common = set(range(one.layers[0], one.layers[1] + 1)) & set(range(other.layers[0], other.layers[1] + 1))
+    smallest = np.inf
+    for k, later in enumerate(parts):
+        for n, second in enumerate(parts[:k]):
+            common = set(range(later.layers[0], later.layers[1] + 1)) & set(
+                range(second.layers[0], second.layers[1] + 1)
+            )
             common &= set(range(1, found.stack.count + 1))
-            # where a pin has a plate of its own the plate stands for it
-            for part in (one, other):
+            # a plate of its own replaces the pin
+            for part in (later, second):
                 if part.kind != "plate":
                     common -= {found.stack.layers[plate] for plate in joined[part.name.split("_")[1]]}
             if common:
-                gap = shapely.distance(drawn[k], drawn[n]) - one.shape.radius - other.shape.radius - machine.clearance
-                least = min(least, float(np.min(gap)))
-    return least / machine.size
+                gap = (
+                    shapely.distance(drawn[k], drawn[n])
+                    - later.shape.radius
+                    - second.shape.radius
+                    - machine.clearance
+                )
+                smallest = min(smallest, float(np.min(gap)))
+    return smallest / machine.size

@@ -23,7 +23,7 @@ SAMPLES = 32
 
 @dataclass(frozen=True)
 class Case:
-    """A request and where it comes from."""
+    """A request and the linkage that made it."""
 
     kind: str
     seed: int
@@ -34,7 +34,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Draw:
-    """What makes up a class; each part may be left at the common choice."""
+    """Options of a class; each has a common default."""
 
     lengths: Callable[[Generator], np.ndarray]
     span: tuple[float, float] = (30.0, 360.0)
@@ -100,10 +100,10 @@ def change_point(random: Generator, low: float = -8, high: float = -1) -> np.nda
     while True:
         lengths = simplex(random, is_crank_rocker)
         longest = int(np.argmax(lengths))
-        others = np.delete(lengths, [0, longest])
+        remaining = np.delete(lengths, [0, longest])
         excess = 10.0 ** random.uniform(low, high)
-        lengths[longest] = others.sum() - lengths[0] - excess
-        if lengths[longest] <= others.max() or lengths[0] >= others.min() or not is_crank_rocker(lengths):
+        lengths[longest] = remaining.sum() - lengths[0] - excess
+        if lengths[longest] <= remaining.max() or lengths[0] >= remaining.min() or not is_crank_rocker(lengths):
             continue
         return lengths if random.random() < 0.5 else lengths[::-1].copy()
 
@@ -129,12 +129,12 @@ CLASSES: dict[str, Draw] = {
 UNREACHABLE = "unreachable"
 NAMES = (*CLASSES, UNREACHABLE)
 HARD = ("tiny span", "tiny crank", "change point")
-"""Exact classes of which 99 % must reach the tolerance; of the other exact ones 99.9 %."""
+"""Exact classes of which 99 % must reach the tolerance; the other exact classes have 99.9 %."""
 EXACT = tuple(name for name in CLASSES if name != "noise")
 
 
 def generator(kind: str, seed: int) -> Generator:
-    """The random numbers of one case: the same whatever other cases are drawn."""
+    """Return the random numbers of a case: independent of the other cases."""
     return np.random.default_rng([zlib.crc32(kind.encode()), seed])
 
 
@@ -173,8 +173,8 @@ def make_case(kind: str, seed: int, samples: int = SAMPLES) -> Case:
     }
     rotation, position = truth_motion(truth, crank)
     if draw.offset:
-        far = draw.offset * _extent(position) * np.array(_unit_vector(random))
-        truth["mount"]["pivot_a"] = far.tolist()
+        distant = draw.offset * _extent(position) * np.array(_unit_vector(random))
+        truth["mount"]["pivot_a"] = distant.tolist()
         rotation, position = truth_motion(truth, crank)
     if draw.noise:
         rotation = rotation + np.rad2deg(draw.noise) * random.standard_normal(samples)

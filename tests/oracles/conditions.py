@@ -1,4 +1,7 @@
-"""How much rounding of its input a computation may show: condition numbers, and the distance that Haar features give."""
+"""Condition numbers, and the distance of Haar features: the rounding of its input that a computation may show.
+
+A tolerance that hides a fault is larger than these.
+"""
 
 from __future__ import annotations
 
@@ -19,12 +22,14 @@ def condition_of_closure(lengths, branch, crank_angle):
 
 
 def position_condition(crank, angle):
-    """Condition number of the fit of A, z1, z2: of the columns {1, e^{it}, e^{i theta2}}, each of norm one."""
+    """Return the condition number of the fit of A, z1, z2: of the columns {1, e^{it}, e^{i theta2}}, each of unit
+    norm.
+    """
     columns = np.stack([np.ones_like(crank), np.exp(1j * crank), np.exp(1j * angle)], axis=-1)
     singular = np.linalg.svd(columns, compute_uv=False)
     return singular[0] / max(singular[-1], np.finfo(float).tiny)
 
 
-def feature_distance(details, other):
+def feature_distance(details, second):
     """Rms difference of two curves after the best constant offset, from their orthonormal details."""
-    return np.sqrt(np.sum((details - other) ** 2) / (details.size + 1))
+    return np.sqrt(np.sum((details - second) ** 2) / (details.size + 1))

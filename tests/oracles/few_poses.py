@@ -1,7 +1,7 @@
-"""Four-bars through two, three or four poses by plain random sampling, judged by closing the loop at many crank angles.
+"""Sample four-bars through two, three or four poses, and judge them by closing the loop at many crank angles.
 
-Nothing of the software is imported: centres and body points are drawn, the loop is closed by intersecting two circles, and a
-linkage counts if it passes the poses in order on one branch without opening in between.
+Nothing of the software is imported: centres and body points are drawn, the loop is closed by intersecting two
+circles, and a linkage counts if it passes the poses in order on the same branch without opening in between.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def random_task(seed: int, poses: int) -> Task:
 
 
 class Sampled(NamedTuple):
-    """Usable four-bars among the sampled ones."""
+    """Usable four-bars among the sampled linkages."""
 
     longest: np.ndarray
     """(n,): longest link."""
@@ -62,9 +62,9 @@ def sampled_four_bars(task: Task, dyads: int = 60_000, seed: int = 0) -> Sampled
         if len(turned) == 2:
             point = seen[:, 0] + along / 2 + 0.5j * along * np.tan(random.uniform(-1.4, 1.4, dyads))
         else:
-            other = seen[:, 2] - seen[:, 0]
-            area = 2 * (np.conj(along) * other).imag
-            point = seen[:, 0] + 1j * (along * np.abs(other) ** 2 - other * np.abs(along) ** 2) / area
+            second = seen[:, 2] - seen[:, 0]
+            area = 2 * (np.conj(along) * second).imag
+            point = seen[:, 0] + 1j * (along * np.abs(second) ** 2 - second * np.abs(along) ** 2) / area
     proper = np.isfinite(point)
     centre, point = centre[proper], point[proper]
     half = centre.size // 2

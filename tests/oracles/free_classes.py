@@ -51,10 +51,10 @@ def free_case(seed: int, samples: int, swinging: bool = False) -> FreeCase:
         lengths = random.dirichlet(np.ones(4)) if swinging else FULL_CRANK[seed % 3](random)
         span = np.deg2rad(random.uniform(20, 120) if swinging else random.uniform(40, 360)) * random.choice([-1, 1])
         gaps = random.uniform(0.2, 1, samples)  # the last leads back to the first
-        way = np.concatenate([[0.0], np.cumsum(gaps[:-1])])
+        direction = np.concatenate([[0.0], np.cumsum(gaps[:-1])])
         full_turn = abs(span) > np.deg2rad(355)
         first = random.uniform(0, 2 * np.pi)
-        theta1 = first + span * way / (gaps.sum() if full_turn else way[-1])
+        theta1 = first + span * direction / (gaps.sum() if full_turn else direction[-1])
         if not swinging:
             break
         dense = np.linspace(theta1[0], theta1[-1], 721)
@@ -71,17 +71,18 @@ def free_case(seed: int, samples: int, swinging: bool = False) -> FreeCase:
     coupler = (coupler_pin - pin) / lengths[1]
     radius = random.uniform(0.1, 1.5) * lengths[1]
     point = pin + radius * np.exp(1j * random.uniform(0, 2 * np.pi)) * coupler
-    place = 200 * np.exp(1j * random.uniform(0, 2 * np.pi))
+    position = 200 * np.exp(1j * random.uniform(0, 2 * np.pi))
     rotation = np.angle(coupler * turned * np.exp(1j * random.uniform(0, 2 * np.pi)))
-    return FreeCase(place + size * turned * point, rotation, lengths, branch, theta1, size)
+    return FreeCase(position + size * turned * point, rotation, lengths, branch, theta1, size)
 
 
 NOISE = 1e-3
 
 
 def free_request(case: FreeCase, kind: str, seed: int) -> tuple[FreeCase, dict[str, Any]]:
-    """The samples that are asked for and the request in degrees, without limits: a "path", "mixed" (half of the rotations
-    missing), with "noise", of "any family", or every pose as it is.
+    """Return the requested samples and the request in degrees, without limits.
+
+    A kind is a "path", "mixed" (half of the rotations missing), with "noise", of "any family", or every pose.
     """
     random = np.random.default_rng([77, seed])
     rotation: Any = None if kind == "path" else case.rotation.copy()
@@ -92,19 +93,21 @@ def free_request(case: FreeCase, kind: str, seed: int) -> tuple[FreeCase, dict[s
         off = random.standard_normal((3, rotation.size)) * NOISE / np.sqrt([[1], [2], [2]])
         rotation = rotation + off[0]
         case = replace(case, position=case.position + size * (off[1] + 1j * off[2]))
-    told = None if rotation is None else [None if np.isnan(turn) else float(np.rad2deg(turn)) for turn in rotation]
-    request: dict[str, Any] = {"rotation": told, "position": case.position, "timing": "free"}
+    reported = (
+        None if rotation is None else [None if np.isnan(turn) else float(np.rad2deg(turn)) for turn in rotation]
+    )
+    request: dict[str, Any] = {"rotation": reported, "position": case.position, "timing": "free"}
     request["limits"] = {"preset": "none", "family": "any" if kind == "any family" else "full_crank"}
     return replace(case, rotation=rotation), request
 
 
 @dataclass(frozen=True)
 class Recomputed:
-    """What a linkage does at its crank angles, from its own numbers."""
+    """Results of a linkage at its crank angles, from its own numbers."""
 
     objective: float
     one_way: bool
-    """Whether the crank angles rise or fall strictly by at most a turn."""
+    """True if the crank angles rise or fall strictly by at most a turn."""
 
 
 def recompute_free(position: Any, rotation: Any, solution: dict[str, Any], scale: float | None = None) -> Recomputed:
@@ -117,17 +120,17 @@ def recompute_free(position: Any, rotation: Any, solution: dict[str, Any], scale
     coupler = (coupler_pin - pin) / links[1]
     point = mount["coupler_point"]
     arm = point["radius"] * np.exp(1j * np.deg2rad(point["angle"]))
-    places = complex(*mount["pivot_a"]) + ground * (pin + arm * coupler)
+    positions = complex(*mount["pivot_a"]) + ground * (pin + arm * coupler)
     square = 0.0
     if position is not None:
-        given = ~np.isnan(position)
-        scale = scale or float(np.max(np.abs(position[given] - position[given].mean())))
-        square += np.mean(np.abs(places - position)[given] ** 2) / scale**2
+        prescribed = ~np.isnan(position)
+        scale = scale or float(np.max(np.abs(position[prescribed] - position[prescribed].mean())))
+        square += np.mean(np.abs(positions - position)[prescribed] ** 2) / scale**2
     if rotation is not None:
-        wanted = np.asarray(rotation, dtype=float)
-        given = ~np.isnan(wanted)
+        expected = np.asarray(rotation, dtype=float)
+        prescribed = ~np.isnan(expected)
         turned = coupler * ground * np.exp(1j * np.deg2rad(solution["body_offset"]))
-        square += np.mean(np.angle(np.exp(1j * wanted[given]) / turned[given]) ** 2)
+        square += np.mean(np.angle(np.exp(1j * expected[prescribed]) / turned[prescribed]) ** 2)
     steps = np.diff(crank)
     one_way = bool(np.all(steps > 0) or np.all(steps < 0)) and abs(crank[-1] - crank[0]) <= 2 * np.pi * (1 + 1e-9)
     return Recomputed(float(np.sqrt(square)), one_way)
@@ -167,13 +170,13 @@ def burmester_dyads(
     m = m[np.abs(change) < 1e-7 * (1 + np.abs(m))]
     found: list[tuple[complex, complex]] = []
     for point in m[np.isfinite(m) & (np.abs(m) < farthest)]:
-        places = p + r * point
-        rows = np.column_stack([2 * places.real, 2 * places.imag, np.ones(5)])
-        cx, cy, _ = np.linalg.lstsq(rows, np.abs(places) ** 2, rcond=None)[0]
-        distance = np.abs(places - complex(cx, cy))
-        apart = min(abs(places[i] - places[j]) for i in range(5) for j in range(i))
+        positions = p + r * point
+        rows = np.column_stack([2 * positions.real, 2 * positions.imag, np.ones(5)])
+        cx, cy, _ = np.linalg.lstsq(rows, np.abs(positions) ** 2, rcond=None)[0]
+        distance = np.abs(positions - complex(cx, cy))
+        apart = min(abs(positions[i] - positions[j]) for i in range(5) for j in range(i))
         if distance.std() > 1e-9 * distance.mean() or apart < 1e-7 or abs(complex(cx, cy)) > farthest:
             continue  # no root, or a pole, where two places coincide and the determinants vanish for no dyad
-        if all(abs(point - other) > 1e-5 * (1 + abs(point)) for other, _ in found):
+        if all(abs(point - second) > 1e-5 * (1 + abs(point)) for second, _ in found):
             found.append((complex(point), complex(cx, cy)))
     return found

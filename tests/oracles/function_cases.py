@@ -70,7 +70,7 @@ def function_case(kind: str, samples: int, zeros: str, seed: int) -> dict[str, A
         unit = mp.pi / 180
         crank = [(mpf(start) + mpf(span) * m / (samples - 1)) * unit for m in range(samples)]
         angle = rocker_angles(links, branch, crank)
-        output = [float(one / unit + mpf(offset)) for one in angle]
+        output = [float(value / unit + mpf(offset)) for value in angle]
         first = float(angle[0] / unit)
     request: dict[str, Any] = {"output": output, "crank_span": span}
     if zeros in ("input", "both"):
@@ -80,10 +80,10 @@ def function_case(kind: str, samples: int, zeros: str, seed: int) -> dict[str, A
     return request
 
 
-def recompute_rms(request: Mapping[str, Any], solution: Mapping[str, Any], most: int = 32) -> float:
-    """J of a solution in radians at the samples, at most about so many of them, whole turns left out; infinite where it opens."""
+def recompute_rms(request: Mapping[str, Any], solution: Mapping[str, Any], largest: int = 32) -> float:
+    """Return J of a solution in radians at up to a number of samples, modulo whole turns; infinite if it opens."""
     samples = len(request["output"])
-    chosen = np.unique(np.linspace(0, samples - 1, min(samples, most)).round().astype(int)).tolist()
+    chosen = np.unique(np.linspace(0, samples - 1, min(samples, largest)).round().astype(int)).tolist()
     with mp.workdps(DIGITS):
         unit = mp.pi / 180
         start = mpf(solution["start_angle"])
@@ -93,13 +93,13 @@ def recompute_rms(request: Mapping[str, Any], solution: Mapping[str, Any], most:
             return float("inf")
         gaps = [mpf(request["output"][m]) * unit - a for m, a in zip(chosen, angle)]
         gaps = [gap - mpf(solution["output_offset"]) * unit for gap in gaps]
-        # one and the same number of whole turns for all samples
+        # the same number of whole turns for all samples
         turn = 2 * mp.pi * mp.nint(gaps[0] / (2 * mp.pi))
         return float(mp.sqrt(sum((gap - turn) ** 2 for gap in gaps) / len(gaps)))
 
 
 def zeros_kept(request: Mapping[str, Any], solution: Mapping[str, Any]) -> bool:
-    """Whether the zeros that a request gives are those of a solution, modulo a turn, to rounding."""
+    """Return true if the zeros of a solution equal the zeros of the request, modulo a turn, to rounding."""
 
     def same(a: float, b: float) -> bool:
         return abs((a - b + 180) % 360 - 180) < 1e-9
@@ -113,7 +113,7 @@ def zeros_kept(request: Mapping[str, Any], solution: Mapping[str, Any]) -> bool:
 
 # -- functions by name, whose largest error is to be least ------------------------------------------------------------
 
-PLACES = 2001
+SAMPLES = 2001
 _DEGREE = np.pi / 180
 NAMED: dict[str, Callable[..., Any]] = {
     "log10": np.log10,
@@ -131,33 +131,39 @@ _ENDS |= {"tan": (30, 50), "power": (0.8, 2)}
 
 
 def random_function(seed: int) -> dict[str, Any]:
-    """A request for the least largest error of a random function by its name, hardly any of which a four-bar makes."""
+    """Return a request for the smallest largest error of a random named function, which four-bars rarely make
+    exactly.
+    """
     random = np.random.default_rng([47, seed])
     name = str(random.choice([*_ENDS]))
     first = 1.0 if name in ("log10", "ln", "reciprocal") else 0.0
-    asked: dict[str, Any] = {"name": name, "x": [first, round(float(random.uniform(*_ENDS[name])), 3)]}
-    asked["output_span"] = round(float(random.uniform(60, 90) * random.choice([-1, 1])), 2)
+    function_request: dict[str, Any] = {"name": name, "x": [first, round(float(random.uniform(*_ENDS[name])), 3)]}
+    function_request["output_span"] = round(float(random.uniform(60, 90) * random.choice([-1, 1])), 2)
     if name == "power":
-        asked["exponent"] = round(float(random.uniform(0.5, 3)), 2)
+        function_request["exponent"] = round(float(random.uniform(0.5, 3)), 2)
     limits: list[dict[str, Any]] = [{}, {"transmission_angle_min": 30}, {"family": "full_crank"}]
     limits += [{"transmission_angle_min": 30, "link_ratio_max": 5}]
-    request = {"function": asked, "crank_span": round(float(random.uniform(60, 120)), 2), "objective": "max"}
+    request = {
+        "function": function_request,
+        "crank_span": round(float(random.uniform(60, 120)), 2),
+        "objective": "max",
+    }
     return request | {"limits": limits[random.integers(len(limits))]}
 
 
-def wanted_output(asked: Mapping[str, Any]) -> np.ndarray:
+def wanted_output(request: Mapping[str, Any]) -> np.ndarray:
     """The output of a function by its name in degrees, from 0 on, at even places of its interval."""
-    x = np.linspace(*asked["x"], PLACES)
-    y = x ** asked["exponent"] if asked["name"] == "power" else NAMED[asked["name"]](x)
+    x = np.linspace(*request["x"], SAMPLES)
+    y = x ** request["exponent"] if request["name"] == "power" else NAMED[request["name"]](x)
     high = np.ptp(y)
-    way = -1 if y[0] - y[-1] > 1e-9 * high else 1  # the sign of the span is that from the first to the last
-    return way * asked["output_span"] * (y - y[0]) / high
+    direction = -1 if y[0] - y[-1] > 1e-9 * high else 1  # the sign of the span is that from the first to the last
+    return direction * request["output_span"] * (y - y[0]) / high
 
 
 def largest_error(request: Mapping[str, Any], solution: Mapping[str, Any]) -> float:
     """Largest error in degrees at the places, whole turns left out; infinite where the linkage opens."""
     links = [solution["links"][name] for name in LINKS]
-    crank = (solution["start_angle"] + np.linspace(0, request["crank_span"], PLACES)) * _DEGREE
+    crank = (solution["start_angle"] + np.linspace(0, request["crank_span"], SAMPLES)) * _DEGREE
     _, pin = close(links, solution["branch"], crank)
     gap = (
         wanted_output(request["function"]) - np.unwrap(np.angle(pin - links[3])) / _DEGREE - solution["output_offset"]

@@ -10,7 +10,7 @@ from synthesis.arrays import Complexes, Floats
 
 KINDS = ("slider_crank", "swinging_block", "rail_slot", "two_rails", "two_slots")
 _BETWEEN = 400
-"""Places of the crank at which a linkage must close, for it to reach one sample from the other."""
+"""Number of crank positions at which a linkage must close to reach a sample from the previous sample."""
 
 
 def random_motion(random: np.random.Generator, kind: str, samples: int) -> tuple[Floats, Complexes, Floats]:
@@ -19,8 +19,8 @@ def random_motion(random: np.random.Generator, kind: str, samples: int) -> tuple
     The drive is the first guide's of the kind's name: crank, crank, slider, slider, cylinder (from pin to meeting point).
     """
     while True:
-        drive, angle, place = _FORMULAS[kind](random, samples)
-        if not (np.isfinite(angle).all() and np.isfinite(place).all() and np.ptp(angle) > 0.2):
+        drive, angle, position = _FORMULAS[kind](random, samples)
+        if not (np.isfinite(angle).all() and np.isfinite(position).all() and np.ptp(angle) > 0.2):
             continue
         # any point of the body, and the whole anywhere
         point = complex(*random.normal(size=2))
@@ -29,11 +29,11 @@ def random_motion(random: np.random.Generator, kind: str, samples: int) -> tuple
             10 ** random.uniform(0, 2),
             complex(*random.normal(size=2)) * 50,
         )
-        place = place + point * np.exp(1j * angle)
-        if np.abs(place - place.mean()).max() < 0.2:
+        position = position + point * np.exp(1j * angle)
+        if np.abs(position - position.mean()).max() < 0.2:
             continue
         length = size if kind in ("rail_slot", "two_rails", "two_slots") else 1.0
-        position = shift + size * np.exp(1j * turn) * place
+        position = shift + size * np.exp(1j * turn) * position
         return angle + turn + random.uniform(0, 2 * np.pi), position, (drive - drive[0]) * length
 
 
@@ -85,8 +85,8 @@ def _two_rails(random: np.random.Generator, samples: int) -> Any:
     low = random.uniform(-0.9, 0.3)
     p = _even(random, low * widest, random.uniform(low + 0.3, 0.95) * widest, samples)
     with np.errstate(invalid="ignore"):
-        way = p * np.cos(delta) + np.sqrt(length**2 - (p * np.sin(delta)) ** 2)
-    return p, np.angle(way * np.exp(1j * delta) - p), p + 0j
+        direction = p * np.cos(delta) + np.sqrt(length**2 - (p * np.sin(delta)) ** 2)
+    return p, np.angle(direction * np.exp(1j * delta) - p), p + 0j
 
 
 def _two_slots(random: np.random.Generator, samples: int) -> Any:

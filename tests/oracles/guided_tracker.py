@@ -1,6 +1,7 @@
-"""A body on two guides followed step by step: predictor and corrector in rotation and place, from the guides' conditions alone.
+"""Follow a body on two guides step by step in rotation and position, by predictor and corrector.
 
-It shares with the product what a guide is, and no formula: not poses, branches, circuits or coordinates that close.
+Only the conditions of the guides are shared with the product, and no formula: not poses, branches, circuits or
+coordinates that close.
 """
 
 from __future__ import annotations
@@ -14,9 +15,9 @@ from synthesis.guides import Circle, Driver, Guide, Rail
 from synthesis.linkage import Linkage
 
 STEP = 0.01
-"""Length of a step, radians and lengths over one plus the distance from the origin alike."""
+"""Length of a step, in radians and in lengths relative to unity plus the distance from the origin."""
 MOST_STEPS = 4000
-FAR = 300.0
+DISTANT = 300.0
 """Beyond this distance from the origin a way counts as endless."""
 
 
@@ -40,7 +41,7 @@ def condition(guide: Guide, pose: np.ndarray) -> tuple[float, np.ndarray]:
 
 
 def drive_of(linkage: Linkage, pose: np.ndarray) -> float:
-    """Where the drive is, angles within a turn."""
+    """Return the coordinate of the drive, angles within a turn."""
     guide = linkage.guides[0]
     point = complex(pose[1], pose[2]) + np.exp(1j * pose[0]) * guide.body_point
     if isinstance(guide, Circle):
@@ -62,8 +63,8 @@ def _scale(pose: np.ndarray) -> np.ndarray:
     return np.array([1.0, size, size])
 
 
-def walk(linkage: Linkage, start: np.ndarray, way: int) -> tuple[np.ndarray, bool]:
-    """Poses (n, 3) from a start one way, and whether they come back to it."""
+def walk(linkage: Linkage, start: np.ndarray, sense: int) -> tuple[np.ndarray, bool]:
+    """Return poses (n, 3) from a start in a direction, and true if they come back to it."""
     poses, tangent = [start], None
     for number in range(MOST_STEPS):
         pose = poses[-1]
@@ -71,14 +72,14 @@ def walk(linkage: Linkage, start: np.ndarray, way: int) -> tuple[np.ndarray, boo
         slopes = _equations(linkage, pose)[1] * scale
         direction = np.cross(*slopes)
         direction /= np.linalg.norm(direction)
-        direction *= way if tangent is None else np.sign(direction @ tangent)
+        direction *= sense if tangent is None else np.sign(direction @ tangent)
         tangent = direction
         reached = pose + STEP * direction * scale
         for _ in range(4):
             values, slopes = _equations(linkage, reached)
             slopes = slopes * scale
             reached = reached - scale * (slopes.T @ np.linalg.solve(slopes @ slopes.T, values))
-        if np.hypot(reached[1], reached[2]) > FAR:
+        if np.hypot(reached[1], reached[2]) > DISTANT:
             break
         if number > 20 and _apart(reached, start) < 0.6 * STEP:
             return np.array(poses), True
@@ -86,23 +87,23 @@ def walk(linkage: Linkage, start: np.ndarray, way: int) -> tuple[np.ndarray, boo
     return np.array(poses), False
 
 
-def _apart(one: np.ndarray, other: np.ndarray) -> float:
-    gap = (one - other) / _scale(other)
+def _apart(first: np.ndarray, second: np.ndarray) -> float:
+    gap = (first - second) / _scale(second)
     gap[0] = np.angle(np.exp(1j * gap[0]))
     return float(np.linalg.norm(gap))
 
 
 @dataclass(frozen=True)
-class Followed:
-    """What following a linkage from its first sample says."""
+class Course:
+    """Result of following a linkage from its first sample."""
 
     circuit: bool
-    """Whether all samples were met, whichever way the drive moved."""
+    """True if all samples were met, whichever direction the drive moved."""
     driven: bool
-    """Whether the drive passes them in their order, moving one way."""
+    """True if the drive passes them in their order, moving in the same direction."""
 
 
-def follow(linkage: Linkage, samples: np.ndarray) -> Followed:
+def follow(linkage: Linkage, samples: np.ndarray) -> Course:
     """``samples`` (N, 3): poses that keep both guides."""
     ahead, round_trip = walk(linkage, samples[0], 1)
     behind = ahead[:1] if round_trip else walk(linkage, samples[0], -1)[0]
@@ -113,7 +114,7 @@ def follow(linkage: Linkage, samples: np.ndarray) -> Followed:
     if linkage.driver.turns:
         drive = np.unwrap(drive)
     first = len(behind) - 1
-    places = []
+    positions = []
     length = len(track) - 1 if round_trip else len(track)
     for sample in samples:
         gap = (track - sample) / _scale(sample)
@@ -121,34 +122,34 @@ def follow(linkage: Linkage, samples: np.ndarray) -> Followed:
         distance = np.linalg.norm(gap, axis=1)
         nearest = int(np.argmin(distance[:length]))
         if distance[nearest] > 0.8 * STEP:
-            return Followed(False, False)
+            return Course(False, False)
         candidates = []
         for low in (nearest - 1, nearest):
             if not round_trip and not 0 <= low < length - 1:
                 continue
             begin, end = gap[low % length], gap[low % length + 1]
-            way = end - begin
-            part = float(np.clip(-(begin @ way) / (way @ way), 0, 1))
-            candidates.append((float(np.linalg.norm(begin + part * way)), low % length + part))
-        places.append(min(candidates)[1])
-    places[0] = float(first)
+            direction = end - begin
+            part = float(np.clip(-(begin @ direction) / (direction @ direction), 0, 1))
+            candidates.append((float(np.linalg.norm(begin + part * direction)), low % length + part))
+        positions.append(min(candidates)[1])
+    positions[0] = float(first)
     steps = np.sign(np.diff(drive))
-    return Followed(True, any(_passes(places, steps, way, round_trip) for way in (1, -1)))
+    return Course(True, any(_passes(positions, steps, direction, round_trip) for direction in (1, -1)))
 
 
-def _passes(places: list[float], steps: np.ndarray, way: int, round_trip: bool) -> bool:
-    """Whether samples are met in order one way along the track before the drive turns back."""
+def _passes(positions: list[float], steps: np.ndarray, direction: int, round_trip: bool) -> bool:
+    """Return true if samples are met in order and in a direction along the track before the drive turns back."""
     length = len(steps)
-    offsets = [way * (place - places[0]) for place in places]
+    offsets = [direction * (position - positions[0]) for position in positions]
     if round_trip:
         offsets = [0.0] + [offset % length for offset in offsets[1:]]
     if any(b <= a for a, b in pairwise(offsets)):
         return False
-    begin = int(places[0])
+    begin = int(positions[0])
     run = 0
     sense = None
     while run < length:
-        k = begin + run if way > 0 else begin - 1 - run
+        k = begin + run if direction > 0 else begin - 1 - run
         if round_trip:
             k %= length
         if not 0 <= k < length:
@@ -157,5 +158,5 @@ def _passes(places: list[float], steps: np.ndarray, way: int, round_trip: bool) 
         if steps[k] != sense:
             break
         run += 1
-    # where it turns back lies within the step after the run
+    # the reversal lies within the step after the run
     return max(offsets) <= run + 1

@@ -42,13 +42,13 @@ def _joined(modules: list[ModuleType]) -> SimpleNamespace:
 
 
 def compiled() -> SimpleNamespace:
-    """Return the contents of all compiled modules in one namespace."""
+    """Return the contents of all compiled modules in a single namespace."""
     return _joined([codes, *COMPILED])
 
 
 @cache
 def uncompiled() -> SimpleNamespace:
-    """Return the same names from the sources; arrays take the place of typed views, numpy's numbers that of C's."""
+    """Return the same names from the sources; arrays replace typed views, and numpy's numbers replace C's."""
     libc = ModuleType("cython.cimports.libc.math")
     vars(libc).update(C_FUNCTIONS)
     prefix = f"cython.cimports.{kernels.__name__}."

@@ -82,7 +82,7 @@ def requests() -> dict[str, Largest]:
 
 def _searches() -> dict[str, Largest]:
     path = {"position": BODY["position"]}
-    tight, free, every = {"limits": LIMITS, "diverse": True}, {"timing": "free"}, {"mechanisms": "all"}
+    tight, free, all_cases = {"limits": LIMITS, "diverse": True}, {"timing": "free"}, {"mechanisms": "all"}
     travel = [30 - 30 * np.cos(k / 400) for k in range(SAMPLES)]
     sparse = [turn if k % 128 == 0 else None for k, turn in enumerate(BODY["rotation"])]
     bodies: dict[str, dict[str, Any]] = {
@@ -101,10 +101,10 @@ def _searches() -> dict[str, Largest]:
         "free: rotations at eight of the poses": BODY | free | {"rotation": sparse},
         "free: four poses": {name: values[::250][:4] for name, values in BODY.items()} | free | tight | REPORTS,
         "free: poses of no linkage": NO_LINKAGE | free | {"order": "any"},
-        "sliders: free poses within all limits": BODY | free | every | tight,
+        "sliders: free poses within all limits": BODY | free | all_cases | tight,
         "sliders: two rails from 1,000 lengths": BODY | free | LENGTHS | {"mechanisms": ["two_rails"]},
-        "sliders: crank angles": TIMED | every | tight,
-        "sliders: travel": BODY | every | tight | {"travel": travel},
+        "sliders: crank angles": TIMED | all_cases | tight,
+        "sliders: travel": BODY | all_cases | tight | {"travel": travel},
     }
     found = {name: Largest("/v1/synthesize", {"top": TOP, **body}) for name, body in bodies.items()}
     found["motion as a drawing"] = Largest("/v1/synthesize.dxf", TIMED | {"limits": LIMITS})

@@ -358,9 +358,10 @@ def square_root(series):
 
 
 def series_of(design: Design, turns):
-    """Return height and cylinder length as power series in the turn about each of ``turns``, two arrays of shape (4, n).
+    """Return height and cylinder length as power series in the turn about each of ``turns``, two arrays of shape
+    (4, n).
 
-    The formulas are those of `pose` in the arithmetic of series, so that no derivative is written out.
+    The formulas of `pose` are evaluated in the arithmetic of series, so that no derivative is written out.
     """
     l2, l3, l4, l5, b = design.as_tuple()
     gamma = math.acos((l2**2 + l3**2 - l4**2) / (2 * l2 * l3))
@@ -383,9 +384,9 @@ def constrained_quantities(
 ) -> dict:
     """Return the constrained quantities of a design at a constant speed of the cylinder.
 
-    The names are those of `synthesis.scenes.lift.constraints.measured_values`. The joints are found by circles at
-    heights that are clustered at both ends. The motion follows from series in the turn, which are reverted to series
-    in the cylinder length. The dead point is found in small steps from the start.
+    The names are defined by `synthesis.scenes.lift.constraints.measured_values`. The joints are found by
+    circles at heights that are clustered at both ends. The motion follows from series in the turn, which are
+    reverted to series in the cylinder length. The dead point is found in small steps from the start.
     """
     l3, l5, b = design.l3, design.l5, design.b
     u = np.linspace(0.0, 1.0, poses)

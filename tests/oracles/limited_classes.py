@@ -1,9 +1,15 @@
-"""Classes of requests with limits that the search is tested and measured on: random and seeded, as `classes` makes them.
+"""Random, seeded classes of requests with limits, for tests and measurements of the search; see `classes`.
 
-* "broken": the motion of a crank-rocker that breaks the limits asked for, so that the best within them is another one.
-* "boxed": smooth curves that no four-bar makes, with a box for the pivots and a transmission angle of 30 to 40 degrees.
-* "machine": straight transfer, dwell, arc, pick and place, with a link ratio of at most 6 and a transmission angle of 40.
-* "kept": the motion of a linkage that just keeps all of the limits: there is an exact answer.
+* "broken": the motion of a crank-rocker that violates the limits, so that the best linkage within them is
+different.
+
+* "boxed": smooth curves that no four-bar makes, with a box for the pivots and a transmission angle of 30 to 40
+degrees.
+
+* "machine": straight transfer, dwell, arc, pick and place, with a link ratio of at most 6 and a transmission angle
+of 40.
+
+* "kept": the motion of a linkage that just satisfies all of the limits: there is an exact answer.
 """
 
 from __future__ import annotations
@@ -66,7 +72,7 @@ def _just_kept(random: Generator, truth: dict[str, Any]) -> dict[str, Any]:
     turned = np.radians(mount["ground_angle"])
     b = a + links[3] * np.array([np.cos(turned), np.sin(turned)])
     low, high = np.minimum(a, b) - 1e-3, np.maximum(a, b) + 1e-3
-    every: dict[str, Any] = {
+    all_cases: dict[str, Any] = {
         "link_ratio_max": 1.001 * float(links.max() / links.min()),
         "link_max": 1.001 * float(links.max()),
         "link_min": 0.999 * float(links.min()),
@@ -74,14 +80,14 @@ def _just_kept(random: Generator, truth: dict[str, Any]) -> dict[str, Any]:
         "pivot_a_box": [*(a - 1e-3).tolist(), *(a + 0.5).tolist()],
         "coupler_radius_max": 1.001 * mount["coupler_point"]["radius"],
     }
-    chosen = random.choice(list(every), size=random.integers(1, 4), replace=False)
-    return {name: every[name] for name in sorted(chosen)}
+    chosen = random.choice(list(all_cases), size=random.integers(1, 4), replace=False)
+    return {name: all_cases[name] for name in sorted(chosen)}
 
 
 def _machine(random: Generator, samples: int) -> dict[str, Any]:
     share = np.linspace(0, 1, samples)
     smooth = share - np.sin(2 * np.pi * share) / (2 * np.pi)
-    ways: list[Callable[[], tuple[np.ndarray, np.ndarray]]] = [
+    directions: list[Callable[[], tuple[np.ndarray, np.ndarray]]] = [
         lambda: (np.column_stack([200 * share, 0 * share]), 0 * share),  # straight transfer, held level
         lambda: (np.column_stack([150 * smooth, 40 * np.sin(np.pi * share)]), random.uniform(20, 90) * smooth),
         lambda: (_arc(share, random.uniform(40, 120), 100.0), random.uniform(-30, 60) * share),
@@ -91,7 +97,7 @@ def _machine(random: Generator, samples: int) -> dict[str, Any]:
         ),
         lambda: (np.column_stack([120 * np.sin(np.pi * share / 2), 60 * share]), random.uniform(20, 100) * share),
     ]
-    position, rotation = ways[random.integers(len(ways))]()
+    position, rotation = directions[random.integers(len(directions))]()
     position = position * random.uniform(0.3, 3) + random.uniform(-100, 100, 2)
     return {
         "crank_span": random.uniform(60, 300),

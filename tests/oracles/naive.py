@@ -9,7 +9,7 @@ DIGITS = 50
 
 
 def joints(lengths, theta1, branch):
-    """D and C in the ground frame by intersecting the circles of coupler and rocker; None where they do not meet."""
+    """Return D and C in the ground frame by intersecting the circles of coupler and rocker; None if they do not meet."""
     with mpmath.workdps(DIGITS):
         l1, l2, l3, l4 = (mpmath.mpf(float(length)) for length in lengths)
         d = l1 * mpmath.expj(mpmath.mpf(float(theta1)))
@@ -23,7 +23,9 @@ def joints(lengths, theta1, branch):
 
 
 def angles(lengths, theta1, branch):
-    """theta2, theta3 in (-pi, pi] and the acute angle between coupler and rocker, to `DIGITS`; None where not closed."""
+    """Return theta2, theta3 in (-pi, pi] and the acute angle between coupler and rocker, to `DIGITS`; None if it
+    does not close.
+    """
     with mpmath.workdps(DIGITS):
         if (found := joints(lengths, theta1, branch)) is None:
             return None
@@ -33,7 +35,7 @@ def angles(lengths, theta1, branch):
         return mpmath.arg(coupler), mpmath.arg(rocker), min(between, mpmath.pi - between)
 
 
-def types(perimeter, smallest, places):
+def types(perimeter, smallest, positions):
     """Dimension types by three loops; ``places`` are the orders of the sorted lengths, as tuples of indices."""
     found = set()
     for a in range(smallest, perimeter):
@@ -43,7 +45,7 @@ def types(perimeter, smallest, places):
                 if d <= c:
                     break
                 if a + d < b + c:
-                    found |= {tuple((a, b, c, d)[k] for k in order) for order in places}
+                    found |= {tuple((a, b, c, d)[k] for k in order) for order in positions}
     return sorted(found)
 
 

@@ -1,8 +1,8 @@
-"""Poses, rates and a drive's force of any linkage here, by conditions between three rigid bodies: no formula is shared.
+"""Poses, rates and a drive's force of any linkage, by conditions between three rigid bodies: no formula is shared.
 
-Nine coordinates: place and angle of both guided links and of the body between them. Eight conditions hold them, a ninth says
-where the drive is; poses by Newton's method, rates and their changes by differentiating the conditions once and twice, forces
-by three equations of Newton and Euler a body, with a force in each condition.
+Nine coordinates: position and angle of both guided links and of the body between them. Eight conditions hold them,
+the ninth prescribes the drive. Poses follow by Newton's method, rates and their changes by differentiating the
+conditions once and twice, forces by three equations of Newton and Euler a body, with a force in each condition.
 """
 
 from __future__ import annotations
@@ -50,12 +50,12 @@ def _point(at: np.ndarray, rate: np.ndarray, k: int | None, point: complex) -> t
     return complex(at[3 * k], at[3 * k + 1]) + arm, slopes, complex(-(rate[3 * k + 2] ** 2) * arm)
 
 
-def pinned(i: int, point: complex, j: int | None, other: complex) -> Condition:
-    """Two points are one; of the ground for None."""
+def pinned(i: int, point: complex, j: int | None, other_point: complex) -> Condition:
+    """Join two points; None for the ground."""
 
     def of(at: np.ndarray, rate: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        one, two = _point(at, rate, i, point), _point(at, rate, j, other)
-        gap, slopes, bent = (a - b for a, b in zip(one, two))
+        first, other_values = _point(at, rate, i, point), _point(at, rate, j, other_point)
+        gap, slopes, bent = (a - b for a, b in zip(first, other_values))
         return np.array([gap.real, gap.imag]), np.array([slopes.real, slopes.imag]), np.array([bent.real, bent.imag])
 
     return of
@@ -80,8 +80,8 @@ def on_line(i: int, j: int | None, point: complex, angle: float, turn: complex =
     """The origin of a body on a line of another (of the ground for None); with ``turn`` 1 its place along it."""
 
     def of(at: np.ndarray, rate: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        one, two = _point(at, rate, i, 0j), _point(at, rate, j, point)
-        w, slopes, bent = (a - b for a, b in zip(one, two))
+        first, other_values = _point(at, rate, i, 0j), _point(at, rate, j, point)
+        w, slopes, bent = (a - b for a, b in zip(first, other_values))
         spin, back = 0.0, np.exp(-1j * angle)
         if j is not None:
             spin, back = rate[3 * j + 2], back * np.exp(-1j * at[3 * j + 2])
@@ -106,35 +106,37 @@ class Bodies:
     begin: np.ndarray
     """(9,): coordinates near those at the first sample."""
     body: tuple[complex, complex]
-    """Of the body's frame that loads are told in, in the second one's: its origin and its direction."""
+    """Return origin and direction of the body's frame, in which loads are defined, in the second body's frame."""
 
     def along(self, travel: np.ndarray) -> list[State]:
-        """States at places of the drive, each near enough to the one before."""
+        """Return states at coordinates of the drive, each near enough to the previous."""
         at, found = self.begin, []
-        for place in travel.tolist():
-            every = [*self.joints, self.drive(place)]
+        for position in travel.tolist():
+            all_cases = [*self.joints, self.drive(position)]
             for _ in range(60):
-                parts = [one(at, np.zeros(9)) for one in every]
+                parts = [condition(at, np.zeros(9)) for condition in all_cases]
                 step = np.linalg.solve(np.concatenate([p[1] for p in parts]), np.concatenate([p[0] for p in parts]))
                 at = at - step
                 if np.abs(step).max() < 1e-14 * max(1.0, np.abs(at).max()):
                     break
-            slopes = np.concatenate([one(at, np.zeros(9))[1] for one in every])
+            slopes = np.concatenate([condition(at, np.zeros(9))[1] for condition in all_cases])
             unit = np.zeros(9)
             unit[-1] = 1.0
             rate = np.linalg.solve(slopes, unit)
-            bent = np.concatenate([one(at, rate)[2] for one in every])
+            bent = np.concatenate([condition(at, rate)[2] for condition in all_cases])
             found.append(State(at, rate, np.linalg.solve(slopes, -bent)))
         return found
 
-    def force(self, state: State, load: Load, link: str, pin: complex, on: str, other: complex) -> float:
-        """Of a rod from a place, or from a point of another link, to a point of a link: pushing is positive."""
-        slopes = np.concatenate([one(state.at, state.rate)[1] for one in self.joints])
+    def force(self, state: State, load: Load, link: str, pin: complex, on: str, rod_end: complex) -> float:
+        """Return the force of a rod from a position, or from a point of another link, to a point of a link: pushing
+        is positive.
+        """
+        slopes = np.concatenate([joint(state.at, state.rate)[1] for joint in self.joints])
         right = np.zeros(9)
         origin, direction = self.body
 
-        def acts(k: int, place: complex, pull: complex, moment: float = 0.0) -> np.ndarray:
-            arm = place - complex(state.at[3 * k], state.at[3 * k + 1])
+        def acts(k: int, position: complex, pull: complex, moment: float = 0.0) -> np.ndarray:
+            arm = position - complex(state.at[3 * k], state.at[3 * k + 1])
             column = np.zeros(9)
             column[3 * k : 3 * k + 3] = pull.real, pull.imag, np.imag(np.conj(arm) * pull) + moment
             return column
@@ -156,7 +158,7 @@ class Bodies:
             right += acts(k, state.place(k, at), pull, -spin)
         k = self.names.index(link)
         here = state.place(k, pin)
-        there = other if on == GROUND else state.place(self.names.index(on), other)
+        there = rod_end if on == GROUND else state.place(self.names.index(on), rod_end)
         push = (here - there) / abs(here - there)
         rod = acts(k, here, push)
         if on != GROUND:
@@ -165,16 +167,16 @@ class Bodies:
 
 
 def bodies(linkage: Linkage) -> Bodies:
-    """The same linkage as bodies and conditions."""
+    """Return the linkage as bodies and conditions."""
     if linkage.is_four_bar:
         return _four_bar(linkage)
     pose = linkage.body(np.array([linkage.start]))
-    angle, place = float(pose.rotation[0]), complex(pose.position[0])
+    angle, position = float(pose.rotation[0]), complex(pose.position[0])
     begin = np.zeros(9)
-    begin[3:6] = place.real, place.imag, angle
+    begin[3:6] = position.real, position.imag, angle
     joints: list[Condition] = []
     for k, guide in ((0, linkage.guides[0]), (2, linkage.guides[1])):
-        at = complex(place + np.exp(1j * angle) * guide.body_point)
+        at = complex(position + np.exp(1j * angle) * guide.body_point)
         if isinstance(guide, Circle):
             begin[3 * k : 3 * k + 3] = guide.pivot.real, guide.pivot.imag, np.angle(at - guide.pivot)
             joints += [pinned(k, 0j, None, guide.pivot), pinned(k, guide.radius + 0j, 1, guide.body_point)]

@@ -40,10 +40,10 @@ class Reopened:
     holes: list[tuple[float, float, float]]
     """x, y, diameter of each whole cylinder around a hollow."""
     rounds: list[tuple[float, float, float]]
-    """The same of each whole cylinder around material."""
+    """Add the same figures of each whole cylinder around material."""
     heights: tuple[float, float]
     halves: list[tuple[float, float, float]]
-    """The same of each half cylinder around a hollow: the ends of slits."""
+    """Add the same figures of each half cylinder around a hollow: the ends of slits."""
 
 
 def reopened(text: str, folder: Path) -> tuple[str, list[Reopened]]:

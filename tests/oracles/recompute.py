@@ -21,7 +21,7 @@ LINKS = ("crank", "coupler", "rocker", "ground")
 
 
 class Angles(NamedTuple):
-    """Coupler angle and direction of one linkage at crank angles, in high precision."""
+    """Coupler angle and direction of a linkage at crank angles, in high precision."""
 
     theta2: list[Any]
     """Continuous in the crank angle."""
@@ -30,7 +30,7 @@ class Angles(NamedTuple):
 
 
 class Recomputed(NamedTuple):
-    """Errors of one solution: angles in radians, positions in the user's unit; None for what was not asked."""
+    """Errors of a solution: angles in radians, positions in the user's unit; None for quantities without a target."""
 
     rotation_rms: float | None
     rotation_max: float | None
@@ -92,7 +92,7 @@ def requested_crank(request: Mapping[str, Any]) -> list[Any]:
 
 
 def recompute(request: Mapping[str, Any], solution: Mapping[str, Any]) -> Recomputed | None:
-    """Errors of a solution of a reply against the request; None where it does not close at every sample."""
+    """Return the errors of a solution of a reply against the request; None if it does not close at every sample."""
     with mp.workdps(DIGITS):
         unit = _unit(request)
         links = [solution["links"][name] for name in LINKS]
@@ -110,7 +110,8 @@ def recompute(request: Mapping[str, Any], solution: Mapping[str, Any]) -> Recomp
             turns = mp.ceil((closed.theta2[0] - mp.pi) / (2 * mp.pi))
             shift = ground + mpf(float(solution["body_offset"])) * unit - 2 * mp.pi * turns
             gaps = [
-                mpf(float(wanted)) * unit - angle - shift for wanted, angle in zip(request["rotation"], closed.theta2)
+                mpf(float(expected)) * unit - angle - shift
+                for expected, angle in zip(request["rotation"], closed.theta2)
             ]
             if abs(abs(closed.theta2[0] - 2 * mp.pi * turns) - mp.pi) < mpf("1e-9"):  # at the seam both readings hold
                 turn = 2 * mp.pi * mp.nint(gaps[0] / (2 * mp.pi))
@@ -130,7 +131,7 @@ def recompute(request: Mapping[str, Any], solution: Mapping[str, Any]) -> Recomp
 
 
 class Compared(NamedTuple):
-    """A solution's recomputed J, and how far its reported errors are from the recomputed ones, in the objective's measure."""
+    """A solution's recomputed J, and the differences of its reported errors, in the objective's measure."""
 
     objective: float
     gap: float
@@ -139,7 +140,7 @@ class Compared(NamedTuple):
 
 
 def compare(request: Mapping[str, Any], solution: Mapping[str, Any]) -> Compared:
-    """Reported against recomputed errors of one solution of a request in degrees."""
+    """Compare reported with recomputed errors of a solution of a request in degrees."""
     mine = recompute(request, solution)
     if mine is None:
         return Compared(np.inf, np.inf, 1.0)
@@ -163,10 +164,11 @@ DENSE = 20_001
 
 
 def broken_limits(request: Mapping[str, Any], solution: Mapping[str, Any]) -> list[str]:
-    """Names of the limits that a solution breaks, on `DENSE` crank angles over the used interval and over the turn.
+    """Return names of the limits that a solution violates, on `DENSE` crank angles over the used interval and over
+    the turn.
 
-    The preset "practical" counts with what it stands for; angles in degrees. What is given, pivots and lengths, must be met
-    to 1e-12 of the linkage's size; the rest is kept to the last bit, angles to 1e-9 degrees.
+    The preset "practical" is expanded; angles in degrees. Prescribed pivots and lengths must be met to 1e-12 of
+    the linkage's size; the other limits to the last bit, angles to 1e-9 degrees.
     """
     limits, broken = practical(request) | request["limits"], []
     links = np.array([solution["links"][name] for name in LINKS])
@@ -196,30 +198,30 @@ def broken_limits(request: Mapping[str, Any], solution: Mapping[str, Any]) -> li
     if not allowed[limits.get("family", "any" if swings else "full_crank")]:
         broken.append("family")
     fine = np.radians(solution["start_angle"]) + _used(request, solution)
-    least = _transmission(links, fine)
-    if least is None:
+    smallest = _transmission(links, fine)
+    if smallest is None:
         broken.append("closure")
-    elif least < limits.get("transmission_angle_min", 0.0) - 1e-9:
+    elif smallest < limits.get("transmission_angle_min", 0.0) - 1e-9:
         broken.append("transmission_angle_min")
     if (crank_rocker or double_crank) and "transmission_angle_min_turn" in limits:
         turn = _transmission(links, np.linspace(0, 2 * np.pi, DENSE))
         if turn is None or turn < limits["transmission_angle_min_turn"] - 1e-9:
             broken.append("transmission_angle_min_turn")
-    if least is not None and solution.get("mount"):
+    if smallest is not None and solution.get("mount"):
         broken += _broken_places(limits, solution, links, fine)
     return broken
 
 
 def practical(request: Mapping[str, Any]) -> dict[str, Any]:
-    """The limits that the preset "practical" stands for, where a request of poses or points names it."""
+    """Return the limits of the preset "practical", if a request of poses or points names it."""
     if request["limits"].get("preset") != "practical":
         return {}
-    xs, ys = zip(*(place for place in request["position"] if place is not None))
+    xs, ys = zip(*(position for position in request["position"] if position is not None))
     middle = complex(sum(xs) / len(xs), sum(ys) / len(ys))
-    far = 10 * max(abs(complex(x, y) - middle) for x, y in zip(xs, ys))
-    far = max(far, 2 * request["limits"].get("link_min", 0.0))
+    distant = 10 * max(abs(complex(x, y) - middle) for x, y in zip(xs, ys))
+    distant = max(distant, 2 * request["limits"].get("link_min", 0.0))
     angles = {"transmission_angle_min": 35.0, "transmission_angle_min_turn": 15.0}
-    return angles | {"link_ratio_max": 10.0, "link_max": far, "pivot_reach": (middle, far)}
+    return angles | {"link_ratio_max": 10.0, "link_max": distant, "pivot_reach": (middle, distant)}
 
 
 def _used(request: Mapping[str, Any], solution: Mapping[str, Any]) -> np.ndarray:
@@ -255,8 +257,8 @@ def _broken_places(
             if box in limits and not _in_box(pivot, limits[box]):
                 broken.append(box)
         placed = {name, f"{name}_box", "pivot_box", "envelope"} & limits.keys()
-        middle, far = limits.get("pivot_reach", (a, np.inf))
-        if not placed and abs(pivot - middle) > far * (1 + 1e-12):
+        middle, distant = limits.get("pivot_reach", (a, np.inf))
+        if not placed and abs(pivot - middle) > distant * (1 + 1e-12):
             broken.append("pivot_reach")
         for out in limits.get("keep_out", []):
             if out[0] < pivot.real < out[2] and out[1] < pivot.imag < out[3]:
@@ -273,16 +275,16 @@ def _broken_places(
         aside = np.sqrt(np.maximum(links[1] ** 2 - along**2, 0.0))
         joint = pin + (along + 1j * solution["branch"] * aside) * gap / np.abs(gap)
         body = pin + point["radius"] * np.exp(1j * np.radians(point["angle"])) * (joint - pin) / links[1]
-        # the box is met between the looked-at angles too: to the sagitta of one step
+        # the box is met between the examined angles too: to the sagitta of a step
         spare = 1e-9 * size
-        if not all(_in_box(places, limits["envelope"], spare) for places in (a, b, pin, joint, body)):
+        if not all(_in_box(positions, limits["envelope"], spare) for positions in (a, b, pin, joint, body)):
             broken.append("envelope")
     return broken
 
 
-def _in_box(places: Any, box: Sequence[float], spare: float = 0.0) -> bool:
+def _in_box(positions: Any, box: Sequence[float], spare: float = 0.0) -> bool:
     xmin, ymin, xmax, ymax = box
-    x, y = np.real(places), np.imag(places)
+    x, y = np.real(positions), np.imag(positions)
     return bool(np.all((x >= xmin - spare) & (x <= xmax + spare) & (y >= ymin - spare) & (y <= ymax + spare)))
 
 
@@ -293,7 +295,7 @@ def _unit(request: Mapping[str, Any]) -> Any:
 def body_points(
     crank_length: float, mount: Mapping[str, Any], unit: Any, ground: Any, crank: list[Any], closed: Angles
 ) -> list[tuple[Any, Any]]:
-    """Places of the body point at crank angles, as of `Angles`; ``ground`` is the ground's angle in radians."""
+    """Return positions of the body point at crank angles, see `Angles`; ``ground`` is the ground's angle in radians."""
     ax, ay = (mpf(float(value)) for value in mount["pivot_a"])
     radius = mpf(float(mount["coupler_point"]["radius"]))
     arm_cos, arm_sin = mp.cos_sin(mpf(float(mount["coupler_point"]["angle"])) * unit + ground)

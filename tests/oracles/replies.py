@@ -32,7 +32,7 @@ from urllib.parse import urlsplit
 
 COUNT = 300
 EXPORT_EXAMPLES = 2
-"""Examples asked of a route that answers with a file; the same searches answer the route without the ending."""
+"""Examples for a route that answers with a file; the same searches answer the route without the ending."""
 RELATIVE, ABSOLUTE = 1e-9, 1e-12
 TIMES = {"elapsed_ms", "load_ms"}
 """Fields of a reply that differ from run to run."""
@@ -48,7 +48,7 @@ JSON = "application/json"
 TABLE = "x,y,angle\n0,0,0\n22,5,12\n41,17,27\n52,36,45\n50,58,66\n"
 
 
-class Asked(NamedTuple):
+class SentRequest(NamedTuple):
     """A request; its name is unique in a recording."""
 
     name: str
@@ -61,13 +61,13 @@ class Asked(NamedTuple):
 # -- the requests -----------------------------------------------------------------------------------------------------
 
 
-def requests_of(document: dict[str, Any]) -> list[Asked]:
+def requests_of(document: dict[str, Any]) -> list[SentRequest]:
     """Return the requests for a service with this OpenAPI document."""
     posts: dict[str, dict[str, Any]] = {}
     for path, methods in document["paths"].items():
         if "post" in methods:
-            given = methods["post"]["requestBody"]["content"][JSON].get("examples", {})
-            posts[path] = {name: example["value"] for name, example in given.items()}
+            prescribed = methods["post"]["requestBody"]["content"][JSON].get("examples", {})
+            posts[path] = {name: example["value"] for name, example in prescribed.items()}
     questions = {path: examples for path, examples in posts.items() if "." not in path}
     found = [*_fixed(), *_examples(posts), *_errors(questions)]
     variations = _variations(questions)
@@ -76,12 +76,12 @@ def requests_of(document: dict[str, Any]) -> list[Asked]:
     return found[:COUNT]
 
 
-def _fixed() -> Iterator[Asked]:
+def _fixed() -> Iterator[SentRequest]:
     paths = ["/", "/function", "/scenes", "/scenes/lift/queries", "/static/main.js", "/docs", "/livez", "/readyz"]
     paths += ["/openapi.json", "/v1/atlas", "/v1/types/45185", "/v1/types/1?kind=slider_crank"]
     for path in paths:
         for method in ("GET", "HEAD"):
-            yield Asked(f"{method} {path}", method, path, kind=None)
+            yield SentRequest(f"{method} {path}", method, path, kind=None)
     for path in (
         "/v1/types/0",
         "/v1/types/101409",
@@ -90,19 +90,19 @@ def _fixed() -> Iterator[Asked]:
         "/v1/nothing",
         "/static/no.js",
     ):
-        yield Asked(f"GET {path}", "GET", path, kind=None)
+        yield SentRequest(f"GET {path}", "GET", path, kind=None)
     for path in ("/livez", "/v1/atlas", "/static/main.js"):
-        yield Asked(f"POST {path}", "POST", path, "{}")
+        yield SentRequest(f"POST {path}", "POST", path, "{}")
 
 
-def _examples(posts: dict[str, dict[str, Any]]) -> Iterator[Asked]:
+def _examples(posts: dict[str, dict[str, Any]]) -> Iterator[SentRequest]:
     for path, examples in posts.items():
         shown = list(examples.items())
         for name, body in shown[:EXPORT_EXAMPLES] if "." in path else shown:
-            yield Asked(f"{path} {name}", "POST", path, json.dumps(body))
+            yield SentRequest(f"{path} {name}", "POST", path, json.dumps(body))
 
 
-def _errors(questions: dict[str, dict[str, Any]]) -> Iterator[Asked]:
+def _errors(questions: dict[str, dict[str, Any]]) -> Iterator[SentRequest]:
     wrong = {
         "malformed": ('{"rotation": [1,', JSON),
         "not a number": ('{"crank_span": NaN}', JSON),
@@ -117,21 +117,21 @@ def _errors(questions: dict[str, dict[str, Any]]) -> Iterator[Asked]:
     }
     for k, (path, examples) in enumerate(questions.items()):
         body = next(iter(examples.values()))
-        yield Asked(f"{path} unknown field", "POST", path, json.dumps(body | {"nosuch": 1}))
-        yield Asked(f"{path} GET", "GET", path, kind=None)
+        yield SentRequest(f"{path} unknown field", "POST", path, json.dumps(body | {"nosuch": 1}))
+        yield SentRequest(f"{path} GET", "GET", path, kind=None)
         for name in [list(wrong)[(3 * k + j) % len(wrong)] for j in range(3)]:
             content, kind = wrong[name]
-            yield Asked(f"{path} {name}", "POST", path, content, kind)
+            yield SentRequest(f"{path} {name}", "POST", path, content, kind)
 
 
-def _variations(questions: dict[str, dict[str, Any]]) -> Iterator[Asked]:
-    """Bodies in which each number that is not whole, or one whole number, is a little different."""
+def _variations(questions: dict[str, dict[str, Any]]) -> Iterator[SentRequest]:
+    """Return bodies in which every fraction, or a single whole number, is changed slightly."""
     k = 0
     while True:
         for path, examples in questions.items():
             name, body = list(examples.items())[k % len(examples)]
             chance = random.Random(f"{path} {name} {k}")
-            yield Asked(f"{path} {name} varied {k}", "POST", path, json.dumps(_varied(body, chance)))
+            yield SentRequest(f"{path} {name} varied {k}", "POST", path, json.dumps(_varied(body, chance)))
         k += 1
 
 
@@ -154,20 +154,24 @@ def record(address: str, out: Path, like: Path | None, clients: int) -> None:
     """Ask a service, and write a line of JSON for each request with its reply."""
     host = urlsplit(address).netloc
     if like is None:
-        asked = requests_of(json.loads(_sent(host, Asked("", "GET", "/openapi.json", kind=None))["body"]))
+        all_requests = requests_of(
+            json.loads(_sent(host, SentRequest("", "GET", "/openapi.json", kind=None))["body"])
+        )
     else:
-        asked = [Asked(*row["asked"]) for row in _rows(like)]
+        all_requests = [SentRequest(*row["asked"]) for row in _rows(like)]
     with ThreadPoolExecutor(clients) as pool, out.open("w") as file:
-        for request, reply in zip(asked, pool.map(lambda request: _sent(host, request), asked)):
+        for request, reply in zip(all_requests, pool.map(lambda request: _sent(host, request), all_requests)):
             file.write(json.dumps({"asked": request, **reply}) + "\n")
-    print(f"wrote {out}: {len(asked)} replies")
+    print(f"wrote {out}: {len(all_requests)} replies")
 
 
-def _sent(host: str, asked: Asked) -> dict[str, Any]:
+def _sent(host: str, request: SentRequest) -> dict[str, Any]:
     connection = http.client.HTTPConnection(host, timeout=300)
-    headers = {} if asked.kind is None else {"Content-Type": asked.kind}
+    headers = {} if request.kind is None else {"Content-Type": request.kind}
     try:
-        connection.request(asked.method, asked.path, None if asked.body is None else asked.body.encode(), headers)
+        connection.request(
+            request.method, request.path, None if request.body is None else request.body.encode(), headers
+        )
         reply = connection.getresponse()
         content = reply.read()
     except (OSError, http.client.HTTPException) as error:  # refused before the whole body was sent
@@ -256,10 +260,10 @@ def _differ_in_text(a: str, b: str, path: str) -> str:
             return f"{path}: line {number} {x!r} is now {y!r}"[:300]
         if x == y:
             continue
-        parts, others = NUMBER.split(x), NUMBER.split(y)
-        same = len(parts) == len(others) and all(
+        parts, remaining = NUMBER.split(x), NUMBER.split(y)
+        same = len(parts) == len(remaining) and all(
             math.isclose(float(p), float(q), rel_tol=RELATIVE, abs_tol=ABSOLUTE) if k % 2 else p == q
-            for k, (p, q) in enumerate(zip(parts, others))
+            for k, (p, q) in enumerate(zip(parts, remaining))
         )
         if not same:
             return f"{path}: line {number} {x[:100]!r} is now {y[:100]!r}"
@@ -271,14 +275,16 @@ def _is_number(value: Any) -> bool:
 
 
 def main() -> int:
-    """Record or compare, as the command line says; the exit code of a comparison is 1 if replies differ."""
+    """Record or compare; the exit code of a comparison is 1 if replies differ."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     commands = parser.add_subparsers(dest="command", required=True)
-    one = commands.add_parser("record", help="ask a service and write its replies")
-    one.add_argument("address", help="for example http://127.0.0.1:8000")
-    one.add_argument("out", type=Path)
-    one.add_argument("--like", type=Path, metavar="FILE", help="repeat the requests of an earlier recording")
-    one.add_argument("--clients", type=int, default=2, help="requests at a time (%(default)s)")
+    record_parser = commands.add_parser("record", help="ask a service and write its replies")
+    record_parser.add_argument("address", help="for example http://127.0.0.1:8000")
+    record_parser.add_argument("out", type=Path)
+    record_parser.add_argument(
+        "--like", type=Path, metavar="FILE", help="repeat the requests of an earlier recording"
+    )
+    record_parser.add_argument("--clients", type=int, default=2, help="requests at a time (%(default)s)")
     two = commands.add_parser("compare", help="print the differences of two recordings")
     two.add_argument("before", type=Path)
     two.add_argument("after", type=Path)

@@ -1,4 +1,4 @@
-"""Bodies on a crank that a rail or a slot guides, from the formulas as they stand in books: no care for the last digits."""
+"""Bodies on a crank that a rail or a slot guides, from textbook formulas without care for the last digits."""
 
 from __future__ import annotations
 
@@ -36,16 +36,17 @@ def random_lengths(random: np.random.Generator, guide: int) -> np.ndarray:
 def random_motion(
     random: np.random.Generator, guide: int, span: float, what: str, samples: int = 16, noise: float = 0.0
 ) -> Any:
-    """The motion of a random body on a crank over a span in degrees, by the formula of books, and perhaps noise.
+    """Return the motion of a random body on a crank over a span in degrees by the textbook formula, optionally with
+    noise.
 
     ``what``: "rotation", "position" or "both".
     """
     crank, start = np.deg2rad(np.linspace(0.0, span, samples)), random.uniform(0, 2 * np.pi)
     angle = body_angle([random_lengths(random, guide)], start + crank, guide)[0]
     pivot, z1, z2 = random.normal(size=3) + 1j * random.normal(size=3)
-    place = pivot + z1 * np.exp(1j * (start + crank)) + z2 * np.exp(1j * angle)
-    place = place + noise * (random.normal(size=samples) + 1j * random.normal(size=samples))
+    position = pivot + z1 * np.exp(1j * (start + crank)) + z2 * np.exp(1j * angle)
+    position = position + noise * (random.normal(size=samples) + 1j * random.normal(size=samples))
     turned = angle + random.uniform(-9, 9) + noise * random.normal(size=samples)
     return make_target(
-        None if what == "position" else turned, None if what == "rotation" else place, crank_angle=crank
+        None if what == "position" else turned, None if what == "rotation" else position, crank_angle=crank
     )

@@ -37,11 +37,11 @@ def linkage_of(case) -> Linkage:
     )
 
 
-def built(name: str, boards: str = "both", heads: bool = False, fit: str = "H7", body=(), **made) -> Solids:
+def built(name: str, boards: str = "both", heads: bool = False, fit: str = "H7", body=(), **built) -> Solids:
     """The parts of a worked linkage."""
     machine, found = arranged(name, boards, heads, body)
     assert found.status == "free", (name, boards, heads)
-    return solids_of(machine, found.stack, Made(FITS[fit], "aluminium", "steel", **made), 1.0)
+    return solids_of(machine, found.stack, Made(FITS[fit], "aluminium", "steel", **built), 1.0)
 
 
 def arranged(name: str, boards: str = "both", heads: bool = False, body=()) -> tuple[Machine, Arrangement]:
@@ -56,48 +56,52 @@ def places_of(machine: Machine, count: int) -> np.ndarray:
 
 
 def deepest(solids: Solids, count: int) -> tuple[float, tuple[str, str]]:
-    """How deep any part reaches into another, at most, over places of the used interval: below 0 where all are apart.
+    """Return the largest depth by which a part reaches into another over the used interval; negative if all parts
+    are apart.
 
-    A pin in its own hole counts by the radii, and must be in the middle; others by polygons.
+    A pin in its own hole counts by the radii, and must be in the middle; the other parts by polygons.
     """
     worst, who = -np.inf, ("", "")
     posed = [solids.posed(travel) for travel in places_of(solids.machine, count)]
-    turns = np.array([[place.turn for place in places] for places in posed])
-    shifts = np.array([[place.shift for place in places] for places in posed])
+    turns = np.array([[position.turn for position in positions] for positions in posed])
+    shifts = np.array([[position.shift for position in positions] for positions in posed])
     rings = [ring_of(part.prism) for part in solids.parts]
-    for (i, one), (j, other) in combinations(enumerate(solids.parts), 2):
-        if min(one.up + one.prism.high, other.up + other.prism.high) - max(one.up, other.up) <= 1e-9:
+    for (i, first), (j, second) in combinations(enumerate(solids.parts), 2):
+        if min(first.up + first.prism.high, second.up + second.prism.high) - max(first.up, second.up) <= 1e-9:
             continue
-        # parts of one body do not move against each other
-        places = slice(1) if one.body == other.body else slice(None)
-        deep = _in_hole(one, other, shifts[0, [i, j]], turns[0, [i, j]])
-        deep = _in_slit(one, other, shifts[:, [i, j]], turns[:, [i, j]]) if deep is None else deep
+        # parts of the same body do not move against each other
+        positions = slice(1) if first.body == second.body else slice(None)
+        deep = _in_hole(first, second, shifts[0, [i, j]], turns[0, [i, j]])
+        deep = _in_slit(first, second, shifts[:, [i, j]], turns[:, [i, j]]) if deep is None else deep
         if deep is None:
-            drawn = [turns[places, k][:, None] * rings[k] + shifts[places, k][:, None] for k in (i, j)]
+            drawn = [turns[positions, k][:, None] * rings[k] + shifts[positions, k][:, None] for k in (i, j)]
             gaps = distances(*drawn)
             deep = 1.0 if gaps.min() == 0 else -float(gaps.min())
         if deep > worst:
-            worst, who = deep, (one.name, other.name)
+            worst, who = deep, (first.name, second.name)
     return worst, who
 
 
-def _in_hole(one: Solid, other: Solid, at, turn) -> float | None:
-    """What a pin is wider than the hole that it stands in; None for other parts."""
-    for pin, plate, here, there, way in ((one, other, at[0], at[1], turn[1]), (other, one, at[1], at[0], turn[0])):
+def _in_hole(first: Solid, second: Solid, at, turn) -> float | None:
+    """Return the excess of a pin over the hole that it is in; None for other parts."""
+    for pin, plate, here, there, direction in (
+        (first, second, at[0], at[1], turn[1]),
+        (second, first, at[1], at[0], turn[0]),
+    ):
         if pin.prism.circle is not None and not pin.prism.holes:
             for hole in plate.prism.holes:
-                if hole.reach == 0 and abs(hole.centre * way + there - here) < 1e-9:
+                if hole.reach == 0 and abs(hole.centre * direction + there - here) < 1e-9:
                     return float(pin.prism.circle.radius - hole.radius)
     return None
 
 
-def _in_slit(one: Solid, other: Solid, at, turn) -> float | None:
-    """How far a pin reaches beyond the slit that it is in everywhere; None for other parts."""
-    for pin, plate, k in ((one, other, 0), (other, one, 1)):
+def _in_slit(first: Solid, second: Solid, at, turn) -> float | None:
+    """Return the distance by which a pin leaves its slit in any position; None for other parts."""
+    for pin, plate, k in ((first, second, 0), (second, first, 1)):
         if pin.prism.circle is not None and not pin.prism.holes:
             for hole in plate.prism.holes:
-                places = (at[:, k] - at[:, 1 - k]) / turn[:, 1 - k]
-                off = max(hole.distance(complex(place)) for place in places)
+                positions = (at[:, k] - at[:, 1 - k]) / turn[:, 1 - k]
+                off = max(hole.distance(complex(position)) for position in positions)
                 if hole.reach and off < hole.radius / 2:
                     return float(off + pin.prism.circle.radius - hole.radius)
     return None
@@ -115,17 +119,19 @@ def overlap(solids: Solids, manifold, count: int) -> float:
     worst = 0.0
     for travel in places_of(solids.machine, count):
         solid = [
-            one.transform([[t.real, -t.imag, 0, z.real], [t.imag, t.real, 0, z.imag], [0, 0, 1, up]])
-            for one, (t, z, up) in zip(bare, solids.posed(travel), strict=True)
+            shape.transform([[t.real, -t.imag, 0, z.real], [t.imag, t.real, 0, z.imag], [0, 0, 1, up]])
+            for shape, (t, z, up) in zip(bare, solids.posed(travel), strict=True)
         ]
-        # all together take the room of each alone
+        # the volume of the union is the sum of the volumes
         union = manifold.Manifold.batch_boolean(solid, manifold.OpType.Add).volume()
-        worst = max(worst, (sum(one.volume() for one in solid) - union) / max(1.0, union * 1e-6))
+        worst = max(worst, (sum(shape.volume() for shape in solid) - union) / max(1.0, union * 1e-6))
     return worst
 
 
 def step_shells(text: str) -> list[dict]:
-    """Of each shell of a STEP file its name, faces, edges and corners, and whether every edge is used once in each direction."""
+    """Return the shells of a STEP file by name: faces, edges, corners, and true if every edge is used once in each
+    direction.
+    """
     entities = dict(re.findall(r"#(\d+)=(.*?);\n", text, re.S))
     used = set(re.findall(r"#(\d+)", " ".join(entities.values())))
     assert used <= entities.keys(), "a reference leads nowhere"
@@ -135,7 +141,7 @@ def step_shells(text: str) -> list[dict]:
         if not match:
             continue
         faces = re.findall(r"#(\d+)", entities[match[2]])
-        ways, corners, bounds = Counter(), set(), 0
+        directions, corners, bounds = Counter(), set(), 0
         for face in faces:
             inside = re.search(r"\(((?:#\d+,?)+)\)", entities[face])[1]
             for bound in re.findall(r"#(\d+)", inside):
@@ -145,10 +151,10 @@ def step_shells(text: str) -> list[dict]:
                     curve, sign = re.fullmatch(
                         r"ORIENTED_EDGE\('',\*,\*,#(\d+),\.([TF])\.\)", entities[edge]
                     ).groups()
-                    ways[curve, sign] += 1
+                    directions[curve, sign] += 1
                     corners |= set(re.findall(r"#(\d+)", entities[curve])[:2])
-        edges = {curve for curve, _ in ways}
-        closed = all(ways[curve, sign] == 1 for curve in edges for sign in "TF")
+        edges = {curve for curve, _ in directions}
+        closed = all(directions[curve, sign] == 1 for curve in edges for sign in "TF")
         found.append(
             {
                 "name": match[1],

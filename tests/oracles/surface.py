@@ -1,4 +1,4 @@
-"""Whether a mesh is a closed surface, by counting its edges."""
+"""Count the edges of a mesh: a closed surface has no open edge."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from synthesis.solids.mesh import Mesh
 
 
 def open_edges(mesh: Mesh) -> int:
-    """How many edges have no counterpart in the other direction, or more than one; 0 for a closed surface."""
-    ways = np.concatenate([mesh.triangles[:, [k, (k + 1) % 3]] for k in range(3)]).astype(np.int64)
-    there = ways[:, 0] * len(mesh.corners) + ways[:, 1]
-    back = ways[:, 1] * len(mesh.corners) + ways[:, 0]
+    """Count the edges without exactly one counterpart in the opposite direction; 0 for a closed surface."""
+    directions = np.concatenate([mesh.triangles[:, [k, (k + 1) % 3]] for k in range(3)]).astype(np.int64)
+    there = directions[:, 0] * len(mesh.corners) + directions[:, 1]
+    back = directions[:, 1] * len(mesh.corners) + directions[:, 0]
     return int(len(there) - len(np.unique(there)) + len(np.setdiff1d(there, back)))
 
 

@@ -1,10 +1,10 @@
-"""A four-bar followed round its circuit in small steps, and what a sequence of samples is judged by on that way.
+"""Follow a four-bar round its circuit in small steps, and judge a sequence of samples on it.
 
-A configuration is (gamma, x, y): the angle of the coupler and the place of the crank pin D, the crank's pivot at the origin, the
-rocker's at (L4, 0). Two distances are kept, |AD| and |BC|, so the configurations are curves in three dimensions. The cross
-product of the two gradients is tangent to them and keeps its sense along a curve; where two curves come near each other it
-points against the sense on the other one, so that a step which lands on the wrong curve is seen and taken again, shorter.
-Nothing of the product is imported.
+A configuration is (gamma, x, y): the angle of the coupler and the position of the crank pin D, the crank's pivot at
+the origin, the rocker's at (L4, 0). Two distances are constant, |AD| and |BC|, so the configurations are curves in
+three dimensions. The cross product of the two gradients is tangent to them and keeps its sense along a curve; near
+a second curve it points against the sense of that curve, so that a step which lands on the wrong curve is detected
+and repeated with a shorter step. Nothing of the product is imported.
 """
 
 from __future__ import annotations
@@ -72,7 +72,9 @@ def tangent(lengths, state):
 
 
 def corrected(lengths, state, normal):
-    """Newton's method to the curve within the plane through ``state`` with this normal; None where it does not converge."""
+    """Apply Newton's method to the curve within the plane through ``state`` with this normal; None if it does not
+    converge.
+    """
     for _ in range(8):
         (f, g), first, second = distances(lengths, state)
         b, c = cross(second, normal), cross(normal, first)
@@ -89,10 +91,10 @@ def corrected(lengths, state, normal):
     return state if size < 1e-11 else None
 
 
-def apart(one, other):
+def apart(first, second):
     """Distance of two configurations; gamma counts modulo a turn."""
-    turn = (one[0] - other[0] + math.pi) % TURN - math.pi
-    return turn, one[1] - other[1], one[2] - other[2]
+    turn = (first[0] - second[0] + math.pi) % TURN - math.pi
+    return turn, first[1] - second[1], first[2] - second[2]
 
 
 def advance(lengths, state, t, step):
@@ -110,60 +112,62 @@ def advance(lengths, state, t, step):
 
 @dataclass
 class Circuit:
-    """Configurations round a whole circuit, with tangents and the way from the first one; lengths have perimeter 4."""
+    """Configurations round a whole circuit, with tangents and the path length from the first; lengths have
+    perimeter 4.
+    """
 
     lengths: tuple
     states: list
     tangents: list
-    way: list
+    path_length: list
     length: float
     found: dict = field(default_factory=dict)
 
     @cached_property
     def seen(self):
-        """Of each configuration what `_drives` asks for."""
+        """Angles that `_drives` needs for each configuration."""
         return [_seen(self.lengths, state) for state in self.states]
 
-    def at(self, way):
+    def at(self, distance):
         """The configuration at a way from the first."""
-        way %= self.length
-        k = max(bisect_left(self.way, way) - 1, 0)
-        rest, state, t = way - self.way[k], self.states[k], self.tangents[k]
-        while rest > 1e-13:
-            state, t, step = advance(self.lengths, state, t, rest)
-            rest -= step
+        distance %= self.length
+        k = max(bisect_left(self.path_length, distance) - 1, 0)
+        remaining, state, t = distance - self.path_length[k], self.states[k], self.tangents[k]
+        while remaining > 1e-13:
+            state, t, step = advance(self.lengths, state, t, remaining)
+            remaining -= step
         return state
 
-    def place(self, state):
-        """The way to a configuration, or None where it is not on this circuit."""
+    def position(self, state):
+        """Return the path length to a configuration, or None if it is not on this circuit."""
         if state not in self.found:
-            self.found[state] = self._place(state)
+            self.found[state] = self._position(state)
         return self.found[state]
 
-    def _place(self, state):
+    def _position(self, state):
         # in a hairpin the nodes of the other leg are as near: all within a step are tried
-        far = [sum(d * d for d in apart(one, state)) for one in self.states]
-        for k in sorted((k for k in range(len(far)) if far[k] < (1.2 * STEP) ** 2), key=far.__getitem__):
-            there, t, way = self.states[k], self.tangents[k], self.way[k]
+        distant = [sum(d * d for d in apart(sample, state)) for sample in self.states]
+        for k in sorted((k for k in range(len(distant)) if distant[k] < (1.2 * STEP) ** 2), key=distant.__getitem__):
+            there, t, distance = self.states[k], self.tangents[k], self.path_length[k]
             for _ in range(200):
-                rest = dot(apart(state, there), t)
-                if not 1e-13 < rest < 2 * STEP:
+                remaining = dot(apart(state, there), t)
+                if not 1e-13 < remaining < 2 * STEP:
                     break
-                there, t, step = advance(self.lengths, there, t, rest)
-                way += step
+                there, t, step = advance(self.lengths, there, t, remaining)
+                distance += step
             if max(map(abs, apart(state, there))) < 1e-7:
-                return way % self.length
+                return distance % self.length
         return None
 
     def reach(self):
-        """Smallest and largest theta1, from that of the first configuration; None for one that turns fully."""
+        """Return smallest and largest theta1, from the first configuration; None for a crank that turns fully."""
         return _reach([crank[0] for crank, _ in [*self.seen, self.seen[0]]])
 
 
 def _reach(values):
     total = low = high = 0.0
-    for one, other in pairwise(values):
-        total += (other - one + math.pi) % TURN - math.pi
+    for first, second in pairwise(values):
+        total += (second - first + math.pi) % TURN - math.pi
         low, high = min(low, total), max(high, total)
     return None if abs(total) > 1 else (low, high)
 
@@ -173,25 +177,25 @@ def track(lengths, theta1, side):
     size = sum(lengths) / 4
     lengths = tuple(length / size for length in lengths)
     start = configuration(lengths, theta1, side)
-    states, tangents, way = [start], [tangent(lengths, start)], [0.0]
+    states, tangents, distance = [start], [tangent(lengths, start)], [0.0]
     step = STEP
     while True:
         there, t, step = advance(lengths, states[-1], tangents[-1], step)
-        # round once if the first configuration lies ahead of the last one, not ahead of this one, and on the line between them
+        # round once if the first configuration lies ahead of the last, not ahead of this, and on the line between them
         before, behind = apart(start, states[-1]), apart(start, there)
-        rest = dot(before, tangents[-1])
-        if rest > 0 >= dot(behind, t) and dot(before, before) - rest * rest < (step / 5) ** 2:
-            return Circuit(lengths, states, tangents, way, way[-1] + rest)
+        remaining = dot(before, tangents[-1])
+        if remaining > 0 >= dot(behind, t) and dot(before, before) - remaining * remaining < (step / 5) ** 2:
+            return Circuit(lengths, states, tangents, distance, distance[-1] + remaining)
         states.append(there)
         tangents.append(t)
-        way.append(way[-1] + step)
+        distance.append(distance[-1] + step)
         step = min(1.5 * step, STEP)
         assert len(states) < 100_000, "the circuit does not close"
 
 
 @dataclass
 class Judgement:
-    """What `synthesis.fourbar.verdict.Verdict` says, from the tracked circuit."""
+    """The contents of `synthesis.fourbar.verdict.Verdict`, from the tracked circuit."""
 
     order: bool
     branch: bool
@@ -203,50 +207,54 @@ def judge(circuit, samples, ordered=True, closed=False):
     """Samples (theta1, side), at least one of them on the circuit."""
     lengths = circuit.lengths
     states = [configuration(lengths, theta1, side) for theta1, side in samples]
-    places = [circuit.place(state) for state in states]
-    same_circuit = None not in places
+    positions = [circuit.position(state) for state in states]
+    same_circuit = None not in positions
     signs = [sides(lengths, state)[0] > 0 for state in states]
     drivers = [None]
     if same_circuit:
-        ways = _ways(places, circuit.length, ordered)
+        directions = _orders(positions, circuit.length, ordered)
         drivers = [
             name
             for which, name in ((0, "crank"), (1, "rocker"))
-            if any(_drives(circuit, places[samples[0]], way, which, closed) for samples, way in ways)
+            if any(
+                _drives(circuit, positions[samples[0]], direction, which, closed) for samples, direction in directions
+            )
         ] or [None]
-    order = _crank_order(circuit, [theta1 for theta1, _ in samples], places, ordered, closed)
+    order = _crank_order(circuit, [theta1 for theta1, _ in samples], positions, ordered, closed)
     return Judgement(order, len(set(signs)) == 1, same_circuit, drivers[0])
 
 
-def _ways(places, length, ordered):
+def _orders(positions, length, ordered):
     """Orders of the samples with the signed way from the first to the last of them, below a whole round."""
-    count = len(places)
+    count = len(positions)
     if ordered:
         orders = [list(range(count))]
     else:
-        once = sorted(range(count), key=places.__getitem__)
+        once = sorted(range(count), key=positions.__getitem__)
         orders = [once[k:] + once[:k] for k in range(count)]
     found = []
     for order in orders:
         for sense in (1, -1):
-            steps = [(sense * (places[b] - places[a])) % length for a, b in pairwise(order)]
+            steps = [(sense * (positions[b] - positions[a])) % length for a, b in pairwise(order)]
             if sum(steps) < length:
                 found.append((order, sense * sum(steps)))
     return found
 
 
-def _drives(circuit, first, way, which, closed):
-    """Whether a link turns one way, and does not pass a dead position, from a place on; round the circuit where closed."""
-    way = math.copysign(circuit.length, way) if closed else way
-    low, high = sorted((first, first + way))
+def _drives(circuit, first, distance, which, closed):
+    """Return true if a link turns in a direction without a dead position from a position on; round the circuit if
+    closed.
+    """
+    distance = math.copysign(circuit.length, distance) if closed else distance
+    low, high = sorted((first, first + distance))
     inside = [
         seen
         for lap in range(math.floor(low / circuit.length), math.ceil(high / circuit.length))
-        for seen, at in zip(circuit.seen, circuit.way)
+        for seen, at in zip(circuit.seen, circuit.path_length)
         if low + 1e-9 < at + lap * circuit.length < high - 1e-9
     ]
-    ends = [_seen(circuit.lengths, circuit.at(one)) for one in (low, high)]
-    way_of_link = [one[which] for one in (ends[0], *inside, ends[1])]
+    ends = [_seen(circuit.lengths, circuit.at(end)) for end in (low, high)]
+    way_of_link = [seen[which] for seen in (ends[0], *inside, ends[1])]
     if len({sign for _, sign in way_of_link}) > 1:
         return False
     steps = [(b - a + math.pi) % TURN - math.pi for (a, _), (b, _) in pairwise(way_of_link)]
@@ -259,8 +267,8 @@ def _seen(lengths, state):
     return (theta1, math.sin(theta3 - theta2) > 0), (theta3, math.sin(theta1 - theta2) > 0)
 
 
-def _crank_order(circuit, crank, places, ordered, closed):
-    """Whether the crank angles alone are passed one way, by a crank that reaches them all on this circuit."""
+def _crank_order(circuit, crank, positions, ordered, closed):
+    """Return true if a crank that reaches all crank angles on this circuit passes them in a direction."""
     reach = circuit.reach()
     if reach is None:
         sums = [sum((sense * (b - a)) % TURN for a, b in pairwise(crank)) for sense in (1, -1)]
@@ -270,9 +278,9 @@ def _crank_order(circuit, crank, places, ordered, closed):
     first = angles(circuit.lengths, circuit.states[0])[0] + reach[0]
     span = reach[1] - reach[0]
     margin = (TURN - span) / 2
-    swung = [(one - first + margin) % TURN - margin for one in crank]
+    swung = [(angle - first + margin) % TURN - margin for angle in crank]
     # the ends of the swing are known to a step's square only
-    if any(place is None and not 0 <= one <= span for one, place in zip(swung, places)):
+    if any(position is None and not 0 <= angle <= span for angle, position in zip(swung, positions)):
         return False
     steps = [b - a for a, b in pairwise(swung)]
     return not ordered or all(step > 0 for step in steps) or all(step < 0 for step in steps)

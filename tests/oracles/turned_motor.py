@@ -14,14 +14,14 @@ class Turned(NamedTuple):
     """Over a whole turn of the motor."""
 
     ends: np.ndarray
-    """(2,): places of the linkage's drive where crank and rod lie in one line, the lesser first."""
+    """(2,): coordinates of the linkage's drive with crank and rod in a line, the smaller first."""
     time_ratio: float
     transmission_angle: float
     """The least, between rod and normal of the pin's path."""
     rod: float
     """The largest error of the rod's length, over it."""
     swings: bool
-    """Whether the drive's place rises all the way between one end and the other, and falls all the way back."""
+    """True if the drive's coordinate rises all the way between its two ends, and falls all the way back."""
 
 
 def turned(
@@ -38,8 +38,8 @@ def turned(
     def closed(angle: np.ndarray, at: np.ndarray) -> np.ndarray:
         knee = motor + crank * np.exp(1j * angle)
         for _ in range(12):
-            place, speed = pin(at)
-            off = place - knee
+            position, speed = pin(at)
+            off = position - knee
             step = (np.abs(off) - rod) * np.abs(off) / np.real(np.conj(off) * speed)
             at = at - step
             if np.abs(step).max() < 1e-15 * max(1.0, np.abs(at).max()):
@@ -47,39 +47,39 @@ def turned(
         return at
 
     coarse = start + np.linspace(0, 2 * np.pi, _MARCH)
-    places, at = [], np.array([begin])
+    positions, at = [], np.array([begin])
     for angle in coarse:
         at = closed(np.array([angle]), at)
-        places.append(at[0])
+        positions.append(at[0])
     # half a step on: not begun at a dead centre, where rounding decides signs
-    every = start + np.linspace(0, 2 * np.pi, angles) + np.pi / angles
-    at = closed(every, np.interp(every, coarse, places, period=2 * np.pi))
+    all_cases = start + np.linspace(0, 2 * np.pi, angles) + np.pi / angles
+    at = closed(all_cases, np.interp(all_cases, coarse, positions, period=2 * np.pi))
 
     def across(angle: np.ndarray, at: np.ndarray) -> np.ndarray:
         return np.imag(np.exp(-1j * angle) * (pin(at)[0] - motor))
 
-    values = across(every, at)
+    values = across(all_cases, at)
     low = np.flatnonzero(values[:-1] * values[1:] < 0)
     if low.size != 2:
         return Turned(np.full(2, np.nan), np.nan, np.nan, np.nan, False)
-    one, other = every[low], every[low + 1]
-    sign, near = np.sign(values[low]), at[low]
+    before, second = all_cases[low], all_cases[low + 1]
+    sign, close = np.sign(values[low]), at[low]
     for _ in range(60):
-        middle = (one + other) / 2
-        same = across(middle, closed(middle, near)) * sign > 0
-        one, other = np.where(same, middle, one), np.where(same, other, middle)
-    dead = (one + other) / 2
-    ends = closed(dead, near)
-    place, speed = pin(at)
-    rods = place - motor - crank * np.exp(1j * every)
+        middle = (before + second) / 2
+        same = across(middle, closed(middle, close)) * sign > 0
+        before, second = np.where(same, middle, before), np.where(same, second, middle)
+    dead = (before + second) / 2
+    ends = closed(dead, close)
+    position, speed = pin(at)
+    rods = position - motor - crank * np.exp(1j * all_cases)
     pull = np.real(np.conj(rods) * speed) / np.abs(speed) / np.abs(rods)
     rising = np.sign(np.diff(at))
     turns = int(np.count_nonzero(rising[:-1] != rising[1:])) + int(rising[0] != rising[-1])
     between = abs(dead[1] - dead[0])
-    ways = sorted([between, 2 * np.pi - between])
+    directions = sorted([between, 2 * np.pi - between])
     return Turned(
         np.sort(ends),
-        float(ways[1] / ways[0]),
+        float(directions[1] / directions[0]),
         float(np.arcsin(np.abs(pull).min())),
         float(np.abs(np.abs(rods) / rod - 1).max()),
         turns == 2,

@@ -25,16 +25,22 @@ KINDS = [(shortest, grashof) for shortest in range(4) for grashof in (True, Fals
 
 
 def lengths_of(rng: np.random.Generator, shortest: int, grashof: bool, excess: float | None = None) -> np.ndarray:
-    """Four lengths with the shortest at a place; at a change point but for ``excess``, of the perimeter, where given."""
+    """Return four lengths, the shortest at an index; ``excess`` moves them from a change point by a fraction of the
+    perimeter.
+    """
     while True:
-        one = np.sort(rng.dirichlet(np.ones(4)))
+        sides = np.sort(rng.dirichlet(np.ones(4)))
         if excess is not None:
-            one[3] = one[1] + one[2] - one[0] + (-excess if grashof else excess)
-        if one[0] < 0.01 or one[3] > 0.98 * one[:3].sum() or (one[0] + one[3] < one[1] + one[2]) != grashof:
+            sides[3] = sides[1] + sides[2] - sides[0] + (-excess if grashof else excess)
+        if (
+            sides[0] < 0.01
+            or sides[3] > 0.98 * sides[:3].sum()
+            or (sides[0] + sides[3] < sides[1] + sides[2]) != grashof
+        ):
             continue
-        if one[3] < one[2]:
+        if sides[3] < sides[2]:
             continue
-        return np.insert(rng.permutation(one[1:]), shortest, one[0]) / one.sum()
+        return np.insert(rng.permutation(sides[1:]), shortest, sides[0]) / sides.sum()
 
 
 def start_of(rng: np.random.Generator, lengths: np.ndarray) -> tuple[float, int]:
@@ -49,9 +55,9 @@ def samples_on(rng: np.random.Generator, circuit: tracker.Circuit) -> list[tuple
     """Samples in cyclic order over a part of a circuit, or all of it, none within 1e-3 of a dead position."""
     while True:
         gaps = rng.uniform(0.2, 1, size=rng.integers(4, 9))
-        places = rng.uniform() + rng.choice([-1, 1]) * np.cumsum(gaps / gaps.sum()) * rng.choice([0.15, 0.4, 0.99])
-        states = [circuit.at(place * circuit.length) for place in places]
-        if min(abs(one) for state in states for one in tracker.sides(circuit.lengths, state)) > 1e-3:
+        positions = rng.uniform() + rng.choice([-1, 1]) * np.cumsum(gaps / gaps.sum()) * rng.choice([0.15, 0.4, 0.99])
+        states = [circuit.at(position * circuit.length) for position in positions]
+        if min(abs(side) for state in states for side in tracker.sides(circuit.lengths, state)) > 1e-3:
             return [
                 (tracker.angles(circuit.lengths, state)[0], 1 if tracker.sides(circuit.lengths, state)[0] > 0 else -1)
                 for state in states
@@ -59,16 +65,18 @@ def samples_on(rng: np.random.Generator, circuit: tracker.Circuit) -> list[tuple
 
 
 def changed(rng: np.random.Generator, samples: list[tuple[float, int]]) -> dict[str, list[tuple[float, int]]]:
-    """The samples as they are, with two of them swapped, and with one replaced by its mirror image."""
-    one, other = rng.choice(len(samples), 2, replace=False)
+    """Return the samples unchanged, with two samples swapped, and with a sample replaced by its mirror image."""
+    first, second = rng.choice(len(samples), 2, replace=False)
     swapped, mirrored = list(samples), list(samples)
-    swapped[one], swapped[other] = samples[other], samples[one]
-    mirrored[one] = (-samples[one][0], -samples[one][1])
+    swapped[first], swapped[second] = samples[second], samples[first]
+    mirrored[first] = (-samples[first][0], -samples[first][1])
     return {"as they are": samples, "swapped": swapped, "mirrored": mirrored}
 
 
 def disagreements(count: int, seed: int = 1) -> tuple[list[str], Counter[str]]:
-    """Verdicts on random mechanisms that are not those of the tracker, and how often each verdict was given."""
+    """Return verdicts on random mechanisms that differ from the tracker's, and the number of times that each
+    verdict was given.
+    """
     rng = np.random.default_rng(seed)
     wrong, seen = [], Counter()
     for number in range(count):
@@ -80,10 +88,10 @@ def disagreements(count: int, seed: int = 1) -> tuple[list[str], Counter[str]]:
             turns = TURN * rng.integers(-2, 3, size=len(samples))
             angle, side = np.array(samples).T
             for ordered, closed in ((True, False), (True, True), (False, False)):
-                asked = {"ordered": ordered, "closed": closed}
+                request = {"ordered": ordered, "closed": closed}
                 linkage = four_bar(tuple(lengths))
-                found = verdict(linkage, angle + turns, side, **asked)
-                truth = tracker.judge(circuit, samples, **asked)
+                found = verdict(linkage, angle + turns, side, **request)
+                truth = tracker.judge(circuit, samples, **request)
                 same = tracker.Judgement(found.order, found.branch, found.circuit, found.driver) == truth
                 if found.uncertain:
                     seen[f"uncertain, {'same' if same else 'other'}"] += 1
@@ -93,7 +101,7 @@ def disagreements(count: int, seed: int = 1) -> tuple[list[str], Counter[str]]:
                 seen["branch defect, no circuit defect"] += found.circuit and not found.branch
                 seen["order defect alone"] += found.circuit and found.branch and not found.order
                 if not same:
-                    wrong.append(f"{number} {name} {asked} {lengths.tolist()} {samples}: {found}, tracked {truth}")
+                    wrong.append(f"{number} {name} {request} {lengths.tolist()} {samples}: {found}, tracked {truth}")
     return wrong, seen
 
 
@@ -111,23 +119,23 @@ def test_as_the_tracker(count) -> None:
 LENGTH = st.floats(0.1, 1.0)
 SAMPLE = st.tuples(st.floats(-4.0, 4.0), st.sampled_from([-1, 1]))
 CASE = st.tuples(st.tuples(LENGTH, LENGTH, LENGTH, LENGTH), st.lists(SAMPLE, min_size=2, max_size=5, unique=True))
-ASKED = st.fixed_dictionaries({"ordered": st.booleans(), "closed": st.booleans(), "timed": st.booleans()})
+REQUEST = st.fixed_dictionaries({"ordered": st.booleans(), "closed": st.booleans(), "timed": st.booleans()})
 
 
-def flags(lengths, samples, asked) -> list[bool]:
+def flags(lengths, samples, request) -> list[bool]:
     angle, side = np.array(samples).T
-    found = passage(four_bar(tuple(lengths)), angle, side, **asked)
+    found = passage(four_bar(tuple(lengths)), angle, side, **request)
     return [found.order, found.branch, found.circuit]
 
 
 @laws
-@given(CASE, ASKED)
-def test_the_same_for_reversed_samples_another_size_and_the_mirror_image(case, asked) -> None:
+@given(CASE, REQUEST)
+def test_the_same_for_reversed_samples_another_size_and_the_mirror_image(case, request) -> None:
     lengths, samples = case
-    found = flags(lengths, samples, asked)
-    assert flags(lengths, samples[::-1], asked) == found
-    assert flags([8 * one for one in lengths], samples, asked) == found
-    assert flags(lengths, [(-angle, -side) for angle, side in samples], asked) == found
+    found = flags(lengths, samples, request)
+    assert flags(lengths, samples[::-1], request) == found
+    assert flags([8 * length for length in lengths], samples, request) == found
+    assert flags(lengths, [(-angle, -side) for angle, side in samples], request) == found
 
 
 @laws
@@ -135,27 +143,27 @@ def test_the_same_for_reversed_samples_another_size_and_the_mirror_image(case, a
 def test_whole_turns_do_not_count_without_timing(case, turns, ordered, closed) -> None:
     """Except near a change point, where the rounding of a turn decides between the circuits."""
     lengths, samples = case
-    asked = {"ordered": ordered, "closed": closed}
-    assume(not passage(four_bar(lengths), *np.array(samples).T, **asked).uncertain)
+    request = {"ordered": ordered, "closed": closed}
+    assume(not passage(four_bar(lengths), *np.array(samples).T, **request).uncertain)
     moved = [(angle + TURN * turns * (k % 2), side) for k, (angle, side) in enumerate(samples)]
-    assert flags(lengths, moved, asked) == flags(lengths, samples, asked)
+    assert flags(lengths, moved, request) == flags(lengths, samples, request)
 
 
 # -- every kind of linkage ---------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("cases", some_of([1, 12], 1))
-@pytest.mark.parametrize(("guide", "driver", "other"), DRIVES, ids=NAMES)
-def test_as_followed_step_by_step(guide, driver, other, cases) -> None:
+@pytest.mark.parametrize(("guide", "driver", "second"), DRIVES, ids=NAMES)
+def test_as_followed_step_by_step(guide, driver, second, cases) -> None:
     random = np.random.default_rng(24)  # the first cases are driven, not driven, or on two circuits
     seen = 0
     while seen < cases:
-        case = random_case(random, guide, driver, other)
-        if case.near:
+        case = random_case(random, guide, driver, second)
+        if case.close:
             continue
         seen += 1
-        found, followed = passage(case.linkage, case.coordinate, case.side), follow(case.linkage, case.poses)
-        assert (found.driven, found.circuit) == (followed.driven, followed.circuit), case
+        found, traced = passage(case.linkage, case.coordinate, case.side), follow(case.linkage, case.poses)
+        assert (found.driven, found.circuit) == (traced.driven, traced.circuit), case
 
 
 def flags_of(linkage: Linkage, coordinate: np.ndarray, side: np.ndarray) -> tuple[bool, ...]:
@@ -163,12 +171,12 @@ def flags_of(linkage: Linkage, coordinate: np.ndarray, side: np.ndarray) -> tupl
     return found.order, found.branch, found.circuit, found.driven
 
 
-@pytest.mark.parametrize(("guide", "driver", "other"), DRIVES, ids=NAMES)
-def test_the_same_reversed_mirrored_moved_and_scaled(guide, driver, other) -> None:
+@pytest.mark.parametrize(("guide", "driver", "second"), DRIVES, ids=NAMES)
+def test_the_same_reversed_mirrored_moved_and_scaled(guide, driver, second) -> None:
     random = np.random.default_rng(22)
     for _ in range(30):
-        case = random_case(random, guide, driver, other)
-        if case.near:
+        case = random_case(random, guide, driver, second)
+        if case.close:
             continue
         linkage, q, side = case.linkage, case.coordinate, case.side
         flipped = linkage.mirrored().branch * linkage.branch
@@ -211,9 +219,9 @@ def test_two_circuits_of_a_rail_and_a_slot_are_distinguished_by_the_sign_of_the_
 CRANK_ROCKER, ROCKER_CRANK, DOUBLE_ROCKER, NOT_GRASHOF = (2, 7, 6, 8), (6, 7, 2, 8), (6, 2, 7, 8), (3, 3, 3, 8)
 
 
-def judged(links, degrees, side=1, **asked):
+def judged(links, degrees, side=1, **request):
     angle = np.deg2rad(degrees)
-    return verdict(four_bar(links), angle, np.broadcast_to(side, angle.shape), **asked)
+    return verdict(four_bar(links), angle, np.broadcast_to(side, angle.shape), **request)
 
 
 def said(verdict):
@@ -265,7 +273,7 @@ def test_a_crank_that_swings() -> None:
     assert said(judged(NOT_GRASHOF, [-5, 5, 10], [1, 1, -1]))[1:3] == (False, True)
 
 
-# -- samples at one position of the drive --------------------------------------------------------------------------
+# -- samples at the same position of the drive
 
 
 APART = np.array([0, 1j, 2, 3])
@@ -273,13 +281,13 @@ ALIKE = np.array([0, 1j, 1j + 1e-5, 3])
 
 
 @pytest.mark.parametrize(
-    ("crank", "asked", "turns", "named"),
+    ("crank", "fields", "turns", "named"),
     [
         ([0, 1, 2, 3], {"position": APART}, True, None),
         ([0, 1, 1 + 1e-12, 3], {"position": APART}, True, "samples 2 and 3"),
         ([0, -1, -1 - 1e-12, -TURN], {"position": APART}, True, "samples 1/4 and 2/3"),
         ([0, 2, 1, 2 - TURN], {"position": APART}, True, "samples 2 and 4"),  # in any order
-        ([0, 1e-12, 2e-12, 3e-12], {"position": APART}, False, None),  # a short way, but not of one position
+        ([0, 1e-12, 2e-12, 3e-12], {"position": APART}, False, None),  # a short distance, but different positions
         ([0, 1, 1, TURN], {"position": APART}, False, "samples 2 and 3"),
         ([0, 1, 1, 3], {"position": APART, "position_weights": np.array([1.0, 1, 0, 1])}, True, None),
         ([0, 1, 1, 3], {"position": ALIKE}, True, None),
@@ -287,7 +295,7 @@ ALIKE = np.array([0, 1j, 1j + 1e-5, 3])
         ([0, 1, 1, 3], {"position": ALIKE, "rotation": np.array([0, 1, 1 + TURN, 3])}, True, None),
     ],
 )
-def test_samples_at_one_position_of_the_drive(crank, asked, turns, named) -> None:
-    """Told where what is asked differs there, of which missing parts are none."""
-    motion = Target(**{"rotation": None, **asked}, crank=np.array(crank, dtype=float))
-    assert [one.split(" share one ")[0] for one in shared_positions(motion, turns)] == ([named] if named else [])
+def test_samples_at_one_position_of_the_drive(crank, fields, turns, named) -> None:
+    """Samples at the same position of the drive are reported if their targets differ; missing values do not differ."""
+    motion = Target(**{"rotation": None, **fields}, crank=np.array(crank, dtype=float))
+    assert [note.split(" share one ")[0] for note in shared_positions(motion, turns)] == ([named] if named else [])

@@ -1,4 +1,7 @@
-"""Descents, crank angles free and given: rows and steps against naive twins, differences and dense least squares."""
+"""Refinements of candidates agree with the general kinematics, with differences and with dense least squares.
+
+A wrong derivative, a wrong pose or a step that loses the order of the samples would show here.
+"""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -38,7 +41,7 @@ limited_timings = pytest.mark.parametrize(
     ids=["free", "given", "given, of shape and start"],
 )
 MARGIN = 1e-7
-"""By which descents keep limits."""
+"""Margin by which refinements satisfy limits."""
 LIMITS = Limits(
     transmission_angle_min=0.6,
     transmission_angle_min_turn=0.3,
@@ -57,16 +60,16 @@ ON_SHAPE = Limits(
 
 
 def poses(rotation: bool = True, position: bool = True, samples: int = 11) -> Poses:
-    """Some poses, of unequal weights."""
+    """Return poses with unequal weights."""
     random = np.random.default_rng(7)
-    place = np.cumsum(random.standard_normal(samples) + 1j * random.standard_normal(samples))
+    points = np.cumsum(random.standard_normal(samples) + 1j * random.standard_normal(samples))
     turned = np.cumsum(random.uniform(0, 0.3, samples)) if rotation else None
     weights = random.uniform(0.5, 2.0, (2, samples))
     weighed = {
         "rotation_weights": weights[0] if rotation else None,
         "position_weights": weights[1] if position else None,
     }
-    return Poses(turned, place if position else None, length_scale=2.0, **weighed)
+    return Poses(turned, points if position else None, length_scale=2.0, **weighed)
 
 
 def candidates(
@@ -82,17 +85,17 @@ def candidates(
 
     ``fixed``: start or offset of a given timing; ``posed``: whether its limits concern the pose.
     """
-    asked = poses(rotation, position)
-    angles = np.cumsum(np.random.default_rng(8).uniform(0.1, 0.8, (2, asked.samples)), axis=1)
+    request = poses(rotation, position)
+    angles = np.cumsum(np.random.default_rng(8).uniform(0.1, 0.8, (2, request.samples)), axis=1)
     lengths, branch = (SLIDERS, np.ones(2)) if isinstance(chart, SliderChart) else (LENGTHS, np.array([1.0, -1]))
     timed = unposed(chart.unknowns(lengths), angles, branch)
     if timing == "free":
-        plain: Problem = JointProblem(asked, chart)
-        problem = plain if limits is None else limited_problem(asked, chart, limits)
+        plain: Problem = JointProblem(request, chart)
+        problem = plain if limits is None else limited_problem(request, chart, limits)
         return problem, plain.measured(timed, facing=True).timed
-    samples = (vars(asked)[name] for name in Samples.__dataclass_fields__)
+    samples = (vars(request)[name] for name in Samples.__dataclass_fields__)
     target = Target(*samples, crank=angles[0] - angles[0, 0], **fixed)
-    middle, scale = (asked.middle, asked.length_scale) if posed else (0j, 1.0)
+    middle, scale = (request.middle, request.length_scale) if posed else (0j, 1.0)
     problem = plain = GivenProblem(target, chart)
     if limits is not None:
         problem = GivenProblem(target, chart, Constraints(limits, middle, scale, exact=False), posed)
@@ -128,21 +131,21 @@ def body_of(problem: Any, timed: Timed) -> np.ndarray:
 
 def naive_residual(problem: Any, timed: Timed) -> np.ndarray:
     """The samples' rows by the general kinematics, (n, R N): rotations, then x, then y."""
-    asked, turned, rows = asked_of(problem), body_of(problem, timed), []
-    if asked.rotation is not None:
-        mean = asked.rotation_mean
-        gap = asked.rotation - timed.offset[:, None] - turned
+    request, turned, rows = asked_of(problem), body_of(problem, timed), []
+    if request.rotation is not None:
+        mean = request.rotation_mean
+        gap = request.rotation - timed.offset[:, None] - turned
         if isinstance(problem, GivenProblem):
-            gap = gap - (mean(asked.rotation) if asked.offset is None else asked.offset)
-            if asked.offset is not None:
+            gap = gap - (mean(request.rotation) if request.offset is None else request.offset)
+            if request.offset is not None:
                 gap = gap - 2 * np.pi * np.round(mean(gap) / (2 * np.pi))[:, None]
         else:
             gap = np.angle(np.exp(1j * gap))
         rows.append(mean.root * gap)
-    if asked.position is not None:
+    if request.position is not None:
         a, z1, z2 = timed.pose.T[:, :, None]
         at = a + z1 * np.exp(1j * angles_of(problem, timed)) + z2 * np.exp(1j * turned)
-        gap = asked.position_mean.root * (asked.scaled - at)
+        gap = request.position_mean.root * (request.scaled - at)
         rows += [gap.real, gap.imag]
     return np.concatenate(rows, axis=1)
 
@@ -153,20 +156,20 @@ def naive_cost(problem: Any, timed: Timed) -> np.ndarray:
 
 
 def naive_limits(problem: Any, limits: Limits, timed: Timed, posed: bool = True) -> tuple[np.ndarray, np.ndarray]:
-    """Values (n, C) of limits where the candidates stand, and which are equations."""
-    lengths, asked, angles = problem.chart.shape(timed.shape).lengths, asked_of(problem), angles_of(problem, timed)
+    """Return values (n, C) of the limits for the candidates, and which of them are equations."""
+    lengths, request, angles = problem.chart.shape(timed.shape).lengths, asked_of(problem), angles_of(problem, timed)
     used = Interval(angles.min(axis=1), angles.max(axis=1))
     if not posed:
         found = Constraints(limits, exact=False)(Placed(lengths, timed.branch, used))
         return found.values, found.equal
     a, z1, z2 = timed.pose.T
     placed = Placed(lengths * (np.abs(z1) / lengths[:, 0])[:, None], timed.branch, used, a, np.angle(z1), z2)
-    found = Constraints(limits, asked.middle, asked.length_scale, exact=False)(placed)
+    found = Constraints(limits, request.middle, request.length_scale, exact=False)(placed)
     return found.values, found.equal
 
 
 def unknowns_of(problem: Any, timed: Timed) -> int:
-    """How many there are beside free crank angles: pose, offset, shape, and a start where the timing is given."""
+    """Count the unknowns except free crank angles: pose, offset, shape, and the start for prescribed timing."""
     given_timing = timed.angles.shape[1] == 1
     return 6 * problem.has_position + problem.has_rotation + timed.shape.shape[1] + given_timing
 
@@ -188,9 +191,12 @@ def slopes(problem: Any, rows: Callable[[Timed], np.ndarray], timed: Timed) -> t
     columns, step, count = unknowns_of(problem, timed), 1e-6, len(timed.branch)
     free = timed.angles.shape[1] if timed.angles.shape[1] > 1 else 0
     found = []
-    for one in np.eye(columns + free) * step:
-        by = np.tile(one, (count, 1))
-        there, here = (rows(changed(problem, timed, way * by[:, :columns], way * by[:, columns:])) for way in (1, -1))
+    for unit in np.eye(columns + free) * step:
+        by = np.tile(unit, (count, 1))
+        there, here = (
+            rows(changed(problem, timed, direction * by[:, :columns], direction * by[:, columns:]))
+            for direction in (1, -1)
+        )
         found.append((there - here) / (2 * step))
     return np.stack(found[:columns], axis=1), np.array(found[columns:]).reshape(free, *found[0].shape).swapaxes(0, 1)
 
@@ -206,12 +212,14 @@ def test_rows_and_derivatives_are_those_of_the_general_kinematics(
 ) -> None:
     problem, timed = candidates(chart, rotation, position=position, timing=timing)
     by_unknowns, by_angles = slopes(problem, partial(naive_residual, problem), timed)
-    for k, one in enumerate(problem.linearised(timed, 1e-3)):
-        np.testing.assert_allclose(one["rows"][-1], naive_residual(problem, timed)[k], atol=1e-14)
-        np.testing.assert_allclose(one["rows"][:-1], by_unknowns[k], atol=2e-8)
+    for k, block in enumerate(problem.linearised(timed, 1e-3)):
+        np.testing.assert_allclose(block["rows"][-1], naive_residual(problem, timed)[k], atol=1e-14)
+        np.testing.assert_allclose(block["rows"][:-1], by_unknowns[k], atol=2e-8)
         if timing == "free":
             own = by_angles[k].reshape(problem.samples, -1, problem.samples)
-            np.testing.assert_allclose(one["turn"].reshape(-1, problem.samples), np.einsum("iri->ri", own), atol=2e-8)
+            np.testing.assert_allclose(
+                block["turn"].reshape(-1, problem.samples), np.einsum("iri->ri", own), atol=2e-8
+            )
 
 
 @settings(max_examples=150)
@@ -230,10 +238,10 @@ def test_the_loop_closes_as_in_the_general_kinematics(
         unknowns = chart.within(np.exp(unknowns) * [branch if crank[0] > 0 else 1.0, 1, 1, 1])
     lengths, turns = chart.shape(unknowns).lengths, np.array(crank)
     closure = close_loop(lengths, turns[:, None])
-    wanted = closure.coupler_angle(np.array([branch]))[:, 0]
-    # one sample, so that each crank angle is a candidate of its own, turned back by the angle that is expected
+    expected = closure.coupler_angle(np.array([branch]))[:, 0]
+    # a single sample, so that each crank angle is a candidate, turned back by the expected angle
     problem = JointProblem(Poses(np.zeros(1), None), chart)
-    timed = unposed(np.repeat(unknowns, 5, axis=0), turns[:, None], branch)._replace(offset=-np.nan_to_num(wanted))
+    timed = unposed(np.repeat(unknowns, 5, axis=0), turns[:, None], branch)._replace(offset=-np.nan_to_num(expected))
     found = np.sqrt(problem.measured(timed, posed=False).cost)
     # what rounding of the lengths makes of theta2, which has no slope where the loop folds
     size = closure.lengths.sum(axis=-1)[:, 0] ** 2
@@ -244,10 +252,10 @@ def test_the_loop_closes_as_in_the_general_kinematics(
     beyond = np.maximum(diagonal - lengths[0, 1:3].sum(), np.abs(np.diff(lengths[0, 1:3])) - diagonal)
     assert np.all(np.isinf(found[beyond > 1e-12 * lengths.sum()]))
     for k in np.flatnonzero(sure & (root > 1e-5 * size)):
-        (one,) = problem.linearised(timed.take([k]), 1e-3)
+        (block,) = problem.linearised(timed.take([k]), 1e-3)
         by = closure.coupler_angle_gradient(np.array([branch]))[k, 0]
         slope = np.append(by[:4] @ chart.shape(unknowns).jacobian[0], by[4])
-        own = np.append(one["rows"][1:-1, 0], one["turn"])
+        own = np.append(block["rows"][1:-1, 0], block["turn"])
         held = np.append(own[:-1] == 0, False)
         np.testing.assert_allclose(own[~held], -slope[~held], rtol=1e-6, atol=1e-6 * np.abs(slope).max())
 
@@ -255,14 +263,14 @@ def test_the_loop_closes_as_in_the_general_kinematics(
 @timings
 def test_the_best_pose_is_that_of_least_squares(timing: str) -> None:
     problem, timed = candidates(GrashofChart(), timing=timing)
-    asked, turned, angles = asked_of(problem), body_of(problem, timed), angles_of(problem, timed)
-    root = asked.position_mean.root
+    request, turned, angles = asked_of(problem), body_of(problem, timed), angles_of(problem, timed)
+    root = request.position_mean.root
     for k in range(2):
         columns = np.stack([np.ones(11), np.exp(1j * angles[k]), np.exp(1j * turned[k])], axis=1) * root[:, None]
-        fit = np.linalg.lstsq(columns, root * asked.scaled, rcond=None)[0]
+        fit = np.linalg.lstsq(columns, root * request.scaled, rcond=None)[0]
         np.testing.assert_allclose(timed.pose[k], fit, rtol=1e-12)
     rows = naive_residual(problem, timed)[:, :11]
-    np.testing.assert_allclose(rows @ asked.rotation_mean.root, 0, atol=1e-15)
+    np.testing.assert_allclose(rows @ request.rotation_mean.root, 0, atol=1e-15)
 
 
 @fourbars
@@ -271,24 +279,26 @@ def test_rows_of_limits_and_their_derivatives(chart: Any, timing: str, posed: bo
     limits, weight = LIMITS if posed else ON_SHAPE, 3.0
     problem, timed = candidates(chart, limits=limits, timing=timing, posed=posed)
     values, equal = naive_limits(problem, limits, timed, posed)
-    by_unknowns, by_angles = slopes(problem, lambda one: naive_limits(problem, limits, one, posed)[0], timed)
-    told = problem.linearised(timed, 1e-3, weight)
-    for k, one in enumerate(told):
+    by_unknowns, by_angles = slopes(problem, lambda moved: naive_limits(problem, limits, moved, posed)[0], timed)
+    reported = problem.linearised(timed, 1e-3, weight)
+    for k, block in enumerate(reported):
         broken = np.flatnonzero(np.where(equal, values[k] != 0, values[k] < MARGIN))
         # the envelope's extremes, which lie between the angles looked at
         traced = broken >= values.shape[1] - 12 if posed else np.zeros(broken.size, dtype=bool)
         assert ((~traced).sum() > 5 and traced.sum() > 5) if posed else broken.size > 1
-        rows = one["rows"][:, 3 * problem.samples :]
+        rows = block["rows"][:, 3 * problem.samples :]
         np.testing.assert_allclose(rows[-1], weight * (MARGIN * ~equal - values[k])[broken], atol=1e-14)
-        found, wanted = rows[:-1], by_unknowns[k]
+        found, expected = rows[:-1], by_unknowns[k]
         if timing == "free":
             beside = np.zeros((problem.samples, broken.size))
-            beside[one["at_sample"], np.arange(broken.size)] = one["by_angle"]
-            found, wanted = np.vstack([found, beside]), np.vstack([wanted, by_angles[k]])
-        wanted = wanted[:, broken] * -weight
-        np.testing.assert_allclose(found[:, ~traced], wanted[:, ~traced], atol=1e-6)
-        np.testing.assert_allclose(found[:, traced], wanted[:, traced], rtol=1e-3, atol=3e-3)
-    by_crank = [one["by_angle"] if timing == "free" else one["rows"][-2, 3 * problem.samples :] for one in told]
+            beside[block["at_sample"], np.arange(broken.size)] = block["by_angle"]
+            found, expected = np.vstack([found, beside]), np.vstack([expected, by_angles[k]])
+        expected = expected[:, broken] * -weight
+        np.testing.assert_allclose(found[:, ~traced], expected[:, ~traced], atol=1e-6)
+        np.testing.assert_allclose(found[:, traced], expected[:, traced], rtol=1e-3, atol=3e-3)
+    by_crank = [
+        block["by_angle"] if timing == "free" else block["rows"][-2, 3 * problem.samples :] for block in reported
+    ]
     assert np.abs(np.concatenate(by_crank)).max() > 0.1
 
 
@@ -304,7 +314,7 @@ def test_descents_never_get_worse_and_keep_the_order(chart: Any, timing: str) ->
     problem, timed = candidates(chart, False, timing=timing)
     done = problem.descended(timed, [Stage(30)])
     assert np.all(done.cost <= naive_cost(problem, timed))
-    # beside a change point lengths tell less than the unknowns
+    # beside a change point lengths determine less than the unknowns
     np.testing.assert_allclose(done.cost, naive_cost(problem, done.timed), rtol=1e-6)
     angles = angles_of(problem, done.timed)
     assert np.all(np.diff(angles, axis=1) > 0) and np.all(np.ptp(angles, axis=1) < 2 * np.pi)
@@ -314,7 +324,7 @@ def test_descents_never_get_worse_and_keep_the_order(chart: Any, timing: str) ->
 @pytest.mark.parametrize("rotation", [True, False])
 def test_aligned_angles_are_the_best_of_all_on_a_grid(rotation: bool, span_max: float, ordered: bool) -> None:
     """Against all ways to pass the samples in their order, from each place of the first, either way."""
-    places, samples = 9, 4
+    positions, samples = 9, 4
     problem = JointProblem(replace(poses(rotation, samples=samples), span_max=span_max, ordered=ordered), AnyChart())
     random = np.random.default_rng(3)
     count = 12
@@ -325,22 +335,24 @@ def test_aligned_angles_are_the_best_of_all_on_a_grid(rotation: bool, span_max: 
         np.tile(np.arange(samples) / 10, (count, 1)),
         random.choice([-1.0, 1.0], count),
     )
-    step = 2 * np.pi / places
-    error = problem.errors_at(timed, np.tile(step * np.arange(places), (count, 1)))
-    found = problem.aligned(timed, places).angles
+    step = 2 * np.pi / positions
+    error = problem.errors_at(timed, np.tile(step * np.arange(positions), (count, 1)))
+    found = problem.aligned(timed, positions).angles
     moved = np.any(found != timed.angles, axis=1)
     assert 6 <= moved.sum() < count  # some close nowhere
-    at = np.round(found / step).astype(int) % places
+    at = np.round(found / step).astype(int) % positions
     total = np.take_along_axis(error, at[:, :, None], 2)[:, :, 0].sum(axis=1)
     if ordered:
-        most = range(int(span_max / step))
-        passed = product(combinations_with_replacement(most, samples - 1), range(places), (1, -1))
-        ways = [(begin + sense * np.array([0, *ahead])) % places for ahead, begin, sense in passed]
-        least = np.min([sum(error[:, i, way[i]] for i in range(samples)) for way in ways], axis=0)
+        largest = range(int(span_max / step))
+        passed = product(combinations_with_replacement(largest, samples - 1), range(positions), (1, -1))
+        directions = [(begin + sense * np.array([0, *ahead])) % positions for ahead, begin, sense in passed]
+        smallest = np.min(
+            [sum(error[:, i, direction[i]] for i in range(samples)) for direction in directions], axis=0
+        )
         steps = np.diff(found, axis=1)
         assert np.all((steps[moved] > 0).all(axis=1) | (steps[moved] < 0).all(axis=1))
         assert np.all(np.abs(steps.sum(axis=1)) <= span_max)
     else:
-        least = error.min(axis=2).sum(axis=1)
-    np.testing.assert_array_equal(np.isfinite(least), moved)
-    np.testing.assert_allclose(total[moved], least[moved], rtol=1e-12)
+        smallest = error.min(axis=2).sum(axis=1)
+    np.testing.assert_array_equal(np.isfinite(smallest), moved)
+    np.testing.assert_allclose(total[moved], smallest[moved], rtol=1e-12)

@@ -1,4 +1,7 @@
-"""The compiled kernel against its own source run as Python; what it computes is checked at its door (`descents`)."""
+"""The compiled kernels return the same numbers as their sources run as plain Python.
+
+An index beyond the end of an array, an integer division or a wrong type in the compiled code would show here.
+"""
 
 import re
 import subprocess
@@ -92,22 +95,24 @@ class Descent:
             turned = body_angle(lengths[:1], crank, chart.guide)[0]
         else:
             turned = chart.at(chart.unknowns(lengths[:1]), crank[None], np.ones(1)).angle[0]
-        place = 0.5 * np.exp(1j * crank) + np.exp(1j * (turned + 0.3)) + 0.05 * random.standard_normal(samples)
-        place -= place.mean()
+        position_of_body = (
+            0.5 * np.exp(1j * crank) + np.exp(1j * (turned + 0.3)) + 0.05 * random.standard_normal(samples)
+        )
+        position_of_body -= position_of_body.mean()
         root = np.sqrt(random.dirichlet(np.full(samples, 9.0)))
         limits = limits_of(module, chart.kind == codes.ANY, posed) if limited else None
-        given = timing != "free"
+        prescribed = timing != "free"
         self.kernel = module.Descent(
             turned + 0.02 * random.standard_normal(samples) if rotation else None,
             root,
-            np.stack([place.real, place.imag], axis=1) if position else None,
+            np.stack([position_of_body.real, position_of_body.imag], axis=1) if position else None,
             root,
             chart.kind,
             ordered,
             6.0,
             limits,
-            crank=crank - crank[0] if given else None,
-            crank_min=1e-9 if given and position else 0.0,
+            crank=crank - crank[0] if prescribed else None,
+            crank_min=1e-9 if prescribed and position else 0.0,
             **TIMINGS[timing],
         )
         angles = np.stack([crank, crank[::-1]]) + 0.1 * random.uniform(-1, 1, (2, 1))
@@ -115,25 +120,25 @@ class Descent:
             chart.unknowns(lengths * random.uniform(0.9, 1.1, lengths.shape)),
             random.normal(size=(2, 6)),
             random.normal(size=2),
-            angles[:, :1].copy() if given else angles,
+            angles[:, :1].copy() if prescribed else angles,
             np.array([1.0, 1.0 if slider else -1.0]),
             0.01 * random.uniform(size=(2, limits.count_rows if limits else 0)),
         ]
-        self.columns = self.arrays[0].shape[1] + 6 * position + rotation + given
+        self.columns = self.arrays[0].shape[1] + 6 * position + rotation + prescribed
         self.turns = (2, samples)
         self.random, self.costs = random, self.kernel.set_candidates(*self.arrays, 0.3)
 
     @property
     def state(self) -> list[np.ndarray]:
-        """Where the candidates are."""
+        """State of the candidates."""
         return [*self.arrays, self.costs]
 
 
 def same(work: Callable[[ModuleType], list[Any]], tolerance: float = 1e-12) -> None:
     """Both do the same."""
-    one, other = work(compiled()), work(uncompiled())
-    assert len(one) == len(other)
-    for found, source in zip(one, other):
+    first, second = work(compiled()), work(uncompiled())
+    assert len(first) == len(second)
+    for found, source in zip(first, second):
         size = np.abs(np.asarray(source, dtype=float))
         size = size[np.isfinite(size)].max(initial=0.0)
         np.testing.assert_allclose(found, source, rtol=tolerance, atol=tolerance * size)
@@ -177,11 +182,11 @@ ROWS = [(chart, False) for chart in [*CHARTS, *SLIDER_CHARTS]] + [(chart, True) 
 @pytest.mark.parametrize(("chart", "limited"), ROWS, ids=NAMES + [f"{name}, limited" for name in NAMES[:3]])
 def test_rows_and_steps(chart: Any, timing: str, limited: bool) -> None:
     def work(module: ModuleType) -> list[Any]:
-        told = []
+        reported = []
         for damping in (1e-2, 1e-12):  # by normal equations and by reflections
             descent = Descent(module, chart, timing, limited=limited)
-            told += [value for n in range(2) for value in descent.kernel.linearised(n, damping).values()]
-        return told
+            reported += [value for n in range(2) for value in descent.kernel.linearised(n, damping).values()]
+        return reported
 
     same(work, 1e-10)
 
@@ -201,16 +206,18 @@ def test_descents(timing: str, rotation: bool, position: bool, bent_below: float
 
 
 TASKS: dict[str, Callable[[Descent], Any]] = {
-    "look": lambda one: one.kernel.evaluate_candidates(False, False),
-    "look, posed": lambda one: one.kernel.evaluate_candidates(True, True),
-    "nearest": lambda one: one.kernel.move_to_nearest_angles(3),
-    "loose": lambda one: one.kernel.perturb(one.random.normal(size=(2, one.columns)), np.array([0.5, -2.0]), 0.5),
-    "moved": lambda one: one.kernel.apply_steps(
-        3 * one.random.normal(size=(2, one.columns)), one.random.normal(size=one.turns)
+    "look": lambda descent: descent.kernel.evaluate_candidates(False, False),
+    "look, posed": lambda descent: descent.kernel.evaluate_candidates(True, True),
+    "nearest": lambda descent: descent.kernel.move_to_nearest_angles(3),
+    "loose": lambda descent: descent.kernel.perturb(
+        descent.random.normal(size=(2, descent.columns)), np.array([0.5, -2.0]), 0.5
     ),
-    "broken": lambda one: one.kernel.violations(),
-    "excursions": lambda one: np.column_stack(one.kernel.excursions(0.05, 0.2)),
-    "restore": lambda one: one.kernel.restore(3),
+    "moved": lambda descent: descent.kernel.apply_steps(
+        3 * descent.random.normal(size=(2, descent.columns)), descent.random.normal(size=descent.turns)
+    ),
+    "broken": lambda descent: descent.kernel.violations(),
+    "excursions": lambda descent: np.column_stack(descent.kernel.excursions(0.05, 0.2)),
+    "restore": lambda descent: descent.kernel.restore(3),
 }
 
 
@@ -218,7 +225,7 @@ TASKS: dict[str, Callable[[Descent], Any]] = {
 @pytest.mark.parametrize("limited", [False, True])
 @pytest.mark.parametrize("timing", ["free", "given"])
 def test_few_samples(timing: str, samples: int, limited: bool) -> None:
-    """Where there are fewer rows than unknowns; only the source notices what is written beyond an array's end."""
+    """Fewer rows than unknowns: only the uncompiled source notices a write beyond the end of an array."""
 
     def work(module: ModuleType) -> list[Any]:
         descent = Descent(module, CHARTS[2], timing, limited=limited, samples=samples)
@@ -234,13 +241,18 @@ def test_few_samples(timing: str, samples: int, limited: bool) -> None:
 def test_rows_that_are_apart() -> None:
     random = np.random.default_rng(4)
     rows, reach = random.uniform(size=(60, 3)), random.uniform(0.1, 0.4, 60)
-    same(lambda module: [kept := module.apart(rows, reach, (), 0, 20), module.apart(rows, reach, kept[:5], 30, 12)])
-    kept: list[int] = []
+    same(
+        lambda module: [
+            retained := module.apart(rows, reach, (), 0, 20),
+            module.apart(rows, reach, retained[:5], 30, 12),
+        ]
+    )
+    retained: list[int] = []
     for n, row in enumerate(rows):
-        if all(np.abs(rows[k] - row).max() >= reach[n] for k in kept):
-            kept.append(n)
-    assert distinct.apart(rows, reach, (), 0, 100).tolist() == kept
-    assert distinct.apart(rows, reach, (), 0, 3).tolist() == kept[:3]
+        if all(np.abs(rows[k] - row).max() >= reach[n] for k in retained):
+            retained.append(n)
+    assert distinct.apart(rows, reach, (), 0, 100).tolist() == retained
+    assert distinct.apart(rows, reach, (), 0, 3).tolist() == retained[:3]
     assert distinct.apart(rows, reach, (7, 9), 60, 100).tolist() == [7, 9]
 
 

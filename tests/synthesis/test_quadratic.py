@@ -1,8 +1,10 @@
-"""The quadratic programs against scipy's solvers."""
+"""Quadratic programs have the solutions of scipy's solvers.
+
+A constraint that is dropped from the active set would show here.
+"""
 
 import numpy as np
-import pytest
-from scipy.optimize import linprog, minimize
+from scipy.optimize import minimize
 
 from synthesis.quadratic import minimise_quadratics
 
@@ -11,27 +13,13 @@ def chebyshev(seed: int, count: int = 6, samples: int = 20, size: int = 4) -> tu
     """Linear minimax problems as programs in (d, h): least h over |e + J d| <= h and |d| <= 0.3."""
     random = np.random.default_rng(seed)
     slope, error = random.normal(size=(count, samples, size)), random.normal(size=(count, samples))
-    one, eye = np.ones((count, samples, 1)), np.broadcast_to(np.eye(size, size + 1), (count, size, size + 1))
-    parts = [np.concatenate([-slope, one], axis=2), np.concatenate([slope, one], axis=2), eye, -eye]
+    ones, eye = np.ones((count, samples, 1)), np.broadcast_to(np.eye(size, size + 1), (count, size, size + 1))
+    parts = [np.concatenate([-slope, ones], axis=2), np.concatenate([slope, ones], axis=2), eye, -eye]
     matrix = np.concatenate(parts, axis=1)
     bound = np.concatenate([-error, error, np.full((count, 2 * size), 0.3)], axis=1)
     inside = np.zeros((count, size + 1))
     inside[:, -1] = 1.1 * np.abs(error).max(axis=1)
     return matrix, bound, inside
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_linear_programs_against_scipy(seed: int) -> None:
-    matrix, bound, inside = chebyshev(seed)
-    count, _, size = matrix.shape
-    gradient = np.zeros((count, size))
-    gradient[:, -1] = 1.0
-    z, multipliers = minimise_quadratics(np.zeros((count, size, size)), gradient, matrix, bound, inside, 1e-11)
-    assert np.all(np.einsum("nmk,nk->nm", matrix, z) + bound >= -1e-14)
-    assert np.all(multipliers > 0)
-    for k in range(count):
-        naive = linprog(gradient[k], A_ub=-matrix[k], b_ub=bound[k], bounds=[(None, None)] * size)
-        assert z[k, -1] == pytest.approx(naive.fun, abs=1e-10)
 
 
 def test_quadratic_programs_against_scipy() -> None:

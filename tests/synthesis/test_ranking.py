@@ -1,4 +1,7 @@
-"""The order of linkages: its criteria one after the other. It would catch a linkage that cannot be used, or is huge, in front."""
+"""Linkages are ordered by the documented criteria, each before the next.
+
+A linkage in front that cannot be used, or that is huge, would show here.
+"""
 
 from dataclasses import replace
 

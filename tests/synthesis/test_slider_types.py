@@ -1,4 +1,7 @@
-"""Types of slider-cranks: each once, against a plain double loop."""
+"""The enumeration of slider-crank types agrees with a plain double loop.
+
+A type that is missing, repeated or a mirror image of another type would show here.
+"""
 
 import numpy as np
 import pytest
@@ -8,7 +11,7 @@ from synthesis.slider import SliderTypeRule, count_slider_types, enumerate_slide
 
 
 def naive(rule: SliderTypeRule) -> list[tuple[int, int, int]]:
-    """All whole lengths of the sum, one after the other."""
+    """Return all whole lengths of the sum in order."""
     found = []
     for crank in range(rule.smallest, rule.perimeter + 1):
         for offset in range(rule.perimeter + 1):

@@ -21,7 +21,7 @@ DEAD = 0.05
 
 def vectors() -> list[dict]:
     random = np.random.default_rng(SEED)
-    made = []
+    built = []
     for drive in DRIVES:
         for _ in range(10):
             linkage = random_linkage(random, *drive)
@@ -33,8 +33,8 @@ def vectors() -> list[dict]:
                 if closed and found.transmission_angle[k] < DEAD:
                     continue
                 # the page takes lengths as if they were degrees
-                place = travel[k] if drive[1].turns else np.deg2rad(travel[k])
-                entry = {"solution": solution, "travel": float(place), "closed": closed}
+                coordinate = travel[k] if drive[1].turns else np.deg2rad(travel[k])
+                entry = {"solution": solution, "travel": float(coordinate), "closed": closed}
                 if closed:
                     position = complex(found.position[k])
                     entry |= {
@@ -42,8 +42,8 @@ def vectors() -> list[dict]:
                         "place": [position.real, position.imag],
                         "transmission": float(found.transmission_angle[k]),
                     }
-                made.append(entry)
-    return made
+                built.append(entry)
+    return built
 
 
 def text() -> str:

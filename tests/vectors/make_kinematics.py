@@ -16,7 +16,8 @@ from tests.oracles.conditions import condition_of_closure
 FILE = Path(__file__).with_name("kinematics.json")
 SEED = 20240817
 MAX_CONDITION = 50.0
-"""Where cranks do not turn fully: poses nearer to a limit position differ by more than rounding between two sines."""
+"""For cranks that do not turn fully, poses nearer to a limit position differ by more than rounding between two sines.
+"""
 
 
 def linkages(rng: np.random.Generator) -> list[list[float]]:
@@ -43,7 +44,7 @@ def linkages(rng: np.random.Generator) -> list[list[float]]:
 
 def vectors() -> list[dict]:
     rng = np.random.default_rng(SEED)
-    made = []
+    built = []
     for row in linkages(rng):
         for branch in (1, -1):
             angles = np.concatenate([rng.uniform(-4 * np.pi, 4 * np.pi, 6), [0.5, np.pi - 1e-3, 6.0]])
@@ -65,8 +66,8 @@ def vectors() -> list[dict]:
                     entry["rocker"] = float(closure.rocker_angle(branch)[k])
                     entry["transmission"] = float(closure.transmission_angle[k])
                 entry["family"] = str(family(row)[()])
-                made.append(entry)
-    return made
+                built.append(entry)
+    return built
 
 
 def text() -> str:

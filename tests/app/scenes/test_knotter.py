@@ -1,6 +1,8 @@
-"""The knotter's contract over HTTP and on the command line: names, units, provenance, refusals."""
+"""The knotter answers alike over HTTP and on the command line, with its provenance.
 
-import csv
+A figure that changes with the unit, or a bad field without its name, would show here.
+"""
+
 import json
 import math
 from itertools import count
@@ -63,8 +65,8 @@ def test_reply_tells_assumed_from_published(client, reference) -> None:
     assert set(own["given"]) == {"d1", "beta", "senses.beta"}
     assert not {"d1", "beta", "senses.beta"} & set(own["assumed"])
     assert own["pairs"] == reference["pairs"]
-    every = set(own["assumed"]) | set(own["published"]) | set(own["given"])
-    assert every == set(reference["assumed"]) | set(reference["published"])
+    all_cases = set(own["assumed"]) | set(own["published"]) | set(own["given"])
+    assert all_cases == set(reference["assumed"]) | set(reference["published"])
 
 
 def test_radians_are_the_same_answer(client, reference) -> None:
@@ -98,16 +100,6 @@ def test_needle_over_http(client) -> None:
     assert blocked["status"] == "blocked" and blocked["alpha2_range"] is None and blocked["alpha2_for_d5"] is None
 
 
-def test_limit_over_http(client) -> None:
-    found = ask(client, "limit")
-    (limit,) = found["limits"]
-    assert limit["value"] == pytest.approx(FIGURES["closing_d5"][0], abs=1e-7)
-    assert limit["wrap"]["angle"] == pytest.approx(FIGURES["closing_d5"][1], abs=1e-6)
-    assert limit["holds"] == "below" and found["status"] == "limited"
-    for between, status in (([20, 30], "always"), ([80, 90], "never")):
-        assert client.post("/v1/knotter/limit", json={"between": between}).json()["status"] == status
-
-
 EXTREMES = {
     "huge": {"parameters": {name: 1e9 for name in ("d1", "D", "d5", "d6", "d9", "d10")}},
     "tiny": {"parameters": {name: 1e-9 for name in ("d1", "D", "d5", "d6", "d9", "d10")}},
@@ -130,17 +122,6 @@ EXTREMES = {
 @pytest.mark.parametrize("name", EXTREMES)
 def test_extremes_are_answered_with_finite_numbers(name: str, client) -> None:
     assert finite(scan(client, **EXTREMES[name]))
-
-
-def test_csv_holds_the_same_numbers(client, reference) -> None:
-    text = client.post("/v1/knotter/scan.csv", json={})
-    assert text.headers["content-type"].startswith("text/csv")
-    rows = list(csv.DictReader(text.text.splitlines()))
-    assert len(rows) == 9
-    for row, pair in zip(rows, reference["pairs"]):
-        assert float(row["wrap.angle"]) == pair["wrap"]["angle"]
-        assert [float(x) for x in row["bite.point"].split()] == pair["bite"]["point"]
-        assert (row["feasible"] == "True") == pair["feasible"]
 
 
 def test_a_rope_that_never_enters_says_why(client) -> None:
@@ -168,28 +149,6 @@ def test_command_line_prints_a_table_and_names_a_bad_field(tmp_path, capsys) -> 
 
 
 # Curves, fit, tolerances
-
-
-def test_curves_of_one_pair_hold_its_verdict_and_paths(client, reference) -> None:
-    found = ask(client, "curves", alpha1=10, alpha3=25)
-    pair = next(pair for pair in reference["pairs"] if (pair["alpha1"], pair["alpha3"]) == (10, 25))
-    assert all(found[name] == pair[name] for name in ("wrap", "clearance", "bite"))
-    assert found["status"] == "ties" and found["frame"] == "shaft" and len(found["alpha"]) == 181 and finite(found)
-    assert set(found["paths"]) == {*POINTS, "O5"} and all(len(path) == 181 for path in found["paths"].values())
-    # E1 lies on the rope between S0 and S1, in the frame of the paths too
-    for k in range(181):
-        if found["E1"]["on_rope"][k]:
-            s0, s1, at = (found["paths"]["S0"][k], found["paths"]["S1"][k], found["E1"]["path"][k])
-            assert math.dist(s0, at) + math.dist(at, s1) == pytest.approx(math.dist(s0, s1), abs=1e-9)
-            assert abs(found["E1"]["point"][k][0]) < 1e-12
-    first = found["E1"]["inside"].index(True)
-    assert found["alpha"][first - 1] < found["wrap"]["angle"] < found["alpha"][first]
-    assert found["step_before"]["alpha"] == 90 and found["step_before"]["point"][1] == pytest.approx(10.98, abs=0.01)
-    radians = ask(client, "curves", alpha1=math.radians(10), alpha3=math.radians(25), angle_unit="rad", samples=3)
-    assert radians["wrap"]["point"] == found["wrap"]["point"]
-    assert radians["beta"][0] == pytest.approx(math.radians(23.5))
-    rows = list(csv.DictReader(client.post("/v1/knotter/curves.csv", json={"samples": 5}).text.splitlines()))
-    assert len(rows) == 5 and {"alpha", "E1.j", "E2.k", "S10.i", "E1.on_rope"} <= set(rows[0])
 
 
 def test_fit_reproduces_the_published_patterns_from_a_seeded_start(client) -> None:
@@ -236,15 +195,3 @@ def test_the_smallest_budget_of_a_fit_is_answered_on_a_busy_machine() -> None:
 
     reply = models.answer_fit(models.PatternFitRequest(budget_ms=1e-3), Busy(Settings(with_atlas=False)))
     assert reply.status == "not reproduced" and len(reply.entries) == 16 and reply.alone is None
-
-
-def test_tolerances_of_the_chosen_pair(client) -> None:
-    found = ask(client, "tolerance", samples=30)
-    assert found["status"] == "ties" and found["share"] == 1 and finite(found)
-    assert found["clearance"]["sensitivity"]["D"] == pytest.approx(-1, abs=1e-3)
-    assert min(found[name]["factor"] for name in ("wrap", "clearance", "bite")) > 1
-    assert ask(client, "tolerance", samples=30, lengths=0.5, angles=0.5)["status"] == "may fail"
-    assert ask(client, "tolerance", samples=0, alpha1=0, alpha3=20)["status"] == "fails"
-    radians = ask(client, "tolerance", samples=0, angle_unit="rad", angles=math.radians(0.1))
-    a_degree, a_radian = (one["clearance"]["sensitivity"]["alpha3"] for one in (found, radians))
-    assert a_radian == pytest.approx(math.degrees(a_degree))

@@ -1,4 +1,7 @@
-"""Every query of every scene: its examples are answered, alike over HTTP and on the command line."""
+"""Every example of every scene is answered alike over HTTP and on the command line.
+
+A malformed request with a 5xx, or work that continues for a client that has left, would show here.
+"""
 
 import json
 import re
@@ -13,7 +16,7 @@ from synthesis.work import Cancelled, Work
 
 SLOW = {"chain tolerance-with_reserve", "lift optimize-even"}
 SLOW |= {f"knotter {name}" for name in ("fit-defaults", "fit-published_pattern", "tolerance-coarse")}
-"""Examples whose queries have others here; that fit is asked and told by test_knotter.py."""
+"""Examples of queries without their own test; test_knotter.py tests the fit."""
 EXAMPLES = [
     pytest.param(query, name, id=mark, marks=[pytest.mark.wide] * (mark in SLOW))
     for query in scene_queries()
@@ -52,7 +55,7 @@ def test_numbers_that_are_none(query, literal, client) -> None:
 
 
 class Leaving:
-    """Resources of a client that leaves when its work is asked for the n-th time."""
+    """Resources of a client that leaves at the n-th check of its work."""
 
     max_budget_ms = 30_000.0
 

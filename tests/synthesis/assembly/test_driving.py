@@ -1,4 +1,7 @@
-"""A motor and its rod on a linkage: they swing it from end to end, and all their parts pass one another."""
+"""A motor and its rod swing the linkage from end to end, and all parts pass each other as shapely confirms.
+
+A rod in the wrong layer would show here.
+"""
 
 import numpy as np
 import pytest
@@ -23,7 +26,7 @@ MOTOR = Motor("crank", 74.76662388200997 - 5.0943059670631925j, 12.0, 72.0, 24 +
 
 
 def check(machine: Machine, number: int) -> None:
-    """Its layers agree with shapely, and no point of a body leaves its enclosure over a cell."""
+    """Check that the layers agree with shapely, and that no point of a body leaves its enclosure over a cell."""
     search = StackSearch(machine, StackRequest("below" if number % 2 else "both"), Work())
     assert disagreements(machine, search)[2] == 0
     found = search.solve()
@@ -40,8 +43,8 @@ def check(machine: Machine, number: int) -> None:
         moved = machine.movement.bodies(at + half * np.linspace(-1, 1, 33))
         for body in range(1, len(machine.movement.names)):
             point = BodyPoint(body, complex(*rng.normal(size=2)))
-            far = np.abs(moved.point(point) - cell.point(point)[0]).max()
-            assert far <= cell.spread(point)[0] * (1 + 1e-9) + 1e-9
+            distant = np.abs(moved.point(point) - cell.point(point)[0]).max()
+            assert distant <= cell.spread(point)[0] * (1 + 1e-9) + 1e-9
 
 
 def test_the_motor_swings_the_linkage_from_end_to_end() -> None:
@@ -67,7 +70,7 @@ def test_so_do_those_with_a_rod_on_the_coupler_or_on_a_linkage_on_guides() -> No
         machine = motor_driven(linkage, used, motor, Sizes())
         turn = machine.movement.bodies(np.linspace(0.0, TURN, 181))
         rod, moved = (machine.movement.names.index(name) for name in ("rod", motor.link))
-        ends = {one.name: one.points for one in machine.pins}["Q"]
+        ends = {pin.name: pin.points for pin in machine.pins}["Q"]
         assert (ends[0].body, ends[1].body) == (rod, moved)
         assert np.abs(turn.point(ends[0]) - turn.point(ends[1])).max() < 1e-12 * machine.size
         check(machine, number)
@@ -79,7 +82,7 @@ def test_a_rod_on_a_slider_has_no_plate() -> None:
     used = Interval(0.0, 1.0)
     at = slider.motions(np.array(used))[2].origin
     # on the rail's line, a crank of half the way
-    way = abs(at[1] - at[0])
-    motor = Motor("slider", complex(min(at.real) - 2 * way, 0.3), way / 2, 2.5 * way, 0j)
+    direction = abs(at[1] - at[0])
+    motor = Motor("slider", complex(min(at.real) - 2 * direction, 0.3), direction / 2, 2.5 * direction, 0j)
     with pytest.raises(FieldError, match="slider, which is no plate"):
         motor_driven(slider, used, motor, Sizes())

@@ -1,4 +1,7 @@
-"""Bodies on two guides: enclosures of every kind and drive, plates with slits, and shapely at many places."""
+"""Enclosures and plates of bodies on two guides agree with shapely at many positions.
+
+A slit that is too short, or a body outside its enclosure, would show here.
+"""
 
 import numpy as np
 import pytest
@@ -14,28 +17,32 @@ from synthesis.target import TURN, Interval
 from synthesis.work import Work
 from tests.oracles.assembly import disagreements, nearest, sliders
 
-WAYS = [(one, other, drive) for one in DRIVERS for other in DRIVERS for drive in DRIVERS[one]]
+DIRECTIONS = [(driver, second, drive) for driver in DRIVERS for second in DRIVERS for drive in DRIVERS[driver]]
 
 
-def place(rng, size=1.0) -> complex:
+def random_point(rng, size=1.0) -> complex:
     return complex(*rng.normal(size=2)) * size
 
 
 def guide(rng, kind):
     if kind is Circle:
-        return Circle(place(rng, 2.0), float(rng.uniform(0.3, 2.0)), place(rng))
+        return Circle(random_point(rng, 2.0), float(rng.uniform(0.3, 2.0)), random_point(rng))
     if kind is Rail:
-        return Rail(place(rng, 2.0), float(rng.uniform(0, TURN)), place(rng))
-    return Slot(place(rng, 2.0), place(rng), float(rng.uniform(0, TURN)))
+        return Rail(random_point(rng, 2.0), float(rng.uniform(0, TURN)), random_point(rng))
+    return Slot(random_point(rng, 2.0), random_point(rng), float(rng.uniform(0, TURN)))
 
 
-@pytest.mark.parametrize("way", WAYS, ids=lambda way: "-".join([way[0].__name__, way[1].__name__, way[2]]))
-def test_no_body_leaves_its_enclosure(way) -> None:
+@pytest.mark.parametrize(
+    "direction",
+    DIRECTIONS,
+    ids=lambda direction: "-".join([direction[0].__name__, direction[1].__name__, direction[2]]),
+)
+def test_no_body_leaves_its_enclosure(direction) -> None:
     """Cells of all widths, many of them next to dead positions; and the bounds are not loose everywhere."""
-    one, other, drive = way
-    rng, seen, worst = np.random.default_rng(WAYS.index(way)), 0, 0.0
+    first, second, drive = direction
+    rng, seen, worst = np.random.default_rng(DIRECTIONS.index(direction)), 0, 0.0
     while seen < 25:
-        guides = guide(rng, one), guide(rng, other)
+        guides = guide(rng, first), guide(rng, second)
         linkage = on_guides(guides, drive, int(rng.choice([-1, 1])), rng.uniform(-3, 3))
         half = 10 ** rng.uniform(-6, -0.3)
         with np.errstate(all="ignore"):
@@ -52,11 +59,11 @@ def test_no_body_leaves_its_enclosure(way) -> None:
         cell = movement.bodies(np.array([0.0]), np.array([half]))
         moved = movement.bodies(half * np.linspace(-1, 1, 65))
         for body in range(1, len(names)):
-            point = BodyPoint(body, place(rng))
-            far = np.abs(moved.point(point) - cell.point(point)[0]).max()
+            point = BodyPoint(body, random_point(rng))
+            distant = np.abs(moved.point(point) - cell.point(point)[0]).max()
             spread = cell.spread(point)[0]
-            assert far <= spread * (1 + 1e-9) + 1e-9, (body, half)
-            worst = max(worst, far / spread)
+            assert distant <= spread * (1 + 1e-9) + 1e-9, (body, half)
+            worst = max(worst, distant / spread)
     assert worst > 0.4
 
 
@@ -89,13 +96,13 @@ def test_a_pin_in_a_slit_meets_the_other_pins_of_its_plate() -> None:
     names = StackSearch(machine, StackRequest("below"), Work()).sliding
     assert names == {("coupler", frozenset(("B", "D")))}
     # at travel -pi / 2 the crank points at the pin: 0.5 apart
-    near = as_plates(linkage, Interval(-1.5, 1.0), Sizes(0.45, 0.9, 0.2))
-    found = StackSearch(near, StackRequest("below"), Work()).solve()
-    assert any(set(one.pair) == {"B", "D"} for one in found.collisions)
+    close = as_plates(linkage, Interval(-1.5, 1.0), Sizes(0.45, 0.9, 0.2))
+    found = StackSearch(close, StackRequest("below"), Work()).solve()
+    assert any(set(collision.pair) == {"B", "D"} for collision in found.collisions)
 
 
 def test_the_motion_ends_where_a_slit_or_the_loop_does() -> None:
-    """Against places of the drive one after the other, and the loop's own conditions."""
+    """Compare with consecutive positions of the drive and the loop's own conditions."""
     seen = set()
     for machine in sliders(24):
         step = machine.movement.steps[0]
@@ -104,20 +111,20 @@ def test_the_motion_ends_where_a_slit_or_the_loop_does() -> None:
         if machine.whole_turn:
             assert machine.slit_ends == (None, None)
             continue
-        slid = [place for place, one in enumerate(linkage.guides) if not isinstance(one, Circle)]
-        spans = {place: linkage.used(place, machine.used) for place in slid}
-        for begin, way, end, k in ((first, -1, machine.slit_ends[0], 0), (last, 1, machine.slit_ends[1], 1)):
+        slid = [index for index, guide in enumerate(linkage.guides) if not isinstance(guide, Circle)]
+        spans = {position: linkage.used(position, machine.used) for position in slid}
+        for begin, direction, end, k in ((first, -1, machine.slit_ends[0], 0), (last, 1, machine.slit_ends[1], 1)):
             bound = None if machine.loop is None else machine.loop[k]
             if bound is not None and np.isfinite(bound):
-                inside, outside = (sorted((begin, bound + way * by)) for by in (-1e-9, 1e-9))
+                inside, outside = (sorted((begin, bound + direction * by)) for by in (-1e-9, 1e-9))
                 assert linkage.closes_over(Interval(linkage.start + inside[0], linkage.start + inside[1]))
                 assert not linkage.closes_over(Interval(linkage.start + outside[0], linkage.start + outside[1]))
             reach = TURN - (last - first) if linkage.driver.turns else 2 * (last - first)
             reach = reach if bound is None else min(reach, abs(bound - begin))
-            places = begin + way * np.linspace(0, 1, 4001) * reach
+            positions = begin + direction * np.linspace(0, 1, 4001) * reach
             off = []
-            for place, (low, high) in spans.items():
-                along = linkage.along(place, places)
+            for index, (low, high) in spans.items():
+                along = linkage.along(index, positions)
                 off.append(np.nan_to_num(np.maximum(along - high, low - along), nan=-1) > 1e-9 * machine.size)
             left = np.flatnonzero(np.any(off, axis=0))
             if end is None:
@@ -125,9 +132,9 @@ def test_the_motion_ends_where_a_slit_or_the_loop_does() -> None:
                 seen.add("loop")
                 continue
             assert end.pair[0] in "ABCD"
-            assert way * (end.at - begin) >= -1e-12
+            assert direction * (end.at - begin) >= -1e-12
             seen.add("at once" if end.at == begin else "later")
             if left.size:
-                assert way * (places[left[0]] - end.at) >= -1e-6 * reach
-                assert way * (places[max(left[0] - 1, 0)] - end.at) <= 1e-6 * reach
+                assert direction * (positions[left[0]] - end.at) >= -1e-6 * reach
+                assert direction * (positions[max(left[0] - 1, 0)] - end.at) <= 1e-6 * reach
     assert {"at once", "later"} <= seen

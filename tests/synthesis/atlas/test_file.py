@@ -68,8 +68,8 @@ def test_a_file_holds_the_types_and_features_of_its_rule(rule, tmp_path) -> None
 @pytest.mark.parametrize("seed", range(20))
 def test_a_flipped_bit_is_refused(path, seed: int) -> None:
     data, random = bytearray(path.read_bytes()), np.random.default_rng(seed)
-    place = random.integers(HEADER_BYTES if seed % 5 == 0 else len(data))
-    data[place] ^= 1 << random.integers(8)
+    position = random.integers(HEADER_BYTES if seed % 5 == 0 else len(data))
+    data[position] ^= 1 << random.integers(8)
     path.write_bytes(data)
     assert refused(path) in (AtlasFault.CHECKSUM, AtlasFault.SCHEMA)
 

@@ -1,4 +1,7 @@
-"""Haar features against explicit block means, and their laws."""
+"""Haar features agree with explicit block means.
+
+A wrong order or scale of the details would show here.
+"""
 
 import numpy as np
 import pytest
@@ -38,10 +41,10 @@ def test_inverse_gives_the_curve_back(curve) -> None:
 @laws
 @given(curves, st.floats(-10, 10))
 def test_the_distance_of_features_is_the_rms_after_the_best_offset(curve, constant) -> None:
-    other = constant + np.cos(np.arange(curve.size)) * np.abs(curve).max()
+    second = constant + np.cos(np.arange(curve.size)) * np.abs(curve).max()
     roots = haar.block_roots(curve.size)
-    found = feature_distance(*(roots * haar.features(values)[1] for values in (curve, other)))
-    assert found == pytest.approx(np.std(curve - other), rel=1e-9)
+    found = feature_distance(*(roots * haar.features(values)[1] for values in (curve, second)))
+    assert found == pytest.approx(np.std(curve - second), rel=1e-9)
 
 
 @pytest.mark.parametrize("samples", [3, 5, 8, 16, 33])

@@ -1,4 +1,7 @@
-"""The published digits: `tests/reference`."""
+"""Counts, numbers and features of the atlas have the published digits of `tests/reference`.
+
+An atlas that no longer agrees with the paper would show here.
+"""
 
 import json
 import os
@@ -47,14 +50,14 @@ def test_table_2_is_met_to_the_last_place() -> None:
 def test_the_example_script_recognises_the_published_type_from_the_file(atlas_path) -> None:
     """The script uses only h5py and pywt; `la.match` finds the same type at the same start."""
     script = Path(__file__).parents[3] / "docs" / "examples" / "ex11_atlas_and_wavelets.py"
-    told = subprocess.run(
+    reported = subprocess.run(
         [sys.executable, script, atlas_path],
         env=os.environ | {"MPLBACKEND": "agg"},
         capture_output=True,
         text=True,
         check=True,
     ).stdout
-    first, *recognised = told.splitlines()
+    first, *recognised = reported.splitlines()
     digits = [float(word) for word in first.partition("details")[2].split()]
     assert digits == PRINTED["table_2"]["details"] and "1.0388" in first
     assert len(recognised) == 10 and "45185  [ 19  72 144 165]" in recognised[0]

@@ -86,15 +86,15 @@ def random_request(scan: Scan, seed: int, positions: bool):
 
 def check(scan: Scan, target, top: int) -> None:
     found, report = scan.best(target, top)
-    wanted = best_of(every_window(scan, target), top)
+    expected = best_of(every_window(scan, target), top)
     assert report.exhaustive and report.windows == scan.types * STARTS * scan.branches
-    np.testing.assert_allclose(found.error, wanted.error, rtol=1e-9, atol=TIE)
+    np.testing.assert_allclose(found.error, expected.error, rtol=1e-9, atol=TIE)
     different = np.flatnonzero(
-        (found.row != wanted.row) | (found.start != wanted.start) | (found.branch != wanted.branch)
+        (found.row != expected.row) | (found.start != expected.start) | (found.branch != expected.branch)
     )
     # the rounding of an error next to the edge of a tie may differ with the number of windows evaluated at a time
-    steps = wanted.error / TIE
-    assert all(abs(steps[k] % 1 - 0.5) < 0.1 or steps[k] > 1e9 for k in different), (different, found, wanted)
+    steps = expected.error / TIE
+    assert all(abs(steps[k] % 1 - 0.5) < 0.1 or steps[k] > 1e9 for k in different), (different, found, expected)
 
 
 @pytest.mark.parametrize("part", some_of(range(10), 2))
@@ -105,7 +105,7 @@ def test_random_requests_are_answered_as_by_evaluating_every_window(scans, part:
 
 
 def test_bounds_hold_in_every_window_of_every_node(scans) -> None:
-    """The bound of a node is at most the error of each type below it, and slopes differ by no more than it says."""
+    """The bound of a node is at most the error of each type below it, and its bound on slopes holds."""
     mechanism, lengths = TABLES["any order"]
     series = compute_series(lengths, mechanism)
     tree, scan = build_tree(series), scans["any order"]
@@ -142,18 +142,18 @@ def test_bounds_hold_in_every_window_of_every_node(scans) -> None:
 def test_windows_that_are_no_answers_are_passed_over(scans, positions: bool) -> None:
     scan = scans["any order"]
     target = random_request(scan, 403 if positions else 402, positions)
-    every = every_window(scan, target)
+    all_cases = every_window(scan, target)
 
     def exact(windows: Windows) -> np.ndarray:
         return np.where((windows.row % 7 == 3) & (windows.start > 180), scan.errors(target, windows), np.inf)
 
-    allowed = every.take(np.flatnonzero((every.row % 7 == 3) & (every.start > 180)))
+    allowed = all_cases.take(np.flatnonzero((all_cases.row % 7 == 3) & (all_cases.start > 180)))
     found, report = scan.best(target, 20, exact)
-    wanted = best_of(allowed, 20)
+    expected = best_of(allowed, 20)
     assert (
         report.exhaustive
-        and found.row.tolist() == wanted.row.tolist()
-        and found.start.tolist() == wanted.start.tolist()
+        and found.row.tolist() == expected.row.tolist()
+        and found.start.tolist() == expected.start.tolist()
     )
     nothing, report = scan.best(target, 20, lambda windows: np.full(windows.row.size, np.inf))
     assert report.exhaustive and not nothing.row.size

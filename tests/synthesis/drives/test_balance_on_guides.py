@@ -1,4 +1,7 @@
-"""Springs that carry a body on guides: the energy of all that is lifted and stretched is the same in every position."""
+"""Springs that balance a body on guides keep its total energy constant in every position.
+
+A spring on the wrong link would show here.
+"""
 
 import numpy as np
 import pytest
@@ -23,7 +26,7 @@ def load_of_links(names, random):
 
 
 def energy(machine, load, springs):
-    """Of masses, force and springs, by where they are."""
+    """Return the energy of masses, force and springs in a position."""
     total = -np.real(np.conj(load.force) * machine.body.place(0j))
     for mass in load.masses:
         total -= mass.mass * np.real(np.conj(load.gravity) * machine.link(mass.link).place(mass.at))
@@ -52,7 +55,7 @@ def test_the_energy_is_the_same_in_every_position(drive, stiffness):
     without = energy(wider, load, [])
     assert np.ptp(without) > 0.1
     assert np.ptp(energy(wider, load, found)) < 1e-6 * np.ptp(without)
-    assert all(one.stiffness > 0 and stiffness in (None, one.stiffness) for one in found)
+    assert all(spring.stiffness > 0 and stiffness in (None, spring.stiffness) for spring in found)
 
 
 def test_what_weighs_along_a_rail_beside_a_slot_cannot_be_balanced_but_across_it_can():
@@ -64,5 +67,5 @@ def test_what_weighs_along_a_rail_beside_a_slot_cannot_be_balanced_but_across_it
     assert springs_on_pendulums(linkage, machine, machine.torque(Load(masses=masses, gravity=9.81 * along))) is None
     across = Load(masses=masses, gravity=9.81j * along)
     found = springs_on_pendulums(linkage, machine, machine.torque(across))
-    assert found is not None and [one.between for one in found] == [("ground", "block")]
+    assert found is not None and [spring.between for spring in found] == [("ground", "block")]
     assert np.ptp(energy(machine, across, found)) < 1e-9 * np.ptp(energy(machine, across, []))

@@ -1,4 +1,7 @@
-"""Limits as smooth functions: their derivatives, and that they say the same as a dense look at the linkage."""
+"""Limits agree with dense samples of the linkage, and their derivatives with differences.
+
+A limit that is violated between two samples would show here.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +21,7 @@ from synthesis.mechanism import Placed
 from synthesis.target import Interval
 
 LAW = settings(max_examples=40, deadline=None)
-EVERY = {
+ALL_CASES = {
     "transmission_angle_min": Limits("any", transmission_angle_min=0.6),
     "transmission_angle_min_turn": Limits(transmission_angle_min_turn=0.3),
     "link_min": Limits(link_min=0.7),
@@ -54,21 +57,23 @@ def placed(seed: int, count: int = 30) -> Placed:
     )
 
 
-def moved(one: Placed, column: int, step: float) -> Placed:
+def moved(linkage: Placed, column: int, step: float) -> Placed:
     """The linkages with one of the unknowns of `Constrained.slopes` changed."""
     if column < 4:
-        return one._replace(lengths=one.lengths + step * np.eye(4)[column])
+        return linkage._replace(lengths=linkage.lengths + step * np.eye(4)[column])
     if column < 6:
-        return one._replace(
-            used=Interval(one.used.first + step * (column == 4), one.used.last + step * (column == 5))
+        return linkage._replace(
+            used=Interval(linkage.used.first + step * (column == 4), linkage.used.last + step * (column == 5))
         )
-    name, way = {6: ("pivot", 1), 7: ("pivot", 1j), 8: ("turned", 1), 9: ("coupler", 1), 10: ("coupler", 1j)}[column]
-    return one._replace(**{name: getattr(one, name) + way * step})
+    name, direction = {6: ("pivot", 1), 7: ("pivot", 1j), 8: ("turned", 1), 9: ("coupler", 1), 10: ("coupler", 1j)}[
+        column
+    ]
+    return linkage._replace(**{name: getattr(linkage, name) + direction * step})
 
 
-@pytest.mark.parametrize("name", EVERY)
+@pytest.mark.parametrize("name", ALL_CASES)
 def test_derivatives_are_those_of_central_differences(name) -> None:
-    constraints, linkages, step = Constraints(EVERY[name], 0.05 - 0.02j, 1.3), placed(1), 1e-6
+    constraints, linkages, step = Constraints(ALL_CASES[name], 0.05 - 0.02j, 1.3), placed(1), 1e-6
     found = constraints(linkages)
     for column in range(11):
         ahead, behind = (constraints(moved(linkages, column, sign * step)).values for sign in (1, -1))
@@ -82,9 +87,9 @@ def test_derivatives_are_those_of_central_differences(name) -> None:
 
 
 @LAW
-@given(st.integers(0, 10_000), st.sampled_from(sorted(EVERY)))
+@given(st.integers(0, 10_000), st.sampled_from(sorted(ALL_CASES)))
 def test_they_say_what_a_dense_look_says(seed, name) -> None:
-    limits, linkages = EVERY[name], placed(seed, 20)
+    limits, linkages = ALL_CASES[name], placed(seed, 20)
     found = Constraints(limits)(linkages)
     assert set(found.names) <= {name, "links.crank", "links.rocker"}
     theta1 = linkages.used.first[:, None] + np.linspace(0, 1, 4001) * np.subtract(*linkages.used[::-1])[:, None]
@@ -97,8 +102,8 @@ def test_they_say_what_a_dense_look_says(seed, name) -> None:
     body = pin + linkages.coupler[:, None] * arm
     joints = np.concatenate([a, b, pin, pin + linkages.lengths[:, 1:2] * arm * turned, body], axis=1)
 
-    def inside(places: np.ndarray, box: tuple[float, float, float, float]) -> np.ndarray:
-        x, y = places.real, places.imag
+    def inside(positions: np.ndarray, box: tuple[float, float, float, float]) -> np.ndarray:
+        x, y = positions.real, positions.imag
         edges = [x - box[0], y - box[1], box[2] - x, box[3] - y]
         return np.min(edges, axis=0)
 
@@ -125,12 +130,12 @@ def test_they_say_what_a_dense_look_says(seed, name) -> None:
         "coupler_radius_max": lambda: 0.6 - abs(linkages.coupler),
         "envelope": lambda: inside(joints, limits.envelope).min(axis=1),
     }[name]()
-    least = np.where(found.equal, -np.abs(found.values), found.values).min(axis=1)
-    np.testing.assert_allclose(least, dense, atol=1e-6 if name == "envelope" else 1e-9)
+    smallest = np.where(found.equal, -np.abs(found.values), found.values).min(axis=1)
+    np.testing.assert_allclose(smallest, dense, atol=1e-6 if name == "envelope" else 1e-9)
 
 
 def test_the_envelope_is_not_left_between_the_angles_that_are_looked_at() -> None:
-    """The extremes of the constraints are those of a dense trace."""
+    """The extremes of the constraints agree with a dense trace."""
     linkages = placed(3, 40)
     wide = Constraints(Limits(envelope=(-50.0, -50.0, 50.0, 50.0)))(linkages).values
     theta1 = linkages.used.first[:, None] + np.linspace(0, 1, 20_001) * np.subtract(*linkages.used[::-1])[:, None]

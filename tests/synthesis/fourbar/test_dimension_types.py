@@ -1,4 +1,7 @@
-"""Enumeration of dimension types against three loops."""
+"""The enumeration of dimension types agrees with three nested loops.
+
+A type that is missing, repeated or not a full crank would show here.
+"""
 
 from itertools import permutations
 
@@ -10,11 +13,11 @@ from synthesis.four_bar import Family, family
 from synthesis.fourbar.dimension_types import MAX_PERIMETER, OrderRule, TypeRule, count_types, enumerate_types
 from tests.oracles import naive
 
-OTHERS = list(permutations((1, 2, 3)))
-PLACES = {
+REMAINING = list(permutations((1, 2, 3)))
+POSITIONS = {
     OrderRule.INCREASING: [(0, 1, 2, 3)],
-    OrderRule.CRANK_SHORTEST: [(0, *others) for others in OTHERS],
-    OrderRule.FULL_CRANK: [(0, *others) for others in OTHERS] + [(*others, 0) for others in OTHERS],
+    OrderRule.CRANK_SHORTEST: [(0, *remaining) for remaining in REMAINING],
+    OrderRule.FULL_CRANK: [(0, *remaining) for remaining in REMAINING] + [(*remaining, 0) for remaining in REMAINING],
 }
 
 
@@ -26,7 +29,7 @@ def test_types_are_those_of_three_loops(order) -> None:
             rule = TypeRule(perimeter, smallest, order)
             found = enumerate_types(rule)
             assert found.shape == (count_types(rule), 4)
-            assert [tuple(row) for row in found.tolist()] == naive.types(perimeter, smallest, PLACES[order])
+            assert [tuple(row) for row in found.tolist()] == naive.types(perimeter, smallest, POSITIONS[order])
             counts.add(len(found))
     assert 0 in counts and len(counts) > 15
 

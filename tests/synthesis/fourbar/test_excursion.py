@@ -1,4 +1,7 @@
-"""Excursions against fine polylines, laws, and a curve with a loop between two samples."""
+"""Excursions of the body point agree with a fine polyline.
+
+A loop between two samples that is not noticed would show here.
+"""
 
 import numpy as np
 import pytest
@@ -36,31 +39,31 @@ class Polyline:
         elif np.sin(samples[0][0]) < 0:
             low, high = -high, -low
         self.low, self.width = low, high - low
-        self.at_samples = np.array([self.place(*one) for one in samples])
+        self.at_samples = np.array([self.position(*sample) for sample in samples])
         self.corners = np.unique(np.concatenate([self.at_samples, np.linspace(0, TURN, 200_001)]))
         points = self.points(self.corners)
-        self.way = np.concatenate([[0], np.cumsum(np.abs(np.diff(points)))])
+        self.path_length = np.concatenate([[0], np.cumsum(np.abs(np.diff(points)))])
 
-    def place(self, theta1, side):
+    def position(self, theta1, side):
         if self.turns:
             return theta1 % TURN
         half = np.arccos(1 - 2 * ((theta1 - self.low) % TURN) / self.width)
         return half if side > 0 else TURN - half
 
-    def points(self, place):
+    def points(self, position):
         l1, l2, l3, l4 = self.lengths
-        angle = place if self.turns else self.low + self.width * (1 - np.cos(place)) / 2
-        side = self.side if self.turns else np.where(place < np.pi, 1, -1)
+        angle = position if self.turns else self.low + self.width * (1 - np.cos(position)) / 2
+        side = self.side if self.turns else np.where(position < np.pi, 1, -1)
         pin = l1 * np.exp(1j * angle)
         r = np.abs(l4 - pin)
         foot = (r**2 + l2**2 - l3**2) / (2 * r)
         coupler = (foot + 1j * side * np.sqrt(np.maximum(l2**2 - foot**2, 0))) * (l4 - pin) / r / l2
         return pin + self.point * coupler
 
-    def ratios(self, one, others, sense):
+    def ratios(self, point, remaining, sense):
         """Curve over chord from samples to others, forwards or backwards round the circuit."""
-        first, last = (np.searchsorted(self.corners, self.at_samples[k]) for k in (one, others))
-        arc = (sense * (self.way[last] - self.way[first])) % self.way[-1]
+        first, last = (np.searchsorted(self.corners, self.at_samples[k]) for k in (point, remaining))
+        arc = (sense * (self.path_length[last] - self.path_length[first])) % self.path_length[-1]
         chord = np.abs(np.subtract(*(self.points(self.corners[k]) for k in (first, last))))
         return arc / np.maximum(chord, 0.05)
 
@@ -79,30 +82,30 @@ def test_as_a_fine_polyline(kind, closed: bool) -> None:
         (found,) = excursions([linkage], [angle], [side], 1.0, closed=closed)
         naive = Polyline(lengths, point, samples)
         steps = np.diff(naive.at_samples)
-        sense = min((1, -1), key=lambda way: np.sum((way * steps) % TURN))
-        one = np.arange(len(samples) - (not closed))
-        assert found == pytest.approx(max(naive.ratios(one, (one + 1) % len(samples), sense)), rel=ACCURACY)
+        sense = min((1, -1), key=lambda direction: np.sum((direction * steps) % TURN))
+        index = np.arange(len(samples) - (not closed))
+        assert found == pytest.approx(max(naive.ratios(index, (index + 1) % len(samples), sense)), rel=ACCURACY)
 
 
-def found(linkage=CRANK_ROCKER, angle=DEGREES, side=SIDE, scale=10.0, **asked) -> float | None:
-    return excursions([linkage], angle, side, scale, **asked)[0]
+def found(linkage=CRANK_ROCKER, angle=DEGREES, side=SIDE, scale=10.0, **request) -> float | None:
+    return excursions([linkage], angle, side, scale, **request)[0]
 
 
 @laws
 @given(st.floats(0.0, 8.0), st.floats(-3.0, 3.0), st.booleans(), st.integers(-2, 2))
 def test_the_same_for_reversed_samples_another_size_and_the_mirror_image(radius, direction, closed, turns) -> None:
-    one = four_bar((2, 7, 6, 8), coupler_point=(radius, direction))
+    linkage = four_bar((2, 7, 6, 8), coupler_point=(radius, direction))
     large = four_bar((20, 70, 60, 80), coupler_point=(10 * radius, direction))
-    truth = pytest.approx(found(one, closed=closed), rel=1e-7)
-    assert found(one, DEGREES[:, ::-1], closed=closed) == truth
+    truth = pytest.approx(found(linkage, closed=closed), rel=1e-7)
+    assert found(linkage, DEGREES[:, ::-1], closed=closed) == truth
     assert found(large, scale=100.0, closed=closed) == truth
-    assert found(one, DEGREES + TURN * turns, closed=closed) == truth
+    assert found(linkage, DEGREES + TURN * turns, closed=closed) == truth
     mirror = four_bar((2, 7, 6, 8), coupler_point=(radius, -direction))
     assert found(mirror, -DEGREES, -SIDE, closed=closed) == truth
 
 
 def test_a_loop_between_two_samples_shows() -> None:
-    whole = four_bar((2, 7, 6, 8), coupler_point=(7.0, 0.0))
+    complete = four_bar((2, 7, 6, 8), coupler_point=(7.0, 0.0))
     close = np.deg2rad([[0, 10, 20, 30]])
-    assert found(whole, close, np.ones((1, 4)), 1.0) < 1.1
-    assert found(whole, np.deg2rad([[0, 10, 20, -20]]), np.ones((1, 4)), 1.0) > LEAVES_SAMPLES
+    assert found(complete, close, np.ones((1, 4)), 1.0) < 1.1
+    assert found(complete, np.deg2rad([[0, 10, 20, -20]]), np.ones((1, 4)), 1.0) > LEAVES_SAMPLES

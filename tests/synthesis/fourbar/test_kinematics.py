@@ -1,4 +1,7 @@
-"""Kinematics against 50-digit arithmetic, laws, and what must be refused quietly."""
+"""Kinematics agrees with 50-digit arithmetic, and linkages that do not close give NaN without a warning.
+
+Cancellation, a wrong branch or a wrong family would show here.
+"""
 
 import mpmath
 import numpy as np
@@ -33,9 +36,9 @@ def turned(difference: float) -> float:
 
 
 def assert_as_naive(lengths, theta1: float, branch: int, exact_input: bool = False) -> bool:
-    """Compare all angles of one position with `naive.angles`; False where it does not close.
+    """Compare all angles of a position with `naive.angles`; return false if it does not close.
 
-    Where the crank turns fully and the sums of lengths are exact, the condition number is no excuse: nothing cancels.
+    If the crank turns fully and the sums of lengths are exact, nothing cancels.
     """
     exact = naive.angles(lengths, theta1, branch)
     closure = close_loop(lengths, [theta1])
@@ -80,7 +83,7 @@ def test_angles_agree_with_50_digits(kind) -> None:
     "kind", [Family.CRANK_ROCKER, Family.DOUBLE_CRANK, Family.DOUBLE_ROCKER, Family.ROCKER_CRANK]
 )
 def test_angles_agree_within_1e_12_of_a_change_point(kind, gap) -> None:
-    # Lengths on a grid of 2^-48 below 4: every sum is exact, and all three excesses but one are far from zero.
+    # Lengths on a grid of 2^-48 below 4: every sum is exact, and two of the three excesses are far from zero.
     rng = np.random.default_rng(7)
     closed = 0
     for _ in range(40):
@@ -94,11 +97,11 @@ def test_angles_agree_within_1e_12_of_a_change_point(kind, gap) -> None:
             Family.ROCKER_CRANK: (longer, middle, short, longest),
         }[kind]
         lengths = np.array([crank, coupler, rocker, ground])
-        told = kind if gap > 1e-12 * lengths.max() else Family.CHANGE_POINT
-        assert family(lengths)[()] == told and np.abs(grashof_excesses(lengths)).min() == gap
+        reported = kind if gap > 1e-12 * lengths.max() else Family.CHANGE_POINT
+        assert family(lengths)[()] == reported and np.abs(grashof_excesses(lengths)).min() == gap
         near_fold = rng.choice([0.0, np.pi]) + rng.choice([-1, 1]) * 10.0 ** rng.uniform(-9, 0)
         closed += assert_as_naive(lengths, near_fold, rng.choice([1, -1]), exact_input=kind in FULL_CRANK)
-    assert closed >= (10 if kind in FULL_CRANK else 3)  # the others close near one fold at most
+    assert closed >= (10 if kind in FULL_CRANK else 3)  # the other two families close near at most a single fold
 
 
 @pytest.mark.parametrize("exponent", [-664, 664, -1000, 1000])
@@ -112,11 +115,11 @@ def test_scale_changes_no_bit(exponent) -> None:
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 0.0, -1.0])
-@pytest.mark.parametrize("place", range(5))
-def test_what_does_not_close_is_nan_and_masked(bad, place) -> None:
+@pytest.mark.parametrize("position", range(5))
+def test_what_does_not_close_is_nan_and_masked(bad, position) -> None:
     lengths, crank = np.array([[19.0, 72, 144, 165]] * 2), np.array([0.5, 1.0])
-    if place < 4:
-        lengths[1, place] = bad
+    if position < 4:
+        lengths[1, position] = bad
         good = np.array([[True, True], [False, False]])
     else:
         crank[1] = bad
@@ -133,7 +136,7 @@ def test_what_does_not_close_is_nan_and_masked(bad, place) -> None:
     ):
         assert np.array_equal(np.isfinite(numbers), good)
     over = transmission_angle_over(lengths, Interval(crank[0], crank))
-    assert np.array_equal(np.isfinite(over), good[:, 1] if place < 4 else good[0])
+    assert np.array_equal(np.isfinite(over), good[:, 1] if position < 4 else good[0])
     family(lengths)
 
 
@@ -145,7 +148,7 @@ def test_loop_closes(lengths, theta1, branch) -> None:
     t2, t3 = closure.coupler_angle(branch)[0], closure.rocker_angle(branch)[0]
     gap = l1 * np.exp(1j * theta1) + l2 * np.exp(1j * t2) - l4 - l3 * np.exp(1j * t3)
     assert np.isnan(gap) == (not closure.closed[0])
-    assert not abs(gap) > 16 * ULP * sum(lengths)  # also where it is NaN
+    assert not abs(gap) > 16 * ULP * sum(lengths)  # also if it is NaN
 
 
 @laws
@@ -222,6 +225,6 @@ def dense_samples(first: float, last: float) -> np.ndarray:
 def test_transmission_angle_over_is_the_least_of_dense_samples(lengths, first, last) -> None:
     closure = close_loop(lengths, dense_samples(first, last))
     assume(closure.closed.all())
-    least = transmission_angle_over(lengths, Interval(first, last))
-    assert least == pytest.approx(closure.transmission_angle.min(), abs=1e-7)
-    assert least <= closure.transmission_angle.min() + 1e-14
+    smallest = transmission_angle_over(lengths, Interval(first, last))
+    assert smallest == pytest.approx(closure.transmission_angle.min(), abs=1e-7)
+    assert smallest <= closure.transmission_angle.min() + 1e-14

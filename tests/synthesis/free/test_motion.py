@@ -1,4 +1,7 @@
-"""Motion without crank angles: exact motions are recovered, all of them for five poses, many for fewer; laws of the request."""
+"""Poses without crank angles are met by all exact linkages for five poses, and by many for fewer.
+
+A lost dyad, or a result that depends on the frame of the request, would show here.
+"""
 
 import numpy as np
 import pytest
@@ -17,43 +20,45 @@ EXACT = 1e-9
 
 
 def free(rotation, position, **more):
-    """The front door's answer, within no limits but those asked for."""
+    """Return the answer of `la.synthesize` without further limits."""
     more["limits"] = {"preset": "none"} | more.get("limits", {})
     return la.synthesize(rotation, position, timing="free", **more)
 
 
-def asked(case, **more):
+def unlimited(case, **more):
     return free(np.rad2deg(case.rotation), case.position, **more)
 
 
 def checked(case, found, rotation=None):
     """Objectives of all solutions, recomputed by circles; the order holds in each."""
-    told = [one.to_dict() for one in found.solutions]
-    done = [recompute_free(case.position, case.rotation if rotation is None else rotation, one) for one in told]
-    assert all(one.one_way for one in done)
-    for one, own in zip(told, done):
-        assert own.objective == pytest.approx(one["errors"]["objective"], rel=1e-6, abs=1e-11)
-    return np.array([one.objective for one in done])
+    reported = [solution.to_dict() for solution in found.solutions]
+    done = [
+        recompute_free(case.position, case.rotation if rotation is None else rotation, values) for values in reported
+    ]
+    assert all(judged.one_way for judged in done)
+    for values, own in zip(reported, done):
+        assert own.objective == pytest.approx(values["errors"]["objective"], rel=1e-6, abs=1e-11)
+    return np.array([solution.objective for solution in done])
 
 
 @pytest.mark.parametrize("samples", [5, 8, 100])
 def test_exact_motions_are_recovered(samples) -> None:
     for seed in range(3):
         case = free_case(seed, samples)
-        found = asked(case, top=20)
+        found = unlimited(case, top=20)
         assert checked(case, found).min() < EXACT, seed
         assert found.status == "reached"
-        links = np.sort([one.linkage.links for one in found.solutions], axis=1)
+        links = np.sort([solution.linkage.links for solution in found.solutions], axis=1)
         truth = np.sort(case.lengths * case.scale)
-        near = np.abs(links - truth).max(axis=1) < 1e-4 * truth.max()
-        assert near.any() or found.best.determination.ill_posed, seed
+        close = np.abs(links - truth).max(axis=1) < 1e-4 * truth.max()
+        assert close.any() or found.best.determination.ill_posed, seed
 
 
 @pytest.mark.parametrize("samples", [2, 3, 4])
 def test_few_poses_have_many_linkages(samples) -> None:
     for seed in range(2):
         case = free_case(seed, samples)
-        found = asked(case)
+        found = unlimited(case)
         assert np.all(checked(case, found) < EXACT) and len(found.solutions) == 10
         lengths = np.log([solution.linkage.links for solution in found])
         apart = np.abs(lengths[:, None] - lengths).max(axis=2)
@@ -68,24 +73,27 @@ def test_five_poses_have_the_dyads_that_brute_force_finds(seed) -> None:
     body = Body(make_poses(case.rotation, case.position))
     dyads, error = polished(body, linear_dyads(body))
     mine = dyads.take((error < 1e-9) & (np.abs(dyads.body) < 1e3) & (np.abs(dyads.fixed) < 1e3))
-    others = burmester_dyads(case.position, case.rotation)
-    for point, centre in others:
-        near = np.abs(mine.body - point) + np.abs(mine.fixed - centre)
-        assert near.min() < 1e-4 * (1 + abs(point) + abs(centre))
-    assert len(others) <= mine.radius.size
+    remaining = burmester_dyads(case.position, case.rotation)
+    for point, centre in remaining:
+        close = np.abs(mine.body - point) + np.abs(mine.fixed - centre)
+        assert close.min() < 1e-4 * (1 + abs(point) + abs(centre))
+    assert len(remaining) <= mine.radius.size
 
 
 def test_the_error_of_a_dyad_is_the_cheapest_way_to_move_the_poses_onto_it() -> None:
-    """Each pose by itself, to first order: the least squares of a move and a turn that take its point onto the circle."""
+    """To first order the error of a pose is the least-squares move and turn that take its point onto the circle."""
     case = free_case(1, 6)
     body = Body(make_poses(case.rotation, case.position))
     m, c, radius = 0.4 - 1.1j, 1.3 + 0.2j, 1.7
     arm = body.turned * m
     gap = body.position + arm - c
     normal = gap / np.abs(gap)
-    ways = np.stack([normal.real, normal.imag, (np.conj(normal) * 1j * arm).real], axis=1)
-    ways /= np.stack([body.position_root, body.position_root, body.rotation_root], axis=1)
-    moves = [np.linalg.lstsq(way[None], [off], rcond=None)[0] for way, off in zip(ways, np.abs(gap) - radius)]
+    directions = np.stack([normal.real, normal.imag, (np.conj(normal) * 1j * arm).real], axis=1)
+    directions /= np.stack([body.position_root, body.position_root, body.rotation_root], axis=1)
+    moves = [
+        np.linalg.lstsq(direction[None], [off], rcond=None)[0]
+        for direction, off in zip(directions, np.abs(gap) - radius)
+    ]
     found = evaluate_dyads(body, np.array([[m.real, m.imag, c.real, c.imag, radius]]))
     assert found.cost[0] == pytest.approx(sum(move @ move for move in moves))
 
@@ -101,9 +109,9 @@ def test_half_of_the_rotations_may_be_missing(samples) -> None:
         assert checked(case, found, rotation).min() < EXACT, seed
 
 
-def same_linkages(one: la.Result, other: la.Result, scale: float = 1.0) -> None:
+def same_linkages(result: la.Result, expected: la.Result, scale: float = 1.0) -> None:
     """The exact linkages of both answers are the same, whatever their rank."""
-    first, second = ([s.linkage.links for s in r.solutions if s.errors.objective < EXACT] for r in (one, other))
+    first, second = ([s.linkage.links for s in r.solutions if s.errors.objective < EXACT] for r in (result, expected))
     assert len(first) == len(second) > 0
     for links in first:
         assert min(np.abs(links * scale - theirs).max() for theirs in second) < 1e-6 * scale * links.max()
@@ -130,10 +138,10 @@ def test_in_any_order_a_shuffled_request_gives_the_same_linkage() -> None:
         case = free_case(seed, 9)
         shuffle = np.random.default_rng(seed).permutation(9)
         found = free(np.rad2deg(case.rotation[shuffle]), case.position[shuffle], order="any")
-        own = asked(case)
+        own = unlimited(case)
         best = found.best.to_dict()
-        again = recompute_free(case.position[shuffle], case.rotation[shuffle], best)
-        assert again.objective < EXACT
+        repeated = recompute_free(case.position[shuffle], case.rotation[shuffle], best)
+        assert repeated.objective < EXACT
         crank = found.best.crank_angle
         assert crank[0] == 0 and crank.min() >= 0 and crank.max() < 360
         same_linkages(own, found)

@@ -1,4 +1,7 @@
-"""The search for paths without crank angles: seeded linkages are found again, in order, mirrored and reversed alike."""
+"""Paths without crank angles lead back to the linkage that made them, within any budget.
+
+A screen that drops the right window, or a longer search that is worse, would show here.
+"""
 
 import itertools
 from dataclasses import replace
@@ -36,13 +39,13 @@ def request(lengths: tuple[float, ...], samples: int, span: float) -> Poses:
     return Poses(None, position, length_scale=float(np.max(np.abs(position - position.mean()))))
 
 
-def recomputed(poses: Poses, one: Solution) -> float:
+def recomputed(poses: Poses, solution: Solution) -> float:
     """J of an answer, from its own numbers by the general kinematics; the order must hold strictly."""
     assert poses.position is not None
-    steps = np.diff(one.travel)
+    steps = np.diff(solution.travel)
     assert np.all(steps > 0) or np.all(steps < 0)
     assert abs(steps.sum()) < 2 * np.pi
-    off = poses.position - joints_at(one.linkage, one.travel).body_point
+    off = poses.position - joints_at(solution.linkage, solution.travel).body_point
     return float(np.sqrt(np.mean(np.abs(off) ** 2))) / poses.length_scale
 
 
@@ -53,7 +56,7 @@ def test_exact_paths_are_reached(lengths: tuple[float, ...], samples: int, span:
     assert recomputed(poses, found[0]) < 1e-9
     seconds, best = zip(*report.trace)
     # those below the tolerance are ranked by other merits
-    assert list(seconds) == sorted(seconds) and best[-1] == min(one.errors.objective for one in found)
+    assert list(seconds) == sorted(seconds) and best[-1] == min(solution.errors.objective for solution in found)
 
 
 @pytest.mark.parametrize("with_rotation", [False, True])
@@ -67,7 +70,7 @@ def test_a_screen_s_errors_are_those_of_the_best_pose(with_rotation: bool) -> No
 
 
 def naive_errors(screen: PathScreen, poses: Poses, guesses: np.ndarray) -> np.ndarray:
-    """The same by a least-squares fit of each window alone, over the series that the screen keeps of theta2."""
+    """Fit each window separately by least squares, over the series of theta2 that the screen stores."""
     series = screen.windows[:, : screen.harmonics.size] + 1j * screen.windows[:, screen.harmonics.size :]
     out = np.empty((len(guesses), len(series)))
     for g, crank in enumerate(guesses):
@@ -87,17 +90,17 @@ def test_more_time_is_never_worse(screens) -> None:
     position = 200 * np.arange(24) / 23 + 40j * np.sin(3.1 * np.arange(24) / 23)
     poses = Poses(None, position, length_scale=float(np.max(np.abs(position - position.mean()))))
     limits = Limits(**practical_limits(poses, {}))
-    least = np.inf
-    # looks at the clock stand for time: the same on any machine
+    smallest = np.inf
+    # readings of the clock represent time: the same on any machine
     for looks in (1, 10, 30, 150, 800):
         found, _ = search_free(poses, limits, 3, work=counted(looks), screens=screens)
         assert found
-        assert found[0].errors.objective <= least * 1.01
-        least = min(least, found[0].errors.objective)
-    assert least < 1e-2
+        assert found[0].errors.objective <= smallest * 1.01
+        smallest = min(smallest, found[0].errors.objective)
+    assert smallest < 1e-2
 
 
 def counted(looks: int) -> Work:
-    """Work that has expired after so many looks at the clock."""
+    """Return work that expires after a number of clock readings."""
     ticks = itertools.count()
     return Work(float(looks), clock=lambda: float(next(ticks)))

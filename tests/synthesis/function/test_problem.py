@@ -1,4 +1,7 @@
-"""The limits of function generators as conditions on length ratios: derivatives, and the check on the kinematics, agree."""
+"""Limits of function generators hold exactly if the kinematics satisfies them, and their derivatives are correct.
+
+A wrong sign of a condition would show here.
+"""
 
 from dataclasses import replace
 
@@ -11,7 +14,7 @@ from synthesis.function.wanted import Wanted
 from synthesis.limits import Limits
 from synthesis.mechanism import Placed
 
-EVERY = Limits("full_crank", 0.5, 0.2, link_ratio_max=6.0)
+ALL_CASES = Limits("full_crank", 0.5, 0.2, link_ratio_max=6.0)
 FAMILIES = ["any", "full_crank", "crank_rocker", "double_crank"]
 
 
@@ -27,19 +30,19 @@ def candidates(seed: int, count: int = 400) -> np.ndarray:
 
 
 def kept_by(limits: Limits, x: np.ndarray, span: float) -> np.ndarray:
-    asked = problem(limits, span).wanted
+    request = problem(limits, span).wanted
     lengths = np.concatenate([np.exp(x[:, :3]), np.ones((len(x), 1))], axis=1)
-    return keeps(asked.target, limits, Placed(lengths, np.ones(len(x)), asked.interval.after(x[:, 3])))
+    return keeps(request.target, limits, Placed(lengths, np.ones(len(x)), request.interval.after(x[:, 3])))
 
 
 @pytest.mark.parametrize("family", FAMILIES)
 def test_derivatives(family: str) -> None:
-    x, asked = candidates(1), problem(replace(EVERY, family=family), 1.9)
-    _, slope = asked.conditions(x)
+    x, request = candidates(1), problem(replace(ALL_CASES, family=family), 1.9)
+    _, slope = request.conditions(x)
     for k in range(4):
         step = np.zeros(5)
         step[k] = 1e-6
-        ahead, behind = (asked.conditions(x + side * step)[0] for side in (1, -1))
+        ahead, behind = (request.conditions(x + side * step)[0] for side in (1, -1))
         change = (ahead - behind) / 2e-6
         # where the nearest angle leaves an end, or a crank gets longer than the ground, there are two slopes
         agree = np.isclose(change, slope[:, :, k], atol=1e-4, rtol=1e-4)
@@ -51,8 +54,8 @@ def test_derivatives(family: str) -> None:
 def test_conditions_hold_where_the_kinematics_say_so(family: str, span: float) -> None:
     x, limits = candidates(2), Limits(family, 0.4, 0.25, link_ratio_max=5.0)
     value, _ = problem(limits, span).conditions(x)
-    kept = kept_by(limits, x, span)
+    retained = kept_by(limits, x, span)
     if family == "any":  # whether the turn counts depends on the family, which is no condition here
-        assert np.all(kept <= kept_by(replace(limits, transmission_angle_min_turn=0.0), x, span))
-    assert 0 < kept.sum() < len(x)
-    np.testing.assert_array_equal(np.all(value >= -1e-12, axis=1), kept)
+        assert np.all(retained <= kept_by(replace(limits, transmission_angle_min_turn=0.0), x, span))
+    assert 0 < retained.sum() < len(x)
+    np.testing.assert_array_equal(np.all(value >= -1e-12, axis=1), retained)

@@ -1,4 +1,7 @@
-"""The search for function generators: exact ones, given zeros and lengths, limits, and the least largest error."""
+"""Function generators recover exact functions, satisfy limits and minimise the largest error.
+
+A basin that is missed, or an error curve whose extremes do not alternate, would show here.
+"""
 
 import numpy as np
 import pytest
@@ -23,8 +26,8 @@ def wanted_of(function, first: float, last: float, crank: float, output: float, 
     def exact(t: np.ndarray) -> np.ndarray:
         return scale * (function(first + (last - first) * t / span) - ends[0])
 
-    places = np.linspace(0, span, samples)
-    return Wanted(places, exact(places), exact=exact)
+    positions = np.linspace(0, span, samples)
+    return Wanted(positions, exact(positions), exact=exact)
 
 
 @pytest.mark.parametrize("kind", CLASSES)
@@ -59,27 +62,27 @@ def test_the_least_largest_error_is_the_best_known(function, span, limits, known
 
 def test_the_least_largest_error_is_a_minimum_with_alternating_extremes() -> None:
     """No step in any direction lowers it, and with five unknowns six extremes alternate."""
-    wanted = wanted_of(lambda x: 1 / x, 1, 2, 90, -90)
-    best = generate(seed_tables(), wanted, Limits("any"), True, 1, 1e-10)[0][0]
+    expected = wanted_of(lambda x: 1 / x, 1, 2, 90, -90)
+    best = generate(seed_tables(), expected, Limits("any"), True, 1, 1e-10)[0][0]
     assert best.errors.alternations == 6
-    problem = Problem(wanted, Limits("any"), True)
+    problem = Problem(expected, Limits("any"), True)
     crank, coupler, rocker, ground = best.linkage.links
     x = np.append(np.log(np.array([crank, rocker, coupler]) / ground), [best.linkage.start, best.offset + np.pi])
     steps = np.random.default_rng(0).normal(size=(400, 5))
     steps *= 10.0 ** np.random.default_rng(1).uniform(-6, -2, (400, 1))
-    places = np.linspace(0, wanted.crank[-1], 4001)[None]
+    positions = np.linspace(0, expected.crank[-1], 4001)[None]
     side = np.full(401, -float(best.linkage.branch))
-    gap = problem.gap(np.vstack([x, x + steps]), side, np.broadcast_to(places, (401, 4001)))
+    gap = problem.gap(np.vstack([x, x + steps]), side, np.broadcast_to(positions, (401, 4001)))
     size = np.abs(gap - 2 * np.pi * np.round(gap.mean(axis=1, keepdims=True) / (2 * np.pi))).max(axis=1)
     assert size[0] == pytest.approx(best.errors.max, rel=1e-6)
     assert np.all(size[1:] >= size[0] * (1 - 1e-7))
 
 
 def test_a_mirrored_function_gives_the_mirrored_linkages() -> None:
-    wanted = wanted_of(np.exp, 0, 1, 90, 90, 33)
-    one = generate(seed_tables(), wanted, Limits("any"), True, 2, 1e-10)[0]
-    other = generate(seed_tables(), wanted.mirrored(), Limits("any"), True, 2, 1e-10)[0]
-    for a, b in zip(one, other):
+    expected = wanted_of(np.exp, 0, 1, 90, 90, 33)
+    solution = generate(seed_tables(), expected, Limits("any"), True, 2, 1e-10)[0]
+    second = generate(seed_tables(), expected.mirrored(), Limits("any"), True, 2, 1e-10)[0]
+    for a, b in zip(solution, second):
         assert a.linkage.links == b.linkage.links and a.linkage.branch == -b.linkage.branch
         assert a.offset == -b.offset and a.errors == b.errors
 
@@ -90,10 +93,10 @@ def test_limits_are_kept(objective: str) -> None:
     limits |= {"link_ratio_max": 5, "links": {"ground": 80}, "link_min": 25}
     found = la.function(function=LOGARITHM, crank_span=60, objective=objective, limits=limits, top=4)
     assert found.solutions
-    for one in found.solutions:
-        links = one.linkage.links
-        assert one.family in ("crank_rocker", "double_crank")
-        assert one.transmission_angle_min >= 32 and one.transmission_angle_min_turn >= 12
+    for solution in found.solutions:
+        links = solution.linkage.links
+        assert solution.family in ("crank_rocker", "double_crank")
+        assert solution.transmission_angle_min >= 32 and solution.transmission_angle_min_turn >= 12
         assert links.max() / links.min() <= 5 * (1 + 1e-9) and links.min() >= 25 * (1 - 1e-9) and links[3] == 80
 
 

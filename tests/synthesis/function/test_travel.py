@@ -1,4 +1,7 @@
-"""Functions with travel: laws against the linkages that they are, derivatives against differences, exact searches."""
+"""Functions with travel agree with the kinematics of their linkages, and derivatives with differences.
+
+A slider, cylinder or crank that is measured from a wrong origin would show here.
+"""
 
 import numpy as np
 import pytest
@@ -14,11 +17,11 @@ def candidates(law: Law, count: int = 40) -> tuple[np.ndarray, np.ndarray, np.nd
     random, found, sides = np.random.default_rng(3), [], []
     travel = np.linspace(0.0, 0.9, 13)
     while len(found) < count:
-        one = np.concatenate([random.uniform(-1, 1, 3), [random.uniform(-3, 3)], [0.3]])
-        one[law.size : 3] = 0.0
+        row = np.concatenate([random.uniform(-1, 1, 3), [random.uniform(-3, 3)], [0.3]])
+        row[law.size : 3] = 0.0
         side = np.array([float(random.choice(law.branches))])
-        if law.at(one[None], side, travel[None]).possible.all() and law.sines(one[None], travel[None]).min() > 0.05:
-            found.append(one)
+        if law.at(row[None], side, travel[None]).possible.all() and law.sines(row[None], travel[None]).min() > 0.05:
+            found.append(row)
             sides.append(side[0])
     return np.array(found), np.array(sides), travel
 
@@ -28,33 +31,33 @@ def test_the_output_is_that_of_the_linkage(law: Law) -> None:
     unknowns, branch, travel = candidates(law)
     value = law.at(unknowns, branch, np.broadcast_to(travel, (len(unknowns), travel.size))).value
     sine = law.sines(unknowns, np.broadcast_to(travel, (len(unknowns), travel.size)))
-    for one, side, row, least in zip(unknowns, branch, value, sine):
-        linkage = law.linkage(law.of(one[None])[0], int(side), float(one[3]))
+    for unknown, side, row, smallest in zip(unknowns, branch, value, sine):
+        linkage = law.linkage(law.of(unknown[None])[0], int(side), float(unknown[3]))
         assert linkage.kind is law.kind and linkage.driver is law.driver
-        start = linkage.start - one[3]
+        start = linkage.start - unknown[3]
         start = np.mod(start + np.pi, 2 * np.pi) - np.pi if law.input == ANGLE else start
         assert start == pytest.approx(0, abs=1e-9)
         body = linkage.body(linkage.start + travel)
-        other = linkage.guides[1]
+        second = linkage.guides[1]
         if law.output == ANGLE:
-            if isinstance(other, Circle):
-                point = body.position + np.exp(1j * body.rotation) * other.body_point
-                made = np.angle(point - other.pivot)
+            if isinstance(second, Circle):
+                point = body.position + np.exp(1j * body.rotation) * second.body_point
+                built = np.angle(point - second.pivot)
             else:
-                made = body.rotation
-            np.testing.assert_allclose(np.exp(1j * made), np.exp(1j * row), atol=1e-9)
+                built = body.rotation
+            np.testing.assert_allclose(np.exp(1j * built), np.exp(1j * row), atol=1e-9)
         else:
             np.testing.assert_allclose(linkage.along(1, travel), row, atol=1e-9)
-        np.testing.assert_allclose(np.sin(body.transmission_angle), np.abs(least), atol=1e-7)
+        np.testing.assert_allclose(np.sin(body.transmission_angle), np.abs(smallest), atol=1e-7)
 
 
 @every_law
 def test_slopes_are_derivatives(law: Law) -> None:
     unknowns, branch, travel = candidates(law)
-    places, h = np.broadcast_to(travel, (len(unknowns), travel.size)), 1e-6
-    found = law.at(unknowns, branch, places)
+    positions, h = np.broadcast_to(travel, (len(unknowns), travel.size)), 1e-6
+    found = law.at(unknowns, branch, positions)
     for k in [*range(law.size), 3]:
-        ends = [law.at(unknowns + sign * h * np.eye(5)[k], branch, places).value for sign in (1, -1)]
+        ends = [law.at(unknowns + sign * h * np.eye(5)[k], branch, positions).value for sign in (1, -1)]
         difference = ends[0] - ends[1]
         if law.output == ANGLE:
             difference -= 2 * np.pi * np.round(difference / (2 * np.pi))

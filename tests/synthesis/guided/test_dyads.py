@@ -1,4 +1,7 @@
-"""Rails and slots in closed form: the checkpoints of the design, and that nothing near them is better."""
+"""Rails and slots through given poses have the closed forms of the design, and no line near them is better.
+
+A wrong stationary line would show here.
+"""
 
 import numpy as np
 import pytest
@@ -6,12 +9,12 @@ import pytest
 from synthesis.guided.pairs import Motion, Straight
 
 _ANGLE = np.deg2rad([0.0, 20.0, 50.0, 85.0])
-_PLACE = np.array([0, 1 + 0.2j, 1.8 + 0.7j, 2.2 + 1.5j])
+_POSITION = np.array([0, 1 + 0.2j, 1.8 + 0.7j, 2.2 + 1.5j])
 
 
-def motion(angle: np.ndarray, place: np.ndarray) -> Motion:
+def motion(angle: np.ndarray, position: np.ndarray) -> Motion:
     root = np.full(angle.size, angle.size**-0.5)
-    return Motion(place, np.exp(1j * angle), root, root)
+    return Motion(position, np.exp(1j * angle), root, root)
 
 
 @pytest.mark.parametrize(
@@ -22,7 +25,7 @@ def motion(angle: np.ndarray, place: np.ndarray) -> Motion:
     ],
 )
 def test_the_one_rail_and_the_one_slot_of_four_poses(inverse, point, normal, height):
-    seen = motion(_ANGLE, _PLACE)
+    seen = motion(_ANGLE, _POSITION)
     seen = seen.inverse if inverse else seen
     lines, error = Straight(seen).stationary()
     assert error[0] < 1e-15 < error[1]
@@ -42,14 +45,14 @@ def test_no_other_line_is_better_than_the_stationary_one():
 
         def rms(point: complex, seen: Motion = seen) -> float:
             """The best line of a point, by the least eigenvalue of its places' spread."""
-            places = seen.places(np.array([point]))[0]
-            rest = places - places.mean()
-            spread = np.cov(rest.real, rest.imag, bias=True)
+            positions = seen.places(np.array([point]))[0]
+            remaining = positions - positions.mean()
+            spread = np.cov(remaining.real, remaining.imag, bias=True)
             return float(np.sqrt(max(np.linalg.eigvalsh(spread)[0], 0)))
 
         best = rms(lines.point[0])
         assert abs(best - error[0]) < 1e-9 * max(1.0, abs(lines.point[0]))
         for size in (1e-3, 0.1, 1.0, 10.0):
             for _ in range(20):
-                other = lines.point[0] + size * complex(*random.normal(size=2))
-                assert rms(other) >= best - 1e-9 * (1 + abs(other))
+                second = lines.point[0] + size * complex(*random.normal(size=2))
+                assert rms(second) >= best - 1e-9 * (1 + abs(second))

@@ -1,4 +1,7 @@
-"""Bodies on two guides: checkpoints of published closed forms, and laws of poses, derivatives, mirrors and scales."""
+"""Bodies on two guides agree with published closed forms and obey the laws of poses, derivatives, mirrors and scales.
+
+A wrong branch, rate or circuit of a slider would show here.
+"""
 
 import math
 from dataclasses import replace
@@ -16,7 +19,7 @@ from tests.oracles.guided_cases import DRIVES, NAMES, random_linkage
 
 
 def off_guide(guide: Guide, poses: BodyPoses) -> np.ndarray:
-    """How far each pose is from keeping a guide, by the guide's own words."""
+    """Return the distance of each pose from its guide, by the guide's own conditions."""
     turned = np.exp(1j * poses.rotation)
     point = poses.position + turned * guide.body_point
     if isinstance(guide, Circle):
@@ -28,15 +31,15 @@ def off_guide(guide: Guide, poses: BodyPoses) -> np.ndarray:
 
 def pushed(linkage: Linkage, poses: BodyPoses) -> np.ndarray:
     """Sin mu as the module's head defines it."""
-    driven, other = linkage.guides
+    driven, second = linkage.guides
     turned = np.exp(1j * poses.rotation)
-    at, pin = (poses.position + turned * one.body_point for one in (other, driven))
-    if isinstance(other, Circle):
-        push = (at - other.pivot) / np.abs(at - other.pivot)
-    elif isinstance(other, Rail):
-        push = 1j * np.exp(1j * other.direction) + 0 * at
+    at, pin = (poses.position + turned * linkage.body_point for linkage in (second, driven))
+    if isinstance(second, Circle):
+        push = (at - second.pivot) / np.abs(at - second.pivot)
+    elif isinstance(second, Rail):
+        push = 1j * np.exp(1j * second.direction) + 0 * at
     else:
-        push, at = 1j * turned * np.exp(1j * other.body_direction), other.pin + 0 * at
+        push, at = 1j * turned * np.exp(1j * second.body_direction), second.pin + 0 * at
     if isinstance(driven, Slot):
         if linkage.driver is Driver.HINGE:
             return np.real(np.conj(push) * turned * np.exp(1j * driven.body_direction))
@@ -44,20 +47,20 @@ def pushed(linkage: Linkage, poses: BodyPoses) -> np.ndarray:
     return np.imag(np.conj(at - pin) * push) / np.abs(at - pin)
 
 
-@pytest.mark.parametrize(("guide", "driver", "other"), DRIVES, ids=NAMES)
-def test_poses_keep_both_guides_and_tell_branch_and_angle(guide, driver, other) -> None:
+@pytest.mark.parametrize(("guide", "driver", "second"), DRIVES, ids=NAMES)
+def test_poses_keep_both_guides_and_tell_branch_and_angle(guide, driver, second) -> None:
     random = np.random.default_rng(5)
     seen = 0
     for _ in range(60):
-        linkage = random_linkage(random, guide, driver, other)
+        linkage = random_linkage(random, guide, driver, second)
         assert np.isfinite(linkage.body(linkage.start).rotation).all()
         poses = linkage.body(linkage.start + random.uniform(-2, 2, 9))
         keep = np.isfinite(poses.rotation)
         seen += int(keep.sum())
-        poses = BodyPoses(*(one[keep] for one in poses))
+        poses = BodyPoses(*(pose[keep] for pose in poses))
         size = 1 + np.abs(poses.position)
-        for one in linkage.guides:
-            assert np.all(np.abs(off_guide(one, poses)) < 1e-13 * size)
+        for driven_guide in linkage.guides:
+            assert np.all(np.abs(off_guide(driven_guide, poses)) < 1e-13 * size)
         sine = pushed(linkage, poses)
         assert np.allclose(poses.sine, sine, atol=1e-12)
         assert np.allclose(np.sin(poses.transmission_angle), np.abs(sine), atol=1e-12)
@@ -65,29 +68,29 @@ def test_poses_keep_both_guides_and_tell_branch_and_angle(guide, driver, other) 
     assert seen > 150
 
 
-@pytest.mark.parametrize(("guide", "driver", "other"), DRIVES, ids=NAMES)
-def test_the_coordinate_of_a_pose_is_that_which_made_it(guide, driver, other) -> None:
+@pytest.mark.parametrize(("guide", "driver", "second"), DRIVES, ids=NAMES)
+def test_the_coordinate_of_a_pose_is_that_which_made_it(guide, driver, second) -> None:
     random = np.random.default_rng(6)
     for _ in range(40):
-        linkage = random_linkage(random, guide, driver, other)
-        wanted = linkage.start + random.uniform(-0.5, 0.5, 5)
-        poses = linkage.body(wanted)
+        linkage = random_linkage(random, guide, driver, second)
+        expected = linkage.start + random.uniform(-0.5, 0.5, 5)
+        poses = linkage.body(expected)
         keep = np.isfinite(poses.rotation)
         found, sine = linkage.configuration(poses.rotation[keep], poses.position[keep])
-        gap = found - wanted[keep]
+        gap = found - expected[keep]
         gap = np.angle(np.exp(1j * gap)) if driver.turns else gap
         assert np.all(np.abs(gap) < 1e-12 * (1 + np.abs(poses.position[keep])))
         assert np.allclose(sine, poses.sine[keep], atol=1e-12)
 
 
-@pytest.mark.parametrize(("guide", "driver", "other"), DRIVES, ids=NAMES)
-def test_rates_are_what_difference_quotients_tend_to(guide, driver, other) -> None:
+@pytest.mark.parametrize(("guide", "driver", "second"), DRIVES, ids=NAMES)
+def test_rates_are_what_difference_quotients_tend_to(guide, driver, second) -> None:
     random = np.random.default_rng(7)
     seen, step = 0, 1e-5
     for _ in range(60):
-        linkage = random_linkage(random, guide, driver, other)
+        linkage = random_linkage(random, guide, driver, second)
         travel = random.uniform(-2, 2, 9)
-        at, before, after = (linkage.motions(travel + way) for way in (0.0, -step, step))
+        at, before, after = (linkage.motions(travel + direction) for direction in (0.0, -step, step))
         poses = linkage.body(linkage.start + travel)
         body = at[1]
         with np.errstate(invalid="ignore"):
@@ -107,12 +110,12 @@ def test_rates_are_what_difference_quotients_tend_to(guide, driver, other) -> No
     assert seen > 100
 
 
-@pytest.mark.parametrize(("guide", "driver", "other"), DRIVES, ids=NAMES)
-def test_a_mirror_a_scale_and_a_move_carry_the_motion_over(guide, driver, other) -> None:
+@pytest.mark.parametrize(("guide", "driver", "second"), DRIVES, ids=NAMES)
+def test_a_mirror_a_scale_and_a_move_carry_the_motion_over(guide, driver, second) -> None:
     random = np.random.default_rng(8)
     travel = np.linspace(-0.4, 0.4, 7)
     for _ in range(20):
-        linkage = random_linkage(random, guide, driver, other)
+        linkage = random_linkage(random, guide, driver, second)
         body = linkage.motions(travel)[1]
         size = 1 + np.nanmax(np.abs(body.origin))
         mirrored = linkage.mirrored()
@@ -128,22 +131,22 @@ def test_a_mirror_a_scale_and_a_move_carry_the_motion_over(guide, driver, other)
         assert np.allclose(moved.rate, body.rate, rtol=1e-6, atol=1e-6, equal_nan=True)
 
 
-@pytest.mark.parametrize(("guide", "driver", "other"), DRIVES, ids=NAMES)
-def test_what_is_said_of_an_interval_is_what_a_fine_walk_sees(guide, driver, other) -> None:
+@pytest.mark.parametrize(("guide", "driver", "second"), DRIVES, ids=NAMES)
+def test_what_is_said_of_an_interval_is_what_a_fine_walk_sees(guide, driver, second) -> None:
     random = np.random.default_rng(9)
     for _ in range(40):
-        linkage = random_linkage(random, guide, driver, other)
+        linkage = random_linkage(random, guide, driver, second)
         ends = linkage.start + np.sort(random.uniform(-2.5, 2.5, 2))
         walk = linkage.body(np.linspace(*ends, 4001))
         interval = Interval(*ends)
-        least = linkage.transmission_angle_over(interval)
+        smallest = linkage.transmission_angle_over(interval)
         if linkage.closes_over(interval):
             assert np.isfinite(walk.rotation).all()
-            assert least <= walk.transmission_angle.min() + 1e-12
-            assert least > walk.transmission_angle.min() - 0.02
+            assert smallest <= walk.transmission_angle.min() + 1e-12
+            assert smallest > walk.transmission_angle.min() - 0.02
             assert np.abs(np.diff(walk.rotation)).max() < 1.0  # continuous
         else:
-            assert math.isnan(least)
+            assert math.isnan(smallest)
 
 
 @pytest.mark.parametrize(
@@ -151,18 +154,18 @@ def test_what_is_said_of_an_interval_is_what_a_fine_walk_sees(guide, driver, oth
     [(1, 2, 0.3, True), (1, 2, 1.0, True), (1, 2, 1.01, False), (2, 1, 0.1, False)],
 )
 def test_a_slider_crank_turns_where_the_rod_reaches_beyond_crank_and_offset(radius, rod, offset, turns) -> None:
-    made = on_guides((Circle(0j, radius, 0j), Rail(1j * offset, 0.0, complex(rod))), Driver.CRANK)
-    assert made.turns_fully is turns
+    built = on_guides((Circle(0j, radius, 0j), Rail(1j * offset, 0.0, complex(rod))), Driver.CRANK)
+    assert built.turns_fully is turns
 
 
 @pytest.mark.parametrize(
     ("ground", "crank", "offset", "turns"), [(2, 1, 0.9, True), (1, 2, 0.9, True), (2, 1, 1.1, False)]
 )
 def test_a_swinging_block_turns_where_ground_and_crank_differ_by_the_offset(ground, crank, offset, turns) -> None:
-    made = on_guides((Circle(0j, crank, 0j), Slot(complex(ground), 1j * offset, 0.0)), Driver.CRANK)
-    assert made.turns_fully is turns
+    built = on_guides((Circle(0j, crank, 0j), Slot(complex(ground), 1j * offset, 0.0)), Driver.CRANK)
+    assert built.turns_fully is turns
     if turns:
-        wound = np.diff(made.body(np.array([0.0, 2 * math.pi])).rotation)[0]
+        wound = np.diff(built.body(np.array([0.0, 2 * math.pi])).rotation)[0]
         assert wound == pytest.approx(0.0 if ground > crank else 2 * math.pi, abs=1e-12)
 
 

@@ -1,4 +1,7 @@
-"""Pairs of guides as the compiled descents see them: poses by the kinds' own equations, slopes by differences, huge circles."""
+"""Derivatives of pairs of guides agree with differences, and huge circles keep their digits.
+
+A wrong derivative of an error or of a limit would show here.
+"""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -52,40 +55,40 @@ def pairs() -> tuple[np.random.Generator, Pairs, np.ndarray]:
     """Pairs of all sorts, and for each its branch, way and signs."""
     random = np.random.default_rng(4)
     number = np.arange(COUNT)
-    made = Pairs(guides(random, number % 3), guides(random, number // 3 % 3), (number % 3 == 2) & (number % 2 == 0))
+    built = Pairs(guides(random, number % 3), guides(random, number // 3 % 3), (number % 3 == 2) & (number % 2 == 0))
     labels = np.stack([*np.sign(random.normal(size=(2, COUNT))), 0.1 * random.random(COUNT), np.ones(COUNT)], axis=1)
-    return random, made, labels
+    return random, built, labels
 
 
-def apart(made: Guides, k: int, angle: np.ndarray, place: np.ndarray) -> np.ndarray:
-    """Distance of a guide's point from its curve, as one would write it down."""
+def apart(built: Guides, k: int, angle: np.ndarray, position: np.ndarray) -> np.ndarray:
+    """Return the distance of a guide's point from its curve by the textbook formula."""
     turned = np.exp(1j * angle)
-    point = complex(made.point[k])
-    at = np.conj(turned) * (point - place) if made.inverse[k] else place + turned * point
-    if made.curvature[k] == 0:
-        return (np.conj(np.exp(1j * made.normal[k])) * (at - made.foot[k])).real
-    return np.abs(at - made.centre[k]) - 1 / made.curvature[k]
+    point = complex(built.point[k])
+    at = np.conj(turned) * (point - position) if built.inverse[k] else position + turned * point
+    if built.curvature[k] == 0:
+        return (np.conj(np.exp(1j * built.normal[k])) * (at - built.foot[k])).real
+    return np.abs(at - built.centre[k]) - 1 / built.curvature[k]
 
 
-def reaching(problem: Problem, made: Pairs, labels: np.ndarray) -> np.ndarray:
+def reaching(problem: Problem, built: Pairs, labels: np.ndarray) -> np.ndarray:
     """Pairs refined without limits first, so that their poses are near."""
-    found, _, _ = problem.descended(Chart(made), labels, Stage(60, 0.0, 6, 0.0, 1e-2), Work())
+    found, _, _ = problem.descended(Chart(built), labels, Stage(60, 0.0, 6, 0.0, 1e-2), Work())
     return found
 
 
 def passed() -> tuple[Poses, list[tuple[Pairs, np.ndarray, Samples, np.ndarray]]]:
-    """A motion, and pairs one by one with labels, samples near it that they pass, and the drive there."""
-    random, made, labels = pairs()
+    """Return a motion, and pairs with labels, nearby samples that they pass, and the drive at these samples."""
+    random, built, labels = pairs()
     poses = motion(random)
     problem = Problem(samples := Samples.of(poses), NONE, poses, False)
-    made = reaching(problem, made, labels)
-    at, found = problem.look(Chart(made), labels, 40), []
+    built = reaching(problem, built, labels)
+    at, found = problem.look(Chart(built), labels, 40), []
     for k in range(COUNT):
         angle, x, y = at.poses[k].T
-        gaps = [apart(one, k, angle, x + 1j * y) for one in made.guides]
+        gaps = [apart(guide, k, angle, x + 1j * y) for guide in built.guides]
         if np.abs(gaps).max() < 1e-9 and np.abs(at.poses[k]).max() < 5:
             own = samples._replace(angle=angle, position=x + 1j * y)
-            found.append((made.take([k]), labels[[k]], own, at.drive[k]))
+            found.append((built.take([k]), labels[[k]], own, at.drive[k]))
     assert len(found) > 0.6 * COUNT
     return poses, found
 
@@ -96,7 +99,7 @@ def differences(priced: Callable[[np.ndarray], float], x: np.ndarray) -> np.ndar
 
 
 def slopes_agree(problem: Problem, chart: Chart, labels: np.ndarray, x: np.ndarray, weight: float = 0.5) -> bool:
-    """Checks one pair's slopes where its poses close; whether it breaks a limit there."""
+    """Check the derivatives of a pair if its poses close; return true if it violates a limit there."""
 
     def at(x: np.ndarray) -> Looked:
         return problem.look(Chart(chart.pairs_at(x[None, :10])), labels, 12, x[10:] if x.size > 10 else None)
@@ -108,26 +111,26 @@ def slopes_agree(problem: Problem, chart: Chart, labels: np.ndarray, x: np.ndarr
     if here.closed[0]:
         own = np.concatenate([chart.labels, labels], axis=1)[0]
         found = problem._kernel.gradient(np.concatenate([chart.start[0], x[10:]]), own, weight, 12)
-        wanted = differences(priced, x)
-        assert np.allclose(found, wanted, atol=2e-5 * max(1.0, np.abs(wanted).max())), found - wanted
+        expected = differences(priced, x)
+        assert np.allclose(found, expected, atol=2e-5 * max(1.0, np.abs(expected).max())), found - expected
     return bool(here.excess[0] > 1e-3)
 
 
 @pytest.mark.parametrize(
     ("name", "driven"),
-    some_of([(name, bool((k + other) % 2)) for other in (0, 1) for k, name in enumerate(EACH)], 16),
+    some_of([(name, bool((k + second) % 2)) for second in (0, 1) for k, name in enumerate(EACH)], 16),
 )
 def test_slopes_of_errors_and_limits(name, driven):
     """At poses that the pairs pass: there the derivatives are exact. Given the drive they are everywhere."""
     broken, bent = 0, np.random.default_rng(6)
-    poses, every = passed()
+    poses, all_cases = passed()
     poses = replace(poses, ordered=name == "order")
-    for made, labels, samples, drive in every:
-        turns = not (made.first.straight & ~made.hinge)[0]
-        given = (np.unwrap(drive) if turns else drive) - drive[0]
-        problem = Problem(samples._replace(drive=given if driven else 0 * given), EACH[name], poses, driven)
-        begin = Chart(made).start + (1e-4 if driven else 1e-9) * bent.normal(size=10)
-        chart = Chart(Chart(made).pairs_at(begin))
+    for built, labels, samples, drive in all_cases:
+        turns = not (built.first.straight & ~built.hinge)[0]
+        prescribed = (np.unwrap(drive) if turns else drive) - drive[0]
+        problem = Problem(samples._replace(drive=prescribed if driven else 0 * prescribed), EACH[name], poses, driven)
+        begin = Chart(built).start + (1e-4 if driven else 1e-9) * bent.normal(size=10)
+        chart = Chart(Chart(built).pairs_at(begin))
         x = np.concatenate([chart.start[0], drive[:1]])[: 11 if driven else 10]
 
         broken += slopes_agree(problem, chart, labels, x)
@@ -138,12 +141,12 @@ def test_slopes_of_errors_and_limits(name, driven):
 def test_a_circle_of_any_radius_keeps_its_digits(radius):
     """Ten places of an arc of chord 2: the curvature that fits them best is its own."""
     along = np.linspace(-1, 1, 10) / radius
-    place = radius * np.sin(along) + 1j * 2 * radius * np.sin(along / 2) ** 2
-    poses = make_poses(np.zeros(10), place)
-    samples = Samples.of(poses)._replace(position=place)
-    one, no = np.ones(1), np.zeros(1, dtype=bool)
-    circle = Guides(0j * one, 0j * one, np.pi / 2 * one, 1 / radius * one, no)
-    slot = Guides(0j * one, 0j * one, np.pi / 2 * one, 0 * one, ~no)
+    position = radius * np.sin(along) + 1j * 2 * radius * np.sin(along / 2) ** 2
+    poses = make_poses(np.zeros(10), position)
+    samples = Samples.of(poses)._replace(position=position)
+    unit, no = np.ones(1), np.zeros(1, dtype=bool)
+    circle = Guides(0j * unit, 0j * unit, np.pi / 2 * unit, 1 / radius * unit, no)
+    slot = Guides(0j * unit, 0j * unit, np.pi / 2 * unit, 0 * unit, ~no)
     found = Problem(samples, NONE, poses, False).look(Chart(Pairs(circle, slot, no)), np.zeros((1, 4)), 1)
     assert np.isfinite(found.cost[0])
     found = Problem(samples, NONE, poses, False).look(Chart(Pairs(circle, circle, no)), np.zeros((1, 4)), 1)

@@ -1,4 +1,7 @@
-"""Lengths that can be had for linkages on two guides: they are kept, and the rest is at its best."""
+"""Rounded linkages on two guides have available lengths, and their other dimensions are optimal.
+
+A length beside the grid, or a pose that is not refitted, would show here.
+"""
 
 import numpy as np
 import pytest
@@ -29,7 +32,7 @@ def _solution(drive) -> tuple[object, Solution]:
 @pytest.mark.parametrize("drive", DRIVES, ids=NAMES)
 def test_rounded_lengths_lie_on_the_grid(drive) -> None:
     poses, solution = _solution(drive)
-    found = rounded(poses, solution, on_grid(0.25), None, lambda one: True, 8, Work(None))
+    found = rounded(poses, solution, on_grid(0.25), None, lambda linkage: True, 8, Work(None))
     if solution.linkage.kind in (Kind.TWO_SLOTS, Kind.RAIL_SLOT):
         assert solution.linkage.lengths == {} and found.solution is not None
         return
@@ -61,9 +64,9 @@ def test_with_given_timing_and_stock() -> None:
     solution = assess(target, [linkage])[0]
     stock = [0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0]
     count = len(stock) ** len(linkage.lengths)
-    found = rounded(target, solution, from_stock(stock), count, lambda one: True, 8, Work(None))
+    found = rounded(target, solution, from_stock(stock), count, lambda linkage: True, 8, Work(None))
     assert isinstance(found.solution.linkage, Linkage) and found.exhaustive is False
     for length in found.solution.linkage.lengths.values():
-        assert min(abs(length - one) for one in stock) < 1e-9
-    none = rounded(target, solution, from_stock(stock), count, lambda one: False, 8, Work(None))
+        assert min(abs(length - available) for available in stock) < 1e-9
+    none = rounded(target, solution, from_stock(stock), count, lambda linkage: False, 8, Work(None))
     assert none.solution is None and none.tried > 0

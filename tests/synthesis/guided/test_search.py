@@ -1,4 +1,7 @@
-"""The search for linkages with sliders: exact motions come back, limits are kept, a line is not called a circle."""
+"""Searches for linkages with sliders recover exact motions, satisfy limits and distinguish a line from a circle.
+
+A kind of linkage, a limit or a drive that is lost would show here.
+"""
 
 import json
 from pathlib import Path
@@ -23,15 +26,15 @@ def gallery(name: str) -> Poses:
     """The motion of one of the page's examples."""
     examples = json.loads((Path(__file__).parents[3] / "app/static/examples.json").read_text())
     examples = examples if isinstance(examples, list) else examples["examples"]
-    request = next(one["request"] for one in examples if one["name"] == name)
+    request = next(example["request"] for example in examples if example["name"] == name)
     return make_poses(np.deg2rad(request["rotation"]), np.array(request["position"]) @ [1, 1j])
 
 
-def least(solutions: list[Solution]) -> dict[str, float]:
+def smallest_errors(solutions: list[Solution]) -> dict[str, float]:
     found: dict[str, float] = {}
-    for one in solutions:
-        kind = one.linkage.kind.value
-        found[kind] = min(found.get(kind, np.inf), one.errors.objective)
+    for solution in solutions:
+        kind = solution.linkage.kind.value
+        found[kind] = min(found.get(kind, np.inf), solution.errors.objective)
     return found
 
 
@@ -42,7 +45,7 @@ def test_exact_motions_come_back(kind, samples, cases):
     for _ in range(cases):
         rotation, position, _ = random_motion(random, kind, samples)
         found, _ = search_guided(make_poses(rotation, position), _ANY, [Kind(kind)])
-        assert min(one.errors.objective for one in found) < 1e-9
+        assert min(solution.errors.objective for solution in found) < 1e-9
 
 
 def test_four_poses_have_one_linkage_of_rail_and_slot():
@@ -50,7 +53,7 @@ def test_four_poses_have_one_linkage_of_rail_and_slot():
     for _ in range(5):
         rotation, position, _ = random_motion(random, "rail_slot", 4)
         found, _ = search_guided(make_poses(rotation, position), _ANY, [Kind.RAIL_SLOT], Driver.SLIDER)
-        exact = [one for one in found if one.errors.objective < 1e-9]
+        exact = [solution for solution in found if solution.errors.objective < 1e-9]
         assert len(exact) == 1
 
 
@@ -59,15 +62,19 @@ def test_casement_window_has_the_errors_of_the_design():
     poses = gallery("casement")
     limits = Limits(family="any", transmission_angle_min=np.deg2rad(35), link_max=4 * poses.extent)
     found, _ = search_guided(poses, limits, [Kind.SLIDER_CRANK, Kind.SWINGING_BLOCK, Kind.RAIL_SLOT])
-    errors = least(found)
+    errors = smallest_errors(found)
     assert errors["slider_crank"] < 1.195e-3
     assert errors["swinging_block"] < 1.105e-3
     assert errors["rail_slot"] == pytest.approx(1.32881e-3, rel=1e-4)
-    for one in found:
-        assert not broken_limits(one, poses, limits)
+    for found_solution in found:
+        assert not broken_limits(found_solution, poses, limits)
     # that rail, driven by a slider: 91.08 mm of travel at 68.7 degrees and more
-    driven = [one for one in found if (one.linkage.kind, one.linkage.driver) == (Kind.RAIL_SLOT, Driver.SLIDER)]
-    slider = min(driven, key=lambda one: one.errors.objective)
+    driven = [
+        solution
+        for solution in found
+        if (solution.linkage.kind, solution.linkage.driver) == (Kind.RAIL_SLOT, Driver.SLIDER)
+    ]
+    slider = min(driven, key=lambda solution: solution.errors.objective)
     assert np.ptp(slider.travel) == pytest.approx(91.08, abs=0.05)
     assert np.rad2deg(slider.transmission_angle_min) == pytest.approx(68.7, abs=0.1)
 
@@ -78,11 +85,11 @@ def test_each_pivot_has_its_own_box():
     poses = make_poses(turned, np.cos(turned) + 1j * (0.8 * np.sin(turned) + 0.1 * turned))
     found, _ = search_guided(poses, Limits(family="any", **boxes), [Kind.SLIDER_CRANK, Kind.SWINGING_BLOCK])
     assert len(found) >= 3
-    for one in found:
-        for guide, box in zip(one.linkage.guides, boxes.values()):
+    for solution in found:
+        for guide, box in zip(solution.linkage.guides, boxes.values()):
             if not isinstance(guide, Rail):
-                place = guide.pin if isinstance(guide, Slot) else guide.pivot
-                assert box[0] <= place.real <= box[2] and box[1] <= place.imag <= box[3]
+                position = guide.pin if isinstance(guide, Slot) else guide.pivot
+                assert box[0] <= position.real <= box[2] and box[1] <= position.imag <= box[3]
 
 
 def test_limits_of_rails_and_cylinders_are_kept():
@@ -92,37 +99,39 @@ def test_limits_of_rails_and_cylinders_are_kept():
         cylinder_dead_length=150.0, cylinder_extended_max=420.0, arm_min=40.0, link_max=900.0,
     )  # fmt: skip
     found, _ = search_guided(poses, limits, [Kind.RAIL_SLOT, Kind.SWINGING_BLOCK])
-    assert {one.linkage.driver for one in found} >= {Driver.SLIDER, Driver.CYLINDER}
-    for one in found:
-        assert not broken_limits(one, poses, limits)
-        for place, guide in enumerate(one.linkage.guides):
+    assert {solution.linkage.driver for solution in found} >= {Driver.SLIDER, Driver.CYLINDER}
+    for solution in found:
+        assert not broken_limits(solution, poses, limits)
+        for index, guide in enumerate(solution.linkage.guides):
             if hasattr(guide, "direction"):  # both ends of the used travel, by the linkage's own motion
-                at = one.linkage.along(place, np.linspace(*one.interval, 400))
+                at = solution.linkage.along(index, np.linspace(*solution.interval, 400))
                 ends = guide.point + at * np.exp(1j * guide.direction)
                 assert ends.real.min() > -100.001 and ends.real.max() < 450.001
                 assert ends.imag.min() > -400.001 and ends.imag.max() < 150.001
-        if one.linkage.driver is Driver.CYLINDER:
-            length = one.linkage.start + one.travel
+        if solution.linkage.driver is Driver.CYLINDER:
+            length = solution.linkage.start + solution.travel
             assert length.min() > 150 - 1e-3 and length.max() < 420.001
 
 
-GIVEN = [("slider_crank", Driver.CRANK), ("swinging_block", Driver.CRANK), ("rail_slot", Driver.SLIDER)]
-GIVEN += [("two_rails", Driver.SLIDER), ("two_slots", Driver.CYLINDER)]
+PRESCRIBED = [("slider_crank", Driver.CRANK), ("swinging_block", Driver.CRANK), ("rail_slot", Driver.SLIDER)]
+PRESCRIBED += [("two_rails", Driver.SLIDER), ("two_slots", Driver.CYLINDER)]
 
 
-@pytest.mark.parametrize(("kind", "driver"), GIVEN)
+@pytest.mark.parametrize(("kind", "driver"), PRESCRIBED)
 def test_given_drives_come_back(kind, driver):
     random = np.random.default_rng(7)
     for _ in range(3):
         rotation, position, drive = random_motion(random, kind, 12)
         found, _ = search_guided(make_poses(rotation, position), _ANY, [Kind(kind)], driver, given=drive)
-        best = min(found, key=lambda one: one.errors.objective)
+        best = min(found, key=lambda solution: solution.errors.objective)
         assert best.errors.objective < 1e-9
         assert np.allclose(best.travel, drive, rtol=1e-7, atol=1e-9 * np.abs(drive).max())
 
 
 def arc(radius: float, noise: float) -> Poses:
-    """A body whose one point runs over a chord of 2 of a circle, while a line of it through that point passes a fixed pin."""
+    """Return a body with a point on an arc of a circle over a chord of 2, and a line through that point past a
+    fixed pin.
+    """
     random = np.random.default_rng(5)
     along = np.linspace(-1, 1, 12)
     point = along + 1j * along**2 / (radius + np.sqrt(radius**2 - along**2))
@@ -133,15 +142,15 @@ def arc(radius: float, noise: float) -> Poses:
 
 def test_a_huge_circle_is_called_a_rail():
     found, _ = search_guided(arc(1e8, 0.0), _ANY, [Kind.SWINGING_BLOCK, Kind.RAIL_SLOT])
-    best = min(found, key=lambda one: one.errors.objective)
+    best = min(found, key=lambda solution: solution.errors.objective)
     assert best.errors.objective < 1e-8
-    exact = {one.linkage.kind for one in found if one.errors.objective < 1e-7}
+    exact = {solution.linkage.kind for solution in found if solution.errors.objective < 1e-7}
     assert exact == {Kind.RAIL_SLOT}
 
 
 def test_a_large_circle_is_told_from_a_rail_through_noise():
     found, report = search_guided(arc(1e3, 1e-6), _ANY, [Kind.SWINGING_BLOCK, Kind.RAIL_SLOT])
-    best = min(found, key=lambda one: one.errors.objective)
+    best = min(found, key=lambda solution: solution.errors.objective)
     assert best.linkage.kind is Kind.SWINGING_BLOCK
     assert best.errors.objective < 3e-6
     radius = max(guide.radius for guide in best.linkage.guides if hasattr(guide, "radius"))
@@ -156,5 +165,5 @@ def test_a_budget_ends_the_search_and_more_of_it_gives_no_less():
     short, report = search_guided(poses, limits, kinds, work=Work(0.05))
     assert report.stopped_by.value == "budget"
     long, _ = search_guided(poses, limits, kinds)
-    for kind, error in least(short).items():
-        assert least(long)[kind] <= error * (1 + 1e-9)
+    for kind, error in smallest_errors(short).items():
+        assert smallest_errors(long)[kind] <= error * (1 + 1e-9)

@@ -1,4 +1,7 @@
-"""Linkages on two guides against requests: the drive's best place at each sample, errors, and size."""
+"""The drive of a linkage on two guides is at its best position at each sample.
+
+A sample matched to a distant position of the drive would show here.
+"""
 
 import numpy as np
 import pytest

@@ -1,4 +1,7 @@
-"""A given linkage refined: back to the exact one it was moved from, never worse than it began, within the limits."""
+"""A refined linkage is never worse than its start, satisfies the limits and returns to the exact linkage nearby.
+
+A step that is accepted although it is worse would show here.
+"""
 
 from dataclasses import replace
 
@@ -36,13 +39,13 @@ LIMITS = (
 
 
 def moved(linkage: Linkage, size: float, random: np.random.Generator) -> Linkage:
-    """The linkage with every number moved by about a part of itself."""
+    """Return the linkage with every number changed by about a fraction of its size."""
     stretch = np.exp(size * random.standard_normal(5))
-    turn, place = size * random.standard_normal(3), 50 * size * random.standard_normal(2)
+    turn, position = size * random.standard_normal(3), 50 * size * random.standard_normal(2)
     links = tuple(float(length * by) for length, by in zip(linkage.links, stretch))
     radius, angle = linkage.coupler_point
     point = float(radius * stretch[4]), float(angle + turn[2])
-    at = linkage.pivot_a + complex(*place)
+    at = linkage.pivot_a + complex(*position)
     return replace(
         with_links(linkage, links), start=linkage.start + turn[0], ground_angle=linkage.ground_angle + turn[1],
         pivot_a=at, coupler_point=point,
@@ -59,60 +62,63 @@ def motion_of(linkage: Linkage, crank=CRANK) -> dict:
 def test_a_moved_linkage_comes_back(family: str, sense: int) -> None:
     true = TRUE[family] if sense > 0 else TRUE[family].mirrored()
     random = np.random.default_rng(3)
-    asked = motion_of(true, sense * CRANK)
+    request = motion_of(true, sense * CRANK)
     for size in (1e-3, 0.02):
         begin = moved(true, size, random)
-        target = make_target(**asked, crank_angle=sense * CRANK)
+        target = make_target(**request, crank_angle=sense * CRANK)
         (found,), report = refine_motion(target, Limits(family=family), begin, 1e-10, Work())
         assert np.allclose(found.linkage.links, true.links, rtol=1e-9) and found.errors.objective < 1e-12
         assert report.stopped_by == "tolerance" and report.trace[-1][1] == found.errors.objective
         for crank in (sense * CRANK, None):
-            (found,), _ = refine_poses(make_poses(**asked), Limits(family=family), begin, crank, 1e-10, Work())
+            (found,), _ = refine_poses(make_poses(**request), Limits(family=family), begin, crank, 1e-10, Work())
             assert found.errors.objective < 1e-10
             assert np.allclose(found.travel, sense * CRANK, atol=1e-6)
 
 
 def kept_at(target, limits: Limits, linkage: Linkage) -> list:
-    """The linkage with its errors, if it keeps the limits."""
+    """Return the linkage with its errors, if it satisfies the limits."""
     return within(target, limits, assess(target, [linkage])) if joints_at(linkage, CRANK).closed else []
 
 
 def asked_and_begun(seed: int, keeps: bool) -> tuple[dict, Limits, Linkage]:
-    """A motion that no linkage makes, limits, and a linkage somewhere, or one as far away as these limits are kept."""
+    """Return a motion that no linkage makes, limits, and a linkage, far away if it has to satisfy the limits."""
     random, limits = np.random.default_rng(seed), LIMITS[seed % len(LIMITS)]
-    asked = motion_of(moved(TRUE["crank_rocker"], 0.05, random))
-    asked["position"] = asked["position"] + 3 * (random.standard_normal(9) + 1j * random.standard_normal(9))
-    target = make_target(**asked, crank_angle=CRANK)
+    request = motion_of(moved(TRUE["crank_rocker"], 0.05, random))
+    request["position"] = request["position"] + 3 * (random.standard_normal(9) + 1j * random.standard_normal(9))
+    target = make_target(**request, crank_angle=CRANK)
     for size in (0.3, 0.1, 0.03, 0.01, 0.0):
         begin = moved(TRUE["crank_rocker"], size, random)
         begin = replace(begin, pivot_a=limits.pivot_a or begin.pivot_a)
         if not keeps or kept_at(target, limits, begin):
             break
-    return asked, limits, begin
+    return request, limits, begin
 
 
 @settings(max_examples=16)
 @given(st.integers(0, 10**6), st.booleans())
 def test_no_refinement_is_worse_than_its_beginning_and_each_keeps_the_limits(seed: int, keeps: bool) -> None:
-    asked, limits, begin = asked_and_begun(seed, keeps)
-    target = make_target(**asked, crank_angle=CRANK)
+    request, limits, begin = asked_and_begun(seed, keeps)
+    target = make_target(**request, crank_angle=CRANK)
     found, report = refine_motion(target, limits, begin, 1e-10, Work())
     assert within(target, limits, found) == found
-    kept = kept_at(target, limits, begin)
-    assert kept or not keeps
-    assert not kept or found[0].errors.objective <= kept[0].errors.objective
+    retained = kept_at(target, limits, begin)
+    assert retained or not keeps
+    assert not retained or found[0].errors.objective <= retained[0].errors.objective
     assert not found or report.trace[-1][1] == found[0].errors.objective
 
 
 @pytest.mark.parametrize("seed", [2, 3])
 def test_a_mirrored_request_gives_the_mirrored_linkage(seed: int) -> None:
-    """Its limits are mirrored too: a box, a pivot."""
-    asked, limits, begin = asked_and_begun(seed, keeps=True)
-    target = make_target(**asked, crank_angle=CRANK)
-    (one,), _ = refine_motion(target, limits, begin, 1e-10, Work())
-    (other,), _ = refine_motion(target.mirrored(), limits.mirrored(), begin.mirrored(), 1e-10, Work())
-    assert np.allclose(other.linkage.links, one.linkage.links) and other.linkage.branch == -one.linkage.branch
-    assert np.isclose(other.linkage.pivot_a, np.conj(one.linkage.pivot_a))
+    """The limits are mirrored too: a box and a pivot."""
+    request, limits, begin = asked_and_begun(seed, keeps=True)
+    target = make_target(**request, crank_angle=CRANK)
+    (solution,), _ = refine_motion(target, limits, begin, 1e-10, Work())
+    (second,), _ = refine_motion(target.mirrored(), limits.mirrored(), begin.mirrored(), 1e-10, Work())
+    assert (
+        np.allclose(second.linkage.links, solution.linkage.links)
+        and second.linkage.branch == -solution.linkage.branch
+    )
+    assert np.isclose(second.linkage.pivot_a, np.conj(solution.linkage.pivot_a))
 
 
 @pytest.mark.parametrize("largest", [False, True])
@@ -121,33 +127,33 @@ def test_a_function_generator_is_refined(largest: bool, sense: int) -> None:
     true = TRUE["any"] if sense > 0 else TRUE["any"].mirrored()
     random, crank = np.random.default_rng(7), sense * np.linspace(0, 0.9, 12)
     output = rocker_angles([true], crank)[0]
-    wanted = Wanted(crank, output)
+    expected = Wanted(crank, output)
     for limits in (Limits("any"), Limits("any", transmission_angle_min=0.5, link_ratio_max=8.0)):
         begin = moved(true, 0.01, random)
-        (found,), _ = refine_function(wanted, limits, largest, begin, None, 1e-10, Work())
+        (found,), _ = refine_function(expected, limits, largest, begin, None, 1e-10, Work())
         links = np.array(found.linkage.links)
         if largest:  # between its samples the wanted curve is a spline
-            before = finished(wanted, [begin], True)[0]
+            before = finished(expected, [begin], True)[0]
             assert found.errors.objective < 0.01 * before.errors.objective
         else:
             assert np.allclose(links / links[3], np.array(true.links) / true.links[3], rtol=1e-6)
             assert found.errors.objective < 1e-10
-        used = wanted.interval.after(np.array([found.linkage.start]))
-        other = exchanged(found.linkage)
-        placed = Placed(np.array([other.links]), np.array([float(other.branch)]), used)
-        assert keeps(wanted.target, limits.exchanged(), placed, 1e-12).all()
+        used = expected.interval.after(np.array([found.linkage.start]))
+        second = exchanged(found.linkage)
+        placed = Placed(np.array([second.links]), np.array([float(second.branch)]), used)
+        assert keeps(expected.target, limits.exchanged(), placed, 1e-12).all()
 
 
 @settings(max_examples=8)
 @given(st.integers(0, 10**6))
 def test_no_refined_generator_is_worse_than_its_beginning(seed: int) -> None:
     random, crank = np.random.default_rng(seed), np.linspace(0, 0.9, 12)
-    wanted = Wanted(crank, np.cumsum(np.abs(random.standard_normal(12))) * 0.1)
+    expected = Wanted(crank, np.cumsum(np.abs(random.standard_normal(12))) * 0.1)
     begins = (moved(TRUE["any"], size, random) for size in (0.3, 0.1, 0.03, 0.01, 0.0))
-    begin = next(one for one in begins if one.transmission_angle_min(wanted.interval) >= 0.2)
+    begin = next(begin for begin in begins if begin.transmission_angle_min(expected.interval) >= 0.2)
     largest, offset = bool(seed % 2), float(random.standard_normal())
     limits = Limits("any", transmission_angle_min=0.2)
-    found, report = refine_function(wanted, limits, largest, begin, offset, 1e-10, Work())
-    own = finished(wanted, [begin], largest, np.array([offset]) if largest else None)[0]
+    found, report = refine_function(expected, limits, largest, begin, offset, 1e-10, Work())
+    own = finished(expected, [begin], largest, np.array([offset]) if largest else None)[0]
     assert found[0].errors.objective <= own.errors.objective * (1 + 1e-9)
     assert report.trace[0][1] == pytest.approx(own.errors.objective, rel=1e-9)

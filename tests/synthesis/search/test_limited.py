@@ -1,4 +1,7 @@
-"""The search within limits: its seeds, its descents, and that what it finds keeps what was asked."""
+"""Searches within limits return linkages that satisfy every limit, and name the limits that exclude all linkages.
+
+A limit that is checked at the samples only, or that hides the best linkage, would show here.
+"""
 
 from typing import Any
 
@@ -29,12 +32,12 @@ BOXED = [
     0.06044, 0.5297, 0.2169, 0.1514, 0.2361, 0.3575, 0.1795, 0.4176, 0.4458, 0.3789, 0.2063, 0.2618, 0.0833, 0.2264,
     0.3471, 0.3635, 0.3143, 0.2648, 0.3243, 0.3062, 0.3748, 0.1446, 0.1303, 0.3576, 0.4906, 0.2558,
 ]  # fmt: skip
-"""The least J that any search found for the first requests with boxes, long ones too."""
+"""Smallest J that any search found for the first requests with boxes."""
 
 
 @pytest.mark.parametrize("seeds", some_of([range(10), range(10, 40)], 1))
 def test_limits_that_are_hard_to_keep_do_not_hide_the_best(seeds) -> None:
-    """Candidates that move better but break limits must not crowd out those that keep them."""
+    """Candidates that move better but violate limits must not crowd out feasible candidates."""
     over = []
     for seed in seeds:
         found = la.synthesize(**make_limited("boxed", seed).request, top=1)
@@ -74,9 +77,9 @@ def place_of(request: dict[str, Any]) -> tuple[np.ndarray, float]:
 def named_and_timed() -> list:
     """Each limit with crank angles given and free; the default run takes one of the two, in turn."""
     return [
-        pytest.param(name, timing, marks=[pytest.mark.wide] * ((k + other) % 2))
+        pytest.param(name, timing, marks=[pytest.mark.wide] * ((k + second) % 2))
         for k, name in enumerate(named(np.zeros(2), 1.0))
-        for other, timing in enumerate(("given", "free"))
+        for second, timing in enumerate(("given", "free"))
     ]
 
 
@@ -91,8 +94,8 @@ def test_each_limit_is_kept(name, timing) -> None:
     reply = la.synthesize(**request, top=2).to_dict()
     assert reply["solutions"]
     if name == "preset":
-        kept = {"transmission_angle_min": 35, "transmission_angle_min_turn": 15, "link_ratio_max": 10}
-        request["limits"] = kept | {"link_max": 10 * extent}
+        retained = {"transmission_angle_min": 35, "transmission_angle_min_turn": 15, "link_ratio_max": 10}
+        request["limits"] = retained | {"link_max": 10 * extent}
     for solution in reply["solutions"]:
         assert broken_limits(request, solution) == []
 
@@ -105,8 +108,8 @@ def test_what_excludes_everything_is_named() -> None:
     assert reply.status == "infeasible"
     note = next(note for note in reply.report.notes if "(`limits.link_min`)" in note)
     eased = float(note.split("; with links of at least ")[1].split()[0])
-    again = la.synthesize(**request, limits={"link_min": eased, "pivot_box": box}, top=1)
-    assert again.solutions
+    repeated = la.synthesize(**request, limits={"link_min": eased, "pivot_box": box}, top=1)
+    assert repeated.solutions
     cut = la.synthesize(**request, limits={"link_min": 4 * extent, "pivot_box": box}, top=1, budget=1e-6)
     assert cut.status == "unknown" and not cut.solutions
 

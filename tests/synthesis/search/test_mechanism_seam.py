@@ -1,4 +1,7 @@
-"""Other mechanisms through the same search and scan: what `synthesis.mechanism` asks for is all that both need to know."""
+"""Searches and scans find slider-cranks and swinging blocks by the formulas of textbooks.
+
+A mechanism whose branch, start or body angle is exchanged would show here.
+"""
 
 from typing import Any
 
@@ -22,17 +25,19 @@ WHAT = ("rotation", "position", "both")
 
 
 def points_of(linkage: Any, target: Target) -> tuple[np.ndarray, np.ndarray]:
-    """Place and rotation of the body, from circle and rail or slot alone: crank pin, then where the other guide holds it."""
-    circle, other = linkage.guides
+    """Return position and rotation of the body from its circle and its rail or slot: crank pin, then the direction
+    of the second guide.
+    """
+    circle, second = linkage.guides
     pin = circle.pivot + circle.radius * np.exp(1j * (linkage.start + target.crank))
     if linkage.kind is Kind.SLIDER_CRANK:
-        beside = ((pin - other.point) * np.exp(-1j * other.direction)).imag
-        arm = other.body_point - circle.body_point
-        turned = other.direction + np.arcsin(-beside / abs(arm)) - np.angle(arm)
+        beside = ((pin - second.point) * np.exp(-1j * second.direction)).imag
+        arm = second.body_point - circle.body_point
+        turned = second.direction + np.arcsin(-beside / abs(arm)) - np.angle(arm)
     else:
-        across = ((other.body_point - circle.body_point) * np.exp(-1j * other.body_direction)).imag
-        away = other.pin - pin
-        turned = np.unwrap(np.angle(away)) - np.arcsin(across / np.abs(away)) - other.body_direction
+        across = ((second.body_point - circle.body_point) * np.exp(-1j * second.body_direction)).imag
+        away = second.pin - pin
+        turned = np.unwrap(np.angle(away)) - np.arcsin(across / np.abs(away)) - second.body_direction
     return pin - circle.body_point * np.exp(1j * turned), turned
 
 
@@ -45,16 +50,16 @@ def test_random_linkages_are_recovered(kind: Kind, what: str) -> None:
         target = random_motion(random, BY_CRANK[kind].guide, span, what, samples=24)
         solutions, _ = linkages_by_crank(kind, target, "full_crank", 3)
         assert solutions[0].errors.objective < 1e-9, seed
-        for one in solutions:  # errors are those of the linkage's own numbers
-            assert one.linkage.kind is kind and one.linkage.turns_fully and one.linkage.branch == 1
-            place, turned = points_of(one.linkage, target)
+        for solution in solutions:  # errors are recomputed from the linkage's own numbers
+            assert solution.linkage.kind is kind and solution.linkage.turns_fully and solution.linkage.branch == 1
+            position, turned = points_of(solution.linkage, target)
             gap = 0.0
             if target.rotation is not None:
                 off = np.exp(1j * (target.rotation - turned))
                 gap += np.mean(np.angle(off) ** 2)
             if target.position is not None:
-                gap += np.mean(np.abs(target.position - place) ** 2) / target.length_scale**2
-            assert np.sqrt(gap) == pytest.approx(one.errors.objective, rel=1e-6, abs=1e-12)
+                gap += np.mean(np.abs(target.position - position) ** 2) / target.length_scale**2
+            assert np.sqrt(gap) == pytest.approx(solution.errors.objective, rel=1e-6, abs=1e-12)
 
 
 def tables(guide: int) -> np.ndarray:
@@ -69,10 +74,10 @@ def every_window(mechanism: Mechanism, lengths: np.ndarray, target: Target) -> W
     """All windows with their errors, type after type and branch after branch."""
     start, found = np.arange(STARTS), []
     crank = np.deg2rad(start)[:, None] + target.crank
-    for row, one in enumerate(lengths):
+    for row, row_lengths in enumerate(lengths):
         for branch in mechanism.branches:
             same = np.full(STARTS, branch)
-            error = objective(target, mechanism.body_angle(np.tile(one, (STARTS, 1)), same, crank))
+            error = objective(target, mechanism.body_angle(np.tile(row_lengths, (STARTS, 1)), same, crank))
             found.append(Windows(np.full(STARTS, row), start, same, error))
     return joined(found)
 
@@ -92,10 +97,10 @@ def test_the_scan_finds_the_best_windows_of_all_branches_that_there_are(mechanis
     assert scan.windows == len(lengths) * STARTS * len(mechanism.branches)
     crank = np.deg2rad(np.linspace(0, span, 13))
     # nearly what a second branch would do
-    wanted = -body_angle(lengths[:1] * [1, 1.02, 1], 0.3 - crank, mechanism.guide)[0]
-    position = np.array([1, 0.3, -0.8]) @ [np.ones(13), np.exp(1j * crank), np.exp(1j * wanted)]
-    asked = (wanted, None), (None, position), (wanted, position), (np.zeros(13), None)
-    targets = [make_target(*one, crank_angle=crank) for one in asked]
+    expected = -body_angle(lengths[:1] * [1, 1.02, 1], 0.3 - crank, mechanism.guide)[0]
+    position = np.array([1, 0.3, -0.8]) @ [np.ones(13), np.exp(1j * crank), np.exp(1j * expected)]
+    request = (expected, None), (None, position), (expected, position), (np.zeros(13), None)
+    targets = [make_target(*fields, crank_angle=crank) for fields in request]
     for target in targets:
         windows = every_window(mechanism, lengths, target)
         for top in (1, 50, 3000):

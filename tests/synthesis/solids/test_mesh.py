@@ -1,4 +1,7 @@
-"""Triangles of parts: closed, within the exact solid; 3MF and STL as their readers see them."""
+"""Meshes of parts are closed surfaces within the exact solid, and 3MF and STL hold them completely.
+
+A hole in a surface, or a part at a wrong position, would show here.
+"""
 
 import io
 import zipfile
@@ -50,16 +53,16 @@ def test_the_number_of_corners_is_bounded_at_every_size(radius) -> None:
 
 
 def test_parts_on_the_bed_lie_flat_and_apart(window) -> None:
-    places = on_bed(window.parts)
+    positions = on_bed(window.parts)
     boxes = []
-    for part, (turn, shift, up) in zip(window.parts, places, strict=True):
+    for part, (turn, shift, up) in zip(window.parts, positions, strict=True):
         points = ring_of(part.prism) * turn + shift
         boxes.append((points.real.min(), points.imag.min(), points.real.max(), points.imag.max()))
         assert part.prism.low + up == 0
     for k, (left, below, right, above) in enumerate(boxes):
         assert left >= -1e-9 and below >= -1e-9
-        for other in boxes[:k]:
-            assert right < other[0] or other[2] < left or above < other[1] or other[3] < below
+        for box in boxes[:k]:
+            assert right < box[0] or box[2] < left or above < box[1] or box[3] < below
 
 
 def model_of(content: bytes) -> ElementTree.Element:
@@ -70,24 +73,26 @@ def model_of(content: bytes) -> ElementTree.Element:
 
 
 def test_3mf_holds_every_part_by_name_and_in_place(window) -> None:
-    places = window.posed(-0.2)
-    content = to_3mf(window.parts, places, "window & <frame>")
-    assert content == to_3mf(window.parts, places, "window & <frame>")
+    positions = window.posed(-0.2)
+    content = to_3mf(window.parts, positions, "window & <frame>")
+    assert content == to_3mf(window.parts, positions, "window & <frame>")
     model = model_of(content)
     assert model.get("unit") == "millimeter"
-    objects = {one.get("id"): one for one in model.iter(f"{CORE}object")}
-    assert [one.get("name") for one in objects.values()] == [part.name for part in window.parts]
+    objects = {element.get("id"): element for element in model.iter(f"{CORE}object")}
+    assert [element.get("name") for element in objects.values()] == [part.name for part in window.parts]
     items = list(model.iter(f"{CORE}item"))
-    for part, (turn, shift, up), item in zip(window.parts, places, items, strict=True):
-        one = objects[item.get("objectid")]
-        corners = np.array([[float(v.get(k)) for k in "xyz"] for v in one.iter(f"{CORE}vertex")])
-        triangles = np.array([[int(t.get(k)) for k in ("v1", "v2", "v3")] for t in one.iter(f"{CORE}triangle")])
+    for part, (turn, shift, up), item in zip(window.parts, positions, items, strict=True):
+        item_object = objects[item.get("objectid")]
+        corners = np.array([[float(v.get(k)) for k in "xyz"] for v in item_object.iter(f"{CORE}vertex")])
+        triangles = np.array(
+            [[int(t.get(k)) for k in ("v1", "v2", "v3")] for t in item_object.iter(f"{CORE}triangle")]
+        )
         mesh = Mesh(corners, triangles)
         assert open_edges(mesh) == 0
         assert mesh.volume == pytest.approx(mesh_of(part.prism).volume, rel=1e-6)
         matrix = np.array(list(map(float, item.get("transform").split()))).reshape(4, 3)
-        wanted = [turn.real, turn.imag, 0, -turn.imag, turn.real, 0, 0, 0, 1, shift.real, shift.imag, up]
-        assert matrix.ravel() == pytest.approx(wanted, abs=1e-9)
+        expected = [turn.real, turn.imag, 0, -turn.imag, turn.real, 0, 0, 0, 1, shift.real, shift.imag, up]
+        assert matrix.ravel() == pytest.approx(expected, abs=1e-9)
 
 
 def test_stl_is_a_closed_surface_a_part(window) -> None:
@@ -98,8 +103,8 @@ def test_stl_is_a_closed_surface_a_part(window) -> None:
             count = int.from_bytes(content[80:84], "little")
             assert len(content) == 84 + 50 * count
             rows = np.frombuffer(content[84:], np.dtype([("n", "<f4", 3), ("v", "<f4", (3, 3)), ("a", "<u2")]))
-            places, triangles = np.unique(rows["v"].reshape(-1, 3), axis=0, return_inverse=True)
-            mesh = Mesh(places.astype(float), triangles.reshape(-1, 3))
+            positions, triangles = np.unique(rows["v"].reshape(-1, 3), axis=0, return_inverse=True)
+            mesh = Mesh(positions.astype(float), triangles.reshape(-1, 3))
             assert open_edges(mesh) == 0
             assert mesh.volume == pytest.approx(mesh_of(part.prism).volume, rel=1e-6)
             lengths = np.linalg.norm(rows["n"], axis=1)

@@ -1,4 +1,7 @@
-"""Links as plates to cut: closed contours without self-crossing, holes where the joints are."""
+"""Plates to cut have closed contours that do not cross, with holes at the joints.
+
+A contour in a wrong unit, or a hole beside its joint, would show here.
+"""
 
 import io
 from itertools import combinations
@@ -20,7 +23,7 @@ LAW = settings(derandomize=True, deadline=None, max_examples=30)
 
 
 def crosses_itself(ring: np.ndarray) -> bool:
-    """Whether two sides of a closed polygon have an inner point in common, by the sides on which their ends lie."""
+    """Return true if two sides of a closed polygon cross, by the sides on which their ends lie."""
     a, b = ring[:, None], np.roll(ring, -1)[:, None]
     c, d = a.T, b.T
 
@@ -62,19 +65,21 @@ def check(linkage: Linkage, text: str, unit_mm: float, hole: float, width: float
             assert turned == pytest.approx(2 * np.pi), "inside"
             # a polygon cuts the arcs by at most 0.05 mm
             assert np.abs(ring - centre).min() > width / 2 * unit_mm * (1 - 1e-6) - 0.05
-        for one, two in combinations(centres, 2):
-            assert abs(one - two) > hole * unit_mm
+        for first, second in combinations(centres, 2):
+            assert abs(first - second) > hole * unit_mm
         outlines.append(ring)
         if name == "COUPLER" and linkage.coupler_point is not None:
             (mark,) = space.query('POINT[layer=="MARK"]')
             radius, angle = linkage.coupler_point
-            place = complex(*mark.dxf.location.vec2)
-            wanted = radius * np.exp(1j * angle) * unit_mm
-            off = (place - centres[0]) / ((centres[1] - centres[0]) / (length * unit_mm)) - wanted
+            position = complex(*mark.dxf.location.vec2)
+            expected = radius * np.exp(1j * angle) * unit_mm
+            off = (position - centres[0]) / ((centres[1] - centres[0]) / (length * unit_mm)) - expected
             assert abs(off) < 1e-6 * unit_mm * length
-            assert len(centres) == 3 or min(abs(place - centre) for centre in centres) <= hole * unit_mm * (1 + 1e-9)
-    for one, two in combinations(outlines, 2):
-        assert one.imag.min() > two.imag.max() or two.imag.min() > one.imag.max(), "side by side"
+            assert len(centres) == 3 or min(abs(position - centre) for centre in centres) <= hole * unit_mm * (
+                1 + 1e-9
+            )
+    for first, second in combinations(outlines, 2):
+        assert first.imag.min() > second.imag.max() or second.imag.min() > first.imag.max(), "side by side"
 
 
 @LAW

@@ -1,4 +1,7 @@
-"""URDF and SDF: trees and joints, frames that meet, masses; and turned once around by MuJoCo where it is installed."""
+"""URDF and SDF files are trees whose frames lie at the joints and whose masses are those of the parts.
+
+A joint in a wrong frame, or a loop that is left open, would show here.
+"""
 
 from xml.etree import ElementTree
 
@@ -20,7 +23,7 @@ def named(request):
 
 
 def frames_of(root: ElementTree.Element) -> dict[str, tuple[complex, complex]]:
-    """Where the frames of a URDF are with all joints at zero: place, and direction of x."""
+    """Return the frames of a URDF with all joints at zero: position, and direction of x."""
     found = {"ground": (0j, 1 + 0j)}
     joints = list(root.iter("joint"))
     while len(found) <= len(joints):
@@ -30,8 +33,8 @@ def frames_of(root: ElementTree.Element) -> dict[str, tuple[complex, complex]]:
                 origin = joint.find("origin")
                 at, turn = numbers(origin.get("xyz")), numbers(origin.get("rpy", "0 0 0"))
                 assert at[2] == turn[0] == turn[1] == 0
-                place, way = found[parent]
-                found[child] = place + way * complex(at[0], at[1]), way * np.exp(1j * turn[2])
+                position, direction = found[parent]
+                found[child] = position + direction * complex(at[0], at[1]), direction * np.exp(1j * turn[2])
     return found
 
 
@@ -41,8 +44,8 @@ def test_urdf_is_a_tree_whose_frames_stand_where_the_joints_are(named) -> None:
     assert root.tag == "robot" and not root.findall(".//mimic")
     frames, joints = frames_of(root), joints_at(linkage_of(TABLE[name]), np.zeros(1))
     ground = joints.pivot_a
-    for link, place in (("crank", ground), ("coupler", joints.crank_pin[0]), ("rocker", joints.pivot_b)):
-        assert frames[link][0] == pytest.approx((place - ground) / 1000, abs=1e-9)
+    for link, position in (("crank", ground), ("coupler", joints.crank_pin[0]), ("rocker", joints.pivot_b)):
+        assert frames[link][0] == pytest.approx((position - ground) / 1000, abs=1e-9)
     # both halves of the cut meet
     for frame in ("closing_C_1", "closing_C_2"):
         assert frames[frame][0] == pytest.approx((joints.coupler_pin[0] - ground) / 1000, abs=1e-9)
@@ -91,14 +94,16 @@ def test_sdf_closes_the_loop_by_a_fourth_joint(named) -> None:
         origin = numbers(inertial.find("pose").text)[:3]
         found[link.get("name")] = float(inertial.find("mass").text), origin, inertia
     check_masses(solids, found)
-    wanted = {"A": joints.pivot_a, "B": joints.pivot_b, "D": joints.crank_pin[0], "C": joints.coupler_pin[0]}
+    expected = {"A": joints.pivot_a, "B": joints.pivot_b, "D": joints.crank_pin[0], "C": joints.coupler_pin[0]}
     turning = [joint for joint in model.findall("joint") if joint.get("type") == "revolute"]
-    assert {joint.get("name") for joint in turning} == set(wanted)
+    assert {joint.get("name") for joint in turning} == set(expected)
     children = [joint.find("child").text for joint in turning]
     assert children.count("rocker") == 2
     for joint in turning:
         at = numbers(joint.find("pose").text)
-        place, way = poses[joint.find("pose").get("relative_to")]
-        assert place + way * complex(at[0], at[1]) == pytest.approx(wanted[joint.get("name")] / 1000, abs=1e-9)
+        position, direction = poses[joint.find("pose").get("relative_to")]
+        assert position + direction * complex(at[0], at[1]) == pytest.approx(
+            expected[joint.get("name")] / 1000, abs=1e-9
+        )
         assert joint.find("axis/xyz").text == "0 0 1"
     assert len(model.findall(".//polyline")) == len(solids.parts)

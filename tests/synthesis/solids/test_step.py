@@ -1,4 +1,7 @@
-"""STEP files: by their topology, and reopened in Open CASCADE where it is installed."""
+"""STEP files have closed shells, and Open CASCADE reads back the same parts.
+
+A face that is turned over, or a lost hole, would show here.
+"""
 
 import re
 
@@ -25,13 +28,13 @@ def test_every_solid_is_a_closed_shell_with_its_holes(name, boards, heads, body)
     assert [shell["name"] for shell in shells] == [part.name for part in solids.parts]
     for shell, part in zip(shells, solids.parts):
         assert shell["closed"], part.name
-        # a seam runs through each hole, so that its cylinder is one face: Euler and Poincare's 2 (1 - holes)
+        # a seam runs through each hole, so that its cylinder is a single face: Euler and Poincare's 2 (1 - holes)
         assert shell["euler"] == 2 - 2 * len(part.prism.holes), part.name
     assert text.count("NEXT_ASSEMBLY_USAGE_OCCURRENCE(") == len(solids.parts)
     assert text.count("STYLED_ITEM(") == len(solids.parts)
     prisms = [part.prism for part in solids.parts]
-    rounds = [1 if one.circle else sum(arc is not None for arc in one.arcs) for one in prisms]
-    assert text.count("CYLINDRICAL_SURFACE(") == sum(rounds) + sum(len(one.holes) for one in prisms)
+    rounds = [1 if prism.circle else sum(arc is not None for arc in prism.arcs) for prism in prisms]
+    assert text.count("CYLINDRICAL_SURFACE(") == sum(rounds) + sum(len(prism.holes) for prism in prisms)
     # only the walls of holes are turned over: their axis lies outside of the material
     turned = re.findall(r"=ADVANCED_FACE\('',\([#\d,]+\),#(\d+),\.F\.\);", text)
     assert len(turned) == sum(len(part.prism.holes) for part in solids.parts)
@@ -64,46 +67,46 @@ def occt():
 def test_reopened_every_part_is_what_it_was(occt, tmp_path, name, boards, heads, body) -> None:
     solids = built(name, boards, heads, "H7", body, fillet=4.0)
     travel = float(np.deg2rad(TABLE[name]["used"][1])) / 3
-    for places in (solids.posed(travel), on_bed(solids.parts)):
-        title, parts = occt.reopened(to_step(solids.parts, places, "linkage"), tmp_path)
+    for positions in (solids.posed(travel), on_bed(solids.parts)):
+        title, parts = occt.reopened(to_step(solids.parts, positions, "linkage"), tmp_path)
         assert title == "linkage"
         assert [part.name for part in parts] == [part.name for part in solids.parts]
-        for found, part, place in zip(parts, solids.parts, places, strict=True):
-            check(found, part, place)
+        for found, part, position in zip(parts, solids.parts, positions, strict=True):
+            check(found, part, position)
 
 
-def check(found, part: Solid, place: Posed) -> None:
+def check(found, part: Solid, position: Posed) -> None:
     prism = part.prism
     assert found.valid and found.solids == 1
     assert found.volume == pytest.approx(prism.volume, rel=1e-12)
-    middle = prism.moments.centre * place.turn + place.shift
-    wanted = (middle.real, middle.imag, place.up + (prism.low + prism.high) / 2)
-    assert found.centre == pytest.approx(wanted, abs=1e-9)
-    assert found.heights == pytest.approx((place.up + prism.low, place.up + prism.high), abs=1e-6)
-    holes = [_seen(hole, place) for hole in prism.holes if not hole.reach]
-    ends = [_seen(hole._replace(centre=end), place) for hole in prism.holes if hole.reach for end in hole.ends]
+    middle = prism.moments.centre * position.turn + position.shift
+    expected = (middle.real, middle.imag, position.up + (prism.low + prism.high) / 2)
+    assert found.centre == pytest.approx(expected, abs=1e-9)
+    assert found.heights == pytest.approx((position.up + prism.low, position.up + prism.high), abs=1e-6)
+    holes = [_seen(hole, position) for hole in prism.holes if not hole.reach]
+    ends = [_seen(hole._replace(centre=end), position) for hole in prism.holes if hole.reach for end in hole.ends]
     bays = [arc for arc in prism.arcs if arc is not None and np.isclose(arc.angle, -np.pi, rtol=1e-9)]
-    ends += [_seen(Hole(arc.centre, arc.radius), place) for arc in bays]
-    for wanted, told in ((holes, found.holes), (ends, found.halves)):
-        told, wanted = (np.array(sorted(one)).reshape(-1, 3) for one in (told, wanted))
-        assert told == pytest.approx(wanted, abs=1e-9)
-    rounds = [] if prism.circle is None else [_seen(prism.circle, place)]
+    ends += [_seen(Hole(arc.centre, arc.radius), position) for arc in bays]
+    for expected, reported in ((holes, found.holes), (ends, found.halves)):
+        reported, expected = (np.array(sorted(circles)).reshape(-1, 3) for circles in (reported, expected))
+        assert reported == pytest.approx(expected, abs=1e-9)
+    rounds = [] if prism.circle is None else [_seen(prism.circle, position)]
     assert np.array(found.rounds).reshape(-1, 3) == pytest.approx(np.array(rounds).reshape(-1, 3), abs=1e-9)
     # Open CASCADE keeps colours as light, files have them as a screen does
     shown = [12.92 * c if c <= 0.0031308 else 1.055 * c ** (1 / 2.4) - 0.055 for c in found.colour]
     assert shown == pytest.approx([int(part.colour[k : k + 2], 16) / 255 for k in (1, 3, 5)], abs=1e-3)
 
 
-def _seen(hole: Hole, place: Posed) -> tuple[float, float, float]:
-    centre = hole.centre * place.turn + place.shift
+def _seen(hole: Hole, position: Posed) -> tuple[float, float, float]:
+    centre = hole.centre * position.turn + position.shift
     return centre.real, centre.imag, 2 * hole.radius
 
 
 def test_reopened_odd_names_and_hollows(occt, tmp_path) -> None:
     parts = [*ODD, Solid("hollow", "plate", 0, "ground", Prism(HOLLOW, 1, 2.5), 0j, 0.0, "steel", "#000000")]
-    places = [Posed(1 + 0j, 0j, 0.0), Posed(np.exp(1j), 3 + 9j, -7.0)]
-    title, found = occt.reopened(to_step(parts, places, "Fenster – groß"), tmp_path)
+    positions = [Posed(1 + 0j, 0j, 0.0), Posed(np.exp(1j), 3 + 9j, -7.0)]
+    title, found = occt.reopened(to_step(parts, positions, "Fenster – groß"), tmp_path)
     assert title == "Fenster – groß"
-    assert [one.name for one in found] == [part.name for part in parts]
-    for one, part, place in zip(found, parts, places, strict=True):
-        check(one, part, place)
+    assert [part.name for part in found] == [part.name for part in parts]
+    for reopened, part, position in zip(found, parts, positions, strict=True):
+        check(reopened, part, position)

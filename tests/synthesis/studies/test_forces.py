@@ -45,7 +45,7 @@ def forces(linkage: Linkage, travel: np.ndarray, load: Load, speed: float = 0.0)
     return analysis.forces(linkage, travel, on_links(load._replace(speed=speed), linkage))
 
 
-def random_linkage(seed: int, least: float) -> Linkage:
+def random_linkage(seed: int, smallest: float) -> Linkage:
     """A linkage of any family whose transmission angle at `TRAVEL` is somewhere above ``least``, mostly not far above."""
     random = np.random.default_rng(seed)
     while True:
@@ -54,7 +54,7 @@ def random_linkage(seed: int, least: float) -> Linkage:
         turned, point = float(random.uniform(-3, 3)), (float(random.uniform(0, 100)), float(random.uniform(-3, 3)))
         linkage = four_bar(lengths, branch, start, pivot, turned, point)
         joints = joints_at(linkage, TRAVEL)
-        if joints.closed and joints.transmission_angle.min() > least:
+        if joints.closed and joints.transmission_angle.min() > smallest:
             return linkage
 
 
@@ -67,9 +67,9 @@ LOADS = st.builds(
 
 
 def equilibrium(linkage: Linkage, joints: Joints, k: int, load: Load) -> tuple[np.ndarray, float]:
-    """Pin forces A, D, C, B as `Forces` has them and the crank's torque, (9,): nine equations, three a link, from places alone.
+    """Return pin forces A, D, C, B and the crank's torque, (9,), from nine equations of equilibrium.
 
-    Also the largest entry of the inverse times that of the right side: what rounding is measured by.
+    The condition number is returned too: the unit of the rounding error.
     """
     a, b, d, c, p = joints.pivot_a, joints.pivot_b, joints.crank_pin[k], joints.coupler_pin[k], joints.body_point[k]
     system, right = np.zeros((9, 9)), np.zeros(9)
@@ -101,23 +101,23 @@ def as_row(found: Forces, k: int) -> np.ndarray:
 
 @LAW
 @given(SEEDS, LOADS, st.floats(0.01, 20), st.sampled_from([-1, 1]))
-def test_virtual_work_and_the_equilibrium_of_each_link_agree(seed, load, speed, way) -> None:
-    linkage, speed = random_linkage(seed, 1e-3), speed * way
+def test_virtual_work_and_the_equilibrium_of_each_link_agree(seed, load, speed, direction) -> None:
+    linkage, speed = random_linkage(seed, 1e-3), speed * direction
     joints = joints_at(linkage, TRAVEL)
     found, moving = forces(linkage, TRAVEL, load), rates(linkage, TRAVEL, speed)
     power = np.real(np.conj(load.force) * moving.velocity) + load.torque * moving.coupler_velocity
     size = abs(load.force) * np.abs(moving.velocity) + np.abs(load.torque * moving.coupler_velocity)
     assert np.all(np.abs(found.drive * speed + power) <= 1e-9 * np.maximum(size, np.abs(power)))
     for k in range(TRAVEL.size):
-        wanted, condition = equilibrium(linkage, joints, k, load)
-        gap = np.abs(as_row(found, k) - wanted).max()
-        assert gap <= max(1e-9, 1e-15 * condition) * np.abs(wanted).max()
+        expected, condition = equilibrium(linkage, joints, k, load)
+        gap = np.abs(as_row(found, k) - expected).max()
+        assert gap <= max(1e-9, 1e-15 * condition) * np.abs(expected).max()
 
 
 @LAW
 @given(SEEDS, st.floats(0.1, 20), st.sampled_from([-1, 1]))
-def test_rates_are_what_difference_quotients_tend_to(seed, speed, way) -> None:
-    linkage, speed = random_linkage(seed, 0.1), speed * way
+def test_rates_are_what_difference_quotients_tend_to(seed, speed, direction) -> None:
+    linkage, speed = random_linkage(seed, 0.1), speed * direction
     joints = joints_at(linkage, TRAVEL)
     found, step = rates(linkage, TRAVEL, speed), 1e-4
     ahead, behind = (joints_at(linkage, TRAVEL + sign * step) for sign in (1, -1))
@@ -126,7 +126,7 @@ def test_rates_are_what_difference_quotients_tend_to(seed, speed, way) -> None:
         ("coupler_angle", (found.coupler_velocity, found.coupler_acceleration)),
         ("rocker_angle", (found.rocker_velocity, found.rocker_acceleration)),
     ):
-        before, now, after = (getattr(one, name) for one in (behind, joints, ahead))
+        before, now, after = (getattr(moment, name) for moment in (behind, joints, ahead))
         first, second = (after - before) / (2 * step) * speed, (after - 2 * now + before) / step**2 * speed**2
         size = np.abs(now).max() if name == "body_point" else 1.0
         # the truncated parts of a quotient grow like high powers of 1 / transmission angle
@@ -163,11 +163,11 @@ def _cases(drive, seed: int):
 
 def _energy(linkage: Linkage, at: np.ndarray, load: Load, speed: float) -> np.ndarray:
     total = np.zeros(at.shape)
-    for link, one in zip(linkage.motions(at), load.masses):
-        arm = one.at * np.exp(1j * link.angle)
+    for link, mass in zip(linkage.motions(at), load.masses):
+        arm = mass.at * np.exp(1j * link.angle)
         velocity = speed * (link.velocity + 1j * link.rate * arm)
-        moving = one.mass * np.abs(velocity) ** 2 + one.inertia * (speed * link.rate) ** 2
-        total = total + load.metre * moving / 2 - one.mass * np.real(np.conj(load.gravity) * (link.origin + arm))
+        moving = mass.mass * np.abs(velocity) ** 2 + mass.inertia * (speed * link.rate) ** 2
+        total = total + load.metre * moving / 2 - mass.mass * np.real(np.conj(load.gravity) * (link.origin + arm))
     return total
 
 
@@ -188,7 +188,7 @@ def test_the_power_of_the_drive_is_that_of_all_loads_and_of_the_growing_energy(d
         power = np.real(np.conj(load.force) * body.velocity) * speed + load.torque * body.rate * speed
         step = 1e-5
 
-        before, after = (_energy(linkage, travel + way, load, speed) for way in (-step, step))
+        before, after = (_energy(linkage, travel + direction, load, speed) for direction in (-step, step))
         growth = (after - before) / (2 * step) * speed
         size = 1 + np.abs(growth) + np.abs(power)
         assert np.all(np.abs(found.drive * speed + power - growth) < 2e-5 * size)
@@ -203,8 +203,8 @@ def test_forces_on_the_body_balance_and_guides_push_across(drive) -> None:
         body = linkage.motions(travel)[1]
         turned = np.exp(1j * body.angle)
         assert np.allclose(found.driven + found.other + load.force, 0, atol=1e-10)
-        for place, (guide, force) in enumerate(zip(linkage.guides, (found.driven, found.other))):
-            if place == 0 and linkage.driver is not Driver.HINGE:
+        for index, (guide, force) in enumerate(zip(linkage.guides, (found.driven, found.other))):
+            if index == 0 and linkage.driver is not Driver.HINGE:
                 continue
             if isinstance(guide, Rail):
                 free = np.real(np.exp(-1j * guide.direction) * force)

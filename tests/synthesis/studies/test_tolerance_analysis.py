@@ -35,7 +35,7 @@ def study_of(linkage: Linkage, tolerances: Tolerances = ALL, count: int = 200, s
 
 
 def put_together(linkage: Linkage, travel: float, lengths, offset, pivots, play) -> tuple[complex, float]:
-    """Return the pose of one four-bar: every pin and hole is a point of the plane, and two circles close the loop."""
+    """Return the pose of a four-bar whose pins and holes are points of the plane, closed by two circles."""
     direction = np.exp(1j * linkage.ground_angle)
     on_ground_a, on_ground_b = linkage.pivot_a + pivots[0], linkage.pivot_a + linkage.links[3] * direction + pivots[1]
     hole_of_crank = on_ground_a + play[0]
@@ -74,8 +74,8 @@ def test_four_bars_are_those_that_are_put_together_pin_by_pin(branch, monkeypatc
     np.testing.assert_allclose(study.position.worst, np.sort(distance[:, :3].max(axis=1))[ranks], rtol=1e-9)
     assert study.open_share == 0.0 and study.count == count
     monkeypatch.setattr("synthesis.studies.tolerance_analysis._BLOCK", count)
-    again = simulate(linkage, TRAVEL, 3, ALL, count, 7, Work())
-    np.testing.assert_array_equal(again.position.simulated, study.position.simulated)
+    repeated = simulate(linkage, TRAVEL, 3, ALL, count, 7, Work())
+    np.testing.assert_array_equal(repeated.position.simulated, study.position.simulated)
     assert np.abs(study_of(linkage, seed=8).position.simulated - study.position.simulated).max() > 0
 
 
@@ -101,13 +101,13 @@ def test_manufactured_linkages_have_the_poses_of_the_closed_form(linkage) -> Non
     random, travel = np.random.default_rng(81), np.linspace(0.0, 0.4, 5)
     for _ in range(10):
         points = random.normal(size=(2, 4)) @ [[1, 0], [1j, 0], [0, 1], [0, 1j]]
-        one, two = (
+        first, two = (
             Deviation(*(0.02 * value for value in (r, *p, d)))
             for r, p, d in zip(random.normal(size=2), points, random.normal(size=2))
         )
-        position, rotation = manufactured(linkage, linkage.start + travel, one, two)
-        other = changed(linkage, (one, two))
-        exact = other.body(other.start + travel)
+        position, rotation = manufactured(linkage, linkage.start + travel, first, two)
+        second = changed(linkage, (first, two))
+        exact = second.body(second.start + travel)
         np.testing.assert_allclose(position[0], exact.position, atol=1e-9)
         np.testing.assert_allclose(np.exp(1j * rotation[0]), np.exp(1j * exact.rotation), atol=1e-9)
 
@@ -118,8 +118,8 @@ def test_derivatives_are_difference_quotients(linkage) -> None:
     for name, unit in dimensions_of(linkage):
         ends = []
         for signed in (step, -step):
-            other = changed(linkage, tuple(Deviation(*(signed * value for value in change)) for change in unit))
-            ends.append(other.body(other.start + travel))
+            second = changed(linkage, tuple(Deviation(*(signed * value for value in change)) for change in unit))
+            ends.append(second.body(second.start + travel))
         position, rotation = derivatives(linkage, linkage.start + travel, [unit])
         size = 1 + np.abs(position[0]).max() ** 3
         quotient = (ends[0].position - ends[1].position) / (2 * step)
@@ -174,8 +174,8 @@ def test_quantiles_have_the_probability_of_a_normal_error(ratio: float) -> None:
 
 
 def test_linkages_that_do_not_close_count_as_infinitely_far_off() -> None:
-    near = four_bar((20.0, 40.0, 42.0, 61.9), 1, 0.0, 0j, 0.0, (5.0, 0.3))  # 0.1 from a change point
-    study = study_of(near, Tolerances(links=0.2), 2000, travel=np.linspace(0, 2 * np.pi, 9))
+    close = four_bar((20.0, 40.0, 42.0, 61.9), 1, 0.0, 0j, 0.0, (5.0, 0.3))  # 0.1 from a change point
+    study = study_of(close, Tolerances(links=0.2), 2000, travel=np.linspace(0, 2 * np.pi, 9))
     assert 0.05 < study.open_share < 0.5
     assert np.isinf(study.position.worst[2]) and np.isfinite(study.position.worst[0])
     assert np.isinf(study.position.simulated[4, 2]) and np.isfinite(study.position.simulated[0]).all()

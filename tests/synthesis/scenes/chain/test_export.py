@@ -171,14 +171,3 @@ def test_svg_is_xml_and_shows_track_slot_walls_and_pins(slot) -> None:
         assert x0 <= float(circle.get("cx")) <= x0 + width and y0 <= float(circle.get("cy")) <= y0 + height
     for path in list(root.iter(f"{space}path"))[1:]:
         assert path.get("d").endswith("Z")
-
-
-def test_dxf_without_a_roller_is_the_pins_path_with_the_exact_radii(slot) -> None:
-    document = ezdxf.read(io.StringIO(to_dxf(slot, None)))
-    (entity,) = document.modelspace().query("LWPOLYLINE")
-    x, y, bulge = np.array(entity.get_points("xyb")).T
-    chords = np.abs(np.roll(x + 1j * y, -1) - (x + 1j * y))
-    radii = chords[chords > 50] / (2 * np.sin(2 * np.arctan(np.abs(bulge[chords > 50]))))
-    for segment in slot.chain.track.segments:
-        assert min(abs(radius - 1 / abs(segment.curvature)) for radius in radii) < 1e-9
-    assert entity.dxf.layer == "PATH" and not document.audit().errors

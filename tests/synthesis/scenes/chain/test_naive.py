@@ -10,7 +10,6 @@ import pytest
 from scipy.optimize import brentq
 
 from synthesis.scenes.chain import crescent as chain
-from synthesis.scenes.chain.closure import Chain, closing_links
 from synthesis.scenes.chain.slot import analyse_slot
 from synthesis.scenes.chain.track import Track, arc, line
 from tests.conftest import some_of
@@ -95,23 +94,6 @@ def test_unseen_sizes_agree_with_bracketing_search(pitch, links, upper, wheel) -
     v, a = (after - before) / (2 * h), (after - 2 * at + before) / h**2
     radius = np.abs(v) ** 3 / np.abs(v.real * a.imag - v.imag * a.real)
     assert facts.radius_min == pytest.approx(radius.min(), rel=2e-3)
-
-
-@pytest.mark.parametrize("seed", some_of([0, 1, *range(2, 12)], 2))
-def test_closing_links_is_the_smallest_number_that_is_not_stretched(seed) -> None:
-    rng = np.random.default_rng(1000 + seed)
-    path, pitch = random_path(rng), rng.uniform(30, 75)
-    first = path.parts[0]
-    length = path.ends[0]
-    if first[0] == "line" or length < 1.05 * 2 * first[3] * math.asin(pitch / (2 * first[3])):
-        pitch = 0.4 * min(length, 75)
-    track = track_of(path)
-    links = closing_links(track, pitch)
-    period = Chain(track, pitch, links).period
-    expected = smallest_overrun(path, pitch, links, period, cells=12)
-    assert Chain(track, pitch, links).smallest_overrun().value == pytest.approx(expected, abs=1e-7 * pitch)
-    assert expected >= -1.1e-6 * pitch
-    assert smallest_overrun(path, pitch, links - 1, period, cells=12) < 0
 
 
 def test_a_meandering_track_agrees_with_bracketing_search() -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from synthesis.scenes.knotter import d_knotter
-from synthesis.scenes.knotter.curves import crossing_before_entry, crossing_curve
+from synthesis.scenes.knotter.curves import crossing_curve
 from synthesis.scenes.knotter.d_knotter import Needle
 from synthesis.scenes.knotter.mechanism import Linear, dimensions, with_dimensions
 from synthesis.scenes.knotter.study import study
@@ -112,36 +112,7 @@ def test_published_pattern_is_reproduced(inputs: str) -> None:
 # The needle with other dimensions
 
 
-def test_free_range_of_the_needle_agrees_with_a_dense_scan() -> None:
-    angles = np.linspace(-np.pi / 2, np.pi / 2, 200_001)[1:-1]
-    is_free = []
-    for seed in range(40):
-        random = np.random.default_rng(seed)
-        needle = Needle(*random.uniform(-60, 60, 2), *random.uniform(0.1, 30, 2), 142.0, 30.0, 0.2)
-        values = needle.clearance(angles)
-        inside = angles[values > 0]
-        free_range = needle.free_range()
-        is_free.append(free_range is not None)
-        assert is_free[-1] == (len(inside) > 0)
-        for end, sampled, outward in zip(free_range or (), inside[[0, -1]] if len(inside) else (), (-1, 1)):
-            assert 0 < outward * (end - sampled) < 1.001 * (angles[1] - angles[0])
-        assert needle.clearance(needle.best_angle()) >= values.max() - 1e-12
-    assert 10 < sum(is_free) < 40
-
-
 # Corrections of the source in docs/knotter.md
-
-
-def test_alpha2_is_part_of_a_rotation_sequence_and_d6_acts_along_k() -> None:
-    """In the shaft's frame, alpha3 is the angle of k0 in the plane j1 k1, but its angle in i1 k1 is 8.81 degrees, not alpha2."""
-    machine = at_pair(0, 25, points={"S5": (0.0, 0.0, 0.0), "S7": (0.0, 0.0, 1.0)})
-    foot, tip = (np.array(machine.position(name, "shaft", 0.0), dtype=float) for name in ("S5", "S7"))
-    i, j, k = tip - foot
-    assert np.degrees(np.arctan2(abs(j), k)) == pytest.approx(25, abs=1e-12)
-    assert np.degrees(np.arctan2(abs(i), k)) == pytest.approx(8.8146, abs=1e-4)
-    # o1 lies d6 above the plane i0 o0 j0; the error of tip - foot is the rounding of 142 mm, 3e-14, times d6.
-    assert (tip - foot) @ (0 - foot) == pytest.approx(d_knotter.PUBLISHED_LENGTHS["d6"], abs=1e-11)
-    assert "8.81°" in (Path(__file__).parents[4] / "docs" / "knotter.md").read_text()
 
 
 # Curves over the bill's angle
@@ -157,19 +128,6 @@ def test_crossings_agree_with_the_printed_equations() -> None:
         assert curve.on_rope[row] == (0 < fraction < 1)
         expected = np.array([[float(x) for x in c] for c in corners])
         assert curve.triangle[:, row, 1:] == pytest.approx(expected, abs=1e-12)
-
-
-@pytest.mark.parametrize("key", FIGURES["paper"]["E1_before_hit"])
-def test_crossings_before_the_entry_in_table_1(key) -> None:
-    scan_step = np.radians(FIGURES["REF_PRINT"]["scan_step"])
-    pair = tuple(map(int, key.split(",")))
-    _, point = crossing_before_entry(at_pair(*pair, **inputs_fitted_to_print()), d_knotter.wrap(), scan_step)
-    assert point[1:] == pytest.approx(FIGURES["REF_PRINT"]["E1_before_hit"][key], abs=6e-5)
-    assert point[1:] == pytest.approx(FIGURES["paper"]["E1_before_hit"][key], abs=0.05)
-    _, point = crossing_before_entry(at_pair(*pair), d_knotter.wrap(), np.radians(2.0))
-    assert point[1:] == pytest.approx(FIGURES["REF_scan_step_2"][key], abs=6e-4)
-    never_inside = with_dimensions(at_pair(*pair), {"S3.j": -500.0, "S4.j": -500.0})
-    assert crossing_before_entry(never_inside, d_knotter.wrap(), 0.1) is None
 
 
 def test_a_machine_with_its_own_dimensions_is_unchanged() -> None:

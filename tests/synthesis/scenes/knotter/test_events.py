@@ -50,22 +50,6 @@ def test_two_roots_that_nearly_coincide(middle: float, gap: float) -> None:
     assert found == pytest.approx(expected, abs=1e-9)
 
 
-@pytest.mark.parametrize("rate", [1.0, 30.0, 1000.0])
-def test_all_roots_of_fast_functions(rate: float) -> None:
-    found = roots_of(lambda x: np.sin(rate * x + 0.3), 0.0, np.pi, rate)
-    first = np.ceil(0.3 / np.pi + 1e-12)
-    expected = (np.arange(first, first + round(rate)) * np.pi - 0.3) / rate
-    assert found == pytest.approx(expected, abs=1e-13)
-
-
-def test_rounding_that_differs_between_two_evaluations_creates_no_root() -> None:
-    def noisy(x: np.ndarray) -> np.ndarray:
-        count = x.shape[-1] if x.ndim else 1
-        return np.sin(x - 1.0) + 1e-17 * np.where(np.arange(count) < count / 2, -1, 1)
-
-    assert len(roots_of(noisy, 0.0, 2.0, 1.0, [1.0])) == 1
-
-
 def test_extremely_fast_laws_are_refused_before_memory_is_allocated() -> None:
     with pytest.raises(FieldError, match="turn so fast"):
         events.piece_ends(0.0, 1.0, [], lambda low, high: 1e12)
@@ -83,11 +67,6 @@ def test_extrema_of_a_function() -> None:
 
 
 # The wrap in 40 digits
-
-
-def crossing(alpha: float) -> np.ndarray:
-    """Return E1 (y, z) with the assumed inputs at (10, 25) degrees."""
-    return np.array([float(x) for x in Exact(10, 25).wrap(mp.mpf(alpha))[0]])
 
 
 def error_degrees(exact, found: float) -> float:
@@ -114,36 +93,3 @@ def test_windows_next_to_the_vertex_down_to_a_millionth_of_a_degree(short_of: fl
     assert found.holds[0] and found.windows[0] == 1
     assert error_degrees(enter, found.enter[0]) < 1e-10
     assert error_degrees(leave, found.leave[0]) < 1e-10
-
-
-@pytest.mark.parametrize("degrees", [70.0, 95.0, 110.0, 130.0])
-@pytest.mark.parametrize("width", [1.0, 1e-1, 1e-3, 1e-5])
-def test_windows_of_a_rope_that_only_grazes_the_edge(degrees: float, width: float) -> None:
-    """E1 enters and leaves through the same edge, which is almost tangent to its path: nearly a double root."""
-    if np.finfo(np.longdouble).eps > 1e-18 and width < 1e-2:
-        pytest.skip("this machine has no extended precision")
-
-    alpha, h = np.radians(degrees), 1e-3
-    middle = crossing(alpha)
-    tangent = (crossing(alpha + h) - crossing(alpha - h)) / (2 * h)
-    tangent /= np.linalg.norm(tangent)
-    normal = np.array([-tangent[1], tangent[0]])
-    curvature = float((crossing(alpha + h) - 2 * middle + crossing(alpha - h)) @ normal) / h**2
-    if curvature < 0:
-        normal, curvature = -normal, -curvature
-    centre = middle + normal * curvature * np.radians(width) ** 2 / 8
-    corners = centre + 9.3 * tangent, centre - 11.1 * tangent, centre - 20 * normal
-    s3, s4, s5 = ((0.0, *map(float, point)) for point in corners)
-    found = d_knotter.wrap().evaluate(d_knotter.mechanism(PAIR, points={"S3": s3, "S4": s4, "S5": s5}), 1)
-
-    exact = Exact(10, 25, {"S3": s3, "S4": s4, "S5": s5})
-    bottom = mp.findroot(lambda a: mp.diff(lambda x: exact.side("wrap", 0, x), a), alpha)
-    half = mp.sqrt(-2 * exact.side("wrap", 0, bottom) / mp.diff(lambda x: exact.side("wrap", 0, x), bottom, 2))
-    enter, leave = (exact.root("wrap", 0, bottom + sign * half, bottom + sign * half * 0.99) for sign in (-1, 1))
-    assert 0.5 * width < float(mp.degrees(leave - enter)) < 5 * width  # the points are rounded to doubles
-    assert found.holds[0] and found.windows[0] == 1
-    assert error_degrees(enter, found.enter[0]) < 1e-9
-    assert error_degrees(leave, found.leave[0]) < 1e-9
-    # A grazing entry is ill-conditioned: its sensitivity is inversely proportional to the width of the window.
-    speed = curvature * np.radians(width) / 2
-    assert found.sensitivity[0] == pytest.approx(1 / speed, rel=0.2 if width > 1e-4 else 1.0)

@@ -13,10 +13,8 @@ from synthesis.scenes.knotter import d_knotter
 from synthesis.scenes.knotter.fit import (
     Pattern,
     PrescribedVerdicts,
-    directions,
     extents,
     fit_pattern,
-    rank,
     single_ranges,
 )
 from synthesis.scenes.knotter.mechanism import dimensions, with_dimensions
@@ -95,23 +93,6 @@ def test_ranges_end_where_a_verdict_changes(pattern, best) -> None:
             assert reproduces_pattern(machine_at(pattern, inner)), pattern.names[k]
             if 0 < outer[k] < 1:
                 assert not reproduces_pattern(machine_at(pattern, outer)), pattern.names[k]
-
-
-def test_directions_are_orthogonal_and_free_directions_are_found(pattern, best) -> None:
-    found = directions(pattern, best)
-    vectors = np.array([direction.vector for direction in found])
-    assert vectors @ vectors.T == pytest.approx(np.eye(8), abs=1e-12)
-    assert [direction.strength for direction in found] == sorted(direction.strength for direction in found)
-    for direction in found:
-        assert direction.back >= 0 and direction.forth >= 0 and direction.back + direction.forth > 0
-    moved = best.unknowns + 0.99 * found[0].forth * found[0].vector
-    assert reproduces_pattern(machine_at(pattern, np.clip(moved, 0, 1)))
-    # S7 affects only the bite, so no margin of this pattern depends on it.
-    wider = Pattern(pattern.mechanism, pattern.verdicts, {**RANGES, "S7.i": (0.0, 50.0), "S9.k": (-50.0, 0.0)})
-    free = directions(wider, wider.linearise(np.append(best.unknowns, [0.5, 0.5]), Work()))
-    assert rank(free) == 8 and rank(found) == 8
-    for direction in free[:2]:
-        assert np.abs(direction.vector[:8]).max() < 1e-9 and direction.back + direction.forth >= 1 - 1e-12
 
 
 def test_a_cancelled_or_expired_fit_ends(pattern) -> None:

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from synthesis.errors import FieldError
 from synthesis.scenes.knotter.d_knotter import mechanism
-from synthesis.scenes.knotter.mechanism import Chain, Linear, Mechanism, Rotation, Table, Translation
+from synthesis.scenes.knotter.mechanism import Linear, Table
 from tests.oracles.knotter import disc_to_bill
 
 KNOTS = (-1.0, 0.5, 0.7, 2.0, 6.5)
@@ -55,17 +55,6 @@ def test_pchip_agrees_with_scipy() -> None:
     assert Table(KNOTS, ANGLES, "pchip").value(driver) == pytest.approx(expected, abs=1e-14)
 
 
-@pytest.mark.parametrize("kind", ["linear", "pchip"])
-@pytest.mark.parametrize("seed", range(10))
-def test_rate_bound_exceeds_the_rate(kind: str, seed: int) -> None:
-    random = np.random.default_rng(seed)
-    law = Table(tuple(np.cumsum(random.uniform(0.01, 1, 8))), tuple(random.uniform(-2, 2, 8)), kind)
-    low, high = np.sort(random.uniform(0, 5, 2))
-    driver = np.linspace(low, high, 4001)
-    steepest = np.abs(np.diff(law.value(driver)) / np.diff(driver)).max()
-    assert steepest <= law.rate_bound(low, high) * (1 + 1e-9) + 1e-9
-
-
 @pytest.mark.parametrize(
     ("rows", "word"),
     [((), "at least two rows"), ((1.0,), "at least two rows"), ((1.0, 1.0), "row 2"), ((2.0, 1.0), "row 2")],
@@ -85,9 +74,3 @@ def test_a_law_that_is_undefined_in_the_range_is_named() -> None:
     disjoint = mechanism(laws={"alpha4": Table((0.0, 1.0), (0.0, 0.5))})
     with pytest.raises(FieldError, match="alpha4"):
         disjoint.require_laws({"u5", "u4"}, 4.8, 6.0)
-
-
-def test_frames_without_a_connecting_chain_are_named() -> None:
-    machine = Mechanism({}, {}, (Chain("a", "b", (Rotation("i", "driver"), Translation(i=1.0))),), {})
-    with pytest.raises(ValueError, match="from frame a to frame c"):
-        machine.transform((0.0, 0.0, 0.0), "a", "c", np.float64(0.0))

@@ -8,8 +8,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from scipy.optimize import brentq
 
 from synthesis.errors import FieldError
@@ -165,22 +163,6 @@ def test_an_item_does_not_depend_on_its_neighbours() -> None:
                 assert in_batch == pytest.approx(expected, rel=1e-9, abs=1e-9, nan_ok=True), (name, field)
 
 
-@settings(derandomize=True, max_examples=6, deadline=None)
-@given(st.integers(0, 500), st.integers(-30, 30))
-def test_the_unit_of_length_changes_no_angle(seed: int, power: int) -> None:
-    knotter, scale = RandomKnotter(seed), 2.0**power
-    mechanism = mechanism_of(knotter)
-    size = {name: value if name.startswith("alpha") else value * scale for name, value in knotter.size.items()}
-    points = {name: tuple(scale * x for x in point) for name, point in knotter.points.items()}
-    scaled_mechanism = d_knotter.mechanism(size, knotter.sense, mechanism.laws, points)
-    for condition in d_knotter.conditions():
-        original, scaled = condition.evaluate(mechanism, 1), condition.evaluate(scaled_mechanism, 1)
-        assert original.holds[0] == scaled.holds[0]
-        assert scaled.margin[0] == pytest.approx(scale * original.margin[0], rel=1e-9, abs=1e-9 * scale)
-        if condition.name != "clearance":
-            assert original.enter == pytest.approx(scaled.enter, abs=1e-13, nan_ok=True)
-
-
 def test_sensitivity_is_the_shift_of_the_entry() -> None:
     """Moving S3 and S4 by h perpendicular to their edge moves the entry by h times the sensitivity."""
     pair = {"alpha1": np.radians(10.0), "alpha3": np.radians(25.0)}
@@ -255,18 +237,3 @@ def test_corner_and_sensitivities_agree_with_single_machines(name, machine, anal
     assert result.corner <= result.least <= result.margin
     failing = {key: result.factor * change for key, change in worst.items()}
     assert margin(machine, name, failing) == pytest.approx(0, abs=1e-6) and result.factor > 1
-
-
-def test_wide_tolerances_violate_conditions_in_a_fraction_of_the_samples(machine) -> None:
-    tolerances = tolerances_of(machine, 0.5, 0.5)
-    results, fraction = analyse_tolerances(machine, CONDITIONS, tolerances, 50, 1)
-    assert any(result.corner < 0 for result in results.values()) and 0.5 < fraction < 1
-    nominal, random = dimensions(machine), np.random.default_rng(1)
-    draws = random.uniform(-1, 1, (4, len(tolerances)))
-    holds = []
-    for draw in draws:
-        shifts = {key: x * half_width for x, (key, half_width) in zip(draw, tolerances.items())}
-        moved = with_dimensions(machine, {key: nominal[key] + shift for key, shift in shifts.items()})
-        holds.append(all(condition.evaluate(moved, 1).holds[0] for condition in CONDITIONS.values()))
-    fewer, fraction = analyse_tolerances(machine, CONDITIONS, tolerances, 4, 1)
-    assert fraction == np.mean(holds) and fewer["wrap"].margin == results["wrap"].margin

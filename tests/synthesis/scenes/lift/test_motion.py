@@ -30,13 +30,11 @@ from synthesis.scenes.lift.motion import (
     minimum_bore,
     motion,
     stroke,
-    travel_time,
 )
 from synthesis.scenes.lift.pose import (
     Cylinder,
     Design,
     dead_point,
-    pose_at_height,
     pose_at_turn,
     top_lever,
     turn_at_length,
@@ -142,15 +140,6 @@ def test_a1_b4_b9_c2_end(name) -> None:
 
 
 @BOTH
-def test_b5_c3_heights_and_b6_c4_velocities(name) -> None:
-    for kind, tolerance in (("height", 1e-5), ("velocity", 1e-4)):
-        expected = REFERENCE[f"{kind}_at_time"][name]
-        moved = motion(DESIGNS[name], CYLINDER, [float(time) for time in expected])
-        found = moved.pose.height if kind == "height" else moved.velocity
-        np.testing.assert_allclose(found, list(expected.values()), rtol=0, atol=tolerance)
-
-
-@BOTH
 def test_d1_d2_d3_dead_point_condition_and_assemblies(name) -> None:
     design = DESIGNS[name]
     limits = checked_stroke(design, CYLINDER)
@@ -225,43 +214,6 @@ def test_rates_are_time_derivatives(lift) -> None:
     np.testing.assert_allclose(rates, own, rtol=0, atol=1e-5 * np.max(np.abs(own)))
 
 
-@LAW
-@given(lifts(), st.floats(-9, 9))
-def test_results_scale_with_the_unit_of_length(lift, power) -> None:
-    design, cylinder = lift
-    k = 10.0**power
-    scaled = Design(*(k * value for value in design.as_tuple()))
-    original = motion(design, Cylinder(cylinder.length, cylinder.speed), samples=9)
-    scaled_motion = motion(scaled, Cylinder(k * cylinder.length, k * cylinder.speed), samples=9)
-    for name in ("velocity", "acceleration", "cylinder_length"):
-        found, expected = getattr(scaled_motion, name), k * getattr(original, name)
-        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 * np.max(np.abs(expected)))
-    np.testing.assert_allclose(scaled_motion.pose.height, k * original.pose.height, rtol=1e-12)
-
-
-@LAW
-@given(lifts())
-def test_length_and_turn_are_inverse_and_one_assembly_works(lift) -> None:
-    design, cylinder = lift
-    turn_dead = float(dead_point(design))
-    turns = turns_at_length(design, cylinder.length)
-    own = float(turn_at_length(design, cylinder.length))
-    assert pose_at_turn(design, own).length == pytest.approx(cylinder.length, rel=1e-12)
-    assert np.sum(turns < turn_dead) == 1 and np.min(np.abs(turns - own)) < 1e-9
-    np.testing.assert_allclose(pose_at_turn(design, turns).length, cylinder.length, rtol=1e-11)
-    assert np.all(np.diff(pose_at_turn(design, turns).height) <= 0)
-    assert turns.size % 2 == 0
-
-
-@LAW
-@given(st.floats(1e-6, 1e6), st.floats(1e-3, 1e3), st.floats(-0.5, 10.0))
-def test_travel_time_covers_the_travel(travel, speed, share) -> None:
-    along = share * speed * speed / travel
-    time = float(travel_time(travel, speed, along))
-    assert speed * time + 0.5 * along * time * time == pytest.approx(travel, rel=1e-9)
-    assert float(travel_time(travel, -speed, -along)) == time
-
-
 # -- extremes ------------------------------------------------------------------------------------------------
 
 
@@ -277,11 +229,6 @@ def test_extreme_triangles_and_branches_give_numbers_or_errors() -> None:
     limits = checked_stroke(thin, Cylinder(float(pose_at_turn(thin, 0.5 * dead_point(thin)).length), 1.0))
     moved = motion(thin, Cylinder(float(pose_at_turn(thin, limits.turn_bottom).length), 1.0))
     assert lift_loops.largest_residual(moved) < 1e-9
-
-
-def test_unreachable_heights_are_nan() -> None:
-    heights = pose_at_height(INITIAL, [149.0, 150.0, 510.0, 510.1, -1.0, np.nan]).length
-    assert np.isnan(heights[[0, 3, 4, 5]]).all() and np.isfinite(heights[[1, 2]]).all()
 
 
 @pytest.mark.parametrize(("time", "amount"), [(5.73, 0.009773), (-1.0, 1.0), (1e300, 1e300)])
