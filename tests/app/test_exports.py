@@ -45,8 +45,8 @@ def test_every_format_over_http_from_a_solution(client, solved) -> None:
     assert ElementTree.fromstring(export(format="mjcf").text).tag == "mujoco"
     rows = rows_of(export(format="csv").text)
     assert [float(row["x_wanted"]) for row in rows] == [x for x, _ in request["position"]]
-    whole = export().json()
-    assert whole["linkage"]["links"] == best["links"] and whole["request"] == request
+    complete = export().json()
+    assert complete["linkage"]["links"] == best["links"] and complete["request"] == request
     second = client.post("/v1/export", json={"request": request, "rank": 2}).json()["linkage"]
     assert second["links"] == reply["solutions"][1]["links"]
     thin = {"crank": 1e-99, "coupler": 1e99, "rocker": 1e99, "ground": 1}

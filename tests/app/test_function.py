@@ -1,4 +1,7 @@
-"""Function generation over HTTP and on the command line."""
+"""Function generators are answered and exported over HTTP.
+
+An export of another solution or of a generator that does not close would show here.
+"""
 
 from typing import Any
 
@@ -38,7 +41,7 @@ def replies(client: TestClient) -> dict[str, dict[str, Any]]:
 
 
 @pytest.fixture(params=BODIES)
-def asked(
+def exchange(
     request: pytest.FixtureRequest, replies: dict[str, dict[str, Any]]
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """A request, of four-bars or of slider-cranks, and the reply that each of its files begins from."""
@@ -47,23 +50,23 @@ def asked(
 
 def test_a_function_with_travel_is_made_by_a_slider_crank(replies: dict[str, dict[str, Any]]) -> None:
     reply = replies["travel"]
-    one = reply["solutions"][1]
-    assert one["kind"] == "slider_crank" and one["driver"] == "crank" and one["errors"]["max"] < 1
-    assert one["lengths"].keys() == {"crank", "rod", "offset"} and reply["output"][-1] == pytest.approx(40)
+    solution = reply["solutions"][1]
+    assert solution["kind"] == "slider_crank" and solution["driver"] == "crank" and solution["errors"]["max"] < 1
+    assert solution["lengths"].keys() == {"crank", "rod", "offset"} and reply["output"][-1] == pytest.approx(40)
 
 
 @pytest.mark.parametrize("kind", ["json", "csv", "svg", "dxf", "mjcf"])
 def test_any_solution_is_exported(
-    client: TestClient, asked: tuple[dict[str, Any], dict[str, Any]], kind: str
+    client: TestClient, exchange: tuple[dict[str, Any], dict[str, Any]], kind: str
 ) -> None:
-    request, reply = asked
+    request, reply = exchange
     solution = reply["solutions"][1]
-    made = client.post("/v1/function/export", json={"request": request, "linkage": solution, "format": kind})
-    assert made.status_code == 200 and len(made.content) > 100, made.text
+    built = client.post("/v1/function/export", json={"request": request, "linkage": solution, "format": kind})
+    assert built.status_code == 200 and len(built.content) > 100, built.text
     if kind == "csv":
-        head, *rows = [line.split(",") for line in made.text.splitlines()]
+        head, *rows = [line.split(",") for line in built.text.splitlines()]
         errors = [abs(float(row[head.index("error")])) for row in rows]
         assert max(errors) == pytest.approx(solution["errors"]["max"], rel=1e-6, abs=1e-9)
     best = client.post(f"/v1/function.{kind}", json=request)
     assert best.status_code == (404 if kind == "json" else 200)
-    assert kind == "json" or best.headers["content-type"] == made.headers["content-type"]
+    assert kind == "json" or best.headers["content-type"] == built.headers["content-type"]

@@ -1,4 +1,7 @@
-"""Linkages to refine, in Python, over HTTP and on the command line: the same answer, honest words, errors at their fields."""
+"""Given linkages are refined alike in Python, over HTTP and on the command line.
+
+A refinement that is worse than its start, or an error at the wrong field, would show here.
+"""
 
 import json
 
@@ -44,8 +47,8 @@ def test_python_and_http_refine_alike(request_of, exact, client: TestClient) -> 
 
 def test_a_linkage_a_solution_and_its_values_are_the_same_beginning(exact) -> None:
     alike = exact, exact.linkage, exact.to_dict(), exact.linkage.to_dict()
-    links = [la.synthesize(**EXAMPLE, start_from=[one], local=True).linkage.links for one in alike]
-    assert all(np.array_equal(one, links[0]) for one in links)
+    links = [la.synthesize(**EXAMPLE, start_from=[beginning], local=True).linkage.links for beginning in alike]
+    assert all(np.array_equal(link, links[0]) for link in links)
     radians = {name: np.deg2rad(EXAMPLE[name]) for name in ("rotation", "crank_span")}
     found = la.synthesize(**{**EXAMPLE, **radians}, degrees=False, start_from=[exact], local=True)
     assert found.status == "reached" and found.linkage.links == pytest.approx(links[0])
@@ -60,35 +63,37 @@ def test_what_is_refined_keeps_its_proportion(more) -> None:
     assert anyhow.best.size > 1e4, "the error alone counts"
     found = la.synthesize(**line, start_from=[begin], local=True)
     assert len(found.solutions) == 1 and found.best.size <= 30 * (1 + 1e-9)
-    assert found.best.errors.objective < 0.02 and any("out of all proportion" in one for one in found.report.notes)
-    again = la.synthesize(**line, start_from=[anyhow.best], local=True)
-    assert again.best.errors.objective <= anyhow.best.errors.objective, "one that is given so is not made worse"
+    assert found.best.errors.objective < 0.02 and any("out of all proportion" in note for note in found.report.notes)
+    repeated = la.synthesize(**line, start_from=[anyhow.best], local=True)
+    assert repeated.best.errors.objective <= anyhow.best.errors.objective, "one that is given so is not made worse"
 
 
 def test_functions_are_refined_too(client: TestClient) -> None:
-    wanted = {"input": [0, 15, 35, 60, 80], "output": [0, 12, 31, 62, 90]}
-    first = client.post("/v1/function", json={**wanted, "top": 1}).json()["solutions"][0]
+    expected = {"input": [0, 15, 35, 60, 80], "output": [0, 12, 31, 62, 90]}
+    first = client.post("/v1/function", json={**expected, "top": 1}).json()["solutions"][0]
     first["links"]["crank"] *= 1.01
-    reply = client.post("/v1/function", json={**wanted, "start_from": [first], "local": True}).json()
+    reply = client.post("/v1/function", json={**expected, "start_from": [first], "local": True}).json()
     assert reply["status"] == "reached" and reply["report"]["notes"][0] == LOCAL and reply["report"]["seeds"] == 1
     links = [reply["solutions"][0]["links"][name] for name in ("crank", "coupler", "rocker", "ground")]
     begin = la.FourBar(*links, branch=first["branch"], start_angle=reply["solutions"][0]["start_angle"])
-    assert la.function(wanted["output"], input=wanted["input"], start_from=[begin], local=True).status == "reached"
+    assert (
+        la.function(expected["output"], input=expected["input"], start_from=[begin], local=True).status == "reached"
+    )
     limits = {"transmission_angle_min": 89}
-    searched = la.function(wanted["output"], input=wanted["input"], start_from=[begin], top=2)
+    searched = la.function(expected["output"], input=expected["input"], start_from=[begin], top=2)
     assert searched.status == "reached" and LOCAL not in searched.report.notes
-    far = la.function(wanted["output"], input=wanted["input"], start_from=[begin], local=True, limits=limits)
-    assert far.status == "unknown" and NOWHERE in far.report.notes
+    distant = la.function(expected["output"], input=expected["input"], start_from=[begin], local=True, limits=limits)
+    assert distant.status == "unknown" and NOWHERE in distant.report.notes
     first["links"]["crank"] = 1e9
-    reply = client.post("/v1/function", json={**wanted, "start_from": [first], "local": True})
+    reply = client.post("/v1/function", json={**expected, "start_from": [first], "local": True})
     assert reply.json()["errors"][0]["pointer"].startswith("#/start_from/0/links/")
 
 
 def test_the_command_refines_what_was_written(tmp_path, capsys, exact) -> None:
     request, begin = tmp_path / "request.json", tmp_path / "begin.json"
     request.write_text(json.dumps(EXAMPLE))
-    one = changed(exact)
-    for content in ({"request": EXAMPLE, "linkage": one}, one, {"solutions": [one]}):
+    shifted = changed(exact)
+    for content in ({"request": EXAMPLE, "linkage": shifted}, shifted, {"solutions": [shifted]}):
         begin.write_text(json.dumps(content))
         assert cli.main(["synthesize", str(request), "--no-preset", "--start-from", str(begin), "--local"]) == 0
         out = capsys.readouterr().out

@@ -1,4 +1,7 @@
-"""A body on two guides at the front door and over HTTP: its object, its reply, its files."""
+"""A body on two guides has the same reply, analysis and files in Python, over HTTP and on the command line.
+
+A field that is missing for linkages with sliders would show here.
+"""
 
 import json
 from dataclasses import replace
@@ -28,90 +31,82 @@ def reply_of(drive, *, noise: float = 0.0, **studies) -> tuple[GuidedSolution, l
     random = np.random.default_rng(61)
     linkage, travel = good_linkage(random, drive, -0.2, 1.0, 0.7), np.linspace(0.0, 0.8, 7)
     body = linkage.motions(travel)[1]
-    place = 50 * (body.origin + noise * (random.normal(size=7) + 1j * random.normal(size=7)))
-    motion = la.Motion(np.rad2deg(body.angle), np.stack([place.real, place.imag], 1), timing="free")
+    position = 50 * (body.origin + noise * (random.normal(size=7) + 1j * random.normal(size=7)))
+    motion = la.Motion(np.rad2deg(body.angle), np.stack([position.real, position.imag], 1), timing="free")
     scaled = linkage.scaled(50.0)
     begin = travel if scaled.driver.turns else 50 * travel
     solution = assess(motion.samples, [scaled], nearest_travel(motion.samples, scaled, begin))[0]
     limits = read_limits({"preset": "none"}, motion)
-    (one,) = finished_guided([solution], motion, limits, read_studies(studies, motion), Work(None))
-    return replace(one, rank=1), motion
+    (finished,) = finished_guided([solution], motion, limits, read_studies(studies, motion), Work(None))
+    return replace(finished, rank=1), motion
 
 
 @pytest.mark.parametrize("drive", DRIVES[1:], ids=NAMES[1:])
 def test_a_reply_holds_all_that_its_errors_are_made_of(drive) -> None:
-    one, motion = reply_of(drive, noise=0.01)
-    plain = json.loads(json.dumps(plain_of(one)))
+    solution, motion = reply_of(drive, noise=0.01)
+    plain = json.loads(json.dumps(plain_of(solution)))
     reply_model(GuidedSolution).model_validate(plain)
-    assert plain["kind"] == one.linkage.kind and plain["driver"] == drive[1]
-    again = la.Linkage.from_dict(plain)
-    place = plain["crank_angle"] if drive[1].turns else plain["travel"]
-    joints = again.joints(place)
-    asked = motion.asked
-    off = np.abs(joints.body_point @ [1, 1j] - asked.position)
-    turned = joints.rotation - np.rad2deg(asked.rotation)
+    assert plain["kind"] == solution.linkage.kind and plain["driver"] == drive[1]
+    repeated = la.Linkage.from_dict(plain)
+    position = plain["crank_angle"] if drive[1].turns else plain["travel"]
+    joints = repeated.joints(position)
+    request = motion.asked
+    off = np.abs(joints.body_point @ [1, 1j] - request.position)
+    turned = joints.rotation - np.rad2deg(request.rotation)
     turned -= 360 * np.round(turned / 360)
     assert off.max() == pytest.approx(plain["errors"]["position_max"], rel=1e-9)
     assert np.abs(turned).max() == pytest.approx(plain["errors"]["rotation_max"], rel=1e-7)
-    mean = np.mean(np.deg2rad(turned) ** 2) + np.mean(off**2) / asked.length_scale**2
+    mean = np.mean(np.deg2rad(turned) ** 2) + np.mean(off**2) / request.length_scale**2
     assert np.sqrt(mean) == pytest.approx(plain["errors"]["objective"], rel=1e-9)
-    assert again.transmission_angle_min(min(place), max(place)) == pytest.approx(plain["transmission_angle_min"])
+    assert repeated.transmission_angle_min(min(position), max(position)) == pytest.approx(
+        plain["transmission_angle_min"]
+    )
     for place_of, guide in enumerate(plain["guides"]):
         if guide["guide"] != "circle":
             ends = guide["used"]
             assert ends[0] <= ends[1]
-            inside = again.plain.along(place_of, np.array(place) * (np.pi / 180 if drive[1].turns else 1))
+            inside = repeated.plain.along(place_of, np.array(position) * (np.pi / 180 if drive[1].turns else 1))
             assert ends[0] - 1e-9 <= inside.min() and inside.max() <= ends[1] + 1e-9
     assert plain["size"] > 0 and plain["arm_min"] > 0 and plain["verdict"]["order"]
 
 
 @pytest.mark.parametrize("drive", DRIVES[1:], ids=NAMES[1:])
 def test_an_analysis_comes_with_the_solution(drive) -> None:
-    one, _ = reply_of(drive, analysis={"crank_speed": 10, "load": {"force": [0, -5], "torque": 2}})
-    found = one.analysis
+    solution, _ = reply_of(drive, analysis={"crank_speed": 10, "load": {"force": [0, -5], "torque": 2}})
+    found = solution.analysis
     assert found is not None and found.curve is not None
-    names = one.linkage.plain.link_names
+    names = solution.linkage.plain.link_names
     assert set(found.guide_forces) == {names[0], names[2]}
     total = sum(found.guide_forces.values()) + np.array([0, -5])
     assert np.allclose(total, 0, atol=1e-9)
-    again = one.linkage.analysis(10, {"force": [0, -5], "torque": 2})
-    assert np.allclose(again.drive_load, found.drive_load)
-    json.dumps(plain_of(one), allow_nan=False)
-    text = one.linkage.render("csv", analysis={"crank_speed": 10, "load": {"force": [0, -5]}})
+    repeated = solution.linkage.analysis(10, {"force": [0, -5], "torque": 2})
+    assert np.allclose(repeated.drive_load, found.drive_load)
+    json.dumps(plain_of(solution), allow_nan=False)
+    text = solution.linkage.render("csv", analysis={"crank_speed": 10, "load": {"force": [0, -5]}})
     assert "drive_load" in text.splitlines()[0]
-
-
-def test_masses_resist_and_weigh() -> None:
-    pump = la.Linkage([CRANK, RAIL], "crank", start=20)
-    still = pump.analysis(0, {"masses": [{"link": "slider", "mass": 2}], "gravity": [0, -9.81]}, [0, 60])
-    # the rail carries the slider's weight, the drive nothing of it
-    assert np.allclose(still.drive_load, 0, atol=1e-12)
-    turning = pump.analysis(3600, {"masses": [{"link": "slider", "mass": 2}], "gravity": [0, 0]}, [0.0, 60.0])
-    links = pump.plain.motions(np.deg2rad([0.0, 60.0]))
-    speed = np.deg2rad(3600)
-    along, gain = links[2].velocity.real, links[2].acceleration.real * speed**2
-    assert np.allclose(turning.drive_load, 2 * gain * along / 1000, rtol=1e-9)
 
 
 def test_the_object_prints_draws_and_keeps_itself() -> None:
     pump = la.Linkage([CRANK, RAIL], "crank", start=20)
-    told = "Linkage(slider_crank driven by a crank: circle of radius 1 about (0, 0), rail"
-    assert repr(pump).startswith(told)
+    reported = "Linkage(slider_crank driven by a crank: circle of radius 1 about (0, 0), rail"
+    assert repr(pump).startswith(reported)
     ElementTree.fromstring(pump._repr_svg_())
-    again = la.Linkage.from_dict(pump.to_dict())
-    assert again.plain == pump.plain
+    repeated = la.Linkage.from_dict(pump.to_dict())
+    assert repeated.plain == pump.plain
     block = la.Linkage([SLOT, CRANK], "hinge", start=10)
     assert block.kind == "swinging_block" and block.driver == "hinge"
     four = la.Linkage([CRANK, {**CRANK, "pivot": [3, 0], "body_point": [2.5, 0], "radius": 2}], "crank")
     assert four.kind == "four_bar" and four.turns_fully
 
 
-@pytest.mark.parametrize("drive", some_of([(DRIVES[k],) for k in (8, 5, 1, 9)], 2), ids=lambda one: f"{one[1]}")
+@pytest.mark.parametrize(
+    "drive", some_of([(DRIVES[k],) for k in (8, 5, 1, 9)], 2), ids=lambda drive_case: f"{drive_case[1]}"
+)
 def test_files_over_http_from_a_solution(client, drive) -> None:
-    one, motion = reply_of(drive)
+    solution, motion = reply_of(drive)
     position = [[z.real, z.imag] for z in motion.asked.position]
     request = {"position": position, "rotation": np.rad2deg(motion.asked.rotation).tolist(), "timing": "free"}
-    body = {"request": request, "linkage": json.loads(json.dumps(plain_of(one)))}
+    body = {"request": request, "linkage": json.loads(json.dumps(plain_of(solution)))}
 
     def exported(kind: str, status: int, mark: str = "", **more) -> bytes:
         reply = client.post("/v1/export", json={**body, **more, "format": kind})
@@ -122,12 +117,12 @@ def test_files_over_http_from_a_solution(client, drive) -> None:
     for kind, mark in marks.items():
         exported(kind, 200, mark)
     exported("pylinkage", 422, "pylinkage has no guides that move")
-    passed = {"travel": one.travel} if one.crank_angle is None else {"crank_angle": one.crank_angle}
+    passed = {"travel": solution.travel} if solution.crank_angle is None else {"crank_angle": solution.crank_angle}
     solids = {"solids": {"nevertheless": True}}
     for kind in ("step", "3mf", "stl", "parts", "plates"):
-        made = exported(kind, 200, **solids)
+        built = exported(kind, 200, **solids)
         if kind != "plates":  # a DXF, which is stamped
-            assert made == one.linkage.file(kind, motion, **solids, **passed)
+            assert built == solution.linkage.file(kind, motion, **solids, **passed)
     for kind in ("urdf", "sdf"):
         exported(kind, 422, "whose joints all turn", **solids)
     del body["linkage"]["driver"]
@@ -138,14 +133,14 @@ def test_files_over_http_from_a_solution(client, drive) -> None:
 
 @pytest.mark.parametrize("drive", some_of([(drive,) for drive in DRIVES[1:]], 6), ids=NAMES[1:])
 def test_lengths_that_can_be_had_come_with_their_errors(drive) -> None:
-    one, motion = reply_of(drive, round_to=5.0)
-    found = one.rounded
+    rounded, motion = reply_of(drive, round_to=5.0)
+    found = rounded.rounded
     assert found is not None and found.closes and found.tried > 0
     for length in found.lengths.values():
         assert length / 5 == pytest.approx(round(length / 5), abs=1e-9)
-    plain = json.loads(json.dumps(plain_of(one), allow_nan=False))["rounded"]
-    again = la.Linkage(plain["guides"], one.driver, plain["branch"], plain["start"])
-    joints = again.joints(plain["crank_angle"] or plain["travel"])
+    plain = json.loads(json.dumps(plain_of(rounded), allow_nan=False))["rounded"]
+    repeated = la.Linkage(plain["guides"], rounded.driver, plain["branch"], plain["start"])
+    joints = repeated.joints(plain["crank_angle"] or plain["travel"])
     off = np.abs(joints.body_point @ [1, 1j] - motion.asked.position)
     assert off.max() == pytest.approx(plain["errors"]["position_max"], rel=1e-6, abs=1e-9)
     stocked, _ = reply_of(drive, lengths_from=[20, 40, 60, 80, 100, 120])
@@ -159,9 +154,9 @@ def test_the_command_line_says_what_was_found_of_several_kinds() -> None:
 
     load = {"crank_speed": 10, "load": {"force": [0, -5]}}
     sizes = {"links": 0.05, "samples": 200}
-    one, _ = reply_of(DRIVES[5], noise=0.01, round_to=5.0, analysis=load, tolerance_study=sizes)
+    studied, _ = reply_of(DRIVES[5], noise=0.01, round_to=5.0, analysis=load, tolerance_study=sizes)
     report = Report({"total": 1.0}, [(1.0, 1e-3)], "converged", 50.0, 1, None, None, [])
-    text = synthesize_table(Result("closest", [one], report))
+    text = synthesize_table(Result("closest", [studied], report))
     words = ["slider", "guide of rank 1: rail through", "used from", "travel of rank 1: 0", "rounded: ", "as made, "]
     for said in (*words, "force of the drive", "guide force"):
         assert said in text, text

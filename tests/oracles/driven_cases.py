@@ -19,14 +19,16 @@ def random_linkage(rng: np.random.Generator) -> tuple[Linkage, Interval]:
         links = tuple(rng.uniform(0.3, 2.0, 4))
         start, span = rng.uniform(0, 2 * np.pi), rng.uniform(0.2, 1.8) * rng.choice([-1, 1])
         point = (rng.uniform(0.1, 2.0), rng.uniform(-np.pi, np.pi))
-        place = complex(*rng.normal(size=2))
-        one = four_bar(links, int(rng.choice([-1, 1])), start, place, rng.uniform(-3, 3), point, rng.uniform(-3, 3))
-        if one.transmission_angle_min(Interval(0.0, span)) > np.deg2rad(15):
-            return one, Interval(0.0, span)
+        position = complex(*rng.normal(size=2))
+        linkage = four_bar(
+            links, int(rng.choice([-1, 1])), start, position, rng.uniform(-3, 3), point, rng.uniform(-3, 3)
+        )
+        if linkage.transmission_angle_min(Interval(0.0, span)) > np.deg2rad(15):
+            return linkage, Interval(0.0, span)
 
 
 def any_linkage(seed: int) -> tuple[Linkage, Interval]:
-    """Of all kinds, drives, families and branches, either way: every fourth a four-bar, the others bodies on guides."""
+    """Random linkages of all kinds, drives, families and branches in either direction: every fourth is a four-bar."""
     rng = np.random.default_rng([seed, 0])
     if seed % 4 == 0:
         return random_linkage(rng)
@@ -46,7 +48,7 @@ def loads(machine: LinkMotions, rng: np.random.Generator) -> Load:
 
 
 class Case:
-    """A linkage, one of its links, perhaps another that carries the other end, a load, and an actuator that may fit."""
+    """A linkage, a link, optionally a second link that carries the other end, a load, and an actuator that may fit."""
 
     def __init__(self, seed: int) -> None:
         self.linkage, self.interval = any_linkage(seed)
@@ -71,16 +73,18 @@ class Case:
         link = self.link
         middle = complex(np.mean(link.origin))
         box = (middle.real - 2.5, middle.imag - 2.5, middle.real + 2.5, middle.imag + 2.5)
-        wanted = PlacementLimits(box, 1.5, 0.02 * self.stroke)
-        return PlacementSearch(link, self.machine.at, self.machine.torque(self.load), wanted, grid)
+        expected = PlacementLimits(box, 1.5, 0.02 * self.stroke)
+        return PlacementSearch(link, self.machine.at, self.machine.torque(self.load), expected, grid)
 
 
 def straight(link: LinkMotion, actuator: Actuator) -> tuple[tuple[float, float, float], complex, complex]:
-    """The placement with the largest least arm about a pivot, extending: pins at both ends and the ground point on one line.
+    """Return the placement with the largest smallest arm about a pivot, extending: pins at both ends and ground
+    point in a line.
 
-    Radius of the pin, distance of the ground point and the least arm; then ground point and pin.
+    The result is the radius of the pin, the distance of the ground point and the smallest arm; then ground
+    point and pin.
     """
     swing, half, middle = link.swing(), actuator.stroke / 2, actuator.retracted + actuator.stroke / 2
     arm, bisector = half / np.tan(abs(swing) / 2), link.direction[0] * np.exp(0.5j * swing)
-    pin, ground = (complex(arm, -np.sign(swing) * far) for far in (half, middle))
+    pin, ground = (complex(arm, -np.sign(swing) * distant) for distant in (half, middle))
     return (abs(pin), abs(ground), arm), link.pivot + bisector * ground, link.point_at(link.pivot + bisector * pin)

@@ -1,4 +1,7 @@
-"""Places of actuators: optima against a finer grid, exact derivatives, closed forms, and what is refused."""
+"""Placements of actuators are optimal on a finer grid, and refusals name the violated limit.
+
+A better placement that is missed, or a wrong derivative, would show here.
+"""
 
 import numpy as np
 import pytest
@@ -25,45 +28,45 @@ def random_question(seed: int, grid: int = 60) -> tuple[PlacementSearch, Actuato
     middle = complex(np.mean(link.origin))
     box = (middle.real - 2.5, middle.imag - 2.5, middle.real + 2.5, middle.imag + 2.5)
     stroke = rng.uniform(0.15, 0.8)
-    wanted = PlacementLimits(box, 1.5, 0.02 * stroke)
-    return PlacementSearch(link, machine.at, torque, wanted, grid), Actuator(stroke * rng.uniform(1.1, 2.5), stroke)
+    expected = PlacementLimits(box, 1.5, 0.02 * stroke)
+    return PlacementSearch(link, machine.at, torque, expected, grid), Actuator(stroke * rng.uniform(1.1, 2.5), stroke)
 
 
 @pytest.mark.parametrize("seed", some_of(sorted(range(24), key=lambda seed: seed not in (13, 16, 20)), 7))
 def test_no_grid_four_times_as_fine_finds_a_smaller_force(seed: int) -> None:
     """The first three questions are refused."""
-    asked, actuator = random_question(seed)
-    found = asked.best(actuator)
+    question, actuator = random_question(seed)
+    found = question.best(actuator)
     fine, _ = random_question(seed, 240)
     link, fine.link = fine.link, _without_pivot(fine.link)
     begin = fine.screen([actuator])
     if isinstance(found, Refusal):
-        if not isinstance(begin, Refusal):  # the finer grid has a place: only in between the coarse one's points
+        if not isinstance(begin, Refusal):  # the finer grid has additional points between the coarse points
             assert not isinstance(fine.best(actuator), Refusal)
             assert link.pivot is None
             assert begin.best_value < 0.05
         return
-    assert asked.satisfies_limits(found, 1e-6)
-    assert isinstance(begin, Refusal) or found.worst <= (1 + 1e-6) * asked.torque_scale / begin.best_value
-    again = fine.best(actuator)
-    assert isinstance(again, Refusal) or found.worst <= again.worst * (1 + 1e-6)
+    assert question.satisfies_limits(found, 1e-6)
+    assert isinstance(begin, Refusal) or found.worst <= (1 + 1e-6) * question.torque_scale / begin.best_value
+    repeated = fine.best(actuator)
+    assert isinstance(repeated, Refusal) or found.worst <= repeated.worst * (1 + 1e-6)
     ends = [actuator.retracted, actuator.retracted + actuator.stroke][:: 1 if found.extends else -1]
     assert found.length[[0, -1]] == pytest.approx(ends, abs=1e-9)
-    assert found.worst >= asked.force_bound(actuator.stroke) * (1 - 1e-3)
+    assert found.worst >= question.force_bound(actuator.stroke) * (1 - 1e-3)
 
 
 @pytest.mark.parametrize("seed", some_of(range(1, 33), 10))
 def test_nor_on_a_linkage_of_any_kind(seed: int) -> None:
     case = Case(seed)
     found, fine = case.question().best(case.actuator), case.question(150)
-    again = fine.best(case.actuator)
+    repeated = fine.best(case.actuator)
     fine.link = _without_pivot(fine.link)
     grid = fine.screen([case.actuator])
     if isinstance(found, Refusal):
-        assert isinstance(again, Refusal)
+        assert isinstance(repeated, Refusal)
         assert isinstance(grid, Refusal) or grid.shortfall is not None
         return
-    assert isinstance(again, Refusal) or found.worst <= again.worst * (1 + 1e-6)
+    assert isinstance(repeated, Refusal) or found.worst <= repeated.worst * (1 + 1e-6)
     assert isinstance(grid, Refusal) or found.worst <= (1 + 1e-6) * fine.torque_scale / grid.best_value
 
 
@@ -76,18 +79,18 @@ def _without_pivot(link):
 @pytest.mark.parametrize("free", [(False, False), (True, False), (False, True), (True, True)])
 @pytest.mark.parametrize("seed", range(4))
 def test_derivatives_of_the_descent_are_exact(seed: int, free: tuple[bool, bool]) -> None:
-    asked, actuator = random_question(3 * seed + 1)
-    begin = asked.screen([actuator])
+    question, actuator = random_question(3 * seed + 1)
+    begin = question.screen([actuator])
     if isinstance(begin, Refusal):
         pytest.skip("no place to begin from")
-    one = PlacementProblem(asked, Sizes(actuator, *free), bool(begin.extends[0]))
-    z = one.start(complex(begin.grounds[0]), complex(begin.pins[0]), 0.999)
-    slopes, step = np.vstack([one.constraint_jacobian(z), one.equality_jacobian(z)]), 1e-6
+    linkage = PlacementProblem(question, Sizes(actuator, *free), bool(begin.extends[0]))
+    z = linkage.start(complex(begin.grounds[0]), complex(begin.pins[0]), 0.999)
+    slopes, step = np.vstack([linkage.constraint_jacobian(z), linkage.equality_jacobian(z)]), 1e-6
     for k in range(z.size):
         there, here = z.copy(), z.copy()
         there[k] += step
         here[k] -= step
-        rows = [np.append(one.constraints(at), one.equalities(at)) for at in (there, here)]
+        rows = [np.append(linkage.constraints(at), linkage.equalities(at)) for at in (there, here)]
         measured = (rows[0] - rows[1]) / (2 * step)
         assert measured == pytest.approx(slopes[:, k], rel=1e-4, abs=1e-4 * max(1, np.abs(slopes[:, k]).max()))
 
@@ -101,21 +104,21 @@ def test_the_closed_form_has_the_largest_least_arm() -> None:
         link = machine.links["rocker"]
         (_, _, arm), ground, pin = straight(link, actuator)
         box = (-20.0, -20.0, 20.0, 20.0)
-        asked = PlacementSearch(link, machine.at, np.zeros(61), PlacementLimits(box, 20.0, 0.0))
-        placed = asked.evaluate(ground, pin)
+        question = PlacementSearch(link, machine.at, np.zeros(61), PlacementLimits(box, 20.0, 0.0))
+        placed = question.evaluate(ground, pin)
         assert np.abs(placed.arm).min() == pytest.approx(arm, rel=1e-12)
         assert placed.length[[0, -1]] == pytest.approx([actuator.retracted, sum(actuator)], rel=1e-12)
-        found = asked.best(actuator)
+        found = question.best(actuator)
         assert isinstance(found, Placement)
         assert np.abs(found.arm).min() == pytest.approx(arm, rel=1e-6)
-        bound = asked.force_bound(stroke) / found.worst
+        bound = question.force_bound(stroke) / found.worst
         assert bound == pytest.approx(abs(swing) / 2 / np.tan(abs(swing) / 2), rel=1e-6)
 
 
 def test_a_shorter_dead_length_and_a_larger_box_lose_no_answer() -> None:
     """The first linkage was refused with a dead length of 10, the second in the larger box; the third found a worse place."""
 
-    def asked(
+    def question(
         links: tuple[float, float, float, float],
         branch: int,
         start: float,
@@ -123,27 +126,27 @@ def test_a_shorter_dead_length_and_a_larger_box_lose_no_answer() -> None:
         half: float,
         name: str = "coupler",
     ) -> PlacementSearch:
-        way = Interval(0.0, float(np.deg2rad(span)))
-        place = (5 + 8j, float(np.deg2rad(10)), (40.0, float(np.deg2rad(30))))
-        machine = motions_of(four_bar(links, branch, float(np.deg2rad(start)), *place), way)
+        direction = Interval(0.0, float(np.deg2rad(span)))
+        position = (5 + 8j, float(np.deg2rad(10)), (40.0, float(np.deg2rad(30))))
+        machine = motions_of(four_bar(links, branch, float(np.deg2rad(start)), *position), direction)
         torque = machine.torque(Load(3 - 20j, 30.0))
-        wanted = PlacementLimits((-half, -half, half + 50, half + 50), machine.reaches[name], 2.0 / machine.span)
-        return PlacementSearch(machine.links[name], machine.at, torque, wanted)
+        expected = PlacementLimits((-half, -half, half + 50, half + 50), machine.reaches[name], 2.0 / machine.span)
+        return PlacementSearch(machine.links[name], machine.at, torque, expected)
 
-    one = asked((87.1, 92.42, 79.71, 46.03), -1, -64.278, 186.1, 100.0)
+    first_question = question((87.1, 92.42, 79.71, 46.03), -1, -64.278, 186.1, 100.0)
     forces = []
     for dead in (10.0, 30.0, 45.0):
-        found = one.best_of_sizes(Sizes(Actuator(1.0, 20.0), True, False, dead))
+        found = first_question.best_of_sizes(Sizes(Actuator(1.0, 20.0), True, False, dead))
         assert isinstance(found, Placement)
         forces.append(found.worst)
     assert forces[0] <= forces[1] * (1 + 1e-6) and forces[1] <= forces[2] * (1 + 1e-6)
-    boxes = [asked((81.17, 70.76, 96.01, 34.97), 1, 131.388, -189.97, half) for half in (100.0, 200.0)]
+    boxes = [question((81.17, 70.76, 96.01, 34.97), 1, 131.388, -189.97, half) for half in (100.0, 200.0)]
     small, large = (box.best(Actuator(50.0, 20.0)) for box in boxes)
     assert isinstance(small, Placement)
     assert isinstance(large, Placement)
     assert large.worst <= small.worst * (1 + 1e-6)
     third = (30.73, 63.76, 85.49, 65.17), -1, -49.367, -151.36
-    boxes = [asked(*third, half, "crank") for half in (100.0, 200.0)]
+    boxes = [question(*third, half, "crank") for half in (100.0, 200.0)]
     small, large = (box.best_of_sizes(Sizes(Actuator(1.0, 1.0), True, True)) for box in boxes)
     assert isinstance(small, Placement)
     assert isinstance(large, Placement)
@@ -155,25 +158,25 @@ def test_reasons_name_what_binds() -> None:
     link, torque = machine.links["rocker"], np.ones(61)
     box = (-3.0, -3.0, 3.0, 3.0)
 
-    def asked(**more: float) -> PlacementSearch:
+    def question(**more: float) -> PlacementSearch:
         return PlacementSearch(link, machine.at, torque, PlacementLimits(box, 2.0, 0.0)._replace(**more))
 
-    assert asked(reach=0.4).best(Actuator(1.0, 0.5)) == Refusal("reach", pytest.approx(0.5))
-    refused = asked(arm=0.6).best(Actuator(1.0, 0.5))
+    assert question(reach=0.4).best(Actuator(1.0, 0.5)) == Refusal("reach", pytest.approx(0.5))
+    refused = question(arm=0.6).best(Actuator(1.0, 0.5))
     assert refused == Refusal("arm", pytest.approx(0.25 / np.tan(np.pi / 6), rel=1e-3))
-    away = asked(box=(9.0, 9.0, 9.5, 9.5)).best(Actuator(1.0, 0.5))
+    away = question(box=(9.0, 9.0, 9.5, 9.5)).best(Actuator(1.0, 0.5))
     assert isinstance(away, Refusal)
     assert away.reason == "box"
-    far = PlacementSearch(
+    distant = PlacementSearch(
         _without_pivot(link), machine.at, torque, PlacementLimits((50.0, 50.0, 51.0, 51.0), 2.0, 0.0)
     )
-    assert far.best(Actuator(1.0, 0.5)).reason == "stroke"
+    assert distant.best(Actuator(1.0, 0.5)).reason == "stroke"
 
 
 def test_a_catalogue_gives_its_cheapest_row_that_does() -> None:
     machine = hinged_at(0j, 0.0, 1.0, np.linspace(0.0, np.deg2rad(60), SAMPLES))
-    wanted = PlacementLimits((-3.0, -3.0, 3.0, 3.0), 2.0, 0.0)
-    asked = PlacementSearch(machine.links["rocker"], machine.at, 100 * np.ones(61), wanted, 30)
+    expected = PlacementLimits((-3.0, -3.0, 3.0, 3.0), 2.0, 0.0)
+    question = PlacementSearch(machine.links["rocker"], machine.at, 100 * np.ones(61), expected, 30)
     rows = [
         CatalogueRow("dear", Actuator(1.0, 0.6), 500, 500, 90),
         CatalogueRow("weak", Actuator(1.0, 0.6), 150, 150, 10),
@@ -182,13 +185,15 @@ def test_a_catalogue_gives_its_cheapest_row_that_does() -> None:
         CatalogueRow("cheap", Actuator(1.0, 0.5), 500, 500, 40),
         CatalogueRow("long", Actuator(6.0, 5.0), 5000, 5000, 5),
     ]
-    found, unfit = choose_rows(asked, rows, 1)
-    assert [one.row.name for one in found] == ["cheap"]
-    assert {one.row.name for one in unfit} == {"weak", "long"}
-    weak = next(one for one in unfit if one.row.name == "weak")
+    found, unfit = choose_rows(question, rows, 1)
+    assert [result.row.name for result in found] == ["cheap"]
+    assert {result.row.name for result in unfit} == {"weak", "long"}
+    weak = next(result for result in unfit if result.row.name == "weak")
     assert weak.why == pytest.approx(100 * np.pi / 3 / 0.6)
-    unpriced, _ = choose_rows(asked, [row.__class__(row.name, row.actuator, row.push, row.pull) for row in rows], 5)
-    assert unpriced[0].row.name == "dear"  # of equal forces the one with the longer stroke pushes least
+    unpriced, _ = choose_rows(
+        question, [row.__class__(row.name, row.actuator, row.push, row.pull) for row in rows], 5
+    )
+    assert unpriced[0].row.name == "dear"  # among equal forces the longer stroke pushes least
     pulls = CatalogueRow("pulls", Actuator(1.0, 0.6), 500, 1)
     pushes = CatalogueRow("pushes", Actuator(1.0, 0.6), 1, 500)
-    assert len(choose_rows(asked, [pulls, pushes], 2)[0]) == 1
+    assert len(choose_rows(question, [pulls, pushes], 2)[0]) == 1

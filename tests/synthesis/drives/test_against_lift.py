@@ -1,4 +1,7 @@
-"""The lift's cylinder on the lift's triangle: the scene and the drives answer the same question alike."""
+"""The cylinder of the lift and an actuator on the lift's triangle have the same length, arm and force.
+
+A wrong sign or unit of either would show here.
+"""
 
 import numpy as np
 import pytest
@@ -28,8 +31,8 @@ def test_length_arm_and_force_are_those_of_the_lift(design: Design) -> None:
     machine = LinkMotions(turn, {"coupler": link}, platform)
     load = 1000.0
     torque = machine.torque(Load(-1j * load))
-    asked = PlacementSearch(link, turn, torque, PlacementLimits((-1e4, -1e4, 1e4, 1e4), 1e4, 0.0))
-    found = asked.evaluate(0j, complex(design.l2))
+    question = PlacementSearch(link, turn, torque, PlacementLimits((-1e4, -1e4, 1e4, 1e4), 1e4, 0.0))
+    found = question.evaluate(0j, complex(design.l2))
     assert found.length == pytest.approx(pose.length, rel=1e-9)
     assert found.arm == pytest.approx(pose.length_1, rel=1e-9)
     assert found.force == pytest.approx(load * pose.height_1 / pose.length_1, rel=1e-9)

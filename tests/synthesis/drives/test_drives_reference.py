@@ -1,4 +1,7 @@
-"""The checked examples of drives and springs, to the digits of tests/reference/drives.json."""
+"""Drives and springs reproduce the checked examples to the digits of tests/reference/drives.json.
+
+A change of a formula for drives would show here.
+"""
 
 import json
 from functools import cache
@@ -34,60 +37,60 @@ def machine(row: dict, samples: int = 61) -> LinkMotions:
 
 
 def question(row: dict, link: str) -> PlacementSearch:
-    one = machine(row)
-    torque = one.torque(Load(complex(*row["force"])))
+    linkage = machine(row)
+    torque = linkage.torque(Load(complex(*row["force"])))
     amount = row.get("amount", row.get("work"))
-    wanted = PlacementLimits(tuple(row["box"]), row["reach"], row["arm"])
-    return PlacementSearch(one.links[link], one.at, torque, wanted, torque_integral=amount)
+    expected = PlacementLimits(tuple(row["box"]), row["reach"], row["arm"])
+    return PlacementSearch(linkage.links[link], linkage.at, torque, expected, torque_integral=amount)
 
 
-CASEMENT, WHOLE = REFERENCE["casement"], REFERENCE["whole_numbers"]
+CASEMENT, COMPLETE = REFERENCE["casement"], REFERENCE["whole_numbers"]
 
 
 def test_torques_work_and_bound_of_the_casement() -> None:
-    one = machine(CASEMENT)
-    torque = one.torque(Load(complex(*CASEMENT["force"])))
+    linkage = machine(CASEMENT)
+    torque = linkage.torque(Load(complex(*CASEMENT["force"])))
     assert torque[[0, -1]] == pytest.approx([CASEMENT["torque_first"], CASEMENT["torque_last"]], abs=1e-6)
     assert np.abs(torque).max() == pytest.approx(CASEMENT["torque_largest"], abs=1e-6)
-    at_b = np.abs(torque / one.links["rocker"].rate).max()
+    at_b = np.abs(torque / linkage.links["rocker"].rate).max()
     assert at_b == pytest.approx(CASEMENT["torque_b_largest"], abs=1e-6)
-    assert abs(one.links["rocker"].swing()) / DEGREE == pytest.approx(CASEMENT["rocker_swing"], abs=1e-6)
-    assert abs(one.links["coupler"].swing()) / DEGREE == pytest.approx(CASEMENT["coupler_swing"], abs=1e-6)
+    assert abs(linkage.links["rocker"].swing()) / DEGREE == pytest.approx(CASEMENT["rocker_swing"], abs=1e-6)
+    assert abs(linkage.links["coupler"].swing()) / DEGREE == pytest.approx(CASEMENT["coupler_swing"], abs=1e-6)
     assert question(CASEMENT, "crank").force_bound(150) == pytest.approx(CASEMENT["bound"], abs=1e-6)
 
 
 def test_the_actuator_on_the_crank_in_closed_form() -> None:
-    want, asked = CASEMENT["straight"], question(CASEMENT, "crank")
+    want, problem = CASEMENT["straight"], question(CASEMENT, "crank")
     actuator = Actuator(255, 150)
-    found, ground, pin = straight(asked.link, actuator)
+    found, ground, pin = straight(problem.link, actuator)
     assert found == pytest.approx((want["pin"], want["ground"], want["arm"]), abs=1e-6)
-    place = asked.evaluate(ground, pin)
+    position = problem.evaluate(ground, pin)
     assert [ground.real, ground.imag] == pytest.approx(want["ground_point"], abs=1e-6)
-    at_first = asked.link.place(pin)[0]
+    at_first = problem.link.place(pin)[0]
     assert [at_first.real, at_first.imag] == pytest.approx(want["pin_at"], abs=1e-6)
-    assert place.length[[0, -1]] == pytest.approx([255, 405], abs=1e-9)
-    assert place.peak == pytest.approx(want["peak"], abs=1e-6)
-    assert 1000 / np.abs(place.arm).min() == pytest.approx(want["unit"], abs=1e-6)
-    assert asked.best(actuator) == Refusal("reach", pytest.approx(want["pin"], abs=1e-6))
+    assert position.length[[0, -1]] == pytest.approx([255, 405], abs=1e-9)
+    assert position.peak == pytest.approx(want["peak"], abs=1e-6)
+    assert 1000 / np.abs(position.arm).min() == pytest.approx(want["unit"], abs=1e-6)
+    assert problem.best(actuator) == Refusal("reach", pytest.approx(want["pin"], abs=1e-6))
 
 
 @pytest.mark.parametrize("link", ["coupler", "rocker"])
 def test_the_same_actuator_on_coupler_and_rocker(link: str) -> None:
-    want, asked = CASEMENT[link], question(CASEMENT, link)
-    found = asked.best(Actuator(255, 150))
+    want, problem = CASEMENT[link], question(CASEMENT, link)
+    found = problem.best(Actuator(255, 150))
     assert not isinstance(found, Refusal)
     assert found.peak == pytest.approx(want["peak"], abs=1e-6)
     assert np.abs(found.arm).min() == pytest.approx(want["arm"], abs=1e-5)
-    assert found.peak / asked.force_bound(150) == pytest.approx(want["over"], abs=5e-4)
+    assert found.peak / problem.force_bound(150) == pytest.approx(want["over"], abs=5e-4)
     assert found.length[[0, -1]] == pytest.approx([255, 405] if found.extends else [405, 255], abs=1e-9)
     if link == "coupler":
-        at_first = asked.link.place(found.pin)[0]
+        at_first = problem.link.place(found.pin)[0]
         assert found.extends
         assert [found.ground.real, found.ground.imag] == pytest.approx(want["ground"], abs=1e-4)
         assert [at_first.real, at_first.imag] == pytest.approx(want["pin"], abs=1e-4)
     else:
         assert not found.extends
-        assert abs(found.ground - asked.link.pivot) == pytest.approx(want["ground"], abs=1e-4)
+        assert abs(found.ground - problem.link.pivot) == pytest.approx(want["ground"], abs=1e-4)
         assert abs(found.pin) == pytest.approx(want["pin"], abs=1e-4)
 
 
@@ -99,21 +102,21 @@ def test_a_catalogue_on_all_three_links(stroke: str) -> None:
 
 
 def motor_torque(row: dict, motor: complex, crank: float, rod: float, radius: float) -> float:
-    """Largest motor torque at 61 even motor angles of one way."""
+    """Return the largest motor torque at 61 even motor angles in the same direction."""
     fine = machine(CASEMENT, 200_001)
     torque = fine.torque(Load(complex(*CASEMENT["force"])))
     found = evaluate_motor(
         fine.links["crank"], torque, motor, complex(radius), crank, rod, _extends(fine, motor, radius)
     )
     assert found is not None
-    way = row["way"]  # forwards here is the slower one
-    angle = np.abs(found.motor_angle[way] - found.motor_angle[way, 0])
+    direction = row["way"]  # forwards is the slower direction here
+    angle = np.abs(found.motor_angle[direction] - found.motor_angle[direction, 0])
     even = np.linspace(0, angle[-1], 61)
-    return float(np.abs(np.interp(even, angle, found.motor_torque[way])).max())
+    return float(np.abs(np.interp(even, angle, found.motor_torque[direction])).max())
 
 
-def _extends(one: LinkMotions, motor: complex, radius: float) -> bool:
-    ends = np.abs(one.links["crank"].place(complex(radius))[[0, -1]] - motor)
+def _extends(linkage: LinkMotions, motor: complex, radius: float) -> bool:
+    ends = np.abs(linkage.links["crank"].place(complex(radius))[[0, -1]] - motor)
     return bool(ends[1] > ends[0])
 
 
@@ -132,17 +135,19 @@ def test_a_motor_on_the_crank(name: str) -> None:
         assert found.zeta / DEGREE == pytest.approx(row["zeta"], abs=1e-4)
     motor = complex(*row["motor"])
     assert motor_torque(row, motor, row["crank"], row["rod"], radius) == pytest.approx(row["torque"], rel=1e-4)
-    one = machine(CASEMENT)
-    best = place_motor_about_pivot(one.links["crank"], one.torque(Load(100j)), ratio, radius, True, None, row["rod"])
+    linkage = machine(CASEMENT)
+    best = place_motor_about_pivot(
+        linkage.links["crank"], linkage.torque(Load(100j)), ratio, radius, True, None, row["rod"]
+    )
     assert not isinstance(best, str)
-    assert abs(best.motor - one.links["crank"].pivot) == pytest.approx(row["ground"], abs=1e-3)
+    assert abs(best.motor - linkage.links["crank"].pivot) == pytest.approx(row["ground"], abs=1e-3)
     turns = row.get("turns", [180, 180])
     assert sorted(np.rad2deg(best.turns)) == pytest.approx(sorted(turns), abs=1e-6)
 
 
 @cache
 def best_angles(swing: int) -> list[float]:
-    """Degrees, for each ratio of times of the table, equal ones first."""
+    """Return the best angles in degrees for each ratio of times of the table, equal times first."""
     ratios = [1.0, *REFERENCE["angles"]["ratios"]]
     return [proportions(swing * DEGREE, ratio).transmission_angle_min / DEGREE for ratio in ratios]
 
@@ -172,18 +177,22 @@ def test_two_springs_balance(name: str) -> None:
     found = potential_of(linkage, load)
     for part, want in ((found.w1, "w1"), (found.w2, "w2"), (found.v1, "v1"), (found.v3, "v3")):
         assert [part.real, part.imag] == pytest.approx(row[want], abs=1e-7)
-    one = motions_of(linkage, Interval(*np.deg2rad(row["span"])), 361)
-    torque = one.torque(load)
+    motions = motions_of(linkage, Interval(*np.deg2rad(row["span"])), 361)
+    torque = motions.torque(load)
     assert [torque.min(), torque.max()] == pytest.approx(row["torque"], abs=1e-6)
     assert np.sqrt(np.mean(torque**2)) == pytest.approx(row["rms"], abs=1e-6)
     crank, rocker = row["links"][0], row["links"][2] / 2
     anchors = [complex(*row["s1"]), complex(*row["s3"])]
     ends = zip(("crank", "rocker"), anchors, (crank, rocker))
     springs = [Spring(("ground", link), (at, pin), 0.5) for link, at, pin in ends]
-    assert np.abs(mount_springs(one, torque, springs).torque).max() < 1e-5  # the anchors are given to seven decimals
+    assert (
+        np.abs(mount_springs(motions, torque, springs).torque).max() < 1e-5
+    )  # the anchors are given to seven decimals
     for mine, want in zip(two_springs(found, 0.5), anchors):
         assert mine.points[0] == pytest.approx(want, abs=1e-7)
-    assert np.abs(mount_springs(one, torque, two_springs(found)).torque).max() < 1e-11 * np.abs(torque).max() * 100
+    assert (
+        np.abs(mount_springs(motions, torque, two_springs(found)).torque).max() < 1e-11 * np.abs(torque).max() * 100
+    )
     assert one_spring(found, ("ground", "coupler")) == pytest.approx(row["one"], abs=1e-7)
 
 
@@ -193,15 +202,15 @@ def test_one_spring_balances_where_the_signs_allow(name: str) -> None:
     row = row | {"coupler_point": row["body"]}
     linkage, load = linkage_of(row), masses(row)
     found = potential_of(linkage, load)
-    one = motions_of(linkage, Interval(*np.deg2rad(row["span"])), 61)
-    torque = one.torque(load)
+    motions = motions_of(linkage, Interval(*np.deg2rad(row["span"])), 61)
+    torque = motions.torque(load)
     coupler, both = one_spring(found, ("ground", "coupler")), one_spring(found, ("crank", "rocker"))
     assert isinstance(coupler, Spring)
     assert isinstance(both, Spring)
-    rate, place, x, y = row["ground_coupler"]
+    rate, position, x, y = row["ground_coupler"]
     got = [coupler.stiffness, coupler.points[1].real, coupler.points[0].real, coupler.points[0].imag]
-    assert got == pytest.approx([rate, place, x, y], abs=1e-6)
+    assert got == pytest.approx([rate, position, x, y], abs=1e-6)
     got = [both.stiffness, *(part for p in both.points for part in (p.real, p.imag))]
     assert got == pytest.approx(row["crank_rocker"], abs=1e-5)
     for spring in (coupler, both):
-        assert np.abs(mount_springs(one, torque, [spring]).torque).max() < 1e-9 * np.abs(torque).max()
+        assert np.abs(mount_springs(motions, torque, [spring]).torque).max() < 1e-9 * np.abs(torque).max()

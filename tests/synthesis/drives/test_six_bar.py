@@ -1,4 +1,7 @@
-"""A motor on a linkage as one mechanism: poses against circles, rates against differences, forces against balance."""
+"""A motor and its linkage move as a single mechanism whose forces balance.
+
+A rod that changes its length, or a wrong rate, would show here.
+"""
 
 import numpy as np
 import pytest
@@ -51,17 +54,17 @@ def test_rates_are_what_differences_tend_to(six, linkage) -> None:
     for name in (*here.links, "body"):
         if name == "body" and here.body is None:
             continue
-        one = here.link(name)
+        moving_link = here.link(name)
         speed = (after.link(name).place(point) - before.link(name).place(point)) / (2 * h)
         change = (after.link(name).speed(point) - before.link(name).speed(point)) / (2 * h)
-        assert np.abs(one.speed(point) - speed).max() <= 1e-7 * (1 + np.abs(speed).max())
-        assert np.abs(one.change(point) - change).max() <= 1e-7 * (1 + np.abs(change).max())
-    # the dead centres: the linkage stands still
+        assert np.abs(moving_link.speed(point) - speed).max() <= 1e-7 * (1 + np.abs(speed).max())
+        assert np.abs(moving_link.change(point) - change).max() <= 1e-7 * (1 + np.abs(change).max())
+    # the dead centres: the linkage is at rest
     still = six.machine(np.array([0.0, six.last]))
     assert np.abs(still.links[six.motor.link].speed(six.motor.pin)).max() < 1e-6 * six.motor.crank
     # a dwell is as long as the linkage is near
-    places, (first, last) = np.linspace(0, TURN, 10_001), six.used
-    at = np.interp(np.linspace(0, TURN, 200_001), places, six.travel(places))
+    positions, (first, last) = np.linspace(0, TURN, 10_001), six.used
+    at = np.interp(np.linspace(0, TURN, 200_001), positions, six.travel(positions))
     for end, found in zip((first, last), six.dwell(0.05)):
         assert TURN * np.mean(np.abs(at - end) <= 0.05 * (last - first)) == pytest.approx(found, abs=1e-4)
 
@@ -71,13 +74,13 @@ def test_newton_and_euler_give_the_torque_of_virtual_work(six, linkage) -> None:
     rng = np.random.default_rng(5)
     machine = six.machine(TURNED)
     links = [*machine.links, *([] if machine.body is None else ["body"])]
-    masses = tuple(Mass(one, rng.uniform(0.1, 2), complex(*rng.normal(size=2)), rng.uniform(0, 1)) for one in links)
+    masses = tuple(Mass(link, rng.uniform(0.1, 2), complex(*rng.normal(size=2)), rng.uniform(0, 1)) for link in links)
     for speed in (0.0, 2.0):
         load = Load(complex(*rng.normal(size=2)), rng.normal(), masses, 1 - 9.81j, speed, 0.7)
         held = six.reactions(machine, joints_of(linkage, six.motor, machine), load)
-        wanted = machine.torque(load)
-        assert np.abs(held.torque - wanted).max() <= 1e-11 * np.abs(wanted).max()
+        expected = machine.torque(load)
+        assert np.abs(held.torque - expected).max() <= 1e-11 * np.abs(expected).max()
         # inertia counts, and its unit
         if speed:
-            other = six.reactions(machine, joints_of(linkage, six.motor, machine), load._replace(metre=1.0))
-            assert np.abs(other.torque - held.torque).max() > 1e-6 * np.abs(wanted).max()
+            second = six.reactions(machine, joints_of(linkage, six.motor, machine), load._replace(metre=1.0))
+            assert np.abs(second.torque - held.torque).max() > 1e-6 * np.abs(expected).max()

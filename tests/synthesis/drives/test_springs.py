@@ -1,4 +1,7 @@
-"""Springs: balance in every position, fits that keep their lengths, and the torque as a derivative of energy."""
+"""Springs balance in every position, and their torque is the derivative of their energy.
+
+A fitted spring that leaves its range of lengths would show here.
+"""
 
 import numpy as np
 import pytest
@@ -54,9 +57,9 @@ def test_a_springs_torque_is_the_derivative_of_its_energy(seed: int) -> None:
     rng = np.random.default_rng(seed)
     linkage, interval = random_linkage(rng)
     machine = motions_of(linkage, Interval(0.0, float(np.copysign(0.04, interval.last))), 201)
-    one, other = rng.permutation(["ground", "crank", "coupler", "rocker"])[:2]
+    first, second = rng.permutation(["ground", "crank", "coupler", "rocker"])[:2]
     points = complex(*rng.normal(size=2)) * 3, complex(*rng.normal(size=2))
-    spring = Spring((str(one), str(other)), points, rng.uniform(0.1, 2), rng.uniform(0, 1), rng.normal())
+    spring = Spring((str(first), str(second)), points, rng.uniform(0.1, 2), rng.uniform(0, 1), rng.normal())
     length, torque = spring_torque(machine, spring)
     stretch = length - spring.free_length
     energy = spring.preload * stretch + spring.stiffness * stretch**2 / 2
@@ -85,19 +88,22 @@ def test_a_fitted_spring_helps_and_keeps_its_lengths_and_places(seed: int) -> No
     assert abs(spring.points[1]) <= 1.2 + 1e-6
     if between[0] == "ground":
         assert max(abs(spring.points[0].real), abs(spring.points[0].imag)) <= 3 + 1e-6
-        assert min(abs(spring.points[0] - one) for one in (linkage.pivot_a, linkage.pivot_b)) >= 0.1 - 1e-6
+        assert (
+            min(abs(spring.points[0] - fixed_pivot) for fixed_pivot in (linkage.pivot_a, linkage.pivot_b))
+            >= 0.1 - 1e-6
+        )
     # no random place within the room does better by more than a little
     rms = np.sqrt(np.mean(found.torque**2))
     for _ in range(300):
         ends = complex(*rng.uniform(-3, 3, 2)), complex(*rng.uniform(-0.8, 0.8, 2))
         if between[0] != "ground":
             ends = complex(*rng.uniform(-0.8, 0.8, 2)), ends[1]
-        other = rng.choice(len(KINDS))
-        one = KINDS[other]
+        second = rng.choice(len(KINDS))
+        wish = KINDS[second]
         trial = mount_springs(
-            machine, torque, [Spring(between, ends, one.stiffness, one.free_length, one.preload)], [one]
+            machine, torque, [Spring(between, ends, wish.stiffness, wish.free_length, wish.preload)], [wish]
         )
-        if trial.lengths[0].min() >= one.shortest and trial.lengths[0].max() <= one.longest:
+        if trial.lengths[0].min() >= wish.shortest and trial.lengths[0].max() <= wish.longest:
             clear = between[0] != "ground" or min(abs(ends[0] - p) for p in (linkage.pivot_a, linkage.pivot_b)) >= 0.1
             if clear and min(map(abs, ends[1:])) >= 0.1:
                 assert rms <= np.sqrt(np.mean(trial.torque**2)) * 1.02
