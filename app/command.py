@@ -12,11 +12,11 @@ from typing import Any
 
 from app.query import FILES, Query, Resources, in_unit, json_of, plain_of
 from app.sources import Setting, Source, Target, file_value, read_source
-from app.terminal import Exit, Units, exit_of, plural, waiting
+from app.terminal import Exit, Units, exit_of, waiting
 from linkage_atlas import FieldError
 from linkage_atlas.arguments import pointing
 from linkage_atlas.formats import kind_of
-from linkage_atlas.notes import sentences
+from linkage_atlas.notes import counted, sentences
 from linkage_atlas.tables import decoded
 
 
@@ -88,7 +88,7 @@ def run_question(options: argparse.Namespace, query: Query) -> int:
             print(*sentences([table.note]), file=sys.stderr)
     if found < rank and (wanted or options.plot or rank > 1):
         verb = "is" if found == 1 else "are"
-        print(f"there is no solution of rank {rank}: there {verb} {plural(found, 'solution')}", file=sys.stderr)
+        print(f"there is no solution of rank {rank}: there {verb} {counted(found, 'solution')}", file=sys.stderr)
         code = code or Exit.USAGE
     else:
         files = {

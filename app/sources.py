@@ -15,8 +15,8 @@ from pydantic import ValidationError
 
 from app.query import Invalid, Query, RequestModel, invalid
 from app.sentences import SAMPLED
-from app.terminal import plural
 from linkage_atlas import FieldError
+from linkage_atlas.notes import counted
 from linkage_atlas.tables import FUNCTIONS, KINDS, POSES, Kind, Table, decoded, read_table
 
 Setting = tuple[list[str], Any]
@@ -151,7 +151,7 @@ def _validated(target: Target, body: Any, of_table: bool) -> Any:
         first = error.errors(include_url=False)[0]
         if of_table and first["type"] == "too_short" and first["loc"][-1] in (*SAMPLED, "table"):
             rows, least = (first["ctx"][name] for name in ("actual_length", "min_length"))
-            raise FieldError("", f"the table has {plural(rows, 'row')}, at least {least} are needed") from None
+            raise FieldError("", f"the table has {counted(rows, 'row')}, at least {least} are needed") from None
         rows = invalid(error, target.model, quoting=True).errors
     if any(row["type"] == "extra_forbidden" and len(row["loc"]) == 1 for row in rows):
         _check_question(target, body)
@@ -264,7 +264,7 @@ def _without_foreign(target: Target, body: dict[str, Any]) -> tuple[dict[str, An
 
 def _ranked(solutions: Sequence[Any], rank: int) -> Any:
     if len(solutions) < rank:
-        raise FieldError("", f"the reply has {plural(len(solutions), 'solution')}, and none of rank {rank}")
+        raise FieldError("", f"the reply has {counted(len(solutions), 'solution')}, and none of rank {rank}")
     return solutions[rank - 1]
 
 

@@ -18,9 +18,10 @@ from app.registry import all_queries
 from app.resources import ServiceResources
 from app.settings import atlas_of, settings_of
 from app.sources import Setting, Target, parsed, read_source
-from app.terminal import Exit, plural
+from app.terminal import Exit
 from linkage_atlas import AtlasError, FieldError
 from linkage_atlas.batch import Question, answer_line, answers, key_of
+from linkage_atlas.notes import counted
 
 DESCRIPTION = """Answers many requests, a line of JSON each, in order.
 
@@ -58,7 +59,7 @@ def run_study(options: argparse.Namespace) -> int:
         print(f"{what}: {error}; the same command continues from here", file=sys.stderr)
         return Exit.FAILED
     refused = f", {len(errors):,} refused; the first: {errors[0]}" if errors else ""
-    answered = f"{plural(total, 'request')}, {total - len(errors):,} answered{refused}"
+    answered = f"{counted(total, 'request')}, {total - len(errors):,} answered{refused}"
     print(f"wrote {options.out}: {answered}", file=sys.stderr)
     return Exit.FAILED if errors else Exit.OK
 

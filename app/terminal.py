@@ -78,11 +78,6 @@ def waiting(words: str, limit: float) -> Iterator[None]:
         drawing.join()
 
 
-def plural(count: int, noun: str) -> str:
-    """Return a count with its noun."""
-    return f"{count:,} {noun}{'' if count == 1 else 'es' if noun.endswith(('s', 'x', 'ch')) else 's'}"
-
-
 @dataclass(frozen=True)
 class Units:
     """Names of the units of angle and length in a table; the length's is empty if it is not known."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import NamedTuple, TypedDict
 
 import numpy as np
 
@@ -35,6 +35,21 @@ STROKE_TOLERANCE = 1e-6
 """Fraction by which a stroke may be longer than the part of it that is used, for its ends to be the stops."""
 STROKE_SHARES = (1.0, 0.85, 0.7, 0.55)
 """Fractions of the best stroke that are tried for an actuator of usual length."""
+
+
+class EndFields(TypedDict):
+    """Fields of a drive between two ends; see `ActuatorDrive`."""
+
+    link: str
+    swing: float
+    ground_point: tuple[float, float]
+    pin: tuple[float, float]
+    pin_on_link: tuple[float, float]
+    length: tuple[float, float]
+    extends: bool
+    arm_min: float
+    peak_force: float | None
+    holding: tuple[float, float] | None
 
 
 class Loads(NamedTuple):
@@ -80,6 +95,23 @@ class Mounted:
         """Return the positions of both ends, (n,) each."""
         found = self.placement
         return machine.end(self.on, machine.point_on(self.on, found.ground)), machine.end(self.link, found.pin)
+
+    def fields(self, loads: Loads) -> EndFields:
+        """Return the fields that the records of all drives between two ends share."""
+        task, placement = self.task, self.placement
+        _, pin = self.ends(task.machine)
+        return {
+            "link": self.link,
+            "swing": task.swing(self.link),
+            "ground_point": xy(placement.ground),
+            "pin": xy(pin[0]),
+            "pin_on_link": xy(placement.pin),
+            "length": both_ends(placement.length),
+            "extends": placement.extends,
+            "arm_min": loads.arm_min,
+            "peak_force": task.if_loaded(loads.peak),
+            "holding": task.if_loaded(both_ends(placement.force)),
+        }
 
     def pulls(self) -> list[Pull]:
         """Return the forces of all actuators on both links at the fine positions."""
@@ -281,9 +313,8 @@ def _add(
     if row is not None:
         rank = (math.inf if row.price is None else row.price, max(row.push, row.pull), placement.worst)
     drive = ActuatorDrive(
-        link=name,
+        **mounted.fields(loads),
         on=request.on,
-        swing=task.swing(name),
         count=request.count,
         stops="none: its own ends of stroke are the ends of the way"
         if is_whole
@@ -291,14 +322,6 @@ def _add(
         holds="a spindle does, a cylinder with its valves shut",
         name=None if row is None else row.name,
         price=None if row is None else row.price,
-        ground_point=xy(placement.ground),
-        pin=xy(pin[0]),
-        pin_on_link=xy(placement.pin),
-        length=both_ends(placement.length),
-        extends=placement.extends,
-        arm_min=loads.arm_min,
-        peak_force=task.if_loaded(loads.peak),
-        holding=task.if_loaded(both_ends(placement.force)),
         retracted=sizes.retracted,
         stroke=sizes.stroke,
         bound=bound,

@@ -7,8 +7,8 @@ import numpy as np
 from linkage_atlas.drive_design.actuators import Mounted, limits_of, reason_of
 from linkage_atlas.drive_design.question import ToggleRequest
 from linkage_atlas.drive_design.records import Lock, ToggleCurve, ToggleDrive
-from linkage_atlas.drive_design.task import DriveTask, both_ends, envelope
-from linkage_atlas.records import plane, xy
+from linkage_atlas.drive_design.task import DriveTask, envelope
+from linkage_atlas.records import plane
 from synthesis.drives.knee import Knee, place_knee
 from synthesis.drives.links import GROUND
 from synthesis.drives.placement_search import PlacementSearch
@@ -49,19 +49,10 @@ def _add(task: DriveTask, request: ToggleRequest, name: str, found: Knee) -> Non
     )
     words = "with its knee on the stop" if found.holds else "not: the load pulls its knee straight"
     drive = ToggleDrive(
-        link=name,
-        swing=task.swing(name),
+        **mounted.fields(loads),
         stops="one, for the knee beyond its line",
         holds=words if task.loaded else "where the load pushes the strut together",
-        ground_point=xy(placement.ground),
-        pin=xy(pin[0]),
-        pin_on_link=xy(placement.pin),
-        length=both_ends(placement.length),
-        extends=placement.extends,
-        arm_min=loads.arm_min,
-        peak_force=task.if_loaded(loads.peak),
         peak_torque=lock.handle_torque_max,
-        holding=task.if_loaded(both_ends(placement.force)),
         envelope=envelope(ground, pin, found.knee),
         curve=ToggleCurve(
             operation.curve_at,
