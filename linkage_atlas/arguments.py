@@ -29,12 +29,12 @@ T = TypeVar("T")
 
 
 @contextmanager
-def pointing(place: Callable[[str], str]) -> Iterator[None]:
+def pointing(field_of: Callable[[str], str]) -> Iterator[None]:
     """FieldErrors within name the places that fields have in the request, by what they are called there."""
     try:
         yield
     except FieldError as error:
-        raise FieldError(place(error.field), error.message, **error.details) from error
+        raise FieldError(field_of(error.field), error.message, **error.details) from error
 
 
 def radians_in(degrees: bool) -> float:
@@ -65,18 +65,18 @@ def suggestion(value: object, words: Iterable[str]) -> str:
     """Return the end of an error message, "; did you mean m?": the word for the unit that is spelled out, or the nearest word."""
     known = {word.lower(): word for word in words}
     known |= {spelling: unit for spelling, unit in UNITS.items() if unit in known and spelling not in known}
-    near = get_close_matches(str(value).strip()[:_LONGEST_WORD].lower(), known, 1)
-    return f"; did you mean {known[near[0]]}?" if near else ""
+    nearest = get_close_matches(str(value).strip()[:_LONGEST_WORD].lower(), known, 1)
+    return f"; did you mean {known[nearest[0]]}?" if nearest else ""
 
 
-def number(field: str, value: object, least: float = -np.inf) -> float:
+def number(field: str, value: object, minimum: float = -np.inf) -> float:
     """A finite number of at least ``least``, or a FieldError that names the argument."""
     try:
         found = float(value)  # type: ignore[arg-type]
     except (TypeError, ValueError):
         raise FieldError(f"/{field}", f"wanted a number, found {value!r}") from None
-    if not (np.isfinite(found) and found >= least):
-        bound = "" if least == -np.inf else f" of at least {least:g}"
+    if not (np.isfinite(found) and found >= minimum):
+        bound = "" if minimum == -np.inf else f" of at least {minimum:g}"
         raise FieldError(f"/{field}", f"wanted a finite number{bound}")
     return found
 
@@ -121,26 +121,26 @@ def known_fields(field: str, value: object, names: tuple[str, ...]) -> Fields:
     return value
 
 
-def kinds_among(given: object, known: Sequence[str], there_are: str = "") -> list[str]:
+def kinds_among(value: object, known: Sequence[str], there_are: str = "") -> list[str]:
     """The kinds of mechanism that are asked for, a list or one name, each once, in the order of all that are known."""
-    if isinstance(given, str) and given == "all":
+    if isinstance(value, str) and value == "all":
         return list(known)
-    asked = [given] if isinstance(given, str) else list(given) if isinstance(given, Iterable) else []
-    if not asked:
+    names = [value] if isinstance(value, str) else list(value) if isinstance(value, Iterable) else []
+    if not names:
         raise FieldError("/mechanisms", f"wanted a list of {', '.join(known)}, or 'all'")
-    for place, name in enumerate(asked):
+    for index, name in enumerate(names):
         if name not in known:
             words = there_are or f"wanted one of {', '.join(known)}"
-            field = "/mechanisms" if isinstance(given, str) else f"/mechanisms/{place}"
+            field = "/mechanisms" if isinstance(value, str) else f"/mechanisms/{index}"
             raise FieldError(field, f"{words}, found {name!r}")
-    return [name for name in known if name in asked]
+    return [name for name in known if name in names]
 
 
-def bounded(field: str, value: object, most: float = LARGEST) -> float:
+def bounded(field: str, value: object, largest: float = LARGEST) -> float:
     """A number that can be computed with."""
     found = number(field, value)
-    if abs(found) > most:
-        raise FieldError(f"/{field}", f"wanted at most {most:g} either way, found {found:g}")
+    if abs(found) > largest:
+        raise FieldError(f"/{field}", f"wanted at most {largest:g} either way, found {found:g}")
     return found
 
 
@@ -184,10 +184,10 @@ def box(field: str, value: object, flat: bool = False) -> tuple[float, float, fl
     return left, low, right, high
 
 
-def whole_number(field: str, value: object, least: int, most: int) -> int:
+def whole_number(field: str, value: object, minimum: int, maximum: int) -> int:
     """A whole number within bounds."""
-    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not least <= value <= most:
-        raise FieldError(f"/{field}", f"wanted a whole number from {least} to {most:,}, found {value!r}")
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not minimum <= value <= maximum:
+        raise FieldError(f"/{field}", f"wanted a whole number from {minimum} to {maximum:,}, found {value!r}")
     return int(value)
 
 

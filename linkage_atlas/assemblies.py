@@ -240,68 +240,68 @@ class AskedAssembly(NamedTuple):
         )
 
 
-def read_assembly(given: Fields | bool, where: str = "assembly/") -> AskedAssembly | None:
+def read_assembly(request: Fields | bool, where: str = "assembly/") -> AskedAssembly | None:
     """A checked request for an assembly: some of `ASSEMBLY`, or true for the defaults; None where none is asked for.
 
     ``where``: what stands before its fields in the names that errors have.
     """
-    if isinstance(given, bool):
-        given = {} if given else None  # type: ignore[assignment]
-    if given is None:
+    if isinstance(request, bool):
+        request = {} if request else None  # type: ignore[assignment]
+    if request is None:
         return None
-    if not isinstance(given, Mapping):
+    if not isinstance(request, Mapping):
         raise FieldError(f"/{where.rstrip('/')}", f"wanted true, or a mapping of {', '.join(ASSEMBLY)}")
-    check_names(f"/{where}".rstrip("/"), given, ASSEMBLY)
-    values = dict.fromkeys(ASSEMBLY) | {name: value for name, value in given.items() if value is not None}
+    check_names(f"/{where}".rstrip("/"), request, ASSEMBLY)
+    values = dict.fromkeys(ASSEMBLY) | {name: value for name, value in request.items() if value is not None}
     boards = one_of(f"{where}boards", values["boards"] or "below", BOARDS)
-    most = LAYERS_MOST if values["layers_most"] is None else values["layers_most"]
-    most = whole_number(f"{where}layers_most", most, 1, MOST_LAYERS)
+    layers_max = LAYERS_MOST if values["layers_most"] is None else values["layers_most"]
+    layers_max = whole_number(f"{where}layers_most", layers_max, 1, MOST_LAYERS)
     heads = flag(f"{where}heads", values["heads"])
     return AskedAssembly(
         PartSettings.read(values, where),
         () if values["body"] is None else _outline(f"{where}body", values["body"]),
-        StackRequest(boards, heads, most, _mounts(f"{where}mounts", values["mounts"], boards)),
+        StackRequest(boards, heads, layers_max, _mounts(f"{where}mounts", values["mounts"], boards)),
         None if values["envelope"] is None else box(f"{where}envelope", values["envelope"]),
-        tuple(box(f"{where}keep_out/{k}", one) for k, one in enumerate(values["keep_out"] or ())),
+        tuple(box(f"{where}keep_out/{k}", out) for k, out in enumerate(values["keep_out"] or ())),
         None if values["drive"] is None else read_drive(f"{where}drive", values["drive"]),
     )
 
 
-def read_drive(name: str, given: object) -> Motor | Strut | str:
+def read_drive(name: str, drive: object) -> Motor | Strut | str:
     """Read a drive as a reply has it, whose parts are arranged with the linkage; of a drive in a hinge its link."""
 
-    def of(one: object, part: str) -> object:
-        return one.get(part) if isinstance(one, Mapping) else getattr(one, part, None)
+    def of(record: object, name_of_part: str) -> object:
+        return record.get(name_of_part) if isinstance(record, Mapping) else getattr(record, name_of_part, None)
 
-    def length(one: object, part: str, at: str = "") -> float:
-        found = _length(f"{name}/{at}{part}", of(one, part))
+    def length(record: object, name_of_part: str, at: str = "") -> float:
+        found = _length(f"{name}/{at}{name_of_part}", of(record, name_of_part))
         if found is None:
-            raise FieldError(f"/{name}/{at}{part}", "needed: give the drive as a reply has it")
+            raise FieldError(f"/{name}/{at}{name_of_part}", "needed: give the drive as a reply has it")
         return found
 
-    kind = one_of(f"{name}/kind", of(given, "kind"), ("rotary", "actuator", "dyad", "toggle"))
-    link = of(given, "link")
+    kind = one_of(f"{name}/kind", of(drive, "kind"), ("rotary", "actuator", "dyad", "toggle"))
+    link = of(drive, "link")
     if not isinstance(link, str):
         raise FieldError(f"/{name}/link", f"wanted the name of a link, found {link!r}")
     if kind == "rotary":
         return link
     if kind == "dyad":
-        place, bar = pair(f"{name}/motor", of(given, "motor"), np.inf), of(given, "six_bar")
-        pin = pair(f"{name}/pin_on_link", of(given, "pin_on_link"), np.inf)
-        return Motor(link, place, length(bar, "crank", "six_bar/"), length(bar, "coupler", "six_bar/"), pin)
-    pin = pair(f"{name}/pin_on_link", of(given, "pin_on_link"), np.inf)
-    end, on = pair(f"{name}/ground_point", of(given, "ground_point"), np.inf), str(of(given, "on") or "ground")
+        motor, six_bar = pair(f"{name}/motor", of(drive, "motor"), np.inf), of(drive, "six_bar")
+        pin = pair(f"{name}/pin_on_link", of(drive, "pin_on_link"), np.inf)
+        return Motor(link, motor, length(six_bar, "crank", "six_bar/"), length(six_bar, "coupler", "six_bar/"), pin)
+    pin = pair(f"{name}/pin_on_link", of(drive, "pin_on_link"), np.inf)
+    end, on = pair(f"{name}/ground_point", of(drive, "ground_point"), np.inf), str(of(drive, "on") or "ground")
     if kind == "actuator":
-        return Strut(link, on, pin, end, (length(given, "retracted"), length(given, "stroke")))
-    lock, knee = of(given, "lock"), sequence(of(of(given, "curve"), "knee"))
+        return Strut(link, on, pin, end, (length(drive, "retracted"), length(drive, "stroke")))
+    lock, knee = of(drive, "lock"), sequence(of(of(drive, "curve"), "knee"))
     if not knee:
         raise FieldError(f"/{name}/curve/knee", "needed: give the drive as a reply has it")
-    top, other = (
-        pair(f"{name}/{at}", value, np.inf) for at, value in (("curve/knee/0", knee[0]), ("pin", of(given, "pin")))
+    top, knee_pin = (
+        pair(f"{name}/{at}", value, np.inf) for at, value in (("curve/knee/0", knee[0]), ("pin", of(drive, "pin")))
     )
-    side = np.sign(np.imag(np.conj(other - end) * (top - end)))
+    side = np.sign(np.imag(np.conj(knee_pin - end) * (top - end)))
     # the end that is locked is bent the other way than all others
-    side = side if of(given, "extends") in (True, None) else -side
+    side = side if of(drive, "extends") in (True, None) else -side
     return Strut(
         link, "ground", pin, end, (length(lock, "handle", "lock/"), length(lock, "strut", "lock/")), int(side) or 1
     )
@@ -316,26 +316,26 @@ def _length(name: str, value: object) -> float | None:
     return found
 
 
-def _mounts(name: str, given: object, boards: str) -> dict[str, str]:
-    if given is None:
+def _mounts(name: str, value: object, boards: str) -> dict[str, str]:
+    if value is None:
         return {}
-    if not isinstance(given, Mapping):
+    if not isinstance(value, Mapping):
         raise FieldError(f"/{name}", "wanted a mapping such as {'A': 'below'}")
-    if given and boards == "bar":
+    if value and boards == "bar":
         raise FieldError(f"/{name}", "a bar is a plate itself: its pins stand in no board")
-    allowed = {"below": MOUNTS[:1], "above": MOUNTS[1:2], "both": MOUNTS}[boards] if given else ()
-    for pin, mount in given.items():
+    allowed = {"below": MOUNTS[:1], "above": MOUNTS[1:2], "both": MOUNTS}[boards] if value else ()
+    for pin, mount in value.items():
         if pin not in FIXED_PINS:
             raise FieldError.no_such(f"/{name}", pin, FIXED_PINS, "fixed pin")
         if mount not in allowed:
             raise FieldError(f"/{name}/{pin}", f"wanted {' or '.join(allowed)} with boards {boards}, found {mount!r}")
-    return dict(given)
+    return dict(value)
 
 
-def _outline(name: str, given: object) -> tuple[complex, ...]:
+def _outline(name: str, value: object) -> tuple[complex, ...]:
     """The corners of a body's outline, counter-clockwise."""
     try:
-        points = np.asarray(given, dtype=float)
+        points = np.asarray(value, dtype=float)
     except (TypeError, ValueError):
         points = np.zeros(0)
     if points.ndim != 2 or points.shape[1] != 2 or not np.isfinite(points).all():
@@ -352,49 +352,47 @@ def _outline(name: str, given: object) -> tuple[complex, ...]:
     return tuple(corners if signed_area(corners) > 0 else corners[::-1])
 
 
-def machine_of(linkage: Linkage, asked: AskedAssembly, used: Interval, where: str = "assembly/") -> Machine:
+def machine_of(linkage: Linkage, request: AskedAssembly, used: Interval, where: str = "assembly/") -> Machine:
     """Return plates and pins of a linkage with the requested sizes, and with standard sizes by default.
 
     If the default hole leaves no material, the largest of its `SHARES` that leaves some is used. Raises `FieldError` if all of
     them leave none.
     """
-    if asked.body and not linkage.mounted:
+    if request.body and not linkage.mounted:
         raise FieldError(f"/{where}body", "needs `position`: without it nothing says where the body is")
     for share in SHARES:
         try:
-            return _machine(linkage, asked, share, used, where)
+            return _machine(linkage, request, share, used, where)
         except FieldError as error:
-            if asked.settings.hole is not None or error.field not in (f"/{where}body", f"/{where}hole"):
+            if request.settings.hole is not None or error.field not in (f"/{where}body", f"/{where}hole"):
                 raise
             refused = error
     raise refused
 
 
-def _machine(linkage: Linkage, asked: AskedAssembly, share: float, used: Interval, where: str) -> Machine:
-    bar = asked.arranged.boards == "bar"
+def _machine(linkage: Linkage, request: AskedAssembly, share: float, used: Interval, where: str) -> Machine:
+    bar = request.arranged.boards == "bar"
 
-    def made(sizes: Sizes, body: Sequence[complex]) -> Machine:
-        if isinstance(asked.drive, Motor):
-            return motor_driven(linkage, used, asked.drive, sizes, body, bar)
-        if isinstance(asked.drive, Strut):
-            return strut_driven(linkage, used, asked.drive, sizes, body, bar)
-        return as_plates(linkage, used, sizes, body, bar)
+    def plates_of(sizes: Sizes, outline: Sequence[complex]) -> Machine:
+        if isinstance(request.drive, Motor):
+            return motor_driven(linkage, used, request.drive, sizes, outline, bar)
+        if isinstance(request.drive, Strut):
+            return strut_driven(linkage, used, request.drive, sizes, outline, bar)
+        return as_plates(linkage, used, sizes, outline, bar)
 
     with pointing(lambda field: f"/{where}{field.lstrip('/')}" if field.startswith(("/drive", "/body")) else field):
-        rough = made(asked.settings.sizes._replace(hole_factor=share), ())
-        whole = asked.settings.completed(rough.hole, rough.width, rough.clearance)
-        machine = made(whole.sizes, asked.body)
+        rough = plates_of(request.settings.sizes._replace(hole_factor=share), ())
+        completed = request.settings.completed(rough.hole, rough.width, rough.clearance)
+        machine = plates_of(completed.sizes, request.body)
     check_sizes(machine.lengths, machine.hole, machine.width, f"/{where}".rstrip("/"))
     fixed = [pin.name for pin in machine.pins if pin.grounded]
-    for pin in asked.arranged.mounts:
+    for pin in request.arranged.mounts:
         if pin not in fixed:
             raise FieldError.no_such(f"/{where}mounts", pin, fixed, "fixed pin")
     for plate in machine.plates:
-        for one, other in combinations(plate.holes, 2):
-            if not abs(one.at - other.at) > machine.hole:
-                holes = (
-                    f"holes of {machine.hole:.6g} for {one.pin} and {other.pin}, {abs(one.at - other.at):.6g} apart,"
-                )
+        for hole, next_hole in combinations(plate.holes, 2):
+            if not abs(hole.at - next_hole.at) > machine.hole:
+                holes = f"holes of {machine.hole:.6g} for {hole.pin} and {next_hole.pin}, {abs(hole.at - next_hole.at):.6g} apart,"
                 raise FieldError(f"/{where}hole", f"{holes} would run into one another in the {plate.name}")
     return machine
 
@@ -410,7 +408,7 @@ class Reading(NamedTuple):
 
 def assembled(
     linkage: Linkage,
-    asked: AskedAssembly,
+    request: AskedAssembly,
     used: Interval,
     radian: float,
     work: Work,
@@ -420,30 +418,30 @@ def assembled(
 
     ``radian``: radians in the user's unit of angle; the travel of a drive that slides is a length.
     """
-    machine = machine_of(linkage, asked, used, where)
+    machine = machine_of(linkage, request, used, where)
     unit = Reading(radian, " rad" if radian == 1.0 else " degrees") if machine.turns else Reading(1.0, "")
     with pointing(lambda field: f"/{where}{field.lstrip('/')}"):
-        found = arrange(machine, asked.arranged, work)
-    reasons = _reasons(machine, found, asked.arranged, unit)
-    if found.status == "blocked" and asked.arranged.boards in ("below", "above") and not asked.arranged.mounts:
-        other = arrange(machine, asked.arranged._replace(boards="both"), work)
-        if other.status == "free":
-            held = ", ".join(f"{pin} {mount}" for pin, mount in other.stack.mounts.items())
-            reasons.insert(1, f"with boards on both sides {other.stack.count} layers are free: {held}")
-    beyond = outside(machine, asked.envelope, asked.keep_out, work)
+        found = arrange(machine, request.arranged, work)
+    reasons = _reasons(machine, found, request.arranged, unit)
+    if found.status == "blocked" and request.arranged.boards in ("below", "above") and not request.arranged.mounts:
+        two_sided = arrange(machine, request.arranged._replace(boards="both"), work)
+        if two_sided.status == "free":
+            held = ", ".join(f"{pin} {mount}" for pin, mount in two_sided.stack.mounts.items())
+            reasons.insert(1, f"with boards on both sides {two_sided.stack.count} layers are free: {held}")
+    beyond = outside(machine, request.envelope, request.keep_out, work)
     if beyond:
         # no layer helps
         found = replace(found, status="blocked", collisions=(*beyond, *found.collisions))
         more = [f"and so {len(beyond) - MOST_TOLD} times more"] * (len(beyond) > MOST_TOLD)
-        reasons = [*(_beyond(one, machine, unit) for one in beyond[:MOST_TOLD]), *more, *reasons]
-    return described(machine, asked, found, reasons, unit)
+        reasons = [*(_beyond(collision, machine, unit) for collision in beyond[:MOST_TOLD]), *more, *reasons]
+    return described(machine, request, found, reasons, unit)
 
 
 def described(
-    machine: Machine, asked: AskedAssembly, found: Arrangement, reasons: list[str], unit: Reading
+    machine: Machine, request: AskedAssembly, found: Arrangement, reasons: list[str], unit: Reading
 ) -> Assembly:
     """What was found as a user reads it."""
-    settings = asked.settings.completed(machine.hole, machine.width, machine.clearance)
+    settings = request.settings.completed(machine.hole, machine.width, machine.clearance)
     stack, heights = found.stack, Heights.of(machine, settings.thickness, settings.washer)
     names = machine.movement.names
     return Assembly(
@@ -489,19 +487,19 @@ def described(
         machine=machine,
         arrangement=found,
         settings=settings,
-        given=asked.settings,
-        driven_hinge=asked.drive if isinstance(asked.drive, str) else "",
+        given=request.settings,
+        driven_hinge=request.drive if isinstance(request.drive, str) else "",
     )
 
 
-def _collision(one: stacks.Collision, unit: Reading) -> Collision:
-    return {"pair": list(one.pair), "from": one.first / unit.radian, "to": one.last / unit.radian}
+def _collision(collision: stacks.Collision, unit: Reading) -> Collision:
+    return {"pair": list(collision.pair), "from": collision.first / unit.radian, "to": collision.last / unit.radian}
 
 
-def _stop(one: stacks.Stop | None, unit: Reading) -> Stop:
-    if one is None:
+def _stop(stop: stacks.Stop | None, unit: Reading) -> Stop:
+    if stop is None:
         return Stop(None, None, None)
-    return Stop(one.at / unit.radian, "loop" if one.pair is None else "pair", one.pair)
+    return Stop(stop.at / unit.radian, "loop" if stop.pair is None else "pair", stop.pair)
 
 
 # -- in words -----------------------------------------------------------------------------------------------------------
@@ -516,28 +514,31 @@ def _part(name: str, machine: Machine) -> str:
     """A part in a sentence: "the crank", "pin B", "the head of pin A"."""
     if name.startswith("head "):
         return f"the head of pin {name.removeprefix('head ')}"
-    return f"the {name}" if any(one.name == name for one in machine.plates) else f"pin {name}"
+    return f"the {name}" if any(plate.name == name for plate in machine.plates) else f"pin {name}"
 
 
 def _both(pair: Sequence[str], machine: Machine) -> str:
     return " and ".join(_part(name, machine) for name in pair)
 
 
-def _between(one: stacks.Collision, unit: Reading) -> str:
-    return f"from {one.first / unit.radian:.6g} to {_angle(one.last, unit)}"
+def _between(collision: stacks.Collision, unit: Reading) -> str:
+    return f"from {collision.first / unit.radian:.6g} to {_angle(collision.last, unit)}"
 
 
-def _beyond(one: stacks.Collision, machine: Machine, unit: Reading) -> str:
-    wall, plate = one.pair
+def _beyond(collision: stacks.Collision, machine: Machine, unit: Reading) -> str:
+    wall, plate = collision.pair
     what = "leaves the envelope" if wall == ENVELOPE else f"enters {wall.replace('_', '-')}"
-    return f"{_part(plate, machine)} {what} {_between(one, unit)}"
+    return f"{_part(plate, machine)} {what} {_between(collision, unit)}"
 
 
 def _passing(pin: str, shaft: stacks.Shaft, unit: Reading) -> str | None:
     if shaft.both_sides:
         return None
-    ways = [f"the {_other(one.pair, pin)} passes over {pin} {_between(one, unit)}" for one in shaft.passes]
-    return "; ".join(ways)
+    passages = [
+        f"the {_other(collision.pair, pin)} passes over {pin} {_between(collision, unit)}"
+        for collision in shaft.passes
+    ]
+    return "; ".join(passages)
 
 
 def _other(pair: Sequence[str], pin: str) -> str:

@@ -116,10 +116,10 @@ class CandidateSearch:
             found, report = search_four_bars(seed_tables(), motion, limits, task.top, goal, work, rounds)
             if task.fair and limits is task.limits:
 
-                def again(fair_limits: Limits) -> tuple[list[Solution], SearchReport]:
+                def search_again(fair_limits: Limits) -> tuple[list[Solution], SearchReport]:
                     return search_four_bars(seed_tables(), motion, fair_limits, task.top, goal, work)
 
-                return _with_fair(found, report, again, ranking_of(task), task.fair)
+                return _with_fair(found, report, search_again, ranking_of(task), task.fair)
             return found, report
 
         return search_kinds(task.kinds, motion, limits, goal, beside_sliders, work, rounds, task.soon)
@@ -151,11 +151,11 @@ def _best_four_bars(task: Task, search: CandidateSearch, ranking: Ranking) -> Ca
     pool = max(pool, _BALANCED_POOL) if task.prefer == "balanced" else pool
     four_bars, report = search_four_bars(source, task.motion, task.limits, pool, goal, first_work)
 
-    def again(fair_limits: Limits) -> tuple[list[Solution], SearchReport]:
+    def search_again(fair_limits: Limits) -> tuple[list[Solution], SearchReport]:
         return search_four_bars(source, task.motion, fair_limits, size, goal, first_work)
 
     if task.fair:
-        four_bars, report = _with_fair(four_bars, report, again, ranking, task.fair)
+        four_bars, report = _with_fair(four_bars, report, search_again, ranking, task.fair)
     if isinstance(source, SeedTables):
         four_bars = [_drawn_near(solution, task.motion, task.limits) for solution in four_bars]
     found, studies, report = _preferred(list(four_bars), task, search, ranking, work, report)
@@ -217,10 +217,10 @@ def _refine_all(
         found, report = refine_start(start, motion, limits, goal, work)
         if fair and start.linkage.is_four_bar and proportion(start.linkage, motion.samples) <= fair.longest:
 
-            def again(fair_limits: Limits, start: Start = start) -> tuple[list[Solution], SearchReport]:
+            def refine_again(fair_limits: Limits, start: Start = start) -> tuple[list[Solution], SearchReport]:
                 return refine_start(start, motion, fair_limits, goal, work)
 
-            found, report = _with_fair(found, report, again, ranking_of(task), fair)
+            found, report = _with_fair(found, report, refine_again, ranking_of(task), fair)
         results.append(found[0] if found else None)
         reports.append(report)
     return results, SearchReport.joined(reports)
@@ -237,24 +237,27 @@ def _with_continued(
     for k, solution in enumerate(held):
         if solution is None:
             continue
-        twin = next((other for other in merged if _is_twin(other, solution)), None)
+        twin = next((candidate for candidate in merged if _is_twin(candidate, solution)), None)
         if twin is not None:
             if twin.errors.objective <= solution.errors.objective:
                 held[k] = twin
                 continue
-            merged = [other for other in merged if other is not twin]
-            held = [solution if other is twin else other for other in held]
+            merged = [candidate for candidate in merged if candidate is not twin]
+            held = [solution if candidate is twin else candidate for candidate in held]
         merged.append(solution)
     merged = ranking.ordered(merged)
-    searched = [other for other in merged if all(other is not solution for solution in held)]
+    searched = [candidate for candidate in merged if all(candidate is not solution for solution in held)]
     dropped = searched[max(0, len(searched) - max(0, len(merged) - top)) :]
-    return [solution for solution in merged if all(solution is not other for other in dropped)], held
+    return [solution for solution in merged if all(solution is not candidate for candidate in dropped)], held
 
 
-def _is_twin(one: Solution, other: Solution) -> bool:
+def _is_twin(solution: Solution, candidate: Solution) -> bool:
     """Return whether two linkages of the same kind and drive hardly differ."""
-    same_group = (one.linkage.kind, one.linkage.driver) == (other.linkage.kind, other.linkage.driver)
-    return same_group and len(distinct([one, other], 2)) == 1
+    same_group = (solution.linkage.kind, solution.linkage.driver) == (
+        candidate.linkage.kind,
+        candidate.linkage.driver,
+    )
+    return same_group and len(distinct([solution, candidate], 2)) == 1
 
 
 def _best_of_kinds(task: Task, search: CandidateSearch, ranking: Ranking) -> Candidates:
@@ -351,8 +354,8 @@ def _drawn_near(solution: Solution, motion: Motion, limits: Limits) -> Solution:
     shift = complex(np.mean(vectors))
     arm = (vectors[0] - shift) * np.exp(-1j * at.coupler_angle[0])
     point = float(abs(arm)), wrap(float(np.angle(arm)))
-    near = assess(target, [linkage.placed(linkage.pivot_a + shift, linkage.ground_angle, point)])
-    for moved in within(target, limits, near):
+    nearby = assess(target, [linkage.placed(linkage.pivot_a + shift, linkage.ground_angle, point)])
+    for moved in within(target, limits, nearby):
         smaller = (size_of(moved.linkage, samples) or 0.0) < (size_of(linkage, samples) or 0.0)
         if smaller and abs(moved.errors.objective - solution.errors.objective) <= _ONLY_SHIFTED:
             return moved
@@ -371,11 +374,13 @@ def _with_fair(
         return found, report
     samples = ranking.motion.samples
     exact = exact_below(samples, ranking.tolerance)
-    errors = [(float(f"{one.errors.objective:.6g}"), proportion(one.linkage, samples)) for one in found]
+    errors = [
+        (float(f"{candidate.errors.objective:.6g}"), proportion(candidate.linkage, samples)) for candidate in found
+    ]
     (error, times), second = min(errors), report
 
     def smallest_fair() -> float:
-        fair_ones = [one for one in found if proportion(one.linkage, samples) <= fair.longest]
+        fair_ones = [candidate for candidate in found if proportion(candidate.linkage, samples) <= fair.longest]
         return min((solution.errors.objective for solution in fair_ones), default=np.inf)
 
     if times > PROPORTION and (error >= exact or smallest_fair() == np.inf):

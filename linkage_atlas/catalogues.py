@@ -78,26 +78,26 @@ def _table(field: str, text: str) -> list[dict[str, object]]:
     return rows
 
 
-def _rows(field: str, given: object, kind: str, names: Sequence[str], most: int) -> list[Fields]:
+def _rows(field: str, value: object, kind: str, names: Sequence[str], max_rows: int) -> list[Fields]:
     """Rows of a catalogue: by its name, of a CSV text, or as they are."""
-    if isinstance(given, str):
-        if "\n" in given:
-            rows: list[Fields] = list(_table(field, given))
-        elif given in names:
-            return list(_bundled(given))
+    if isinstance(value, str):
+        if "\n" in value:
+            rows: list[Fields] = list(_table(field, value))
+        elif value in names:
+            return list(_bundled(value))
         else:
             raise FieldError(
-                f"/{field}", f"wanted one of {', '.join(names)}, rows, or a CSV text, found {given[:60]!r}"
+                f"/{field}", f"wanted one of {', '.join(names)}, rows, or a CSV text, found {value[:60]!r}"
             )
     else:
-        rows = [row if isinstance(row, Mapping) else {} for row in sequence(given)]
-    if not 1 <= len(rows) <= most:
-        raise FieldError(f"/{field}", f"wanted 1 to {most} rows, found {len(rows)}")
-    for place, row in enumerate(rows):
-        check_names(f"/{field}/{place}", row, _COLUMNS[kind], "column")
+        rows = [row if isinstance(row, Mapping) else {} for row in sequence(value)]
+    if not 1 <= len(rows) <= max_rows:
+        raise FieldError(f"/{field}", f"wanted 1 to {max_rows} rows, found {len(rows)}")
+    for index, row in enumerate(rows):
+        check_names(f"/{field}/{index}", row, _COLUMNS[kind], "column")
         for name in _NEEDED[kind]:
             if row.get(name) is None:
-                raise FieldError(f"/{field}/{place}/{name}", "needed")
+                raise FieldError(f"/{field}/{index}/{name}", "needed")
     return rows
 
 
@@ -112,18 +112,18 @@ def _value(field: str, row: Fields, name: str, scale: float, default: float | No
 
 
 def read_actuators(
-    field: str, given: object, millimetres: float, pressure: float
+    field: str, value: object, millimetres: float, pressure: float
 ) -> tuple[list[CatalogueRow], dict[str, float]]:
     """Rows of a catalogue of actuators, and the rod diameters by the rows' names.
 
     A bundled one and none else is turned from millimetres to the request's unit, of which ``millimetres`` make one. A row with a
     bore and without a force pushes with ``pressure`` (bar) on the bore and pulls on what the rod leaves of it.
     """
-    bundled = isinstance(given, str) and "\n" not in given
+    bundled = isinstance(value, str) and "\n" not in value
     scale = millimetres if bundled else 1.0
     rows, rods = [], {}
-    for place, row in enumerate(_rows(field, given, "actuator", ACTUATORS, MOST_ROWS)):
-        at = f"{field}/{place}"
+    for index, row in enumerate(_rows(field, value, "actuator", ACTUATORS, MOST_ROWS)):
+        at = f"{field}/{index}"
         retracted, stroke = (_value(at, row, name, scale) for name in ("retracted", "stroke"))
         bore, rod = (_value(at, row, name, scale) for name in ("bore", "rod"))
         push = _value(at, row, "force", scale)
@@ -134,7 +134,7 @@ def read_actuators(
             if taken >= area:
                 raise FieldError(f"/{at}/rod", "wanted less than the bore")
             push, pull = (pressure * _NEWTONS_A_BAR * part for part in (area, area - taken))
-        name = str(row.get("name") or f"row {place + 1}")
+        name = str(row.get("name") or f"row {index + 1}")
         assert retracted is not None and stroke is not None
         price, never = _value(at, row, "price", scale), math.inf
         rows.append(
@@ -151,15 +151,15 @@ def read_actuators(
     return rows, rods
 
 
-def read_springs(field: str, given: object, kind: str, millimetres: float) -> list[SpringRow]:
+def read_springs(field: str, value: object, kind: str, millimetres: float) -> list[SpringRow]:
     """Read a catalogue of tension, gas or compression springs; None selects the bundled catalogue."""
-    given = SPRINGS[kind] if given is None else given
-    bundled = isinstance(given, str) and "\n" not in given
+    value = SPRINGS[kind] if value is None else value
+    bundled = isinstance(value, str) and "\n" not in value
     scale = millimetres if bundled else 1.0
     kinds = []
-    for place, row in enumerate(_rows(field, given, kind, tuple(SPRINGS.values()), MOST_SPRING_ROWS)):
-        at = f"{field}/{place}"
-        name, price = str(row.get("name") or f"row {place + 1}"), _value(at, row, "price", scale)
+    for index, row in enumerate(_rows(field, value, kind, tuple(SPRINGS.values()), MOST_SPRING_ROWS)):
+        at = f"{field}/{index}"
+        name, price = str(row.get("name") or f"row {index + 1}"), _value(at, row, "price", scale)
         if kind == "gas":
             force, extended, stroke = (_value(at, row, name, scale) for name in ("force", "extended", "stroke"))
             assert force is not None and extended is not None and stroke is not None
@@ -193,20 +193,20 @@ def _compression(at: str, row: Fields, name: str, scale: float, price: float | N
     return SpringRow(name, rate, free, 0.0, free - load / rate, free, price)
 
 
-def read_torsion_springs(field: str, given: object, millimetres: float, radian: float) -> list[TorsionRow]:
+def read_torsion_springs(field: str, value: object, millimetres: float, radian: float) -> list[TorsionRow]:
     """Read a catalogue of torsion springs; None selects the bundled catalogue.
 
     The bundled catalogue has newtons times millimetres per degree and degrees; other rows are in the request's units.
     """
-    given = SPRINGS["torsion"] if given is None else given
-    bundled = isinstance(given, str) and "\n" not in given
+    value = SPRINGS["torsion"] if value is None else value
+    bundled = isinstance(value, str) and "\n" not in value
     scale, unit = (millimetres, math.pi / 180) if bundled else (1.0, radian)
     found = []
-    for place, row in enumerate(_rows(field, given, "torsion", tuple(SPRINGS.values()), MOST_SPRING_ROWS)):
-        at = f"{field}/{place}"
+    for index, row in enumerate(_rows(field, value, "torsion", tuple(SPRINGS.values()), MOST_SPRING_ROWS)):
+        at = f"{field}/{index}"
         rate, angle = (_value(at, row, name, 1.0) for name in ("rate", "angle_max"))
         preload, price = _value(at, row, "preload", 1.0, 0.0), _value(at, row, "price", 1.0)
         assert rate is not None and angle is not None and preload is not None
-        name = str(row.get("name") or f"row {place + 1}")
+        name = str(row.get("name") or f"row {index + 1}")
         found.append(TorsionRow(name, rate / scale / unit, preload / scale, angle * unit, price))
     return found

@@ -174,17 +174,17 @@ def sheet_of(text: str, known: frozenset[str], needed: Sequence[str] = ()) -> Sh
                 titles = [(number, cells)]
     if not titles:
         return Sheet([], rows, rows[0].line)
-    wanted = {_name(one) for one in needed}
+    chosen_names = {_name(head) for head in needed}
     heads = [(number, [head_of(cell) for cell in _trimmed(cells)]) for number, cells in titles]
-    at = max(range(len(heads)), key=lambda k: (any(one.name in known | wanted for one in heads[k][1]), k))
+    at = max(range(len(heads)), key=lambda k: (any(head.name in known | chosen_names for head in heads[k][1]), k))
     if at < len(heads) - 1:
         number, extra = heads[at + 1]
         raise FieldError("", f"line {number}: '{extra[0].text[:20]}' is not a number, and this is no row of units")
     at_line, found = heads[at]
     if units:
         found = [
-            one._replace(unit=one.unit or unit)
-            for one, unit in zip(found, [*units, *[""] * len(found)], strict=False)
+            head._replace(unit=head.unit or unit)
+            for head, unit in zip(found, [*units, *[""] * len(found)], strict=False)
         ]
     return Sheet(found, rows, at_line)
 
@@ -203,8 +203,8 @@ def _holds_numbers(line: str) -> bool:
 def _is_number(cell: str) -> bool:
     """Return whether a cell is a number, perhaps with a unit, a time, or a text in place of a missing number."""
     found = _NUMBER.match(cell)
-    rest = cell[found.end() :].strip().lower() if found else ""
-    if found and (rest in UNITS or not re.search(r"[^\W\d_]", rest)):
+    suffix = cell[found.end() :].strip().lower() if found else ""
+    if found and (suffix in UNITS or not re.search(r"[^\W\d_]", suffix)):
         return True
     return _MISSING.fullmatch(cell.lower()) is not None
 
@@ -224,8 +224,8 @@ def _separator(below: list[str], above: list[str]) -> str:
     if all("|" in line for line in bare):
         return "|"
     if above:  # the separator with which a row has as many cells as there are heads
-        heads = {len(_trimmed(_split(above[-1], other, 0))) for other in "\t;,| "} - {1} or {1}
-        fits = [other for other in ", " if len(_trimmed(_split(below[0], other, 0))) in heads]
+        heads = {len(_trimmed(_split(above[-1], mark, 0))) for mark in "\t;,| "} - {1} or {1}
+        fits = [mark for mark in ", " if len(_trimmed(_split(below[0], mark, 0))) in heads]
         return fits[0] if len(fits) == 1 else "," if "," in above[-1] else " "
     first = re.sub(r"[(\[][^)\]]*[)\]]", "", bare[0]).strip()
     # numbers between which there are blanks without a comma before them: "1,5 2,5", in contrast to "1, 5"
@@ -248,10 +248,10 @@ def _split(line: str, separator: str, number: int) -> list[str]:
 def _head_cells(line: str, separator: str, width: int, number: int) -> list[str]:
     """Split a line of heads, which may have another separator than the numbers below it."""
     cells = _trimmed(_split(line, separator, number))
-    for other in "\t;,| ":
+    for candidate in "\t;,| ":
         if len(cells) == width:
             break
-        if len(found := _trimmed(_split(line, other, number))) == width:
+        if len(found := _trimmed(_split(line, candidate, number))) == width:
             cells = found
     return cells
 

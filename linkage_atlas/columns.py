@@ -178,8 +178,8 @@ class Reading:
         if len(angles) > len(missing):
             same = ", ".join(f"'{self.sheet.heads[k].text}'" for k in angles)
             raise self.refuse(f"the columns {same} may be input or output: name them so", True)
-        rest = {k: role for k, role in found.items() if role != "angle"}
-        return rest | dict(zip(sorted(angles), missing, strict=False))
+        remaining = {k: role for k, role in found.items() if role != "angle"}
+        return remaining | dict(zip(sorted(angles), missing, strict=False))
 
     def _by_number(self) -> dict[int, str]:
         width = (
@@ -190,9 +190,9 @@ class Reading:
         width = max(width, min(self.sheet.width, max(self.kind.bare)))
         roles = self.kind.bare.get(width)
         if roles is None:
-            most = max(self.kind.bare)
+            max_columns = max(self.kind.bare)
             raise self.refuse(
-                f"wanted 1 to {most} columns, or a line of heads above them; found {width} columns", True
+                f"wanted 1 to {max_columns} columns, or a line of heads above them; found {width} columns", True
             )
         if self.kind is POSES and len(self.sheet.rows) > 1:
             self._check_bare(roles)
@@ -310,13 +310,13 @@ class Reading:
                 if unit in lengths.values() or (role in self.kind.lengths and not unit):
                     self._scale(role, MILLIMETRES[unit or own] / MILLIMETRES[self.length_unit])
         for role, unit in units.items():
-            asked = self.ends.get(role, "")
-            if unit and asked and (asked == "length") != (unit in LENGTH_NAMES):
+            quantity = self.ends.get(role, "")
+            if unit and quantity and (quantity == "length") != (unit in LENGTH_NAMES):
                 kind = "a length" if unit in LENGTH_NAMES else "an angle"
-                raise FieldError(f"/{role}_unit", f"is {asked!r}, and the table has {kind} in {unit} for {role}")
-            wanted = asked if asked in ANGLE_NAMES else "deg" if self.degrees else "rad"
-            if unit in ANGLE_NAMES and unit != wanted:
-                self._scale(role, radians_in(unit == "deg") / radians_in(wanted == "deg"))
+                raise FieldError(f"/{role}_unit", f"is {quantity!r}, and the table has {kind} in {unit} for {role}")
+            target_unit = quantity if quantity in ANGLE_NAMES else "deg" if self.degrees else "rad"
+            if unit in ANGLE_NAMES and unit != target_unit:
+                self._scale(role, radians_in(unit == "deg") / radians_in(target_unit == "deg"))
 
     def _scale(self, role: str, factor: float) -> None:
         if factor != 1:
@@ -396,7 +396,7 @@ class Reading:
     def note(self) -> str:
         """Say how the columns were read, in one sentence."""
         parts = list(self.remarks)
-        wanted = "degrees" if self.degrees else "radians"
+        unit_name = "degrees" if self.degrees else "radians"
         if self.sheet.heads:
             read = []
             for k, role in self.roles.items():
@@ -405,7 +405,7 @@ class Reading:
                 beside = (
                     f" in {named}" if named and not head_of(text).unit else ""
                 )  # of a row of units or of the cells
-                converted = f" (converted to {wanted})" if named in ANGLE_NAMES and named != wanted[:3] else ""
+                converted = f" (converted to {unit_name})" if named in ANGLE_NAMES and named != unit_name[:3] else ""
                 if named in LENGTH_NAMES and self.length_unit not in (None, named):
                     converted = f" (converted to {self.length_unit})"
                 read.append(f"{_word(role)} from '{text[:40]}'{beside}{converted}")

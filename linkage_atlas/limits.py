@@ -160,11 +160,11 @@ def _read(
     preset: str,
     default: Fields,
 ) -> model.Limits:
-    given = {**default, **{name: value for name, value in (limits or {}).items() if value is not None}}
-    check_names("/limits", given, (*forms, "preset"), "limit")
-    preset = one_of("limits/preset", given.pop("preset", preset), PRESETS)
-    given = {name: _value(f"limits/{name}", FORMS[name].kind, value, radian) for name, value in given.items()}
-    return build(model.Limits, practical_limits(samples, given) if preset == "practical" else given)
+    named = {**default, **{name: value for name, value in (limits or {}).items() if value is not None}}
+    check_names("/limits", named, (*forms, "preset"), "limit")
+    preset = one_of("limits/preset", named.pop("preset", preset), PRESETS)
+    named = {name: _value(f"limits/{name}", FORMS[name].kind, value, radian) for name, value in named.items()}
+    return build(model.Limits, practical_limits(samples, named) if preset == "practical" else named)
 
 
 def _value(field: str, kind: str, value: object, radian: float) -> object:
@@ -194,11 +194,11 @@ def _numbers(field: str, values: object, size: int, form: str) -> list[float]:
     return found.tolist()
 
 
-def _lengths(field: str, given: object) -> tuple[float | None, ...]:
-    if not isinstance(given, Mapping):
+def _lengths(field: str, value: object) -> tuple[float | None, ...]:
+    if not isinstance(value, Mapping):
         raise FieldError(f"/{field}", f"wanted some of {', '.join(LINKS)} with their lengths")
-    check_names(f"/{field}", given, LINKS, "link")
-    values = [given.get(name) for name in LINKS]
+    check_names(f"/{field}", value, LINKS, "link")
+    values = [value.get(name) for name in LINKS]
     return tuple(None if value is None else number(f"{field}/{name}", value) for name, value in zip(LINKS, values))
 
 
@@ -227,13 +227,15 @@ def what_excludes(
     names = [name for name in limits.given if name != "family"]
     if limits.family != "any":  # it may be the default, which the user has not thought of
         names.insert(0, "family")
-    if given := all(limits.links):  # the given lengths satisfy the limits of lengths: these exclude nothing
+    if all_lengths := all(limits.links):  # the given lengths satisfy the limits of lengths: these exclude nothing
         idle = ["link_min", "link_max", "link_ratio_max", *["transmission_angle_min_turn"] * limits.swings]
         names = [name for name in names if name not in idle]
-    names.sort(key=lambda name: (given and name == "links", name not in (own or {})))
-    if given and not in_family(limits.family, np.array([limits.links], dtype=float))[0]:
-        made = Family(family(np.array(limits.links, dtype=float)).item()).value.replace("_", "-")
-        return [f"The given lengths make a {made}, which the family excludes: allow any family (`limits.family`)."]
+    names.sort(key=lambda name: (all_lengths and name == "links", name not in (own or {})))
+    if all_lengths and not in_family(limits.family, np.array([limits.links], dtype=float))[0]:
+        family_name = Family(family(np.array(limits.links, dtype=float)).item()).value.replace("_", "-")
+        return [
+            f"The given lengths make a {family_name}, which the family excludes: allow any family (`limits.family`)."
+        ]
     trials = _Trials(search, work)
     extent = 1.0 if motion.samples.position is None else motion.samples.extent
     single: list[str] = []
@@ -285,9 +287,11 @@ def _pairs(limits: model.Limits, names: Sequence[str], motion: Motion, trials: _
     """Return a sentence on the first two limits without which there are linkages."""
     for pair in combinations(names, 2):
         if trials.find(_without(_without(limits, pair[0], extent), pair[1], extent)):
-            one, other = (_condition(limits, name, motion) for name in pair)
+            first, second = (_condition(limits, name, motion) for name in pair)
             fields = ", ".join(f"`limits.{name}`" for name in pair)
-            return f"No linkage was found with {one} and {other}; without these two limits there are some ({fields})."
+            return (
+                f"No linkage was found with {first} and {second}; without these two limits there are some ({fields})."
+            )
     pairs = ", or two," if trials.left else ", or one of the pairs that were tried,"
     dropped = f"one of the limits{pairs}" if len(names) > 1 else "the limit"
     return f"Dropping {dropped} did not lead to a linkage."
@@ -349,8 +353,8 @@ def _eased(limits: model.Limits, name: str, share: float, extent: float, radian:
             eased = _rounded(value * (1 - share), -1) if form.least else _rounded(value / (1 - share), 1)
             return _changed(limits, name, eased, extent)
         case "box":
-            by, far = share / (1 - share) * extent, max(map(abs, value))
-            moved = [_rounded(value[k] + side * by, side, 4, far + by) for k, side in enumerate((-1, -1, 1, 1))]
+            by, distance = share / (1 - share) * extent, max(map(abs, value))
+            moved = [_rounded(value[k] + side * by, side, 4, distance + by) for k, side in enumerate((-1, -1, 1, 1))]
             return _changed(limits, name, tuple(moved), extent)
     return None
 
@@ -360,6 +364,6 @@ def _rounded(value: float, side: int, digits: int = 4, size: float | None = None
     size = abs(value) if size is None else size
     if not size:
         return value
-    places = digits - 1 - int(np.floor(np.log10(size)))
-    scaled = value * 10.0**places
-    return float(f"{(np.ceil(scaled) if side > 0 else np.floor(scaled)) / 10.0**places:.{digits}g}")
+    decimals = digits - 1 - int(np.floor(np.log10(size)))
+    scaled = value * 10.0**decimals
+    return float(f"{(np.ceil(scaled) if side > 0 else np.floor(scaled)) / 10.0**decimals:.{digits}g}")

@@ -96,24 +96,24 @@ def match(
         raise FieldError("/crank_span", HOW_TURNED)
     atlas = None if atlas is None else as_atlas(atlas)
     atlases = [_atlas_of(kind, atlas) for kind in kinds]
-    scans = [one.scan if curve == "coupler" else one.rocker_scan for one in atlases]
+    scans = [source.scan if curve == "coupler" else source.rocker_scan for source in atlases]
     watch = work(budget)
     motion = Motion(rotation, crank_span=crank_span, crank_angle=crank_angle, degrees=degrees)
     target, radian = motion.target, motion.radian
-    wanted = target.rotation
-    assert wanted is not None
+    rotation_target = target.rotation
+    assert rotation_target is not None
     rows: list[_Row] = []
     reports = []
-    for one, scan in zip(atlases, scans):
+    for source, scan in zip(atlases, scans):
         windows, report = scan.best(target, top, work=watch)
         reports.append(report)
         for k, angle in enumerate(scan.angles(target, windows)):
             number, at, side = (int(column[k]) for column in windows[:3])
-            rows.append(_Row(one, scan, number, at, side, float(windows.error[k]), angle))
+            rows.append(_Row(source, scan, number, at, side, float(windows.error[k]), angle))
     report = ScanReport(
-        sum(one.windows for one in reports),
-        sum(one.evaluated for one in reports),
-        all(one.exhaustive for one in reports),
+        sum(each.windows for each in reports),
+        sum(each.evaluated for each in reports),
+        all(each.exhaustive for each in reports),
     )
     rows.sort(key=lambda row: np.round(row.error / TIE))  # of the same error in the order of the kinds
     rows = rows[:top]
@@ -126,7 +126,7 @@ def match(
         angle = principal(row.angle)
         kind, branch = row.atlas.type_of(row.number), sides[row.branch > 0]
         start = row.start * (360 / row.scan.starts) * (np.pi / 180 / radian)
-        offset = float(np.mean(wanted - angle) / radian)
+        offset = float(np.mean(rotation_target - angle) / radian)
         linkage: Linkage
         if row.atlas.kind == SLIDER_CRANK:
             linkage = _slider_crank(kind.lengths, branch, start * radian, offset * radian, radian, target)
@@ -147,7 +147,7 @@ def match(
                 linkage=linkage,
             )
         )
-    asked = _features(target.crank, wanted, radian) if features else None
+    features_of_target = _features(target.crank, rotation_target, radian) if features else None
     total = watch.elapsed
     stages = {"screen": screened, "rest": total - screened, "total": total}
     elapsed = {name: 1000 * seconds for name, seconds in stages.items()}
@@ -157,7 +157,9 @@ def match(
     if not report.exhaustive:
         notes.append("The time was up before all rows of the atlas were examined: others may be better.")
     notes = sentences(notes)
-    return Matches(matches, MatchReport(elapsed, report.windows, report.evaluated, report.exhaustive, notes, asked))
+    return Matches(
+        matches, MatchReport(elapsed, report.windows, report.evaluated, report.exhaustive, notes, features_of_target)
+    )
 
 
 class _Row(NamedTuple):

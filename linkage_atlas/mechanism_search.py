@@ -104,8 +104,8 @@ def search_kinds(
     if kinds.sliders and not with_sliders and not kinds.by_crank:
         progress.notes.append(NO_ROTATION)
     elif progress.found and any(getattr(limits, name) is not None for name in _PIVOT_BOXES):
-        made = {found.linkage.kind for found in progress.found if not found.linkage.is_four_bar}
-        if missing := [kind.value.replace("_", " ") for kind in kinds.sliders if kind not in made]:
+        found_kinds = {found.linkage.kind for found in progress.found if not found.linkage.is_four_bar}
+        if missing := [kind.value.replace("_", " ") for kind in kinds.sliders if kind not in found_kinds]:
             progress.notes.append(OUTSIDE_BOX.format(", ".join(missing)))
     return progress.found, progress.report(between)
 
@@ -125,11 +125,11 @@ def _search_four_bars(
     ``work``: all of the budget, and the fraction for four-bars. If four-bars are results too, the first rounds for the leads
     may use all of it: a search with more time then only adds to what a search with less time examines.
     """
-    whole, part = work
-    begun = [search(limits, whole if kinds.four_bars else part, _FIRST_ROUNDS)] if by_path else []
-    first = [lead for leads, _ in begun for lead in leads[:1]]
-    cut_off = any(report.time_up for _, report in begun)
-    searches = begun if cut_off else [search(limits, part, rounds), *begun]
+    full, part = work
+    first_search = [search(limits, full if kinds.four_bars else part, _FIRST_ROUNDS)] if by_path else []
+    first = [lead for leads, _ in first_search for lead in leads[:1]]
+    cut_off = any(report.time_up for _, report in first_search)
+    searches = first_search if cut_off else [search(limits, part, rounds), *first_search]
     leads, report = searches[0]
     if kinds.four_bars:
         for found, its_report in reversed(searches):

@@ -219,10 +219,10 @@ class Motion:
             crank_angle, said = unwound("crank angle", crank_angle, degrees)
             self._wraps = [*self._wraps, *said]
             turns, turn_weights = _present("rotation", wound, weights, 0.0, partial(column, "rotation"))
-            places, point_weights = _present("position", position, weights, (0.0, 0.0), _points)
+            points_read, point_weights = _present("position", position, weights, (0.0, 0.0), _points)
             part: Columns = {
                 "rotation": None if turns is None else turns * radian,
-                "position": places,
+                "position": points_read,
                 "length_scale": None if length_scale is None else number("length_scale", length_scale),
                 "rotation_weights": turn_weights,
                 "position_weights": point_weights,
@@ -236,15 +236,15 @@ class Motion:
                 self.travel = _travel(travel, travel_span, self.samples)
             elif timing is None:
                 _check_given("crank angles are", order, closed, crank_span_max)
-                if span is None and angles is None and not (turns is None and places is None):
+                if span is None and angles is None and not (turns is None and points_read is None):
                     raise FieldError("/crank_span", HOW_TURNED + OR_FREE)
                 target = make_target(**part, crank_span=span, crank_angle=angles)
                 start = None if start_angle is None else number("start_angle", start_angle) * radian
                 self.samples = replace(target, start=start)
             else:
                 _check_free(timing, order, span is not None, angles is not None)
-                most = None if crank_span_max is None else number("crank_span_max", crank_span_max) * radian
-                self.samples = make_poses(**part, ordered=order == "given", closed=closed, span_max=most)
+                span_max = None if crank_span_max is None else number("crank_span_max", crank_span_max) * radian
+                self.samples = make_poses(**part, ordered=order == "given", closed=closed, span_max=span_max)
         if start_angle is not None and not isinstance(self.samples, Target):
             raise FieldError("/start_angle", "belongs to given crank angles: with free timing or travel it is found")
         self.tolerances = _tolerances(tolerances, self.asked, radian)
@@ -348,17 +348,20 @@ class Motion:
             return self.samples
         crank, turns = np.stack([crank for crank in cranks if crank is not None]), None
         if self.samples.rotation is not None:
-            start = np.array([one.start for one in linkages])[:, None]
-            turned = np.array([one.ground_angle + (one.body_offset or 0.0) for one in linkages])[:, None]
-            links, branch = np.array([one.links for one in linkages]), np.array([one.branch for one in linkages])
+            start = np.array([linkage.start for linkage in linkages])[:, None]
+            turned = np.array([linkage.ground_angle + (linkage.body_offset or 0.0) for linkage in linkages])[:, None]
+            links, branch = (
+                np.array([linkage.links for linkage in linkages]),
+                np.array([linkage.branch for linkage in linkages]),
+            )
             turns = coupler_angle(links, branch, start + crank) + turned
         return self.samples.timed(crank, turns)
 
-    def one_of(self, target: Target, place: int) -> Motion:
+    def one_of(self, target: Target, index: int) -> Motion:
         """The motion with the crank angles of one linkage, from those of several that `with_angles` gave."""
         if not target.found:
             return self
-        return Motion.of(target.one_of(place), self.degrees, self.tolerances, self.length_unit)
+        return Motion.of(target.one_of(index), self.degrees, self.tolerances, self.length_unit)
 
     def of_solution(self, linkage: Linkage, crank: Floats) -> Motion:
         """The motion with the crank angles that one solution found."""
@@ -391,22 +394,22 @@ class Motion:
         if self.asked.rotation is None:
             return notes
         weights = self.asked.rotation_weights
-        given = self.asked.rotation if weights is None else self.asked.rotation[weights > 0]
-        return notes + unit_notes("rotation", given / self.radian, self.degrees)
+        angles = self.asked.rotation if weights is None else self.asked.rotation[weights > 0]
+        return notes + unit_notes("rotation", angles / self.radian, self.degrees)
 
     def _hinge_notes(self) -> list[str]:
         """Return a note if the motion only turns about a fixed point, with the point."""
         allowed = None if self.tolerances is None else self.tolerances.position
-        asked = self.asked
-        found = hinge_of(asked, None if allowed is None else float(np.min(allowed)))
+        samples = self.asked
+        found = hinge_of(samples, None if allowed is None else float(np.min(allowed)))
         if found is None:
             return []
         # rounding of the positions is no part of a coordinate
-        size = max(abs(found.centre), found.radius, asked.extent)
+        size = max(abs(found.centre), found.radius, samples.extent)
         digits = 7 - math.ceil(math.log10(size))
         x, y = (round(value, digits) + 0.0 for value in (found.centre.real, found.centre.imag))
         centre, off = f"({x:.9g}, {y:.9g})", f"to within {max(found.error, 1e-9 * size):.2g}"
-        if asked.rotation is None:
+        if samples.rotation is None:
             return [
                 f"the positions lie on a circle about the point {centre}, {off}: use a hinge there with a link of length "
                 f"{found.radius:.6g}, which needs no linkage"
@@ -419,9 +422,9 @@ class Motion:
         jump = np.abs(np.diff(self.samples.rotation))
         if jump.max() <= np.pi:
             return []
-        place = int(np.argmax(jump))
+        index = int(np.argmax(jump))
         return [
-            f"rotation jumps by more than half a turn from sample {place + 1} to {place + 2}; it is taken as continuous, "
+            f"rotation jumps by more than half a turn from sample {index + 1} to {index + 2}; it is taken as continuous, "
             "so if that is a wrap at 180 or 360 degrees, write it without: 350, 10, 30 as 350, 370, 390"
         ]
 
@@ -442,12 +445,12 @@ def unit_notes(what: str, values: Floats, degrees: bool) -> list[str]:
 
 def looks_like_radians(values: ArrayLike) -> bool:
     """Return whether angles are likely to be in radians: within a turn, over more than a little, not in tenths."""
-    given = np.array(
+    angles = np.array(
         [value for value in np.atleast_1d(np.asarray(values, dtype=object)) if value is not None], dtype=float
     )
-    if given.size < 2 or not np.abs(given).max() <= TURN + 1e-9:
+    if angles.size < 2 or not np.abs(angles).max() <= TURN + 1e-9:
         return False
-    return bool(np.ptp(given) >= _RADIANS and np.any(np.abs(10 * given - np.round(10 * given)) > 1e-6))
+    return bool(np.ptp(angles) >= _RADIANS and np.any(np.abs(10 * angles - np.round(10 * angles)) > 1e-6))
 
 
 def _present(
@@ -490,19 +493,19 @@ def unwound(name: str, angles: ArrayLike | None, degrees: bool) -> tuple[ArrayLi
         return angles, []
     if values.ndim != 1:
         return angles, []
-    given = np.flatnonzero(~np.isnan(values))
-    own = values[given]
+    indices = np.flatnonzero(~np.isnan(values))
+    own = values[indices]
     low, high = own.min(initial=np.inf), own.max(initial=-np.inf)
     within = any(-start <= low and high <= turn - start for start in (0.0, turn / 2))
     jumps = np.diff(own)
     if not within or not np.any(np.abs(jumps) > _WRAPPED * turn):
         return angles, []
     back = np.where(np.abs(jumps) > _WRAPPED * turn, np.sign(jumps), 0.0)
-    values[given[1:]] -= turn * np.cumsum(back)
+    values[indices[1:]] -= turn * np.cumsum(back)
     k = int(np.argmax(back != 0))
     unit, step = ("degrees" if degrees else "radians"), jumps[k] - turn * back[k]
     said = (
-        f"the {name} from sample {given[k] + 1} ({own[k]:.6g}) to {given[k + 1] + 1} ({own[k + 1]:.6g}) is taken as a turn of "
+        f"the {name} from sample {indices[k] + 1} ({own[k]:.6g}) to {indices[k + 1] + 1} ({own[k + 1]:.6g}) is taken as a turn of "
         f"{step:.4g} {unit}, the short way; for {jumps[k]:.4g} write it beyond {turn:.6g}"
     )
     if np.isnan(values).any():
@@ -511,9 +514,9 @@ def unwound(name: str, angles: ArrayLike | None, degrees: bool) -> tuple[ArrayLi
 
 
 def _tolerances(tolerances: Mapping[str, ArrayLike] | None, samples: Samples, radian: float) -> Tolerances | None:
-    given = {name: value for name, value in (tolerances or {}).items() if value is not None}
+    named = {name: value for name, value in (tolerances or {}).items() if value is not None}
     found = {}
-    for name, value in given.items():
+    for name, value in named.items():
         if name not in ("rotation", "position"):
             raise FieldError(f"/tolerances/{name}", "there are tolerances of rotation and position only")
         if getattr(samples, name) is None:
@@ -522,8 +525,8 @@ def _tolerances(tolerances: Mapping[str, ArrayLike] | None, samples: Samples, ra
         if numbers.ndim and numbers.shape != (samples.samples,):
             raise FieldError(f"/tolerances/{name}", f"wanted one or {samples.samples} numbers, found {numbers.size}")
         if np.any(bad := ~(np.isfinite(numbers) & (numbers > 0))):
-            place = f"/{int(np.argmax(bad))}" if numbers.ndim else ""
-            raise FieldError(f"/tolerances/{name}{place}", "wanted a number above 0")
+            index = f"/{int(np.argmax(bad))}" if numbers.ndim else ""
+            raise FieldError(f"/tolerances/{name}{index}", "wanted a number above 0")
         found[name] = np.broadcast_to(numbers, samples.samples) * (radian if name == "rotation" else 1.0)
     return Tolerances(found.get("rotation"), found.get("position")) if found else None
 
@@ -533,8 +536,8 @@ def _check_free(timing: str, order: str, span: bool, angles: bool) -> None:
     if timing != "free":
         raise FieldError("/timing", f"wanted 'free' or nothing, found {timing!r}")
     if span or angles:
-        given = "crank_angle" if angles else "crank_span"
-        raise FieldError(f"/{given}", "the crank angles are free: give either this or `timing`")
+        field = "crank_angle" if angles else "crank_span"
+        raise FieldError(f"/{field}", "the crank angles are free: give either this or `timing`")
     if order not in ("given", "any"):
         raise FieldError("/order", f"wanted 'given' or 'any', found {order!r}")
 
@@ -571,12 +574,12 @@ def _travel(travel: ArrayLike | None, span: float | None, samples: Poses) -> Flo
 
 def _check_given(what: str, order: str, closed: bool, crank_span_max: float | None) -> None:
     """FieldError for what only free crank angles can have."""
-    for name, asked in (
+    for name, is_set in (
         ("order", order != "given"),
         ("closed", closed),
         ("crank_span_max", crank_span_max is not None),
     ):
-        if asked:
+        if is_set:
             raise FieldError(f"/{name}", f"needs `timing` 'free': here the {what} given")
 
 

@@ -95,8 +95,8 @@ def in_percent(changes: Floats) -> str:
 
 def limit_label(name: str) -> str:
     """Return the name of a limit in a sentence; ``links.crank`` is one of the given lengths."""
-    whole, _, link = name.partition(".")
-    return f"the given {link} length" if link else LABELS[whole]
+    limit, _, link = name.partition(".")
+    return f"the given {link} length" if link else LABELS[limit]
 
 
 def condition(limits: Limits, name: str, radian: float) -> str:
@@ -111,7 +111,7 @@ def _shown(value: object, kind: str, radian: float) -> str:
     """Write the value of a limit with its unit of angle; empty for values that no sentence shows."""
     match value:
         case Reach():
-            return f"{max(far for far in value[1:] if far is not None):.4g}"
+            return f"{max(distance for distance in value[1:] if distance is not None):.4g}"
         case complex():
             return f"({value.real:.4g}, {value.imag:.4g})"
         case float():

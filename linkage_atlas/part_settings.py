@@ -49,19 +49,19 @@ class PartSettings:
     """Unit of the lengths, for the default sizes; None: the unit of the file, or mm."""
 
     @classmethod
-    def read(cls, given: Fields, where: str) -> PartSettings:
+    def read(cls, fields: Fields, where: str) -> PartSettings:
         """Check the settings among the fields of a request; ``where``: path of the fields in error messages."""
         sizes: dict[str, float] = {}
         for name in LENGTHS:
-            if given.get(name) is not None:
-                sizes[name] = number(f"{where}{name}", given[name], 0.0)
+            if fields.get(name) is not None:
+                sizes[name] = number(f"{where}{name}", fields[name], 0.0)
                 if not sizes[name] > 0 and name not in ("clearance", "washer", "kerf"):
                     raise FieldError(f"/{where}{name}", f"wanted a length above 0, found {sizes[name]:g}")
-        if given.get("scale") is not None:
-            scale = sizes["scale"] = number(f"{where}scale", given["scale"])
+        if fields.get("scale") is not None:
+            scale = sizes["scale"] = number(f"{where}scale", fields["scale"])
             if not LEAST_SCALE <= scale <= LARGEST_SCALE:
                 raise FieldError(f"/{where}scale", f"wanted {LEAST_SCALE:g} to {LARGEST_SCALE:g}, found {scale:g}")
-        unit = given.get("length_unit")
+        unit = fields.get("length_unit")
         if unit is not None:
             millimetres_in(unit, where)
         return cls(**sizes, length_unit=None if unit is None else str(unit))

@@ -66,11 +66,11 @@ class Measure(NamedTuple):
     resolution: float
     """Difference of two values that count as equal: a fraction if ``smallest`` is positive, otherwise absolute."""
 
-    def equal(self, best: float, other: float) -> bool:
+    def equal(self, best: float, value: float) -> bool:
         """Return whether the best value is as good as another value."""
         if self.smallest > 0:
-            return best <= other * (1 + self.resolution)
-        return best - other <= self.resolution
+            return best <= value * (1 + self.resolution)
+        return best - value <= self.resolution
 
 
 def accuracy_goal(motion: Motion, tolerance: float, smallest: float) -> float:
@@ -156,7 +156,14 @@ def balanced(found: Sequence[Solution], task: Task, ranking: Ranking, search: Se
             further += search(motion, compact, goal, work, _COMPACT_ROUNDS)[0]
     four_bars = [solution for solution in [*found, *further] if solution.linkage.is_four_bar]
     return further + list(
-        compacted(samples, task.limits, four_bars, lambda some: ranking.merits(some, found), task.tolerance, work)
+        compacted(
+            samples,
+            task.limits,
+            four_bars,
+            lambda candidates: ranking.merits(candidates, found),
+            task.tolerance,
+            work,
+        )
     )
 
 
@@ -171,33 +178,33 @@ def arranged(
     assembly = studies.assembly or read_assembly(True)
     assert assembly is not None
     within = assembly.within(limits.envelope, limits.keep_out)
-    near = ranking.accurate(ranking.ordered(found))
-    ranking.layers, made, remaining = layers_of(near, task.motion, within, work)
-    notes = [UNARRANGED.format(remaining, len(near))] if remaining else []
+    accurate = ranking.accurate(ranking.ordered(found))
+    ranking.layers, assemblies, remaining = layers_of(accurate, task.motion, within, work)
+    notes = [UNARRANGED.format(remaining, len(accurate))] if remaining else []
     report = report.ended_by(bool(notes))._replace(notes=[*report.notes, *notes])
-    return studies._replace(assembly=assembly, arranged=made), report
+    return studies._replace(assembly=assembly, arranged=assemblies), report
 
 
 def layers_of(
-    near: Sequence[Solution], motion: Motion, assembly: AskedAssembly, work: Work
+    candidates: Sequence[Solution], motion: Motion, assembly: AskedAssembly, work: Work
 ) -> tuple[dict[int, LayerRank], dict[int, Assembly], int]:
     """Compute layers of linkages, in their order.
 
     Returns the rank of all of these by id, the assemblies by id of the `linkage`, and the number of linkages that the time did
     not reach.
     """
-    ranks: dict[int, LayerRank] = {id(solution): UNRANKED for solution in near}
-    made: dict[int, Assembly] = {}
-    for k, solution in enumerate(near):
+    ranks: dict[int, LayerRank] = {id(solution): UNRANKED for solution in candidates}
+    assemblies: dict[int, Assembly] = {}
+    for k, solution in enumerate(candidates):
         try:
             work.go_on()
             interval = target_of(motion.samples, solution.linkage, solution.travel).interval
             layers = assembled(solution.linkage, assembly, interval, motion.radian, work)
         except OutOfTime:
-            return ranks, made, len(near) - k
+            return ranks, assemblies, len(candidates) - k
         except FieldError:
             continue
-        made[id(solution.linkage)] = layers
+        assemblies[id(solution.linkage)] = layers
         crossed = sum(not shaft.both_sides for shaft in layers.shaft.values())
         ranks[id(solution)] = not layers.free, crossed, layers.count
-    return ranks, made, 0
+    return ranks, assemblies, 0

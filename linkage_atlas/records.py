@@ -40,8 +40,8 @@ class Record:
 def names_of(kind: Any) -> tuple[str, ...]:
     """Names of the fields that a reply has of a dataclass or a named tuple, in order; of any other type none."""
     if is_dataclass(kind):
-        told = [field for field in fields(kind) if "kept" not in field.metadata]
-        return tuple(field.name for field in sorted(told, key=lambda field: "last" in field.metadata))
+        shown = [field for field in fields(kind) if "kept" not in field.metadata]
+        return tuple(field.name for field in sorted(shown, key=lambda field: "last" in field.metadata))
     return getattr(kind, "_fields", ())
 
 

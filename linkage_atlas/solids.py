@@ -39,13 +39,13 @@ class AskedSolids(NamedTuple):
     nevertheless: bool
 
 
-def read_solids(given: Fields | None, where: str = "solids/") -> AskedSolids:
+def read_solids(request: Fields | None, where: str = "solids/") -> AskedSolids:
     """A checked request for solids: some of `SOLIDS`. ``where``: what stands before its fields in the names that errors have."""
-    given = {} if given is None else given
-    if not isinstance(given, Mapping):
+    request = {} if request is None else request
+    if not isinstance(request, Mapping):
         raise FieldError(f"/{where.rstrip('/')}", f"wanted a mapping of {', '.join(SOLIDS)}")
-    check_names(f"/{where}".rstrip("/"), given, SOLIDS)
-    values = dict.fromkeys(SOLIDS) | {name: value for name, value in given.items() if value is not None}
+    check_names(f"/{where}".rstrip("/"), request, SOLIDS)
+    values = dict.fromkeys(SOLIDS) | {name: value for name, value in request.items() if value is not None}
 
     def named(name: str, known: Iterable[str], default: str) -> str:
         return default if values[name] is None else one_of(f"{where}{name}", values[name], known)
@@ -138,7 +138,7 @@ class SolidParts(Record):
                 columns = {name: [*column, row.get(name)] for name, column in columns.items()}
             return csv_text(columns).encode()
         if kind in ("urdf", "sdf"):
-            if any(one.slits for one in solids.machine.plates) or solids.machine.telescopes:
+            if any(plate.slits for plate in solids.machine.plates) or solids.machine.telescopes:
                 raise FieldError("/kind", SLIDES.format(kind))
             from synthesis.solids.robots import to_sdf, to_urdf
 
@@ -149,12 +149,12 @@ class SolidParts(Record):
         if kind == "stl":
             return to_stl_zip(parts)
         layout = self.asked.layout or ("bed" if kind == "3mf" else "assembled")
-        places = on_bed(parts) if layout == "bed" else solids.posed()
+        poses = on_bed(parts) if layout == "bed" else solids.posed()
         if kind == "3mf":
-            return to_3mf(parts, places, NAME)
+            return to_3mf(parts, poses, NAME)
         from synthesis.solids.step import to_step
 
-        return to_step(parts, places, NAME).encode("ascii")
+        return to_step(parts, poses, NAME).encode("ascii")
 
     def save(self, path: str | Path) -> None:
         """Write a file; its ending says which: .step, .3mf, .stl.zip, .urdf, .sdf or .parts.csv."""
@@ -164,29 +164,29 @@ class SolidParts(Record):
 
 def masses_of_parts(linkage: Linkage, used: Interval, length_unit: str) -> list[Weight]:
     """The masses that a load calls "parts": of the moving links as they are made by default, also where parts collide."""
-    asked = read_assembly({"length_unit": length_unit})
-    assert asked is not None
-    found = assembled(linkage, asked, used, 1.0, Work())
+    request = read_assembly({"length_unit": length_unit})
+    assert request is not None
+    found = assembled(linkage, request, used, 1.0, Work())
     parts = solids_in(found, read_solids({"nevertheless": True}), length_unit)
     return parts.masses
 
 
-def split(asked: Fields) -> tuple[dict[str, object], dict[str, object]]:
+def split(request: Fields) -> tuple[dict[str, object], dict[str, object]]:
     """Arguments of an assembly, and those of solids."""
-    check_names("", asked, ASSEMBLY + SOLIDS)
+    check_names("", request, ASSEMBLY + SOLIDS)
     return (
-        {name: value for name, value in asked.items() if name in ASSEMBLY},
-        {name: value for name, value in asked.items() if name in SOLIDS},
+        {name: value for name, value in request.items() if name in ASSEMBLY},
+        {name: value for name, value in request.items() if name in SOLIDS},
     )
 
 
-def solids_in(assembly: Assembly, asked: AskedSolids, length_unit: str) -> SolidParts:
+def solids_in(assembly: Assembly, request: AskedSolids, length_unit: str) -> SolidParts:
     """Return the parts of an assembly, with the sizes that were checked for collisions.
 
     Raises `FieldError`: where parts collide, unless they are wanted nevertheless.
     """
     unit, settings, scale = millimetres_in(length_unit), assembly.settings, assembly.settings.scale
-    if assembly.status == "blocked" and not asked.nevertheless:
+    if assembly.status == "blocked" and not request.nevertheless:
         why = "; ".join(list(dict.fromkeys(assembly.reasons))[:3])
         raise FieldError(
             "/assembly", f"parts would collide: {why}. `nevertheless` in `solids` writes them all the same"
@@ -199,39 +199,47 @@ def solids_in(assembly: Assembly, asked: AskedSolids, length_unit: str) -> Solid
             f"wanted pins of at least {LEAST_MM:g} mm and plates of at most {LARGEST_MM:g} mm, "
             f"found {sizes[0]:g} and {sizes[1]:g}",
         )
-    made = Made(
-        asked.fit,
-        asked.material,
-        asked.pins,
-        _height(assembly.given.thickness, settings.thickness, asked.fit.plate / (unit * scale)),
-        _height(assembly.given.washer, settings.washer, asked.fit.washer / (unit * scale)),
-        asked.fillet,
+    materials = Made(
+        request.fit,
+        request.material,
+        request.pins,
+        _height(assembly.given.thickness, settings.thickness, request.fit.plate / (unit * scale)),
+        _height(assembly.given.washer, settings.washer, request.fit.washer / (unit * scale)),
+        request.fillet,
         scale,
     )
-    solids = solids_of(machine, assembly.arrangement.stack, made, unit)
-    full = solids if scale == 1 else solids_of(machine, assembly.arrangement.stack, made._replace(scale=1.0), unit)
+    solids = solids_of(machine, assembly.arrangement.stack, materials, unit)
+    full = (
+        solids if scale == 1 else solids_of(machine, assembly.arrangement.stack, materials._replace(scale=1.0), unit)
+    )
     wall, part = solids.thinnest_wall
     masses = [
         SolidPart(
-            one.name, one.kind, one.link, one.material, one.volume, one.mass.mass, tuple(one.mass.centre.tolist())
+            part.name,
+            part.kind,
+            part.link,
+            part.material,
+            part.volume,
+            part.mass.mass,
+            tuple(part.mass.centre.tolist()),
         )
-        for one in solids.parts
+        for part in solids.parts
     ]
     return SolidParts(
-        asked.fit.name,
+        request.fit.name,
         scale,
         masses,
-        sum(one.mass for one in masses),
-        [Weight(one.link, one.mass, (one.at.real, one.at.imag), one.inertia) for one in masses_of_links(full)],
+        sum(part.mass for part in masses),
+        [Weight(part.link, part.mass, (part.at.real, part.at.imag), part.inertia) for part in masses_of_links(full)],
         Wall(wall, part),
         solids,
-        asked,
+        request,
         settings.kerf * unit,
         assembly.driven_hinge,
     )
 
 
-def _height(given: float | None, usual: float | None, least: float) -> float:
+def _height(own: float | None, default: float | None, minimum: float) -> float:
     """Return the given height, or else the default height, which is at least the height that a fit needs."""
-    assert usual is not None
-    return max(usual, least) if given is None else given
+    assert default is not None
+    return max(default, minimum) if own is None else own

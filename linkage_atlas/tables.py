@@ -119,20 +119,20 @@ def read_table(
     >>> print(table.note)
     columns read: x from 'TX [cm]', y from 'TY [cm]', angle from 'RZ [rad]' (converted to degrees); not read: 'Frame'
     """
-    given, chosen = dict(also or {}), with_aliases(columns, kind)
+    more, chosen = dict(also or {}), with_aliases(columns, kind)
     sheet = sheet_of(text, kind.known, tuple(chosen.values()))
-    reading = Reading(sheet, kind, given.get("angle_unit", "deg") != "rad", length_unit)
-    reading.ends = {role: str(unit) for role in ("input", "output") if (unit := given.get(f"{role}_unit"))}
+    reading = Reading(sheet, kind, more.get("angle_unit", "deg") != "rad", length_unit)
+    reading.ends = {role: str(unit) for role in ("input", "output") if (unit := more.get(f"{role}_unit"))}
     reading.assign(reading.chosen(chosen) if chosen else reading.recognised())
     reading.read_numbers()
     reading.combine_points()
     if unwrap:
         reading.unwrap()
     found = _poses(reading) if kind is POSES else _rotations(reading) if kind is ROTATIONS else _function(reading)
-    table, own = found.get("function"), given.get("function")
+    table, own = found.get("function"), more.get("function")
     if isinstance(table, dict) and isinstance(own, dict):
-        given["function"] = table | own
-    fields = found | given
+        more["function"] = table | own
+    fields = found | more
     if kind is not FUNCTIONS and len(sheet.rows) > MAX_SAMPLES:
         raise FieldError(
             "", f"the table has {len(sheet.rows):,} rows, at most {MAX_SAMPLES:,} are allowed: leave out rows between"

@@ -216,10 +216,13 @@ def read_task(
 
 def _check_start_angle(options: SearchOptions, kinds: Kinds, studies: Fields) -> None:
     """Refuse options that do not keep the crank angle of the first sample."""
-    given = {"start_from": options.start_from, "round_to": studies.get("round_to")}
-    given |= {"lengths_from": studies.get("lengths_from"), "effort": "atlas" if options.effort == "atlas" else None}
-    given |= {"mechanisms": None if kinds.only_four_bars else options.mechanisms}
-    if foreign := [name for name, value in given.items() if value is not None]:
+    options_set = {"start_from": options.start_from, "round_to": studies.get("round_to")}
+    options_set |= {
+        "lengths_from": studies.get("lengths_from"),
+        "effort": "atlas" if options.effort == "atlas" else None,
+    }
+    options_set |= {"mechanisms": None if kinds.only_four_bars else options.mechanisms}
+    if foreign := [name for name, value in options_set.items() if value is not None]:
         raise FieldError(
             f"/{foreign[0]}", "does not go with `start_angle`: four-bars are searched for a given crank angle"
         )
@@ -251,8 +254,8 @@ def _read_motion(
     known = [*SearchOptions.__dataclass_fields__, "limits", "work", *MotionAndStudies.__annotations__]
     for name in named:
         if name not in known:
-            near = get_close_matches(name, known)
-            names = f"near: {', '.join(near)}" if near else f"there are {', '.join(sorted(known))}"
+            similar = get_close_matches(name, known)
+            names = f"near: {', '.join(similar)}" if similar else f"there are {', '.join(sorted(known))}"
             raise TypeError(f"synthesize() has no argument {name!r}; {names}")
     studies = {name: named.pop(name) for name in STUDIES if name in named}
     if not (arguments and isinstance(arguments[0], Motion)):

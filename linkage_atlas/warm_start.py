@@ -171,15 +171,15 @@ def _check_guides(start: Start, samples: Samples) -> None:
         raise FieldError(f"/{start.field}", "has a rail or slot: to continue it the motion needs `position`")
     limit, middle = MAX_RATIO * samples.length_scale, complex(samples.position_mean(samples.position))
     for index, guide in enumerate(start.linkage.guides):
-        far = max(abs(guide[0] - middle), abs(guide.body_point), getattr(guide, "radius", 0.0))
-        if far > limit:
+        farthest = max(abs(guide[0] - middle), abs(guide.body_point), getattr(guide, "radius", 0.0))
+        if farthest > limit:
             message = f"is larger, or lies farther away, than {MAX_RATIO:g} times the motion's extent"
             raise FieldError(f"/{start.field}/guides/{index}", message)
 
 
-def _checked(given: Linkage, field: str) -> Start:
+def _checked(view: Linkage, field: str) -> Start:
     """Return a linkage; the lengths of a four-bar are in the allowed range and its angles within a turn."""
-    linkage = given.plain
+    linkage = view.plain
     if not linkage.is_four_bar:
         return Start(linkage, field=field)
     for name, length in zip(("crank", "coupler", "rocker", "ground"), linkage.links):

@@ -243,8 +243,8 @@ def _rows_of_given_ends(
 def _from_catalogue(task: DriveTask, request: ActuatorRequest, name: str) -> None:
     question = _question(task, request, name, COARSE_GRID)
     bought, unfit = choose_rows(question, request.rows, task.max_results, task.work)
-    for index, one in enumerate(bought):
-        _add(task, request, name, question, one.placement, one.row.actuator, one.row, index)
+    for index, choice in enumerate(bought):
+        _add(task, request, name, question, choice.placement, choice.row.actuator, choice.row, index)
     if not bought:
         _none_fits(task, name, question, unfit)
     elif unfit:
@@ -273,10 +273,10 @@ def _of_usual_length(
 ) -> Placement:
     """Replace the best actuator of any length by one of usual length if this costs little force."""
     low, high = np.sort(best.length[[0, -1]]).tolist()
-    whole = high - low
-    can_be_had = dead_length > 0 or low >= USUAL_RATIO * whole * (1 - 1e-9)
+    full_stroke = high - low
+    can_be_had = dead_length > 0 or low >= USUAL_RATIO * full_stroke * (1 - 1e-9)
     for share in STROKE_SHARES if is_stroke_free and not can_be_had else (1.0,):
-        stroke = share * whole
+        stroke = share * full_stroke
         for length in [stroke + dead_length] if dead_length else [USUAL_RATIO * stroke, LONG_RATIO * stroke]:
             if task.work.expired() or (can_be_had and length >= low):
                 return best
@@ -379,16 +379,16 @@ def _none_fits(task: DriveTask, name: str, question: PlacementSearch, unfit: lis
     findings = task.findings
     weak = [(why, max(row.push, row.pull), row.name) for row, why in unfit if isinstance(why, float)]
     if weak:
-        force, available, row_name = min(weak, key=lambda one: one[0] / one[1])
+        force, available, row_name = min(weak, key=lambda refusal: refusal[0] / refusal[1])
         findings.refuse("actuator", name, f"needs a force of {force:.4g}, and it gives {available:.4g}", row_name)
     placeless = [(row, why) for row, why in unfit if isinstance(why, Refusal)]
     if placeless:
-        row, why = min(placeless, key=lambda one: one[0].actuator.stroke)
+        row, why = min(placeless, key=lambda refusal: refusal[0].actuator.stroke)
         findings.refuse("actuator", name, reason_of(task.operation, why, question, row.actuator, False), row.name)
     if len(unfit) > 2:
         findings.notes.append(f"actuator on the {name}: {_count_unfit(unfit)}")
 
 
 def _count_unfit(unfit: list[UnfitRow]) -> str:
-    weak = sum(isinstance(one.why, float) for one in unfit)
+    weak = sum(isinstance(row.why, float) for row in unfit)
     return f"{weak} rows of the catalogue are too weak and {len(unfit) - weak} find no place"

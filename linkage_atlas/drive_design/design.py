@@ -118,9 +118,9 @@ def drives(
     check_above_zero(budget=budget)
     watch = work(budget)
     if length_unit is None:
-        length_unit = next((unit for one in (motion, linkage) if (unit := _unit_of(one))), "mm")
+        length_unit = next((unit for source in (motion, linkage) if (unit := _unit_of(source))), "mm")
     if rocker is not None:
-        if any(one is not None for one in (linkage, motion, crank_angle)):
+        if any(source is not None for source in (linkage, motion, crank_angle)):
             raise FieldError("/rocker", "stands for a linkage and its way: give either these or this")
         operation = Operation.of_rocker(rocker, radians_in(degrees))
     else:
@@ -137,9 +137,9 @@ def drives(
     return found
 
 
-def _unit_of(given: object) -> str | None:
+def _unit_of(value: object) -> str | None:
     """Return the unit of lengths of a motion, a linkage or a solution; None if it is unknown."""
-    unit: str | None = getattr(getattr(given, "linkage", given), "length_unit", None)
+    unit: str | None = getattr(getattr(value, "linkage", value), "length_unit", None)
     return unit
 
 
@@ -156,7 +156,9 @@ def _answer(operation: Operation, question: DriveQuestion, max_results: int, wor
                 break
             find_springs(task, spring, set_number)
     ranked = [drive for _, drive in sorted(findings.ranked, key=lambda row: row[0])]
-    best = [drive for kind in REPLY_ORDER for drive in [one for one in ranked if one.kind == kind][:max_results]]
+    best = [
+        drive for kind in REPLY_ORDER for drive in [drive for drive in ranked if drive.kind == kind][:max_results]
+    ]
     if work.expired():
         findings.notes.append("the time was up: not every place was looked at")
     return Drives(best, findings.refused, findings.springs, task.torque_curve, findings.notes, operation.machine)
@@ -177,7 +179,7 @@ def _find(task: DriveTask, request: DriveRequest) -> None:
 # -- drives of the solutions of a search ------------------------------------------------------------------------------
 
 
-def check_request(given: Fields, radian: float) -> None:
+def check_request(request: Fields, radian: float) -> None:
     """Raise FieldError for a request that no linkage can answer, before a linkage is known; see `driven_solution`."""
     interval = Interval(0.0, 0.2)
     circle, slot = Circle(0j, 1.0, 0j), Slot(3.0 + 0.5j, 1.0 + 0.2j, 0.1)
@@ -187,33 +189,40 @@ def check_request(given: Fields, radian: float) -> None:
     errors = []
     for machine in machines:
         try:
-            _read(Reader(machine, radian, 1.0), given)
+            _read(Reader(machine, radian, 1.0), request)
             return
         except FieldError as error:
             errors.append(error)
     raise errors[0]
 
 
-def _read(reader: Reader, given: Fields) -> tuple[DriveQuestion, DriveRequest | None]:
+def _read(reader: Reader, request: Fields) -> tuple[DriveQuestion, DriveRequest | None]:
     """Check the fields of a search, and the drive that decides which solutions come first."""
-    question = reader.question(given.get("load"), given.get("drives"), given.get("springs"))
-    deciding = given.get("drive")
+    question = reader.question(request.get("load"), request.get("drives"), request.get("springs"))
+    deciding = request.get("drive")
     return question, None if deciding is None else reader.drive("drive", deciding)
 
 
-def driven_solution(linkage: Linkage, travel: Floats, given: Fields, radian: float, work: Work) -> dict[str, object]:
+def driven_solution(
+    linkage: Linkage, travel: Floats, request: Fields, radian: float, work: Work
+) -> dict[str, object]:
     """Return the fields of a solution that `load`, `drives`, `springs` and `drive` request: the best of each kind.
 
     ``travel`` (n,): of its drive at the samples, radians or lengths. ``given``: in the user's units.
     """
     try:
         operation = Operation.of(linkage, travel, radian)
-        question, deciding = _read(Reader(operation.machine, radian, 1.0), given)
+        question, deciding = _read(Reader(operation.machine, radian, 1.0), request)
         requests = (*question.drives, *([] if deciding is None else [deciding]))
         check_sizes(question._replace(drives=requests), operation.machine.extent)
     except FieldError as error:
         refused = [Refusal("any", "linkage", None, error.message)]
-        return {"drives": [], "refused": refused, "springs": [], "drivable": None if "drive" not in given else False}
+        return {
+            "drives": [],
+            "refused": refused,
+            "springs": [],
+            "drivable": None if "drive" not in request else False,
+        }
     found = _answer(operation, question, 1, work)
     if deciding is None:
         return {"drives": found.drives, "refused": found.refused, "springs": found.springs}

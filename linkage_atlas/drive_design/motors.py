@@ -38,13 +38,13 @@ def find_motors(task: DriveTask, request: MotorRequest) -> None:
             task.findings.refuse("dyad", name, found)
             continue
         link = task.fine.links[name]
-        whole = evaluate_motor(link, task.fine_torque, found.motor, found.pin, found.crank, found.rod, found.extends)
-        if whole is None:
+        cycle = evaluate_motor(link, task.fine_torque, found.motor, found.pin, found.crank, found.rod, found.extends)
+        if cycle is None:
             task.findings.refuse("dyad", name, "the best motor's rod turns back between the positions looked at")
             continue
         words = "the best transmission angle is"
-        if not task.too_flat("dyad", name, words, whole.transmission_angle_min, request.transmission_angle_min):
-            _add(task, name, whole)
+        if not task.too_flat("dyad", name, words, cycle.transmission_angle_min, request.transmission_angle_min):
+            _add(task, name, cycle)
 
 
 def _placed(task: DriveTask, request: MotorRequest, name: str) -> MotorCycle | str:
@@ -66,37 +66,37 @@ def _placed(task: DriveTask, request: MotorRequest, name: str) -> MotorCycle | s
     return place_motor_about_pivot(link, task.torque, ratio, radius, is_given, request.motor_box, reach=reach)
 
 
-def _add(task: DriveTask, name: str, whole: MotorCycle) -> None:
+def _add(task: DriveTask, name: str, cycle: MotorCycle) -> None:
     operation, coarse = task.operation, slice(None, None, (FINE - 1) // (task.machine.at.size - 1))
-    pin = task.fine.links[name].place(whole.pin)
+    pin = task.fine.links[name].place(cycle.pin)
     interval = Interval(*task.fine.at[[0, -1]].tolist())
-    six = Swung(operation.poses, interval, Motor(name, whole.motor, whole.crank, whole.rod, whole.pin))
-    bar, motor = _six_bar(task, six, whole), np.full(FINE, whole.motor)
+    six = Swung(operation.poses, interval, Motor(name, cycle.motor, cycle.crank, cycle.rod, cycle.pin))
+    bar, motor = _six_bar(task, six, cycle), np.full(FINE, cycle.motor)
     pulls = [
-        [Pull(name, pin, force * (pin - knee) / whole.rod)] for force, knee in zip(whole.rod_force, whole.crank_pin)
+        [Pull(name, pin, force * (pin - knee) / cycle.rod)] for force, knee in zip(cycle.rod_force, cycle.crank_pin)
     ]
     drive = MotorDrive(
         link=name,
         swing=task.swing(name),
         stops="none: the motor passes both ends with the linkage at rest",
         holds="near its dead centres",
-        motor=xy(whole.motor),
+        motor=xy(cycle.motor),
         pin=xy(pin[0]),
-        pin_on_link=xy(whole.pin),
-        length=both_ends(whole.length),
-        extends=whole.extends,
+        pin_on_link=xy(cycle.pin),
+        length=both_ends(cycle.length),
+        extends=cycle.extends,
         peak_torque=bar.motor_torque_max,
-        peak_force=task.if_loaded(float(np.abs(whole.rod_force).max())),
-        envelope=envelope(pin, *whole.crank_pin, motor),
+        peak_force=task.if_loaded(float(np.abs(cycle.rod_force).max())),
+        envelope=envelope(pin, *cycle.crank_pin, motor),
         pin_forces=task.pin_peaks(task.fine, *pulls),
         curve=MotorCurve(
             operation.curve_at,
-            whole.length[coarse],
-            task.if_loaded(whole.rod_force[0][coarse]),
-            task.if_loaded(whole.motor_torque[0][coarse]),
+            cycle.length[coarse],
+            task.if_loaded(cycle.rod_force[0][coarse]),
+            task.if_loaded(cycle.motor_torque[0][coarse]),
             plane(motor[coarse]),
             plane(pin[coarse]),
-            plane(whole.crank_pin[0][coarse]),
+            plane(cycle.crank_pin[0][coarse]),
         ),
         six_bar=bar,
         linkage=on_hinge(six, operation.radian)
@@ -106,7 +106,7 @@ def _add(task: DriveTask, name: str, whole: MotorCycle) -> None:
     task.findings.ranked.append(((-bar.transmission_angle_min,), drive))
 
 
-def _six_bar(task: DriveTask, six: Swung, whole: MotorCycle) -> SixBar:
+def _six_bar(task: DriveTask, six: Swung, cycle: MotorCycle) -> SixBar:
     """Describe a motor with its rod over a whole turn at even steps."""
     operation, motor = task.operation, six.motor
     radian = operation.radian
@@ -129,9 +129,9 @@ def _six_bar(task: DriveTask, six: Swung, whole: MotorCycle) -> SixBar:
         crank=motor.crank,
         coupler=motor.rod,
         kind="crank_rocker" if operation.view is None else six.kind,
-        time_ratio=whole.time_ratio,
-        transmission_angle_min=whole.transmission_angle_min / radian,
-        motor_torque_max=task.if_loaded(float(np.abs(whole.motor_torque).max())),
+        time_ratio=cycle.time_ratio,
+        transmission_angle_min=cycle.transmission_angle_min / radian,
+        motor_torque_max=task.if_loaded(float(np.abs(cycle.motor_torque).max())),
         motor_turn=(forwards / radian, backwards / radian),
         dwell=(dwell[0] / radian, dwell[1] / radian),
         motor_angle=(six.start + even) / radian,

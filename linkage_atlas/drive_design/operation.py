@@ -90,11 +90,11 @@ class Operation(NamedTuple):
         return cls.of(view.plain, travel, radian, target, view.length_unit)
 
     @classmethod
-    def of_rocker(cls, given: Fields, radian: float) -> Operation:
+    def of_rocker(cls, rocker: Fields, radian: float) -> Operation:
         """Prepare a link on a hinge."""
-        check_names("/rocker", given, ("pivot", "start", "swing", "length"))
+        check_names("/rocker", rocker, ("pivot", "start", "swing", "length"))
         values = {"pivot": (0, 0), "start": 0, "length": 1}
-        values |= {name: value for name, value in given.items() if value is not None}
+        values |= {name: value for name, value in rocker.items() if value is not None}
         swing = number("rocker/swing", values.get("swing")) * radian
         if not 1e-3 <= abs(swing) < np.pi:
             raise FieldError("/rocker/swing", "wanted an angle of less than half a turn, and not of nothing")

@@ -231,10 +231,10 @@ class Reader:
     def _load(self, value: object) -> Load:
         machine = self.machine
         links, mounted = (*machine.links, "body"), machine.body is not None
-        given: Fields = value if isinstance(value, Mapping) else {}
-        entries = _list("load/forces", given.get("forces"), MAX_MASSES)
+        load_fields: Fields = value if isinstance(value, Mapping) else {}
+        entries = _list("load/forces", load_fields.get("forces"), MAX_MASSES)
         acting = tuple(self._point_force(f"load/forces/{k}", entry) for k, entry in enumerate(entries))
-        without_forces = {name: item for name, item in given.items() if name != "forces"}
+        without_forces = {name: item for name, item in load_fields.items() if name != "forces"}
         load, parts = read_load(
             "load",
             without_forces if isinstance(value, Mapping) else value,
@@ -247,30 +247,30 @@ class Reader:
         )
         if parts:
             raise FieldError("/load/parts", "for one linkage only: /v1/drives, or `linkage_atlas.drives`")
-        speed = bounded("load/speed", given.get("speed") or 0.0) * (self.radian if machine.turns else 1.0)
+        speed = bounded("load/speed", load_fields.get("speed") or 0.0) * (self.radian if machine.turns else 1.0)
         return load._replace(speed=speed, metre=self.millimetres / 1000, forces=acting)
 
-    def _point_force(self, at: str, given: object) -> PointForce:
-        given = known_fields(at, given, ("link", "at", "force"))
+    def _point_force(self, at: str, entry: object) -> PointForce:
+        entry = known_fields(at, entry, ("link", "at", "force"))
         names = [*self.machine.links, *(["body"] if self.machine.body is not None else [])]
-        link = one_of(f"{at}/link", given.get("link"), names)
+        link = one_of(f"{at}/link", entry.get("link"), names)
         point = (
             self.machine.middles.get(link, 0j)
-            if given.get("at") is None
-            else pair(f"{at}/at", given["at"], MAX_LENGTH)
+            if entry.get("at") is None
+            else pair(f"{at}/at", entry["at"], MAX_LENGTH)
         )
-        return PointForce(link, point, pair(f"{at}/force", given.get("force"), words="[fx, fy]"))
+        return PointForce(link, point, pair(f"{at}/force", entry.get("force"), words="[fx, fy]"))
 
-    def drive(self, at: str, given: object) -> DriveRequest:
+    def drive(self, at: str, entry: object) -> DriveRequest:
         """Check one entry of ``drives``."""
-        kind = one_of(f"{at}/kind", given.get("kind") if isinstance(given, Mapping) else None, KINDS)
+        kind = one_of(f"{at}/kind", entry.get("kind") if isinstance(entry, Mapping) else None, KINDS)
         links = list(self.machine.links)
         match kind:
             case "rotary":
                 pivoted = [name for name, link in self.machine.links.items() if link.pivot is not None]
-                return build(RotaryRequest, self._fields(at, given, RotaryRequest, pivoted))
+                return build(RotaryRequest, self._fields(at, entry, RotaryRequest, pivoted))
             case "dyad":
-                request = build(MotorRequest, self._fields(at, given, MotorRequest, links))
+                request = build(MotorRequest, self._fields(at, entry, MotorRequest, links))
                 if not 1 / MAX_TIME_RATIO <= (request.time_ratio or 1.0) <= MAX_TIME_RATIO:
                     raise FieldError(
                         f"/{at}/time_ratio", f"wanted a ratio from {1 / MAX_TIME_RATIO:g} to {MAX_TIME_RATIO:g}"
@@ -279,8 +279,8 @@ class Reader:
                 _check_given_ends(at, request, "motor", searched)
                 return request
             case "toggle":
-                return self._toggle(at, self._fields(at, given, ToggleRequest, links))
-        return self._actuator(at, self._fields(at, given, ActuatorRequest, links))
+                return self._toggle(at, self._fields(at, entry, ToggleRequest, links))
+        return self._actuator(at, self._fields(at, entry, ActuatorRequest, links))
 
     def _toggle(self, at: str, values: Fields) -> ToggleRequest:
         request = build(ToggleRequest, values)
@@ -313,10 +313,10 @@ class Reader:
             raise FieldError(f"/{at}/pressure", "of a catalogue with bores; there is none")
         return request
 
-    def spring(self, at: str, given: object) -> SpringRequest:
+    def spring(self, at: str, entry: object) -> SpringRequest:
         """Check one entry of ``springs``."""
-        kind = one_of(f"{at}/kind", given.get("kind") if isinstance(given, Mapping) else None, SPRING_KINDS)
-        values = self._fields(at, given, SpringRequest)
+        kind = one_of(f"{at}/kind", entry.get("kind") if isinstance(entry, Mapping) else None, SPRING_KINDS)
+        values = self._fields(at, entry, SpringRequest)
         names = (GROUND, *self.machine.links)
         if "between" in values:
             both = sequence(values["between"])
@@ -355,34 +355,34 @@ class Reader:
         if self.machine.body is None:
             raise FieldError(f"/{at}", "needs `position`: without it there is no body for a hand to move")
 
-    def _holding(self, at: str, given: object) -> Holding:
-        given, force = known_fields(at, given, Holding._fields), None
-        if given.get("force_min") is not None:
+    def _holding(self, at: str, entry: object) -> Holding:
+        entry, force = known_fields(at, entry, Holding._fields), None
+        if entry.get("force_min") is not None:
             self._check_hand(f"{at}/force_min")
-            check_above_zero(**{f"{at}/force_min": given["force_min"]})
-            force = bounded(f"{at}/force_min", given["force_min"])
-        return Holding(flag(f"{at}/closed", given.get("closed")), flag(f"{at}/open", given.get("open")), force)
+            check_above_zero(**{f"{at}/force_min": entry["force_min"]})
+            force = bounded(f"{at}/force_min", entry["force_min"])
+        return Holding(flag(f"{at}/closed", entry.get("closed")), flag(f"{at}/open", entry.get("open")), force)
 
-    def _wanted(self, at: str, given: object) -> WantedCurve:
-        given = known_fields(at, given, ("torque", "hand_force"))
-        names = [name for name in ("torque", "hand_force") if given.get(name) is not None]
+    def _wanted(self, at: str, entry: object) -> WantedCurve:
+        entry = known_fields(at, entry, ("torque", "hand_force"))
+        names = [name for name in ("torque", "hand_force") if entry.get(name) is not None]
         if len(names) != 1:
             raise FieldError(f"/{at}", "wanted either `torque` or `hand_force`")
         (name,) = names
         if name == "hand_force":
             self._check_hand(f"{at}/hand_force")
-        values = np.atleast_1d(column(f"{at}/{name}", given[name]))
+        values = np.atleast_1d(column(f"{at}/{name}", entry[name]))
         if values.ndim != 1 or not 2 <= values.size <= MAX_WANTED or not np.all(np.abs(values) <= LARGEST):
             raise FieldError(f"/{at}/{name}", f"wanted 2 to {MAX_WANTED} finite numbers, at even steps of the motion")
         return WantedCurve("torque" if name == "torque" else "hand_force", values)
 
-    def _fields(self, at: str, given: object, request: type, links: Sequence[str] | None = None) -> dict[str, object]:
+    def _fields(self, at: str, entry: object, request: type, links: Sequence[str] | None = None) -> dict[str, object]:
         """Return the fields of an entry after a check of numbers, boxes and links."""
         names = [item.name for item in fields(request) if item.name not in ("kind", "rows", "rods", "torsion_rows")]
-        given = known_fields(at, given, ("kind", *names))
+        entry = known_fields(at, entry, ("kind", *names))
         values = {
             name: self._value(f"{at}/{name}", name, value)
-            for name, value in given.items()
+            for name, value in entry.items()
             if value is not None and name != "kind"
         }
         if links is not None:
@@ -463,9 +463,9 @@ def _list(name: str, value: object, max_entries: int) -> Sequence[Fields]:
     return entries
 
 
-def _links(at: str, given: object, names: Sequence[str]) -> list[str]:
-    if given is None:
+def _links(at: str, value: object, names: Sequence[str]) -> list[str]:
+    if value is None:
         return list(names)
-    if not (items := sequence(given)):
+    if not (items := sequence(value)):
         raise FieldError(f"/{at}", f"wanted a list of some of {', '.join(names)}")
     return list(dict.fromkeys(one_of(f"{at}/{k}", name, names) for k, name in enumerate(items)))

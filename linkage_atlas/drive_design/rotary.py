@@ -60,5 +60,5 @@ def _transmission_angle(task: DriveTask, name: str) -> float | None:
     links = task.fine.links
     if task.operation.linkage is None or set(links) != {"crank", "coupler", "rocker"}:
         return None
-    coupler, other = links["coupler"].direction, links["rocker" if name == "crank" else "crank"].direction
-    return float(np.min(np.arctan2(np.abs(cross(coupler, other)), np.abs(dot(coupler, other)))))
+    coupler, opposite = links["coupler"].direction, links["rocker" if name == "crank" else "crank"].direction
+    return float(np.min(np.arctan2(np.abs(cross(coupler, opposite)), np.abs(dot(coupler, opposite)))))

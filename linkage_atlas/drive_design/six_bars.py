@@ -120,9 +120,9 @@ class SixBarLinkage(Linkage):
             raise FieldError("/linkage", "wanted a four-bar or a body on guides: this one has a motor already")
         own = own if crank_angle is None else crank_angle
         if own is not None:
-            places = np.atleast_1d(column("crank_angle", own)) * base._unit
+            travel = np.atleast_1d(column("crank_angle", own)) * base._unit
         elif base.way is not None:
-            places = base.way
+            travel = base.way
         else:
             raise FieldError("/crank_angle", "needed: this linkage answers no motion that would say its way")
         kind = drive.get("kind") if isinstance(drive, Mapping) else getattr(drive, "kind", None)
@@ -132,18 +132,18 @@ class SixBarLinkage(Linkage):
             )
         read = read_assembly({"drive": drive}, "")
         assert read is not None and isinstance(read.drive, Motor)
-        self._base, self._radian, self._motion, self._samples = base, base._radian, None, places
+        self._base, self._radian, self._motion, self._samples = base, base._radian, None, travel
         self.length_unit = base.length_unit
-        self._linkage = SixBar.of(base.plain, ends_of(places), read.drive)
+        self._linkage = SixBar.of(base.plain, ends_of(travel), read.drive)
 
     @classmethod
     def of_view(cls, linkage: Linkage, six: SixBar, samples: Floats) -> SixBarLinkage:
         """Of a linkage and a motor that were found together; ``samples`` (n,): places of its drive, radians or lengths."""
-        one = object.__new__(cls)
-        one._base, one._radian, one._motion, one._samples = linkage, linkage._radian, None, samples
-        one.length_unit = linkage.length_unit
-        one._linkage = six
-        return one
+        six_bar = object.__new__(cls)
+        six_bar._base, six_bar._radian, six_bar._motion, six_bar._samples = linkage, linkage._radian, None, samples
+        six_bar.length_unit = linkage.length_unit
+        six_bar._linkage = six
+        return six_bar
 
     # -- what it is ---------------------------------------------------------------------------------------------------
 
@@ -202,8 +202,8 @@ class SixBarLinkage(Linkage):
     @property
     def time_ratio(self) -> float:
         """Of the slower way over the other, at a constant speed of the motor."""
-        ways = sorted(map(abs, self.turn))
-        return ways[1] / ways[0]
+        angles = sorted(map(abs, self.turn))
+        return angles[1] / angles[0]
 
     @property
     def way(self) -> Floats:
@@ -285,10 +285,10 @@ class SixBarLinkage(Linkage):
             masses = read.masses
             if parts:
                 weights = self.solids(length_unit=unit, nevertheless=True).masses
-                masses += tuple(Mass(one.link, one.mass, complex(*one.at), one.inertia) for one in weights)
+                masses += tuple(Mass(link.link, link.mass, complex(*link.at), link.inertia) for link in weights)
             read = read._replace(masses=masses, speed=speed, metre=metre)
             held = six.reactions(machine, joints_of(self._base.plain, six.motor, machine), read)
-        turning = {name: one for name, one in machine.links.items() if not name.endswith("slider")}
+        turning = {name: link for name, link in machine.links.items() if not name.endswith("slider")}
         body = machine.body
         return SixBarAnalysis(
             motor_angle=turned / self._radian,
@@ -296,8 +296,8 @@ class SixBarLinkage(Linkage):
             travel=six.travel(turned) / self._base._unit,
             velocity=None if body is None else plane(body.velocity * speed),
             acceleration=None if body is None else plane(body.acceleration * speed**2),
-            angular_velocity={name: one.rate * speed / self._radian for name, one in turning.items()},
-            angular_acceleration={name: one.rate_change * speed**2 / self._radian for name, one in turning.items()},
+            angular_velocity={name: link.rate * speed / self._radian for name, link in turning.items()},
+            angular_acceleration={name: link.rate_change * speed**2 / self._radian for name, link in turning.items()},
             transmission_angle=six.transmission(machine) / self._radian,
             motor_torque=None if held is None else held.torque,
             pin_forces=None if held is None else {name: plane(force) for name, force in held.forces.items()},
@@ -305,10 +305,10 @@ class SixBarLinkage(Linkage):
 
     # -- what it becomes ----------------------------------------------------------------------------------------------
 
-    def _arranged(self, target: Target, asked: Fields, work: Work, where: str, length_unit: str = "mm") -> Assembly:
-        if "drive" in asked:
+    def _arranged(self, target: Target, request: Fields, work: Work, where: str, length_unit: str = "mm") -> Assembly:
+        if "drive" in request:
             raise FieldError(f"/{where}drive", "is this six-bar's own motor")
-        read = read_assembly({**asked, "drive": self.drive}, where)
+        read = read_assembly({**request, "drive": self.drive}, where)
         assert read is not None
         read = read._replace(settings=read.settings.in_unit(length_unit))
         return assembled(self._base.plain, read, self._linkage.used, self._radian, work, where)
@@ -375,13 +375,13 @@ class SixBarLinkage(Linkage):
             known_fields("analysis", analysis, ("motor_speed", "load"))
             if analysis.get("motor_speed") is None:
                 raise FieldError("/analysis/motor_speed", "needed: how fast the motor turns")
-            asked = self.analysis(
+            analysed = self.analysis(
                 bounded("analysis/motor_speed", analysis["motor_speed"]),
                 None if analysis.get("load") is None else mapping("analysis/load", analysis["load"]),
                 turned,
                 length_unit=length_unit,
             )
-            more |= asked.columns()
+            more |= analysed.columns()
         rows = Target(None, None, crank=found.travel * self._base._unit, found=True)
         return content_of(self._base.plain, rows, self._radian, "csv", length_unit, None, None, more=more)
 
@@ -421,7 +421,7 @@ class SixBarLinkage(Linkage):
         """Refused: tolerances are simulated of the linkage itself."""
         raise FieldError("/linkage", "tolerances are simulated of the linkage itself: `linkage.tolerance_study`")
 
-    def analysed(self, asked: AskedAnalysis, travel: Floats, over: Interval | None = None) -> object:
+    def analysed(self, request: AskedAnalysis, travel: Floats, over: Interval | None = None) -> object:
         """Refused: see `analysis`, whose speed is the motor's."""
         raise FieldError("/linkage", "of a six-bar see `analysis`, whose speed is the motor's")
 

@@ -80,8 +80,8 @@ class Mounted:
     def beyond_range(self, machine: LinkMotions) -> Floats:
         """Return by which fraction lengths or twists leave their range, (n,); negative inside."""
         if self.torsion is not None:
-            twist, most = self.torsion.twist(machine), self.torsion.row.angle_max
-            return np.maximum(-twist, twist - most) / most
+            twist, max_angle = self.torsion.twist(machine), self.torsion.row.angle_max
+            return np.maximum(-twist, twist - max_angle) / max_angle
         beyond = np.full(machine.at.size, -np.inf)
         for spring, row in zip(self.linear, self.rows):
             length, _ = spring_torque(machine, spring)
@@ -318,7 +318,7 @@ def _ideal(task: DriveTask, request: SpringRequest) -> Mounted | str:
             needed = found.stiffness / request.count
             return f"the only spring between {between[0]} and {between[1]} has the stiffness {needed:.6g}"
         if stiffness is not None and between in ((GROUND, "crank"), (GROUND, "rocker")):
-            found = next(one for one in two_springs(potential, stiffness) if one.between == between)
+            found = next(spring for spring in two_springs(potential, stiffness) if spring.between == between)
         return Mounted((found,))
     if math.isinf(found):
         return f"one spring between {between[0]} and {between[1]} does not balance this load; two springs do: leave `between`"
@@ -335,7 +335,7 @@ def _ideal_on_pendulums(task: DriveTask, between: tuple[str, str] | None, stiffn
     if not springs:
         return "the drive carries nothing that springs could balance"
     if between is not None and (len(springs) > 1 or springs[0].between != between):
-        where = " and ".join("-".join(one.between) for one in springs)
+        where = " and ".join("-".join(spring.between) for spring in springs)
         return f"one spring between {between[0]} and {between[1]} does not balance this load; {where} do: leave `between`"
     return Mounted(tuple(springs))
 

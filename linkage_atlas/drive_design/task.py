@@ -71,7 +71,7 @@ class DriveTask:
         """Box of the linkage, larger by half its size each way: the default for ends on the ground."""
         bodies = [] if self.machine.body is None else [self.machine.body]
         pivots = [link.pivot for link in self.machine.links.values() if link.pivot is not None]
-        left, low, right, high = envelope(*(one.origin for one in [*self.machine.links.values(), *bodies]), *pivots)
+        left, low, right, high = envelope(*(link.origin for link in [*self.machine.links.values(), *bodies]), *pivots)
         room = max(right - left, high - low, self.machine.extent) / 2
         return left - room, low - room, right + room, high + room
 

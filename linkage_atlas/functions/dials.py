@@ -60,33 +60,33 @@ def read_dials(function: Fields, crank_span: float | None, degrees: bool) -> Dia
 
     In place of a name ``of`` may be a callable.
     """
-    given = {name: value for name, value in function.items() if value is not None}
-    check_names("/function", (name for name in given if name != "of"), FIELDS)
+    fields = {name: value for name, value in function.items() if value is not None}
+    check_names("/function", (name for name in fields if name != "of"), FIELDS)
     if crank_span is None:
         raise FieldError("/crank_span", "needed for a `function`")
-    if "output_span" not in given:
+    if "output_span" not in fields:
         raise FieldError("/function/output_span", "needed: how far the rocker turns")
-    span = number("function/output_span", given["output_span"]) * radians_in(degrees)
+    span = number("function/output_span", fields["output_span"]) * radians_in(degrees)
     if not 0 < abs(span) <= 20 * np.pi:
         raise FieldError("/function/output_span", "wanted an angle other than 0, of at most ten turns")
-    if ("name" in given) + ("table" in given) + ("of" in given) != 1:
+    if ("name" in fields) + ("table" in fields) + ("of" in fields) != 1:
         raise FieldError("/function/name", "give either `name` or `table`")
-    if "table" in given:
+    if "table" in fields:
         for name in ("x", "exponent", "samples"):
-            if name in given:
+            if name in fields:
                 raise FieldError(f"/function/{name}", "belongs to a function by name, not to a table")
-        x, y = _table(given["table"])
+        x, y = _table(fields["table"])
         of = None
     else:
-        x, y, of = _sampled(given, degrees)
+        x, y, of = _sampled(fields, degrees)
     # of a named function the dial is as long as the function is high, however it is sampled
-    every = y if of is None else of(np.linspace(x[0], x[-1], _RANGE))
-    low, high = float(every.min()), float(every.max())
+    range_values = y if of is None else of(np.linspace(x[0], x[-1], _RANGE))
+    low, high = float(range_values.min()), float(range_values.max())
     if not high > low:
         raise FieldError("/function", "y is the same everywhere: the rocker would not turn")
     # where it ends as high as it began, the rocker turns the way that y grows
-    way = -1.0 if y[0] - y[-1] > 1e-9 * (high - low) else 1.0
-    scale, first = way * span / (high - low), float(y[0])
+    sign = -1.0 if y[0] - y[-1] > 1e-9 * (high - low) else 1.0
+    scale, first = sign * span / (high - low), float(y[0])
     crank = (x - x[0]) / (x[-1] - x[0]) * crank_span
     exact = None
     if of is not None:
@@ -108,25 +108,25 @@ def _table(table: object) -> tuple[Floats, Floats]:
     x, y = rows.T
     steps = np.diff(x) * np.sign(x[-1] - x[0])
     if np.any(back := steps <= 1e-9 * abs(x[-1] - x[0])):
-        place = int(np.argmax(back)) + 1
+        index = int(np.argmax(back)) + 1
         raise FieldError(
-            f"/function/table/{place}", "x must increase from sample to sample, or decrease: this value does not"
+            f"/function/table/{index}", "x must increase from sample to sample, or decrease: this value does not"
         )
     return x.copy(), y.copy()
 
 
-def _sampled(given: Fields, degrees: bool) -> tuple[Floats, Floats, Callable[[Floats], Floats]]:
-    one_of("function/name", given.get("name", NAMES[0]), NAMES)
-    if "x" not in given:
+def _sampled(fields: Fields, degrees: bool) -> tuple[Floats, Floats, Callable[[Floats], Floats]]:
+    one_of("function/name", fields.get("name", NAMES[0]), NAMES)
+    if "x" not in fields:
         raise FieldError("/function/x", "needed: [first, last]")
-    ends = column("function/x", given["x"])
+    ends = column("function/x", fields["x"])
     if ends.shape != (2,) or not np.all(np.isfinite(ends)) or ends[0] == ends[1]:
         raise FieldError("/function/x", "wanted two different finite numbers [first, last]")
-    samples = given.get("samples", SAMPLES)
+    samples = fields.get("samples", SAMPLES)
     if not isinstance(samples, (int, np.integer)) or not MIN_SAMPLES <= samples <= MAX_SAMPLES:
         raise FieldError("/function/samples", f"wanted a whole number from {MIN_SAMPLES} to {MAX_SAMPLES}")
-    called = given.get("of")
-    of = partial(_called, called) if callable(called) else _named(given, ends, degrees)
+    called = fields.get("of")
+    of = partial(_called, called) if callable(called) else _named(fields, ends, degrees)
     x = np.linspace(ends[0], ends[1], samples)
     with np.errstate(all="ignore"):
         y = of(x)
@@ -143,7 +143,7 @@ def _called(of: RealFunction, x: Floats) -> Floats:
         except Exception:  # told of the number at which it fails, if it does there too
             y = np.empty(0)
         if y.shape != x.shape or y.dtype.kind not in "iuf":
-            y = np.array([_value(of, one) for one in x.ravel().tolist()]).reshape(x.shape)
+            y = np.array([_value(of, value) for value in x.ravel().tolist()]).reshape(x.shape)
     if np.any(bad := ~(np.abs(y) <= LARGEST)):
         found, at = y[bad].flat[0], x[bad].flat[0]
         raise FieldError("/output", f"wanted finite numbers of at most {LARGEST:g}, found {found:g} at x = {at:g}")
@@ -157,11 +157,11 @@ def _value(of: RealFunction, x: float) -> float:
         raise FieldError("/output", f"the function fails at x = {x:g}: {error}") from error
 
 
-def _named(given: Fields, ends: Floats, degrees: bool) -> Callable[[Floats], Floats]:
-    name = str(given["name"])
-    if (name == "power") != ("exponent" in given):
+def _named(fields: Fields, ends: Floats, degrees: bool) -> Callable[[Floats], Floats]:
+    name = str(fields["name"])
+    if (name == "power") != ("exponent" in fields):
         raise FieldError("/function/exponent", "belongs to the function 'power', which needs it")
-    exponent, radian = number("function/exponent", given.get("exponent", 0.0)), radians_in(degrees)
+    exponent, radian = number("function/exponent", fields.get("exponent", 0.0)), radians_in(degrees)
     turns = np.floor(ends * radian / np.pi - 0.5)
     if name == "tan" and turns[0] != turns[1]:
         raise FieldError("/function/x", "tan has a pole between these ends")

@@ -210,8 +210,10 @@ def function(
         if foreign := [name for name, value in only_angles.items() if value is not None]:
             raise FieldError(f"/{foreign[0]}", f"belongs to functions {kind}")
     starts = read_starts(start_from, degrees) or []
-    if other := next((start for start in starts if not start.linkage.is_four_bar), None):
-        raise FieldError(f"/{other.field}", "is no four-bar: functions from angle to angle are made by four-bars")
+    if foreign_start := next((start for start in starts if not start.linkage.is_four_bar), None):
+        raise FieldError(
+            f"/{foreign_start.field}", "is no four-bar: functions from angle to angle are made by four-bars"
+        )
     watch = work(budget)
     if question.dial.travels:
         return _travel_answers(question, top, curves, watch)
@@ -249,23 +251,23 @@ def _four_bars(
     question: FunctionQuestion, limits: Limits, starts: Sequence[Start], local: bool, count: int, watch: Work
 ) -> tuple[list[Generator], SearchReport]:
     """Search for four-bars by the method that the question allows."""
-    wanted, quick, tolerance = question.wanted, question.quick, question.tolerance
+    target, quick, tolerance = question.wanted, question.quick, question.tolerance
     if quick is not None:
         if limits.family not in ("any", "crank_rocker", "full_crank"):
             raise FieldError("/limits/family", "a quick return with a swing is made by a crank_rocker")
-        return _closed_form(crank_rocker_answers(wanted, quick.alpha, limits, count, tolerance), watch)
+        return _closed_form(crank_rocker_answers(target, quick.alpha, limits, count, tolerance), watch)
     if question.symmetric_from is not None:
-        found = symmetric_four_bars(wanted, question.symmetric_from, limits, question.largest, count, watch)
+        found = symmetric_four_bars(target, question.symmetric_from, limits, question.largest, count, watch)
         return _closed_form(found, watch)
     search = watch.extended(-FINISHING)
     refining = search if local else search.part(FOR_STARTS * search.budget)
     refined, course = _refined(question, limits, starts, refining)
     if local:
         return refined, course
-    found, course = generate(seed_tables(), wanted, limits, question.largest, count, tolerance, search)
+    found, course = generate(seed_tables(), target, limits, question.largest, count, tolerance, search)
     if starts:
         merged = distinct([*refined, *found], len(refined) + len(found), APART)
-        found = best_built(wanted, merged, count, tolerance, limits.links[3] is not None)
+        found = best_built(target, merged, count, tolerance, limits.links[3] is not None)
     return found, course
 
 
@@ -275,10 +277,10 @@ def _refined(
     """Refine given four-bars in turn; return their nearest optima, best first, and how it went."""
     found: list[Generator] = []
     seeds, trace = 0, list[tuple[float, float]]()
-    wanted, largest, tolerance = question.wanted, question.largest, question.tolerance
+    target, largest, tolerance = question.wanted, question.largest, question.tolerance
     for start in starts:
         with pointing_to_start(start.field):
-            results, report = refine_function(wanted, limits, largest, start.linkage, start.offset, tolerance, work)
+            results, report = refine_function(target, limits, largest, start.linkage, start.offset, tolerance, work)
         found += results
         seeds += report.seeds
         trace += [pair for pair in report.trace if all(pair[1] < before for _, before in trace)]
@@ -288,22 +290,24 @@ def _refined(
 
 def _travel_answers(question: FunctionQuestion, top: int, curves: bool, watch: Work) -> FunctionResult:
     """Return linkages with sliders or cylinders for a function with travel."""
-    wanted, quick, tolerance = question.wanted, question.quick, question.tolerance
+    target, quick, tolerance = question.wanted, question.quick, question.tolerance
     laws = laws_for(question.kinds, *question.dial)
-    limits = read_travel_limits(question.limits, laws, wanted.target, question.degrees)
+    limits = read_travel_limits(question.limits, laws, target.target, question.degrees)
     within, work = limits.over(question.scales.length), watch.extended(-FINISHING)
     if quick is not None:
-        found, course = _closed_form(slider_crank_answers(wanted, quick.alpha, within, top, tolerance, work), work)
+        found, course = _closed_form(slider_crank_answers(target, quick.alpha, within, top, tolerance, work), work)
     else:
-        found, course = generate_travel(laws, wanted, within, question.largest, top, tolerance, work)
+        found, course = generate_travel(laws, target, within, question.largest, top, tolerance, work)
     searched = watch.elapsed
-    solutions = [described_travel(question, one, rank, limits, curves) for rank, one in enumerate(found, 1)]
+    solutions = [
+        described_travel(question, generator, rank, limits, curves) for rank, generator in enumerate(found, 1)
+    ]
     return _result(question, found, solutions, course, searched, watch, travel_notes(question, bool(found)))
 
 
 def _closed_form(found: list[G], work: Work) -> tuple[list[G], SearchReport]:
     """Return answers with the report of a search that is finished once they are known."""
-    best = min((one.errors.objective for one in found), default=np.inf)
+    best = min((generator.errors.objective for generator in found), default=np.inf)
     trace = [(work.elapsed, best)] if found else []
     stopped = StoppedBy.BUDGET if work.expired() else StoppedBy.CONVERGED
     return found, SearchReport(stopped, trace, 0.0, len(found))
@@ -336,16 +340,16 @@ def _result(
         seeds=course.seeds,
         notes=sentences(notes),
     )
-    wanted, scales, dials = question.wanted, question.scales, question.dials
+    target, scales, dials = question.wanted, question.scales, question.dials
     return FunctionResult(
         status,
         [*solutions],
-        wanted.crank / scales.input,
-        wanted.output / scales.output,
+        target.crank / scales.input,
+        target.output / scales.output,
         None if dials is None else dials.x,
         None if dials is None else dials.y,
         report,
-        wanted,
+        target,
         question.degrees,
         dial=question.dial,
         scales=scales,

@@ -63,25 +63,25 @@ def angle_notes(
     local: bool,
 ) -> list[str]:
     """Return the notes on four-bars. ``found``: all candidates, of which ``top`` became solutions."""
-    wanted, radian, quick = question.wanted, question.radian, question.quick
-    notes = [*question.notes, *unit_notes("crank", wanted.crank[[0, -1]] / radian, question.degrees)]
+    target, radian, quick = question.wanted, question.radian, question.quick
+    notes = [*question.notes, *unit_notes("crank", target.crank[[0, -1]] / radian, question.degrees)]
     if question.dials is None:
-        notes += unit_notes("output", wanted.output / radian, question.degrees)
-    notes += _jump_notes(wanted)
+        notes += unit_notes("output", target.output / radian, question.degrees)
+    notes += _jump_notes(target)
     if local:
         notes.append(LOCAL)
     if quick is not None:
         return [*notes, quick.note]
     if not settled:
         notes.append(STILL_BETTER)
-    if question.largest and found and wanted.doubt > 0.2 * found[0].errors.max:
-        notes.append(DOUBTFUL.format(wanted.doubt / radian))
+    if question.largest and found and target.doubt > 0.2 * found[0].errors.max:
+        notes.append(DOUBTFUL.format(target.doubt / radian))
     if not local:
         notes += _proportion_notes(found, question.tolerance)
-    exact = [one for one in found[:top] if one.errors.objective < question.tolerance]
-    free = 3 + (wanted.start is None) + (wanted.offset is None) - wanted.crank.size
-    if free > 0 and wanted.exact is None and len(exact) > 1:
-        notes.append(FEW_PAIRS.format(NUMERALS[wanted.crank.size]))
+    exact = [generator for generator in found[:top] if generator.errors.objective < question.tolerance]
+    free = 3 + (target.start is None) + (target.offset is None) - target.crank.size
+    if free > 0 and target.exact is None and len(exact) > 1:
+        notes.append(FEW_PAIRS.format(NUMERALS[target.crank.size]))
         if question.largest:
             notes.append("Between the pairs a straight line is requested.")
     elif solutions and solutions[0].determination.ill_posed:
@@ -109,29 +109,32 @@ def _proportion_notes(found: Sequence[Generator], tolerance: float) -> list[str]
     """Return a sentence on a linkage of least error that is out of all proportion."""
     if not found:
         return []
-    best = min(found, key=lambda one: one.errors.objective)
+    best = min(found, key=lambda generator: generator.errors.objective)
     ratio, error = best.linkage.link_ratio, best.errors.objective
-    least = min((one.errors.objective for one in found if one.linkage.link_ratio <= PROPORTION), default=np.inf)
-    if ratio <= PROPORTION or least < tolerance:
+    smallest = min(
+        (generator.errors.objective for generator in found if generator.linkage.link_ratio <= PROPORTION),
+        default=np.inf,
+    )
+    if ratio <= PROPORTION or smallest < tolerance:
         return []
     if error >= tolerance and found[0].linkage.link_ratio <= PROPORTION:
         return [OUT_OF_PROPORTION.format(ratio=ratio, error=error)]
     said = FIRST_OUT_OF_PROPORTION.format(which="exact" if error < tolerance else "best", ratio=ratio)
-    return [said + (FOUND_WITHIN[0].format(least) if least < np.inf else FOUND_WITHIN[1])]
+    return [said + (FOUND_WITHIN[0].format(smallest) if smallest < np.inf else FOUND_WITHIN[1])]
 
 
-def _jump_notes(wanted: Wanted) -> list[str]:
+def _jump_notes(target: Wanted) -> list[str]:
     """Return a sentence on a jump of the wanted output."""
-    slope = np.abs(np.diff(wanted.output) / np.diff(wanted.crank))
+    slope = np.abs(np.diff(target.output) / np.diff(target.crank))
     if slope.size < 4:
         return []
-    place = int(np.argmax(slope))
-    others = np.delete(slope, place)
-    step = abs(wanted.output[place + 1] - wanted.output[place])
-    if slope[place] <= _STEEP * others.max() or step <= np.deg2rad(1.0):
+    index = int(np.argmax(slope))
+    remaining = np.delete(slope, index)
+    step = abs(target.output[index + 1] - target.output[index])
+    if slope[index] <= _STEEP * remaining.max() or step <= np.deg2rad(1.0):
         return []
-    steepness = slope[place] / max(others.max(), 1e-300)
+    steepness = slope[index] / max(remaining.max(), 1e-300)
     return [
-        f"The output jumps from sample {place + 1} to {place + 2}, {steepness:.3g} times as steeply as anywhere else. "
+        f"The output jumps from sample {index + 1} to {index + 2}, {steepness:.3g} times as steeply as anywhere else. "
         "No rocker follows a jump; if the angle wraps there by a full turn, write it without the wrap."
     ]

@@ -109,17 +109,17 @@ def read_kinds(mechanisms: Sequence[str] | str | None, dial: Dial) -> list[str]:
 
 def read_travel_limits(limits: Fields | None, laws: Sequence[Law], target: Target, degrees: bool) -> TravelLimits:
     """Return the checked limits of linkages with sliders, angles in radians."""
-    given = {name: value for name, value in (limits or {}).items() if value is not None}
-    for name, value in given.items():
+    named = {name: value for name, value in (limits or {}).items() if value is not None}
+    for name, value in named.items():
         if name not in _LIMITS:
             raise FieldError(f"/limits/{name}", f"functions with travel have {', '.join(_LIMITS)}")
         if name == "family" and value != "any":
             raise FieldError("/limits/family", "belongs to four-bars")
-    kept = read_function_limits(
-        {name: value for name, value in given.items() if name not in ("links", "offset")}, target, degrees
+    shape_limits = read_function_limits(
+        {name: value for name, value in named.items() if name not in ("links", "offset")}, target, degrees
     )
     lengths: dict[str, float] = {}
-    links = given.get("links")
+    links = named.get("links")
     for name, value in links.items() if isinstance(links, Mapping) else ():
         if value is None:
             continue
@@ -128,11 +128,11 @@ def read_travel_limits(limits: Fields | None, laws: Sequence[Law], target: Targe
             raise FieldError(f"/limits/links/{name}", f"there is none in {kinds}")
         check_above_zero(**{f"limits/links/{name}": value})
         lengths[_LINKS[name]] = number(f"limits/links/{name}", value)
-    if "offset" in given:
+    if "offset" in named:
         if not any("offset" in law.lengths for law in laws):
             raise FieldError("/limits/offset", "belongs to slider-cranks")
-        lengths["offset"] = bounded("limits/offset", given["offset"], MAX_LENGTH)
-    return TravelLimits(kept, lengths)
+        lengths["offset"] = bounded("limits/offset", named["offset"], MAX_LENGTH)
+    return TravelLimits(shape_limits, lengths)
 
 
 class Scales(NamedTuple):
@@ -181,14 +181,14 @@ def read_wanted(
             raise FieldError(f"/{called}", f"give either `{called}` or `input`")
         if function is not None and span is None:
             raise FieldError(f"/{called}", "needed for a `function`")
-        way = number(called, span) if input is None else float(np.diff(_finite("input", input)[[0, -1]])[0])
+        input_span = number(called, span) if input is None else float(np.diff(_finite("input", input)[[0, -1]])[0])
         if function is None:
-            output_way = float(np.ptp(_finite("output", output)))
+            output_range = float(np.ptp(_finite("output", output)))
         elif function.get("output_span") is None:
             raise FieldError("/function/output_span", "needed: how far the output goes")
         else:
-            output_way = number("function/output_span", function["output_span"])
-        scales = Scales.of(dial, degrees, way, output_way)
+            output_range = number("function/output_span", function["output_span"])
+        scales = Scales.of(dial, degrees, input_span, output_range)
     with pointing(lambda field: field.replace("/crank_span", f"/{called}")):
         return *_in_radians(output, span, input, function, input_zero, output_zero, weights, degrees, scales), scales
 
@@ -228,10 +228,14 @@ def _in_radians(
     else:
         assert output is not None
         values = column("output", output) * of_output
-    given = None if weights is None else column("weights", weights)
+    sample_weights = None if weights is None else column("weights", weights)
     try:
         target = make_target(
-            rotation=values, crank_span=span, crank_angle=angles, rotation_weights=given, min_samples=MIN_PAIRS
+            rotation=values,
+            crank_span=span,
+            crank_angle=angles,
+            rotation_weights=sample_weights,
+            min_samples=MIN_PAIRS,
         )
     except FieldError as error:
         named = {"/rotation": "/output", "/crank_angle": "/input", "/crank_span": "/crank_span"}
@@ -239,10 +243,10 @@ def _in_radians(
         at = next((old for old in named if error.field.startswith(old)), None)
         if at is None:
             raise
-        whole = "/function" if function is not None and "of" not in function else named[at]
-        place = named[at] if at == "/weights/rotation" else whole
+        function_path = "/function" if function is not None and "of" not in function else named[at]
+        path = named[at] if at == "/weights/rotation" else function_path
         message = error.message.replace("rotation", "output").replace("crank_angle", "input")
-        raise FieldError(place + error.field[len(at) :], message, **error.details) from error
+        raise FieldError(path + error.field[len(at) :], message, **error.details) from error
     assert target.rotation is not None
     start = None if input_zero is None else number("input_zero", input_zero) * of_input
     offset = None
@@ -251,23 +255,23 @@ def _in_radians(
     return Wanted(target.crank, target.rotation, target.rotation_weights, start, offset, exact), dials
 
 
-def _finite(name: str, given: ArrayLike | None) -> Floats:
+def _finite(name: str, samples: ArrayLike | None) -> Floats:
     """Return samples of an input or output after a check that they are finite."""
-    values = column(name, given)
+    values = column(name, samples)
     if values.ndim != 1 or values.size < 2 or not np.isfinite(values).all():
         raise FieldError(f"/{name}", f"wanted at least {MIN_PAIRS} finite numbers")
     return values
 
 
-def _check_one_way(wanted: Wanted, where: str) -> None:
-    steps = np.diff(wanted.output)
-    back = steps * np.sign(wanted.output[-1] - wanted.output[0]) <= 0
+def _check_one_way(target: Wanted, where: str) -> None:
+    steps = np.diff(target.output)
+    back = steps * np.sign(target.output[-1] - target.output[0]) <= 0
     if back.any():
-        place = int(np.argmax(back)) + 1
-        at = f"{where}/{place}" if where == "/output" else where
+        index = int(np.argmax(back)) + 1
+        at = f"{where}/{index}" if where == "/output" else where
         raise FieldError(
             at,
-            f"the rocker must not turn back, but sample {place + 1} of the output does not go on from the one before",
+            f"the rocker must not turn back, but sample {index + 1} of the output does not go on from the one before",
         )
 
 
@@ -347,12 +351,12 @@ class FunctionFields:
         unwound_fields, notes = (fields, []) if quick is not None else fields._unwound(dial)
         if self.steering is not None:
             notes = [*notes, STEERING_NOTE]
-        wanted, dials, scales = unwound_fields._wanted(dial, quick)
+        target, dials, scales = unwound_fields._wanted(dial, quick)
         limits = {name: value for name, value in (fields.limits or {}).items() if value is not None}
         symmetric_from = fields._symmetric_from() if fields.symmetric else None
         largest = fields.objective == "max"
         return FunctionQuestion(
-            wanted,
+            target,
             dials,
             dial,
             scales,
@@ -413,8 +417,8 @@ class FunctionFields:
             if self.function is not None:
                 raise FieldError("/output", "give either `output` or `function`")
             return replace(self, output=None, function={"of": self.output, **called})
-        if given := [name for name, value in called.items() if value is not None]:
-            name = "interval" if given[0] == "x" else given[0]
+        if set_fields := [name for name, value in called.items() if value is not None]:
+            name = "interval" if set_fields[0] == "x" else set_fields[0]
             raise FieldError(f"/{name}", "belongs to an `output` that is a callable")
         return self
 
@@ -434,7 +438,7 @@ class FunctionFields:
     def _wanted(self, dial: Dial, quick: QuickReturn | None) -> tuple[Wanted, Dials | None, Scales]:
         """Return the wanted function, its dials if it has a name, and what a unit is."""
         assert not callable(self.output)
-        wanted, dials, scales = read_wanted(
+        target, dials, scales = read_wanted(
             self.output,
             self.crank_span if dial.input == ANGLE else self.travel_span,
             dial=dial,
@@ -446,14 +450,14 @@ class FunctionFields:
             degrees=self.degrees,
         )
         if quick is not None:  # between the ends an even motion, from which `error_curve` tells the deviation
-            ends = wanted.crank, wanted.output
-            return replace(wanted, exact=lambda crank: np.interp(crank, *ends)), dials, scales
+            ends = target.crank, target.output
+            return replace(target, exact=lambda crank: np.interp(crank, *ends)), dials, scales
         field = "/output" if self.function is None else "/function"
-        if not dial.travels and np.ptp(wanted.output) <= _STILL:
+        if not dial.travels and np.ptp(target.output) <= _STILL:
             raise FieldError(field, "the output is the same everywhere: a rocker that stands still follows nothing")
         if self.one_way:
-            _check_one_way(wanted, field)
-        return replace(wanted, one_way=self.one_way), dials, scales
+            _check_one_way(target, field)
+        return replace(target, one_way=self.one_way), dials, scales
 
     def _symmetric_from(self) -> tuple[float, float]:
         radian = radians_in(self.degrees)

@@ -212,7 +212,7 @@ class FunctionResult(Record, Ranked[FunctionSolution | TravelSolution]):
 
 
 def render(
-    wanted: Wanted,
+    target: Wanted,
     scales: Scales,
     dial: Dial,
     linkage: Linkage,
@@ -222,21 +222,21 @@ def render(
 ) -> str:
     """Return a linkage that makes a function as the text of a file; ``output_offset`` in the unit of the output."""
     radian = radians_in(linkage.degrees)
-    travel = wanted.crank * (1.0 if dial.input == ANGLE else scales.length)
+    travel = target.crank * (1.0 if dial.input == ANGLE else scales.length)
     if kind != "csv":
         shown = Linkage.of(linkage.plain, radian, Target(None, None, crank=travel))
         return shown.render(kind, length_unit=None if kind == "svg" else length_unit)
     if linkage.plain.is_four_bar:
-        return to_csv(wanted, linkage.plain, output_offset * radian, radian)
+        return to_csv(target, linkage.plain, output_offset * radian, radian)
     plain = linkage.plain
     body = plain.body(plain.start + travel)
-    made = own_output(linkage, dial, np.concatenate([[0.0], travel]))[1:] + output_offset
-    output = wanted.output / scales.output
+    computed = own_output(linkage, dial, np.concatenate([[0.0], travel]))[1:] + output_offset
+    output = target.output / scales.output
     columns = {
-        "input": wanted.crank / scales.input,
+        "input": target.crank / scales.input,
         "output_wanted": output,
-        "output": made,
-        "error": made - output,
+        "output": computed,
+        "error": computed - output,
         "transmission_angle": body.transmission_angle / radian,
         "drive": (plain.start + travel) / (radian if plain.driver.turns else 1.0),
     }
@@ -253,7 +253,7 @@ def own_output(linkage: Linkage, dial: Dial, travel: Floats) -> Floats:
         return plain.along(1, travel)
     links = plain.motions(travel)
     name = plain.link_names[2]
-    direction = next(one.angle for one in links if one.name == name) if name != "block" else links[1].angle
+    direction = next(link.angle for link in links if link.name == name) if name != "block" else links[1].angle
     direction = np.unwrap(direction)
     turns = 2 * np.pi * np.round(direction[0] / (2 * np.pi))
     return (direction - turns) / radians_in(linkage.degrees)

@@ -37,46 +37,46 @@ _SHOWN = 361
 """Number of points of an error curve."""
 
 
-def errors_of(question: FunctionQuestion, one: Generator | TravelGenerator) -> FunctionErrors:
+def errors_of(question: FunctionQuestion, generator: Generator | TravelGenerator) -> FunctionErrors:
     """Return the errors of a generator in the user's units."""
-    found, unit = one.errors, question.scales.output
+    found, unit = generator.errors, question.scales.output
     y = None if question.dials is None else question.dials.y_of_radian
     rms_y, max_y = (None if y is None else error * y for error in (found.rms, found.max))
     return FunctionErrors(found.rms / unit, found.max / unit, found.alternations, rms_y, max_y, found.objective)
 
 
 def described_travel(
-    question: FunctionQuestion, one: TravelGenerator, rank: int, limits: TravelLimits, curves: bool
+    question: FunctionQuestion, generator: TravelGenerator, rank: int, limits: TravelLimits, curves: bool
 ) -> TravelSolution:
     """Describe a generator with a slider in the units of the user."""
-    scales, wanted, law = question.scales, question.wanted, one.law
-    plain = one.linkage.scaled(scales.length)
-    travel = wanted.crank * (1.0 if law.input == ANGLE else scales.length)
+    scales, function, law = question.scales, question.wanted, generator.law
+    plain = generator.linkage.scaled(scales.length)
+    travel = function.crank * (1.0 if law.input == ANGLE else scales.length)
     target = Target(None, None, crank=travel)
     passed = verdict(plain, plain.start + travel, timed=True)
-    links = one.lengths[np.array(one.law.positive)].tolist()
-    faults = faults_of((one.transmission_angle_min, None), links, {}, None, limits.limits)
-    reasons = [*passed.reasons, *filter(None, [travel_turns_back(wanted, one)]), *faults]
+    links = generator.lengths[np.array(generator.law.positive)].tolist()
+    faults = faults_of((generator.transmission_angle_min, None), links, {}, None, limits.limits)
+    reasons = [*passed.reasons, *filter(None, [travel_turns_back(function, generator)]), *faults]
     linkage = Linkage.of(plain, question.radian, target)
     curve = None
     if curves:
-        shown = np.linspace(0.0, float(wanted.crank[-1]), _SHOWN)
-        curve = ErrorCurve(shown / scales.input, (one.output(shown) - wanted.curve(shown)) / scales.output)
+        shown = np.linspace(0.0, float(function.crank[-1]), _SHOWN)
+        curve = ErrorCurve(shown / scales.input, (generator.output(shown) - function.curve(shown)) / scales.output)
     units = [1 / question.radian if name == "angle" else scales.length for name in law.lengths]
     used = Interval(float(travel.min()), float(travel.max()))
     return TravelSolution(
         rank=rank,
         kind=plain.kind.value,
         driver=plain.driver.value,
-        lengths={name: float(value * unit) for name, value, unit in zip(law.lengths, one.lengths, units)},
+        lengths={name: float(value * unit) for name, value, unit in zip(law.lengths, generator.lengths, units)},
         guides=guides_of(plain, question.radian, used),
         branch=1 if plain.branch > 0 else -1,
         start=linkage.start,
-        input_zero=one.zero / scales.input,
-        output_offset=one.offset / scales.output,
-        errors=errors_of(question, one),
+        input_zero=generator.zero / scales.input,
+        output_offset=generator.offset / scales.output,
+        errors=errors_of(question, generator),
         verdict=verdict_of(passed, None, reasons, practical=not faults),
-        transmission_angle_min=one.transmission_angle_min / question.radian,
+        transmission_angle_min=generator.transmission_angle_min / question.radian,
         error_curve=curve,
         linkage=linkage,
     )
@@ -95,23 +95,26 @@ def described(
     """Describe generators in the units of the user, best first."""
     if not found:
         return []
-    wanted, radian = question.wanted, question.radian
-    linkages = [one.linkage for one in found]
+    target_function, radian = question.wanted, question.radian
+    linkages = [generator.linkage for generator in found]
     # how a rocker's angle changes with the lengths is how the coupler's does with coupler and rocker exchanged
-    others = [exchanged(one) for one in linkages]
-    resolutions = [max(one.errors.objective, question.tolerance) for one in found]
-    given = [k for k, name in enumerate(_EXCHANGED[:3]) if limits.links[name] is not None]
-    fixed = determinations(wanted.target, others, resolutions, given)
-    changes = [_sensitivity(other, wanted.target, radian) if sensitivity else None for other in others]
-    passed = [verdict(linkage, linkage.start + wanted.crank, timed=True) for linkage in linkages]
-    back = turns_back(wanted, linkages)
+    exchanged_linkages = [exchanged(generator) for generator in linkages]
+    resolutions = [max(generator.errors.objective, question.tolerance) for generator in found]
+    fixed_lengths = [k for k, name in enumerate(_EXCHANGED[:3]) if limits.links[name] is not None]
+    fixed = determinations(target_function.target, exchanged_linkages, resolutions, fixed_lengths)
+    changes = [
+        _sensitivity(other_linkage, target_function.target, radian) if sensitivity else None
+        for other_linkage in exchanged_linkages
+    ]
+    passed = [verdict(linkage, linkage.start + target_function.crank, timed=True) for linkage in linkages]
+    back = turns_back(target_function, linkages)
     drawn = _error_curves(question, found) if curves else [None] * len(found)
     solutions = []
-    for k, one in enumerate(found):
-        faults = practical_faults(one, wanted.target, limits, wanted.interval)
+    for k, generator in enumerate(found):
+        faults = practical_faults(generator, target_function.target, limits, target_function.interval)
         reasons = [*passed[k].reasons, *filter(None, [back[k]]), *faults]
-        determined, turn = fixed[k], one.transmission_angle_min_turn
-        linkage = Linkage.of(one.linkage, radian, question.target)
+        determined, turn = fixed[k], generator.transmission_angle_min_turn
+        linkage = Linkage.of(generator.linkage, radian, question.target)
         solutions.append(
             FunctionSolution(
                 rank=k + 1,
@@ -119,10 +122,10 @@ def described(
                 branch=linkage.dimensions.branch,
                 start_angle=linkage.start_angle,
                 linkage=linkage,
-                output_offset=one.offset / radian,
-                errors=errors_of(question, one),
-                family=one.family.value,
-                transmission_angle_min=one.transmission_angle_min / radian,
+                output_offset=generator.offset / radian,
+                errors=errors_of(question, generator),
+                family=generator.family.value,
+                transmission_angle_min=generator.transmission_angle_min / radian,
                 transmission_angle_min_turn=None if turn is None else turn / radian,
                 verdict=verdict_of(passed[k], None, reasons, practical=not faults),
                 condition=determined.condition,
@@ -139,25 +142,28 @@ def described(
 
 def _error_curves(question: FunctionQuestion, found: list[Generator]) -> list[ErrorCurve | None]:
     """Return input and error of each generator over the interval."""
-    wanted, radian = question.wanted, question.radian
-    shown = np.linspace(0.0, wanted.crank[-1], _SHOWN)
-    output = rocker_angles([one.linkage for one in found], shown) + np.array([one.offset for one in found])[:, None]
-    return [ErrorCurve(shown / radian, error / radian) for error in output - wanted.curve(shown)]
+    target, radian = question.wanted, question.radian
+    shown = np.linspace(0.0, target.crank[-1], _SHOWN)
+    output = (
+        rocker_angles([generator.linkage for generator in found], shown)
+        + np.array([generator.offset for generator in found])[:, None]
+    )
+    return [ErrorCurve(shown / radian, error / radian) for error in output - target.curve(shown)]
 
 
-def rounded(question: FunctionQuestion, one: Generator, grid: float, work: Work) -> RoundedFunction:
+def rounded(question: FunctionQuestion, generator: Generator, grid: float, work: Work) -> RoundedFunction:
     """Return a generator with its links on a grid."""
-    links = np.maximum(np.round(np.array(one.linkage.links) / grid), 1.0) * grid
-    again = refit(question.wanted, one, links, question.largest, question.tolerance, work)
-    if again is None:
+    links = np.maximum(np.round(np.array(generator.linkage.links) / grid), 1.0) * grid
+    refitted = refit(question.wanted, generator, links, question.largest, question.tolerance, work)
+    if refitted is None:
         return RoundedFunction(closes=False)
-    linkage = Linkage.of(again.linkage, question.radian, question.target)
+    linkage = Linkage.of(refitted.linkage, question.radian, question.target)
     return RoundedFunction(
         closes=True,
         links=linkage.dimensions.links,
         start_angle=linkage.start_angle,
-        output_offset=again.offset / question.radian,
-        errors=errors_of(question, again),
-        transmission_angle_min=again.transmission_angle_min / question.radian,
+        output_offset=refitted.offset / question.radian,
+        errors=errors_of(question, refitted),
+        transmission_angle_min=refitted.transmission_angle_min / question.radian,
         linkage=linkage,
     )

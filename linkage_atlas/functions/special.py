@@ -52,10 +52,10 @@ class QuickReturn:
         return QUICK_RETURN_NOTE.format(slow=slow, fast=360 - slow)
 
 
-def read_quick_return(given: object, degrees: bool) -> QuickReturn:
+def read_quick_return(value: object, degrees: bool) -> QuickReturn:
     """Return a checked quick return; see `linkage_atlas.function`."""
-    given = known_fields("quick_return", given, ("stroke", "swing", "time_ratio"))
-    stroke, swing, ratio = (given.get(name) for name in ("stroke", "swing", "time_ratio"))
+    value = known_fields("quick_return", value, ("stroke", "swing", "time_ratio"))
+    stroke, swing, ratio = (value.get(name) for name in ("stroke", "swing", "time_ratio"))
     if (stroke is None) == (swing is None):
         raise FieldError(
             "/quick_return", "give either `stroke`, the travel of a slider, or `swing`, the angle of a rocker"
@@ -82,17 +82,17 @@ def read_quick_return(given: object, degrees: bool) -> QuickReturn:
     return QuickReturn(excess_angle(ratio), stroke, swing, degrees)
 
 
-def read_steering(given: object, degrees: bool) -> tuple[Floats, Floats, float]:
+def read_steering(value: object, degrees: bool) -> tuple[Floats, Floats, float]:
     """Return angles of the left and of the right wheel from straight ahead in the request's unit, and the track.
 
     The axes of all wheels meet in one point (R. Ackermann's condition): cot(outer) - cot(inner) = track / wheelbase.
     """
-    given = known_fields("steering", given, ("track", "wheelbase", "angle"))
+    value = known_fields("steering", value, ("track", "wheelbase", "angle"))
     values: dict[str, float] = {}
     for name in ("track", "wheelbase", "angle"):
-        if given.get(name) is None:
+        if value.get(name) is None:
             raise FieldError(f"/steering/{name}", "needed: `track`, `wheelbase` and `angle`, that of the inner wheel")
-        values[name] = number(f"steering/{name}", given[name])
+        values[name] = number(f"steering/{name}", value[name])
         if not 0 < values[name] <= MAX_LENGTH:
             raise FieldError(f"/steering/{name}", f"wanted a number above 0, found {values[name]:g}")
     inner = values["angle"] * radians_in(degrees)
@@ -115,9 +115,9 @@ def ackermann(left: Floats, ratio: float) -> Floats:
 
 def with_ground(limits: Fields | None, track: float) -> dict[str, object]:
     """Return limits whose ground is the track; FieldError if another one is given."""
-    given = dict(limits or {})
-    own = given.get("links")
+    named = dict(limits or {})
+    own = named.get("links")
     links = {name: value for name, value in own.items() if value is not None} if isinstance(own, Mapping) else {}
     if links.get("ground", track) != track:
         raise FieldError("/limits/links/ground", f"the ground is the track, {track:g}: leave it out")
-    return given | {"links": links | {"ground": track}}
+    return named | {"links": links | {"ground": track}}
