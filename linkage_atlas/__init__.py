@@ -2,8 +2,8 @@
 
 Ask with `synthesize` (any linkage for a `Motion`, within `Limits`, refined to machine precision), `function` (whose rocker
 turns as a function of its crank) or `match` (which rows of an atlas, exactly); move, draw and save what comes back, a `Linkage`.
-Plain arrays in and out; angles in degrees unless ``degrees=False``. Every name is loaded when it is first used, so that the
-import itself loads neither numpy nor scipy.
+Plain arrays in and out; angles in degrees unless ``degrees=False``. Names are loaded on first use, so that the
+import itself does not load numpy or scipy.
 """
 
 from __future__ import annotations
@@ -108,7 +108,7 @@ __all__ = [
 
 
 def run_batch(arguments: Sequence[str]) -> int:
-    """Run one batch command; returns its exit code."""
+    """Run a batch command and return its exit code."""
     from data_build.batch import main
 
     return main(arguments)

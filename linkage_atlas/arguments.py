@@ -1,4 +1,4 @@
-"""Arguments as a user gives them, each checked by its name: numbers, columns, places, boxes, units, and names of fields."""
+"""Checks of arguments by name: numbers, columns, points, boxes, units, and names of fields."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ T = TypeVar("T")
 
 @contextmanager
 def pointing(field_of: Callable[[str], str]) -> Iterator[None]:
-    """FieldErrors within name the places that fields have in the request, by what they are called there."""
+    """Replace the field of each FieldError within by ``field_of(field)``, its path in the request."""
     try:
         yield
     except FieldError as error:
@@ -38,12 +38,12 @@ def pointing(field_of: Callable[[str], str]) -> Iterator[None]:
 
 
 def radians_in(degrees: bool) -> float:
-    """Radians in one unit of angle."""
+    """Return the radians in a unit of angle: a degree or a radian."""
     return np.pi / 180 if degrees else 1.0
 
 
 def millimetres_in(unit: object, where: str = "") -> float:
-    """Millimetres in one unit of length; ``where``: what stands before its field in the name that an error has."""
+    """Return the millimetres in a unit of length; ``where``: path of its field in error messages."""
     return MILLIMETRES[one_of(f"{where}length_unit", unit, MILLIMETRES)]
 
 
@@ -70,7 +70,7 @@ def suggestion(value: object, words: Iterable[str]) -> str:
 
 
 def number(field: str, value: object, minimum: float = -np.inf) -> float:
-    """A finite number of at least ``least``, or a FieldError that names the argument."""
+    """Return a finite number of at least ``minimum``; raise FieldError for any other value."""
     try:
         found = float(value)  # type: ignore[arg-type]
     except (TypeError, ValueError):
@@ -82,21 +82,21 @@ def number(field: str, value: object, minimum: float = -np.inf) -> float:
 
 
 def check_top(top: int) -> None:
-    """FieldError unless at least one answer is asked for."""
+    """Raise FieldError unless ``top`` is a positive whole number."""
     if not isinstance(top, (int, np.integer)) or top < 1:
         raise FieldError("/top", f"wanted a whole number of at least 1, found {top!r}")
 
 
 def check_above_zero(**values: object) -> None:
-    """FieldError for an argument that is given and not above zero."""
+    """Raise FieldError for an argument that is not above zero; None is allowed."""
     for name, value in values.items():
         if value is not None and not number(name, value) > 0:
             raise FieldError(f"/{name}", f"wanted a number above 0, found {value}")
 
 
 def column(name: str, values: object) -> Floats:
-    """Values as an array of numbers, or a FieldError that names the argument."""
-    if isinstance(values, np.ma.MaskedArray) and np.ma.is_masked(values):  # numpy would take what is behind the mask
+    """Return values as an array of numbers; raise FieldError if they are no numbers."""
+    if isinstance(values, np.ma.MaskedArray) and np.ma.is_masked(values):  # numpy would use the masked values
         raise FieldError(f"/{name}", "wanted numbers without a mask: None where one is missing")
     if isinstance(values, np.ndarray) and values.dtype == object:  # as a list, in which None is a missing number
         values = values.tolist()
@@ -107,7 +107,7 @@ def column(name: str, values: object) -> Floats:
 
 
 def check_names(where: str, given: Iterable[str], known: Sequence[str], what: str = "field") -> None:
-    """FieldError for a name that is none of those known at a place."""
+    """Raise FieldError for a name that is not known; the error lists similar names."""
     for name in given:
         if name not in known:
             raise FieldError.no_such(where, name, known, what)
@@ -122,7 +122,7 @@ def known_fields(field: str, value: object, names: tuple[str, ...]) -> Fields:
 
 
 def kinds_among(value: object, known: Sequence[str], there_are: str = "") -> list[str]:
-    """The kinds of mechanism that are asked for, a list or one name, each once, in the order of all that are known."""
+    """Return the requested kinds of mechanism, each once and in the order of ``known``, from a list, a name or "all"."""
     if isinstance(value, str) and value == "all":
         return list(known)
     names = [value] if isinstance(value, str) else list(value) if isinstance(value, Iterable) else []
@@ -137,7 +137,7 @@ def kinds_among(value: object, known: Sequence[str], there_are: str = "") -> lis
 
 
 def bounded(field: str, value: object, largest: float = LARGEST) -> float:
-    """A number that can be computed with."""
+    """Return a number of at most ``largest`` in absolute value."""
     found = number(field, value)
     if abs(found) > largest:
         raise FieldError(f"/{field}", f"wanted at most {largest:g} either way, found {found:g}")
@@ -153,7 +153,7 @@ def pair(field: str, value: object, largest: float = LARGEST, words: str = "[x, 
 
 
 def build(make: Callable[..., T], values: Fields, *positional: object) -> T:
-    """Call ``make`` with arguments that it checks itself, or whose values were checked one by one."""
+    """Call ``make`` with arguments that it checks itself, or whose values were checked by name."""
     return make(*positional, **values)
 
 
@@ -185,14 +185,14 @@ def box(field: str, value: object, flat: bool = False) -> tuple[float, float, fl
 
 
 def whole_number(field: str, value: object, minimum: int, maximum: int) -> int:
-    """A whole number within bounds."""
+    """Return a whole number within bounds."""
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not minimum <= value <= maximum:
         raise FieldError(f"/{field}", f"wanted a whole number from {minimum} to {maximum:,}, found {value!r}")
     return int(value)
 
 
 def flag(field: str, value: object) -> bool:
-    """True or false; false where it is None."""
+    """Return True or False; None counts as False."""
     if not isinstance(value, (bool, type(None))):
         raise FieldError(f"/{field}", f"wanted true or false, found {value!r}")
     return bool(value)

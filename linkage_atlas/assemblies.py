@@ -1,4 +1,4 @@
-"""Plates and pins in layers as a user asks for them: whether a linkage can be built so that nothing collides, and how."""
+"""Plates and pins in layers: requests, and arrangements in which nothing collides."""
 
 from __future__ import annotations
 
@@ -50,20 +50,20 @@ ASSEMBLY = (
     "keep_out",
     "drive",
 )
-"""What may be asked of an assembly, by the names of the HTTP contract."""
+"""Fields of a request for an assembly."""
 MOST_CORNERS = 200
-"""Corners of a body's outline at most."""
+"""Maximum number of corners of a body's outline."""
 LAYERS_MOST, MOST_LAYERS = 6, 8
-"""Layers that are tried unless a request says so, and at most."""
+"""Default and largest value of `layers_most`."""
 MOUNTS = (BELOW, ABOVE, BOTH)
-"""How a fixed pin may be held."""
+"""Mounts of a fixed pin."""
 FIXED_PINS = ("A", "B", "M", "G", "A1", "A2", "B1", "B2")
 """Pins on the ground: of links on circles and of slots, of a motor or a cylinder, and the posts of rails."""
 MOST_TOLD = 5
-"""Places outside of the envelope, or in boxes, that sentences name."""
+"""Maximum number of collisions with boxes that the reasons name."""
 SHARES = (1.0, 0.5, 0.25, 0.125, 0.0625)
-"""Of the default hole, tried in turn."""
-NOT_SAID = "tilt of long pins, play and tolerances of thickness are not in the clearance"
+"""Fractions of the default hole, tried in turn."""
+NOT_CONSIDERED = "tilt of long pins, play and tolerances of thickness are not in the clearance"
 
 Status = Annotated[str, Literal["free", "blocked", "touching"]]
 Part = Annotated[str, Literal["plate", "pin", "post", "head", "board"]]
@@ -73,51 +73,51 @@ Collision = TypedDict("Collision", {"pair": list[str], "from": float, "to": floa
 
 
 class LeastGap(NamedTuple):
-    """How near two parts of one layer come."""
+    """Smallest gap between two parts of the same layer."""
 
     value: float
-    """The distance of their outlines less the clearance."""
+    """Distance of their outlines minus the clearance."""
     pair: tuple[str, str]
     crank_angle: float
 
 
 class Stop(NamedTuple):
-    """Where the motion ends; all null where nothing ends it."""
+    """End of the motion; all fields are null if nothing ends it."""
 
     crank_angle: float | None
     cause: Annotated[str | None, Cause | None]
-    """Two parts collide, or the loop itself ends."""
+    """`pair`: two parts collide; `loop`: the loop opens."""
     pair: tuple[str, str] | None
     """The parts that collide there."""
 
 
 class Stops(NamedTuple):
-    """The ends of the motion on both sides of the used interval, or where that is blocked, of the longest free part of it."""
+    """Ends of the motion on both sides of the used interval; if it is blocked, of its longest free part."""
 
     low: Stop
     high: Stop
 
 
 class HeldPin(NamedTuple):
-    """A pin, or a post within one link."""
+    """Pin, or post within a single link."""
 
     name: str
     layers: tuple[int, int]
-    """The lowest and the highest that it fills; 0 is the board below, one more than the count the board above."""
+    """Lowest and highest layer that it fills; 0 is the board below, and `count` + 1 the board above."""
     held: Annotated[str, Literal["one", "two"]]
-    """On how many sides."""
+    """Number of sides on which it is held."""
 
 
 class ThroughShaft(NamedTuple):
-    """Whether a fixed pivot can be held from both sides."""
+    """Support of a fixed pivot."""
 
     both_sides: bool
     because: str | None
-    """What passes over it; null where nothing does."""
+    """Parts that pass over the pivot; null if it can be held from both sides."""
 
 
 class Slit(NamedTuple):
-    """A slit along which a pin slides: the ends that its middle reaches."""
+    """Slit along which a pin slides, between the ends that the middle of the pin reaches."""
 
     first: tuple[float, float]
     last: tuple[float, float]
@@ -125,7 +125,7 @@ class Slit(NamedTuple):
 
 
 class Hole(NamedTuple):
-    """A hole and the pin or post that it is for."""
+    """Hole for a pin or post."""
 
     at: tuple[float, float]
     pin: str
@@ -133,73 +133,80 @@ class Hole(NamedTuple):
 
 @dataclass(frozen=True)
 class AssemblyPart(Record):
-    """A part: everything within a radius of a core, between two heights, in the frame of its link."""
+    """Part that fills everything within a radius of a core, between two heights, in the frame of its link."""
 
     name: str
     """crank, coupler, rocker, rail, motor_crank, rod, body, bar; pin_D, post_P, head_D_below, board_below."""
     kind: Part
     link: str
-    """Whose frame it is: from the link's first joint, x to its second (crank A to D, coupler D to C, rocker B to C); the ground's
-    from A in the axes of the request. A body on guides: from D, or the point of its slot, in its own axes."""
+    """Link whose frame is used: its origin is the first joint, and x points to the second one (crank A to D, coupler D to C,
+    rocker B to C). The frame of the ground lies in A and has the axes of the request; the frame of a body on guides lies in D, or
+    in the point of its slot, and has the axes of the body."""
     core: list[tuple[float, float]]
-    """A point, the ends of a line, or the corners of a polygon, counter-clockwise."""
+    """Point, ends of a line, or corners of a polygon, counter-clockwise."""
     radius: float
     holes: list[Hole]
     layers: tuple[int, int]
-    """The lowest and the highest that it fills."""
+    """Lowest and highest layer that it fills."""
     z: tuple[float, float]
-    """Its lower and upper face; layer 1 begins at 0."""
+    """Heights of the lower and upper face; layer 1 begins at 0."""
     slits: list[Slit]
-    """Of rails, and of a body with a slot; as wide as a hole."""
+    """Slits of rails, and of a body with a slot; as wide as a hole."""
 
 
 class PartSizes(NamedTuple):
-    """Sizes that were used, those of the request or the defaults, in the unit of the lengths."""
+    """Sizes of the parts: from the request, or else the defaults, in the unit of the lengths."""
 
     hole: float
     """Diameter of the pins."""
     width: float
-    """Of the plates."""
+    """Width of the plates."""
     clearance: float
-    """Least gap that is wanted of parts that pass one another."""
+    """Smallest allowed gap between parts that pass each other."""
     thickness: float
-    """Of the plates."""
+    """Thickness of the plates."""
     washer: float
-    """Between two layers."""
+    """Thickness of the washers between two layers."""
 
 
 @dataclass(frozen=True)
 class Assembly(Record):
-    """Layers of a linkage's plates, and whether they pass one another over the used interval: proved, not sampled."""
+    """Layers of a linkage's plates, and their collisions over the used interval, which are proved and not sampled."""
 
     status: Status
-    """free: nothing comes nearer than the clearance; touching: something may just reach it; blocked: no layers are free."""
+    """free: no gap is below the clearance; touching: a gap may just reach it; blocked: no layers are free."""
     count: int
-    """Layers."""
+    """Number of layers."""
     layers: dict[str, int]
-    """Of each plate, from 1; where blocked, those that are free over the longest part of the motion."""
+    """Layer of each plate, from 1; if blocked, the layers that are free over the longest part of the motion."""
     mounts: dict[str, str]
-    """How each fixed pin is held: below, above or below+above; none with a bar."""
+    """Mount of each fixed pin: below, above or below+above; empty with a bar."""
     least_gap: LeastGap | None
-    """Of all parts that share a layer; null where none do, or where blocked."""
+    """Smallest gap of parts that share a layer; null if no parts do, or if blocked."""
     stops: Stops
     collisions: list[Collision]
-    """Of the layers told; empty where they are free. Also of plates with "envelope" and "keep_out 1", which no layers free."""
+    """Collisions in these layers; empty if they are free.
+
+    They include collisions of plates with "envelope" and "keep_out 1", for which no layers help.
+    """
     touches: list[Collision]
-    """Where parts may just reach one another."""
+    """Intervals in which parts may just touch."""
     longest_free: tuple[float, float] | None
-    """Where blocked, the longest part of the used interval without a collision; null where there is none."""
+    """If blocked, the longest part of the used interval without a collision; null if there is no such part."""
     pins: list[HeldPin]
     shaft: dict[str, ThroughShaft]
-    """Of each fixed pivot."""
+    """Support of each fixed pivot."""
     fewer: dict[str, Collision | None]
-    """By a number of layers, one less: what stops the best arrangement in so few; null where plates on one pin need more."""
+    """For each smaller number of layers the collision that stops the best arrangement.
+
+    It is null if plates on a pin need more layers.
+    """
     others: int
-    """Further free arrangements in as many layers."""
+    """Number of further free arrangements with the same number of layers."""
     tried: int
-    """Arrangements that were looked at; those that a part of them excludes count once."""
+    """Number of arrangements that were examined; arrangements with the same collision in common count once."""
     exhaustive: bool
-    """Whether all were, of as many layers, or where blocked of `layers_most`."""
+    """True if all arrangements of this number of layers were examined, or if blocked of up to `layers_most`."""
     sizes: PartSizes
     parts: list[AssemblyPart]
     reasons: list[str]
@@ -207,9 +214,9 @@ class Assembly(Record):
     machine: Machine = field(metadata=KEPT, repr=False)
     """Plates and pins in radians."""
     arrangement: Arrangement = field(metadata=KEPT, repr=False)
-    """What was found, in radians."""
+    """The arrangement in radians."""
     settings: PartSettings = field(metadata=KEPT, repr=False)
-    """All sizes, the defaults filled in."""
+    """All sizes, including defaults."""
     given: PartSettings = field(metadata=KEPT, repr=False)
     """The sizes of the request."""
     driven_hinge: str = field(default="", metadata=KEPT, repr=False)
@@ -217,12 +224,12 @@ class Assembly(Record):
 
     @property
     def free(self) -> bool:
-        """Whether nothing collides."""
+        """True if nothing collides."""
         return self.status == "free"
 
 
 class AskedAssembly(NamedTuple):
-    """What is asked of an assembly, checked."""
+    """Checked request for an assembly."""
 
     settings: PartSettings
     body: tuple[complex, ...]
@@ -230,10 +237,10 @@ class AskedAssembly(NamedTuple):
     envelope: Box | None = None
     keep_out: tuple[Box, ...] = ()
     drive: Motor | Strut | str | None = None
-    """A motor with its rod, a cylinder or a knee; of a drive in a hinge its link."""
+    """Motor with its rod, cylinder or knee; for a drive in a hinge the name of its link."""
 
     def within(self, envelope: Box | None, keep_out: Sequence[Box]) -> AskedAssembly:
-        """With the boxes of a request's limits, where it has none of its own."""
+        """Return the request with the boxes of the limits, if it has no boxes of its own."""
         return self._replace(
             envelope=self.envelope if envelope is None or self.envelope is not None else envelope,
             keep_out=self.keep_out or tuple(keep_out),
@@ -241,9 +248,9 @@ class AskedAssembly(NamedTuple):
 
 
 def read_assembly(request: Fields | bool, where: str = "assembly/") -> AskedAssembly | None:
-    """A checked request for an assembly: some of `ASSEMBLY`, or true for the defaults; None where none is asked for.
+    """Check a request for an assembly: a mapping with some of `ASSEMBLY`, or True for the defaults; return None for False.
 
-    ``where``: what stands before its fields in the names that errors have.
+    ``where``: path of the fields in error messages.
     """
     if isinstance(request, bool):
         request = {} if request else None  # type: ignore[assignment]
@@ -268,7 +275,7 @@ def read_assembly(request: Fields | bool, where: str = "assembly/") -> AskedAsse
 
 
 def read_drive(name: str, drive: object) -> Motor | Strut | str:
-    """Read a drive as a reply has it, whose parts are arranged with the linkage; of a drive in a hinge its link."""
+    """Read a drive from the fields of a reply, to arrange its parts with the linkage; for a drive in a hinge return its link."""
 
     def of(record: object, name_of_part: str) -> object:
         return record.get(name_of_part) if isinstance(record, Mapping) else getattr(record, name_of_part, None)
@@ -333,7 +340,7 @@ def _mounts(name: str, value: object, boards: str) -> dict[str, str]:
 
 
 def _outline(name: str, value: object) -> tuple[complex, ...]:
-    """The corners of a body's outline, counter-clockwise."""
+    """Return the corners of a body's outline, counter-clockwise."""
     try:
         points = np.asarray(value, dtype=float)
     except (TypeError, ValueError):
@@ -359,7 +366,7 @@ def machine_of(linkage: Linkage, request: AskedAssembly, used: Interval, where: 
     them leave none.
     """
     if request.body and not linkage.mounted:
-        raise FieldError(f"/{where}body", "needs `position`: without it nothing says where the body is")
+        raise FieldError(f"/{where}body", "needs `position`: without it the position of the body is unknown")
     for share in SHARES:
         try:
             return _machine(linkage, request, share, used, where)
@@ -391,19 +398,20 @@ def _machine(linkage: Linkage, request: AskedAssembly, share: float, used: Inter
             raise FieldError.no_such(f"/{where}mounts", pin, fixed, "fixed pin")
     for plate in machine.plates:
         for hole, next_hole in combinations(plate.holes, 2):
-            if not abs(hole.at - next_hole.at) > machine.hole:
-                holes = f"holes of {machine.hole:.6g} for {hole.pin} and {next_hole.pin}, {abs(hole.at - next_hole.at):.6g} apart,"
+            distance = abs(hole.at - next_hole.at)
+            if not distance > machine.hole:
+                holes = f"holes of {machine.hole:.6g} for {hole.pin} and {next_hole.pin}, {distance:.6g} apart,"
                 raise FieldError(f"/{where}hole", f"{holes} would run into one another in the {plate.name}")
     return machine
 
 
 class Reading(NamedTuple):
-    """How places of the drive are told."""
+    """Unit of the drive's coordinate in replies and sentences."""
 
     radian: float
     """Radians in the user's unit of angle; 1 for lengths."""
     behind: str
-    """The unit in sentences; of a length none."""
+    """Unit in sentences; empty for lengths."""
 
 
 def assembled(
@@ -414,9 +422,9 @@ def assembled(
     work: Work,
     where: str = "assembly/",
 ) -> Assembly:
-    """The assembly of a linkage over an interval of its drive's travel from the first sample, in the user's units.
+    """Arrange the plates of a linkage over an interval of its drive's travel from the first sample, in the user's units.
 
-    ``radian``: radians in the user's unit of angle; the travel of a drive that slides is a length.
+    ``radian``: radians in the user's unit of angle; the travel of a sliding drive is a length.
     """
     machine = machine_of(linkage, request, used, where)
     unit = Reading(radian, " rad" if radian == 1.0 else " degrees") if machine.turns else Reading(1.0, "")
@@ -430,7 +438,7 @@ def assembled(
             reasons.insert(1, f"with boards on both sides {two_sided.stack.count} layers are free: {held}")
     beyond = outside(machine, request.envelope, request.keep_out, work)
     if beyond:
-        # no layer helps
+        # these collisions do not depend on the layers
         found = replace(found, status="blocked", collisions=(*beyond, *found.collisions))
         more = [f"and so {len(beyond) - MOST_TOLD} times more"] * (len(beyond) > MOST_TOLD)
         reasons = [*(_beyond(collision, machine, unit) for collision in beyond[:MOST_TOLD]), *more, *reasons]
@@ -440,7 +448,7 @@ def assembled(
 def described(
     machine: Machine, request: AskedAssembly, found: Arrangement, reasons: list[str], unit: Reading
 ) -> Assembly:
-    """What was found as a user reads it."""
+    """Describe an arrangement in the units of the user."""
     settings = request.settings.completed(machine.hole, machine.width, machine.clearance)
     stack, heights = found.stack, Heights.of(machine, settings.thickness, settings.washer)
     names = machine.movement.names
@@ -453,35 +461,37 @@ def described(
         if found.min_gap is None
         else LeastGap(found.min_gap[1].gap, found.min_gap[0], found.min_gap[1].at / unit.radian),
         stops=Stops(_stop(found.low, unit), _stop(found.high, unit)),
-        collisions=[_collision(one, unit) for one in found.collisions],
-        touches=[_collision(one, unit) for one in found.touches],
+        collisions=[_collision(pair, unit) for pair in found.collisions],
+        touches=[_collision(pair, unit) for pair in found.touches],
         longest_free=None if found.free is None else (found.free.first / unit.radian, found.free.last / unit.radian),
         pins=[
             HeldPin(name, span, "two" if stack.mounts.get(name) == BOTH else "one")
             for name, span in stack.pins.items()
         ],
-        shaft={name: ThroughShaft(one.both_sides, _passing(name, one, unit)) for name, one in found.shaft.items()},
-        fewer={str(count): None if one is None else _collision(one, unit) for count, one in found.fewer.items()},
+        shaft={
+            name: ThroughShaft(shaft.both_sides, _passing(name, shaft, unit)) for name, shaft in found.shaft.items()
+        },
+        fewer={str(count): None if stop is None else _collision(stop, unit) for count, stop in found.fewer.items()},
         others=found.alternatives,
         tried=found.tried,
         exhaustive=found.exhaustive,
         sizes=PartSizes(machine.hole, machine.width, machine.clearance, heights.thickness, heights.washer),
         parts=[
             AssemblyPart(
-                one.name,
-                one.kind,
-                names[one.body],
-                [(z.real, z.imag) for z in one.shape.core],
-                one.shape.radius,
-                [Hole((hole.at.real, hole.at.imag), hole.pin) for hole in one.holes],
-                one.layers,
-                one.z,
+                part.name,
+                part.kind,
+                names[part.body],
+                [(z.real, z.imag) for z in part.shape.core],
+                part.shape.radius,
+                [Hole((hole.at.real, hole.at.imag), hole.pin) for hole in part.holes],
+                part.layers,
+                part.z,
                 [
                     Slit((slit.first.real, slit.first.imag), (slit.last.real, slit.last.imag), slit.pin)
-                    for slit in one.slits
+                    for slit in part.slits
                 ],
             )
-            for one in parts_of(machine, stack, heights)
+            for part in parts_of(machine, stack, heights)
         ],
         reasons=reasons,
         machine=machine,
@@ -506,12 +516,12 @@ def _stop(stop: stacks.Stop | None, unit: Reading) -> Stop:
 
 
 def _angle(value: float, unit: Reading) -> str:
-    """A place of the drive with its unit."""
+    """Return a coordinate of the drive with its unit."""
     return f"{value / unit.radian:.6g}{unit.behind}"
 
 
 def _part(name: str, machine: Machine) -> str:
-    """A part in a sentence: "the crank", "pin B", "the head of pin A"."""
+    """Return the name of a part in a sentence: "the crank", "pin B", "the head of pin A"."""
     if name.startswith("head "):
         return f"the head of pin {name.removeprefix('head ')}"
     return f"the {name}" if any(plate.name == name for plate in machine.plates) else f"pin {name}"
@@ -535,17 +545,17 @@ def _passing(pin: str, shaft: stacks.Shaft, unit: Reading) -> str | None:
     if shaft.both_sides:
         return None
     passages = [
-        f"the {_other(collision.pair, pin)} passes over {pin} {_between(collision, unit)}"
+        f"the {_second_part(collision.pair, pin)} passes over {pin} {_between(collision, unit)}"
         for collision in shaft.passes
     ]
     return "; ".join(passages)
 
 
-def _other(pair: Sequence[str], pin: str) -> str:
+def _second_part(pair: Sequence[str], pin: str) -> str:
     return next(name for name in pair if name != pin)
 
 
-def _reasons(machine: Machine, found: Arrangement, asked: StackRequest, unit: Reading) -> list[str]:
+def _reasons(machine: Machine, found: Arrangement, request: StackRequest, unit: Reading) -> list[str]:
     stack = found.stack
     slits = {end.pair for end in machine.slit_ends if end is not None}
     by_layer: dict[int, list[str]] = {}
@@ -555,7 +565,7 @@ def _reasons(machine: Machine, found: Arrangement, asked: StackRequest, unit: Re
     reasons = []
     if found.status == "blocked":
         if found.exhaustive:
-            reasons.append(f"no arrangement of up to {asked.max_layers} layers is free over the used interval")
+            reasons.append(f"no arrangement of up to {request.max_layers} layers is free over the used interval")
         else:
             reasons.append(
                 f"none of the {found.tried:,} arrangements that were looked at is free over the used interval"
@@ -568,17 +578,17 @@ def _reasons(machine: Machine, found: Arrangement, asked: StackRequest, unit: Re
         )
         best_said = "the best" if found.best_known else "the best of those looked at"
         reasons.append(f"{best_said} ({said}) {part}")
-        ends = [one for one in (found.low, found.high) if one is not None and one.pair is not None]
-        for pair in dict.fromkeys(one.pair for one in ends if one.pair is not None):
-            at = " and ".join(_angle(one.at, unit) for one in ends if one.pair == pair)
+        ends = [end for end in (found.low, found.high) if end is not None and end.pair is not None]
+        for pair in dict.fromkeys(end.pair for end in ends if end.pair is not None):
+            at = " and ".join(_angle(end.at, unit) for end in ends if end.pair == pair)
             reasons.append(f"{_both(pair, machine)} collide at {at}")
-        for one in found.collisions if best is None else ():
-            reasons.append(f"{_both(one.pair, machine)} collide {_between(one, unit)}")
+        for collision in found.collisions if best is None else ():
+            reasons.append(f"{_both(collision.pair, machine)} collide {_between(collision, unit)}")
     else:
         reasons.append(said)
-    for one in found.touches:
+    for touch in found.touches:
         reasons.append(
-            f"{_both(one.pair, machine)} may just reach the clearance {_between(one, unit)}: that is not decided"
+            f"{_both(touch.pair, machine)} may just reach the clearance {_between(touch, unit)}: that is not decided"
         )
     for count, stops in found.fewer.items():
         if stops is not None:
@@ -594,13 +604,13 @@ def _reasons(machine: Machine, found: Arrangement, asked: StackRequest, unit: Re
                 if stop.pair in slits:
                     cause = f"{_part(stop.pair[0], machine)} is at the end of its slit"
                 reasons.append(f"{which} end of the motion at {_angle(stop.at, unit)}: {cause}")
-    if any(one.name == "rod" for one in machine.plates):
+    if any(plate.name == "rod" for plate in machine.plates):
         reasons.append("crank angles are those of the motor, from the first sample on")
     loop = machine.loop
     if slits and loop is not None and np.isfinite(loop).any():
-        told = [
+        open_ends = [
             f"{which} end at {_angle(at, unit)}" for which, at in zip(("lower", "upper"), loop) if np.isfinite(at)
         ]
-        reasons.append(f"with longer slits the loop itself would end: {', '.join(told)}")
-    reasons.append(NOT_SAID)
+        reasons.append(f"with longer slits the loop itself would end: {', '.join(open_ends)}")
+    reasons.append(NOT_CONSIDERED)
     return reasons

@@ -158,9 +158,9 @@ def study(
         does not depend on the machine's speed.
     out : str or Path, optional
         File to which each answer is appended as a line of JSON. If it exists, the study continues after its last complete line.
-        Only one study may write it at a time.
+        Two studies must not write it at the same time.
     jobs : int, optional
-        Number of processes; default: one per core. More than one needs a script that can be imported.
+        Number of processes; default: the number of cores. Several processes need a script that can be imported.
     scheduler : str, optional
         Address of a Dask cluster to run on; needs the extra ``[distributed]`` here and this package on its workers.
     progress : callable

@@ -52,11 +52,11 @@ _LAYERED, _MIN_LAYERED = 3, 20
 _FOR_LAYERS = 0.3
 """Fraction of the budget for the comparison of layers."""
 _MIN_ROUNDED = 5
-"""Minimum number of linkages that are rounded: the best linkage with rounded lengths is often not the nearest one."""
+"""Minimum number of linkages that are rounded: the best linkage with rounded lengths is often not the nearest linkage."""
 _POOL = 20
 """Number of additional linkages among which those in proportion are chosen."""
 _BALANCED_POOL = 40
-"""Minimum number of linkages among which balanced ones are chosen, so that the first hardly depends on the number of results."""
+"""Minimum number of linkages for the choice of balanced linkages, so that the first one depends little on `top`."""
 _VARIETY = 6
 """Multiple of the number of results among which diverse solutions are chosen."""
 
@@ -229,7 +229,7 @@ def _refine_all(
 def _with_continued(
     found: Sequence[Solution], continued: Sequence[Solution | None], ranking: Ranking, top: int
 ) -> tuple[list[Solution], list[Solution | None]]:
-    """Return at most ``top`` linkages, those of ``continued`` among them, and ``continued`` as it is there.
+    """Return at most ``top`` linkages including ``continued``, and ``continued`` after merging.
 
     A linkage that was both found and continued is there once, with the smaller of its errors.
     """
@@ -252,7 +252,7 @@ def _with_continued(
 
 
 def _is_twin(solution: Solution, candidate: Solution) -> bool:
-    """Return whether two linkages of the same kind and drive hardly differ."""
+    """Return whether two linkages of the same kind and drive are almost equal."""
     same_group = (solution.linkage.kind, solution.linkage.driver) == (
         candidate.linkage.kind,
         candidate.linkage.driver,
@@ -369,7 +369,7 @@ def _with_fair(
     ranking: Ranking,
     fair: Fair,
 ) -> tuple[list[Solution], SearchReport]:
-    """Search again for linkages of fair size if the best one is out of all proportion; return all, best first, with a note."""
+    """Search again for linkages of fair size if the best linkage is out of all proportion; return all and a note."""
     if not found:
         return found, report
     samples = ranking.motion.samples

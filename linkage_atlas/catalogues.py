@@ -1,4 +1,4 @@
-"""Catalogues of actuators and springs: those that come along, one's own as CSV, and rows given one by one."""
+"""Catalogues of actuators and springs: bundled catalogues, CSV texts, and lists of rows."""
 
 from __future__ import annotations
 
@@ -17,23 +17,23 @@ from synthesis.drives.torsion import TorsionRow
 from synthesis.errors import FieldError
 
 MOST_ROWS = 400
-"""Rows of a catalogue at most."""
+"""Maximum number of rows of a catalogue of actuators."""
 MOST_SPRING_ROWS = 200
-"""Rows of a catalogue of springs at most."""
+"""Maximum number of rows of a catalogue of springs."""
 ACTUATORS = ("iso_6432", "iso_15552", "spindle")
-"""Catalogues of actuators that come along, in millimetres and newtons: pneumatic cylinders by two standards, whose retracted
-length is a usual one from rear pin to rod eye, and spindle actuators of no maker. Look a size up before you buy it."""
+"""Bundled catalogues of actuators, in millimetres and newtons: pneumatic cylinders by two standards, with typical retracted
+lengths from rear pin to rod eye, and spindle actuators of no particular maker. Check a size with its maker before you buy it."""
 SPRINGS = {
     "tension": "tension_springs",
     "gas": "gas_springs",
     "compression": "compression_springs",
     "torsion": "torsion_springs",
 }
-"""Catalogues of springs by kind, of no maker; torsion springs have rates per degree."""
+"""Bundled catalogues of springs by kind, of no particular maker; torsion springs have rates per degree."""
 PRESSURE = 6.0
-"""Bar, of a cylinder's supply where nothing else is said."""
+"""Default supply pressure of cylinders, in bar."""
 _NEWTONS_A_BAR = 0.1
-"""Of a pressure in bar on a square millimetre."""
+"""Force of a pressure of one bar on a square millimetre."""
 _LENGTHS = ("retracted", "stroke", "bore", "rod", "free_length", "shortest", "longest", "extended")
 _COLUMNS = {
     "actuator": ("name", "retracted", "stroke", "force", "pull", "bore", "rod", "price"),
@@ -57,7 +57,7 @@ def _bundled(name: str) -> tuple[Fields, ...]:
 
 
 def _table(field: str, text: str) -> list[dict[str, object]]:
-    """Rows of a CSV text with a head; numbers where they are numbers."""
+    """Return the rows of a CSV text with heads; all cells except names are numbers."""
     reader = csv.DictReader(io.StringIO(text.strip()), delimiter=";" if ";" in text.partition("\n")[0] else ",")
     rows: list[dict[str, object]] = []
     for line, row in enumerate(reader, 2):
@@ -79,7 +79,7 @@ def _table(field: str, text: str) -> list[dict[str, object]]:
 
 
 def _rows(field: str, value: object, kind: str, names: Sequence[str], max_rows: int) -> list[Fields]:
-    """Rows of a catalogue: by its name, of a CSV text, or as they are."""
+    """Return the rows of a catalogue from its name, a CSV text, or a list of rows."""
     if isinstance(value, str):
         if "\n" in value:
             rows: list[Fields] = list(_table(field, value))
@@ -114,10 +114,10 @@ def _value(field: str, row: Fields, name: str, scale: float, default: float | No
 def read_actuators(
     field: str, value: object, millimetres: float, pressure: float
 ) -> tuple[list[CatalogueRow], dict[str, float]]:
-    """Rows of a catalogue of actuators, and the rod diameters by the rows' names.
+    """Return the rows of a catalogue of actuators, and the rod diameters by the names of the rows.
 
-    A bundled one and none else is turned from millimetres to the request's unit, of which ``millimetres`` make one. A row with a
-    bore and without a force pushes with ``pressure`` (bar) on the bore and pulls on what the rod leaves of it.
+    Only bundled catalogues are converted from millimetres to the request's unit, which has ``millimetres`` millimetres. A row
+    with a bore and without a force pushes with ``pressure`` (bar) on the bore, and pulls on the bore without the rod.
     """
     bundled = isinstance(value, str) and "\n" not in value
     scale = millimetres if bundled else 1.0

@@ -86,7 +86,7 @@ class Head(NamedTuple):
 class Sheet:
     """Rows of a table and the heads of its columns, if it has any.
 
-    ``line`` is the line of the heads, or of the first row if there are none; ``units`` are those of a row of units below them.
+    ``line`` is the line of the heads, or of the first row if there are none; ``units`` come from a row of units below them.
     """
 
     heads: list[Head]
@@ -201,7 +201,7 @@ def _holds_numbers(line: str) -> bool:
 
 
 def _is_number(cell: str) -> bool:
-    """Return whether a cell is a number, perhaps with a unit, a time, or a text in place of a missing number."""
+    """Return whether a cell is a number, possibly with a unit, a time, or a text in place of a missing number."""
     found = _NUMBER.match(cell)
     suffix = cell[found.end() :].strip().lower() if found else ""
     if found and (suffix in UNITS or not re.search(r"[^\W\d_]", suffix)):
@@ -216,14 +216,14 @@ def _are_units(cells: list[str]) -> bool:
 
 
 def _separator(below: list[str], above: list[str]) -> str:
-    """Find the character between cells; a blank stands for any white space."""
+    """Find the character between cells; a blank means any white space."""
     bare = [re.sub('"[^"]*"', "", line) for line in below]
     for separator in "\t;":
         if any(separator in line for line in bare):
             return separator
     if all("|" in line for line in bare):
         return "|"
-    if above:  # the separator with which a row has as many cells as there are heads
+    if above:  # the separator for which a row and the heads have the same number of cells
         heads = {len(_trimmed(_split(above[-1], mark, 0))) for mark in "\t;,| "} - {1} or {1}
         fits = [mark for mark in ", " if len(_trimmed(_split(below[0], mark, 0))) in heads]
         return fits[0] if len(fits) == 1 else "," if "," in above[-1] else " "
@@ -289,14 +289,14 @@ def head_of(text: str) -> Head:
 
 
 class Cell(NamedTuple):
-    """Number in a cell, None for an empty one, and the text of a unit behind it ("")."""
+    """Number in a cell, None for an empty cell, and the text of a unit behind it ("")."""
 
     value: float | None
     unit: str
 
 
 class Numbers:
-    """Reads the numbers of a table whose decimals have one mark throughout."""
+    """Reads the numbers of a table whose decimals all have the same mark."""
 
     def __init__(self, cells: Sequence[str]) -> None:
         marks = filter(None, map(_decimal_mark, cells))

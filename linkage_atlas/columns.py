@@ -1,4 +1,4 @@
-"""Columns of a table: which field each one holds, in which unit, and their numbers."""
+"""Columns of a table: the field that each holds, its unit, and its numbers."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from synthesis.target import MAX_LENGTH
 
 
 class Column(NamedTuple):
-    """How a column was read."""
+    """Column of a table with the field and the unit that were read."""
 
     head: str
     """As written; of a table without heads the number of the column."""
@@ -67,7 +67,7 @@ def with_aliases(columns: Mapping[str, str] | None, kind: Kind) -> dict[str, str
 
 
 class Reading:
-    """Columns of one table while they are read: which have a role, their units, their numbers."""
+    """Columns of a table while they are read: which have a role, their units, their numbers."""
 
     def __init__(self, sheet: Sheet, kind: Kind, degrees: bool, length_unit: str | None) -> None:
         self.sheet, self.kind, self.degrees, self.length_unit = sheet, kind, degrees, length_unit
@@ -267,7 +267,7 @@ class Reading:
     # -- numbers
 
     def read_numbers(self) -> None:
-        """Read the cells of all columns that have a role, and convert them to one unit of length and one of angle."""
+        """Read the cells of all columns that have a role, and convert them to a common unit of length and a unit of angle."""
         if self.kind is POSES and len({"x", "y"} & set(self.roles.values())) == 1:
             raise self.refuse("wanted both x and y, or neither", True)
         width, heads = self.sheet.width, self.sheet.heads
@@ -293,7 +293,7 @@ class Reading:
         self._convert()
 
     def _take_unit(self, k: int, role: str, text: str, where: str) -> None:
-        """Take the unit behind a number as that of its column."""
+        """Take the unit behind a number as the unit of its column."""
         unit = self.unit_of(text, role, where + "the number")
         if self.units[k] not in ("", unit):
             raise FieldError("", f"{where}the number is in {unit}, the column in {self.units[k]}")
@@ -394,7 +394,7 @@ class Reading:
         ]
 
     def note(self) -> str:
-        """Say how the columns were read, in one sentence."""
+        """Return a sentence on the columns that were read."""
         parts = list(self.remarks)
         unit_name = "degrees" if self.degrees else "radians"
         if self.sheet.heads:

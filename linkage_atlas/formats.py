@@ -1,4 +1,4 @@
-"""Kinds of files: how each is declared over HTTP, and how its name ends."""
+"""Kinds of files with their media types and endings."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from synthesis.errors import FieldError
 
 
 class Format(NamedTuple):
-    """How a file is declared over HTTP, and how its name may end: first as in the name of a route, last as it is sent."""
+    """Media type of a file and endings of its name: the first is used in routes, the last in names of files that are sent."""
 
     media_type: str
     endings: tuple[str, ...]
@@ -35,11 +35,11 @@ HELD = {
     **dict.fromkeys(("assembly", "solids"), (*OF_PARTS, "plates", "mjcf")),
     "drive": ("csv", "svg", "dxf", "mjcf"),
 }
-"""Kinds that hold what may be asked for beside a linkage."""
+"""Kinds of files that can hold more than a linkage."""
 
 
 def kind_of(name: str) -> str:
-    """The kind that the name of a file means."""
+    """Return the kind of a file from its name."""
     for kind, known in FORMATS.items():
         if name.lower().endswith(tuple(f".{ending}" for ending in known.endings)):
             return kind

@@ -64,7 +64,7 @@ NO_POINTS = _names(
 
 @dataclass(frozen=True)
 class Kind:
-    """Columns that the tables of one question have."""
+    """Columns of the tables of a question."""
 
     roles: Mapping[str, frozenset[str]]
     """Names of the columns that have each role."""

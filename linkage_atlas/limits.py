@@ -1,4 +1,4 @@
-"""Limits as a user gives them, checked by name; and where they exclude every linkage, which of them do, and by how much."""
+"""Limits of a request, checked by name, and an explanation of the limits that exclude every linkage."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from synthesis.target import Samples
 from synthesis.work import OutOfTime, Work
 
 PRESETS = ("practical", "none")
-"""Sets of limits by name: the first holds by default where the crank angles are free, the second where they are given."""
+"""Sets of limits by name; the default with free crank angles, and the default with given ones."""
 LIMITS = {name: form for name, form in FORMS.items() if form.kind != "reach"}
 """The limits of a request, beside its ``preset``."""
 FUNCTION_LIMITS = {name: form for name, form in LIMITS.items() if form.concerns not in ("place", "sliders")}
-"""Those of a request for function generators."""
+"""The limits of a request for function generators."""
 _STEPS = 6
 """Number of bisection steps for the value at which a limit no longer excludes every linkage."""
 _SEARCHES = 24
@@ -145,7 +145,7 @@ def read_limits(limits: Fields | None, motion: Motion) -> model.Limits:
 
 
 def read_function_limits(limits: Fields | None, samples: Samples, degrees: bool) -> model.Limits:
-    """The limits of a request for function generators, which are of any family where it names none."""
+    """Check the limits of a request for function generators; the default family is any."""
     checked = _read(limits, samples, radians_in(degrees), FUNCTION_LIMITS, PRESETS[1], {"family": "any"})
     if any(checked.links) and checked.links[3] is None:
         raise FieldError("/limits/links/ground", "needed where other lengths are given")
@@ -303,7 +303,7 @@ def _without(limits: model.Limits, name: str, extent: float) -> model.Limits:
 
 
 def _changed(limits: model.Limits, name: str, value: object, extent: float) -> model.Limits:
-    """Return the limits with another value of one limit, as a request with that value would have them."""
+    """Return the limits of a request with another value of a limit."""
     changes = {name: value}
     if name == "link_min" and limits.practical and limits.link_max == ROOM * (limits.link_min or 0.0):
         # the shortest length has lifted the longest length of the preset

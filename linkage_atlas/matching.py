@@ -1,4 +1,4 @@
-"""Which rows of an atlas turn most like a motion: `match`."""
+"""Rows of an atlas whose rotation is nearest to a motion: `match`."""
 
 from __future__ import annotations
 
@@ -168,7 +168,7 @@ class _Row(NamedTuple):
     atlas: Atlas
     scan: Scan
     number: int
-    """Of the type, from 0."""
+    """Row of the type, from 0."""
     start: int
     branch: int
     error: float
@@ -184,7 +184,7 @@ def _atlas_of(kind: str, atlas: Atlas | None) -> Atlas:
 def _slider_crank(
     lengths: list[int], branch: int, start: float, offset: float, radian: float, target: Target
 ) -> Linkage:
-    """The linkage of a row, its rail along the x axis and the body's point in the crank pin; angles in radians."""
+    """Return the linkage of a row, with its rail along the x axis and the body point in the crank pin; angles in radians."""
     crank, rod, beside = lengths
     signed = np.array([[crank, rod, branch * beside]], dtype=float)
     (linkage,) = BY_CRANK[Kind.SLIDER_CRANK].posed(signed, np.ones(1), np.array([start]), None)

@@ -1,4 +1,4 @@
-"""Search among several kinds of mechanism for one motion."""
+"""Search among several kinds of mechanism for a motion."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ FourBarSearch = Callable[[Limits, Work, int | None], tuple[list[Solution], Searc
 
 @dataclass
 class _Progress:
-    """Results of the searches so far, one search after the other."""
+    """Accumulated results of consecutive searches."""
 
     found: list[Solution] = field(default_factory=list)
     trace: list[tuple[float, float]] = field(default_factory=list)
@@ -54,7 +54,7 @@ class _Progress:
     stopped: set[StoppedBy] = field(default_factory=set)
 
     def add(self, found: Sequence[Solution], trace: Sequence[tuple[float, float]]) -> None:
-        """Add linkages of another search; its trace counts from the point at which it improves on the previous ones."""
+        """Add linkages of another search; its trace counts from the point at which it improves on previous searches."""
         self.found = [*self.found, *found]
         self.trace = fallen(self.trace, trace)
 
@@ -189,7 +189,7 @@ def _search_sliders(
 
 
 def _rotations(leads: Sequence[Solution], poses: Poses) -> list[Floats]:
-    """Return the rotation curves of the first four-bars that clearly differ from one another, in radians (N,) each."""
+    """Return the rotation curves of the first four-bars that clearly differ, in radians (N,) each."""
     curves: list[Floats] = []
     for lead in leads:
         turned = lead.linkage.body(lead.linkage.start + lead.travel[: poses.samples]).rotation

@@ -1,4 +1,4 @@
-"""A requested motion and limits as a user gives them: plain arrays, in degrees or radians, checked by name."""
+"""A requested motion: plain arrays in degrees or radians, checked by name."""
 
 from __future__ import annotations
 
@@ -50,12 +50,12 @@ __all__ = [
 ]
 
 _TURNS, _RADIANS = 2.0, 0.25
-"""Turns in radians, and radians given as degrees (14 degrees), from which on the unit of an angle is questioned."""
+"""Largest range in turns, and smallest range in radians, of angles in degrees whose unit is questioned."""
 
 _WRAPPED = 0.75
-"""Part of a turn from which on a jump between two samples is one of its way of writing."""
+"""Fraction of a turn above which a jump between two samples comes from angles that are written within a turn."""
 MOST_STOCK = 1000
-"""Lengths of a stock at most."""
+"""Maximum number of lengths in stock."""
 OR_FREE = ", or `timing` 'free' (its angles are unknown, and found with the linkage)"
 
 
@@ -74,13 +74,13 @@ class Columns(TypedDict):
 
 @dataclass(frozen=True)
 class Tolerances:
-    """Largest errors allowed at the samples, (N,) each: radians, and the user's unit of length; None: not limited."""
+    """Largest allowed errors at the samples, (N,) each, in radians and in the user's unit of length; None: not limited."""
 
     rotation: Floats | None
     position: Floats | None
 
     def objective(self, samples: Samples) -> float:
-        """The objective of a motion that is off by as much as is allowed at every sample."""
+        """Return the objective of a motion with the largest allowed error at every sample."""
         square = 0.0
         if self.rotation is not None:
             square += float(np.mean(self.rotation**2))
@@ -89,7 +89,7 @@ class Tolerances:
         return float(np.sqrt(square))
 
     def shares(self, target: Target, linkage: Linkage) -> Floats:
-        """Each sample's largest error over what is allowed, (N,); a missing part counts as kept."""
+        """Return the largest ratio of an error to its tolerance at each sample, (N,); missing values have no error."""
         rotation, points = _moved(linkage, target.crank)
         share = np.zeros(target.samples)
         if self.rotation is not None and target.rotation is not None:
@@ -106,62 +106,63 @@ class Tolerances:
 
 
 def _moved(linkage: Linkage, travel: Floats) -> tuple[Floats, Complexes | None]:
-    """Rotation and place of the body at travel (n,) of the drive from the first sample."""
+    """Return rotation and position of the body at travel (n,) of the drive from the first sample."""
     found = linkage.body(linkage.start + travel)
     return found.rotation, found.position if linkage.mounted else None
 
 
 class Motion:
-    """What a body is to do: its rotation, its positions or both, at samples of the crank's turn.
+    """Required motion of a body: its rotation, its positions or both, at samples of the crank's turn.
 
     Parameters
     ----------
     rotation : array_like, shape (N,), optional
-        Rotation of the body at the samples, continuous: no jumps by whole turns (where the crank angles are free, whole
-        turns do not count). Written within 0 to 360 or -180 to 180, a jump that is less than a quarter turn the other way
-        round is taken so, as 350, 10 is. None: missing there.
+        Rotation of the body at the samples, continuous and without jumps by whole turns; with free crank angles whole turns do
+        not count. In angles written within 0 to 360 or -180 to 180, such as 350, 10, a jump that is less than a quarter turn
+        in the other direction is taken as that smaller turn. None: missing at this sample.
     position : array_like, shape (N, 2), or complex, shape (N,), optional
-        A point of the body at the samples, in any unit. At least one of the two is needed; 3 to 1,024 samples (2 with free
-        crank angles). None: missing there.
+        Positions of a point of the body at the samples, in any unit. Rotation, position or both are required, at 3 to 1,024
+        samples (at least 2 with free crank angles). None: missing at this sample.
     crank_span : float, optional
         Crank angle from the first sample to the last, evenly spaced; negative: clockwise.
     crank_angle : array_like, shape (N,), optional
-        Crank angles in place of ``crank_span``; what counts is the increment from the first.
+        Crank angles in place of ``crank_span``; only the increments from the first angle count.
     timing : {"free"}, optional
-        In place of both: the crank angles are unknown, and each solution has its own.
+        In place of both: the crank angles are unknown, and each solution has its own crank angles.
     order : {"given", "any"}
-        With free crank angles: whether the crank must pass the samples in the order given, turning one way, either way.
+        With free crank angles: "given" if the crank passes the samples in their order, in either direction of rotation.
     closed : bool
-        With free crank angles: whether the way leads from the last sample on to the first.
+        With free crank angles: True if the motion continues from the last sample to the first.
     travel : array_like, shape (N,), optional
         For linkages with sliders, in place of crank angles: travel of the slider, or extension of the cylinder, at each sample;
-        what counts is the increment from the first. Above 0 a cylinder grows longer.
+        only the increments from the first value count. A cylinder with positive travel extends.
     travel_span : float, optional
-        The same from the first sample to the last, evenly spaced.
+        Travel from the first sample to the last, evenly spaced.
     start_angle : float, optional
-        Crank angle at the first sample from the ground line A->B, counter-clockwise, such as that of a motor whose rest position
-        is given; the crank angles are then absolute. Default: as it is best. For four-bars with given crank angles.
+        Crank angle at the first sample from the ground line A->B, counter-clockwise, for example of a motor with a given rest
+        position; the crank angles are then absolute. Only for four-bars with given crank angles. Default: the best angle.
     points : array_like, shape (N, 4), optional
-        In place of ``rotation`` and ``position``: two points [x1, y1, x2, y2] of the body at the samples. The first one is the
-        body point, and the rotation is the direction to the second. Distances may differ by 0.5 %.
+        In place of ``rotation`` and ``position``: two points [x1, y1, x2, y2] of the body at the samples. The first point is the
+        body point, and the rotation is the direction to the second. Their distance may vary by 0.5 %.
     crank_span_max : float, optional
-        With free crank angles: the crank turns by no more than this from the first sample to the last.
+        With free crank angles: largest crank angle from the first sample to the last.
     weights : mapping, optional
-        ``rotation`` and ``position``, (N,) each, at least 0: what each sample counts. Default: all alike.
+        Weights ``rotation`` and ``position`` of at least 0 for the samples, (N,) each. Default: equal weights.
     tolerances : mapping, optional
-        ``rotation`` and ``position``, a number or (N,) each: the largest errors allowed. The status is then "reached" when
-        every sample is inside, and solutions that keep them come first.
+        Largest allowed errors ``rotation`` and ``position``, a number or (N,) each. The status is then "reached" if the errors of
+        all samples are within them, and such solutions come first.
     length_scale : float, optional
-        Weighs position errors against rotation errors in radians; default: the largest distance from the mean position.
+        Length that weighs position errors against rotation errors in radians. Default: the largest distance from the mean
+        position.
     degrees : bool
-        Unit of every angle in and out; False: radians.
+        Unit of every angle, in and out: degrees, or radians if it is False.
     length_unit : {"um", "mm", "cm", "m", "in", "ft"}, optional
-        Unit of the positions, which solutions and their files take over. Default: unknown; files take millimetres.
+        Unit of the positions, for solutions and their files. Default: unknown; files are in millimetres.
 
     Raises
     ------
     FieldError
-        Naming the argument and the sample.
+        If an argument is wrong; the error names it and the sample.
 
     Examples
     --------
@@ -171,11 +172,11 @@ class Motion:
     """
 
     samples: Target | Poses
-    """The same in radians: with its crank angles, or with free ones."""
+    """The motion in radians: a `Target` with crank angles, or `Poses` with free crank angles."""
     degrees: bool
     tolerances: Tolerances | None = None
     travel: Floats | None = None
-    """(N,): of slider or cylinder from the first sample on, where it is given."""
+    """(N,): travel of a slider or cylinder from the first sample, if it is given."""
     length_unit: str | None = None
     """Unit of the positions; None if it is unknown."""
     _wraps: Sequence[str] = ()
@@ -332,18 +333,18 @@ class Motion:
 
     @property
     def free(self) -> bool:
-        """Whether the crank angles are unknown."""
+        """True if the crank angles are unknown."""
         return isinstance(self.samples, Poses)
 
     @property
     def target(self) -> Target:
-        """The motion with its crank angles; an error where they are free."""
+        """The motion with its crank angles; FieldError if they are free."""
         if isinstance(self.samples, Target):
             return self.samples
         raise FieldError("/timing", "the crank angles are free: only a solution has them")
 
     def with_angles(self, linkages: Sequence[Linkage], cranks: Sequence[Floats | None]) -> Target:
-        """The motion with crank angles (N,) that were found, one set a linkage; as it is where they were given."""
+        """Return the motion with the crank angles (N,) that were found for each linkage; given crank angles do not change."""
         if isinstance(self.samples, Target):
             return self.samples
         crank, turns = np.stack([crank for crank in cranks if crank is not None]), None
@@ -358,13 +359,13 @@ class Motion:
         return self.samples.timed(crank, turns)
 
     def one_of(self, target: Target, index: int) -> Motion:
-        """The motion with the crank angles of one linkage, from those of several that `with_angles` gave."""
+        """Return the motion with the crank angles of a single linkage of those in ``target``, see `with_angles`."""
         if not target.found:
             return self
         return Motion.of(target.one_of(index), self.degrees, self.tolerances, self.length_unit)
 
     def of_solution(self, linkage: Linkage, crank: Floats) -> Motion:
-        """The motion with the crank angles that one solution found."""
+        """Return the motion with the crank angles of a solution."""
         if isinstance(self.samples, Target):
             return self
         if not self.samples.ordered:
@@ -374,12 +375,12 @@ class Motion:
 
     @property
     def radian(self) -> float:
-        """Radians in one unit of angle."""
+        """Radians in a unit of angle."""
         return radians_in(self.degrees)
 
     @property
     def asked(self) -> Samples:
-        """The samples as they were asked for."""
+        """The samples of the request."""
         samples = self.samples
         return samples.asked if isinstance(samples, Poses) and samples.asked is not None else samples
 
@@ -430,7 +431,7 @@ class Motion:
 
 
 def unit_notes(what: str, values: Floats, degrees: bool) -> list[str]:
-    """The question whether angles are in the other unit, where they look so."""
+    """Ask whether angles are in the other unit, if their values suggest it."""
     span = float(np.ptp(values)) if values.size else 0.0
     if not degrees and span > _TURNS * TURN:
         return [
@@ -480,16 +481,15 @@ def _present(
 
 
 def unwound(name: str, angles: ArrayLike | None, degrees: bool) -> tuple[ArrayLike | None, list[str]]:
-    """Angles written within one turn, 340, 350, 0, 10, as the body goes: 340, 350, 360, 370; and what to say of it.
+    """Return continuous angles for angles written within a turn, such as 340, 350, 360 for 340, 350, 0, and notes on changes.
 
-    Only where all of it lies within 0 to 360 or -180 to 180 degrees, and jumps from sample to sample by so much that the other
-    way round is less than a quarter turn. All else is taken as it is. Law: wrapping small steps and unwinding them gives the
-    steps again.
+    Angles change only if all of them lie within 0 to 360 or -180 to 180 degrees, and a jump between samples is less than a
+    quarter turn in the other direction. Law: small steps that are wrapped and unwound are the same again.
     """
     turn = 360.0 if degrees else TURN
     try:
         values: Floats = np.array([np.nan if angle is None else angle for angle in sequence(angles)], dtype=float)
-    except (TypeError, ValueError):  # the reader of the angles names the wrong one
+    except (TypeError, ValueError):  # a later check names the wrong angle
         return angles, []
     if values.ndim != 1:
         return angles, []
@@ -504,13 +504,13 @@ def unwound(name: str, angles: ArrayLike | None, degrees: bool) -> tuple[ArrayLi
     values[indices[1:]] -= turn * np.cumsum(back)
     k = int(np.argmax(back != 0))
     unit, step = ("degrees" if degrees else "radians"), jumps[k] - turn * back[k]
-    said = (
-        f"the {name} from sample {indices[k] + 1} ({own[k]:.6g}) to {indices[k + 1] + 1} ({own[k + 1]:.6g}) is taken as a turn of "
-        f"{step:.4g} {unit}, the short way; for {jumps[k]:.4g} write it beyond {turn:.6g}"
+    note = (
+        f"the {name} from sample {indices[k] + 1} ({own[k]:.6g}) to {indices[k + 1] + 1} ({own[k + 1]:.6g}) is taken as a turn "
+        f"of {step:.4g} {unit}, the short way; for {jumps[k]:.4g} write it beyond {turn:.6g}"
     )
     if np.isnan(values).any():
-        return np.array([None if np.isnan(value) else value for value in values.tolist()], dtype=object), [said]
-    return values, [said]
+        return np.array([None if np.isnan(value) else value for value in values.tolist()], dtype=object), [note]
+    return values, [note]
 
 
 def _tolerances(tolerances: Mapping[str, ArrayLike] | None, samples: Samples, radian: float) -> Tolerances | None:
@@ -532,7 +532,7 @@ def _tolerances(tolerances: Mapping[str, ArrayLike] | None, samples: Samples, ra
 
 
 def _check_free(timing: str, order: str, span: bool, angles: bool) -> None:
-    """FieldError for what free crank angles cannot have."""
+    """Raise FieldError for arguments that free crank angles exclude."""
     if timing != "free":
         raise FieldError("/timing", f"wanted 'free' or nothing, found {timing!r}")
     if span or angles:
@@ -543,7 +543,7 @@ def _check_free(timing: str, order: str, span: bool, angles: bool) -> None:
 
 
 def _check_travel(timing: str | None, turned: bool) -> None:
-    """FieldError for what cannot stand beside travel."""
+    """Raise FieldError for arguments that travel excludes."""
     if timing is not None:
         raise FieldError("/timing", "the travel is given: give either this or `timing`")
     if turned:
@@ -551,7 +551,7 @@ def _check_travel(timing: str | None, turned: bool) -> None:
 
 
 def _travel(travel: ArrayLike | None, span: float | None, samples: Poses) -> Floats:
-    """Travel (N,) from the first sample on, checked."""
+    """Return the checked travel (N,) from the first sample."""
     if travel is None:
         end = number("travel_span", span)
         if not MIN_LENGTH <= abs(end) <= MAX_LENGTH:
@@ -573,7 +573,7 @@ def _travel(travel: ArrayLike | None, span: float | None, samples: Poses) -> Flo
 
 
 def _check_given(what: str, order: str, closed: bool, crank_span_max: float | None) -> None:
-    """FieldError for what only free crank angles can have."""
+    """Raise FieldError for arguments that need free crank angles."""
     for name, is_set in (
         ("order", order != "given"),
         ("closed", closed),

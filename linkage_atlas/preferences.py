@@ -32,7 +32,7 @@ _MAX_TRIES = 6
 _SMALLEST = 0.5
 """Smallest size of a linkage, in extents of the motion."""
 _COMPACT = 2.2
-"""Size of the linkages of the search for compact ones, in extents of the motion."""
+"""Size of the linkages of the search for compact linkages, in extents of the motion."""
 _COMPACT_ROUNDS = 2
 """Maximum number of rounds of that search."""
 _GOAL = 0.35
@@ -40,7 +40,7 @@ _GOAL = 0.35
 
 
 class Search(Protocol):
-    """A search for candidates of one task, for other motions and limits."""
+    """A search for candidates of a task, for other motions and limits."""
 
     def __call__(
         self,
@@ -74,7 +74,7 @@ class Measure(NamedTuple):
 
 
 def accuracy_goal(motion: Motion, tolerance: float, smallest: float) -> float:
-    """Return the objective at which a search for accurate linkages may end; ``smallest``: the smallest one that is known."""
+    """Return the objective at which a search for accurate linkages may end; ``smallest``: the smallest known value."""
     tolerances = motion.tolerances
     if tolerances is None:
         return max(tolerance, smallest, _GOAL * everyday_tolerances(motion).objective(motion.samples))
@@ -82,7 +82,7 @@ def accuracy_goal(motion: Motion, tolerance: float, smallest: float) -> float:
 
 
 def improved(found: Sequence[Solution], task: Task, ranking: Ranking, search: Search, work: Work) -> list[Solution]:
-    """Return further linkages, accurate ones with a better value of the preferred measure.
+    """Return further accurate linkages with a better value of the preferred measure.
 
     The same search within a tighter limit on the measure, half-way to a value that is known to be out of reach, finds better
     linkages or none, and the next limit is tighter or looser.
@@ -135,7 +135,7 @@ def measure_of(prefer: Prefer, motion: Motion, limits: Limits) -> Measure:
 
 
 def balanced(found: Sequence[Solution], task: Task, ranking: Ranking, search: Search, work: Work) -> list[Solution]:
-    """Return further four-bars with a smaller merit: by a short search for compact ones, and by `compacted`."""
+    """Return further four-bars with a smaller merit: by a short search for compact linkages, and by `compacted`."""
     motion, samples = task.motion, task.motion.samples
     if not (isinstance(samples, Poses) and samples.asked is None and samples.position is not None):
         return []

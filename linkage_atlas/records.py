@@ -1,7 +1,7 @@
-"""What a reply holds: the fields of frozen dataclasses and named tuples, under their names, with a sentence below each.
+"""Records of a reply: frozen dataclasses and named tuples whose fields have a sentence each.
 
-They are the contract of the HTTP interface too, which is described and written from them. An annotation that Python and JSON
-do not share is ``Annotated[type in Python, type in JSON]``; an array is a list of numbers where it does not say otherwise.
+They are also the contract of the HTTP interface, whose description and JSON are generated from them. The annotation
+``Annotated[type in Python, type in JSON]`` is for types that differ; an array without it is a list of numbers in JSON.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ Vectors = Annotated[Floats, list[tuple[float, float] | None]]
 """(n, 2): null where a row is not finite."""
 
 KEPT = {"kept": True}
-"""Metadata of a field that Python alone has."""
+"""Metadata of a field that is not part of the HTTP interface."""
 LAST = {"last": True}
 """Metadata of a field of a base that comes last in a reply."""
 
 
 class Record:
-    """Base of dataclasses that are a reply, or a part of one."""
+    """Base of dataclasses that are a reply or a part of it."""
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values under the names of the HTTP contract; None replaces a value that is not finite."""
@@ -38,7 +38,7 @@ class Record:
 
 @cache
 def names_of(kind: Any) -> tuple[str, ...]:
-    """Names of the fields that a reply has of a dataclass or a named tuple, in order; of any other type none."""
+    """Return the names of the fields of a record in a reply, in order; empty for types that are no record."""
     if is_dataclass(kind):
         shown = [field for field in fields(kind) if "kept" not in field.metadata]
         return tuple(field.name for field in sorted(shown, key=lambda field: "last" in field.metadata))
@@ -46,18 +46,18 @@ def names_of(kind: Any) -> tuple[str, ...]:
 
 
 def plane(points: ArrayLike) -> Floats:
-    """Complex points of any shape as [x, y], (..., 2)."""
+    """Return complex points of any shape as [x, y], (..., 2)."""
     points = np.asarray(points, dtype=complex)
     return np.stack([points.real, points.imag], axis=-1)
 
 
 def xy(point: complex) -> tuple[float, float]:
-    """A complex point as [x, y]."""
+    """Return a complex point as [x, y]."""
     return float(np.real(point)), float(np.imag(point))
 
 
 def plain(value: object) -> Any:
-    """A value as JSON has it: dicts, lists and numbers; None for a number, or a row of an array, that is not finite."""
+    """Return a value as dicts, lists and numbers; None replaces a number, or a row of an array, that is not finite."""
     if isinstance(value, float):
         return float(value) if isfinite(value) else None
     if isinstance(value, np.ndarray):

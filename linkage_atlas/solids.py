@@ -1,4 +1,4 @@
-"""A linkage as solid parts: what they are made of, what they weigh, and their files for CAD, printers and simulators."""
+"""Solid parts of a linkage: materials, masses, and files for CAD, printers and simulators."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ from synthesis.target import Interval
 from synthesis.work import Work
 
 SOLIDS = ("fit", "material", "pins", "fillet", "layout", "nevertheless")
-"""What may be asked of solids, by the names of the HTTP contract."""
+"""Fields of a request for solids."""
 MATERIALS = {"H7": ("aluminium", "steel"), "print": ("PLA", "PLA")}
-"""Of plates and of pins unless a request says otherwise, by fit."""
+"""Default materials of plates and pins, by fit."""
 LEAST_MM, LARGEST_MM = 0.01, 1e6
-"""A pin at least, and a plate at most: what the readers of the files tell apart and hold."""
+"""Smallest pin and largest plate, in millimetres, that readers of the files can represent."""
 NAME = "linkage"
-SLIDES = "{!r} is written for linkages whose joints all turn: a file of the kind 'mjcf' has those that slide"
+SLIDES = "{!r} is written for linkages whose joints all turn: a file of the kind 'mjcf' has sliding joints"
 
 
 class AskedSolids(NamedTuple):
-    """What is asked of solids, checked."""
+    """Checked request for solids."""
 
     fit: Fit
     material: str
@@ -40,7 +40,7 @@ class AskedSolids(NamedTuple):
 
 
 def read_solids(request: Fields | None, where: str = "solids/") -> AskedSolids:
-    """A checked request for solids: some of `SOLIDS`. ``where``: what stands before its fields in the names that errors have."""
+    """Check a request for solids, a mapping with some of `SOLIDS`; ``where``: path of the fields in error messages."""
     request = {} if request is None else request
     if not isinstance(request, Mapping):
         raise FieldError(f"/{where.rstrip('/')}", f"wanted a mapping of {', '.join(SOLIDS)}")
@@ -67,63 +67,64 @@ def read_solids(request: Fields | None, where: str = "solids/") -> AskedSolids:
 
 
 class Weight(NamedTuple):
-    """What a moving link weighs with everything that it carries, as `Linkage.analysis` takes it: not scaled."""
+    """Mass of a moving link with everything that it carries, as an argument of `Linkage.analysis`; it is not scaled."""
 
     link: str
     mass: float
-    """Kilograms."""
+    """Mass in kilograms."""
     at: tuple[float, float]
-    """Its centre in the link's frame, in the unit of the lengths."""
+    """Centre of mass in the frame of the link, in the unit of the lengths."""
     inertia: float
-    """About the centre, kilograms times length squared."""
+    """Moment of inertia about the centre, in kilograms times the unit of length squared."""
 
 
 class Wall(NamedTuple):
-    """The thinnest wall of all parts: their thickness, and around their holes; not the necks of a body's outline."""
+    """Thinnest wall of all parts, over thicknesses and walls around holes; necks of a body's outline are not considered."""
 
     value: float
-    """Millimetres."""
+    """Thickness in millimetres."""
     part: str
 
 
 @dataclass(frozen=True)
 class SolidPart(Record):
-    """A part as it is made; millimetres and kilograms."""
+    """Part as it is made, in millimetres and kilograms."""
 
     name: str
     kind: Annotated[str, Literal["plate", "pin", "post", "head", "board", "washer"]]
     link: str
-    """That carries it."""
+    """Link that carries the part."""
     material: str
     volume: float
     mass: float
     centre: tuple[float, float, float]
-    """In the frame of its link; z from the lower face of layer 1."""
+    """Centre of mass in the frame of its link; z is measured from the lower face of layer 1."""
 
 
 @dataclass(frozen=True)
 class SolidParts(Record):
-    """The parts of a linkage, in millimetres and kilograms."""
+    """Parts of a linkage, in millimetres and kilograms."""
 
     fit: str
     scale: float
     parts: list[SolidPart]
     mass: float
-    """Of all of them."""
+    """Mass of all parts."""
     masses: list[Weight]
-    """Of the moving links, for an analysis."""
+    """Masses of the moving links, for an analysis."""
     thinnest_wall: Wall
     solids: Solids = field(metadata=KEPT, repr=False)
     asked: AskedSolids = field(metadata=KEPT, repr=False)
     kerf: float = field(default=0.0, metadata=KEPT, repr=False)
-    """Of plates to cut, in millimetres."""
+    """Width of the cut of plates, in millimetres."""
     driven_hinge: str = field(default="", metadata=KEPT, repr=False)
-    """The link with a drive in its hinge, which has no parts of its own."""
+    """Link with a drive in its hinge, which has no parts of its own; empty without such a drive."""
 
     def file(self, kind: str) -> bytes:
-        """A file: step, 3mf, stl (a zip file), urdf, sdf, parts (CSV) or plates (DXF of all that is flat).
+        """Return the content of a file: step, 3mf, stl (a zip file), urdf, sdf, parts (CSV) or plates (DXF of all flat parts).
 
-        3MF lies on the printer's bed unless the layout says "assembled"; STEP stands assembled unless it says "bed".
+        Parts in a 3MF file lie on the bed of the printer unless the layout is "assembled"; parts in a STEP file are assembled
+        unless the layout is "bed".
         """
         one_of("kind", kind, (*OF_PARTS, "plates"))
         solids, parts = self.solids, self.solids.parts
@@ -157,22 +158,22 @@ class SolidParts(Record):
         return to_step(parts, poses, NAME).encode("ascii")
 
     def save(self, path: str | Path) -> None:
-        """Write a file; its ending says which: .step, .3mf, .stl.zip, .urdf, .sdf or .parts.csv."""
+        """Write a file of the kind of its ending: .step, .3mf, .stl.zip, .urdf, .sdf or .parts.csv."""
         path = Path(path)
         path.write_bytes(self.file(kind_of(path.name)))
 
 
 def masses_of_parts(linkage: Linkage, used: Interval, length_unit: str) -> list[Weight]:
-    """The masses that a load calls "parts": of the moving links as they are made by default, also where parts collide."""
+    """Return the masses of the moving links with parts of default sizes, even if parts collide."""
     request = read_assembly({"length_unit": length_unit})
     assert request is not None
-    found = assembled(linkage, request, used, 1.0, Work())
-    parts = solids_in(found, read_solids({"nevertheless": True}), length_unit)
+    assembly = assembled(linkage, request, used, 1.0, Work())
+    parts = solids_in(assembly, read_solids({"nevertheless": True}), length_unit)
     return parts.masses
 
 
 def split(request: Fields) -> tuple[dict[str, object], dict[str, object]]:
-    """Arguments of an assembly, and those of solids."""
+    """Split arguments between an assembly and its solids."""
     check_names("", request, ASSEMBLY + SOLIDS)
     return (
         {name: value for name, value in request.items() if name in ASSEMBLY},
@@ -183,7 +184,7 @@ def split(request: Fields) -> tuple[dict[str, object], dict[str, object]]:
 def solids_in(assembly: Assembly, request: AskedSolids, length_unit: str) -> SolidParts:
     """Return the parts of an assembly, with the sizes that were checked for collisions.
 
-    Raises `FieldError`: where parts collide, unless they are wanted nevertheless.
+    Raises `FieldError` if parts collide, unless the request sets ``nevertheless``.
     """
     unit, settings, scale = millimetres_in(length_unit), assembly.settings, assembly.settings.scale
     if assembly.status == "blocked" and not request.nevertheless:

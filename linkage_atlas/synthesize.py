@@ -40,7 +40,7 @@ def synthesize(
     driver: DriverName | None = None,
     **more: Unpack[MotionAndStudies],
 ) -> Result:
-    """Find linkages that make a motion: their dimensions and where they are mounted.
+    """Find linkages that make a motion, with their dimensions and mounting.
 
     Call it as ``synthesize(motion, limits)``, or with the arguments of a `Motion` in its place:
     ``synthesize(rotation, position, crank_span=70)``.
@@ -69,7 +69,7 @@ def synthesize(
         has rails or slots, alternatives to an exact linkage are searched for as long again as it took, at least 20 ms.
     start_from : sequence of Linkage, Solution or mapping, optional
         Linkages that are candidates from the first step, for example the displayed linkage while a motion is changed. Plain
-        values are those of `Solution.to_dict`, or ``joints`` as of `Linkage.from_points`. Each is refined within the limits
+        values are those of `Solution.to_dict`, or ``joints``, see `Linkage.from_points`. Each is refined within the limits
         before the search begins: with the preference "balanced" a four-bar until its error is small or almost stops falling,
         otherwise to its nearest optimum. ``report.continued`` has the rank of each result. With free timing a four-bar needs
         its mount.

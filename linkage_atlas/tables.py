@@ -37,11 +37,11 @@ class Table:
     """Unit of the lengths; None if the table names none."""
     columns: list[Column]
     note: str
-    """How the columns were read, as one sentence."""
+    """Sentence on the columns that were read."""
     heads: tuple[str, ...]
     """All columns of the table; without heads their numbers."""
     angle_named: bool = field(default=False, repr=False)
-    """Whether the table names the unit of its angles."""
+    """True if the table names the unit of its angles."""
 
 
 def read_columns(text: str) -> dict[str, str]:

@@ -15,7 +15,7 @@ from synthesis.errors import FieldError
 ROUNDING = 5e-3
 """Relative difference of two distances that is taken as rounding of drawn or measured numbers."""
 _REMARKED = 1e-3
-"""Relative difference of distances from which on a note says so."""
+"""Relative difference of distances above which a note mentions it."""
 Vector = tuple[float, float]
 
 
@@ -46,7 +46,7 @@ def check_distances(along: Sequence[Vector | None], error: Callable[[int, str], 
 def poses_of_points(points: ArrayLike, degrees: bool) -> tuple[list[float], list[list[float]], list[str]]:
     """Return continuous rotations, positions and notes of two points, rows [x1, y1, x2, y2].
 
-    The position is that of the first point, and the rotation is the direction to the second.
+    The position belongs to the first point, and the rotation is the direction to the second.
 
     Raises
     ------

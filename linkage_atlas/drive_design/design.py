@@ -109,8 +109,8 @@ def drives(
     --------
     >>> import linkage_atlas as la
     >>> flap = {"pivot": [0, 0], "start": 0, "swing": 60, "length": 400}
-    >>> asked = [{"kind": "actuator", "retracted": 255, "stroke": 150, "ground_box": [-300, -400, 300, 0], "reach_max": 300}]
-    >>> found = la.drives(rocker=flap, drives=asked, load={"force": [0, -100]})
+    >>> drives = [{"kind": "actuator", "retracted": 255, "stroke": 150, "ground_box": [-300, -400, 300, 0], "reach_max": 300}]
+    >>> found = la.drives(rocker=flap, drives=drives, load={"force": [0, -100]})
     >>> round(found.best("actuator").peak_force, 1)
     238.6
     """

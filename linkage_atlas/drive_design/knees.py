@@ -1,4 +1,4 @@
-"""Knees that lock one end of the motion."""
+"""Knees that lock an end of the motion."""
 
 from __future__ import annotations
 

@@ -186,13 +186,13 @@ class DriveQuestion(NamedTuple):
 
     @property
     def loaded(self) -> bool:
-        """Whether a force, a torque or a mass acts."""
+        """True if a force, a torque or a mass acts."""
         load = self.load
         return bool(load.force or load.torque or load.masses or any(acting.force for acting in load.forces))
 
 
 class Reader:
-    """Checks of a request for one linkage.
+    """Checks of a request for a linkage.
 
     Parameters
     ----------
@@ -262,7 +262,7 @@ class Reader:
         return PointForce(link, point, pair(f"{at}/force", entry.get("force"), words="[fx, fy]"))
 
     def drive(self, at: str, entry: object) -> DriveRequest:
-        """Check one entry of ``drives``."""
+        """Check an entry of ``drives``."""
         kind = one_of(f"{at}/kind", entry.get("kind") if isinstance(entry, Mapping) else None, KINDS)
         links = list(self.machine.links)
         match kind:
@@ -314,7 +314,7 @@ class Reader:
         return request
 
     def spring(self, at: str, entry: object) -> SpringRequest:
-        """Check one entry of ``springs``."""
+        """Check an entry of ``springs``."""
         kind = one_of(f"{at}/kind", entry.get("kind") if isinstance(entry, Mapping) else None, SPRING_KINDS)
         values = self._fields(at, entry, SpringRequest)
         names = (GROUND, *self.machine.links)

@@ -1,4 +1,4 @@
-"""Records of a reply about drives: one for each kind of drive, for springs, and for what is missing."""
+"""Records of a reply about drives: for each kind of drive, for springs, and for missing drives."""
 
 from __future__ import annotations
 
@@ -165,7 +165,7 @@ class Lock(NamedTuple):
     """Crank angle beyond the end while the knee passes its straight position."""
     handle_torque_max: float | None
     holds: bool | None
-    """Whether the load presses the knee onto its stop; null without a load."""
+    """True if the load presses the knee onto its stop; null without a load."""
 
 
 # -- one record for each kind of drive --------------------------------------------------------------------------------
@@ -183,9 +183,9 @@ class _Drive(Record):
     stops: str
     """Stops that must be built."""
     holds: str
-    """Whether the drive holds without power."""
+    """Description of the load that the drive holds without power."""
     pin_forces: Annotated[PinPeaks | None, PinPeaks] = None
-    """Of a four-bar with a load; of a motor in both directions."""
+    """Largest pin forces of a four-bar with a load; for a motor over both directions."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -200,7 +200,7 @@ class RotaryDrive(_Drive):
     holding: Point | None
     """Torque at the first position and at the last; null without a load."""
     transmission_angle_min: float | None
-    """Of a four-bar that is driven at this pivot."""
+    """Smallest transmission angle of a four-bar that is driven at this pivot."""
     curve: RotaryCurve
 
     @property
@@ -220,7 +220,7 @@ class _PinnedDrive(_Drive):
     length: tuple[float, float]
     """Distance from the other end to the pin at the first position and at the last."""
     extends: bool
-    """Whether this distance grows from the first position to the last."""
+    """True if this distance grows from the first position to the last."""
     peak_force: float | None
     """Null without a load."""
     envelope: tuple[float, float, float, float]
@@ -430,9 +430,9 @@ class Spring(_SpringEffect):
 
     kind: Literal["tension", "gas", "compression"]
     points: tuple[Point, Point]
-    """Its ends in the plane, at the first position."""
+    """Ends of the spring in the plane, at the first position."""
     points_on_links: tuple[Point, Point]
-    """The same in the links' frames."""
+    """Ends of the spring in the frames of the links."""
     stiffness: float
     free_length: float
     """Length at which it pulls with its preload."""

@@ -26,76 +26,76 @@ from synthesis.target import TURN, Interval, Target
 from synthesis.work import Work
 
 _STEPS = 73
-"""Rows of a table over a turn of the motor."""
+"""Number of rows of a table over a turn of the motor."""
 _CURVE = 361
-"""Angles of the motor at which an analysis is made where none are given."""
+"""Default number of motor angles of an analysis."""
 
 
 class SixBarJoints(NamedTuple):
-    """Where a six-bar is at n angles of its motor. Angles in the linkage's unit."""
+    """Position of a six-bar at n angles of its motor, with angles in the linkage's unit."""
 
     joints: dict[str, Floats]
-    """(n, 2) of each by its name: A, B, C, D of the linkage, M the motor, K between its crank and the rod, Q on the link."""
+    """(n, 2) for each joint: A, B, C, D of the linkage, M the motor, K between its crank and the rod, Q on the link."""
     linkage: Joints
-    """The linkage itself, with body point, rotation and its own transmission angle."""
+    """Joints of the linkage itself, with body point, rotation and transmission angle."""
     travel: Floats
-    """Of the linkage's drive, from the first sample on: crank angles, or lengths of a slide."""
+    """Travel of the linkage's drive from the first sample: crank angles, or lengths of a slide."""
     motor_direction: Floats
-    """Of the motor's crank against the x axis."""
+    """Direction of the motor's crank against the x axis."""
     transmission_angle: Floats
-    """Between rod and normal of its pin's path."""
+    """Angle between the rod and the normal of the path of its pin."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SixBarAnalysis(Record):
-    """Velocities, accelerations and forces at a constant speed of the motor, a value an angle of it."""
+    """Velocities, accelerations and forces at a constant speed of the motor, one value for each motor angle."""
 
     motor_angle: Floats
-    """From the first end on, counter-clockwise positive."""
+    """Angle from the first end, counter-clockwise positive."""
     motor_speed: float
     travel: Values
-    """Of the linkage's drive, from the first sample on."""
+    """Travel of the linkage's drive from the first sample."""
     velocity: Vectors | None
-    """Of the body point; null without positions."""
+    """Velocity of the body point; null without positions."""
     acceleration: Vectors | None
     angular_velocity: dict[str, Values]
-    """Of each link by its name."""
+    """Angular velocity of each link by its name."""
     angular_acceleration: dict[str, Values]
     transmission_angle: Values
-    """Between rod and normal of its pin's path."""
+    """Angle between the rod and the normal of the path of its pin."""
     motor_torque: Values | None
-    """Counter-clockwise; pins without friction. Null without a load."""
+    """Torque of the motor, counter-clockwise, without friction in the pins; null without a load."""
     pin_forces: dict[str, Vectors] | None
-    """In each joint by its name, on the later link of the two; of a slide across it. Null without a load."""
+    """Force in each joint on the second of its two links; the force of a slide acts across it. Null without a load."""
 
     def columns(self) -> dict[str, Iterable[object]]:
-        """The columns of a table, a row an angle of the motor."""
+        """Return the columns of a table with one row for each motor angle."""
         turning = ("angular_velocity", "angular_acceleration")
         return columns_of(self, "velocity", "acceleration", "pin_forces", *turning, "motor_torque")
 
 
 class SixBarLinkage(Linkage):
-    """A linkage that a motor swings through a rod while it turns on: a Watt II or Stephenson III six-bar.
+    """Linkage that a continuously turning motor swings through a rod: a Watt II or Stephenson III six-bar.
 
-    Angles of the motor count, counter-clockwise, from the first end of the way, where its crank and the rod lie in a line.
+    Motor angles are measured counter-clockwise from the first end of the motion, where its crank and the rod are collinear.
 
     Parameters
     ----------
     linkage : Linkage, Solution or mapping
-        That is driven.
+        Linkage that is driven.
     drive : Drive or mapping
-        Of kind "dyad", as `linkage_atlas.drives` finds it: its ``link``, ``motor``, ``pin_on_link``, and of its ``six_bar`` the
-        ``crank`` and the ``coupler``.
+        Drive of kind "dyad" from `linkage_atlas.drives`: its ``link``, ``motor``, ``pin_on_link``, ``crank`` and ``coupler``
+        of its ``six_bar``.
     crank_angle : array_like, shape (n,), optional
-        The way: the least and the largest of these places of the linkage's drive, from the first sample on. Default: those of the
-        motion that it answers.
+        Travel of the linkage's drive from the first sample; the motion goes from the smallest to the largest value.
+        Default: the travel of the motion that the linkage answers.
     degrees : bool
-        Unit of angles, where the linkage does not say it.
+        Unit of angles, if the linkage does not define it.
 
     Raises
     ------
     FieldError
-        Naming the argument; ``/drive`` for a motor that does not swing the linkage over its way.
+        If an argument is wrong; ``/drive`` if the motor does not swing the linkage over its motion.
 
     Examples
     --------
@@ -138,38 +138,38 @@ class SixBarLinkage(Linkage):
 
     @classmethod
     def of_view(cls, linkage: Linkage, six: SixBar, samples: Floats) -> SixBarLinkage:
-        """Of a linkage and a motor that were found together; ``samples`` (n,): places of its drive, radians or lengths."""
+        """Build a six-bar from a linkage and its motor; ``samples`` (n,): travel of its drive, in radians or lengths."""
         six_bar = object.__new__(cls)
         six_bar._base, six_bar._radian, six_bar._motion, six_bar._samples = linkage, linkage._radian, None, samples
         six_bar.length_unit = linkage.length_unit
         six_bar._linkage = six
         return six_bar
 
-    # -- what it is ---------------------------------------------------------------------------------------------------
+    # -- dimensions ---------------------------------------------------------------------------------------------------
 
     @property
     def linkage(self) -> Linkage:
-        """The linkage that is driven."""
+        """Linkage that is driven."""
         return self._base
 
     @property
     def kind(self) -> str:
-        """`watt_2` where the rod moves a link with a fixed pivot, `stephenson_3` on any other."""
+        """`watt_2` if the rod moves a link with a fixed pivot, otherwise `stephenson_3`."""
         return self._linkage.kind
 
     @property
     def branch(self) -> int:
-        """Of the linkage that is driven."""
+        """Branch of the driven linkage."""
         return self._base.branch
 
     @property
     def turns_fully(self) -> bool:
-        """Always: that is what the motor is for."""
+        """True: the motor turns fully."""
         return True
 
     @property
     def motor(self) -> Floats:
-        """Where the motor is, shape (2,)."""
+        """Position of the motor, shape (2,)."""
         return plane(self._linkage.motor.at)
 
     @property
@@ -184,41 +184,41 @@ class SixBarLinkage(Linkage):
 
     @property
     def link(self) -> str:
-        """That the rod moves."""
+        """Name of the link that the rod moves."""
         return self._linkage.motor.link
 
     @property
     def ends(self) -> tuple[float, float]:
-        """Between which places of the linkage's drive it swings, from the first sample on."""
+        """Smallest and largest travel of the linkage's drive, from the first sample."""
         first, last = self._linkage.used
         return first / self._base._unit, last / self._base._unit
 
     @property
     def turn(self) -> tuple[float, float]:
-        """How far the motor turns forwards, to the last end, and then back to the first; counter-clockwise positive."""
+        """Motor angles of the forward motion, to the last end, and of the return motion; counter-clockwise positive."""
         forwards, backwards = self._linkage.turn
         return forwards / self._radian, backwards / self._radian
 
     @property
     def time_ratio(self) -> float:
-        """Of the slower way over the other, at a constant speed of the motor."""
+        """Duration of the slower direction divided by that of the faster one, at a constant speed of the motor."""
         angles = sorted(map(abs, self.turn))
         return angles[1] / angles[0]
 
     @property
     def way(self) -> Floats:
-        """Radians of the motor at which it passes, forwards, the samples of the motion that the linkage answers, (n,)."""
+        """Motor angles in radians of the samples of the motion in the forward direction, (n,)."""
         return self._linkage.forwards(self._samples)
 
-    # -- how it moves -------------------------------------------------------------------------------------------------
+    # -- motion -------------------------------------------------------------------------------------------------
 
     def joints(self, motor: ArrayLike) -> SixBarJoints:  # type: ignore[override]
-        """Where it is.
+        """Return the positions of all joints.
 
         Parameters
         ----------
         motor : array_like, any shape
-            Angles of the motor from the first end on, any number of turns; a number is taken as shape (1,).
+            Motor angles from the first end, over any number of turns; a number has the shape (1,).
         """
         six = self._linkage
         turned = np.atleast_1d(column("motor", motor)) * self._radian
@@ -237,12 +237,12 @@ class SixBarLinkage(Linkage):
         )
 
     def transmission_angle_min(self) -> float:  # type: ignore[override]
-        """The least angle between rod and normal of its pin's path, of 721 angles of a turn."""
+        """Return the smallest transmission angle of the rod, at 721 motor angles of a turn."""
         six = self._linkage
         return float(six.transmission(six.machine(np.linspace(0.0, TURN, 721))).min()) / self._radian
 
     def dwell(self, share: float = 0.01) -> tuple[float, float]:
-        """How far the motor turns while the linkage is within a share of its way of the first end, and of the last."""
+        """Return the motor angles over which the linkage is within a fraction of its motion from the first and the last end."""
         if not 0 < number("share", share) < 0.5:
             raise FieldError("/share", f"wanted a number between 0 and 0.5, found {share}")
         first, last = self._linkage.dwell(share)
@@ -256,17 +256,17 @@ class SixBarLinkage(Linkage):
         *,
         length_unit: str | None = None,
     ) -> SixBarAnalysis:
-        """Velocities, accelerations and, with a load, the motor's torque and the forces in all seven joints.
+        """Compute velocities, accelerations and, with a load, the motor's torque and the forces in all seven joints.
 
         Parameters
         ----------
         motor_speed : float
-            Of the motor, constant, counter-clockwise: in the linkage's unit of angle a second.
+            Constant speed of the motor, counter-clockwise, in the linkage's unit of angle per second.
         load : mapping, optional
-            As of `Linkage.analysis`; ``masses`` also of the links motor_crank and rod, whose frames begin at the motor and at the
-            end of its crank and lie along them.
+            Load as in `Linkage.analysis`. Its ``masses`` can also be on the links motor_crank and rod, whose frames begin at the
+            motor and at the end of its crank and lie along them.
         motor : array_like, shape (n,), optional
-            Angles of the motor from the first end on. Default: a whole turn.
+            Motor angles from the first end. Default: a whole turn.
         length_unit : {"um", "mm", "cm", "m", "in", "ft"}, optional
             Unit of its lengths, which the forces of inertia depend on; default: the unit of the motion, or millimetres.
         """
@@ -303,7 +303,7 @@ class SixBarLinkage(Linkage):
             pin_forces=None if held is None else {name: plane(force) for name, force in held.forces.items()},
         )
 
-    # -- what it becomes ----------------------------------------------------------------------------------------------
+    # -- files ----------------------------------------------------------------------------------------------
 
     def _arranged(self, target: Target, request: Fields, work: Work, where: str, length_unit: str = "mm") -> Assembly:
         if "drive" in request:
@@ -324,22 +324,22 @@ class SixBarLinkage(Linkage):
         solids: Fields | None = None,
         work: Work | None = None,
     ) -> bytes:
-        """The six-bar as the content of a file.
+        """Return the content of a file with the six-bar.
 
         Parameters
         ----------
         kind : {"csv", "svg", "dxf", "mjcf", "plates", "step", "3mf", "stl", "urdf", "sdf", "parts"}
-            Drawings and models stand at the first sample of a motion, otherwise at the first end, and so do parts.
+            Drawings, models and parts show the first sample of a motion, or else the first end.
         motion : Motion, optional
-            What was asked of the linkage, to be drawn with it; with given crank angles.
+            Required motion with given crank angles, which is drawn with the linkage.
         length_unit : {"um", "mm", "cm", "m", "in", "ft"}, optional
             Unit of its lengths; default: the unit of the motion, or millimetres.
         motor : array_like, shape (n,), optional
-            Angles of the motor that are the rows of a CSV file. Default: a turn in steps of 5 degrees.
+            Motor angles of the rows of a CSV file. Default: a turn in steps of 5 degrees.
         analysis : mapping, optional
-            ``motor_speed`` and ``load`` as of `analysis`: further columns of a CSV file.
+            Arguments ``motor_speed`` and ``load`` of `analysis`, for further columns of a CSV file.
         assembly, solids, work
-            As of `Linkage.file`.
+            See `Linkage.file`.
         """
         length_unit = self.unit_for(motion, length_unit)
         if kind in (*OF_PARTS, "plates"):
@@ -353,7 +353,7 @@ class SixBarLinkage(Linkage):
         first, last = self._linkage.used
         target = base._motion if motion is None else base.target_of(motion, None)
         if target is None:
-            # drawings and models stand at travel 0: here at the first end
+            # drawings and models show the linkage at travel 0, which is set to the first end
             plain = replace(plain, start=plain.start + first)
             target = Target(None, None, crank=np.linspace(0.0, last - first, _STEPS), found=True)
         shown = type(base).of(plain, self._radian, target)
@@ -387,7 +387,7 @@ class SixBarLinkage(Linkage):
 
     @property
     def drive(self) -> dict[str, object]:
-        """Its motor, as a reply has a drive."""
+        """Motor and rod in the form of a drive of a reply."""
         motor = self._linkage.motor
         return {
             "kind": "dyad",
@@ -399,30 +399,30 @@ class SixBarLinkage(Linkage):
         }
 
     def to_dict(self) -> dict[str, object]:
-        """Plain values; `from_dict` takes them back."""
+        """Return plain values, from which `from_dict` builds the six-bar again."""
         return {"linkage": self._base.to_dict(), "drive": plain(self.drive), "crank_angle": list(self.ends)}
 
     @classmethod
     def from_dict(cls, values: Fields, degrees: bool = True) -> SixBarLinkage:
-        """A six-bar from what `to_dict` gives."""
+        """Build a six-bar from the values of `to_dict`."""
         for name in ("linkage", "drive", "crank_angle"):
             if values.get(name) is None:
                 raise FieldError(f"/{name}", "needed")
         return cls(values["linkage"], values["drive"], column("crank_angle", values["crank_angle"]), degrees=degrees)
 
-    # -- what it leaves to the linkage --------------------------------------------------------------------------------
+    # -- questions that only the linkage answers --------------------------------------------------------------------------------
 
     def target_of(self, motion: Motion | None, travel: ArrayLike | None) -> Target:
-        """A whole turn of the motor."""
+        """Return a whole turn of the motor."""
         _no_motion(motion, travel)
         return Target(None, None, crank=np.linspace(0.0, TURN, _STEPS))
 
     def made_within(self, manufacture: Manufacture, target: Target, work: Work) -> ToleranceStudy:
-        """Refused: tolerances are simulated of the linkage itself."""
+        """Raise FieldError, because tolerances are simulated for the linkage without its motor."""
         raise FieldError("/linkage", "tolerances are simulated of the linkage itself: `linkage.tolerance_study`")
 
     def analysed(self, request: AskedAnalysis, travel: Floats, over: Interval | None = None) -> object:
-        """Refused: see `analysis`, whose speed is the motor's."""
+        """Raise FieldError, because `analysis` needs the speed of the motor."""
         raise FieldError("/linkage", "of a six-bar see `analysis`, whose speed is the motor's")
 
     def __repr__(self) -> str:
@@ -438,7 +438,7 @@ def _no_motion(motion: Motion | None, travel: object) -> None:
 
 
 def on_hinge(six: SixBar, radian: float) -> Linkage:
-    """A motor and rod on a link that turns about a fixed pivot: a four-bar, whose rocker the link is."""
+    """Return motor, rod and a link with a fixed pivot as a four-bar whose rocker is the link."""
     motor, link = six.motor, six.machine(np.zeros(1)).links[six.motor.link]
     pivot = complex(link.origin[0])
     knee, pin = complex(six.knee(np.zeros(1))[0]), complex(link.place(motor.pin)[0])

@@ -1,4 +1,4 @@
-"""What the searches for all kinds of drives share: the linkage, its load, and the torque that the load requires."""
+"""Data that the searches for all kinds of drives share: the linkage, its load, and the torque that the load requires."""
 
 from __future__ import annotations
 

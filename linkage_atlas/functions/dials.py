@@ -43,7 +43,7 @@ class Dials:
     """Function on two dials, in radians.
 
     ``x``, ``y`` (N,): the samples. ``input``, ``output`` (N,): crank angle from the first sample, and wanted rocker
-    angle from there. ``y_of_radian``: size of y that one radian of the output dial is. ``exact``: the wanted rocker
+    angle from there. ``y_of_radian``: change of y per radian of the output dial. ``exact``: the wanted rocker
     angle at any crank angle; None for a table.
     """
 
@@ -84,7 +84,7 @@ def read_dials(function: Fields, crank_span: float | None, degrees: bool) -> Dia
     low, high = float(range_values.min()), float(range_values.max())
     if not high > low:
         raise FieldError("/function", "y is the same everywhere: the rocker would not turn")
-    # where it ends as high as it began, the rocker turns the way that y grows
+    # if both ends are at the same height, the rocker turns in the direction in which y grows
     sign = -1.0 if y[0] - y[-1] > 1e-9 * (high - low) else 1.0
     scale, first = sign * span / (high - low), float(y[0])
     crank = (x - x[0]) / (x[-1] - x[0]) * crank_span
@@ -140,7 +140,7 @@ def _called(of: RealFunction, x: Floats) -> Floats:
     with np.errstate(all="ignore"):
         try:
             y = np.asarray(of(x))
-        except Exception:  # told of the number at which it fails, if it does there too
+        except Exception:  # the function may take numbers only; if it fails for a number, the error names it
             y = np.empty(0)
         if y.shape != x.shape or y.dtype.kind not in "iuf":
             y = np.array([_value(of, value) for value in x.ravel().tolist()]).reshape(x.shape)

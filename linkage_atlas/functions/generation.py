@@ -1,4 +1,4 @@
-"""Function generation: which linkages have an output that is a wanted function of their input, and what comes back."""
+"""Function generation: linkages whose output is a required function of their input."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def function(
     curves: bool = False,
     work: Callable[[float | None], Work] = Work,
 ) -> FunctionResult:
-    """Find linkages whose output is a wanted function of their input: four-bars, or with travel linkages with sliders.
+    """Find linkages whose output is a required function of their input: four-bars, or linkages with sliders if it has travel.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ def function(
         angle) or reciprocal; ``x`` is [first, last]. Or ``table``: [[x, y], ...]. ``output_span`` and ``samples`` have the
         meaning that they have for a callable.
     quick_return : mapping, optional
-        Motion there and back in place of ``output``: ``time_ratio``, the duration of the slow motion divided by that of the fast
+        Motion there and back in place of ``output``: ``time_ratio``, the duration of the slow over the fast
         motion, and ``stroke`` for a slider-crank or ``swing`` (an angle) for a crank-rocker. The crank turns evenly and fully.
     steering : mapping, optional
         Ackermann's condition in place of ``output``: ``track`` (distance of the kingpins), ``wheelbase`` and ``angle``, the
@@ -145,7 +145,7 @@ def function(
     round_to : float, optional
         Grid of lengths: each solution is also given with rounded links and zeros fitted again; needs limits.links.ground.
     start_from : sequence of Linkage, FunctionSolution or mapping, optional
-        Four-bars that are candidates from the first step; plain values are those of `FunctionSolution.to_dict`. Each is refined
+        Four-bars that are candidates from the first step; plain values as in `FunctionSolution.to_dict`. Each is refined
         to its nearest optimum within the limits before the search begins.
     local : bool
         Search nowhere else: only the linkages of ``start_from`` are refined, which need not lead to the best linkage.
@@ -168,8 +168,8 @@ def function(
     Examples
     --------
     >>> import linkage_atlas as la
-    >>> asked = {"name": "log10", "x": [1, 2], "output_span": 90}
-    >>> found = la.function(function=asked, crank_span=60, objective="max", limits={"transmission_angle_min": 30}, top=1)
+    >>> table = {"name": "log10", "x": [1, 2], "output_span": 90}
+    >>> found = la.function(function=table, crank_span=60, objective="max", limits={"transmission_angle_min": 30}, top=1)
     >>> round(found.best.errors.max, 4)
     0.0469
     >>> la.function(lambda x: x**1.5, 90, interval=(1, 4), output_span=90, top=1).status

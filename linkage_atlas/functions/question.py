@@ -73,7 +73,7 @@ class Dial(NamedTuple):
 
     @property
     def travels(self) -> bool:
-        """Whether input or output is a length."""
+        """True if input or output is a length."""
         return LENGTH in self
 
     @property
@@ -282,25 +282,25 @@ class FunctionQuestion:
     wanted: Wanted
     """In radians, or lengths over `Scales.length`."""
     dials: Dials | None
-    """Of a function by name, a table or a callable."""
+    """Dials of a function by name, a table or a callable; None for other functions."""
     dial: Dial
     scales: Scales
     kinds: list[str]
     limits: dict[str, object]
     """As given, without fields that are None."""
     largest: bool
-    """Whether the largest error over the interval is minimised, or the root of the mean square at the samples."""
+    """True if the largest error over the interval is minimised, and not the root mean square error at the samples."""
     tolerance: float
     degrees: bool
     quick: QuickReturn | None
     symmetric_from: tuple[float, float] | None
     """Input and output at the first sample in radians, from the position in which the linkage is its own mirror image."""
     notes: list[str]
-    """How angles were unwound, and how the wheels of a car are named."""
+    """Sentences on unwound angles, and on the names of the wheels of a car."""
 
     @property
     def radian(self) -> float:
-        """Radians in one unit of angle."""
+        """Radians in a unit of angle."""
         return radians_in(self.degrees)
 
     @property
@@ -371,7 +371,7 @@ class FunctionFields:
         )
 
     def _without_special(self) -> tuple[QuickReturn | None, FunctionFields]:
-        """Return a quick return, and the fields with the pairs that it or steering stands for."""
+        """Return a quick return, and the fields with pairs in place of a quick return or steering."""
         quick: QuickReturn | None = None
         fields = self
         if self.quick_return is not None:
@@ -423,7 +423,7 @@ class FunctionFields:
         return self
 
     def _unwound(self, dial: Dial) -> tuple[FunctionFields, list[str]]:
-        """Return the fields with continuous angles, and notes on what was changed."""
+        """Return the fields with continuous angles, and notes on changes."""
         if self.function is not None:
             return self, []
         assert not callable(self.output)
@@ -449,7 +449,9 @@ class FunctionFields:
             weights=self.weights,
             degrees=self.degrees,
         )
-        if quick is not None:  # between the ends an even motion, from which `error_curve` tells the deviation
+        if (
+            quick is not None
+        ):  # between the ends the target is an even motion, from which `error_curve` shows the deviation
             ends = target.crank, target.output
             return replace(target, exact=lambda crank: np.interp(crank, *ends)), dials, scales
         field = "/output" if self.function is None else "/function"

@@ -156,8 +156,8 @@ class FunctionResult(Record, Ranked[FunctionSolution | TravelSolution]):
     """The answer to `linkage_atlas.function`: linkages, best first, and a report; indexed and iterated as ``solutions``.
 
     ``status`` is "reached" (the best objective is below the tolerance), "closest", "infeasible" (none within the limits),
-    or "unknown" (none was found before the time was up). ``input`` and ``output`` are the samples that were asked for,
-    ``x`` and ``y`` their numbers where a function was named.
+    or "unknown" (none was found before the time was up). ``input`` and ``output`` are the samples of the request,
+    ``x`` and ``y`` their numbers if a function was named.
     """
 
     status: StatusName
@@ -182,7 +182,7 @@ class FunctionResult(Record, Ranked[FunctionSolution | TravelSolution]):
 
     @property
     def best(self) -> FunctionSolution | TravelSolution:
-        """The best solution, of either kind; IndexError where there is none."""
+        """The best solution; IndexError without solutions."""
         return self.solutions[0]
 
     @property
@@ -246,7 +246,7 @@ def render(
 def own_output(linkage: Linkage, dial: Dial, travel: Floats) -> Floats:
     """Return the own output of a linkage over travel (n,) of its drive, in the user's unit; angles are continuous.
 
-    Of a crank or lever its direction, in (-180, 180] degrees at the first; of a slider or cylinder its place.
+    For a crank or lever it is the direction, in (-180, 180] degrees at the first value; for a slider or cylinder its position.
     """
     plain = linkage.plain
     if dial.output == LENGTH:

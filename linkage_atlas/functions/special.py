@@ -1,4 +1,4 @@
-"""Quick returns and steering: functions that are asked for by a few numbers instead of pairs."""
+"""Quick returns and steering: functions that are defined by a few numbers instead of pairs."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ STEERING_NOTE = (
 
 @dataclass(frozen=True)
 class QuickReturn:
-    """A wanted quick return: a stroke or a swing, and the time ratio of the slow motion to the fast one."""
+    """A wanted quick return: a stroke or a swing, and the time ratio of the slow to the fast motion."""
 
     alpha: float
     """Angle in radians by which the slow motion takes more than half a turn of the crank."""
@@ -85,7 +85,7 @@ def read_quick_return(value: object, degrees: bool) -> QuickReturn:
 def read_steering(value: object, degrees: bool) -> tuple[Floats, Floats, float]:
     """Return angles of the left and of the right wheel from straight ahead in the request's unit, and the track.
 
-    The axes of all wheels meet in one point (R. Ackermann's condition): cot(outer) - cot(inner) = track / wheelbase.
+    The axes of all wheels meet in a point (R. Ackermann's condition): cot(outer) - cot(inner) = track / wheelbase.
     """
     value = known_fields("steering", value, ("track", "wheelbase", "angle"))
     values: dict[str, float] = {}
@@ -106,7 +106,7 @@ def read_steering(value: object, degrees: bool) -> tuple[Floats, Floats, float]:
 
 
 def ackermann(left: Floats, ratio: float) -> Floats:
-    """Return the angles of the right wheel for those of the left wheel, in radians; ``ratio``: track over wheelbase."""
+    """Return the angles of the right wheel for angles of the left wheel, in radians; ``ratio``: track over wheelbase."""
     tangent = np.tan(left)
     return (
         np.arctan2(tangent, 1 + ratio * tangent) if np.all(np.abs(left) < np.pi / 2) else np.full_like(left, np.nan)
@@ -114,7 +114,7 @@ def ackermann(left: Floats, ratio: float) -> Floats:
 
 
 def with_ground(limits: Fields | None, track: float) -> dict[str, object]:
-    """Return limits whose ground is the track; FieldError if another one is given."""
+    """Return limits whose ground is the track; raise FieldError for another ground."""
     named = dict(limits or {})
     own = named.get("links")
     links = {name: value for name, value in own.items() if value is not None} if isinstance(own, Mapping) else {}
