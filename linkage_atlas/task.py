@@ -175,7 +175,8 @@ def read_task(
     if options.effort == "atlas" and motion.free:
         raise FieldError("/effort", "the atlas holds curves over crank angles: with free ones only 'refine' answers")
     starts = read_starts(options.start_from, motion.degrees)
-    kinds = read_kinds(options.mechanisms or kinds_of(starts), options.driver, motion)
+    mechanisms = kinds_of(starts) if options.mechanisms is None else options.mechanisms
+    kinds = read_kinds(mechanisms, options.driver, motion)
     if not motion.free and motion.target.start is not None:
         _check_start_angle(options, kinds, study_arguments)
     if options.effort == "atlas" and not kinds.only_four_bars:
