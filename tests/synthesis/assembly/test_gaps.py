@@ -23,7 +23,7 @@ from synthesis.target import TURN, Interval
 from synthesis.work import Work
 from tests.oracles.assembly import shapely_gap
 from tests.oracles.solids import TABLE
-from tests.synthesis.assembly.test_layers import NEAR, machine_of
+from tests.synthesis.assembly.test_layers import CLOSE, machine_of
 
 SEED = 20351
 
@@ -52,10 +52,10 @@ def test_gaps_are_those_of_the_table(name) -> None:
     smallest = gaps.minimum_gaps(free, machine.used)
     for k, expected in enumerate(case["pairs"].values()):
         if "hits" in expected:
-            assert np.rad2deg(proofs[k].hits) == pytest.approx(np.array(expected["hits"]), abs=NEAR)
+            assert np.rad2deg(proofs[k].hits) == pytest.approx(np.array(expected["hits"]), abs=CLOSE)
         else:
             assert proofs[k].free
-            assert smallest[k].gap == pytest.approx(expected["least"], abs=NEAR)
+            assert smallest[k].gap == pytest.approx(expected["least"], abs=CLOSE)
             if "at" in expected:
                 assert np.rad2deg(smallest[k].at) == pytest.approx(expected["at"], abs=1e-6)
 
