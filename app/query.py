@@ -5,16 +5,12 @@ Replies that are dataclasses of the front door are described as pydantic describ
 
 from __future__ import annotations
 
-import ast
-import inspect
 import json
 import math
-import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields, is_dataclass
 from functools import cache
 from importlib.resources import files
-from itertools import pairwise
 from types import UnionType
 from typing import (
     TYPE_CHECKING,
@@ -48,7 +44,7 @@ from pydantic_core import to_json
 from app.sentences import sentence
 from linkage_atlas import FieldError
 from linkage_atlas.formats import FORMATS, Format
-from linkage_atlas.records import names_of, plain
+from linkage_atlas.records import field_sentences, names_of, plain
 
 if TYPE_CHECKING:
     from linkage_atlas import Atlas, Work
@@ -383,7 +379,7 @@ def reply_model(kind: Any) -> type[BaseModel]:
     """The model of a reply that is a dataclass or a named tuple, see `linkage_atlas.records`: it describes and checks it."""
     if issubclass(kind, BaseModel):
         return kind
-    hints, sentences = get_type_hints(kind, include_extras=True), _sentences(kind)
+    hints, sentences = get_type_hints(kind, include_extras=True), field_sentences(kind)
     defaults = {field.name: field.default for field in fields(kind)} if is_dataclass(kind) else {}
     described: dict[str, Any] = {
         name: (
@@ -408,26 +404,6 @@ def _in_json(annotation: Any) -> Any:
     if origin is not None and origin is not Literal:
         return origin[tuple(map(_in_json, inner))]
     return reply_model(annotation) if names_of(annotation) or is_typeddict(annotation) else annotation
-
-
-def _sentences(kind: type) -> dict[str, str]:
-    """What the strings below the fields of a class, and of those that it comes from, say of them."""
-    found: dict[str, str] = {}
-    for one in reversed(kind.__mro__):
-        body = _classes(one.__module__).get(one.__name__, [])
-        for stated, below in pairwise(body):
-            if isinstance(stated, ast.AnnAssign) and isinstance(below, ast.Expr):
-                found[ast.unparse(stated.target)] = " ".join(ast.literal_eval(below.value).split())
-    return found
-
-
-@cache
-def _classes(module: str) -> dict[str, list[ast.stmt]]:
-    try:
-        tree = ast.parse(inspect.getsource(sys.modules[module]))
-    except (OSError, TypeError):
-        return {}
-    return {one.name: one.body for one in tree.body if isinstance(one, ast.ClassDef)}
 
 
 def plain_of(reply: Any) -> Any:

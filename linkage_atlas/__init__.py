@@ -108,14 +108,31 @@ __all__ = [
 
 
 def run_batch(arguments: Sequence[str]) -> int:
-    """Run a batch command and return its exit code."""
+    """Run a batch command.
+
+    Parameters
+    ----------
+    arguments : sequence of str
+        Words of the command line, beginning with the name of the command.
+
+    Returns
+    -------
+    int
+        Exit code of the command.
+    """
     from data_build.batch import main
 
     return main(arguments)
 
 
 def add_batch_commands(commands: _SubParsersAction[ArgumentParser]) -> None:
-    """Add the batch's commands with all their options to the subparsers of a parser."""
+    """Add the commands of the batch with all their options to a parser.
+
+    Parameters
+    ----------
+    commands : argparse subparsers
+        Result of ``parser.add_subparsers()``.
+    """
     from data_build.batch import add_commands
 
     add_commands(commands)
@@ -125,6 +142,8 @@ def __getattr__(name: str) -> object:
     if name not in _HOME_OF:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     value = getattr(import_module(_HOME_OF[name]), name)
+    if isinstance(value, type):
+        import_module("linkage_atlas.records").describe_fields(value)
     globals()[name] = value
     return value
 

@@ -33,6 +33,7 @@ class Atlas:
     Parameters
     ----------
     rule : synthesis.atlas.table.AtlasRule
+        Rule that enumerates the dimension types.
     stored : synthesis.atlas.file.StoredAtlas, optional
         Contents of a file; default: everything is computed from the rule when it is first needed.
     path : Path, optional
@@ -139,13 +140,19 @@ def load_atlas(path: str | Path, max_bytes: int | None = None, max_types: int | 
     Parameters
     ----------
     path : str or Path
+        Path of the atlas file.
     max_bytes, max_types : int, optional
-        Refuse a larger file before its arrays are read.
+        Largest size of the file, and largest number of types; a larger file is refused before its arrays are read.
+
+    Returns
+    -------
+    Atlas
+        The atlas, ready to be matched.
 
     Raises
     ------
     AtlasError
-        Missing, larger than allowed, damaged, or not an atlas of this version.
+        If the file is missing, larger than allowed, damaged, or not an atlas of this version.
     """
     from synthesis.atlas import file
 
@@ -189,25 +196,26 @@ def build_atlas(
     Parameters
     ----------
     path : str or Path
-        Written whole or not at all.
+        Path of the file, which is written completely or not at all.
     perimeter : int, optional
-        Sum of the whole lengths of a type; default: 400 of the four of four-bars, 640 of crank, rod and offset.
+        Sum of the integer lengths of a type. Default: 400 for four-bars, 640 for crank, rod and offset.
     smallest : int, optional
-        Smallest length of the shortest link, of slider-cranks of the crank; default: 2.
+        Smallest length of the shortest link, or of the crank of slider-cranks. Default: 2.
     order : {"increasing", "crank_shortest", "full_crank"}, optional
-        Only for four-bars.
+        Order of the lengths, only for four-bars.
     samples : int, optional
-        Samples of a curve over the turn, a power of two; default: 256.
+        Number of samples of a curve over the turn, a power of two. Default: 256.
     kind : {"four_bar", "slider_crank"}
-        Slider-cranks are all whose crank turns fully, crank + offset < rod, mirror images once.
+        Kind of mechanism. Slider-cranks are those whose crank turns fully, crank + offset < rod, without mirror images.
     jobs : int, optional
-        Processes; default: one a core. More than one needs a script that can be imported, as all Python processes do.
+        Number of processes. Default: the number of cores. Several processes need a script that can be imported.
     progress : callable
-        ``progress(done, total)`` after each chunk.
+        Function that is called as ``progress(done, total)`` after each chunk.
 
     Returns
     -------
     Atlas
+        The atlas of the file.
     """
     from data_build.batch import build_atlas as build
     from data_build.batch import local_executor

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import wraps
 from itertools import combinations
-from typing import Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,6 +22,7 @@ from synthesis.poses import Poses
 from synthesis.target import Samples
 from synthesis.work import OutOfTime, Work
 
+T = TypeVar("T")
 PRESETS = ("practical", "none")
 """Sets of limits by name; the default with free crank angles, and the default with given ones."""
 LIMITS = {name: form for name, form in FORMS.items() if form.kind != "reach"}
@@ -39,6 +41,20 @@ QUICK, QUICK_ROUNDS = 0.1, 2
 Search = Callable[[model.Limits, Work], tuple[Sequence[object], object]]
 
 
+def _with_checked_names(kind: type[T]) -> type[T]:
+    """Make a dataclass raise FieldError with similar names if a field is unknown."""
+    initialize = kind.__init__
+
+    @wraps(initialize)
+    def checked(self: T, **limits: object) -> None:
+        check_names("/limits", limits, (*LIMITS, "preset"), "limit")
+        initialize(self, **limits)
+
+    kind.__init__ = checked  # type: ignore[method-assign, assignment]
+    return kind
+
+
+@_with_checked_names
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Limits(Mapping[str, object]):
     """Limits on the linkages of a search, in the units of the motion; a field that is None limits nothing.
@@ -84,11 +100,6 @@ class Limits(Mapping[str, object]):
     arm_min: float | None = None
     preset: Literal["practical", "none"] | None = None
 
-    def __new__(cls, **limits: object) -> Limits:
-        """Check the names before the fields are set."""
-        check_names("/limits", limits, (*LIMITS, "preset"), "limit")
-        return super().__new__(cls)
-
     def __getitem__(self, name: str) -> object:
         value = getattr(self, name) if name in self.__dataclass_fields__ else None
         if value is None:
@@ -118,12 +129,11 @@ _PARAMETERS = {
 """Type and unit of a limit of each kind, as the docstring of `Limits` describes them."""
 _PRESET = """preset : {'practical', 'none'}, optional
         Set of limits that holds beside the given ones. Default: 'practical' with free crank angles, otherwise 'none'."""
-Limits.__doc__ = (Limits.__doc__ or "").replace(
-    "{parameters}",
-    "\n    ".join(
-        [*(f"{name} : {_PARAMETERS[form.kind]}\n        {form.says}" for name, form in LIMITS.items()), _PRESET]
-    ),
-)
+_ROWS = [
+    f"{name} : {_PARAMETERS[form.kind]}\n        {form.says[:1].upper()}{form.says[1:]}"
+    for name, form in LIMITS.items()
+]
+Limits.__doc__ = (Limits.__doc__ or "").replace("{parameters}", "\n    ".join([*_ROWS, _PRESET]))
 
 
 def read_limits(limits: Fields | None, motion: Motion) -> model.Limits:

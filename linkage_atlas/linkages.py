@@ -957,7 +957,7 @@ class FourBar(Linkage):
     coupler_point : tuple of float, optional
         Radius and angle of the body point in the coupler's frame, from the crank pin.
     body_offset : float, optional
-        rotation of the body = coupler angle + ground angle + this.
+        Rotation of the body minus coupler angle and ground angle.
     degrees : bool
         Unit of every angle in and out.
 
@@ -1109,7 +1109,7 @@ def _from_joints(joints: Any, degrees: bool) -> Linkage:
 
 
 def assembly(linkage: Any, motion: Motion | None = None, **asked: Any) -> Assembly:
-    """Layers of a linkage's plates in which nothing collides; see `Linkage.assembly` for what may be asked.
+    """Arrange the plates of a linkage in layers in which nothing collides.
 
     Parameters
     ----------
@@ -1117,9 +1117,14 @@ def assembly(linkage: Any, motion: Motion | None = None, **asked: Any) -> Assemb
         The linkage, or its plain values as ``to_dict`` or a reply gives them, in the motion's unit of angle (degrees
         without a motion).
     motion : Motion, optional
-        Over whose interval; default: the motion that the linkage answers, or else a whole turn.
+        Motion over whose interval the layers must be free. Default: the motion that the linkage answers, or else its own range.
     **asked
-        As of `Linkage.assembly`.
+        Arguments of `Linkage.assembly`.
+
+    Returns
+    -------
+    Assembly
+        Layers, collisions and parts.
 
     Examples
     --------

@@ -34,11 +34,11 @@ def match(
     rotation: ArrayLike,
     crank_span: float | None = None,
     *,
-    atlas: Atlas | str | Path | None = None,
     crank_angle: ArrayLike | None = None,
+    degrees: bool = True,
+    atlas: Atlas | str | Path | None = None,
     curve: Literal["coupler", "rocker"] = "coupler",
     mechanisms: Sequence[str] | Literal["all"] = (MECHANISMS[0],),
-    degrees: bool = True,
     top: int = 10,
     features: bool = False,
     budget: float | None = None,
@@ -57,33 +57,40 @@ def match(
     Parameters
     ----------
     rotation : array_like, shape (N,)
-    crank_span, crank_angle, degrees
-        As for `synthesize`.
+        Rotation of the body at the samples.
+    crank_span : float, optional
+        Crank angle from the first sample to the last, evenly spaced; negative: clockwise.
+    crank_angle : array_like, shape (N,), optional
+        Crank angles in place of ``crank_span``; only the increments from the first angle count.
+    degrees : bool
+        Unit of every angle: degrees, or radians if it is False.
     atlas : Atlas, str or Path, optional
         An atlas, or the path of its file. Default: ``atlas.h5`` in this folder, or else the default atlas in the user's cache
         folder, which is built there when it is first needed (some seconds). Slider-cranks have an atlas of their own, computed in
         memory when first needed (some seconds); an atlas of slider-cranks only answers for them.
     curve : {"coupler", "rocker"}
-        Which link is to turn like this. The first match of rockers prepares the atlas for them, some seconds.
+        Link that turns like the body. The first match of rockers prepares the atlas for them, which takes some seconds.
     mechanisms : sequence of {"four_bar", "slider_crank"}, or "all"
-        Whose rows: the coupler of a four-bar, the rod of a slider-crank.
+        Kinds whose rows are matched: the coupler of a four-bar, the rod of a slider-crank.
     top : int
+        Maximum number of rows.
     features : bool
         Also give the Haar features of the request and of each match.
     budget : float, optional
-        Seconds; the best rows of those looked at by then are returned, and the report is not exhaustive.
+        Time limit in seconds; the best rows found by then are returned, and the report is not exhaustive.
     work : callable
-        As for `synthesize`.
+        Function that makes the object that watches time and cancellation from a budget in seconds.
 
     Returns
     -------
     Matches
-        Exactly the best, as if every window had been evaluated, where the report is exhaustive. No pose is computed.
+        The best rows. If the report is exhaustive, they are exactly the best ones, as if every window had been evaluated.
+        No pose is computed.
 
     Raises
     ------
     FieldError
-        Naming the argument.
+        If an argument is wrong; the error names it.
     """
     check_top(top)
     check_above_zero(budget=budget)

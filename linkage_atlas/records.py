@@ -6,9 +6,13 @@ They are also the contract of the HTTP interface, whose description and JSON are
 
 from __future__ import annotations
 
+import ast
+import inspect
+import sys
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from functools import cache
+from itertools import pairwise
 from math import isfinite
 from typing import Annotated, Any
 
@@ -43,6 +47,38 @@ def names_of(kind: Any) -> tuple[str, ...]:
         shown = [field for field in fields(kind) if "kept" not in field.metadata]
         return tuple(field.name for field in sorted(shown, key=lambda field: "last" in field.metadata))
     return getattr(kind, "_fields", ())
+
+
+def field_sentences(kind: type) -> dict[str, str]:
+    """Return the sentences below the fields of a record and of its bases, by the names of the fields."""
+    found: dict[str, str] = {}
+    for base in reversed(kind.__mro__):
+        for statement, below in pairwise(_class_bodies(base.__module__).get(base.__name__, [])):
+            if isinstance(statement, ast.AnnAssign) and isinstance(below, ast.Expr):
+                found[ast.unparse(statement.target)] = " ".join(ast.literal_eval(below.value).split())
+    return found
+
+
+@cache
+def _class_bodies(module: str) -> dict[str, list[ast.stmt]]:
+    """Return the statements of each class of a module."""
+    try:
+        tree = ast.parse(inspect.getsource(sys.modules[module]))
+    except (OSError, TypeError):
+        return {}
+    return {statement.name: statement.body for statement in tree.body if isinstance(statement, ast.ClassDef)}
+
+
+def describe_fields(kind: type) -> None:
+    """Add the fields of a record with their sentences to its docstring, which `help` shows."""
+    doc, sentences = kind.__doc__ or "", field_sentences(kind)
+    if "Parameters\n" in doc or not names_of(kind):
+        return
+    rows = []
+    for name, parameter in inspect.signature(kind).parameters.items():
+        sentence = sentences.get(name) or name.replace("_", " ") + "."
+        rows.append(f"    {name} : {parameter.annotation}\n        {sentence[:1].upper()}{sentence[1:]}")
+    kind.__doc__ = "\n".join([doc.rstrip(), "", "    Parameters", "    ----------", *rows, "    "])
 
 
 def plane(points: ArrayLike) -> Floats:

@@ -91,6 +91,7 @@ def synthesize(
     Returns
     -------
     Result
+        Linkages, best first, with a report.
 
     Raises
     ------

@@ -99,11 +99,12 @@ def drives(
     Returns
     -------
     Drives
+        Drives and springs, best first, with reasons for missing ones.
 
     Raises
     ------
     FieldError
-        Naming the argument.
+        If an argument is wrong; the error names it.
 
     Examples
     --------

@@ -159,11 +159,12 @@ def function(
     Returns
     -------
     FunctionResult
+        Linkages, best first, with a report.
 
     Raises
     ------
     FieldError
-        Naming the argument.
+        If an argument is wrong; the error names it.
 
     Examples
     --------

@@ -327,6 +327,16 @@ def test_the_examples_of_the_docstrings_are_true() -> None:
     assert sum(result.attempted for result in results) >= 5
 
 
+@pytest.mark.parametrize("name", [name for name in la.__all__ if callable(getattr(la, name))])
+def test_public_docstrings_are_complete(name) -> None:
+    """Parameters, returned values and fields of records are described; a new argument without a sentence is found here."""
+    validate = pytest.importorskip("numpydoc.validate").validate
+    optional = {"ES01", "SA01", "EX01"}  # extended summary, see also, examples
+    if name == "AtlasFault":
+        optional.add("PR01")  # numpydoc takes the arguments of `enum.Enum` as parameters
+    assert [error for error in validate(f"linkage_atlas.{name}")["errors"] if error[0] not in optional] == []
+
+
 def test_the_fields_of_limits_are_described_and_checked_by_name() -> None:
     described = re.findall(r"^    (\w+) : ", la.Limits.__doc__ or "", re.MULTILINE)
     assert described == [field.name for field in dataclasses.fields(la.Limits)]
