@@ -26,7 +26,6 @@ from synthesis.errors import FieldError
 from synthesis.four_bar import close_loop, coupler_angle, family
 from synthesis.fourbar.dimension_types import MAX_PERIMETER, OrderRule, TypeRule, count_types, enumerate_types
 from synthesis.fourbar.mechanism import FOURBAR, AnyChart, FullCrankChart, GrashofChart, mounted
-from synthesis.fourbar.rounding import best_from_stock
 from synthesis.free.joint import JointProblem
 from synthesis.limits import Limits
 from synthesis.mechanism import Placed
@@ -38,6 +37,7 @@ from synthesis.search.prescribed import GivenProblem, given, problem_of
 from synthesis.search.search import DEFAULT_TOLERANCE, search
 from synthesis.search.seeds import SeedTables
 from synthesis.solution import Solution, assess
+from synthesis.studies.four_bar_rounding import best_from_stock
 from synthesis.target import MIN_SPAN, TURN, Target, make_target
 from synthesis.work import Work
 

@@ -48,9 +48,9 @@ def forces(count: int) -> list[dict[str, Any]]:
         force, torque = random.normal(size=2) * 100, float(random.normal() * 1000)
         crank = np.concatenate([random.uniform(0, 2 * np.pi, 50), near])
         found = linkage.analysis(1.0, {"force": force, "torque": torque}, crank)
-        assert found.velocity is not None and found.crank_torque is not None
+        assert found.velocity is not None and found.drive_load is not None
         parts = np.column_stack([found.velocity * force, found.angular_velocity.coupler * torque])
-        gap = np.abs(found.crank_torque + parts.sum(axis=1)) / np.abs(parts).sum(axis=1)
+        gap = np.abs(found.drive_load + parts.sum(axis=1)) / np.abs(parts).sum(axis=1)
         for low, high in ANGLES:
             inside = np.rad2deg(found.transmission_angle)
             gaps[low, high] += gap[(inside > low) & (inside <= high)].tolist()

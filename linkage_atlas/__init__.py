@@ -15,20 +15,23 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from argparse import ArgumentParser, _SubParsersAction
 
-    from linkage_atlas.answers import GuidedSolution, Match, Matches, Result, Solution
     from linkage_atlas.assemblies import Assembly
     from linkage_atlas.atlases import Atlas, build_atlas, load_atlas
     from linkage_atlas.batch import study
+    from linkage_atlas.constructors import FourBar, SliderCrank
     from linkage_atlas.drive_design.design import drives
     from linkage_atlas.drive_design.records import Drives
     from linkage_atlas.drive_design.six_bars import SixBarJoints, SixBarLinkage
     from linkage_atlas.functions.generation import function
     from linkage_atlas.functions.results import FunctionResult, FunctionSolution
+    from linkage_atlas.geometry import Joints
     from linkage_atlas.limits import Limits
-    from linkage_atlas.linkages import FourBar, Joints, Linkage, SliderCrank, assembly
+    from linkage_atlas.linkages import Linkage, assembly
     from linkage_atlas.matching import match
     from linkage_atlas.motions import Motion
+    from linkage_atlas.results import Match, Matches, Result
     from linkage_atlas.solids import SolidParts
+    from linkage_atlas.solutions import Solution
     from linkage_atlas.synthesize import synthesize
     from linkage_atlas.task import prepare
     from synthesis.errors import AtlasError, AtlasFault, FieldError
@@ -52,12 +55,15 @@ _HOMES = {
     "linkage_atlas.functions.results": ("FunctionResult", "FunctionSolution"),
     "linkage_atlas.functions.generation": ("function",),
     "linkage_atlas.limits": ("Limits",),
-    "linkage_atlas.linkages": ("FourBar", "Joints", "Linkage", "SliderCrank", "assembly"),
+    "linkage_atlas.linkages": ("Linkage", "assembly"),
+    "linkage_atlas.constructors": ("FourBar", "SliderCrank"),
+    "linkage_atlas.geometry": ("Joints",),
     "linkage_atlas.motions": ("Motion",),
     "linkage_atlas.drive_design.six_bars": ("SixBarLinkage", "SixBarJoints"),
     "linkage_atlas.solids": ("SolidParts",),
     "linkage_atlas.assemblies": ("Assembly",),
-    "linkage_atlas.answers": ("Result", "Solution", "GuidedSolution", "Matches", "Match"),
+    "linkage_atlas.results": ("Result", "Matches", "Match"),
+    "linkage_atlas.solutions": ("Solution",),
     "linkage_atlas.atlases": ("Atlas", "load_atlas", "build_atlas"),
     "linkage_atlas.batch": ("study",),
     "synthesis.errors": ("FieldError", "AtlasError", "AtlasFault"),
@@ -77,7 +83,6 @@ __all__ = [
     "FourBar",
     "FunctionResult",
     "FunctionSolution",
-    "GuidedSolution",
     "Joints",
     "Limits",
     "Linkage",

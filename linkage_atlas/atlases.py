@@ -11,7 +11,7 @@ from pathlib import Path
 from threading import Lock
 from typing import TYPE_CHECKING
 
-from linkage_atlas.answers import AtlasType
+from linkage_atlas.geometry import AtlasType
 from linkage_atlas.notes import counted
 from synthesis.atlas.scan import Scan
 from synthesis.atlas.table import SCHEMA, AtlasRule, compute_features

@@ -7,8 +7,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from linkage_atlas.answers import FINISHING, AnySolution, Rounded, finished, finished_guided, status_of
 from linkage_atlas.candidates import Candidates
+from linkage_atlas.results import status_of
+from linkage_atlas.solutions import FINISHING, Solution, finished
 from linkage_atlas.task import Task
 from synthesis.ranking import CRITERIA, FAIR, key
 
@@ -19,31 +20,21 @@ class RankedSolutions(NamedTuple):
     """Solutions, best first."""
 
     status: str
-    solutions: list[AnySolution]
+    solutions: list[Solution]
     total: int
     """Number of candidates for these solutions; larger than the number of solutions if the time was up."""
     same_lengths: int
     """Number of solutions left out because their rounded lengths are those of another solution."""
 
 
-def finish_candidates(task: Task, candidates: Candidates) -> list[AnySolution]:
+def finish_candidates(task: Task, candidates: Candidates) -> list[Solution]:
     """Describe the candidates as solutions, as many as the time allows and at least one."""
     found, studies, work = candidates.found, candidates.studies, task.work.extended(FINISHING)
-    four_bars = [solution for solution in found if solution.linkage.is_four_bar]
-    others = [solution for solution in found if not solution.linkage.is_four_bar]
     type_of = None if task.atlas is None else task.atlas.type_of
-    solutions: list[AnySolution] = []
-    for is_four_bar in dict.fromkeys(solution.linkage.is_four_bar for solution in found):
-        if solutions and work.expired():
-            break
-        if is_four_bar:  # the group of the best candidate comes first
-            solutions += finished(four_bars, task.motion, task.limits, task.tolerance, studies, type_of, work)
-        else:
-            solutions += finished_guided(others, task.motion, task.limits, studies, work)
-    return solutions
+    return finished(found, task.motion, task.limits, task.tolerance, studies, type_of, work)
 
 
-def rank_solutions(task: Task, candidates: Candidates, solutions: list[AnySolution]) -> RankedSolutions:
+def rank_solutions(task: Task, candidates: Candidates, solutions: list[Solution]) -> RankedSolutions:
     """Rank solutions by what is known of them now, name their status, and mark the one with the smallest error."""
     uncertain = candidates.report.time_up or task.local
     status = status_of(solutions, task.tolerance, task.motion.tolerances is not None, uncertain)
@@ -64,8 +55,8 @@ def rank_solutions(task: Task, candidates: Candidates, solutions: list[AnySoluti
 
 
 def _with_keys(
-    task: Task, candidates: Candidates, solutions: list[AnySolution]
-) -> list[tuple[tuple[Any, ...], AnySolution]]:
+    task: Task, candidates: Candidates, solutions: list[Solution]
+) -> list[tuple[tuple[Any, ...], Solution]]:
     """Return solutions with their sort keys, best first: the scores of the search with layers, drives and rounded errors."""
     order = {id(found): number for number, found in enumerate(candidates.found)}
     scores = candidates.ranking.scores([solution.origin.found for solution in solutions])
@@ -84,7 +75,7 @@ def _with_keys(
     return sorted(keyed, key=lambda pair: pair[0])
 
 
-def _rounded_error(solution: AnySolution) -> float:
+def _rounded_error(solution: Solution) -> float:
     """Return the error with rounded lengths to four digits; infinite if no such linkage closes."""
     rounded = solution.rounded
     if rounded is None or rounded.errors is None:
@@ -92,20 +83,19 @@ def _rounded_error(solution: AnySolution) -> float:
     return float(f"{rounded.errors.objective:.4g}")
 
 
-def _without_equal_roundings(solutions: list[AnySolution]) -> list[AnySolution]:
+def _without_equal_roundings(solutions: list[Solution]) -> list[Solution]:
     """Return the first of the solutions that are the same linkage once rounded."""
-    first: dict[Any, AnySolution] = {}
+    first: dict[Any, Solution] = {}
     for solution in solutions:
         first.setdefault(_rounded_linkage(solution), solution)
     return list(first.values())
 
 
-def _rounded_linkage(solution: AnySolution) -> Any:
+def _rounded_linkage(solution: Solution) -> Any:
     """Return what is the same for linkages that are the same once rounded."""
     rounded = solution.rounded
     if rounded is None or not rounded.closes:
         return id(solution)
-    if isinstance(rounded, Rounded):
-        return rounded.links, solution.branch
     lengths = tuple((rounded.lengths or {}).items())
-    return solution.kind, solution.driver, rounded.branch, lengths, _rounded_error(solution)
+    error = None if solution.links else _rounded_error(solution)
+    return solution.kind, solution.driver, rounded.branch, lengths, error

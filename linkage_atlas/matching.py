@@ -10,12 +10,14 @@ import numpy as np
 import numpy.ma  # which `numpy.unique` imports when it is first called: here before the processes fork
 from numpy.typing import ArrayLike
 
-from linkage_atlas.answers import FINISHING, Features, Match, Matches, MatchReport
 from linkage_atlas.arguments import check_above_zero, check_top, kinds_among
 from linkage_atlas.atlases import MECHANISMS, SLIDER_CRANK, Atlas, as_atlas, default_atlas, default_slider_cranks
-from linkage_atlas.linkages import FourBar, Linkage
+from linkage_atlas.constructors import FourBar
+from linkage_atlas.linkages import Linkage
 from linkage_atlas.motions import Motion
 from linkage_atlas.notes import counted, sentences
+from linkage_atlas.results import Features, Match, Matches, MatchReport
+from linkage_atlas.solutions import FINISHING
 from synthesis.arrays import Floats
 from synthesis.atlas.haar import features as haar_features
 from synthesis.atlas.haar import resample

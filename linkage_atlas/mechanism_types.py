@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import NamedTuple, get_args
 
 from linkage_atlas.arguments import kinds_among, one_of
-from linkage_atlas.linkages import KindName
+from linkage_atlas.geometry import KindName
 from linkage_atlas.motions import Motion
 from synthesis.errors import FieldError
 from synthesis.guided.by_crank import BY_CRANK

@@ -19,11 +19,10 @@ from linkage_atlas.tables import POSES, decoded, read_table
 from linkage_atlas.two_points import poses_of_points
 from synthesis.arrays import Complexes, Floats
 from synthesis.errors import FieldError
-from synthesis.four_bar import coupler_angle
 from synthesis.fourbar.hinge import hinge_of
-from synthesis.free.dyads import in_any_order
 from synthesis.linkage import Linkage
 from synthesis.poses import MIN_POSES, Poses, make_poses
+from synthesis.solution import target_of
 from synthesis.target import (
     HOW_TURNED,
     MAX_LENGTH,
@@ -343,35 +342,12 @@ class Motion:
             return self.samples
         raise FieldError("/timing", "the crank angles are free: only a solution has them")
 
-    def with_angles(self, linkages: Sequence[Linkage], cranks: Sequence[Floats | None]) -> Target:
-        """Return the motion with the crank angles (N,) that were found for each linkage; given crank angles do not change."""
-        if isinstance(self.samples, Target):
-            return self.samples
-        crank, turns = np.stack([crank for crank in cranks if crank is not None]), None
-        if self.samples.rotation is not None:
-            start = np.array([linkage.start for linkage in linkages])[:, None]
-            turned = np.array([linkage.ground_angle + (linkage.body_offset or 0.0) for linkage in linkages])[:, None]
-            links, branch = (
-                np.array([linkage.links for linkage in linkages]),
-                np.array([linkage.branch for linkage in linkages]),
-            )
-            turns = coupler_angle(links, branch, start + crank) + turned
-        return self.samples.timed(crank, turns)
-
-    def one_of(self, target: Target, index: int) -> Motion:
-        """Return the motion with the crank angles of a single linkage of those in ``target``, see `with_angles`."""
-        if not target.found:
-            return self
-        return Motion.of(target.one_of(index), self.degrees, self.tolerances, self.length_unit)
-
-    def of_solution(self, linkage: Linkage, crank: Floats) -> Motion:
-        """Return the motion with the crank angles of a solution."""
+    def over(self, linkage: Linkage, travel: Floats) -> Motion:
+        """Return the motion over travel (N,) of the drive of a linkage; unchanged if its crank angles are given."""
         if isinstance(self.samples, Target):
             return self
-        if not self.samples.ordered:
-            crank = in_any_order(np.asarray(crank)[None], TURN)[0][0]
-            crank = crank - crank[0]
-        return self.one_of(self.with_angles([linkage], [crank]), 0)
+        target = target_of(self.samples, linkage, travel)
+        return Motion.of(target, self.degrees, self.tolerances, self.length_unit)
 
     @property
     def radian(self) -> float:

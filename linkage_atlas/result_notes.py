@@ -7,15 +7,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from linkage_atlas.answers import AnySolution, Report, Solution, cognate_notes, errors_in_words, in_unit
 from linkage_atlas.candidates import Candidates
 from linkage_atlas.finishing import RankedSolutions
 from linkage_atlas.limits import QUICK, QUICK_ROUNDS, thinned, what_excludes
 from linkage_atlas.motions import Motion
 from linkage_atlas.notes import counted, in_percent, limit_label, listed, sentences
 from linkage_atlas.preferences import Search
-from linkage_atlas.studies import study_notes
+from linkage_atlas.results import Report
+from linkage_atlas.solutions import Solution, cognate_notes, errors_in_words, in_unit
 from linkage_atlas.task import Task
+from linkage_atlas.tolerance_study import study_notes
 from synthesis import solution as model
 from synthesis.atlas.scan import Scan
 from synthesis.free.few_poses import is_few
@@ -80,7 +81,7 @@ def notes_of(task: Task, search: Search, candidates: Candidates, ranked: RankedS
     notes += _unasked_notes(task, solutions)
     notes += study_notes(candidates.studies.manufacture, solutions)
     if task.kinds.only_four_bars and motion.samples.rotation is None:
-        notes += cognate_notes([solution for solution in solutions if isinstance(solution, Solution)])
+        notes += cognate_notes(solutions)
     if not solutions:
         notes += _empty_notes(task, search, candidates, notes)
     if len(solutions) < ranked.total:
@@ -109,7 +110,7 @@ def report_of(task: Task, candidates: Candidates, ranked: RankedSolutions, notes
     )
 
 
-def _ranks_of(continued: Sequence[model.Solution | None], solutions: Sequence[AnySolution]) -> list[int | None]:
+def _ranks_of(continued: Sequence[model.Solution | None], solutions: Sequence[Solution]) -> list[int | None]:
     """Return the rank of each linkage among the finished solutions; None if it is not there."""
     ranks = {id(solution.origin.found): solution.rank for solution in solutions}
     return [ranks.get(id(linkage)) for linkage in continued]
@@ -130,32 +131,31 @@ def _empty_notes(task: Task, search: Search, candidates: Candidates, notes: Sequ
     return what_excludes(task.limits, task.motion, quick, task.work, task.named_limits)
 
 
-def _determination_notes(task: Task, solutions: Sequence[AnySolution]) -> list[str]:
+def _determination_notes(task: Task, solutions: Sequence[Solution]) -> list[str]:
     """Return that many different lengths make the motion of the best linkage, if only four-bars were searched."""
-    if not (task.kinds.only_four_bars and solutions and isinstance(solutions[0], Solution)):
+    determination = solutions[0].determination if solutions and task.kinds.only_four_bars else None
+    if determination is None or not determination.ill_posed:
         return []
     best, samples = solutions[0], task.motion.samples
-    if not best.determination.ill_posed:
-        return []
     exact = best.errors.objective < max(task.tolerance, _EXACT)
     if isinstance(samples, Poses) and is_few(samples) and exact:
         return [FEW_POSES.format(NUMERALS[samples.samples])]
-    return [ILL_POSED.format(in_percent(best.determination.length_uncertainty))]
+    return [ILL_POSED.format(in_percent(determination.length_uncertainty))]
 
 
-def _hopeless_notes(solutions: Sequence[AnySolution], motion: Motion) -> list[str]:
+def _hopeless_notes(solutions: Sequence[Solution], motion: Motion) -> list[str]:
     """Return that the best linkage does not make the motion, with the limits that hold it."""
     if not solutions or solutions[0].verdict.within_tolerance:
         return []
     best, at_rest = solutions[0], motion.asked.error_at_rest(modulo_turn=motion.free)
     if not at_rest or (ratio := best.errors.objective / at_rest) <= _HOPELESS:
         return []
-    limits = best.determination.at_limits if isinstance(best, Solution) else ()
+    limits = () if best.determination is None else best.determination.at_limits
     held = f"; it is held by {listed([limit_label(name) for name in limits])}" if limits else ""
     return [f"{HOPELESS.format(ratio)}{held}."]
 
 
-def _order_notes(task: Task, solutions: Sequence[AnySolution], search: Search) -> list[str]:
+def _order_notes(task: Task, solutions: Sequence[Solution], search: Search) -> list[str]:
     """Return the errors of a linkage that passes jumbled samples in any order, if they are much smaller."""
     motion, samples = task.motion, task.motion.samples
     if not (solutions and isinstance(samples, Poses) and samples.ordered):
@@ -176,7 +176,7 @@ def _order_notes(task: Task, solutions: Sequence[AnySolution], search: Search) -
     return [IN_ANY_ORDER.format(*(errors_in_words(pair, motion.degrees) for pair in (best.errors, errors)))]
 
 
-def _unasked_notes(task: Task, solutions: Sequence[AnySolution]) -> list[str]:
+def _unasked_notes(task: Task, solutions: Sequence[Solution]) -> list[str]:
     """Return that the practical limits did not apply, if the request did not choose and the best linkage violates a limit."""
     motion = task.motion
     if (motion.free and motion.travel is None) or "preset" in task.named_limits:

@@ -8,15 +8,15 @@ from typing import Literal, Unpack
 
 from numpy.typing import ArrayLike
 
-from linkage_atlas.answers import Result
 from linkage_atlas.arguments import Fields
 from linkage_atlas.atlases import Atlas
 from linkage_atlas.candidates import CandidateSearch, find_candidates
 from linkage_atlas.finishing import finish_candidates, rank_solutions
+from linkage_atlas.geometry import DriverName, KindName
 from linkage_atlas.limits import Limits
-from linkage_atlas.linkages import DriverName, KindName
 from linkage_atlas.motions import Motion
 from linkage_atlas.result_notes import notes_of, report_of
+from linkage_atlas.results import Result
 from linkage_atlas.task import Effort, MotionAndStudies, Prefer, SearchOptions, read_task
 from linkage_atlas.warm_start import StartingLinkage
 from synthesis.search.search import DEFAULT_TOLERANCE

@@ -12,15 +12,16 @@ from typing import Literal, NamedTuple, TypedDict, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkage_atlas.answers import FINISHING
+from linkage_atlas.analysis import check_rows
 from linkage_atlas.arguments import Fields, build, check_above_zero, check_top, mapping, number, one_of
 from linkage_atlas.atlases import Atlas, as_atlas, default_atlas
 from linkage_atlas.drive_design.design import check_request
+from linkage_atlas.geometry import DriverName, KindName
 from linkage_atlas.limits import read_limits
-from linkage_atlas.linkages import DriverName, KindName
 from linkage_atlas.mechanism_types import Kinds, check_no_slider_limits, read_kinds
 from linkage_atlas.motions import Motion
-from linkage_atlas.studies import STUDIES, Studies, check_lengths, check_rows, read_studies
+from linkage_atlas.solutions import FINISHING
+from linkage_atlas.studies import STUDIES, Studies, check_lengths, read_studies
 from linkage_atlas.warm_start import Start, StartingLinkage, check_local, kinds_of, read_starts, starts_for
 from synthesis.atlas.scan import Scan
 from synthesis.errors import FieldError

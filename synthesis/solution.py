@@ -117,11 +117,16 @@ def target_of(samples: Poses | Target, linkage: Linkage, travel: Floats) -> Targ
 
     The motion is closed only if the drive turns fully.
     """
+    target = targets_of(samples, [linkage], travel[None]).one_of(0)
+    return replace(target, closed=target.closed and linkage.turns_fully) if target.closed else target
+
+
+def targets_of(samples: Poses | Target, linkages: Sequence[Linkage], travel: Floats) -> Target:
+    """Return the motion with the travel (n, N) of the drives of several linkages."""
     if isinstance(samples, Target):
         return samples
-    rotation = None if samples.rotation is None else body_motions([linkage], travel).rotation[0]
-    target = samples.timed(travel, rotation)
-    return replace(target, closed=target.closed and linkage.turns_fully)
+    rotation = None if samples.rotation is None else body_motions(linkages, travel).rotation
+    return samples.timed(travel, rotation)
 
 
 def assess(

@@ -131,7 +131,7 @@ def motion_of(request: SynthesizeRequest) -> la.Motion:
 # -- a linkage as a file ----------------------------------------------------------------------------------------------
 
 
-def ranked(request: SynthesizeRequest, rank: int, resources: Resources) -> la.Solution | la.GuidedSolution:
+def ranked(request: SynthesizeRequest, rank: int, resources: Resources) -> la.Solution:
     """The solution of a rank of a request that is solved; FieldError where there are fewer."""
     found = answer_synthesize(request.model_copy(update={"top": max(request.top, rank)}), resources).solutions
     if not found:
@@ -176,7 +176,7 @@ _PREFIXES = {"crank_angle": "/linkage", "travel": "/linkage", "analysis": "/requ
 
 
 def _linkage_file(body: ExportRequest, resources: Resources) -> bytes:
-    from linkage_atlas.linkages import check_format, check_held  # a command that writes no file does not load it
+    from linkage_atlas.files import check_format, check_held  # a command that writes no file does not load it
 
     request, given = body.request, body.linkage
     held = body.given("assembly", "solids", "drive")

@@ -17,17 +17,18 @@ from app.query import (
     PositiveNumber,
     RequestModel,
 )
+from linkage_atlas.analysis import MOST_LINK_MASSES
 from linkage_atlas.arguments import LARGEST
 from linkage_atlas.assemblies import FIXED_PINS, LAYERS_MOST, MOST_CORNERS, MOST_LAYERS
 from linkage_atlas.catalogues import ACTUATORS, MOST_ROWS, MOST_SPRING_ROWS, SPRINGS
 from linkage_atlas.drive_design.question import MAX_COUNT, MAX_DRIVES, MAX_MASSES, MAX_SPRINGS, MAX_WANTED
 from linkage_atlas.functions.dials import MIN_PAIRS
+from linkage_atlas.geometry import DriverName, KindName
 from linkage_atlas.limits import FUNCTION_LIMITS, LIMITS
-from linkage_atlas.linkages import DriverName, KindName
 from linkage_atlas.mechanism_types import MECHANISMS
 from linkage_atlas.motions import MAX_LENGTH, MAX_SAMPLES, MIN_LENGTH, MIN_POSES, MIN_SAMPLES, MOST_STOCK
 from linkage_atlas.part_settings import LARGEST_SCALE, LEAST_SCALE
-from linkage_atlas.studies import FEWEST_SAMPLES, MOST_LINK_MASSES, MOST_SAMPLES, SAMPLES
+from linkage_atlas.tolerance_study import FEWEST_SAMPLES, MOST_SAMPLES, SAMPLES
 from linkage_atlas.warm_start import MAX_STARTS
 
 MAX_TOP = 1000

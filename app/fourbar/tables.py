@@ -10,8 +10,7 @@ import numpy as np
 
 import linkage_atlas as la
 from app.terminal import DEGREES, Units, columns, left_table, number
-from linkage_atlas import GuidedSolution, Matches, Result, Solution
-from linkage_atlas.answers import Errors
+from linkage_atlas import Matches, Result, Solution
 from linkage_atlas.drive_design.records import (
     ActuatorDrive,
     AnySpring,
@@ -22,6 +21,7 @@ from linkage_atlas.drive_design.records import (
     TorsionSpring,
 )
 from linkage_atlas.notes import counted
+from linkage_atlas.solutions import Errors
 
 _ROUNDING = 1e-10
 """Numbers below this fraction of their size are shown as zero."""
@@ -83,20 +83,14 @@ def _proof(rounded: Any) -> str:
     return f", the best {of}" if rounded.exhaustive else f", the best of {rounded.tried:,} {of}"
 
 
-def _analysis_lines(best: Solution | GuidedSolution) -> list[str]:
+def _analysis_lines(best: Solution) -> list[str]:
     """The largest values of an analysis over the used interval."""
     if best.analysis is None:
         return []
     curve, found = best.analysis.curve, []
     rows = {"velocity": curve.velocity, "acceleration": curve.acceleration}
-    if isinstance(best, Solution):
-        pins = curve.pin_forces
-        rows |= {"crank torque": curve.crank_torque, "pin force": None if pins is None else np.concatenate(pins)}
-    else:
-        drive = "torque of the drive" if curve.travel is None else "force of the drive"
-        guides = curve.guide_forces
-        rows[drive] = curve.drive_load
-        rows["guide force"] = None if guides is None else np.concatenate(list(guides.values()))
+    rows["torque of the drive" if curve.travel is None else "force of the drive"] = curve.drive_load
+    rows["pin force"] = None if curve.pin_forces is None else np.concatenate(curve.pin_forces)
     for name, values in rows.items():
         if values is None:
             continue
@@ -106,7 +100,7 @@ def _analysis_lines(best: Solution | GuidedSolution) -> list[str]:
     return [f"largest over the interval: {', '.join(found)}"] if found else []
 
 
-def _tolerance_lines(best: Solution | GuidedSolution, units: Units) -> list[str]:
+def _tolerance_lines(best: Solution, units: Units) -> list[str]:
     """What tolerances of manufacture do at worst, and what contributes most."""
     if best.tolerance_study is None:
         return []
@@ -132,14 +126,14 @@ def _errors(errors: Errors, units: Units) -> str:
     return "; ".join(found)
 
 
-def _rounded_lines(best: Solution | GuidedSolution, units: Units) -> list[str]:
+def _rounded_lines(best: Solution, units: Units) -> list[str]:
     """The lengths that can be had, and what they do."""
     rounded = best.rounded
     if rounded is None:
         return []
     if not rounded.closes:
         return [f"rounded: none of {counted(rounded.tried, 'combination')} of lengths closes within the limits"]
-    if isinstance(best, Solution):
+    if rounded.links is not None:
         words = _lengths(rounded.links)
     else:
         words = ", ".join(f"{name} {number(length)}" for name, length in rounded.lengths.items()) or "no lengths"
@@ -174,7 +168,7 @@ def synthesize_table(reply: Result, units: Units = DEGREES) -> str:
     """Ranked solutions of the reply with their largest errors; place, errors, layers and studies of the best."""
     lines = [_found(reply, "solution")]
     if reply.solutions:
-        best, several = reply.solutions[0], any(isinstance(one, GuidedSolution) for one in reply.solutions)
+        best, several = reply.solutions[0], any(one.links is None for one in reply.solutions)
         own: tuple[Any, ...] = (*_LINKAGE, ("family", "", "family"))
         if several:
             own = (("rank", "d", "rank"), ("kind", "", "kind"), ("driver", "", "driver"), ("size", ".3g", "size"))
@@ -189,7 +183,7 @@ def synthesize_table(reply: Result, units: Units = DEGREES) -> str:
         lines += ["", text, "", f"errors of rank 1: {_errors(best.errors, units)}"]
         if several:
             lines += [f"guide of rank 1: {_guide(one)}" for one in best.guides or ()]
-        elif isinstance(best, Solution) and best.mount is not None:
+        elif best.mount is not None:
             m = best.mount
             lines += [
                 f"mounting of rank 1: pivot A ({number(m.pivot_a[0])}, {number(m.pivot_a[1])}), "
@@ -348,7 +342,7 @@ def _spring_sizes(spring: AnySpring, units: Units) -> str:
     return f"stiffness {spring.stiffness:.4g}; length {low:.4g} to {units.value(high, units.length, 4)}"
 
 
-def _drive_lines(best: Solution | GuidedSolution, units: Units) -> list[str]:
+def _drive_lines(best: Solution, units: Units) -> list[str]:
     """Describe the drives and springs of a solution, and why there are none of a kind."""
     lines = [f"drive of rank 1: {_drive_words(drive, units)}" for drive in best.drives or ()]
     lines += [f"spring of rank 1: {_spring_words(spring, units)}" for spring in best.springs or ()]

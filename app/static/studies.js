@@ -17,7 +17,6 @@ export function analysisCurves({ analysis }, sense, unit) {
     found.push({ title: `Acceleration of the body point, ${unit}/s²`, x, values: at(curve.acceleration).map(size) });
   }
   found.push({ title: "Angular velocity of the coupler, degrees a second", x, values: at(curve.angular_velocity.coupler) });
-  if (curve.crank_torque) found.push({ title: `Crank torque, force × ${unit}`, x, values: at(curve.crank_torque) });
   if (curve.drive_load) found.push({ title: curve.crank_angle ? `Torque of the drive, force × ${unit}` : "Force of the drive", x, values: at(curve.drive_load) });
   return found.filter(({ values }) => values.some((value) => value !== null));
 }

@@ -9,6 +9,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from linkage_atlas.analysis import read_load
 from linkage_atlas.arguments import (
     LARGEST,
     Fields,
@@ -27,7 +28,6 @@ from linkage_atlas.arguments import (
 )
 from linkage_atlas.catalogues import PRESSURE, read_actuators, read_springs, read_torsion_springs
 from linkage_atlas.drive_design.records import SPRING_KINDS
-from linkage_atlas.studies import read_load
 from synthesis.arrays import Floats
 from synthesis.drives.catalogue import CatalogueRow
 from synthesis.drives.crank_rocker import MAX_TIME_RATIO

@@ -9,14 +9,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from linkage_atlas.analysis import MOST_LINK_MASSES, Analysis, AskedAnalysis, columns_of, read_load
 from linkage_atlas.arguments import Fields, bounded, column, known_fields, mapping, millimetres_in, number
 from linkage_atlas.assemblies import Assembly, assembled, read_assembly
+from linkage_atlas.constructors import FourBar
+from linkage_atlas.files import content_of
 from linkage_atlas.formats import OF_PARTS
-from linkage_atlas.linkages import FourBar, Joints, Linkage, content_of, given_linkage
+from linkage_atlas.geometry import Joints
+from linkage_atlas.linkages import Linkage, given_linkage
 from linkage_atlas.motions import Motion
 from linkage_atlas.records import Record, Values, Vectors, plain, plane, xy
 from linkage_atlas.solids import read_solids
-from linkage_atlas.studies import MOST_LINK_MASSES, AskedAnalysis, Manufacture, ToleranceStudy, columns_of, read_load
+from linkage_atlas.tolerance_study import Manufacture, ToleranceStudy
 from synthesis.arrays import Floats
 from synthesis.drives.links import ends_of
 from synthesis.drives.six_bar import MOTOR_CRANK, ROD, Motor, SixBar, joints_of
@@ -248,7 +252,7 @@ class SixBarLinkage(Linkage):
         first, last = self._linkage.dwell(share)
         return first / self._radian, last / self._radian
 
-    def analysis(
+    def analysis(  # type: ignore[override]
         self,
         motor_speed: float,
         load: Fields | None = None,
@@ -421,7 +425,7 @@ class SixBarLinkage(Linkage):
         """Raise FieldError, because tolerances are simulated for the linkage without its motor."""
         raise FieldError("/linkage", "tolerances are simulated of the linkage itself: `linkage.tolerance_study`")
 
-    def analysed(self, request: AskedAnalysis, travel: Floats, over: Interval | None = None) -> object:
+    def analysed(self, request: AskedAnalysis, travel: Floats, over: Interval | None = None) -> Analysis:
         """Raise FieldError, because `analysis` needs the speed of the motor."""
         raise FieldError("/linkage", "of a six-bar see `analysis`, whose speed is the motor's")
 

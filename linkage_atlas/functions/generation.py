@@ -9,7 +9,6 @@ from typing import Literal, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkage_atlas.answers import FINISHING
 from linkage_atlas.arguments import (
     Fields,
     check_above_zero,
@@ -23,6 +22,7 @@ from linkage_atlas.functions.solutions import described, described_travel, round
 from linkage_atlas.limits import read_function_limits
 from linkage_atlas.notes import sentences
 from linkage_atlas.result_notes import CUT_SHORT, NOWHERE
+from linkage_atlas.solutions import FINISHING
 from linkage_atlas.task import seed_tables
 from linkage_atlas.warm_start import FOR_STARTS, Start, StartingLinkage, check_local, pointing_to_start, read_starts
 from synthesis.errors import FieldError

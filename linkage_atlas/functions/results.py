@@ -7,14 +7,16 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from linkage_atlas.answers import Ranked, StatusName, StoppedBy, Verdict
 from linkage_atlas.arguments import (
     radians_in,
 )
 from linkage_atlas.functions.question import Dial, Scales
-from linkage_atlas.linkages import AnyGuide, DriverName, KindName, Linkage, Links
+from linkage_atlas.geometry import AnyGuide, DriverName, KindName, Links
+from linkage_atlas.linkages import Linkage
 from linkage_atlas.notes import counted
 from linkage_atlas.records import KEPT, Record, Values
+from linkage_atlas.results import Ranked, StatusName, StoppedBy
+from linkage_atlas.solutions import Verdict
 from synthesis.arrays import Floats
 from synthesis.errors import FieldError
 from synthesis.function.answers import to_csv
@@ -177,7 +179,7 @@ class FunctionResult(Record, Ranked[FunctionSolution | TravelSolution]):
     scales: Scales = field(default=Scales(1.0, 1.0, 1.0), repr=False, metadata=KEPT)
 
     @property
-    def _answers(self) -> list[FunctionSolution | TravelSolution]:
+    def _results(self) -> list[FunctionSolution | TravelSolution]:
         return self.solutions
 
     @property

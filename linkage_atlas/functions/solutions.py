@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from linkage_atlas.answers import verdict_of
 from linkage_atlas.functions.question import FunctionQuestion
 from linkage_atlas.functions.results import (
     ErrorCurve,
@@ -14,8 +13,9 @@ from linkage_atlas.functions.results import (
     RoundedFunction,
     TravelSolution,
 )
-from linkage_atlas.linkages import Linkage, guides_of
-from linkage_atlas.studies import sensitivity_of
+from linkage_atlas.geometry import Links, guides_of
+from linkage_atlas.linkages import Linkage
+from linkage_atlas.solutions import verdict_of
 from synthesis.arrays import Floats
 from synthesis.defects import faults_of, practical_faults, verdict
 from synthesis.fourbar.determination import determinations
@@ -29,6 +29,7 @@ from synthesis.function.travel_search import (
 )
 from synthesis.limits import Limits
 from synthesis.linkage import Linkage as Plain
+from synthesis.studies.sensitivity import changes
 from synthesis.target import Interval, Target
 from synthesis.work import Work
 
@@ -83,10 +84,8 @@ def described_travel(
 
 
 def _sensitivity(exchanged: Plain, target: Target, radian: float) -> Floats:
-    """Return the change of the rocker's angle per unit of each length, of a linkage with crank and rocker exchanged."""
-    rotation = sensitivity_of(exchanged, target, radian).rotation
-    assert rotation is not None
-    return rotation[_EXCHANGED]
+    """Return the change of the rocker's angle per unit of each length, of a linkage with coupler and rocker exchanged."""
+    return np.array([change.rotation for change in changes(exchanged, target, radian)])[_EXCHANGED]
 
 
 def described(
@@ -102,7 +101,7 @@ def described(
     resolutions = [max(generator.errors.objective, question.tolerance) for generator in found]
     fixed_lengths = [k for k, name in enumerate(_EXCHANGED[:3]) if limits.links[name] is not None]
     fixed = determinations(target_function.target, exchanged_linkages, resolutions, fixed_lengths)
-    changes = [
+    sensitivities = [
         _sensitivity(other_linkage, target_function.target, radian) if sensitivity else None
         for other_linkage in exchanged_linkages
     ]
@@ -118,8 +117,8 @@ def described(
         solutions.append(
             FunctionSolution(
                 rank=k + 1,
-                links=linkage.dimensions.links,
-                branch=linkage.dimensions.branch,
+                links=_links(linkage),
+                branch=1 if linkage.branch > 0 else -1,
                 start_angle=linkage.start_angle,
                 linkage=linkage,
                 output_offset=generator.offset / radian,
@@ -132,12 +131,16 @@ def described(
                 determination=FunctionDetermination(
                     determined.ill_posed, determined.resolution, determined.length_uncertainty[_EXCHANGED]
                 ),
-                sensitivity=changes[k],
+                sensitivity=sensitivities[k],
                 rounded=None,
                 error_curve=drawn[k],
             )
         )
     return solutions
+
+
+def _links(linkage: Linkage) -> Links:
+    return Links(*linkage.links.tolist())
 
 
 def _error_curves(question: FunctionQuestion, found: list[Generator]) -> list[ErrorCurve | None]:
@@ -160,7 +163,7 @@ def rounded(question: FunctionQuestion, generator: Generator, grid: float, work:
     linkage = Linkage.of(refitted.linkage, question.radian, question.target)
     return RoundedFunction(
         closes=True,
-        links=linkage.dimensions.links,
+        links=_links(linkage),
         start_angle=linkage.start_angle,
         output_offset=refitted.offset / question.radian,
         errors=errors_of(question, refitted),

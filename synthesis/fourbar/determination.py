@@ -27,7 +27,7 @@ from synthesis.constraints import SPARE, Constraints, placed_linkages
 from synthesis.four_bar import EXCESSES, close_loop, coupler_angle, grashof_excesses
 from synthesis.limits import Limits
 from synthesis.linkage import Linkage, as_lengths, with_links
-from synthesis.target import Target
+from synthesis.target import TURN, Target
 
 FREE = 1e3
 """A relative uncertainty of a length above this says that the motion does not determine it at all."""
@@ -260,7 +260,9 @@ def residuals(target: Target, linkages: list[Linkage]) -> Floats:
     angle, parts = coupler_angle(links, branch, crank) + turned, []
     if target.rotation is not None:
         offset = np.array([[one.body_offset or 0.0] for one in linkages])
-        parts.append((target.rotation - angle - offset) * target.rotation_mean.root)
+        gap = target.rotation - angle - offset
+        gap = gap - TURN * np.round(target.rotation_mean(gap) / TURN)[:, None]
+        parts.append(gap * target.rotation_mean.root)
     if target.position is not None:
         coupler = np.array([[one.arm] for one in linkages])
         pivot = np.array([[one.pivot_a] for one in linkages])

@@ -8,7 +8,6 @@ import numpy as np
 
 from synthesis.arrays import Floats
 from synthesis.constraints import broken_limits
-from synthesis.guided.rounding import nearest_travel, squared_errors
 from synthesis.guided.search import Drive, Search
 from synthesis.limits import Limits
 from synthesis.linkage import Linkage
@@ -16,6 +15,7 @@ from synthesis.poses import Poses
 from synthesis.ranking import Status
 from synthesis.search.report import SearchReport, StoppedBy
 from synthesis.solution import Solution, assess
+from synthesis.studies.rounding import nearest_travel, squared_errors
 from synthesis.target import TURN
 from synthesis.work import Work
 

@@ -46,7 +46,7 @@ def test_an_analysis_is_the_derivative_of_the_motion(client, request_body) -> No
             velocity = (moved[0] - moved[1]) / (2 * step / 90)
             np.testing.assert_allclose(np.array(part["velocity"])[steep], velocity[steep], rtol=1e-3, atol=1e-4)
             power = np.array(part["velocity"]) @ [1.5, -20] + 30 * np.deg2rad(part["angular_velocity"]["coupler"])
-            np.testing.assert_allclose(np.array(part["crank_torque"]) * np.deg2rad(90), -power, rtol=1e-9, atol=1e-9)
+            np.testing.assert_allclose(np.array(part["drive_load"]) * np.deg2rad(90), -power, rtol=1e-9, atol=1e-9)
             assert len(part["pin_forces"]["coupler_pin"]) == len(at)
 
 
@@ -70,7 +70,7 @@ def test_a_study_keeps_to_the_budget(client) -> None:
 
 
 def test_a_study_has_its_bounds_and_says_so(client, monkeypatch) -> None:
-    monkeypatch.setattr("linkage_atlas.studies.MOST_POSITIONS", 130_000)
+    monkeypatch.setattr("linkage_atlas.tolerance_study.MOST_POSITIONS", 130_000)
     study = {"links": 0.1, "samples": 100_000}
     reply = la.synthesize(**EXAMPLE, tolerance_study=study).to_dict()  # here, where the bound is set
     study = reply["solutions"][0]["tolerance_study"]
@@ -108,14 +108,14 @@ def test_a_mass_at_the_body_point_at_rest_is_the_force_of_its_weight() -> None:
     crank = [0.0, 30.0, 200.0]
     still = {"masses": [{"link": "body", "mass": 2.0}], "gravity": [0, -9.81]}
     weight, force = linkage.analysis(0, still, crank), linkage.analysis(0, {"force": [0, -2 * 9.81]}, crank)
-    assert np.allclose(weight.crank_torque, force.crank_torque, rtol=1e-12)
+    assert np.allclose(weight.drive_load, force.drive_load, rtol=1e-12)
     assert np.allclose(weight.pin_forces.coupler_pin, force.pin_forces.coupler_pin, rtol=1e-12)
     # two masses of a link act as their sum, and a link's length in another unit gives the same torque in newton metres
     halves = {"masses": [{"link": "body", "mass": 1.0}, {"link": "body", "mass": 1.0}], "gravity": [0, -9.81]}
-    torque = linkage.analysis(90, still, crank).crank_torque
-    assert np.allclose(linkage.analysis(90, halves, crank).crank_torque, torque)
+    torque = linkage.analysis(90, still, crank).drive_load
+    assert np.allclose(linkage.analysis(90, halves, crank).drive_load, torque)
     metres = la.FourBar(0.019, 0.072, 0.144, 0.165, start_angle=30, coupler_point=(0.020, 60), body_offset=10)
-    assert np.allclose(metres.analysis(90, still, crank, length_unit="m").crank_torque * 1000, torque)
+    assert np.allclose(metres.analysis(90, still, crank, length_unit="m").drive_load * 1000, torque)
 
 
 def test_a_linkage_of_joint_coordinates_is_analysed_driven_and_exported(client) -> None:

@@ -12,11 +12,11 @@ import pytest
 
 import linkage_atlas as la
 from app.query import plain_of, reply_model
-from linkage_atlas.answers import GuidedSolution, finished_guided
 from linkage_atlas.limits import read_limits
+from linkage_atlas.solutions import Solution, finished
 from linkage_atlas.studies import read_studies
-from synthesis.guided.rounding import nearest_travel
 from synthesis.solution import assess
+from synthesis.studies.rounding import nearest_travel
 from synthesis.work import Work
 from tests.conftest import some_of
 from tests.oracles.guided_cases import DRIVES, NAMES, good_linkage
@@ -26,7 +26,7 @@ RAIL = {"guide": "rail", "point": [0, 0.3], "direction": 0, "body_point": [2, 0]
 SLOT = {"guide": "slot", "pin": [2, 0], "body_point": [0, 0.5], "body_direction": 0}
 
 
-def reply_of(drive, *, noise: float = 0.0, **studies) -> tuple[GuidedSolution, la.Motion]:
+def reply_of(drive, *, noise: float = 0.0, **studies) -> tuple[Solution, la.Motion]:
     """A solution as a search would hand it over."""
     random = np.random.default_rng(61)
     linkage, travel = good_linkage(random, drive, -0.2, 1.0, 0.7), np.linspace(0.0, 0.8, 7)
@@ -37,15 +37,15 @@ def reply_of(drive, *, noise: float = 0.0, **studies) -> tuple[GuidedSolution, l
     begin = travel if scaled.driver.turns else 50 * travel
     solution = assess(motion.samples, [scaled], nearest_travel(motion.samples, scaled, begin))[0]
     limits = read_limits({"preset": "none"}, motion)
-    (finished,) = finished_guided([solution], motion, limits, read_studies(studies, motion), Work(None))
-    return replace(finished, rank=1), motion
+    (described,) = finished([solution], motion, limits, 1e-10, read_studies(studies, motion), None, Work(None))
+    return replace(described, rank=1), motion
 
 
 @pytest.mark.parametrize("drive", DRIVES[1:], ids=NAMES[1:])
 def test_a_reply_holds_all_that_its_errors_are_made_of(drive) -> None:
     solution, motion = reply_of(drive, noise=0.01)
     plain = json.loads(json.dumps(plain_of(solution)))
-    reply_model(GuidedSolution).model_validate(plain)
+    reply_model(Solution).model_validate(plain)
     assert plain["kind"] == solution.linkage.kind and plain["driver"] == drive[1]
     repeated = la.Linkage.from_dict(plain)
     position = plain["crank_angle"] if drive[1].turns else plain["travel"]
@@ -75,9 +75,7 @@ def test_an_analysis_comes_with_the_solution(drive) -> None:
     solution, _ = reply_of(drive, analysis={"crank_speed": 10, "load": {"force": [0, -5], "torque": 2}})
     found = solution.analysis
     assert found is not None and found.curve is not None
-    names = solution.linkage.plain.link_names
-    assert set(found.guide_forces) == {names[0], names[2]}
-    total = sum(found.guide_forces.values()) + np.array([0, -5])
+    total = found.pin_forces.crank_pin + found.pin_forces.coupler_pin + np.array([0, -5])
     assert np.allclose(total, 0, atol=1e-9)
     repeated = solution.linkage.analysis(10, {"force": [0, -5], "torque": 2})
     assert np.allclose(repeated.drive_load, found.drive_load)
@@ -150,7 +148,7 @@ def test_lengths_that_can_be_had_come_with_their_errors(drive) -> None:
 
 def test_the_command_line_says_what_was_found_of_several_kinds() -> None:
     from app.fourbar.tables import synthesize_table
-    from linkage_atlas.answers import Report, Result
+    from linkage_atlas.results import Report, Result
 
     load = {"crank_speed": 10, "load": {"force": [0, -5]}}
     sizes = {"links": 0.05, "samples": 200}
@@ -158,5 +156,5 @@ def test_the_command_line_says_what_was_found_of_several_kinds() -> None:
     report = Report({"total": 1.0}, [(1.0, 1e-3)], "converged", 50.0, 1, None, None, [])
     text = synthesize_table(Result("closest", [studied], report))
     words = ["slider", "guide of rank 1: rail through", "used from", "travel of rank 1: 0", "rounded: ", "as made, "]
-    for said in (*words, "force of the drive", "guide force"):
+    for said in (*words, "force of the drive", "pin force"):
         assert said in text, text

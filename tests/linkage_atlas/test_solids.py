@@ -75,7 +75,7 @@ def test_what_parts_weigh_is_what_an_analysis_and_a_simulation_take(linkage) -> 
             turn = np.exp(1j * np.deg2rad(getattr(joints, f"{name}_direction")[0]))
             heights.append(position[1] + (complex(*body.at) * turn).imag)
         lifted += body.mass * 9.81 * (heights[1] - heights[0]) / (2 * np.deg2rad(h))
-    assert held.crank_torque[0] == pytest.approx(lifted, rel=1e-6)
+    assert held.drive_load[0] == pytest.approx(lifted, rel=1e-6)
     text = linkage.file("mjcf", solids={"material": "steel"}, assembly={"thickness": 4}).decode()
     assert f'mass="{links["rocker"].mass!r}"' in text and "kilograms of its parts" in text
     # a model is printed smaller, but an analysis is of the linkage itself

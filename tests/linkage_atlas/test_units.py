@@ -113,6 +113,6 @@ def test_analysis_and_drives_use_the_unit_of_the_motion(in_cm) -> None:
     _, best = in_cm
     load = {"masses": [{"link": "coupler", "mass": 1.0, "at": [5, 1]}], "gravity": [0, 0]}
     torques = {
-        unit: best.linkage.analysis(3600.0, load, length_unit=unit).crank_torque[1] for unit in (None, "cm", "mm")
+        unit: best.linkage.analysis(3600.0, load, length_unit=unit).drive_load[1] for unit in (None, "cm", "mm")
     }
     assert torques[None] == torques["cm"] != torques["mm"]

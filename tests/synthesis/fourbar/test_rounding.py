@@ -13,17 +13,17 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from synthesis.four_bar import coupler_angle
-from synthesis.fourbar import rounding
 from synthesis.fourbar.mechanism import mounted
-from synthesis.fourbar.rounding import (
+from synthesis.limits import Limits
+from synthesis.linkage import with_links
+from synthesis.solution import Solution, assess
+from synthesis.studies import four_bar_rounding as rounding
+from synthesis.studies.four_bar_rounding import (
     MOST_OPEN,
     best_from_stock,
     nearest_of,
     round_to_grid,
 )
-from synthesis.limits import Limits
-from synthesis.linkage import with_links
-from synthesis.solution import Solution, assess
 from synthesis.target import Target, make_target
 from synthesis.work import Work
 

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from synthesis.guided.rounding import _Chart, _rows, fitted, from_stock, nearest_travel, on_grid, rounded
 from synthesis.guides import Kind
 from synthesis.linkage import Linkage
 from synthesis.poses import make_poses
 from synthesis.solution import Solution, assess
+from synthesis.studies.rounding import _Chart, _rows, fitted, from_stock, nearest_travel, on_grid, rounded
 from synthesis.target import make_target
 from synthesis.work import Work
 from tests.oracles.guided_cases import DRIVES, NAMES, good_linkage

@@ -8,12 +8,12 @@ import pytest
 
 from synthesis.defects import practical_faults
 from synthesis.excursions import excursions_of
-from synthesis.guided.rounding import nearest_travel
 from synthesis.limits import Limits
 from synthesis.linkage import Linkage
 from synthesis.poses import make_poses
 from synthesis.scores import size_of
 from synthesis.solution import assess
+from synthesis.studies.rounding import nearest_travel
 from tests.oracles.guided_cases import DRIVES, NAMES, good_linkage
 
 

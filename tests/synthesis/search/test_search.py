@@ -16,7 +16,6 @@ from app.fourbar.answers import answer_synthesize
 from app.fourbar.models import SynthesizeRequest
 from app.resources import ServiceResources
 from app.settings import Settings
-from linkage_atlas.studies import sensitivity_of
 from synthesis.four_bar import close_loop
 from synthesis.fourbar.determination import determinations
 from synthesis.fourbar.joints import body_point, joints_at
@@ -27,6 +26,7 @@ from synthesis.ranking import SAME, Status
 from synthesis.search.report import StoppedBy
 from synthesis.search.search import DEFAULT_TOLERANCE, search
 from synthesis.search.seeds import SeedTables
+from synthesis.studies.sensitivity import changes
 from synthesis.target import Target, make_target
 from synthesis.work import Work
 from tests.conftest import some_of
@@ -294,19 +294,19 @@ def test_sensitivity_is_that_of_finite_differences(kind, tables) -> None:
     target = target_of(make_case(kind, 6200).request)
     solution = search(tables, target, Limits(), 1)[0][0]
     linkage = solution.linkage
-    mine = sensitivity_of(linkage, target, 1.0)
+    mine = changes(linkage, target)
     crank, links = linkage.start + target.crank, np.array(linkage.links)
     for k in range(4):
         step = np.zeros(4)
         step[k] = 1e-6 * links[k]
         ahead, behind = (close_loop(links + sign * step, crank).coupler_angle(linkage.branch) for sign in (1, -1))
-        if mine.rotation is not None:
+        if mine[k].rotation is not None:
             change = np.sqrt(np.mean(((ahead - behind) / (2 * step[k])) ** 2))
-            assert mine.rotation[k] == pytest.approx(change, rel=1e-5)
-        if mine.position is not None:
+            assert mine[k].rotation == pytest.approx(change, rel=1e-5)
+        if mine[k].position is not None:
             longer, shorter = (with_links(linkage, tuple(links + sign * step)) for sign in (1, -1))
             points = body_point(longer, crank, ahead), body_point(shorter, crank, behind)
             change = np.sqrt(np.mean(np.abs((points[0] - points[1]) / (2 * step[k])) ** 2))
-            assert mine.position[k] == pytest.approx(change, rel=1e-5)
-    assert (mine.rotation is None) == (kind == "position only")
-    assert (mine.position is None) == (kind == "rotation only")
+            assert mine[k].position == pytest.approx(change, rel=1e-5)
+    assert (mine[0].rotation is None) == (kind == "position only")
+    assert (mine[0].position is None) == (kind == "rotation only")

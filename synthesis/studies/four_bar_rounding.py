@@ -22,7 +22,7 @@ import itertools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Generic, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,7 +40,6 @@ from synthesis.solution import Solution, assess
 from synthesis.target import TURN, Target
 from synthesis.work import Work
 
-One = TypeVar("One")
 # the choice of lengths
 GRID_TRIES = 300
 """Combinations around the nearest that are tried at most; they come in the order of their estimate."""
@@ -87,7 +86,7 @@ _MARGIN = 1e-8
 
 
 @dataclass(frozen=True)
-class Rounding(Generic[One]):
+class Rounding:
     """What came of looking for lengths that can be had.
 
     ``solution``: the best; None where no combination that was tried has a place within the limits. ``tried``: how many
@@ -96,7 +95,7 @@ class Rounding(Generic[One]):
     refined unless the scan shows it to be worse. None for a grid. ``reason``: why there is no solution.
     """
 
-    solution: One | None
+    solution: Solution | None
     tried: int
     combinations: int | None = None
     exhaustive: bool | None = None
@@ -105,7 +104,7 @@ class Rounding(Generic[One]):
 
 def round_to_grid(
     target: Target, solution: Solution, grid: float, limits: Limits, tries: int, work: Work
-) -> Rounding[Solution]:
+) -> Rounding:
     """The solution with its links on a grid and everything else fitted anew, within the limits.
 
     ``target``: with positions: only then are lengths actual. ``grid``: step of the lengths, in the user's unit; a link
@@ -136,7 +135,7 @@ def round_to_grid(
 
 def best_from_stock(
     target: Target, solution: Solution, stock: Sequence[float], limits: Limits, tries: int, work: Work
-) -> Rounding[Solution]:
+) -> Rounding:
     """The solution with each link of a stock length and everything else fitted anew, within the limits; arguments as above.
 
     Law: each length is one of the stock; where it is exhaustive no combination is better.
@@ -160,7 +159,7 @@ def given_lengths(limits: Limits) -> Floats:
 
 def _best_of(
     target: Target, solution: Solution, choices: Sequence[Floats], limits: Limits, tries: int, work: Work
-) -> Rounding[Solution]:
+) -> Rounding:
     """The best combination of lengths, one of each of four lists."""
     old = solution.linkage
     every = int(np.prod([float(values.size) for values in choices]))

@@ -1,4 +1,6 @@
-"""Radii and coupler lengths of linkages on two guides that can be had: on a grid or from stock, with all else fitted anew.
+"""Linkages whose lengths lie on a grid or are stock lengths, with everything else fitted again.
+
+`round_lengths` is the entry for all kinds. The search for combinations of the lengths of four-bars is `four_bar_rounding`.
 
 The lengths are those of cranks and rockers and, where both guides lead a point of the body, the distance of these points. Where
 the guides stand, how the body lies on them and where the drive is at each sample are refined by least squares; where the drive is
@@ -9,16 +11,20 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from synthesis.arrays import Complexes, Floats
-from synthesis.fourbar.rounding import NO_TIME, Rounding
+from synthesis.constraints import broken_limits
 from synthesis.guides import Circle, Guide, Rail, Slot
 from synthesis.least_squares import Evaluation, minimise
+from synthesis.limits import Limits
 from synthesis.linkage import Linkage, on_guides
+from synthesis.local_refinement import refined_in_place
 from synthesis.poses import Poses
-from synthesis.solution import Solution, assess
+from synthesis.solution import Solution, assess, target_of
+from synthesis.studies.four_bar_rounding import NO_TIME, Rounding, best_from_stock, round_to_grid
 from synthesis.target import TURN, Samples, Target
 from synthesis.work import Work
 
@@ -41,6 +47,67 @@ _BACK = 20
 """Largest number of halvings of a step that would increase a sample's error, or open the loop."""
 
 
+@dataclass(frozen=True)
+class RoundingOptions:
+    """Options of `round_lengths`."""
+
+    four_bar_tries: int = 4000
+    """Number of combinations of lengths that are fitted in all four-bars of a request: about two seconds."""
+    min_four_bar_tries: int = 40
+    """Minimum number of combinations for each four-bar."""
+    tries: int = 40
+    """Number of combinations that are fitted in all linkages with rails or slots of a request."""
+    min_tries: int = 2
+    """Minimum number of combinations for each such linkage."""
+    max_tries: int = 8
+    """Maximum number of combinations for each such linkage."""
+
+
+def round_lengths(
+    samples: Poses | Target,
+    solution: Solution,
+    limits: Limits,
+    grid: float | None,
+    stock: Sequence[float] | None,
+    work: Work,
+    solutions: int = 1,
+    options: RoundingOptions | None = None,
+) -> Rounding:
+    """Return the best linkage with lengths on a grid or from stock, everything else fitted again within the limits.
+
+    Parameters
+    ----------
+    samples : Poses or Target
+    solution : Solution
+    limits : Limits
+    grid : float or None
+        Step of the lengths.
+    stock : sequence of float or None
+        Lengths to choose from, instead of a grid.
+    work : Work
+    solutions : int
+        Number of solutions of the request that are rounded.
+    options : RoundingOptions, optional
+    """
+    options = options or RoundingOptions()
+    if not solution.linkage.is_four_bar:
+        tries = max(options.min_tries, min(options.max_tries, options.tries // solutions))
+        count = None if stock is None else len(set(stock)) ** len(solution.linkage.lengths)
+        choices = from_stock(stock) if stock is not None else on_grid(grid or 0.0)
+        return rounded(
+            samples, solution, choices, count, lambda found: not broken_limits(found, samples, limits), tries, work
+        )
+    tries = max(options.min_four_bar_tries, options.four_bar_tries // solutions)
+    target = target_of(samples, solution.linkage, solution.travel)
+    if stock is not None:
+        found = best_from_stock(target, solution, stock, limits, tries, work)
+    else:
+        found = round_to_grid(target, solution, grid or 0.0, limits, tries, work)
+    if found.solution is None or not isinstance(samples, Poses):
+        return found
+    return replace(found, solution=refined_in_place(samples, limits, found.solution, target.crank, work))
+
+
 def rounded(
     samples: Poses | Target,
     solution: Solution,
@@ -49,7 +116,7 @@ def rounded(
     keeps: Callable[[Solution], bool],
     tries: int,
     work: Work,
-) -> Rounding[Solution]:
+) -> Rounding:
     """The best linkage with lengths that can be had and that keeps limits.
 
     ``choices``: the nearest lengths that can be had, nearest first. ``combinations``: how many there are of all lengths

@@ -1,0 +1,277 @@
+"""Guides, joints and dimensions of a linkage as requests and replies hold them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from linkage_atlas.arguments import number, one_of, pair
+from linkage_atlas.records import Record, xy
+from synthesis.arrays import Floats
+from synthesis.errors import FieldError
+from synthesis.guides import Circle, Guide, Rail, Slot
+from synthesis.linkage import Linkage as Plain
+from synthesis.linkage import as_lengths, four_bar
+from synthesis.target import Interval
+
+DriverName = Literal["crank", "slider", "cylinder", "hinge"]
+OtherKindName = Literal["slider_crank", "swinging_block", "rail_slot", "two_rails", "two_slots"]
+KindName = Literal["four_bar", OtherKindName]
+LARGEST = 1e100
+"""Largest coordinate or length in a request."""
+
+
+class CircleGuide(NamedTuple):
+    """A point of the body on a circle: a crank or rocker. Body points are in the body's frame."""
+
+    guide: Literal["circle"]
+    pivot: tuple[float, float]
+    radius: float
+    body_point: tuple[float, float]
+
+
+class RailGuide(NamedTuple):
+    """A point of the body on a line of the ground."""
+
+    guide: Literal["rail"]
+    point: tuple[float, float]
+    direction: float
+    """Angle of the rail against the x axis."""
+    body_point: tuple[float, float]
+    used: tuple[float, float] | None
+    """Smallest and largest coordinate on the rail over the used interval, from its point along its direction."""
+
+
+class SlotGuide(NamedTuple):
+    """A line of the body through a fixed pin."""
+
+    guide: Literal["slot"]
+    pin: tuple[float, float]
+    body_point: tuple[float, float]
+    """A point of the line in the body's frame."""
+    body_direction: float
+    """Angle of the line in the body's frame."""
+    used: tuple[float, float] | None
+    """Smallest and largest coordinate of the pin in the slot over the used interval, from the body point along its direction."""
+
+
+AnyGuide = CircleGuide | RailGuide | SlotGuide
+
+
+def guides_of(linkage: Plain, radian: float, used: Interval | None) -> list[AnyGuide]:
+    """Return the guides of a linkage, the driven guide first, in the user's unit of angle.
+
+    ``used``: travel from the first sample that the motion uses, if it is known.
+    """
+    guides: list[AnyGuide] = []
+    for index, guide in enumerate(linkage.guides):
+        point = xy(guide.body_point)
+        if isinstance(guide, Circle):
+            guides.append(CircleGuide("circle", xy(guide.pivot), guide.radius, point))
+            continue
+        ends = None if used is None else linkage.used(index, used)
+        if isinstance(guide, Rail):
+            guides.append(RailGuide("rail", xy(guide.point), guide.direction / radian, point, ends))
+        else:
+            guides.append(SlotGuide("slot", xy(guide.pin), point, guide.body_direction / radian, ends))
+    return guides
+
+
+@dataclass(frozen=True)
+class AtlasType(Record):
+    """Dimension type of the atlas."""
+
+    number: int
+    """Number of the dimension type, from 1."""
+    lengths: list[int]
+    """L1 crank, L2 coupler, L3 rocker, L4 ground; of a slider-crank r crank, l rod, e offset of the rail from the pivot."""
+
+
+class Joints(NamedTuple):
+    """Positions of a linkage's joints over the travel of its drive; NaN if the loop does not close.
+
+    Arrays have the shape of the travel, points a further axis (2,). Angles are in the linkage's unit, directions against the x
+    axis.
+    """
+
+    pivot_a: Floats
+    """(2,): fixed pivot of the crank, or the fixed pin or the point of the rail of another driven guide."""
+    pivot_b: Floats
+    """(2,): fixed pivot of the rocker, or the fixed pin or the point of the rail of another guide."""
+    crank_pin: Floats
+    """Guided point of the driven guide: its body point on a circle or rail, its fixed pin in a slot."""
+    coupler_pin: Floats
+    """Guided point of the other guide."""
+    body_point: Floats | None
+    """None if the linkage guides no point."""
+    crank_direction: Floats
+    """Direction of the crank; of a rail or slot its own."""
+    coupler_direction: Floats
+    rocker_direction: Floats
+    """Direction of the rocker; of a rail or slot its own."""
+    rotation: Floats
+    """Rotation of the body."""
+    transmission_angle: Floats
+    drive: Floats
+    """The drive's coordinate, an angle or a length."""
+    arm: Floats
+    """Moment arm of the second guide's push about the pin of the driven guide."""
+
+
+class Links(NamedTuple):
+    """Lengths of a four-bar; the ground is the distance of its fixed pivots."""
+
+    crank: float
+    coupler: float
+    rocker: float
+    ground: float
+
+
+class CouplerPoint(NamedTuple):
+    """The body point in the coupler's frame, from the crank pin."""
+
+    radius: float
+    angle: float
+
+
+class Mount(NamedTuple):
+    """Position of a four-bar in the plane, and the point that it guides."""
+
+    ground_angle: float
+    """Angle of the line from pivot A to pivot B."""
+    pivot_a: tuple[float, float]
+    """Fixed pivot of the crank."""
+    pivot_b: tuple[float, float]
+    """Fixed pivot of the rocker."""
+    coupler_point: Annotated[CouplerPoint | None, CouplerPoint]
+    """P = D + radius e^(i (angle + coupler angle + ground angle)), D the crank pin."""
+    L_B: float
+    """Distance of pivot A from the origin."""
+    beta: float
+    """Angle of pivot A as seen from the origin."""
+
+
+class Dimensions(NamedTuple):
+    """Dimensions of a linkage in a reply; links, start angle, body offset and mount are null unless it is a four-bar."""
+
+    kind: KindName
+    driver: DriverName
+    guides: list[AnyGuide] | None
+    """The driven guide first; null for a four-bar that is not mounted."""
+    branch: Literal[-1, 1]
+    start: float
+    links: Links | None
+    start_angle: float | None
+    body_offset: float | None
+    mount: Mount | None
+
+
+def dimensions_of(linkage: Plain, radian: float, used: Interval | None = None) -> Dimensions:
+    """Return the dimensions of a linkage; ``used``: travel that the motion uses, if it is known."""
+    guides = guides_of(linkage, radian, used) if linkage.mounted else None
+    start = (linkage.start + linkage.ground_angle) / radian if linkage.driver.turns else linkage.start
+    branch: Literal[-1, 1] = 1 if linkage.branch > 0 else -1
+    found = Dimensions(linkage.kind.value, linkage.driver.value, guides, branch, start, None, None, None, None)
+    if not linkage.is_four_bar:
+        return found
+    mount, point = None, linkage.coupler_point
+    if linkage.mounted or linkage.pivot_a or linkage.ground_angle:
+        mount = Mount(
+            ground_angle=linkage.ground_angle / radian,
+            pivot_a=xy(linkage.pivot_a),
+            pivot_b=xy(linkage.pivot_b),
+            coupler_point=None if point is None else CouplerPoint(point[0], point[1] / radian),
+            L_B=abs(linkage.pivot_a),
+            beta=float(np.angle(linkage.pivot_a)) / radian,
+        )
+    offset = linkage.body_offset
+    return found._replace(
+        links=Links(*map(float, linkage.links)),
+        start_angle=linkage.start / radian,
+        body_offset=None if offset is None else offset / radian,
+        mount=mount,
+    )
+
+
+def read_guide(field: str, given: Mapping[str, Any] | AnyGuide, radian: float) -> Guide:
+    """Check a guide and return it for the numerics; ``used`` is not needed."""
+    values: Mapping[str, Any] = given if isinstance(given, Mapping) else given._asdict()
+    sort = one_of(f"{field}/guide", values.get("guide"), ("circle", "rail", "slot"))
+
+    def point(name: str) -> complex:
+        return pair(f"{field}/{name}", values.get(name, ()), LARGEST)
+
+    def amount(name: str) -> float:
+        if values.get(name) is None:
+            raise FieldError(f"/{field}/{name}", "needed")
+        return number(f"{field}/{name}", values[name])
+
+    body_point = point("body_point")
+    if sort == "circle":
+        if not 0 < amount("radius") <= LARGEST:
+            raise FieldError(f"/{field}/radius", f"wanted a length above 0, found {values['radius']}")
+        return Circle(point("pivot"), amount("radius"), body_point)
+    if sort == "rail":
+        return Rail(point("point"), amount("direction") * radian, body_point)
+    return Slot(point("pin"), body_point, amount("body_direction") * radian)
+
+
+def read_four_bar(
+    lengths: Mapping[str, float],
+    branch: int,
+    start_angle: float,
+    pivot_a: ArrayLike,
+    ground_angle: float,
+    coupler_point: tuple[float, float] | None,
+    body_offset: float | None,
+    radian: float,
+) -> Plain:
+    """Check the dimensions of a four-bar, see `linkage_atlas.FourBar`; ``radian``: radians in the unit of its angles."""
+    for name, length in lengths.items():
+        if not number(name, length) > 0:
+            raise FieldError(f"/{name}", f"wanted a length above 0, found {length}")
+    longest = max(lengths, key=lambda name: lengths[name])
+    others = [name for name in lengths if name != longest]
+    if lengths[longest] > (together := sum(lengths[name] for name in others)) * (1 + 1e-12):
+        raise FieldError(
+            f"/{longest}",
+            f"the linkage cannot be assembled: {longest} {lengths[longest]:g} is longer than {others[0]}, {others[1]} and "
+            f"{others[2]} together, {together:g}",
+        )
+    if branch not in (-1, 1):
+        raise FieldError("/branch", f"wanted 1 or -1, found {branch}")
+    return four_bar(
+        as_lengths(lengths.values()),
+        int(branch),
+        float(start_angle) * radian,
+        pair("pivot_a", pivot_a, np.inf),
+        float(ground_angle) * radian,
+        None if coupler_point is None else (float(coupler_point[0]), float(coupler_point[1]) * radian),
+        None if body_offset is None else float(body_offset) * radian,
+    )
+
+
+def check_apart(linkage: Plain) -> None:
+    """Raise FieldError for two guides that hold the body to one condition, or that never let it turn."""
+    first, second = linkage.guides
+    both_points = not isinstance(first, Slot) and not isinstance(second, Slot)
+    if both_points and first.body_point == second.body_point:
+        raise FieldError("/guides/1/body_point", "both guides lead the same point of the body")
+    if not isinstance(first, Rail) and not isinstance(second, Rail) and first[0] == second[0]:
+        raise FieldError("/guides/1", "both guides go by the same fixed place")
+    if isinstance(first, Rail) and isinstance(second, Rail) and _parallel(first.direction, second.direction):
+        raise FieldError("/guides/1/direction", "the rails are parallel: the body cannot turn")
+    if (
+        isinstance(first, Slot)
+        and isinstance(second, Slot)
+        and _parallel(first.body_direction, second.body_direction)
+    ):
+        raise FieldError("/guides/1/body_direction", "the slots are parallel: the body cannot turn")
+
+
+def _parallel(first: float, second: float) -> bool:
+    return bool(abs(np.sin(first - second)) < 1e-3)

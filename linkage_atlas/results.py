@@ -1,0 +1,181 @@
+"""Replies of `synthesize` and `match`: solutions or matches, best first, and a report.
+
+The fields are those of the HTTP contract, in its order; ``to_dict`` returns the body of an HTTP reply.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Annotated, Literal, TypeVar, cast, overload
+
+from linkage_atlas.geometry import AtlasType
+from linkage_atlas.linkages import Linkage
+from linkage_atlas.notes import counted
+from linkage_atlas.records import KEPT, Record
+from linkage_atlas.solutions import Solution
+from synthesis.ranking import Status
+
+One = TypeVar("One")
+StatusName = Annotated[str, Literal["reached", "closest", "infeasible", "unknown"]]
+StoppedBy = Annotated[str, Literal["tolerance", "converged", "budget"]]
+
+
+@dataclass(frozen=True)
+class Report(Record):
+    """Report on a search."""
+
+    elapsed_ms: dict[str, float]
+    """Milliseconds of each stage and in total."""
+    trace: list[tuple[float, float]]
+    """[milliseconds, best objective] after each round."""
+    stopped_by: StoppedBy
+    length_scale: float | None
+    """Length by which position errors were divided."""
+    seeds: int | None
+    """Starting points refined; null for effort atlas."""
+    windows: int | None
+    """Number of atlas windows that were compared; null for effort refine."""
+    exhaustive: bool | None
+    """True if all windows were considered; null for effort refine."""
+    notes: list[str]
+    continued: list[int | None] | None = None
+    """With `start_from`: the rank of the solution to which each of its linkages led, null if there is none."""
+
+
+class Ranked(Sequence[One]):
+    """Base of replies that are indexed, counted and iterated as the list of their results, best first; false without results."""
+
+    @property
+    def _results(self) -> Sequence[One]:
+        raise NotImplementedError
+
+    @overload
+    def __getitem__(self, index: int) -> One: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> list[One]: ...
+
+    def __getitem__(self, index: int | slice) -> One | list[One]:
+        found = self._results[index]
+        return list(cast("Sequence[One]", found)) if isinstance(index, slice) else cast("One", found)
+
+    def __len__(self) -> int:
+        return len(self._results)
+
+
+@dataclass(frozen=True)
+class Result(Record, Ranked[Solution]):
+    """Reply of `linkage_atlas.synthesize`: solutions, best first, and a report.
+
+    ``result[0]``, ``len(result)`` and ``for solution in result`` are those of ``solutions``; a result without any is false.
+
+    ``status`` is "reached" (a solution satisfies the tolerances of every sample; without tolerances, its objective is below
+    the tolerance), "closest", "infeasible" (none within the limits) or "unknown" (none was found before the time was up).
+    """
+
+    status: StatusName
+    solutions: list[Solution]
+    report: Report
+
+    @property
+    def _results(self) -> list[Solution]:
+        return self.solutions
+
+    @property
+    def best(self) -> Solution:
+        """The best solution; IndexError without solutions."""
+        return self.solutions[0]
+
+    @property
+    def linkage(self) -> Linkage:
+        """The linkage of the best solution."""
+        return self.best.linkage
+
+    def __repr__(self) -> str:
+        rows = [f"  {s.rank}  {s.linkage!r}  {s.errors_in_words()}" for s in self.solutions]
+        notes = [f"note: {note}" for note in self.report.notes]
+        return "\n".join([f"{self.status}: {counted(len(self.solutions), 'solution')}", *rows, *notes])
+
+
+@dataclass(frozen=True)
+class Features(Record):
+    """Haar features of a rotation curve."""
+
+    samples: int
+    resampled: bool
+    """True if the samples were resampled to a power of two of even crank angles."""
+    average: float
+    details: list[float]
+    """(mean of first half - mean of second half) / 2 of each block, coarse to fine."""
+
+
+_SHOWN_KINDS = {"four_bar": "", "slider_crank": "slider-crank "}
+"""Names of the kinds in the text of a match."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Match(Record):
+    """Row of the atlas, and the start at which it turns like the request."""
+
+    rank: int
+    kind: str
+    """Kind of the linkage: four_bar or slider_crank."""
+    type: AtlasType
+    start_angle: float
+    """Crank angle at the first sample, from the ground line; of a slider-crank from the direction of the rail."""
+    branch: Literal[-1, 1]
+    """Of a slider-crank: -1 is the mirror image, its offset negated."""
+    offset: float
+    """Added to the angle of the coupler, rocker or rod (in -180..180 degrees at the first sample, continuous)."""
+    similarity: float
+    """Rms rotation error of this row at this start: a distance."""
+    features: Features | None = None
+    linkage: Linkage = field(metadata=KEPT)
+    """With the type's lengths, this start and offset."""
+
+
+@dataclass(frozen=True)
+class MatchReport(Record):
+    """Report on a scan."""
+
+    elapsed_ms: dict[str, float]
+    windows: int
+    """Number of types times starts times branches that were compared."""
+    evaluated: int
+    """Number of windows evaluated sample by sample; bounds excluded the others."""
+    exhaustive: bool
+    """True if all windows were considered; false if the time ended the scan."""
+    notes: list[str]
+    features: Features | None = None
+
+
+@dataclass(frozen=True)
+class Matches(Record, Ranked[Match]):
+    """Reply of `linkage_atlas.match`: the best rows of the atlas, best first, indexed and iterated as ``matches``."""
+
+    matches: list[Match]
+    report: MatchReport
+
+    @property
+    def _results(self) -> list[Match]:
+        return self.matches
+
+    def __repr__(self) -> str:
+        rows = [
+            f"  {m.rank}  {_SHOWN_KINDS[m.kind]}type {m.type.number} {m.type.lengths}, start {m.start_angle:g}, "
+            f"branch {m.branch:+d}, rms error {m.similarity:.3g}"
+            for m in self.matches
+        ]
+        return "\n".join([counted(len(self.matches), "match"), *rows])
+
+
+def status_of(solutions: Sequence[Solution], tolerance: float, tolerances: bool, cut_short: bool) -> str:
+    """Return the status: reached if a solution satisfies the tolerances, or if the smallest objective is small without them."""
+    if not solutions:
+        return (Status.UNKNOWN if cut_short else Status.INFEASIBLE).value
+    if tolerances:
+        reached = any(solution.verdict.within_tolerance for solution in solutions)
+    else:
+        reached = any(solution.errors.objective < tolerance for solution in solutions)
+    return (Status.REACHED if reached else Status.CLOSEST).value

@@ -1,0 +1,494 @@
+"""Solutions as users read them: linkages with their errors, verdict and studies, in the user's units."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from linkage_atlas.analysis import Analysis
+from linkage_atlas.arguments import check_names
+from linkage_atlas.assemblies import AskedAssembly, Assembly, assembled
+from linkage_atlas.drive_design.design import driven_solution
+from linkage_atlas.drive_design.records import AnySpring, Drive, Refusal
+from linkage_atlas.geometry import AnyGuide, AtlasType, DriverName, KindName, Links, Mount, dimensions_of
+from linkage_atlas.linkages import Linkage
+from linkage_atlas.motions import Motion
+from linkage_atlas.records import KEPT, LAST, Record, Values
+from linkage_atlas.studies import STUDIES, Studies, read_studies
+from linkage_atlas.tolerance_study import ToleranceStudy, share_of
+from synthesis import defects
+from synthesis import solution as model
+from synthesis.arrays import Floats
+from synthesis.defects import practical_faults, shared_positions
+from synthesis.errors import FieldError
+from synthesis.excursions import excursions_of
+from synthesis.fourbar import determination
+from synthesis.free.search import in_turn
+from synthesis.limits import LINKS, Limits
+from synthesis.linkage import Linkage as Plain
+from synthesis.poses import Poses, spin_faults
+from synthesis.ranking import Errors
+from synthesis.scores import passing, rotations_of, size_of
+from synthesis.solution import target_of
+from synthesis.studies.rounding import round_lengths
+from synthesis.studies.sensitivity import Change, changes
+from synthesis.target import Target
+from synthesis.work import OutOfTime, Work
+
+FINISHING = 0.1
+"""Fraction of the budget by which a request may exceed it to finish the candidates of the search."""
+_AT_ONCE, _SAMPLES_AT_ONCE = 8, 2048
+"""Maximum number of four-bars, and of their samples, that are described between two checks of the time."""
+
+TypeOf = Callable[[int], AtlasType]
+"""Returns the type of a row of the atlas."""
+
+
+@dataclass(frozen=True)
+class Determination(Record):
+    """Determination of each length of a four-bar by the motion."""
+
+    ill_posed: bool
+    """A length is not even fixed to a thousandth by the motion at this resolution."""
+    resolution: float
+    """Error of the motion that is considered: the objective, at least the tolerance; within limits the tolerance."""
+    at_limits: tuple[str, ...]
+    """Limits without which the error would be smaller."""
+    length_uncertainty: Values
+    """Relative change of crank, coupler, rocker, ground within that resolution; null: not determined at all."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Verdict(Record):
+    """Check that a linkage works as a machine, not only at the samples."""
+
+    order: bool
+    """A drive that moves in one direction passes the samples in the requested order."""
+    branch: bool
+    """All samples lie on one branch."""
+    circuit: bool
+    """All samples, and all positions between them, lie on one circuit: nothing must be taken apart."""
+    within_tolerance: bool | None
+    """Every sample satisfies the tolerances; null without tolerances."""
+    practical: bool
+    """No practical limit is violated; a limit of the request replaces the practical one."""
+    buildable: bool | None
+    """`practical`, and an assembly was found without collisions; null until an assembly was checked."""
+    reasons: tuple[str, ...]
+    """A sentence for each fault; samples count from 1."""
+    assembly: Assembly | None = None
+    """If requested: layers in which nothing collides; null if the drive does not carry the linkage through the samples."""
+
+    @property
+    def works(self) -> bool:
+        """True if the drive moves the linkage through the samples."""
+        return self.order and self.branch and self.circuit
+
+
+class Origin(NamedTuple):
+    """Model of a solution from which it is described."""
+
+    found: model.Solution
+    motion: Motion
+    """With the travel of the solution's own drive as crank angles."""
+    limits: Limits
+    samples: Poses | Target
+    """Samples of the request."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rounded(Record):
+    """Linkage whose lengths lie on a grid or are stock lengths; the rest is fitted again within the limits."""
+
+    closes: bool
+    """True if a combination of lengths closes within the limits; otherwise the dimensions and errors are null."""
+    lengths: dict[str, float] | None = None
+    """Radii of cranks, the coupler if two points of the body are guided, and the ground of a four-bar."""
+    guides: list[AnyGuide] | None = None
+    branch: Literal[-1, 1] | None = None
+    start: float | None = None
+    links: Links | None = None
+    start_angle: float | None = None
+    body_offset: float | None = None
+    mount: Mount | None = None
+    crank_angle: Floats | None = None
+    """With free timing: angle of a crank or hinge at each sample."""
+    travel: Floats | None = None
+    """With free timing: travel of a slider or cylinder at each sample."""
+    errors: Errors | None = None
+    transmission_angle_min: float | None = None
+    """Over the used interval."""
+    tried: int
+    """Number of combinations of lengths that were fitted."""
+    combinations: int | None
+    """Number of all combinations; null for a grid."""
+    exhaustive: bool | None
+    """True if this is the best of all combinations; null for a grid."""
+    reason: str | None = None
+    """Reason if no combination closes."""
+    linkage: Linkage | None = field(default=None, metadata=KEPT)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Solution(Record):
+    """Linkage that answers a request, with its errors; fields that its kind does not have are null."""
+
+    rank: int
+    """From 1, by the preference, `errors.objective` by default."""
+    least_error: bool = False
+    """True if it has the smallest error of the solutions that can be used."""
+    source: Literal["atlas", "refined"]
+    """A row of the atlas as it is, or a result of a search."""
+    type: AtlasType | None
+    """The row of the atlas, for a row as it is."""
+    kind: KindName
+    driver: DriverName
+    """Drive of the first guide."""
+    guides: list[AnyGuide] | None
+    """The driven guide first; body points and directions are in the body's frame. Null if nothing is mounted."""
+    branch: Literal[-1, 1]
+    """Of a four-bar +1 if the coupler pin lies to the left of the line from the crank pin to pivot B; otherwise the sign of the
+    sine of the transmission angle."""
+    start: float
+    """The drive's coordinate at the first sample: direction of crank or slot in the plane, position along rail or slot."""
+    links: Links | None
+    """Lengths of a four-bar."""
+    start_angle: float | None
+    """Crank angle of a four-bar from the ground line at the first sample."""
+    body_offset: float | None
+    """Of a four-bar: rotation = coupler angle (in -180..180 degrees at the first sample, continuous) + ground angle + this."""
+    mount: Mount | None
+    """Position of a four-bar in the plane; null if it is not mounted."""
+    crank_angle: Floats | None = None
+    """With free timing: angle of a crank or hinge at each sample from the first; in one direction for order `given`, in [0, 360)
+    degrees for `any`."""
+    travel: Floats | None = None
+    """With free timing: travel of a slider or cylinder at each sample from the first."""
+    errors: Errors
+    verdict: Verdict
+    excursion: float | None = None
+    """With free timing: the largest length of the path of the body point between neighbouring samples over their distance, which
+    counts as at least 5 % of the motion's extent."""
+    size: float | None = None
+    """Largest of the links or radii, body points, used slots, and distances of fixed pivots, pins and used rails from the middle
+    of the motion, over its extent."""
+    family: str | None
+    """Grashof family of a four-bar."""
+    transmission_angle_min: float
+    """Over the used interval, exactly."""
+    transmission_angle_min_turn: float | None
+    """Over the whole turn; null if the drive does not turn fully."""
+    arm_min: float | None
+    """Smallest moment arm of the second guide's push about the driven guide's pin, over the used interval."""
+    condition: float | None
+    """Condition number of the motion's derivatives by all unknowns of a four-bar."""
+    determination: Determination | None
+    """Of a four-bar; null for other kinds, for which it is not computed."""
+    sensitivity: list[Change] | None = None
+    """If requested: rms change of the motion per unit of each dimension, all other dimensions held."""
+    rounded: Rounded | None = None
+    analysis: Analysis | None = field(default=None, repr=False)
+    tolerance_study: ToleranceStudy | None = field(default=None, repr=False)
+    drives: list[Drive] | None = field(default=None, repr=False, metadata=LAST)
+    """The best of each requested kind."""
+    refused: list[Refusal] | None = field(default=None, repr=False, metadata=LAST)
+    """Reasons why there is no drive of a kind on a link."""
+    springs: list[AnySpring] | None = field(default=None, repr=False, metadata=LAST)
+    drivable: bool | None = field(default=None, repr=False, metadata=LAST)
+    """With `drive`: true if there is a drive."""
+    linkage: Linkage = field(metadata=KEPT)
+    """Linkage with methods to move, draw and save it."""
+    origin: Origin = field(metadata=KEPT, repr=False)
+
+    def studied(self, work: Work | None = None, **studies: Any) -> Solution:
+        """Return the solution with studies of it, under the names of the HTTP contract.
+
+        Parameters
+        ----------
+        work : Work, optional
+            Limits the time, and ends the computation if the result is no longer needed.
+        round_to : float
+            ``rounded``: the lengths on this grid and the rest fitted again, within the limits of the request.
+        lengths_from : array_like, shape (n,)
+            Instead: each length from this list, in the best combination.
+        sensitivity : bool
+            ``sensitivity``: the change of the motion per unit of each length.
+        analysis : mapping
+            ``analysis``: ``crank_speed`` and optionally ``load``, see `Linkage.analysis`.
+        load, drives, springs, drive
+            ``drives``, ``refused``, ``springs``, ``drivable``: the best of each kind, see `linkage_atlas.drives`.
+        tolerance_study : mapping
+            ``tolerance_study``: ``links``, ``pivots``, ``clearance``, ``samples``, ``seed``, see `Linkage.tolerance_study`.
+        assembly : mapping or True
+            ``verdict.assembly``: layers in which nothing collides; arguments of `Linkage.assembly`, or True for their defaults.
+
+        Examples
+        --------
+        >>> import numpy as np, linkage_atlas as la
+        >>> made = la.FourBar(19, 72, 144, 165, start_angle=30).joints(np.linspace(0, 70, 16))
+        >>> motion = la.Motion(made.rotation, made.crank_pin, crank_span=70)
+        >>> la.synthesize(motion, top=1).best.studied(round_to=1).rounded.closes
+        True
+        """
+        check_names("", studies, STUDIES, "study")
+        return _studied(self, read_studies(studies, self.origin.motion), 1, work or Work())
+
+    def errors_in_words(self) -> str:
+        """Return the largest errors at the samples in words, in the units of the motion."""
+        return errors_in_words(self.errors, self.linkage.degrees)
+
+
+# -- from candidates to solutions -----------------------------------------------------------------------------------------
+
+
+def finished(
+    found: Sequence[model.Solution],
+    motion: Motion,
+    limits: Limits,
+    tolerance: float,
+    studies: Studies,
+    type_of: TypeOf | None,
+    work: Work,
+) -> list[Solution]:
+    """Describe candidates as solutions with their studies, in their order.
+
+    No further ones are finished once the time is up; the first always is.
+    """
+    solutions: list[Solution] = []
+    while len(solutions) < len(found) and not (solutions and work.expired()):
+        chunk = found[len(solutions) :][: _chunk(found[len(solutions)], motion, studies)]
+        for solution in _described(chunk, motion, limits, tolerance, type_of):
+            solutions.append(_studied(solution, studies, len(found), work))
+    return solutions
+
+
+def _chunk(first: model.Solution, motion: Motion, studies: Studies) -> int:
+    """Return the number of candidates to describe before the time is checked."""
+    if studies.long or not first.linkage.is_four_bar:
+        return 1
+    return max(1, min(_AT_ONCE, _SAMPLES_AT_ONCE // motion.samples.samples))
+
+
+def _described(
+    found: Sequence[model.Solution], motion: Motion, limits: Limits, tolerance: float, type_of: TypeOf | None
+) -> list[Solution]:
+    """Describe candidates without studies."""
+    samples, radian = motion.samples, motion.radian
+    determinations = _determinations(found, motion, limits, tolerance)
+    passages = [
+        defects.verdict(candidate.linkage, candidate.linkage.start + candidate.travel, **passing(samples))
+        for candidate in found
+    ]
+    excursions: Sequence[float | None] = [None] * len(found)
+    spins: Sequence[list[str]] = [[]] * len(found)
+    if isinstance(samples, Poses):
+        excursions = excursions_of(found, samples, [passage.circuit for passage in passages])
+        spins = [spin_faults(samples, rotation) for rotation in rotations_of(found, samples)]
+    solutions = []
+    for k, candidate in enumerate(found):
+        linkage, turn = candidate.linkage, candidate.transmission_angle_min_turn
+        own = motion.over(linkage, candidate.travel)
+        interval = own.target.interval
+        faults = practical_faults(candidate, own.target, limits, candidate.interval, excursions[k]) + spins[k]
+        kind = None if candidate.row is None or type_of is None else type_of(candidate.row)
+        fixed = determinations[k]
+        crank_angle, travel = _travel(samples, candidate, radian)
+        solutions.append(
+            Solution(
+                rank=0,
+                source="refined" if kind is None else "atlas",
+                type=kind,
+                **dimensions_of(linkage, radian, interval)._asdict(),
+                crank_angle=crank_angle,
+                travel=travel,
+                errors=in_unit(candidate.errors, radian),
+                verdict=_judged(passages[k], own, linkage, faults),
+                excursion=excursions[k],
+                size=size_of(linkage, samples, candidate.interval),
+                family=None if linkage.family is None else linkage.family.value,
+                transmission_angle_min=candidate.transmission_angle_min / radian,
+                transmission_angle_min_turn=None if turn is None else turn / radian,
+                arm_min=linkage.arm_over(interval.after(linkage.start)),
+                condition=None if fixed is None else fixed.condition,
+                determination=None
+                if fixed is None
+                else Determination(fixed.ill_posed, fixed.resolution, fixed.at_limits, fixed.length_uncertainty),
+                linkage=Linkage.of(linkage, radian, own.target, own.length_unit),
+                origin=Origin(candidate, own, limits, samples),
+            )
+        )
+    return solutions
+
+
+def _determinations(
+    found: Sequence[model.Solution], motion: Motion, limits: Limits, tolerance: float
+) -> list[determination.Determination | None]:
+    """Return the determination of each four-bar; None for other kinds."""
+    determinations: list[determination.Determination | None] = [None] * len(found)
+    rows = [k for k, candidate in enumerate(found) if candidate.linkage.is_four_bar]
+    if not rows:
+        return determinations
+    linkages = [found[k].linkage for k in rows]
+    samples, allowed = motion.samples, motion.tolerances
+    target = model.targets_of(samples, linkages, np.array([found[k].travel for k in rows]))
+    if limits.only_family:
+        resolutions = [max(found[k].errors.objective, tolerance) for k in rows]
+        fixed = determination.determinations(target, linkages, resolutions)
+    else:
+        resolution = tolerance if allowed is None else max(tolerance, allowed.objective(samples))
+        fixed = determination.determinations_within(target, linkages, resolution, limits)
+    for k, one in zip(rows, fixed):
+        determinations[k] = one
+    return determinations
+
+
+def _travel(samples: Poses | Target, candidate: model.Solution, radian: float) -> tuple[Floats | None, Floats | None]:
+    """Return the crank angles, or the travel, that were found with the linkage."""
+    if not isinstance(samples, Poses):
+        return None, None
+    if candidate.linkage.driver.turns:
+        return in_turn(candidate.travel, samples.ordered) / radian, None
+    return None, candidate.travel
+
+
+def _judged(passage: defects.Verdict, motion: Motion, linkage: Plain, faults: Sequence[str]) -> Verdict:
+    """Return the verdict on a linkage at its own travel, with the tolerances."""
+    reasons, within = list(passage.reasons), None
+    if motion.tolerances is not None:
+        shares = motion.tolerances.shares(motion.target, linkage)
+        within, worst = bool(np.all(shares <= 1)), int(np.argmax(shares))
+        if not within:
+            reasons.append(f"sample {worst + 1} is off by {shares[worst]:.3g} times what is allowed, the most of all")
+    shared = shared_positions(motion.target, linkage.driver.turns) if motion.target.found and not within else []
+    return verdict_of(passage, within, [*reasons, *faults, *shared], practical=not faults)
+
+
+def verdict_of(passage: defects.Verdict, within: bool | None, reasons: Sequence[str], practical: bool) -> Verdict:
+    """Return a verdict as a user reads it."""
+    return Verdict(
+        order=passage.order,
+        branch=passage.branch,
+        circuit=passage.circuit,
+        within_tolerance=within,
+        practical=practical,
+        buildable=None,
+        reasons=tuple(reasons),
+    )
+
+
+# -- studies --------------------------------------------------------------------------------------------------------------
+
+
+def _studied(solution: Solution, studies: Studies, solutions: int, work: Work) -> Solution:
+    """Add studies to one of several solutions."""
+    work.check()
+    own, linkage = solution.origin.motion, solution.linkage
+    done: dict[str, Any] = {}
+    target = own.target
+    if studies.sensitivity:
+        done["sensitivity"] = changes(linkage.plain, target, own.radian)
+    if studies.rounds:
+        done["rounded"] = _rounded(solution, studies, solutions, work)
+    if studies.analysis is not None:
+        done["analysis"] = linkage.analysed(studies.analysis, target.crank, target.interval)
+    if studies.drives is not None:
+        done |= driven_solution(linkage.plain, target.way, studies.drives, own.radian, work)
+    if studies.manufacture is not None:
+        share = share_of(studies.manufacture, target.samples, solutions, work.budget)
+        done["tolerance_study"] = linkage.made_within(share, target, work)
+    if studies.assembly is not None:
+        done["verdict"] = _with_assembly(solution, studies.assembly, studies.arranged, work)
+    return replace(solution, **done) if done else solution
+
+
+def _rounded(solution: Solution, studies: Studies, solutions: int, work: Work) -> Rounded:
+    """Return one of several solutions with lengths on a grid or from stock, in the motion's unit."""
+    candidate, motion, limits, samples = solution.origin
+    found = round_lengths(
+        samples, candidate, limits, studies.round_to, studies.lengths_from, work, solutions=solutions
+    )
+    rounded = Rounded(
+        closes=found.solution is not None,
+        tried=found.tried,
+        combinations=found.combinations,
+        exhaustive=found.exhaustive,
+        reason=found.reason,
+    )
+    if found.solution is None:
+        return rounded
+    again, radian = found.solution, motion.radian
+    target = target_of(samples, again.linkage, again.travel)
+    dimensions = dimensions_of(again.linkage, radian, target.interval)
+    crank_angle, travel = _travel(samples, again, radian)
+    return replace(
+        rounded,
+        lengths=dict(zip(LINKS, again.linkage.links)) if again.linkage.is_four_bar else again.linkage.lengths,
+        guides=dimensions.guides,
+        branch=dimensions.branch,
+        start=dimensions.start,
+        links=dimensions.links,
+        start_angle=dimensions.start_angle,
+        body_offset=dimensions.body_offset,
+        mount=dimensions.mount,
+        crank_angle=crank_angle,
+        travel=travel,
+        errors=in_unit(again.errors, radian),
+        transmission_angle_min=again.transmission_angle_min / radian,
+        linkage=Linkage.of(again.linkage, radian, target, motion.length_unit),
+    )
+
+
+def _with_assembly(
+    solution: Solution, request: AskedAssembly, arranged: Mapping[int, Assembly], work: Work
+) -> Verdict:
+    """Add the assembly to the verdict; the parts of a linkage that fails at the samples are not arranged."""
+    verdict, (candidate, own, limits, _) = solution.verdict, solution.origin
+    found: Assembly | None = None
+    if not verdict.works:
+        why = ["layers were not looked for: the drive does not carry the linkage through the samples"]
+    else:
+        try:
+            request = request.within(limits.envelope, limits.keep_out)
+            found = arranged.get(id(candidate.linkage)) or assembled(
+                candidate.linkage, request, own.target.interval, own.radian, work
+            )
+            why = [] if found.free else [f"layers: {found.reasons[0]}"]
+        except FieldError as error:
+            why = [f"layers were not looked for: {error}"]
+        except OutOfTime:
+            why = ["layers were not looked for: the time was up"]
+    buildable = None if found is None else verdict.practical and found.free
+    return replace(verdict, assembly=found, buildable=buildable, reasons=(*verdict.reasons, *why))
+
+
+# -- words ----------------------------------------------------------------------------------------------------------------
+
+
+def cognate_notes(solutions: Sequence[Solution]) -> list[str]:
+    """Return a note for each pair of solutions that draw the same curve by Roberts' theorem."""
+    pairs = itertools.combinations(solutions, 2)
+    ranks = [(first.rank, second.rank) for first, second in pairs if first.linkage.is_cognate_of(second.linkage)]
+    return [
+        f"Solutions {a} and {b} are Roberts cognates: different linkages that draw the same curve." for a, b in ranks
+    ]
+
+
+def errors_in_words(errors: Errors, degrees: bool) -> str:
+    """Return the largest errors in words: "rotation within 0.5 deg, position within 1.2"."""
+    largest = {"rotation": errors.rotation_max, "position": errors.position_max}
+    unit = {"rotation": " deg" if degrees else " rad", "position": ""}
+    return ", ".join(f"{name} within {value:.3g}{unit[name]}" for name, value in largest.items() if value is not None)
+
+
+def in_unit(errors: Errors, radian: float) -> Errors:
+    """Return errors with rotations in the user's unit of angle."""
+    rms, largest = errors.rotation_rms, errors.rotation_max
+    return replace(
+        errors,
+        rotation_rms=None if rms is None else rms / radian,
+        rotation_max=None if largest is None else largest / radian,
+    )

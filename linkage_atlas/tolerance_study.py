@@ -1,0 +1,205 @@
+"""Effect of tolerances of manufacture on the motion of a linkage: what is requested, and what comes back."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any, NamedTuple, Protocol, TypedDict
+
+import numpy as np
+
+from linkage_atlas.arguments import known_fields, number, whole_number
+from linkage_atlas.records import Record, Values
+from synthesis.arrays import Floats
+from synthesis.linkage import Linkage
+from synthesis.studies.tolerance_analysis import Spread, Study, Tolerances, simulate
+from synthesis.target import Interval
+from synthesis.work import Work
+
+MOST_SAMPLES, FEWEST_SAMPLES = 100_000, 100
+"""Largest number of linkages that a study simulates, and the smallest one if the bound of a request divides them."""
+SAMPLES = 10_000
+MOST_POSITIONS = 8_000_000
+"""Largest number of positions of simulated linkages in all solutions of one request: a few seconds."""
+POSITIONS_A_SECOND = 1_000_000
+"""Positions for each second of a request's budget; they take less than a third of it."""
+BAND_STEPS = 48
+"""Steps of the interval at which a study also gives its errors, to be drawn as a band."""
+
+
+class Quantiles(NamedTuple):
+    """Largest error of 5, 50 and 95 % of the simulated linkages; null (in Python infinite) if too many do not close."""
+
+    p5: Values
+    p50: Values
+    p95: Values
+
+
+class Worst(NamedTuple):
+    """Quantiles of the largest error of each simulated linkage."""
+
+    p5: Annotated[float, float | None]
+    p50: Annotated[float, float | None]
+    p95: Annotated[float, float | None]
+
+
+class Made(NamedTuple):
+    """Quantiles of the difference between the body as made and as designed, at n positions of the drive."""
+
+    p5: Values
+    p50: Values
+    p95: Values
+    linear: Quantiles
+    """To first order, for normally distributed deviations; null at a dead position."""
+    worst: Worst
+    """Quantiles of the largest error of each linkage over the samples."""
+
+    @property
+    def simulated(self) -> Quantiles:
+        """Quantiles of the simulated linkages."""
+        return Quantiles(self.p5, self.p50, self.p95)
+
+
+class Contribution(NamedTuple):
+    """Fraction, 0 to 1, that a source contributes to the variances of all samples."""
+
+    source: str
+    position: float | None
+    """Fraction of the variance of the position, to first order."""
+    rotation: float
+    """Fraction of the variance of the rotation."""
+
+
+class Largest(TypedDict):
+    """Names of sources."""
+
+    position: str | None
+    rotation: str | None
+
+
+class Band(NamedTuple):
+    """Quantiles at positions of the drive from the first to the last sample."""
+
+    crank_angle: Floats | None
+    position: Quantiles | None
+    rotation: Quantiles
+    travel: Floats | None = None
+    """Travel instead of crank angles for a slider or cylinder."""
+
+
+@dataclass(frozen=True)
+class ToleranceStudy(Record):
+    """Effect of tolerances of manufacture on the motion of a body."""
+
+    samples: int
+    """Number of simulated linkages."""
+    seed: int
+    open_share: float
+    """Fraction of them that does not close at every sample."""
+    position: Made | None
+    """Distance of the body point from its position as designed."""
+    rotation: Made
+    """Absolute difference of the rotation from the designed one."""
+    largest: Largest
+    """Source that contributes most; null if nothing contributes."""
+    contributions: list[Contribution]
+    band: Band
+    """Quantiles over the used interval in even steps, to be drawn."""
+
+
+class Studied(Protocol):
+    """Solution with a tolerance study, if there is one."""
+
+    @property
+    def tolerance_study(self) -> ToleranceStudy | None:
+        """The study."""
+        ...
+
+
+class Manufacture(NamedTuple):
+    """Checked request for a tolerance study."""
+
+    tolerances: Tolerances
+    samples: int = SAMPLES
+    seed: int = 0
+
+
+def read_manufacture(study: Mapping[str, Any]) -> Manufacture:
+    """Check a request for a tolerance study: ``links``, ``pivots``, ``clearance``, ``samples``, ``seed``."""
+    known_fields("tolerance_study", study, ("links", "pivots", "clearance", "samples", "seed"))
+    sizes = [
+        0.0 if study.get(name) is None else number(f"tolerance_study/{name}", study[name], 0.0)
+        for name in Tolerances._fields
+    ]
+    counts = []
+    for name, default, smallest, largest in (
+        ("samples", SAMPLES, FEWEST_SAMPLES, MOST_SAMPLES),
+        ("seed", 0, 0, 2**32 - 1),
+    ):
+        value = default if study.get(name) is None else study[name]
+        counts.append(whole_number(f"tolerance_study/{name}", value, smallest, largest))
+    return Manufacture(Tolerances(*sizes), *counts)
+
+
+def share_of(manufacture: Manufacture, points: int, solutions: int, budget: float) -> Manufacture:
+    """Reduce the number of samples so that all solutions fit into the bound of a request and its budget in seconds."""
+    positions = min(MOST_POSITIONS, POSITIONS_A_SECOND * budget)
+    samples = int(positions / ((points + BAND_STEPS + 1) * max(1, solutions)))
+    return manufacture._replace(samples=max(FEWEST_SAMPLES, min(manufacture.samples, samples)))
+
+
+def study_notes(request: Manufacture | None, solutions: Sequence[Studied]) -> list[str]:
+    """Return a note if fewer linkages were simulated than requested."""
+    studies = [study for solution in solutions if (study := solution.tolerance_study) is not None]
+    if request is None or not studies or studies[0].samples == request.samples:
+        return []
+    return [
+        f"Each tolerance study simulates {studies[0].samples:,} linkages instead of {request.samples:,}, to bound the time of "
+        "the request: ask for fewer solutions, or give it more time."
+    ]
+
+
+def studied(
+    linkage: Linkage, request: Manufacture, travel: Floats, over: Interval, radian: float, work: Work
+) -> ToleranceStudy:
+    """Return the tolerance study at travel (n,) of the drive from the first sample, and over an interval."""
+    band, samples = np.linspace(*over, BAND_STEPS + 1), travel.size
+    found = simulate(linkage, np.concatenate([travel, band]), samples, *request, work)
+    return described_study(found, request, samples, band, radian, linkage.driver.turns)
+
+
+def described_study(
+    found: Study, manufacture: Manufacture, samples: int, band: Floats, radian: float, turns: bool = True
+) -> ToleranceStudy:
+    """Return a study in the user's units; its first positions are the ``samples``, followed by those of ``band``."""
+    sources = found.sources
+    spreads = {"position": found.position, "rotation": found.rotation}
+    parts = {
+        name: np.zeros(len(sources)) if spread is None else spread.contributions for name, spread in spreads.items()
+    }
+    contributions = [
+        Contribution(source, None if found.position is None else p, r)
+        for source, p, r in zip(sources, parts["position"].tolist(), parts["rotation"].tolist())
+    ]
+    largest = {name: sources[int(np.argmax(part))] if part.max() > 0 else None for name, part in parts.items()}
+    return ToleranceStudy(
+        found.count,
+        manufacture.seed,
+        found.open_share,
+        None if found.position is None else _made(found.position, samples, 1.0),
+        _made(found.rotation, samples, radian),
+        Largest(position=largest["position"], rotation=largest["rotation"]),
+        sorted(contributions, key=lambda source: -round(max(source.position or 0.0, source.rotation), 12)),
+        Band(
+            band / radian if turns else None,
+            None if found.position is None else Quantiles(*found.position.simulated[samples:].T),
+            Quantiles(*(found.rotation.simulated[samples:] / radian).T),
+            None if turns else band,
+        ),
+    )
+
+
+def _made(spread: Spread, samples: int, unit: float) -> Made:
+    p5, p50, p95 = (spread.simulated[:samples] / unit).T
+    linear = Quantiles(*(spread.linear[:samples] / unit).T)
+    return Made(p5, p50, p95, linear, Worst(*(spread.worst / unit).tolist()))
