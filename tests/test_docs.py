@@ -21,7 +21,7 @@ import yaml
 from app.cli import main, make_parser
 from app.openapi import PLACE
 from app.settings import Settings
-from docs import figures
+from docs import data_model, figures
 
 ROOT = Path(__file__).parents[1]
 SHELVES = ("", "start", "howto", "reference", "background")
@@ -143,6 +143,10 @@ def test_every_named_source_file_exists(path) -> None:
     folders = "app|synthesis|linkage_atlas|data_build|benchmarks|tests|docs|deploy"
     for file in re.findall(rf"`((?:{folders})/[\w./]+\.\w+)`", path.read_text()):
         assert (ROOT / file).exists(), f"{names(path)} names {file}"
+
+
+def test_the_picture_of_the_data_model_is_current() -> None:
+    assert data_model.PICTURE.read_text() == data_model.picture(), "renew it: python -m docs.data_model"
 
 
 def test_the_picture_of_the_architecture_names_every_package_and_every_module_of_the_front_door() -> None:
