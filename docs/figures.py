@@ -12,9 +12,8 @@ from typing import Any
 import numpy as np
 
 import linkage_atlas as la
-from synthesis.fourbar.joints import joints_at
 from synthesis.guides import Circle, Guide, Rail, Slot
-from synthesis.linkage import four_bar
+from synthesis.linkage import Linkage, four_bar
 from synthesis.sheet import Sheet
 
 ROOT = Path(__file__).parents[1]
@@ -106,17 +105,23 @@ def sub(letter: str, index: str) -> str:
     return f'{letter}<tspan font-size="70%" dy="6">{index}</tspan>'
 
 
+def joints(linkage: Linkage, travel: Any) -> list[Any]:
+    """Return positions (n,) of crank pin, coupler pin and body point at travel of the drive."""
+    body = linkage.motions(travel)[1]
+    return [*(body.place(guide.body_point) for guide in linkage.guides), body.origin]
+
+
 def notation() -> None:
     """The symbols of the documents on one four-bar: both branches, all angles, the body and its point."""
     turn, start, radius, angle = np.deg2rad(10), np.deg2rad(52), 6.3, np.deg2rad(38)
     marked = np.deg2rad(62)
     linkage = four_bar((4.6, 9.2, 8.0, 12.2), 1, start, 0j, turn, (radius, angle), marked - np.deg2rad(30))
     other = four_bar(linkage.links, -1, start, 0j, turn)
-    here, there = joints_at(linkage, 0.0), joints_at(other, 0.0)
-    a, b, d, c = here.pivot_a, here.pivot_b, complex(here.crank_pin[0]), complex(here.coupler_pin[0])
-    assert here.body_point is not None
-    p, mirrored = complex(here.body_point[0]), complex(there.coupler_pin[0])
-    theta2, theta3, gamma = float(here.coupler_angle[0]), float(here.rocker_angle[0]), float(here.rotation[0])
+    a, b = linkage.pivot_a, linkage.pivot_b
+    (d, c, p), (_, mirrored, _) = (np.array(joints(view, 0.0))[:, 0].tolist() for view in (linkage, other))
+    _, body, rocker = linkage.motions(0.0)
+    theta3, gamma = float(rocker.angle[0]), float(body.angle[0])
+    theta2 = gamma - (linkage.body_offset or 0.0)
     origin = a - 3.6 - 2.4j
     figure = Figure([-4.9 - 6.5j, 19.6 + 15.2j], 1100)
     ray = np.exp(1j * turn)
@@ -194,12 +199,11 @@ def limits() -> None:
     """What each limit of a request concerns, on one four-bar over its used interval."""
     linkage = four_bar((4.6, 9.2, 8.0, 12.2), 1, np.deg2rad(30), 0j, 0.0, (6.3, np.deg2rad(38)), 0.0)
     crank = np.linspace(0, np.deg2rad(110), 90)
-    way, here = joints_at(linkage, crank), joints_at(linkage, np.deg2rad(35))
-    a, b, d, c = here.pivot_a, here.pivot_b, complex(here.crank_pin[0]), complex(here.coupler_pin[0])
-    assert here.body_point is not None and way.body_point is not None
-    p = complex(here.body_point[0])
+    a, b = linkage.pivot_a, linkage.pivot_b
+    paths = joints(linkage, crank)
+    d, c, p = np.array(joints(linkage, np.deg2rad(35)))[:, 0].tolist()
     figure = Figure([-8.6 - 7.2j, 19.5 + 12.2j], 1100)
-    every = np.concatenate([way.crank_pin, way.coupler_pin, way.body_point, [a, b]])
+    every = np.concatenate([*paths, [a, b]])
     room = box(
         complex(every.real.min() - 0.7, every.imag.min() - 0.7),
         complex(every.real.max() + 0.7, every.imag.max() + 0.7),
@@ -217,9 +221,8 @@ def limits() -> None:
     figure.text("keep_out: no fixed pivot here", out, (4, -24), "word t-wanted", "start")
     figure.line(d + abs(p - d) * 1.12 * np.exp(1j * np.linspace(0, 2 * np.pi, 120)), "dash")
     figure.text("coupler_radius_max", d - abs(p - d) * 1.12j, (-8, -24), "word", "end")
-    figure.line(way.body_point, "path")
-    figure.line(way.crank_pin, "turn")
-    figure.line(way.coupler_pin, "turn")
+    for path, style in zip((paths[2], *paths[:2]), ("path", "turn", "turn")):
+        figure.line(path, style)
     figure.line([a, b], "ground")
     figure.line([d, c, p], "body", closed=True)
     figure.line([d, c], "coupler")

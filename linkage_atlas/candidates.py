@@ -19,10 +19,10 @@ from linkage_atlas.warm_start import FOR_STARTS, Start, pointing_to_start
 from synthesis.atlas.scan import Scan
 from synthesis.constraints import within
 from synthesis.four_bar import Family, wrap
-from synthesis.fourbar.joints import joints_at
 from synthesis.free.search import search_free
 from synthesis.guided.local_refinement import refine_guided
 from synthesis.limits import Limits
+from synthesis.linkages import body_motions
 from synthesis.local_refinement import nearby_motion, nearby_poses, refine_motion, refine_poses
 from synthesis.poses import Poses
 from synthesis.ranking import PROPORTION, Status, distinct
@@ -345,14 +345,14 @@ def _drawn_near(solution: Solution, motion: Motion, limits: Limits) -> Solution:
     if samples.position is None or linkage.family is not Family.CHANGE_POINT:
         return solution
     target = target_of(samples, linkage, solution.travel)
-    at = joints_at(linkage, target.crank)
-    assert at.body_point is not None
-    if not np.ptp(at.coupler_angle) <= _ONLY_SHIFTED:
+    angle = body_motions([linkage], target.crank).rotation[0] - (linkage.body_offset or 0.0)
+    if not np.ptp(angle) <= _ONLY_SHIFTED:
         return solution
     # short vectors: crank pin to body point, and each pivot to the middle of the motion
-    vectors = at.body_point[0] - at.crank_pin[0], samples.middle - at.pivot_a, samples.middle - at.pivot_b
+    coupler = np.exp(1j * angle[0])
+    vectors = linkage.arm * coupler, samples.middle - linkage.pivot_a, samples.middle - linkage.pivot_b
     shift = complex(np.mean(vectors))
-    arm = (vectors[0] - shift) * np.exp(-1j * at.coupler_angle[0])
+    arm = (vectors[0] - shift) / coupler
     point = float(abs(arm)), wrap(float(np.angle(arm)))
     nearby = assess(target, [linkage.placed(linkage.pivot_a + shift, linkage.ground_angle, point)])
     for moved in within(target, limits, nearby):

@@ -23,8 +23,8 @@ from linkage_atlas.plotting import plot_linkage
 from linkage_atlas.records import plain, plane
 from synthesis.arrays import Floats
 from synthesis.assembly.linkage_machine import loop_of
+from synthesis.cognates import are_cognates
 from synthesis.errors import FieldError
-from synthesis.fourbar.joints import are_cognates
 from synthesis.free.dyads import in_any_order
 from synthesis.guides import Driver, Slot
 from synthesis.linkage import Linkage as Plain

@@ -24,7 +24,6 @@ from synthesis.assembly.shapes import Shape, hull, nearest_room
 from synthesis.assembly.sizes import plate_sizes
 from synthesis.errors import FieldError
 from synthesis.excursions import Circuits, RoundCircuit
-from synthesis.fourbar.joints import joints_at
 from synthesis.guides import Circle, Rail
 from synthesis.linkage import BODY, Linkage
 from synthesis.one_variable import bisect
@@ -336,4 +335,4 @@ def body_turn(linkage: Linkage) -> float:
     """
     if linkage.body_offset is not None:
         return linkage.body_offset
-    return -float(joints_at(linkage, np.zeros(1)).coupler_angle[0])
+    return -float(linkage.body(linkage.start).rotation[0])

@@ -17,7 +17,6 @@ from synthesis.export.layout import (
     name_of,
     unit_in_words,
 )
-from synthesis.fourbar.joints import joints_at
 from synthesis.guides import Circle, Driver, Rail, Slot
 from synthesis.linkage import BODY, Linkage, Mass
 from synthesis.target import Target
@@ -277,7 +276,8 @@ def to_pylinkage(linkage: Linkage, target: Target, length_unit: str | None = Non
         raise FieldError("/format", ONLY_FOUR_BARS)
     closed_motions(linkage, target.interval)
     travel = target.interval.by_degrees()
-    joints = joints_at(linkage, np.zeros(1))
+    body = linkage.motions(np.zeros(1))[1]
+    pins = [complex(body.place(guide.body_point)[0]) for guide in linkage.guides]
     start = linkage.start + linkage.ground_angle
     first, last = (start + float(end) for end in target.interval)
 
@@ -285,15 +285,15 @@ def to_pylinkage(linkage: Linkage, target: Target, length_unit: str | None = Non
         return {"id": name, "type": kind, "position": [float(point.real), float(point.imag)], **more}
 
     parts = [
-        joint("pivot_a", "ground", joints.pivot_a),
-        joint("pivot_b", "ground", joints.pivot_b),
-        joint("crank_pin", "revolute", joints.crank_pin[0]),
-        joint("coupler_pin", "revolute", joints.coupler_pin[0]),
+        joint("pivot_a", "ground", linkage.pivot_a),
+        joint("pivot_b", "ground", linkage.pivot_b),
+        joint("crank_pin", "revolute", pins[0]),
+        joint("coupler_pin", "revolute", pins[1]),
     ]
-    if linkage.coupler_point is not None and joints.body_point is not None:
+    if linkage.coupler_point is not None:
         radius, angle = linkage.coupler_point
         follows = {"ref_joint1_id": "crank_pin", "ref_joint2_id": "coupler_pin", "distance": radius, "angle": angle}
-        parts.append(joint("body_point", "tracker", joints.body_point[0], **follows))
+        parts.append(joint("body_point", "tracker", complex(body.origin[0]), **follows))
     step = float(travel[1] - travel[0])
     drive: dict[str, Any] = {"type": "driver", "angular_velocity": step}
     if not linkage.turns_fully:

@@ -11,7 +11,6 @@ import numpy as np
 from synthesis.arrays import Floats
 from synthesis.export.layout import closed_motions
 from synthesis.four_bar import FULL_CRANK, Family, close_loop, family, principal, transmission_angle_over
-from synthesis.fourbar.joints import joints_at
 from synthesis.fourbar.mechanism import FourBar
 from synthesis.function.wanted import Wanted
 from synthesis.limits import Limits, in_family
@@ -316,16 +315,16 @@ def to_csv(wanted: Wanted, linkage: Linkage, offset: float, unit: float) -> str:
     Angles are divided by ``unit`` (radians in one unit of angle).
     """
     closed_motions(linkage, wanted.interval)
-    joints = joints_at(linkage, wanted.crank)
+    crank, body, rocker = linkage.motions(wanted.crank)
     output = rocker_angles([linkage], wanted.crank)[0] + offset
     columns = {
         "input": wanted.crank,
         "output_wanted": wanted.output,
         "output": output,
         "error": output - wanted.output,
-        "transmission_angle": joints.transmission_angle,
-        "crank_direction": joints.crank_angle,
-        "coupler_direction": joints.coupler_angle,
-        "rocker_direction": joints.rocker_angle,
+        "transmission_angle": linkage.body(linkage.start + wanted.crank).transmission_angle,
+        "crank_direction": crank.angle,
+        "coupler_direction": body.angle - (linkage.body_offset or 0.0),
+        "rocker_direction": rocker.angle,
     }
     return csv_text({name: (np.asarray(values) / unit).tolist() for name, values in columns.items()})

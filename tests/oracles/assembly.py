@@ -18,10 +18,10 @@ from synthesis.drives.crank_rocker import place_motor_about_pivot, proportions
 from synthesis.drives.links import motions_of
 from synthesis.drives.motor_search import place_motor
 from synthesis.drives.six_bar import Motor
-from synthesis.fourbar.joints import joints_at
 from synthesis.guides import DRIVERS, Circle, Rail, Slot
 from synthesis.linkage import four_bar, on_guides
 from synthesis.target import TURN, Interval
+from tests.oracles.four_bar_joints import joints_at
 
 POSITIONS = 721
 """Positions of each motion, its ends included."""

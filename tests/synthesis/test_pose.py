@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 import linkage_atlas as la
 from synthesis.atlas.scan import Scan
 from synthesis.four_bar import coupler_angle
-from synthesis.fourbar.joints import body_point
 from synthesis.fourbar.mechanism import FOURBAR, mounted
 from synthesis.limits import Limits
 from synthesis.linkage import Linkage
@@ -19,6 +18,7 @@ from synthesis.pose import DEGENERATE, fit_positions, objective
 from synthesis.search.atlas_rows import best_rows
 from synthesis.target import Target, make_target
 from tests.oracles.conditions import position_condition
+from tests.oracles.four_bar_joints import body_point
 
 LENGTHS = np.array([19.0, 72, 144, 165])
 laws = settings(derandomize=True, max_examples=30, deadline=None)

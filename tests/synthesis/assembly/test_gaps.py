@@ -17,11 +17,11 @@ from synthesis.assembly.machine import Sizes
 from synthesis.assembly.movement import GROUND, BodyPoint, Crank, Dyad, Movement
 from synthesis.assembly.shapes import Shape, disc, distances, hull, signed_area
 from synthesis.four_bar import grashof_excesses
-from synthesis.fourbar.joints import joints_at
 from synthesis.linkage import four_bar
 from synthesis.target import TURN, Interval
 from synthesis.work import Work
 from tests.oracles.assembly import shapely_gap
+from tests.oracles.four_bar_joints import joints_at
 from tests.oracles.solids import TABLE
 from tests.synthesis.assembly.test_layers import CLOSE, machine_of
 

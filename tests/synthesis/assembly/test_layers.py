@@ -10,11 +10,11 @@ from synthesis.assembly.keep_out import outside
 from synthesis.assembly.linkage_machine import as_plates
 from synthesis.assembly.machine import Sizes
 from synthesis.assembly.stacks import BOARDS, CollisionFree, StackRequest, StackSearch, arrange
-from synthesis.fourbar.joints import joints_at
 from synthesis.linkage import four_bar
 from synthesis.target import TURN, Interval
 from synthesis.work import Work
 from tests.oracles.assembly import free_stacks
+from tests.oracles.four_bar_joints import joints_at
 from tests.oracles.solids import TABLE, linkage_of
 
 CLOSE = 1.5e-7

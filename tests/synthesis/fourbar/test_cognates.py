@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 import linkage_atlas as la
-from synthesis.fourbar.joints import cognates, joints_at
+from synthesis.cognates import cognates
 from synthesis.linkage import four_bar
+from tests.oracles.four_bar_joints import joints_at
 
 
 @pytest.mark.parametrize("seed", range(20))

@@ -131,7 +131,8 @@ def test_they_say_what_a_dense_look_says(seed, name) -> None:
         "envelope": lambda: inside(joints, limits.envelope).min(axis=1),
     }[name]()
     smallest = np.where(found.equal, -np.abs(found.values), found.values).min(axis=1)
-    np.testing.assert_allclose(smallest, dense, atol=1e-6 if name == "envelope" else 1e-9)
+    # between two of the 4001 angles a joint moves out by up to 1e-6 of a large linkage
+    np.testing.assert_allclose(smallest, dense, atol=5e-6 if name == "envelope" else 1e-9)
 
 
 def test_the_envelope_is_not_left_between_the_angles_that_are_looked_at() -> None:

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from synthesis.four_bar import coupler_angle
-from synthesis.fourbar.joints import joints_at
 from synthesis.fourbar.mechanism import FOURBAR, FullCrankChart
 from synthesis.free.screen import COARSE, PathScreen
 from synthesis.free.search import path_screens, search_free
@@ -19,6 +18,7 @@ from synthesis.limits import Limits, practical_limits
 from synthesis.poses import Poses
 from synthesis.solution import Solution
 from synthesis.work import Work
+from tests.oracles.four_bar_joints import joints_at
 
 ROCKER, DOUBLE = (0.15, 0.3, 0.25, 0.3), (0.4, 0.25, 0.28, 0.07)
 CASES = [(ROCKER, 8, 250), (ROCKER, 15, 300), (DOUBLE, 10, 200), (DOUBLE, 40, 320)]

@@ -11,10 +11,10 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from synthesis.fourbar.joints import joints_at
 from synthesis.guides import Circle, Driver, Guide, Rail, Slot
 from synthesis.linkage import BodyPoses, Linkage, four_bar, on_guides
 from synthesis.target import Interval
+from tests.oracles.four_bar_joints import joints_at
 from tests.oracles.guided_cases import DRIVES, NAMES, random_linkage
 
 

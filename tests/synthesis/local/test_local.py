@@ -11,7 +11,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from synthesis.constraints import keeps, within
-from synthesis.fourbar.joints import joints_at
 from synthesis.function.answers import exchanged, finished, rocker_angles
 from synthesis.function.wanted import Wanted
 from synthesis.limits import Limits
@@ -22,6 +21,7 @@ from synthesis.poses import make_poses
 from synthesis.solution import assess
 from synthesis.target import make_target
 from synthesis.work import Work
+from tests.oracles.four_bar_joints import joints_at
 
 TRUE = {
     "crank_rocker": four_bar((19.0, 72.0, 144.0, 165.0), 1, 0.6, 3 + 4j, 0.4, (50.0, 0.7), 0.3),

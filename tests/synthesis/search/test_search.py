@@ -18,7 +18,6 @@ from app.resources import ServiceResources
 from app.settings import Settings
 from synthesis.four_bar import close_loop
 from synthesis.fourbar.determination import determinations
-from synthesis.fourbar.joints import body_point, joints_at
 from synthesis.fourbar.mechanism import FOURBAR
 from synthesis.limits import Limits
 from synthesis.linkage import Linkage, with_links
@@ -31,6 +30,7 @@ from synthesis.target import Target, make_target
 from synthesis.work import Work
 from tests.conftest import some_of
 from tests.oracles.classes import EXACT, UNREACHABLE, make_case
+from tests.oracles.four_bar_joints import body_point, joints_at
 from tests.oracles.recompute import REACHED, compare, recompute
 
 LINKS = ("crank", "coupler", "rocker", "ground")

@@ -8,8 +8,8 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from synthesis.fourbar.joints import joints_at
 from synthesis.solids.robots import to_sdf, to_urdf
+from tests.oracles.four_bar_joints import joints_at
 from tests.oracles.solids import TABLE, built, linkage_of
 
 

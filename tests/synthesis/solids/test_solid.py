@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from synthesis.fourbar.joints import joints_at
 from synthesis.solids.solid import COLOURS, FITS, parts_list
 from tests.conftest import some_of
+from tests.oracles.four_bar_joints import joints_at
 from tests.oracles.solids import SASH, TABLE, built, deepest, linkage_of, places_of
 
 CASES = [

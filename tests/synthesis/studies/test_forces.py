@@ -10,11 +10,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from synthesis.fourbar.joints import Joints, joints_at
 from synthesis.guides import Circle, Driver, Rail, Slot
 from synthesis.linkage import Linkage, Mass, four_bar
 from synthesis.studies import forces as analysis
 from synthesis.studies.forces import Forces, Load, on_links
+from tests.oracles.four_bar_joints import Joints, joints_at
 from tests.oracles.guided_cases import DRIVES, NAMES
 from tests.oracles.guided_cases import random_linkage as any_linkage
 

@@ -1,4 +1,4 @@
-"""The joints of a four-bar at crank angles, and its cognates."""
+"""Joints of a four-bar by its closed form: an oracle for the motions of `synthesis.linkage.Linkage`."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from numpy.typing import ArrayLike
 
 from synthesis.arrays import Complexes, Floats
 from synthesis.four_bar import close_loop, principal
-from synthesis.linkage import Lengths, Linkage
+from synthesis.linkage import Linkage
 
 
 @dataclass(frozen=True)
 class Joints:
-    """Places and angles of a linkage at crank positions; every array has shape (n,).
+    """Positions and angles of a linkage at crank angles; every array has shape (n,).
 
-    ``body_point`` is None where no body point is known (rotation only). Angles are those of the links against the x axis,
-    in radians and continuous; ``rotation`` is the body's. NaN where the loop does not close.
+    ``body_point`` is None without a body point. Angles are those of the links against the x axis, in radians and continuous;
+    ``rotation`` is the rotation of the body. NaN if the loop does not close.
     """
 
     pivot_a: complex
@@ -33,7 +33,7 @@ class Joints:
 
     @property
     def closed(self) -> bool:
-        """Whether the loop closes at every position."""
+        """True if the loop closes at every position."""
         return bool(np.all(np.isfinite(self.coupler_pin)))
 
 
@@ -46,7 +46,7 @@ def body_point(linkage: Linkage, crank: Floats, coupler: Floats) -> Complexes:
 
 
 def joints_at(linkage: Linkage, travel: ArrayLike) -> Joints:
-    """Return places and angles at crank angles (n,) measured from the first sample.
+    """Return positions and angles at crank angles (n,) measured from the first sample.
 
     Law: ``|D-A|, |C-D|, |C-B|`` are the links at every position, and C is the same from both sides of the loop to rounding.
     """
@@ -70,42 +70,3 @@ def joints_at(linkage: Linkage, travel: ArrayLike) -> Joints:
         coupler + (linkage.body_offset or 0.0),
         closure.transmission_angle[1:],
     )
-
-
-Cognate = tuple[Lengths, tuple[complex, complex]]
-"""Lengths crank, coupler, rocker, ground, and the fixed pivots of crank and rocker."""
-
-_NEAR = 1e-4
-
-
-def cognates(linkage: Linkage) -> list[Cognate]:
-    """The two others of a mounted linkage; each may be driven from either side.
-
-    Law: the cognates of a cognate are the linkage itself and the other one.
-    """
-    l1, l2, l3, l4 = linkage.links
-    part = linkage.arm / l2
-    a, b = linkage.pivot_a, linkage.pivot_b
-    third = complex(a + part * (b - a))
-    first, second = abs(part), abs(1 - part)
-    return [
-        ((first * l2, first * l1, first * l3, first * l4), (a, third)),
-        ((second * l1, second * l3, second * l2, second * l4), (third, b)),
-    ]
-
-
-def are_cognates(one: Linkage, other: Linkage) -> bool:
-    """Whether two mounted linkages are cognates of each other, to 1e-4 of their size."""
-    mine = (other.links, (other.pivot_a, other.pivot_b))
-    return any(
-        _alike(lengths, pivots, *mine) or _alike(lengths[2::-1] + lengths[3:], pivots[::-1], *mine)
-        for lengths, pivots in cognates(one)
-    )
-
-
-def _alike(
-    lengths: tuple[float, ...], pivots: tuple[complex, ...], other: tuple[float, ...], others: tuple[complex, ...]
-) -> bool:
-    size = max(other)
-    gaps = [abs(a - b) for a, b in zip(lengths + pivots, other + others)]
-    return max(gaps) < _NEAR * size
