@@ -8,7 +8,7 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
-from linkage_atlas.arguments import bounded, flag, known_fields, millimetres_in, one_of, pair
+from linkage_atlas.arguments import Fields, bounded, flag, known_fields, millimetres_in, one_of, pair
 from linkage_atlas.notes import counted
 from linkage_atlas.records import Record, Values, Vectors, plain, plane
 from synthesis.arrays import Floats
@@ -65,7 +65,7 @@ class Rates(Record):
     pin_forces: PinForces | None
     """Null without a load."""
 
-    def columns(self) -> dict[str, Iterable[Any]]:
+    def columns(self) -> dict[str, Iterable[object]]:
         """Return columns of a table with a row for each position; None if there is no finite value."""
         values = self.transmission_angle
         blank = {f"{name}_{axis}": [None] * values.size for name in ("velocity", "acceleration") for axis in "xy"}
@@ -83,9 +83,9 @@ class Analysis(Rates):
     """The same over the used interval, for angles in steps of at most a degree."""
 
 
-def columns_of(record: Any, *names: str) -> dict[str, Iterable[Any]]:
+def columns_of(record: Any, *names: str) -> dict[str, Iterable[object]]:
     """Return columns of a table from fields of a record: for each link or joint, and x and y of vectors; none for null fields."""
-    columns: dict[str, Iterable[Any]] = {}
+    columns: dict[str, Iterable[object]] = {}
     for name in names:
         value: Any = getattr(record, name)
         parts = value._asdict() if hasattr(value, "_asdict") else value if isinstance(value, Mapping) else {"": value}
@@ -118,7 +118,7 @@ class AskedAnalysis(NamedTuple):
         return self._replace(load=self.load._replace(masses=self.load.masses + own), parts=False)
 
 
-def read_analysis(analysis: Mapping[str, Any], mounted: bool) -> AskedAnalysis:
+def read_analysis(analysis: Fields, mounted: bool) -> AskedAnalysis:
     """Check a request for an analysis: ``crank_speed``, and optionally ``load`` and ``length_unit``."""
     known_fields("analysis", analysis, ("crank_speed", "load", "length_unit"))
     if analysis.get("crank_speed") is None:
@@ -133,7 +133,7 @@ def read_analysis(analysis: Mapping[str, Any], mounted: bool) -> AskedAnalysis:
     for index, mass in enumerate(load.masses):
         if mass.mass == 0:
             raise FieldError(f"/analysis/load/masses/{index}/mass", "wanted a mass above 0, found 0")
-    return AskedAnalysis(speed, load._replace(metre=metre), unit, parts)
+    return AskedAnalysis(speed, load._replace(metre=metre), str(unit), parts)
 
 
 def read_load(

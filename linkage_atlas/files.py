@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 from linkage_atlas.analysis import analysed, read_analysis
-from linkage_atlas.arguments import millimetres_in, number, one_of, pair
+from linkage_atlas.arguments import Fields, millimetres_in, number, one_of, pair
 from linkage_atlas.formats import FORMATS, HELD, OF_PARTS
 from linkage_atlas.part_settings import PartSettings
 from linkage_atlas.solids import SLIDES
@@ -51,11 +51,11 @@ def content_of(
     radian: float,
     kind: str,
     length_unit: str | None,
-    analysis: Mapping[str, Any] | None,
-    drive: Mapping[str, Any] | None,
+    analysis: Fields | None,
+    drive: Fields | None,
     parts: Callable[[bool], Any] | None = None,
     arranged: bool = False,
-    more: Mapping[str, Any] | None = None,
+    more: Fields | None = None,
 ) -> bytes:
     """Return the content of a file; see `Linkage.file` for the arguments.
 
@@ -108,16 +108,14 @@ def content_of(
     return (text if attached is None else attached.simulated(text, unit_mm / 1000)).encode()
 
 
-def _analysis_columns(
-    linkage: Linkage, target: Target, radian: float, analysis: Mapping[str, Any] | None
-) -> dict[str, Any]:
+def _analysis_columns(linkage: Linkage, target: Target, radian: float, analysis: Fields | None) -> dict[str, Any]:
     if analysis is None:
         return {}
     request = read_analysis(analysis, linkage.mounted)
     return dict(analysed(linkage, request, target.crank, radian).columns())
 
 
-def drive_on(linkage: Linkage, target: Target, drive: Mapping[str, Any] | None) -> Attached | None:
+def drive_on(linkage: Linkage, target: Target, drive: Fields | None) -> Attached | None:
     """Return a drive of a reply on a linkage at the samples of a motion."""
     if drive is None:
         return None
@@ -132,8 +130,8 @@ def drive_on(linkage: Linkage, target: Target, drive: Mapping[str, Any] | None) 
 
 
 def with_drive(
-    kind: str, assembly: Mapping[str, Any] | bool | None, drive: Mapping[str, Any] | None
-) -> tuple[Mapping[str, Any] | bool | None, Mapping[str, Any] | None]:
+    kind: str, assembly: Fields | bool | None, drive: Fields | None
+) -> tuple[Fields | bool | None, Fields | None]:
     """Return an assembly with a drive: in files of parts a motor and its rod, or a cylinder, are two of them."""
     if not isinstance(drive, Mapping) or kind not in (*OF_PARTS, "plates"):
         return assembly, drive

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkage_atlas.arguments import number, one_of, pair
+from linkage_atlas.arguments import Fields, number, one_of, pair
 from linkage_atlas.records import Record, xy
 from synthesis.arrays import Floats
 from synthesis.errors import FieldError
@@ -197,9 +197,9 @@ def dimensions_of(linkage: Plain, radian: float, used: Interval | None = None) -
     )
 
 
-def read_guide(field: str, given: Mapping[str, Any] | AnyGuide, radian: float) -> Guide:
+def read_guide(field: str, given: Fields | AnyGuide, radian: float) -> Guide:
     """Check a guide and return it for the numerics; ``used`` is not needed."""
-    values: Mapping[str, Any] = given if isinstance(given, Mapping) else given._asdict()
+    values: Fields = given if isinstance(given, Mapping) else given._asdict()
     sort = one_of(f"{field}/guide", values.get("guide"), ("circle", "rail", "slot"))
 
     def point(name: str) -> complex:

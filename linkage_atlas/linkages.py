@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from linkage_atlas.analysis import Analysis, AskedAnalysis, analysed, read_analysis
-from linkage_atlas.arguments import check_names, column, number, one_of, pair, pointing, radians_in
+from linkage_atlas.arguments import Fields, check_names, column, number, one_of, pair, pointing, radians_in
 from linkage_atlas.assemblies import Assembly, assembled, read_assembly
 from linkage_atlas.files import check_held, content_of, with_drive
 from linkage_atlas.formats import FORMATS, kind_of
@@ -70,7 +70,7 @@ class Linkage(LinkageBase):
 
     def __init__(
         self,
-        guides: Sequence[Mapping[str, Any] | AnyGuide],
+        guides: Sequence[Fields | AnyGuide],
         driver: str,
         branch: int = 1,
         start: float = 0.0,
@@ -191,7 +191,7 @@ class Linkage(LinkageBase):
     def analysis(
         self,
         speed: float,
-        load: Mapping[str, Any] | None = None,
+        load: Fields | None = None,
         travel: ArrayLike | None = None,
         *,
         length_unit: str | None = None,
@@ -223,7 +223,7 @@ class Linkage(LinkageBase):
         asked = read_analysis(given, self._linkage.mounted)
         return self._analysed_at(asked, "travel", travel)
 
-    def tolerance_study(self, *, work: Work | None = None, **manufacture: Any) -> ToleranceStudy:
+    def tolerance_study(self, *, work: Work | None = None, **manufacture: object) -> ToleranceStudy:
         """Return the effect of tolerances of manufacture on the motion of the body, simulated and to first order.
 
         Parameters
@@ -262,7 +262,7 @@ class Linkage(LinkageBase):
         *,
         travel: ArrayLike | None = None,
         work: Work | None = None,
-        **asked: Any,
+        **asked: object,
     ) -> Assembly:
         """Return layers of its plates in which nothing collides over the used interval, or what prevents the best ones.
 
@@ -302,9 +302,7 @@ class Linkage(LinkageBase):
         target = self.target_of(motion, crank_angle if travel is None else travel)
         return self._arranged(target, asked, work or Work(), "")
 
-    def _arranged(
-        self, target: Target, asked: Mapping[str, Any], work: Work, where: str, length_unit: str = "mm"
-    ) -> Assembly:
+    def _arranged(self, target: Target, asked: Fields, work: Work, where: str, length_unit: str = "mm") -> Assembly:
         read = read_assembly(asked, where)
         assert read is not None
         read = read._replace(settings=read.settings.in_unit(length_unit))
@@ -317,7 +315,7 @@ class Linkage(LinkageBase):
         *,
         length_unit: str | None = None,
         work: Work | None = None,
-        **asked: Any,
+        **asked: object,
     ) -> SolidParts:
         """Return its parts as solids: plates, boards, pins, washers, with their masses; `SolidParts.save` writes their files.
 
@@ -362,7 +360,7 @@ class Linkage(LinkageBase):
     def _solids(
         self,
         target: Target,
-        assembly: Mapping[str, Any] | bool,
+        assembly: Fields | bool,
         solids: AskedSolids,
         length_unit: str,
         work: Work,
@@ -377,11 +375,11 @@ class Linkage(LinkageBase):
         motion: Motion | None = None,
         length_unit: str | None = None,
         crank_angle: ArrayLike | None = None,
-        analysis: Mapping[str, Any] | None = None,
-        assembly: Mapping[str, Any] | bool | None = None,
-        solids: Mapping[str, Any] | None = None,
+        analysis: Fields | None = None,
+        assembly: Fields | bool | None = None,
+        solids: Fields | None = None,
         work: Work | None = None,
-        drive: Mapping[str, Any] | Record | None = None,
+        drive: Fields | Record | None = None,
         *,
         travel: ArrayLike | None = None,
     ) -> bytes:
@@ -469,7 +467,7 @@ def _from_joints(joints: Any, degrees: bool) -> Linkage:
         return Linkage.from_points(**given, degrees=degrees)
 
 
-def assembly(linkage: Any, motion: Motion | None = None, **options: Any) -> Assembly:
+def assembly(linkage: object, motion: Motion | None = None, **options: Any) -> Assembly:
     """Arrange the plates of a linkage in layers in which nothing collides.
 
     Parameters

@@ -204,7 +204,7 @@ class Solution(Record):
     """Linkage with methods to move, draw and save it."""
     origin: Origin = field(metadata=KEPT, repr=False)
 
-    def studied(self, work: Work | None = None, **studies: Any) -> Solution:
+    def studied(self, work: Work | None = None, **studies: object) -> Solution:
         """Return the solution with studies of it, under the names of the HTTP contract.
 
         Parameters

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from linkage_atlas.analysis import AskedAnalysis, read_analysis
-from linkage_atlas.arguments import check_above_zero, column, number
+from linkage_atlas.arguments import Fields, check_above_zero, column, number
 from linkage_atlas.assemblies import AskedAssembly, Assembly, read_assembly
 from linkage_atlas.motions import MOST_STOCK, Motion
 from linkage_atlas.tolerance_study import Manufacture, read_manufacture
@@ -36,7 +36,7 @@ class Studies(NamedTuple):
     analysis: AskedAnalysis | None = None
     manufacture: Manufacture | None = None
     """Tolerance study."""
-    drives: Mapping[str, Any] | None = None
+    drives: Fields | None = None
     """`DRIVE_STUDIES`, unchecked."""
     assembly: AskedAssembly | None = None
     arranged: Mapping[int, Assembly] = {}
@@ -54,7 +54,7 @@ class Studies(NamedTuple):
         return any(study is not None for study in long)
 
 
-def read_studies(given: Mapping[str, Any], motion: Motion) -> Studies:
+def read_studies(given: Fields, motion: Motion) -> Studies:
     """Check the studies of a request, some of `STUDIES`, for solutions of a motion."""
     values = dict.fromkeys(STUDIES) | dict(given)
     positions = motion.samples.position is not None
@@ -96,7 +96,7 @@ def check_lengths(asked: Studies, limits: Limits) -> None:
         raise FieldError(f"/{name}", f"none of the lengths is within {BETWEEN_LENGTHS}")
 
 
-def _drives(values: Mapping[str, Any]) -> Mapping[str, Any] | None:
+def _drives(values: Fields) -> Fields | None:
     given = {name: values[name] for name in DRIVE_STUDIES if values[name] is not None}
     if not given.keys() - {"load"}:
         if given:

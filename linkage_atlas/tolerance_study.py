@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, NamedTuple, Protocol, TypedDict
+from typing import Annotated, NamedTuple, Protocol, TypedDict
 
 import numpy as np
 
-from linkage_atlas.arguments import known_fields, number, whole_number
+from linkage_atlas.arguments import Fields, known_fields, number, whole_number
 from linkage_atlas.records import Record, Values
 from synthesis.arrays import Floats
 from synthesis.linkage import Linkage
@@ -124,7 +124,7 @@ class Manufacture(NamedTuple):
     seed: int = 0
 
 
-def read_manufacture(study: Mapping[str, Any]) -> Manufacture:
+def read_manufacture(study: Fields) -> Manufacture:
     """Check a request for a tolerance study: ``links``, ``pivots``, ``clearance``, ``samples``, ``seed``."""
     known_fields("tolerance_study", study, ("links", "pivots", "clearance", "samples", "seed"))
     sizes = [
