@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import wraps
 from itertools import combinations
@@ -216,7 +216,7 @@ def _lengths(field: str, value: object) -> tuple[float | None, ...]:
 
 
 def what_excludes(
-    limits: model.Limits, motion: Motion, search: Search, work: Work, own: Fields | None = None
+    limits: model.Limits, motion: Motion, search: Search, work: Work, named: Collection[str] = ()
 ) -> list[str]:
     """Return sentences on the limits, single ones or else pairs, without which there are linkages.
 
@@ -231,8 +231,8 @@ def what_excludes(
     search : callable
         A quick search within other limits.
     work : Work
-    own : mapping, optional
-        The limits that the request names, which are tried first.
+    named : collection of str
+        Names of the limits that the request sets, which are tried first.
     """
     names = [name for name in limits.given if name != "family"]
     if limits.family != "any":  # it may be the default, which the user has not thought of
@@ -240,7 +240,7 @@ def what_excludes(
     if all_lengths := all(limits.links):  # the given lengths satisfy the limits of lengths: these exclude nothing
         idle = ["link_min", "link_max", "link_ratio_max", *["transmission_angle_min_turn"] * limits.swings]
         names = [name for name in names if name not in idle]
-    names.sort(key=lambda name: (all_lengths and name == "links", name not in (own or {})))
+    names.sort(key=lambda name: (all_lengths and name == "links", name not in named))
     if all_lengths and not in_family(limits.family, np.array([limits.links], dtype=float))[0]:
         family_name = Family(family(np.array(limits.links, dtype=float)).item()).value.replace("_", "-")
         return [

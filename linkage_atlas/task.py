@@ -118,8 +118,8 @@ class Task:
 
     motion: Motion
     limits: Limits
-    named_limits: Fields
-    """The limits as the request names them."""
+    named_limits: frozenset[str]
+    """Names of the limits that the request sets."""
     kinds: Kinds
     source: SeedTables | Scan
     """Origin of four-bars: the tables of a search, or an atlas."""
@@ -156,7 +156,7 @@ class Task:
 
 def read_task(
     arguments: Sequence[object],
-    named_limits: Fields | None,
+    requested_limits: Fields | None,
     options: SearchOptions,
     more: MotionAndStudies,
     work: Callable[[float | None], Work],
@@ -172,7 +172,7 @@ def read_task(
     """
     _check_options(options)
     tolerance, local = number("tolerance", options.tolerance, 0.0), check_local(options.local, options.start_from)
-    motion, named_limits, study_arguments = _read_motion(arguments, named_limits, more)
+    motion, requested_limits, study_arguments = _read_motion(arguments, requested_limits, more)
     if options.effort == "atlas" and motion.free:
         raise FieldError("/effort", "the atlas holds curves over crank angles: with free ones only 'refine' answers")
     starts = read_starts(options.start_from, motion.degrees)
@@ -184,7 +184,7 @@ def read_task(
         raise FieldError("/effort", "the atlas holds four-bars alone: leave `mechanisms` out")
     source, atlas = _source(options)
     watch = work(options.budget)  # the tables are made before the time of a request begins
-    limits, studies = read_limits(named_limits, motion), read_studies(study_arguments, motion)
+    limits, studies = read_limits(requested_limits, motion), read_studies(study_arguments, motion)
     starts = starts_for(starts, motion, kinds)
     if studies.drives is not None:
         check_request(studies.drives, motion.radian)
@@ -192,14 +192,15 @@ def read_task(
         check_rows(options.top, None if motion.free else motion.target.interval)
     searches, only_error = isinstance(source, SeedTables) and not local, studies.rounds or not limits.practical
     prefer = _preference(options.prefer, motion, searches, only_error)
-    fair = _fair_within(named_limits or {}, motion, limits, source)
+    named_limits = frozenset(requested_limits or ())
+    fair = _fair_within(named_limits, motion, limits, source)
     if kinds.only_four_bars:
         check_no_slider_limits(limits)
         check_lengths(studies, limits)
     return Task(
         motion=motion,
         limits=limits,
-        named_limits=named_limits or {},
+        named_limits=named_limits,
         kinds=kinds,
         source=source,
         atlas=atlas,
@@ -249,7 +250,7 @@ def _source(options: SearchOptions) -> tuple[SeedTables | Scan, Atlas | None]:
 
 
 def _read_motion(
-    arguments: Sequence[object], limits: Fields | None, more: MotionAndStudies
+    arguments: Sequence[object], requested_limits: Fields | None, more: MotionAndStudies
 ) -> tuple[Motion, Fields | None, dict[str, object]]:
     """Return the motion, the limits, and the arguments of studies."""
     named: dict[str, object] = dict(more)
@@ -261,12 +262,12 @@ def _read_motion(
             raise TypeError(f"synthesize() has no argument {name!r}; {names}")
     studies = {name: named.pop(name) for name in STUDIES if name in named}
     if not (arguments and isinstance(arguments[0], Motion)):
-        return build(Motion, named, *arguments), limits, studies
+        return build(Motion, named, *arguments), requested_limits, studies
     if named or len(arguments) > 2:
         raise TypeError(f"beside a Motion and its limits there is no {', '.join(named) or 'third argument'}")
     if len(arguments) > 1 and arguments[1] is not None:
-        limits = mapping("limits", arguments[1])
-    return arguments[0], limits, studies
+        requested_limits = mapping("limits", arguments[1])
+    return arguments[0], requested_limits, studies
 
 
 def _preference(prefer: str | None, motion: Motion, searches: bool, only_error: bool) -> Prefer:
@@ -290,7 +291,9 @@ def _preference(prefer: str | None, motion: Motion, searches: bool, only_error: 
     return name
 
 
-def _fair_within(named_limits: Fields, motion: Motion, limits: Limits, source: SeedTables | Scan) -> Fair | None:
+def _fair_within(
+    named_limits: frozenset[str], motion: Motion, limits: Limits, source: SeedTables | Scan
+) -> Fair | None:
     """Return limits within which linkages have a fair size, for requests that do not mention the preset.
 
     If a length or ratio of the request allows more, all linkages in proportion are fair.
