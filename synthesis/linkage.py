@@ -829,7 +829,12 @@ class Linkage:
         return self.transmission_angle_over(interval.after(self.start))
 
     def arm_over(self, interval: Interval) -> float:
-        """The smallest moment arm over an interval of the coordinate, at steps of at most a degree; NaN where it opens."""
+        """Return the smallest moment arm over an interval of the coordinate; NaN if the loop opens.
+
+        Between two points of the body it is exact, otherwise it is the smallest one at steps of at most a degree.
+        """
+        if not any(isinstance(guide, Slot) for guide in self.local_guides):
+            return abs(self._arm.middle) * math.sin(self.transmission_angle_over(interval))
         if not self.closes_over(interval):
             return math.nan
         first, last = float(interval.first), float(interval.last)

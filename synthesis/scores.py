@@ -14,7 +14,7 @@ from synthesis.linkage import Linkage
 from synthesis.linkages import body_motions
 from synthesis.poses import Poses
 from synthesis.ranking import Score
-from synthesis.solution import Solution, target_of
+from synthesis.solution import Solution
 from synthesis.target import Interval, Samples, Target
 
 NEAR_CHANGE_POINT = np.deg2rad(10.0)
@@ -138,11 +138,11 @@ def usable_solutions(
     if samples.position is not None:
         for first in range(0, len(found), _AT_ONCE):
             usable[first : first + _AT_ONCE] &= ~_leaves_path(found[first : first + _AT_ONCE], samples)
+    rotation = (samples.asked or samples).rotation
     for k, solution in enumerate(found):
         tolerated = within_tolerances is not None and within_tolerances[k]
         if usable[k] and not tolerated:
-            target = target_of(samples, solution.linkage, solution.travel)
-            usable[k] = not shared_positions(target, solution.linkage.driver.turns)
+            usable[k] = not shared_positions(samples.timed(solution.travel, rotation), solution.linkage.driver.turns)
     return usable
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,7 +25,7 @@ ALIKE = 0.02
 
 @dataclass(frozen=True)
 class Solution:
-    """A linkage that answers a request.
+    """Linkage that answers a request.
 
     Attributes
     ----------
@@ -52,7 +53,7 @@ class Solution:
     transmission_angle_min_turn: float | None
     row: int | None = None
 
-    @property
+    @cached_property
     def identity(self) -> Floats:
         """Numbers, relative to its size, that distinguish the linkage from others of its kind and drive.
 
@@ -61,7 +62,7 @@ class Solution:
         linkage = self.linkage
         return _four_bar_identity(linkage) if linkage.is_four_bar else _identity(linkage)
 
-    @property
+    @cached_property
     def looks(self) -> Floats:
         """Numbers that differ by less than one if two linkages look alike in a picture."""
         return looks_of(self.linkage) if self.linkage.is_four_bar else self.identity / ALIKE
