@@ -31,7 +31,7 @@ class PinForces(NamedTuple):
     """Forces in the joints, without friction."""
 
     pivot_a: Vectors
-    """Force of the ground on the link of the driven guide, with that of a drive that slides."""
+    """Force of the ground and of a sliding drive on the link of the driven guide."""
     crank_pin: Vectors
     """Force of the link of the driven guide on the body."""
     coupler_pin: Vectors
@@ -56,7 +56,7 @@ class Rates(Record):
     """By the name of each link that turns; the body is the coupler."""
     angular_acceleration: dict[str, Values]
     sliding_velocity: dict[str, Values]
-    """Of the body point along a rail, or of the pin along a slot, by the name of its slider or block."""
+    """Velocity of the body point along a rail, or of the pin along a slot, by the name of its slider or block."""
     transmission_angle: Values
     arm: Values
     """Moment arm of the second guide's push about the driven guide's pin."""
@@ -80,7 +80,7 @@ class Analysis(Rates):
     crank_speed: float
     """Speed of the drive per second, in the unit of angle, or for a slider or cylinder in the unit of length."""
     curve: Annotated[Rates | None, Rates]
-    """The same over the used interval, for angles in steps of at most a degree."""
+    """Values over the used interval, for angles in steps of at most a degree."""
 
 
 def columns_of(record: Any, *names: str) -> dict[str, Iterable[object]]:

@@ -229,10 +229,10 @@ class Linkage(LinkageBase):
         Parameters
         ----------
         links, pivots : float
-            Lengths (of a body on two guides radii and body points), and coordinates of what is fixed (pivots, pins and rails),
+            Lengths (of a body on two guides radii and body points), and coordinates of fixed parts (pivots, pins and rails),
             lie evenly within this of their nominal values, either way.
         clearance : float
-            Diameter of a hole less that of its pin, in all joints: the play at both ends of each guide.
+            Diameter of a hole minus the diameter of its pin, in all joints: the play at both ends of each guide.
         samples, seed : int
             How many linkages are made by chance (10,000), and which (0).
         work : Work, optional
@@ -264,7 +264,7 @@ class Linkage(LinkageBase):
         work: Work | None = None,
         **asked: object,
     ) -> Assembly:
-        """Return layers of its plates in which nothing collides over the used interval, or what prevents the best ones.
+        """Return layers of its plates in which nothing collides over the used interval, or the collisions of the best layers.
 
         Parameters
         ----------
@@ -275,7 +275,7 @@ class Linkage(LinkageBase):
         work : Work, optional
             Limits the time, and ends the computation if the result is no longer needed.
         width, hole, clearance : float
-            Width of the plates, diameter of the pins, and the least gap of parts that pass one another.
+            Width of the plates, diameter of the pins, and the smallest gap between moving parts.
         thickness, washer : float
             Of the plates, and of the washers between layers.
         kerf, scale : float
@@ -283,7 +283,7 @@ class Linkage(LinkageBase):
         length_unit : {"mm", "cm", "m", "in"}
             The unit of its lengths ("mm"): default sizes are standard ones in millimetres.
         boards : {"below", "above", "both", "bar"}
-            Where the fixed pins stand: in a board on either side or both, or in a bar, a plate of its own.
+            Support of the fixed pins: in a board on either side or both, or in a bar, a plate of its own.
         heads : bool
             Whether pins have heads, of 1.8 diameters, that fill a layer at each free end.
         mounts : mapping
@@ -326,7 +326,7 @@ class Linkage(LinkageBase):
         length_unit : {"um", "mm", "cm", "m", "in", "ft"}, optional
             Unit of its lengths; default: the unit of the motion, or millimetres. Solids are in millimetres.
         fit : {"H7", "print"}
-            How pins fit. "H7": drawn at the nominal size, with tolerances in the parts list. "print": with 0.4 mm play where a
+            How pins fit. "H7": drawn at the nominal size, with tolerances in the parts list. "print": with 0.4 mm play if a
             plate turns and 0.1 mm where it holds the pin, and plates and gaps that a printer makes well.
         material, pins : str
             Of plates and boards, and of pins, washers and heads: steel, stainless, aluminium, brass, plywood, acrylic, POM, PLA,
@@ -334,9 +334,9 @@ class Linkage(LinkageBase):
         fillet : float
             Radius at the convex corners of the body's outline, in the unit of its lengths (0).
         layout : {"assembled", "bed"}
-            Where parts stand in STEP (assembled) and 3MF (beside one another on the bed) unless it says otherwise.
+            Position of the parts in STEP (assembled) and 3MF (side by side on the bed); default: as in brackets.
         nevertheless : bool
-            Also where parts would collide (False).
+            Make the parts even if they collide (False).
         **asked
             As of `assembly`.
 
@@ -349,7 +349,7 @@ class Linkage(LinkageBase):
         --------
         >>> import linkage_atlas as la
         >>> parts = la.FourBar(19, 72, 144, 165).solids(material="plywood")
-        >>> [one.link for one in parts.masses]
+        >>> [mass.link for mass in parts.masses]
         ['crank', 'coupler', 'rocker']
         """
         of_assembly, of_solids = split(asked)
@@ -390,16 +390,16 @@ class Linkage(LinkageBase):
         kind : {"csv", "svg", "dxf", "plates", "mjcf", "pylinkage", "step", "3mf", "stl", "urdf", "sdf", "parts"}
             ``plates``: a DXF of the links as plates to cut. ``stl``: a zip file with a file a part. ``parts``: a list (CSV).
         motion : Motion, optional
-            What was asked for; default: the motion that the linkage answers, or else a whole turn.
+            Requested motion; default: the motion that the linkage answers, or else a whole turn.
         length_unit : {"um", "mm", "cm", "m", "in", "ft"}, optional
             Unit of its lengths; default: the unit of the motion, or millimetres.
         crank_angle, travel : array_like, shape (N,), optional
             Of a motion whose timing is free: crank angles, or the place of a drive that slides, from the first sample on.
         analysis : mapping, optional
-            ``crank_speed`` and ``load`` as of `analysis`: further columns of a CSV file.
+            ``crank_speed`` and ``load``, see `analysis`: further columns of a CSV file.
         assembly, solids : mapping, optional
-            How its parts are arranged (True: by default) and made, as of `assembly` and `solids`: for STEP and what follows it
-            above, the masses in an MJCF file, and a DXF of all flat parts in place of the links alone.
+            How its parts are arranged (True: by default) and made, see `assembly` and `solids`: for STEP and what follows it
+            above, the masses in an MJCF file, and a DXF of all flat parts instead of only the links.
         work : Work, optional
             Limits the time, and ends the computation if the result is no longer needed.
         drive : mapping, optional
@@ -417,7 +417,7 @@ class Linkage(LinkageBase):
         unit = self.unit_for(motion, length_unit)
         if analysis is not None and unit is not None:
             analysis = {"length_unit": unit, **analysis}
-        read_assembly(assembly or {})  # what is wrong there is told also where masses are left out
+        read_assembly(assembly or {})  # errors of the assembly are reported even if masses are left out
 
         def parts(nevertheless: bool) -> SolidParts:
             asked = made._replace(nevertheless=True) if nevertheless else made

@@ -75,7 +75,7 @@ class Verdict(Record):
     within_tolerance: bool | None
     """Every sample satisfies the tolerances; null without tolerances."""
     practical: bool
-    """No practical limit is violated; a limit of the request replaces the practical one."""
+    """No practical limit is violated; a limit of the request replaces the practical limit."""
     buildable: bool | None
     """`practical`, and an assembly was found without collisions; null until an assembly was checked."""
     reasons: tuple[str, ...]
@@ -151,7 +151,7 @@ class Solution(Record):
     guides: list[AnyGuide] | None
     """The driven guide first; body points and directions are in the body's frame. Null if nothing is mounted."""
     branch: Literal[-1, 1]
-    """Of a four-bar +1 if the coupler pin lies to the left of the line from the crank pin to pivot B; otherwise the sign of the
+    """For a four-bar +1 if the coupler pin lies to the left of the line from the crank pin to pivot B; otherwise the sign of the
     sine of the transmission angle."""
     start: float
     """The drive's coordinate at the first sample: direction of crank or slot in the plane, position along rail or slot."""
@@ -160,7 +160,7 @@ class Solution(Record):
     start_angle: float | None
     """Crank angle of a four-bar from the ground line at the first sample."""
     body_offset: float | None
-    """Of a four-bar: rotation = coupler angle (in -180..180 degrees at the first sample, continuous) + ground angle + this."""
+    """For a four-bar: rotation = coupler angle (in -180..180 degrees at the first sample, continuous) + ground angle + this."""
     mount: Mount | None
     """Position of a four-bar in the plane; null if it is not mounted."""
     crank_angle: Floats | None = None
@@ -187,7 +187,7 @@ class Solution(Record):
     condition: float | None
     """Condition number of the motion's derivatives by all unknowns of a four-bar."""
     determination: Determination | None
-    """Of a four-bar; null for other kinds, for which it is not computed."""
+    """Determination of a four-bar; null for other kinds, for which it is not computed."""
     sensitivity: list[Change] | None = None
     """If requested: rms change of the motion per unit of each dimension, all other dimensions held."""
     rounded: Rounded | None = None
@@ -256,7 +256,7 @@ def finished(
 ) -> list[Solution]:
     """Describe candidates as solutions with their studies, in their order.
 
-    No further ones are finished once the time is up; the first always is.
+    Once the time is up no further candidates are finished; the first is always finished.
     """
     solutions: list[Solution] = []
     while len(solutions) < len(found) and not (solutions and work.expired()):

@@ -1,4 +1,4 @@
-"""Effect of tolerances of manufacture on the motion of a linkage: what is requested, and what comes back."""
+"""Effect of tolerances of manufacture on the motion of a linkage: the request and the reply."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from synthesis.target import Interval
 from synthesis.work import Work
 
 MOST_SAMPLES, FEWEST_SAMPLES = 100_000, 100
-"""Largest number of linkages that a study simulates, and the smallest one if the bound of a request divides them."""
+"""Largest number of linkages that a study simulates, and the smallest number if the bound of a request divides them."""
 SAMPLES = 10_000
 MOST_POSITIONS = 8_000_000
 """Largest number of positions of simulated linkages in all solutions of one request: a few seconds."""
@@ -99,7 +99,7 @@ class ToleranceStudy(Record):
     position: Made | None
     """Distance of the body point from its position as designed."""
     rotation: Made
-    """Absolute difference of the rotation from the designed one."""
+    """Absolute difference of the rotation from the designed rotation."""
     largest: Largest
     """Source that contributes most; null if nothing contributes."""
     contributions: list[Contribution]
@@ -171,7 +171,7 @@ def studied(
 def described_study(
     found: Study, manufacture: Manufacture, samples: int, band: Floats, radian: float, turns: bool = True
 ) -> ToleranceStudy:
-    """Return a study in the user's units; its first positions are the ``samples``, followed by those of ``band``."""
+    """Return a study in the user's units; its first positions are the ``samples``, followed by the positions of ``band``."""
     sources = found.sources
     spreads = {"position": found.position, "rotation": found.rotation}
     parts = {

@@ -89,8 +89,8 @@ def relative_size(solution: Solution, samples: Samples) -> float:
 def size_of(linkage: Linkage, samples: Samples, interval: Interval | None = None) -> float | None:
     """Return the largest length of a mounted linkage over the motion's extent; None without positions.
 
-    Lengths are those of the links, the distances of the body point from its joints, those of fixed pivots, pins and used
-    rails from the motion's middle, and used slots. Of a four-bar only the distance from the crank pin counts.
+    Lengths are links, distances of the body point from its joints, distances of fixed pivots, pins and used rails from the
+    motion's middle, and used slots. The body point of a four-bar counts with its distance from the crank pin only.
 
     ``interval``: travel that the motion uses, which rails and slots need.
     """

@@ -64,7 +64,7 @@ class Solution:
 
     @cached_property
     def looks(self) -> Floats:
-        """Numbers that differ by less than one if two linkages look alike in a picture."""
+        """Numbers that differ by less than 1 if two linkages look alike in a picture."""
         return looks_of(self.linkage) if self.linkage.is_four_bar else self.identity / ALIKE
 
     def mirrored(self) -> Solution:
@@ -76,9 +76,9 @@ class Solution:
 
 
 def looks_of(linkage: Linkage) -> Floats:
-    """Return the logarithms of the lengths of a four-bar in units of that of 1 + `ALIKE`, its branch and its family, (6,).
+    """Return the logarithms of the lengths of a four-bar to the base 1 + `ALIKE`, its branch and its family, (6,).
 
-    Law: those of two linkages differ by less than one exactly if branch and family are the same and all lengths agree to
+    Law: the numbers of two linkages differ by less than 1 exactly if branch and family are the same and all lengths agree to
     within `ALIKE`.
     """
     assert linkage.family is not None

@@ -361,7 +361,7 @@ class AnalysisRequest(RequestModel):
     crank_speed: Bounded = Field(
         description="Constant, in the unit of angle a second, counter-clockwise: negative for a clockwise motion."
     )
-    load: LoadRequest | None = Field(None, description="With it: crank torque and pin forces.")
+    load: LoadRequest | None = Field(None, description="With it: torque or force of the drive, and pin forces.")
     length_unit: LengthUnit = Field("mm", description="The unit of lengths, which tells the forces of inertia.")
 
 

@@ -158,7 +158,7 @@ def test_what_a_designer_asks_next_is_shown_and_taken_away(page) -> None:
     for name, entry in {"layer-hole": "4", "layer-width": "9"}.items():
         page.type_into(name, entry + Keys.TAB)
     titles = page.texts("#curves h3")
-    for name in ("Velocity", "Acceleration", "Angular velocity", "Crank torque", "Transmission"):
+    for name in ("Velocity", "Acceleration", "Angular velocity", "Torque of the drive", "Transmission"):
         assert any(title.startswith(name) for title in titles), name
     # the band: as far from the path as the service says, where its factor is page out
     note = page.run("return document.querySelector('#canvas .band-note').textContent")
