@@ -22,7 +22,7 @@ from linkage_atlas.arguments import (
     whole_number,
 )
 from linkage_atlas.part_settings import PART_SETTINGS, PartSettings
-from linkage_atlas.records import KEPT, Record
+from linkage_atlas.records import PYTHON_ONLY, Record
 from synthesis.assembly import stacks
 from synthesis.assembly.driven_machine import Strut, motor_driven, strut_driven
 from synthesis.assembly.keep_out import ENVELOPE, outside
@@ -211,15 +211,15 @@ class Assembly(Record):
     parts: list[AssemblyPart]
     reasons: list[str]
     """Sentences."""
-    machine: Machine = field(metadata=KEPT, repr=False)
+    machine: Machine = field(metadata=PYTHON_ONLY, repr=False)
     """Plates and pins in radians."""
-    arrangement: Arrangement = field(metadata=KEPT, repr=False)
+    arrangement: Arrangement = field(metadata=PYTHON_ONLY, repr=False)
     """The arrangement in radians."""
-    settings: PartSettings = field(metadata=KEPT, repr=False)
+    settings: PartSettings = field(metadata=PYTHON_ONLY, repr=False)
     """All sizes, including defaults."""
-    given: PartSettings = field(metadata=KEPT, repr=False)
+    given: PartSettings = field(metadata=PYTHON_ONLY, repr=False)
     """The sizes of the request."""
-    driven_hinge: str = field(default="", metadata=KEPT, repr=False)
+    driven_hinge: str = field(default="", metadata=PYTHON_ONLY, repr=False)
     """Name of the link with a drive in its hinge; empty without such a drive."""
 
     @property

@@ -26,7 +26,7 @@ Values = Annotated[Floats, list[float | None]]
 Vectors = Annotated[Floats, list[tuple[float, float] | None]]
 """(n, 2): null where a row is not finite."""
 
-KEPT = {"kept": True}
+PYTHON_ONLY = {"python_only": True}
 """Metadata of a field that is not part of the HTTP interface."""
 LAST = {"last": True}
 """Metadata of a field of a base that comes last in a reply."""
@@ -44,7 +44,7 @@ class Record:
 def names_of(kind: Any) -> tuple[str, ...]:
     """Return the names of the fields of a record in a reply, in order; empty for types that are no record."""
     if is_dataclass(kind):
-        shown = [field for field in fields(kind) if "kept" not in field.metadata]
+        shown = [field for field in fields(kind) if "python_only" not in field.metadata]
         return tuple(field.name for field in sorted(shown, key=lambda field: "last" in field.metadata))
     return getattr(kind, "_fields", ())
 

@@ -12,7 +12,7 @@ from typing import Annotated, Literal, TypeVar, cast, overload
 from linkage_atlas.geometry import AtlasType
 from linkage_atlas.linkages import Linkage
 from linkage_atlas.notes import counted
-from linkage_atlas.records import KEPT, Record
+from linkage_atlas.records import PYTHON_ONLY, Record
 from linkage_atlas.solutions import Solution
 from synthesis.ranking import Status
 
@@ -131,7 +131,7 @@ class Match(Record):
     similarity: float
     """Rms rotation error of this row at this start: a distance."""
     features: Features | None = None
-    linkage: Linkage = field(metadata=KEPT)
+    linkage: Linkage = field(metadata=PYTHON_ONLY)
     """With the type's lengths, this start and offset."""
 
 

@@ -10,7 +10,7 @@ from typing import Annotated, Literal, NamedTuple
 from linkage_atlas.arguments import Fields, check_names, flag, millimetres_in, number, one_of
 from linkage_atlas.assemblies import ASSEMBLY, Assembly, assembled, read_assembly
 from linkage_atlas.formats import OF_PARTS, kind_of
-from linkage_atlas.records import KEPT, Record
+from linkage_atlas.records import PYTHON_ONLY, Record
 from synthesis.errors import FieldError
 from synthesis.linkage import Linkage
 from synthesis.sheet import csv_text
@@ -113,11 +113,11 @@ class SolidParts(Record):
     masses: list[Weight]
     """Masses of the moving links, for an analysis."""
     thinnest_wall: Wall
-    solids: Solids = field(metadata=KEPT, repr=False)
-    asked: AskedSolids = field(metadata=KEPT, repr=False)
-    kerf: float = field(default=0.0, metadata=KEPT, repr=False)
+    solids: Solids = field(metadata=PYTHON_ONLY, repr=False)
+    request: AskedSolids = field(metadata=PYTHON_ONLY, repr=False)
+    kerf: float = field(default=0.0, metadata=PYTHON_ONLY, repr=False)
     """Width of the cut of plates, in millimetres."""
-    driven_hinge: str = field(default="", metadata=KEPT, repr=False)
+    driven_hinge: str = field(default="", metadata=PYTHON_ONLY, repr=False)
     """Link with a drive in its hinge, which has no parts of its own; empty without such a drive."""
 
     def file(self, kind: str) -> bytes:
@@ -133,7 +133,7 @@ class SolidParts(Record):
 
             return parts_to_plates(solids, self.kerf).encode()
         if kind == "parts":
-            columns = parts_list(solids, self.asked.fit)
+            columns = parts_list(solids, self.request.fit)
             if self.driven_hinge:
                 row = {"name": "drive", "kind": "rotary drive", "link": self.driven_hinge}
                 columns = {name: [*column, row.get(name)] for name, column in columns.items()}
@@ -149,7 +149,7 @@ class SolidParts(Record):
 
         if kind == "stl":
             return to_stl_zip(parts)
-        layout = self.asked.layout or ("bed" if kind == "3mf" else "assembled")
+        layout = self.request.layout or ("bed" if kind == "3mf" else "assembled")
         poses = on_bed(parts) if layout == "bed" else solids.posed()
         if kind == "3mf":
             return to_3mf(parts, poses, NAME)

@@ -17,7 +17,7 @@ from linkage_atlas.drive_design.records import AnySpring, Drive, Refusal
 from linkage_atlas.geometry import AnyGuide, AtlasType, DriverName, KindName, Links, Mount, dimensions_of
 from linkage_atlas.linkages import Linkage
 from linkage_atlas.motions import Motion
-from linkage_atlas.records import KEPT, LAST, Record, Values
+from linkage_atlas.records import LAST, PYTHON_ONLY, Record, Values
 from linkage_atlas.studies import STUDIES, Studies, read_studies
 from linkage_atlas.tolerance_study import ToleranceStudy, share_of
 from synthesis import defects
@@ -130,7 +130,7 @@ class Rounded(Record):
     """True if this is the best of all combinations; null for a grid."""
     reason: str | None = None
     """Reason if no combination closes."""
-    linkage: Linkage | None = field(default=None, metadata=KEPT)
+    linkage: Linkage | None = field(default=None, metadata=PYTHON_ONLY)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -200,9 +200,9 @@ class Solution(Record):
     springs: list[AnySpring] | None = field(default=None, repr=False, metadata=LAST)
     drivable: bool | None = field(default=None, repr=False, metadata=LAST)
     """With `drive`: true if there is a drive."""
-    linkage: Linkage = field(metadata=KEPT)
+    linkage: Linkage = field(metadata=PYTHON_ONLY)
     """Linkage with methods to move, draw and save it."""
-    origin: Origin = field(metadata=KEPT, repr=False)
+    origin: Origin = field(metadata=PYTHON_ONLY, repr=False)
 
     def studied(self, work: Work | None = None, **studies: object) -> Solution:
         """Return the solution with studies of it, under the names of the HTTP contract.

@@ -333,7 +333,7 @@ class Reader:
         if "holds" in values:
             values["holds"] = self._holding(f"{at}/holds", values["holds"])
         if "wanted" in values:
-            values["wanted"] = self._wanted(f"{at}/wanted", values["wanted"])
+            values["wanted"] = self._curve(f"{at}/wanted", values["wanted"])
         if "hand_force_max" in values:
             self._check_hand(f"{at}/hand_force_max")
         catalogue = f"{at}/catalogue"
@@ -363,7 +363,7 @@ class Reader:
             force = bounded(f"{at}/force_min", entry["force_min"])
         return Holding(flag(f"{at}/closed", entry.get("closed")), flag(f"{at}/open", entry.get("open")), force)
 
-    def _wanted(self, at: str, entry: object) -> WantedCurve:
+    def _curve(self, at: str, entry: object) -> WantedCurve:
         entry = known_fields(at, entry, ("torque", "hand_force"))
         names = [name for name in ("torque", "hand_force") if entry.get(name) is not None]
         if len(names) != 1:

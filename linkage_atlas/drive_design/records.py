@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple, get_args, over
 
 from linkage_atlas.linkages import Linkage
 from linkage_atlas.plotting import plot_curves
-from linkage_atlas.records import KEPT, Record, Values, Vectors
+from linkage_atlas.records import PYTHON_ONLY, Record, Values, Vectors
 from synthesis.arrays import Floats
 from synthesis.drives.links import GROUND, LinkMotions
 
@@ -275,7 +275,7 @@ class MotorDrive(_PinnedDrive):
     """Null without a load."""
     curve: MotorCurve
     six_bar: SixBar
-    linkage: Linkage = field(metadata=KEPT, repr=False, compare=False)
+    linkage: Linkage = field(metadata=PYTHON_ONLY, repr=False, compare=False)
     """The linkage with its motor; on a hinged link a four-bar whose rocker is the link."""
 
     @property
@@ -496,7 +496,7 @@ class Drives(Record):
     springs: list[AnySpring]
     torque: TorqueCurve
     notes: list[str]
-    machine: LinkMotions = field(metadata=KEPT, repr=False)
+    machine: LinkMotions = field(metadata=PYTHON_ONLY, repr=False)
 
     @overload
     def best(self, kind: Literal["rotary"]) -> RotaryDrive | None: ...

@@ -50,7 +50,7 @@ UNITS = ("deg", "rad", LENGTH)
 _LIMITS = ("transmission_angle_min", "link_min", "link_max", "link_ratio_max", "links", "offset", "family", "preset")
 _LINKS = {"crank": "crank", "coupler": "rod", "ground": "ground"}
 """Names of limits' links, and of the lengths that they are."""
-_OTHERS = "; `input_unit` and `output_unit` say what is a length"
+_UNIT_HINT = "; `input_unit` and `output_unit` say what is a length"
 _STILL = 1e-12
 """Largest change of an output, in radians, that counts as rest."""
 _RATIO = 500.0
@@ -103,7 +103,7 @@ def read_kinds(mechanisms: Sequence[str] | str | None, dial: Dial) -> list[str]:
     if mechanisms is None:
         return known[:1]
     return kinds_among(
-        mechanisms, known, f"from {dial.input} to {dial.output} there is {' or '.join(known)}{_OTHERS}"
+        mechanisms, known, f"from {dial.input} to {dial.output} there is {' or '.join(known)}{_UNIT_HINT}"
     )
 
 
@@ -351,7 +351,7 @@ class FunctionFields:
         unwound_fields, notes = (fields, []) if quick is not None else fields._unwound(dial)
         if self.steering is not None:
             notes = [*notes, STEERING_NOTE]
-        target, dials, scales = unwound_fields._wanted(dial, quick)
+        target, dials, scales = unwound_fields._function(dial, quick)
         limits = {name: value for name, value in (fields.limits or {}).items() if value is not None}
         symmetric_from = fields._symmetric_from() if fields.symmetric else None
         largest = fields.objective == "max"
@@ -435,7 +435,7 @@ class FunctionFields:
             notes = [*notes, *said]
         return replace(self, output=output, input=input), notes
 
-    def _wanted(self, dial: Dial, quick: QuickReturn | None) -> tuple[Wanted, Dials | None, Scales]:
+    def _function(self, dial: Dial, quick: QuickReturn | None) -> tuple[Wanted, Dials | None, Scales]:
         """Return the wanted function, its dials if it has a name, and what a unit is."""
         assert not callable(self.output)
         target, dials, scales = read_wanted(

@@ -14,7 +14,7 @@ from linkage_atlas.functions.question import Dial, Scales
 from linkage_atlas.geometry import AnyGuide, DriverName, KindName, Links
 from linkage_atlas.linkages import Linkage
 from linkage_atlas.notes import counted
-from linkage_atlas.records import KEPT, Record, Values
+from linkage_atlas.records import PYTHON_ONLY, Record, Values
 from linkage_atlas.results import Ranked, StatusName, StoppedBy
 from linkage_atlas.solutions import Verdict
 from synthesis.arrays import Floats
@@ -79,7 +79,7 @@ class TravelSolution(Record):
     transmission_angle_min: float
     """Over the used interval, exactly."""
     error_curve: ErrorCurve | None
-    linkage: Linkage = field(metadata=KEPT)
+    linkage: Linkage = field(metadata=PYTHON_ONLY)
     """Linkage with methods to move, draw and save it."""
 
 
@@ -94,7 +94,7 @@ class RoundedFunction(Record):
     errors: FunctionErrors | None = None
     transmission_angle_min: float | None = None
     """Over the used interval; limits are not applied again."""
-    linkage: Linkage | None = field(default=None, metadata=KEPT)
+    linkage: Linkage | None = field(default=None, metadata=PYTHON_ONLY)
 
 
 @dataclass(frozen=True)
@@ -135,7 +135,7 @@ class FunctionSolution(Record):
     """Rms change of the output per unit of crank, coupler, rocker, ground."""
     rounded: RoundedFunction | None
     error_curve: ErrorCurve | None
-    linkage: Linkage = field(metadata=KEPT)
+    linkage: Linkage = field(metadata=PYTHON_ONLY)
     """Linkage with methods to move, draw and save it."""
 
 
@@ -173,10 +173,10 @@ class FunctionResult(Record, Ranked[FunctionSolution | TravelSolution]):
     """The samples' x and y, where a function was named."""
     y: Floats | None
     report: FunctionReport
-    wanted: Wanted = field(repr=False, metadata=KEPT)
-    degrees: bool = field(default=True, metadata=KEPT)
-    dial: Dial = field(default=Dial("angle", "angle"), repr=False, metadata=KEPT)
-    scales: Scales = field(default=Scales(1.0, 1.0, 1.0), repr=False, metadata=KEPT)
+    wanted: Wanted = field(repr=False, metadata=PYTHON_ONLY)
+    degrees: bool = field(default=True, metadata=PYTHON_ONLY)
+    dial: Dial = field(default=Dial("angle", "angle"), repr=False, metadata=PYTHON_ONLY)
+    scales: Scales = field(default=Scales(1.0, 1.0, 1.0), repr=False, metadata=PYTHON_ONLY)
 
     @property
     def _results(self) -> list[FunctionSolution | TravelSolution]:
