@@ -1,7 +1,7 @@
-"""The scenes beside the four-bar: each module here holds the models and the queries of one machine.
+"""Machine scenes: each module contains the requests, replies and queries of a machine.
 
-A scene module exposes ``QUERIES``, a tuple of `app.query.Query`, with paths ``/v1/<scene>/...``. It is imported when the scene
-is first asked for, with its numerics in `synthesis`, so that no scene costs another one's start.
+A scene exposes ``QUERIES``, a tuple of `app.query.Query` with paths ``/v1/<scene>/...``. It is imported with its numerics in
+`synthesis` when the scene is first used, so that an unused scene does not slow down the start.
 """
 
 from __future__ import annotations
@@ -16,10 +16,11 @@ SCENES: tuple[str, ...] = ("lift", "chain", "knotter")
 
 
 def queries_of(scene: str) -> tuple[Query, ...]:
+    """Return the queries of a scene, which is imported if necessary."""
     queries: tuple[Query, ...] = import_module(f"app.scenes.{scene}").QUERIES
     return queries
 
 
 def scene_queries() -> tuple[Query, ...]:
-    """The queries of all scenes, in the order of `SCENES`."""
+    """Return the queries of all scenes, in the order of `SCENES`."""
     return tuple(query for scene in SCENES for query in queries_of(scene))

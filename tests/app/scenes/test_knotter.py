@@ -15,8 +15,8 @@ import linkage_atlas as la
 from app import cli
 from app.query import reply_model
 from app.resources import ServiceResources
-from app.scenes import knotter as models
 from app.scenes import scene_queries
+from app.scenes.knotter import pattern_fit
 from app.settings import Settings
 from tests.conftest import finite
 
@@ -178,7 +178,7 @@ def test_fit_reproduces_the_published_patterns_from_a_seeded_start(client) -> No
     [
         (["d1", "d98", "S1.j", "d99"], "#/unknowns/1/name", "d98, d99"),
         (["alpha1"], "#/unknowns/0/name", "alpha1"),
-        (["d1", "d1"], "#/unknowns/1/name", "d1 is sought twice"),
+        (["d1", "d1"], "#/unknowns/1/name", "d1 is listed twice; remove one of the two"),
     ],
 )
 def test_names_that_a_fit_cannot_seek_are_all_named(client, names, pointer, words) -> None:
@@ -193,5 +193,5 @@ def test_the_smallest_budget_of_a_fit_is_answered_on_a_busy_machine() -> None:
         def work(self, budget: float | None = None, cancelled: Any = None) -> la.Work:
             return la.Work(budget, cancelled, map((0.1).__mul__, count()).__next__)
 
-    reply = models.answer_fit(models.PatternFitRequest(budget_ms=1e-3), Busy(Settings(with_atlas=False)))
+    reply = pattern_fit.answer_fit(pattern_fit.PatternFitRequest(budget_ms=1e-3), Busy(Settings(with_atlas=False)))
     assert reply.status == "not reproduced" and len(reply.entries) == 16 and reply.alone is None

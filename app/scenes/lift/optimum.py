@@ -1,0 +1,280 @@
+"""Questions about the optimum design of a lift for one or for many cylinders."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+from app.query import Angles as Unit
+from app.query import (
+    Query,
+    Resources,
+)
+from app.scenes.lift.files import drawings
+from app.scenes.lift.models import (
+    MAX_BATCH_STEPS,
+    MIN_MAGNITUDE,
+    BatchReply,
+    BatchRequest,
+    BatchRow,
+    ConstraintsModel,
+    CylinderModel,
+    DesignReply,
+    DiscreteObjective,
+    OptimizeReply,
+    OptimizeRequest,
+    UnconstrainedReply,
+    cylinder_of,
+)
+from linkage_atlas import FieldError, Work
+from synthesis.scenes.lift.constraints import (
+    ConstraintRow,
+    Constraints,
+    constraint_rows,
+    measured_values,
+    optimize_within,
+)
+from synthesis.scenes.lift.files import design_csv
+from synthesis.scenes.lift.motion import (
+    motion,
+)
+from synthesis.scenes.lift.optimum import (
+    Objective,
+    Optimum,
+    StrokeDesign,
+    Task,
+    optimize,
+    optimize_batch,
+    optimum_motion,
+    published_for,
+)
+from synthesis.scenes.lift.pose import Design
+
+MIN_SIDE = 0.1
+"""Default of the smallest length with constraints, as a fraction of the top height."""
+MIN_TRANSMISSION_ANGLE = 30.0
+"""Default of the smallest transmission angle with constraints, degrees."""
+NOTES = {
+    "discrete": "The objective is the mean squared deviation of the platform's speed from its mean at evenly spaced heights.",
+    "continuous": "The objective is the squared deviation of the platform's speed from its mean, averaged over height.",
+    "normalized": "The objective is the squared deviation of the platform's speed from its mean, averaged over height and "
+    "divided by the squared mean.",
+}
+"""Definition of each objective, for the reply."""
+
+
+def _task(cylinder: CylinderModel, request: OptimizeRequest | BatchRequest) -> Task:
+    objective = Objective(**request.objective.model_dump())
+    return Task(cylinder_of(cylinder), *request.stroke, objective, request.upper_bound)
+
+
+def _common_fields(optimum: Optimum, task: Task) -> dict[str, Any]:
+    """Return the fields of an optimum that a reply and a row of a batch have in common."""
+    return {
+        "status": "optimal",
+        "design": optimum.design,
+        "objective": optimum.objective,
+        "active": optimum.active,
+        "motion": optimum_motion(optimum, task),
+    }
+
+
+def _constraints(request: OptimizeRequest, model: ConstraintsModel) -> Constraints:
+    """Return the constraints of a request, completed by the defaults that depend on the request."""
+    bound, shortest = request.upper_bound, MIN_SIDE * request.stroke[1]
+    angle = model.transmission_angle_min
+    min_transmission = (
+        math.radians(MIN_TRANSMISSION_ANGLE) if angle is None else Unit(request.angle_unit).inward(angle)
+    )
+    if not min_transmission < 0.5 * math.pi:
+        raise FieldError("/constraints/transmission_angle_min", "must be less than 90 degrees")
+
+    def ranged(name: str, values: list[float | None] | None, low: float) -> tuple[float | None, float | None]:
+        first, last = values or (low, bound)
+        if first is not None and first > bound:
+            field, quantity = f"/constraints/{name}", f"{first:.9g}"
+            if values is None:
+                field, quantity = "/upper_bound", f"the smallest {name}, a tenth of the top height,"
+            message = f"{quantity} is larger than upper_bound, {bound:.9g}"
+            raise FieldError(field, message, constraint=name, amount=first - bound)
+        return first, bound if last is None else min(last, bound)
+
+    if model.closed_length is None and request.cylinder.length > bound:
+        message = f"{request.cylinder.length:.9g} is larger than upper_bound, {bound:.9g}; give a closed_length"
+        amount = request.cylinder.length - bound
+        raise FieldError("/cylinder/length", message, constraint="closed_length", amount=amount)
+    closed = model.closed_length or (request.cylinder.length, bound)
+    left, bottom, right, top = model.envelope
+    return Constraints(
+        lengths={name: ranged(name, getattr(model, name), shortest) for name in ("l2", "l3", "l4", "l5", "b")},
+        closed_length=(closed[0] or MIN_MAGNITUDE, bound if closed[1] is None else closed[1]),
+        extension_max=model.extension_max,
+        dead_point_min=model.dead_point_min,
+        acceleration_max=model.acceleration_max,
+        jerk_max=model.jerk_max,
+        rise_time=tuple(model.rise_time) if model.rise_time else (None, None),
+        envelope=(left, bottom, right, top),
+        transmission_min=min_transmission,
+        force_ratio_max=model.force_ratio_max,
+        start=model.start,
+    )
+
+
+def _optimum(request: OptimizeRequest, resources: Resources) -> tuple[Optimum, Task, Constraints | None]:
+    task, work = _task(request.cylinder, request), resources.work()
+    if request.constraints is None:
+        return optimize(task, work), task, None
+    limits = _constraints(request, request.constraints)
+    return optimize_within(task, limits, work), task, limits
+
+
+def answer_optimize(request: OptimizeRequest, resources: Resources) -> OptimizeReply:
+    """Optimize a design; compare it with the published design or, with constraints, with the unconstrained optimum."""
+    optimum, task, limits = _optimum(request, resources)
+    published = published_for(task, optimum) if limits is None else None
+    return OptimizeReply(
+        **_common_fields(optimum, task),
+        closed_length=float(optimum.stroke_design.closed_length),
+        objective_kind=task.objective.kind,
+        slacks=optimum.slacks,
+        equations=optimum.equations,
+        objective_of_published=published and published.objective,
+        published=published,
+        **(
+            {}
+            if limits is None
+            else _within(optimum, task, limits, Unit(request.angle_unit).radian, resources.work())
+        ),
+        note=NOTES[task.objective.kind],
+        evaluations=optimum.evaluations,
+    )
+
+
+def _within(optimum: Optimum, task: Task, limits: Constraints, radian: float, work: Work) -> dict[str, Any]:
+    """Return the values and limits of the optimum, and the unconstrained optimum with the limits that it violates."""
+
+    def rows(built: StrokeDesign, active: Sequence[str] = ()) -> list[ConstraintRow]:
+        constraint_list = constraint_rows(limits, measured_values(built, task), active)
+        return [
+            replace(row, name="transmission_angle", value=row.value / radian, limit=row.limit / radian)
+            if row.name == "transmission"
+            else row
+            for row in constraint_list
+        ]
+
+    constraints = rows(optimum.stroke_design, optimum.active)
+    try:
+        free = optimize(task, work)
+    except FieldError:  # infeasible with the given closed length, which the constraints allow to vary
+        return {"constraints": constraints}
+    breaks = [replace(row, active=False) for row in rows(free.stroke_design) if not row.satisfied]
+    return {
+        "constraints": constraints,
+        "unconstrained": UnconstrainedReply(design=free.design, objective=free.objective, breaks=breaks),
+        "cost": optimum.objective / free.objective - 1 if free.objective > 0 else None,
+    }
+
+
+def optimum_csv(request: OptimizeRequest, resources: Resources) -> bytes:
+    """Return the optimum design and its motion at 201 times as comma-separated values."""
+    optimum, task, _ = _optimum(request, resources)
+    closed = float(optimum.stroke_design.closed_length)
+    return design_csv(motion(optimum.design, replace(task.cylinder, length=closed)), closed).encode()
+
+
+def _optimal(request: OptimizeRequest, resources: Resources) -> tuple[Design, float]:
+    built = _optimum(request, resources)[0].stroke_design
+    return built.design, float(built.turn)
+
+
+def answer_batch(request: BatchRequest, resources: Resources) -> BatchReply:
+    """Optimize a design for each cylinder; an infeasible row states its reason."""
+    if isinstance(request.objective, DiscreteObjective):
+        steps = request.objective.n * len(request.cylinders)
+        if steps > MAX_BATCH_STEPS:
+            message = f"n times the number of cylinders must be at most {MAX_BATCH_STEPS}; it is {steps}"
+            raise FieldError("/objective/n", message, constraint="batch_steps", amount=steps - MAX_BATCH_STEPS)
+    tasks = [_task(cylinder, request) for cylinder in request.cylinders]
+    rows = []
+    for cylinder, task, optimum in zip(request.cylinders, tasks, optimize_batch(tasks, resources.work())):
+        if isinstance(optimum, FieldError):
+            reason = {name: optimum.details.get(name) for name in ("constraint", "amount")}
+            row = {"status": "infeasible", "detail": optimum.message, **reason}
+        else:
+            published = published_for(task, optimum)
+            row = {**_common_fields(optimum, task), "objective_of_published": published and published.objective}
+        rows.append(BatchRow(cylinder=cylinder.model_dump(), **row))
+    return BatchReply(status="ok", rows=rows)
+
+
+LENGTHS = ("l2", "l3", "l4", "l5", "b")
+
+
+def optimize_table(reply: OptimizeReply) -> str:
+    """Return the optimum design beside the published design, and its constraints."""
+    columns: list[tuple[str, DesignReply, float]] = [("optimum", reply.design, reply.objective)]
+    if reply.published:
+        columns.append(("published", reply.published.design, reply.published.objective))
+    lines = [f"{'mm':>10} " + " ".join(f"{name:>14}" for name, _, _ in columns)]
+    for name in LENGTHS:
+        lines.append(f"{name:>10} " + " ".join(f"{getattr(design, name):14.6f}" for _, design, _ in columns))
+    lines.append(f"{'objective':>10} " + " ".join(f"{value:14.7g}" for _, _, value in columns))
+    lines += [
+        f"{'closed l1':>10} {reply.closed_length:14.6f}",
+        "",
+        f"active: {', '.join(reply.active) or 'none'}",
+        f"rise time {reply.motion.rise_time:.6f} s, speed at the start {reply.motion.velocity_start:.6g} mm/s, "
+        f"mean over height {reply.motion.velocity_mean:.6g} mm/s",
+    ]
+    if reply.published:
+        lines.append(f"published: {reply.published.reason}")
+    if reply.constraints:
+        lines += ["", f"{'constraint':>20} {'is':>14}        {'limit':>14}"]
+        for row in reply.constraints:
+            sign = ">=" if row.kind == "least" else "<="
+            lines.append(f"{row.name:>20} {row.value:14.7g} {sign:>6} {row.limit:14.7g}{' *' if row.active else ''}")
+        lines += ["* active constraint", ""]
+    if reply.unconstrained and reply.cost is not None:
+        broken = ", ".join(f"{row.name} {row.value:.6g}" for row in reply.unconstrained.breaks)
+        lines.append(
+            f"without constraints the objective is {reply.unconstrained.objective:.6g} (with constraints: {reply.cost:+.1%}); "
+            f"violated limits: {broken or 'none'}"
+        )
+    lines.append(reply.note)
+    return "\n".join(lines)
+
+
+def batch_table(reply: BatchReply) -> str:
+    """Return a row for each cylinder with its optimum, or the reason why there is none."""
+    names = ("length", "speed", *LENGTHS, "objective", "published", "rise time")
+    lines = [" ".join(f"{name:>11}" for name in names)]
+    for row in reply.rows:
+        head = f"{row.cylinder['length']:11.6g} {row.cylinder['speed']:11.6g} "
+        if row.design is None or row.motion is None or row.objective is None:
+            lines.append(head + f"{row.constraint}: {row.detail}")
+            continue
+        values = [f"{getattr(row.design, name):11.4f}" for name in LENGTHS]
+        published = "-" if row.objective_of_published is None else f"{row.objective_of_published:.4f}"
+        lines.append(head + " ".join(values) + f" {row.objective:11.4f} {published:>11} {row.motion.rise_time:11.6f}")
+    return "\n".join(lines)
+
+
+OPTIMIZE = Query(
+    command="lift optimize",
+    summary="Optimize a lifting linkage for a cylinder and a stroke.",
+    answer=answer_optimize,
+    table=optimize_table,
+    shows_units=False,
+    is_long=lambda _: True,
+    exports={"csv": optimum_csv, **drawings(_optimal)},
+)
+BATCH = Query(
+    command="lift batch",
+    summary="Optimize a lifting linkage for each of several cylinders.",
+    answer=answer_batch,
+    table=batch_table,
+    shows_units=False,
+    is_long=lambda _: True,
+)
