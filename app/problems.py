@@ -1,6 +1,6 @@
-"""Errors to problem+json (RFC 9457): the one place that knows both the domain's errors and HTTP.
+"""Conversion of errors to problem+json (RFC 9457); no other module knows both the errors of the domain and HTTP.
 
-A reply never repeats the input, so values that JSON cannot hold (NaN, lone surrogates) or that are large do not reach it.
+A reply never repeats the input, so it cannot contain large values or values that JSON does not allow (NaN, lone surrogates).
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from app.sentences import sentence
 from linkage_atlas import AtlasError, AtlasFault, Cancelled, FieldError, OutOfTime
 
 MAX_POINTER = 200
-"""Longest part of a pointer in characters: a field's name is the client's and may be of any length."""
+"""Largest length of a component of a pointer, in characters; the client may send field names of any length."""
 
 SCHEMA: dict[str, Any] = {
     "type": "object",
@@ -32,7 +32,7 @@ SCHEMA: dict[str, Any] = {
         "type": {"type": "string"},
         "title": {"type": "string"},
         "status": {"type": "integer"},
-        "detail": {"type": "string", "description": "What is wrong, as a sentence."},
+        "detail": {"type": "string", "description": "Description of the error."},
         "errors": {
             "type": "array",
             "items": {
@@ -46,39 +46,47 @@ SCHEMA: dict[str, Any] = {
         },
     },
 }
-"""JSON schema of a problem, for the API's description."""
+"""JSON schema of a problem, for the description of the API."""
 
 
 class Overloaded(Exception):
-    """More requests wait than the service lets wait."""
+    """Too many requests are waiting."""
 
 
 class Malformed(Exception):
-    """A body that cannot be read: what is wrong, and what is wrong at its place, if that is said in other words."""
+    """A body that cannot be read.
 
-    def __init__(self, detail: str, at_place: str | None = None) -> None:
+    Parameters
+    ----------
+    detail : str
+        Description of the error.
+    row_detail : str, optional
+        Description for the row of the error, if it differs.
+    """
+
+    def __init__(self, detail: str, row_detail: str | None = None) -> None:
         super().__init__(detail)
-        self.detail, self.at_place = detail, at_place or detail
+        self.detail, self.row_detail = detail, row_detail or detail
 
 
 class NotJson(Exception):
-    """A body that is not declared as JSON, or as packed."""
+    """A body that is compressed, or not declared as JSON."""
 
 
 class Ending(Exception):
-    """The service ends and computes no further."""
+    """The service is shutting down."""
 
 
 class Died(Exception):
-    """The process that computed an answer ended before it was there."""
+    """The process that computed an answer ended before the answer was complete."""
 
 
 class NotFound(Exception):
-    """The resource does not exist; the message says which do."""
+    """The resource does not exist; the message lists existing resources."""
 
 
 def pointer(location: Iterable[str | int]) -> str:
-    """A JSON pointer (RFC 6901) as a URI fragment, for the path of a value in the request."""
+    """Return the JSON pointer (RFC 6901) to a value of the request, as a URI fragment."""
     parts = [str(part)[:MAX_POINTER].replace("~", "~0").replace("/", "~1") for part in location]
     return "#" + "".join("/" + quote(part, safe="!$&'()*+,;=:@", errors="replace") for part in parts)
 
@@ -94,7 +102,19 @@ def problem(
     errors: list[dict[str, Any]] | None = None,
     headers: dict[str, str] | None = None,
 ) -> Response:
-    """A problem+json response. ``ensure_ascii`` keeps lone surrogates from breaking the encoder."""
+    """Return a problem+json response.
+
+    Parameters
+    ----------
+    status : int
+        HTTP status.
+    detail : str
+        Description of the error.
+    errors : list of dict, optional
+        Rows ``{"pointer", "detail"}``.
+    headers : dict, optional
+        Additional headers.
+    """
     body: dict[str, Any] = {
         "type": "about:blank",
         "title": HTTPStatus(status).phrase,
@@ -104,7 +124,7 @@ def problem(
     if errors:
         body["errors"] = errors
     return Response(
-        json.dumps(body, ensure_ascii=True, allow_nan=False),
+        json.dumps(body, ensure_ascii=True, allow_nan=False),  # lone surrogates cannot be encoded as UTF-8
         status_code=status,
         media_type="application/problem+json",
         headers=headers,
@@ -112,18 +132,18 @@ def problem(
 
 
 def field_problem(error: FieldError) -> Response:
-    """422 for input that is well-formed but has no answer."""
+    """Return the response with status 422 for a request that is well-formed but has no answer."""
     row = {"pointer": "#" + error.field, "detail": error.message, **error.details}
     return problem(422, str(error), [row])
 
 
 def http_problem(error: HTTPException) -> Response:
-    """An error of the framework itself, as problem+json."""
+    """Return the response to an error of the web framework."""
     details = {
-        400: "the body could not be read as JSON",
-        404: "there is nothing at this address",
-        405: "this address does not take that method",
-        413: "the body is larger than this service accepts",
+        400: "the body is not valid JSON",
+        404: "there is no resource at this address; the page /docs lists all routes",
+        405: "this address does not accept this method; the page /docs lists all routes and their methods",
+        413: "the body is larger than the service accepts",
     }
     detail = details.get(error.status_code, str(error.detail))
     rows = [{"pointer": "#", "detail": detail}] if error.status_code in (400, 413) else None
@@ -135,7 +155,7 @@ def _invalid(error: Invalid) -> Response:
 
 
 def _parameter(error: RequestValidationError) -> Response:
-    """Answer wrong parameters of a route that FastAPI checks; the path of an error begins with the parameter's name."""
+    """Return the response to invalid parameters of a plain FastAPI route; the path of an error starts with the parameter."""
     rows = [
         {
             "loc": row["loc"][1:],
@@ -162,29 +182,31 @@ def _later(seconds: int, detail: str) -> Callable[[Exception], Response]:
 
 _REPLIES: dict[type[Exception], Callable[[Any], Response]] = {
     Invalid: _invalid,
-    Malformed: lambda error: problem(400, error.detail, [{"pointer": "#", "detail": error.at_place}]),
+    Malformed: lambda error: problem(400, error.detail, [{"pointer": "#", "detail": error.row_detail}]),
     NotJson: lambda _: problem(
-        415, "send the body with the header `Content-Type: application/json`, and without a Content-Encoding"
+        415, "the body must be JSON; send the header `Content-Type: application/json` and no Content-Encoding"
     ),
     ValidationError: _model,
     RequestValidationError: _parameter,
     FieldError: field_problem,
     AtlasError: _atlas,
     NotFound: lambda error: problem(404, str(error)),
-    Overloaded: _later(1, "too many requests are waiting"),
-    Ending: _later(5, "the service is ending"),
-    OutOfTime: _later(5, "the answer took longer than its `budget_ms` or this service allows"),
-    Died: _later(1, "the process that computed this answer has ended before it; the service's log says how"),
-    ClientDisconnect: lambda _: Response(status_code=499),  # it left before it had said what it wanted
-    Cancelled: lambda _: Response(status_code=499),  # the client is gone; 499 is what proxies log for that
+    Overloaded: _later(1, "too many requests are waiting; try again later"),
+    Ending: _later(5, "the service is shutting down; try again later"),
+    OutOfTime: _later(5, "the answer took longer than `budget_ms` or the limit of the service; simplify the request"),
+    Died: _later(
+        1, "the process that computed this answer has ended unexpectedly; the log of the service has details"
+    ),
+    ClientDisconnect: lambda _: Response(status_code=499),  # 499: the client closed the connection
+    Cancelled: lambda _: Response(status_code=499),
     HTTPException: http_problem,
-    Exception: lambda _: problem(500, "a fault of the service, not of the request; its log says more"),
+    Exception: lambda _: problem(500, "the service has failed, not the request; the log of the service has details"),
 }
-"""What is answered to an error, by its class; the nearest one counts."""
+"""Responses by class of the error; the most specific class applies."""
 
 
 def reply_to(error: Exception) -> Response:
-    """The response that an error is answered with."""
+    """Return the response to an error."""
     return next(_REPLIES[kind] for kind in type(error).__mro__ if kind in _REPLIES)(error)
 
 

@@ -1,6 +1,6 @@
-"""Questions to the service: their requests and replies as models, and the value that route and command are both made from.
+"""Queries to the service: base models of requests and replies, and the class from which routes and commands are made.
 
-Replies that are dataclasses of the front door are described as pydantic describes its models.
+A reply may be a dataclass of `linkage_atlas`; it is then described like a pydantic model.
 """
 
 from __future__ import annotations
@@ -50,20 +50,20 @@ if TYPE_CHECKING:
     from linkage_atlas import Atlas, Work
 
 MAX_ERRORS = 20
-"""Errors that are told of one request; a request of a thousand wrong numbers needs no thousand lines."""
+"""Largest number of errors that are reported for a request."""
 Number = Annotated[float, Strict(), AllowInfNan(False)]
-"""A finite JSON number; no strings, no booleans, no NaN or infinity."""
+"""Finite JSON number; strings, booleans, NaN and infinity are refused."""
 PositiveNumber = Annotated[Number, Field(gt=0)]
 Count = Annotated[int, Strict()]
 Flag = Annotated[bool, Strict()]
 Computed = SkipValidation
-"""Long lists that the service has computed itself: checking each number again would hold up everyone."""
+"""Long list that the service has computed; its items are not validated, which would take too long."""
 
 
 class Numbers(Sequence[Any]):
-    """A long list in a reply, of numbers or of points, kept as the array that it comes from: a list takes four times as much.
+    """Long list of numbers or points in a reply, stored as an array, which needs a quarter of the memory of a list.
 
-    Law: a slice of it is a list of Python's numbers, and all of it equals ``array.tolist()``.
+    A slice is a list of Python numbers; the slice of all items equals ``array.tolist()``.
     """
 
     def __init__(self, array: Any) -> None:
@@ -72,8 +72,8 @@ class Numbers(Sequence[Any]):
     def __len__(self) -> int:
         return len(self._array)
 
-    def __getitem__(self, at: Any) -> Any:
-        return self._array[at].tolist()
+    def __getitem__(self, index: Any) -> Any:
+        return self._array[index].tolist()
 
 
 def _listed(values: Sequence[Any]) -> Any:
@@ -85,33 +85,34 @@ def _paired(values: Sequence[Any]) -> Any:
 
 
 Column = Annotated[SkipValidation[list[float]], PlainSerializer(_listed, return_type=list[float])]
-Places = Annotated[
+PointColumn = Annotated[
     SkipValidation[list[tuple[float, float]]], PlainSerializer(_paired, return_type=list[tuple[float, float]])
 ]
 FiniteOrNull = Annotated[float | None, BeforeValidator(lambda x: x if x is None or math.isfinite(x) else None)]
-"""A number of a result that is NaN or infinite where there is none."""
+"""Number that is null in a reply if the result is NaN or infinite."""
 AngleUnit = Literal["deg", "rad"]
 LengthUnit = Literal["um", "mm", "cm", "m", "in", "ft"]
 
 
 @dataclass(frozen=True)
 class Angles:
-    """A request's unit of angle: to radians, which all numerics use, and back."""
+    """Angle unit of a request, with conversions to and from radians."""
 
     unit: AngleUnit
     decimals: int | None = None
-    """Decimals of a degree that do where they are the same angle, so that 240 comes back as 240; default: all digits."""
+    """Decimals to which degrees are rounded if the rounded value is the same angle in radians; default: no rounding."""
 
     @property
     def radian(self) -> float:
+        """Size of the unit in radians."""
         return math.pi / 180 if self.unit == "deg" else 1.0
 
     def inward(self, angle: float) -> float:
-        """Radians of a request's angle."""
+        """Convert an angle of a request to radians."""
         return math.radians(angle) if self.unit == "deg" else angle
 
     def outward(self, angle: float) -> float:
-        """A reply's angle from radians."""
+        """Convert an angle in radians to the unit of the request."""
         if self.unit == "rad":
             return float(angle)
         degrees = math.degrees(angle)
@@ -120,33 +121,36 @@ class Angles:
 
 
 class RequestModel(BaseModel):
-    """Base of all requests: an unknown field is an error."""
+    """Base of all requests; an unknown field is an error."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
-    def given(self, *names: str, but: Sequence[str] = ()) -> dict[str, Any]:
-        """Some fields, or all ``but`` some, as plain values: arguments of the front door."""
-        names = names or tuple(name for name in type(self).model_fields if name not in but)
-        return {name: _given(getattr(self, name)) for name in names}
+    def arguments(self, *names: str, exclude: Sequence[str] = ()) -> dict[str, Any]:
+        """Return the named fields, or all fields except ``exclude``, as arguments for a function of `linkage_atlas`."""
+        names = names or tuple(name for name in type(self).model_fields if name not in exclude)
+        return {name: _plain_value(getattr(self, name)) for name in names}
 
 
-def _given(value: Any) -> Any:
+def _plain_value(value: Any) -> Any:
     if isinstance(value, list) and value and isinstance(value[0], BaseModel):
-        return [_given(one) for one in value]
+        return [_plain_value(item) for item in value]
     return value.model_dump(exclude_none=True) if isinstance(value, BaseModel) else value
 
 
 def in_unit(request: Any, length_unit: str | None) -> Any:
-    """A request whose analysis, if any, has its lengths in a unit that is named; FieldError where it names another."""
+    """Set the length unit of the analysis of a request; raise `FieldError` if the analysis has a different unit."""
     if length_unit is None or getattr(request, "analysis", None) is None:
         return request
     if "length_unit" in request.analysis.model_fields_set and request.analysis.length_unit != length_unit:
-        raise FieldError("/analysis/length_unit", f"says {request.analysis.length_unit}, not {length_unit}")
+        message = (
+            f"is {request.analysis.length_unit}, but the command has the length unit {length_unit}; use the same unit"
+        )
+        raise FieldError("/analysis/length_unit", message)
     return request.model_copy(update={"analysis": request.analysis.model_copy(update={"length_unit": length_unit})})
 
 
 class Invalid(FieldError):
-    """A request that does not fit its model, with a row for each error: ``loc``, the path of the field, and ``msg``."""
+    """Error of a request that violates its model, with a row for each fault: ``loc``, the path of the field, and ``msg``."""
 
     def __init__(self, errors: Sequence[Any]) -> None:
         super().__init__("".join(f"/{part}" for part in errors[0]["loc"]), errors[0]["msg"])
@@ -157,16 +161,22 @@ class Invalid(FieldError):
 
 
 def invalid(error: ValidationError, model: type[BaseModel], quoting: bool = False) -> Invalid:
-    """Return the first errors of a request as sentences; for an unknown field they name the fields close to it.
+    """Return the first errors of a request as sentences; the sentence on an unknown field names similar fields.
 
-    ``quoting``: see `app.sentences.sentence`.
+    Parameters
+    ----------
+    error : ValidationError
+        Errors of pydantic.
+    model : type
+        Model of the request.
+    quoting : bool
+        Quote the value of the field, see `app.sentences.sentence`.
     """
     rows = []
     for row in _of_fields(error.errors(include_url=False))[:MAX_ERRORS]:
         if row["type"] == "extra_forbidden":
             *path, name = row["loc"]
-            known, others = _fields_at(model, path), _ways(model)
-            message = FieldError.no_such("", str(name), known, others=others).message
+            message = FieldError.no_such("", str(name), _fields_at(model, path), others=_field_paths(model)).message
         else:
             message = sentence(row, quoting)
         rows.append({"loc": row["loc"], "type": row["type"], "msg": message})
@@ -174,49 +184,51 @@ def invalid(error: ValidationError, model: type[BaseModel], quoting: bool = Fals
 
 
 def _of_fields(rows: list[Any]) -> list[Any]:
-    """Errors whose places are fields alone: pydantic names the branches of a union too, and has an error of each."""
+    """Return the errors with paths that contain only fields.
+
+    Pydantic reports an error for each branch of a union, and the branch is a component of its path.
+    """
 
     def is_branch(part: str | int) -> bool:
         return isinstance(part, str) and ("[" in part or part.startswith("constrained-"))
 
-    def parted(row: Any) -> tuple[Any, Any]:
-        """The way to a field, and the name of one that there is not: that is the request's own, whatever it looks like."""
+    def split(row: Any) -> tuple[Any, Any]:
+        """Split a path into the path of a known field and the name of an unknown field, which may look like a branch."""
         end = len(row["loc"]) - (row["type"] == "extra_forbidden")
         return row["loc"][:end], row["loc"][end:]
 
-    found, unions = [], set()
+    cleaned, unions = [], set()
     for row in rows:
-        way, unknown = parted(row)
-        unions |= {way[:k] for k, part in enumerate(way) if is_branch(part)}
-        found.append(row | {"loc": (*(part for part in way if not is_branch(part)), *unknown)})
-    # what is amiss within the branch that was meant says more than that it is none of the others
-    within = {
-        place
-        for place in unions
-        for row in found
-        if len(row["loc"]) > len(place) and row["loc"][: len(place)] == place
+        path, unknown = split(row)
+        unions |= {path[:k] for k, part in enumerate(path) if is_branch(part)}
+        cleaned.append(row | {"loc": (*(part for part in path if not is_branch(part)), *unknown)})
+    # an error inside the intended branch is more specific than the error that no branch matches
+    explained = {
+        union
+        for union in unions
+        for row in cleaned
+        if len(row["loc"]) > len(union) and row["loc"][: len(union)] == union
     }
-    return [row for row in found if row["loc"] not in within]
+    return [row for row in cleaned if row["loc"] not in explained]
 
 
 def _fields_at(model: type[BaseModel], path: Iterable[str | int]) -> list[str]:
-    """Names of the fields of the object at some place of a request."""
+    """Return the names of the fields of the object at a path of a request."""
     models = [model]
-    for part in path:  # a number is a place in a list: of models, or of none
+    for part in path:  # an integer is an index of a list and does not change the model
         if isinstance(part, str):
-            models = [
-                m for one in models if part in one.model_fields for m in models_in(one.model_fields[part].annotation)
-            ]
-    return [name for one in models for name in one.model_fields]
+            fields_here = [parent.model_fields[part] for parent in models if part in parent.model_fields]
+            models = [child for info in fields_here for child in models_in(info.annotation)]
+    return [name for parent in models for name in parent.model_fields]
 
 
-def _ways(model: type[BaseModel], way: str = "") -> dict[str, str]:
-    """Names of all fields of an object and those within it, and the way to each; of several the shortest."""
-    ways = {name: way + name for name in model.model_fields}
+def _field_paths(model: type[BaseModel], prefix: str = "") -> dict[str, str]:
+    """Return the shortest path to each field of a request and of the objects within it, by the name of the field."""
+    paths = {name: prefix + name for name in model.model_fields}
     for name, info in model.model_fields.items():
-        for one in models_in(info.annotation):
-            ways = _ways(one, f"{way}{name}.") | ways
-    return ways
+        for child in models_in(info.annotation):
+            paths = _field_paths(child, f"{prefix}{name}.") | paths
+    return paths
 
 
 def models_in(annotation: Any) -> list[type[BaseModel]]:
@@ -227,24 +239,24 @@ def models_in(annotation: Any) -> list[type[BaseModel]]:
 
 
 _NO_FIELDS: set[str] = set()
-"""Shared by all: otherwise each keeps a set of its fields' names, as large as itself."""
+"""Set of field names that all computed replies share, to save memory."""
 
 
 class ReplyModel(BaseModel):
-    """Base of replies that are pydantic's; no number is NaN or infinite. A result with the fields' names may stand for one."""
+    """Base of replies that are pydantic models, or are described by them. No number is NaN or infinite."""
 
     model_config = ConfigDict(ser_json_inf_nan="strings", frozen=True, defer_build=True, from_attributes=True)
 
     @classmethod
     def computed(cls, **values: Any) -> Self:
-        """A part of a reply from values of the fields' types, unchecked: ten thousands of them take half the memory."""
+        """Build a part of a reply without validation; the values must have the types of the fields."""
         return cls.model_construct(_fields_set=_NO_FIELDS, **values)
 
 
 def build_models(base: type[BaseModel] | None = None) -> None:
-    """Build what checks requests and replies now, of all that are loaded or of those with a base: otherwise each when first used.
+    """Build the validators of all models that derive from ``base``, by default of all requests and replies.
 
-    A command uses few of them, and a service is ready before all are built.
+    Without this call, the validator of a model is built at its first use, which is faster for a command.
     """
     for model in base.__subclasses__() if base else (RequestModel, ReplyModel):
         model.model_rebuild()
@@ -252,39 +264,51 @@ def build_models(base: type[BaseModel] | None = None) -> None:
 
 
 class Resources(Protocol):
-    """What an answer may ask for beyond its request."""
+    """Resources of the service that an answer may use."""
 
     max_budget_ms: float
 
     @property
     def atlas(self) -> Atlas:
-        """The atlas; loaded when it is first asked for."""
+        """The atlas, which is loaded at the first access."""
 
     def describe_atlas(self) -> dict[str, Any]:
-        """Describe the atlas in plain JSON values."""
+        """Return a description of the atlas in plain JSON values."""
 
     def work(self, budget: float | None = None) -> Work:
-        """Begin to watch the time of an answer, with a budget in seconds, and whether its client is still there."""
+        """Start the clock of an answer, with a budget in seconds; the work also ends if the client disconnects."""
 
 
 FILES = {**FORMATS, "json": Format("application/json", ("json",))}
-"""Formats of files by their names."""
+"""File formats by name."""
 MEDIA_TYPES = {known.endings[0]: known.media_type for known in FILES.values()}
-"""Content types over HTTP by the ending of a route."""
+"""Content types by the suffix of a route."""
 
 
 @cache
 def bundled_requests() -> dict[str, Any]:
+    """Return the bundled example requests: by command, then by name."""
     return json.loads(files("app").joinpath("examples/requests.json").read_text())
 
 
 @dataclass(frozen=True)
 class Files:
-    """Any solution of a reply as a file: a route, and what the command writes with ``--export``.
+    """Export of a solution of a reply: a route, and the option ``--export`` of the command.
 
-    ``path``, ``name``, ``summary``: of the route, and ``stem``, the name of its files. ``request``: with fields
-    ``request``, ``solution``, ``format`` (of `FILES`) and ``length_unit``. ``render``: ``render(request, resources) ->
-    bytes``. ``example``: a body without its format.
+    Parameters
+    ----------
+    path, name, summary : str
+        Path, operation and description of the route.
+    stem : str
+        Name of the files without suffix.
+    request : type
+        Model with the fields ``request``, ``solution``, ``format`` (a key of `FILES`) and ``length_unit``.
+    render : callable
+        ``render(request, resources) -> bytes``.
+    example : mapping
+        Request body without the field ``format``.
+    is_long : callable
+        ``is_long(request) -> bool``: True if the file may take more than a fraction of a second.
     """
 
     path: str
@@ -298,44 +322,51 @@ class Files:
 
     @property
     def formats(self) -> tuple[str, ...]:
+        """Names of the formats that the route accepts."""
         return get_args(self.request.model_fields["format"].annotation)
 
 
 @dataclass(frozen=True)
 class Query:
-    """One question to the service.
-
-    ``path``: route, answered to POST. ``request``, ``reply``: the model of the request, and that of the reply or its
-    dataclass.
+    """Query to the service; its route and its command are made from it.
 
     Parameters
     ----------
     command : str
-        The words of the command after ``linkage-atlas``, for example ``lift motion``; its route is then ``/v1/lift/motion``.
+        Command without the leading ``linkage-atlas``, for example ``lift motion``; its route is then ``/v1/lift/motion``.
     summary : str
-        One line of help.
+        Line of help.
     answer : callable
-        ``answer(request, resources) -> reply``, of the types that its annotations name; raises `linkage_atlas.FieldError` on
-        input that has no answer.
+        ``answer(request, resources) -> reply``. Its annotations are the types of request and reply. It raises
+        `linkage_atlas.FieldError` if the request has no answer.
     table : callable
-        ``table(reply) -> str``, the reply as text for a terminal; where `shows_units`, ``table(reply, units)``.
+        ``table(reply) -> str``, or ``table(reply, units) -> str`` if ``shows_units``: the reply as text for a terminal.
     examples : mapping, optional
-        Name to request body (plain JSON values), shown in the API's description; each must be answerable. Default: the
-        bundled requests.
+        Request bodies (plain JSON values) by name, shown in the description of the API; the service must be able to
+        answer each. Default: the bundled requests.
     exports : mapping
-        Ending (``svg``, ``plates.dxf``, ..., of `MEDIA_TYPES`) to ``render(request, resources) -> bytes``, the reply as a file;
-        over HTTP a POST of the same body to ``path.ending``.
+        ``render(request, resources) -> bytes`` by suffix (a key of `MEDIA_TYPES`): the reply as a file. Over HTTP, the
+        same body is posted to ``path.suffix``.
     files : Files, optional
-        Of a reply's solutions. Without it the exports are what the command writes.
+        Exports of a solution of the reply. By default, the command writes the files of ``exports``.
     is_long : callable
-        ``is_long(request) -> bool``: whether the answer may take more than a fraction of a second. Over HTTP long requests
-        wait for one another and not the short ones for them.
+        ``is_long(request) -> bool``: True if the answer may take more than a fraction of a second. Over HTTP, short
+        requests do not wait for long requests.
     shows_units : bool
-        Whether its table names the units of angle and length.
+        Pass the units of angle and length to ``table``.
     reads_atlas : bool
-        Whether it may need an atlas.
+        True if the answer may require an atlas.
     route : str, optional
-        Its route, where that is not made of the command's words.
+        Route, if it does not follow from the command.
+
+    Attributes
+    ----------
+    path : str
+        Route, which accepts POST.
+    request : type
+        Model of the request.
+    reply : type
+        Model or dataclass of the reply.
     """
 
     command: str
@@ -371,12 +402,12 @@ _NAMES = {
     "Report": "SynthesizeReport",
     "Result": "SynthesizeReply",
 }
-"""What the description calls a dataclass of a reply where that is not its name with Reply behind it."""
+"""Schema names of dataclasses; all others have the name of the class followed by Reply."""
 
 
 @cache
 def reply_model(kind: Any) -> type[BaseModel]:
-    """The model of a reply that is a dataclass or a named tuple, see `linkage_atlas.records`: it describes and checks it."""
+    """Return the model that describes and validates a reply; the reply may be a dataclass or a named tuple."""
     if issubclass(kind, BaseModel):
         return kind
     hints, sentences = get_type_hints(kind, include_extras=True), field_sentences(kind)
@@ -393,7 +424,7 @@ def reply_model(kind: Any) -> type[BaseModel]:
 
 
 def _in_json(annotation: Any) -> Any:
-    """The type that a field has in a reply."""
+    """Return the type of a field in a JSON reply."""
     origin, inner = get_origin(annotation), get_args(annotation)
     if origin is Annotated:
         return _in_json(inner[1])
@@ -407,8 +438,10 @@ def _in_json(annotation: Any) -> Any:
 
 
 def plain_of(reply: Any) -> Any:
+    """Return a reply as plain Python values."""
     return reply.model_dump() if isinstance(reply, BaseModel) else plain(reply)
 
 
 def json_of(reply: Any, indent: int | None = None) -> bytes:
+    """Return a reply as JSON."""
     return to_json(plain_of(reply), indent=indent, inf_nan_mode="strings")

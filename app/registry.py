@@ -1,4 +1,4 @@
-"""All questions that the service and the command line answer, the four-bar's and the scenes', and their bundled requests."""
+"""All queries of the service and the command line, and their bundled requests."""
 
 from __future__ import annotations
 
@@ -18,33 +18,38 @@ __all__ = ["all_examples", "all_queries", "examples_of", "queries_named", "worke
 
 
 def queries_named(word: str) -> tuple[Query, ...]:
-    """The queries whose commands begin with a word: one, or all of a scene."""
+    """Return the query with a command, or all queries of a scene."""
     if word in SCENES:
         return queries_of(word)
-    return tuple(query for query in _of_the_four_bar() if query.command == word)
+    return tuple(query for query in _linkage_queries() if query.command == word)
 
 
-def _of_the_four_bar() -> tuple[Query, ...]:
+def _linkage_queries() -> tuple[Query, ...]:
     from app.fourbar.answers import QUERIES
 
     return QUERIES
 
 
 def all_queries() -> tuple[Query, ...]:
-    return (*_of_the_four_bar(), *scene_queries())
+    """Return the queries about linkages and those of all scenes."""
+    return (*_linkage_queries(), *scene_queries())
 
 
 class Example(NamedTuple):
-    """A request, the command that answers it, and a line of what it is."""
+    """Example request of a command."""
 
     command: str
     request: Mapping[str, Any]
     about: str
+    """Line of help."""
 
 
 @cache
 def all_examples() -> dict[str, Example]:
-    """Every example by the names that ``linkage-atlas example`` takes: of all questions but one, only those that tell which."""
+    """Return all examples by the names that ``linkage-atlas example`` accepts.
+
+    An example of ``synthesize`` has a short and a long name; the examples of other commands have only the long name.
+    """
     return {
         name: example
         for query in sorted(all_queries(), key=lambda query: query.command != "synthesize")
@@ -54,12 +59,17 @@ def all_examples() -> dict[str, Example]:
 
 
 def examples_of(query: Query) -> dict[str, Example]:
-    """A question's examples: machines of the page, its own by their names, and by command and name as in ``match-rocker``."""
-    found = {}
+    """Return the examples of a query by short name and by long name, such as ``rocker`` and ``match-rocker``.
+
+    The examples of ``synthesize`` include the machines of the page.
+    """
+    examples = {}
     if query.command == "synthesize":
         machines = json.loads(files("app").joinpath("static/examples.json").read_text())
-        found = {one["name"]: Example(query.command, one["request"], one["title"]) for one in machines}
+        examples = {
+            machine["name"]: Example(query.command, machine["request"], machine["title"]) for machine in machines
+        }
     for name, request in query.examples.items():
-        for called in (name, f"{query.command.replace(' ', '-')}-{name}"):
-            found[called] = Example(query.command, request, query.summary)
-    return found
+        for key in (name, f"{query.command.replace(' ', '-')}-{name}"):
+            examples[key] = Example(query.command, request, query.summary)
+    return examples

@@ -54,7 +54,7 @@ STUDIED = (*DRIVE_STUDIES, "lengths_from", "round_to", "tolerance_study", "assem
 def answer_match(request: MatchRequest, resources: Resources) -> la.Matches:
     """The best rows by rotation alone; no pose is computed."""
     return la.match(
-        **request.given(but=("angle_unit", "budget_ms")),
+        **request.arguments(exclude=("angle_unit", "budget_ms")),
         atlas=resources.atlas,
         degrees=request.degrees,
         budget=budget_of(request.budget_ms, resources),
@@ -105,7 +105,7 @@ def budget_of(budget_ms: float | None, resources: Resources) -> float | None:
 
 def answer_synthesize(request: SynthesizeRequest, resources: Resources) -> la.Result:
     """Linkages with actual dimensions and pose, best first."""
-    asked = request.given(but=("angle_unit", "budget_ms"))
+    asked = request.arguments(exclude=("angle_unit", "budget_ms"))
     if "family" not in request.limits.model_fields_set:  # what was not asked for may be told of
         del asked["limits"]["family"]
     return la.synthesize(
@@ -125,7 +125,7 @@ MOTION += ("crank_span_max", "start_angle", "points", "travel", "travel_span", "
 
 
 def motion_of(request: SynthesizeRequest) -> la.Motion:
-    return la.Motion(**request.given(*MOTION), degrees=request.degrees)
+    return la.Motion(**request.arguments(*MOTION), degrees=request.degrees)
 
 
 # -- a linkage as a file ----------------------------------------------------------------------------------------------
@@ -179,7 +179,7 @@ def _linkage_file(body: ExportRequest, resources: Resources) -> bytes:
     from linkage_atlas.files import check_format, check_held  # a command that writes no file does not load it
 
     request, given = body.request, body.linkage
-    held = body.given("assembly", "solids", "drive")
+    held = body.arguments("assembly", "solids", "drive")
     check_held(body.format, **held)
     if given is None:
         check_format(body.format, request.mechanisms or ("four_bar",))
@@ -199,7 +199,7 @@ def _linkage_file(body: ExportRequest, resources: Resources) -> bytes:
     prefixes = _PREFIXES
     if body.format in HELD["assembly"]:
         if body.assembly is None and request.assembly is not None:
-            held |= request.given("assembly")
+            held |= request.arguments("assembly")
             prefixes = {**_PREFIXES, "assembly": "/request"}
 
     def in_export(field: str) -> str:
@@ -210,7 +210,7 @@ def _linkage_file(body: ExportRequest, resources: Resources) -> bytes:
 
     with pointing(in_export):
         unit = body.length_unit or (request.analysis.length_unit if request.analysis else None)
-        asked = request.given("analysis") | held
+        asked = request.arguments("analysis") | held
         return linkage.file(body.format, motion, unit, place, **asked, work=resources.work())
 
 
@@ -271,7 +271,7 @@ def find_drives(request: DrivesRequest, resources: Resources) -> la.Drives:
         crank = crank or request.linkage.crank_angle or request.linkage.travel
     return la.drives(
         linkage,
-        **request.given("drives", "load", "springs", "rocker", "hand", "length_unit", "top"),
+        **request.arguments("drives", "load", "springs", "rocker", "hand", "length_unit", "top"),
         motion=motion,
         crank_angle=crank,
         degrees=unit == "deg",
@@ -304,7 +304,7 @@ def _placed(field: str) -> str:
 
 def answer_assembly(request: AssemblyRequest, resources: Resources) -> la.Assembly:
     """Layers that are free, or what stops the best ones."""
-    asked = request.given(*ASSEMBLY)
+    asked = request.arguments(*ASSEMBLY)
     question, given = request.request, request.linkage
     if question is None and given is None:
         raise la.FieldError("/linkage", "needed, or a `request` to be solved")
@@ -352,7 +352,7 @@ _WORKED = {
 
 def solve_function(request: FunctionRequest, resources: Resources) -> la.FunctionResult:
     return la.function(
-        **request.given(but=("angle_unit", "budget_ms")),
+        **request.arguments(exclude=("angle_unit", "budget_ms")),
         budget=budget_of(request.budget_ms, resources),
         degrees=request.angle_unit == "deg",
         work=resources.work,
@@ -382,7 +382,7 @@ def _function_file(body: FunctionExportRequest, resources: Resources) -> bytes:
         given = solution.linkage(degrees)
     names = [field.name for field in fields(FunctionFields) if field.name in FunctionRequest.model_fields]
     with pointing(lambda field: "/request" + field):
-        question = FunctionFields(**request.given(*names), degrees=degrees).question()
+        question = FunctionFields(**request.arguments(*names), degrees=degrees).question()
         if question.dial.travels == given.plain.is_four_bar:
             raise la.FieldError("/output_unit", "the solution belongs to a request of another unit")
     offset = solution.output_offset

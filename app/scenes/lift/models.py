@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, JsonValue
 
-from app.query import AngleUnit, Column, Computed, Count, Number, Places, ReplyModel, RequestModel, reply_model
+from app.query import AngleUnit, Column, Computed, Count, Number, PointColumn, ReplyModel, RequestModel, reply_model
 from linkage_atlas import FieldError
 from synthesis.scenes.lift.constraints import ConstraintRow
 from synthesis.scenes.lift.optimum import OptimumMotion, Published
@@ -143,9 +143,9 @@ class AngularRates(ReplyModel):
 class Points(ReplyModel):
     """Positions of the joints, [x, y] at each time; O = (0, 0)."""
 
-    A: Places
-    B: Places
-    C: Places
+    A: PointColumn
+    B: PointColumn
+    C: PointColumn
     D: tuple[float, float]
 
 
@@ -165,8 +165,8 @@ class ForcesReply(ReplyModel):
     link: Column
     slide: Column
     pressure: Column
-    pivot_O: Places
-    pivot_D: Places
+    pivot_O: PointColumn
+    pivot_D: PointColumn
     cylinder_max: float = Field(description="Largest pushing force.")
     cylinder_min: float = Field(description="Smallest force; if it is negative, the cylinder has to pull.")
     pressure_max: float
