@@ -1,4 +1,4 @@
-"""The four-bar's questions over HTTP and on the command line: match, synthesize, function, drives, and files of finds."""
+"""Queries about linkages over HTTP and on the command line: synthesize, match, function, drive, assembly and exports."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from importlib.resources import files
 from typing import Any
 
 QUESTIONS = {
-    "synthesize": "Rotation, positions or both: actual dimensions and mounting pose.",
-    "function": "Function generation: whose rocker, crank or slider moves as a wanted function of the input?",
-    "drive": "What moves a linkage: rotary drives, cylinders, motors that turn on, locks and springs.",
-    "assembly": "Plates in layers: can a linkage be built so that its parts pass one another, and how far does it move?",
-    "motion": "How is a table of samples read: which column is what, in which unit?",
-    "match": "Rotation only: which atlas rows, at which start?",
+    "synthesize": "Find linkages with dimensions and mounting position for a motion of a body.",
+    "function": "Find linkages whose output is a prescribed function of the input.",
+    "drive": "Find drives, locks and springs for a linkage.",
+    "assembly": "Arrange the plates of a linkage in layers so that its parts do not collide.",
+    "motion": "Read a table of samples and report how each column was interpreted.",
+    "match": "Find the rows of the atlas whose rotation is closest to a prescribed rotation.",
 }
-"""One line of help of each question; their modules are imported when they are asked."""
+"""Line of help of each query. It is stored here so that the help does not import the modules of the queries."""
 
 
 def worked_example() -> dict[str, Any]:
-    """The bundled request: the motion of type 45,185 over crank 30 to 100 degrees, mounted as in the paper."""
+    """Return the bundled request: the motion of type 45,185 for crank angles 30 to 100 degrees, mounted as in the paper."""
     return json.loads(files("app").joinpath("examples/worked_example.json").read_text())

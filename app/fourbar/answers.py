@@ -1,4 +1,4 @@
-"""The four-bar's questions, answered by the front door, whose arguments the models' fields are; and its linkages as files."""
+"""Answers to the queries about linkages, computed by functions of `linkage_atlas`, and exports of linkages."""
 
 from __future__ import annotations
 
@@ -40,19 +40,19 @@ from linkage_atlas.studies import DRIVE_STUDIES
 # -- motions ----------------------------------------------------------------------------------------------------------
 
 SHORT_MS = 200.0
-"""Milliseconds that a short request takes at most; a worker is kept free for short requests."""
+"""Largest duration of a short request, ms; a worker is reserved for short requests."""
 MANY_SAMPLES = 64
 """Number of samples above which an answer may take long."""
 SHORT_SPAN = 5.0
-"""Span of the crank in degrees below which many rows of the atlas are alike, so that a match may take long."""
+"""Crank span in degrees below which many rows of the atlas are similar, so that a match may take long."""
 MANY_CORNERS = 12
-"""Number of corners of a body above which its passage between plates and pins may take long."""
+"""Number of corners of a body above which the search for its collisions may take long."""
 STUDIED = (*DRIVE_STUDIES, "lengths_from", "round_to", "tolerance_study", "assembly")
 """Studies of each solution that take long."""
 
 
 def answer_match(request: MatchRequest, resources: Resources) -> la.Matches:
-    """The best rows by rotation alone; no pose is computed."""
+    """Find the rows of the atlas with the most similar rotation."""
     return la.match(
         **request.arguments(exclude=("angle_unit", "budget_ms")),
         atlas=resources.atlas,
@@ -83,7 +83,7 @@ def is_long_search(request: SynthesizeRequest | MatchRequest) -> bool:
 
 
 def _span_of(request: MatchRequest) -> float:
-    """Degrees of the crank from the first sample to the last."""
+    """Return the crank angle from the first sample to the last, degrees."""
     span = request.crank_span
     if span is None:
         span = request.crank_angle[-1] - request.crank_angle[0] if request.crank_angle else 0.0
@@ -91,20 +91,20 @@ def _span_of(request: MatchRequest) -> float:
 
 
 def has_much_to_arrange(assembly: AssemblyOptions | None, driver: str | None) -> bool:
-    """Whether layers of a linkage, of one with sliders where it says its driver, may take more than a fraction of a second."""
+    """Check if the search for layers of a linkage may take more than a fraction of a second."""
     if assembly is None or assembly.body is None:
         return False
     return len(assembly.body) > MANY_CORNERS or driver is not None
 
 
 def budget_of(budget_ms: float | None, resources: Resources) -> float | None:
-    """Seconds that a request may take: what it says, at most what the service allows; None where nothing limits it."""
-    most = min(budget_ms or resources.max_budget_ms, resources.max_budget_ms)
-    return None if math.isinf(most) else most / 1000
+    """Return the time limit of a request in seconds: its budget or the limit of the service; None for no limit."""
+    limit = min(budget_ms or resources.max_budget_ms, resources.max_budget_ms)
+    return None if math.isinf(limit) else limit / 1000
 
 
 def answer_synthesize(request: SynthesizeRequest, resources: Resources) -> la.Result:
-    """Linkages with actual dimensions and pose, best first."""
+    """Find linkages for a motion, best first."""
     asked = request.arguments(exclude=("angle_unit", "budget_ms"))
     if "family" not in request.limits.model_fields_set:  # what was not asked for may be told of
         del asked["limits"]["family"]
@@ -121,10 +121,11 @@ MOTION = ("rotation", "position", "crank_span", "crank_angle", "length_scale", "
 
 
 MOTION += ("crank_span_max", "start_angle", "points", "travel", "travel_span", "weights", "tolerances")
-"""Fields of the motion that is asked for."""
+"""Fields of a request that describe its motion."""
 
 
 def motion_of(request: SynthesizeRequest) -> la.Motion:
+    """Return the motion of a request."""
     return la.Motion(**request.arguments(*MOTION), degrees=request.degrees)
 
 
@@ -135,7 +136,7 @@ def ranked(request: SynthesizeRequest, rank: int, resources: Resources) -> la.So
     """The solution of a rank of a request that is solved; FieldError where there are fewer."""
     found = answer_synthesize(request.model_copy(update={"top": max(request.top, rank)}), resources).solutions
     if not found:
-        raise la.FieldError("/limits", "no linkage was found within these limits")
+        raise la.FieldError("/limits", "no linkage was found within these limits; relax a limit")
     if len(found) < rank:
         raise la.FieldError("/rank", f"within these limits there is no more than {counted(len(found), 'linkage')}")
     return found[rank - 1]
@@ -155,7 +156,7 @@ def _best_linkage(request: SynthesizeRequest, resources: Resources, kind: str) -
 def exports_of(
     formats: tuple[str, ...], render: Callable[[Any, Resources, str], bytes]
 ) -> dict[str, Callable[[Any, Resources], bytes]]:
-    """The best solution of a request in some formats."""
+    """Return the exports of the best solution of a request by suffix of the route."""
     return {
         FILES[kind].endings[0]: lambda *asked, kind=kind: render(*asked, kind)  # type: ignore[misc]
         for kind in formats
@@ -227,6 +228,7 @@ def _drive_in(kind: str, drives: Sequence[Any]) -> Any:
 
 
 def is_long_export(body: ExportRequest) -> bool:
+    """Check if an export may take more than a fraction of a second."""
     if body.linkage is None:
         return is_long_search(body.request)
     return has_much_to_arrange(body.assembly or body.request.assembly, body.linkage.driver)
@@ -236,7 +238,7 @@ LINKAGE_FILES = Files(
     "/v1/export",
     "export",
     "linkage",
-    "A linkage as a file: JSON, CSV, SVG, DXF, plates to cut, MJCF, pylinkage's JSON, STEP, 3MF, STL, URDF, SDF or a parts list.",
+    "Export a linkage: JSON, CSV, SVG, DXF, plates to cut, MJCF, pylinkage JSON, STEP, 3MF, STL, URDF, SDF or a parts list.",
     ExportRequest,
     _linkage_file,
     {"request": worked_example()},
@@ -248,7 +250,7 @@ LINKAGE_FILES = Files(
 
 
 def find_drives(request: DrivesRequest, resources: Resources) -> la.Drives:
-    """Drives of each kind, best first, and why there are none elsewhere."""
+    """Find drives of each kind, best first, and the reasons for which a kind is not possible."""
     if request.linkage is None and request.rocker is None:
         raise la.FieldError(
             "/linkage", "is required: a solution of a reply; or in its place `rocker`, a link on a hinge"
@@ -281,9 +283,10 @@ def find_drives(request: DrivesRequest, resources: Resources) -> la.Drives:
 
 
 def is_long_drives(request: DrivesRequest) -> bool:
+    """Check if the search for drives may take more than a fraction of a second."""
     if request.budget_ms is not None and request.budget_ms <= SHORT_MS:
         return False
-    return bool(request.springs) or any(one.kind != "rotary" for one in request.drives)
+    return bool(request.springs) or any(drive.kind != "rotary" for drive in request.drives)
 
 
 # -- layers -----------------------------------------------------------------------------------------------------------
@@ -294,7 +297,7 @@ _PLACES = {
     "travel": "/linkage/travel",
     "motion": "/request",
 }
-"""Where this route has what the front door names otherwise."""
+"""Fields of this route that have a different name as arguments of `linkage_atlas`."""
 
 
 def _placed(field: str) -> str:
@@ -303,7 +306,7 @@ def _placed(field: str) -> str:
 
 
 def answer_assembly(request: AssemblyRequest, resources: Resources) -> la.Assembly:
-    """Layers that are free, or what stops the best ones."""
+    """Arrange the plates of a linkage in layers without collisions, or find what prevents it."""
     asked = request.arguments(*ASSEMBLY)
     question, given = request.request, request.linkage
     if question is None and given is None:
@@ -328,6 +331,7 @@ def answer_assembly(request: AssemblyRequest, resources: Resources) -> la.Assemb
 
 
 def is_long_assembly(request: AssemblyRequest) -> bool:
+    """Check if the search for layers may take more than a fraction of a second."""
     if request.linkage is not None:
         return has_much_to_arrange(request, request.linkage.driver)
     return request.request is not None and (is_long_search(request.request) or has_much_to_arrange(request, "crank"))
@@ -344,13 +348,14 @@ _WORKED = {
         "coupler_point": {"radius": 20, "angle": 60},
     },
 }
-"""The linkage of the worked example, as a reply has it."""
+"""Linkage of the worked example in the form of a reply."""
 
 
 # -- functions --------------------------------------------------------------------------------------------------------
 
 
 def solve_function(request: FunctionRequest, resources: Resources) -> la.FunctionResult:
+    """Find linkages that generate a function."""
     return la.function(
         **request.arguments(exclude=("angle_unit", "budget_ms")),
         budget=budget_of(request.budget_ms, resources),
@@ -384,7 +389,7 @@ def _function_file(body: FunctionExportRequest, resources: Resources) -> bytes:
     with pointing(lambda field: "/request" + field):
         question = FunctionFields(**request.arguments(*names), degrees=degrees).question()
         if question.dial.travels == given.plain.is_four_bar:
-            raise la.FieldError("/output_unit", "the solution belongs to a request of another unit")
+            raise la.FieldError("/output_unit", "is not the unit of the solution; send the request of this solution")
     offset = solution.output_offset
     return render(
         question.wanted, question.scales, question.dial, given, offset, body.format, body.length_unit
@@ -395,7 +400,7 @@ FUNCTION_FILES = Files(
     "/v1/function/export",
     "export_function",
     "function",
-    "A function generator as a file: JSON, CSV, SVG, DXF or MJCF.",
+    "Export a function generator: JSON, CSV, SVG, DXF or MJCF.",
     FunctionExportRequest,
     _function_file,
     bundled_requests()["export_function"],

@@ -1,4 +1,4 @@
-"""The four-bar's requests, field by field as the HTTP contract has them; replies are the dataclasses of the front door."""
+"""Requests of the queries about linkages; the replies are dataclasses of `linkage_atlas`."""
 
 from __future__ import annotations
 
@@ -99,52 +99,57 @@ Tolerance = Annotated[Number, Field(ge=0, le=1)]
 
 
 MatchedKind = Literal["four_bar", "slider_crank"]
-"""Kinds that there are atlases of."""
+"""Kinds of mechanisms for which an atlas exists."""
 
 
 class CrankMotion(RequestModel):
-    """Crank angles of a request: evenly spaced over a span, or given one by one."""
+    """Crank angles of a request: evenly spaced over a span, or a list."""
 
     crank_span: Number | None = Field(
         None,
-        description="Crank angle from the first sample to the last, both included, evenly spaced; < 0: clockwise.",
+        description="Crank angle from the first sample to the last; the samples are evenly spaced. Negative: clockwise.",
     )
     crank_angle: Curve | None = Field(
-        None, description="Crank angles in place of `crank_span`; what counts is the increment from the first."
+        None,
+        description="Crank angles instead of `crank_span`; only their differences from the first have an effect.",
     )
     angle_unit: AngleUnit = Field("deg", description="Unit of every angle in request and reply.")
 
     @property
     def degrees(self) -> bool:
+        """True if angles are in degrees."""
         return self.angle_unit == "deg"
 
 
 class MatchRequest(CrankMotion):
-    """Which atlas rows turn the body like this, and from which start?"""
+    """A rotation for which the best rows of the atlas are searched."""
 
-    rotation: Curve = Field(description="Rotation of the body at the samples, continuous: no jumps by whole turns.")
+    rotation: Curve = Field(
+        description="Rotation of the body at the samples; continuous, without jumps by full turns."
+    )
     curve: Literal["coupler", "rocker"] = Field(
-        "coupler", description="Which link turns so: the coupler, or the rocker, from the line of the pivots."
+        "coupler",
+        description="Link with this rotation: the coupler, or the rocker, whose angle is measured from the line of the pivots.",
     )
     mechanisms: Annotated[list[MatchedKind], Field(min_length=1, max_length=2)] | Literal["all"] = Field(
         ["four_bar"],
-        description="Whose rows: the coupler of a four-bar, the rod of a slider-crank; the best of all kinds.",
+        description="Kinds of mechanisms to compare: coupler of a four-bar, connecting rod of a slider-crank.",
     )
-    top: Top = Field(10, description="How many rows to return.")
+    top: Top = Field(10, description="Number of rows to return.")
     features: Flag = Field(
-        False, description="Also return Haar average and details of the request and of each match."
+        False, description="Also return the Haar average and details of the request and of each match."
     )
     budget_ms: PositiveNumber | None = Field(None, description="Return the best found within this time.")
 
 
 class LinksRequest(RequestModel):
-    """Lengths that are given."""
+    """Prescribed lengths of links."""
 
     crank: Length | None = None
     coupler: Length | None = None
     rocker: Length | None = None
     ground: Length | None = Field(
-        None, description="Of a function generator needed where others are given; default 1."
+        None, description="Length of the ground; required for a function generator if another length is prescribed."
     )
 
 
@@ -173,12 +178,12 @@ def limits_request(name: str, doc: str, forms: Mapping[str, Any], family: str, p
 
 LimitsRequest = limits_request(
     "LimitsRequest",
-    "What every solution must keep to.",
+    "Limits that every solution satisfies.",
     LIMITS,
     "full_crank",
-    "`practical`: transmission angle at least 35 degrees over the used interval and 15 over the turn, longest link at "
-    "most 10 times the shortest, no link and no distance of a pivot from the motion's middle above 10 times the "
-    "motion's extent; a field given beside it replaces its value.",
+    "`practical`: transmission angle at least 35 degrees over the used interval and 15 degrees over the full turn, longest "
+    "link at most 10 times the shortest, no link and no distance of a pivot from the centre of the motion above 10 times "
+    "the extent of the motion. A limit in the request replaces the limit of the preset.",
 )
 
 
@@ -197,7 +202,7 @@ Angle = Annotated[Number, Field(ge=-1e9, le=1e9)]
 
 
 class _ReplyPart(RequestModel):
-    """A part of a reply that is sent back: what is not needed is ignored, so that a solution can be sent as it came."""
+    """Part of a reply that a client sends back; unknown fields are ignored, so that a solution can be sent unchanged."""
 
     model_config = ConfigDict(extra="ignore", frozen=True)
 
@@ -232,7 +237,7 @@ class GivenJoints(_ReplyPart):
 
 
 class GivenGuide(_ReplyPart):
-    """A guide of a solution with rails or slots: what belongs to its sort is checked where it is used."""
+    """A guide of a solution with rails or slots; the fields that its kind requires are checked when it is used."""
 
     guide: Literal["circle", "rail", "slot"]
     body_point: FarPoint
@@ -256,7 +261,7 @@ class GivenDriveCurve(_ReplyPart):
 
 
 class GivenDrive(_ReplyPart):
-    """One of the `drives` of a reply, as it came or changed."""
+    """A drive of a reply, unchanged or edited."""
 
     kind: Literal["rotary", "actuator", "dyad", "toggle"]
     link: Annotated[str, Field(max_length=40)]
@@ -274,7 +279,7 @@ class GivenDrive(_ReplyPart):
 
 
 class GivenLinkage(_ReplyPart):
-    """One of the `solutions` of a reply, or its like: a four-bar with `links` or `joints`, else with `guides` and `driver`."""
+    """A solution of a reply or a linkage in the same form: a four-bar has `links` or `joints`, others `guides` and `driver`."""
 
     joints: GivenJoints | None = None
     links: GivenLinks | None = None
@@ -290,7 +295,7 @@ class GivenLinkage(_ReplyPart):
     drives: Annotated[list[GivenDrive], Field(max_length=400)] | None = None
 
     def linkage(self, degrees: bool) -> la.Linkage:
-        """The linkage; FieldError naming the field that is missing."""
+        """Return the linkage; raise `FieldError` with the name of a missing field."""
         if self.joints is not None:
             return la.Linkage.from_dict({"joints": self.joints.model_dump()}, degrees)
         if self.links is None and self.guides is None:
@@ -306,13 +311,13 @@ class GivenLinkage(_ReplyPart):
 
 
 class GivenGenerator(GivenLinkage):
-    """One of the `solutions` of a reply of /v1/function, or its like."""
+    """A solution of a reply of /v1/function, or a linkage in the same form."""
 
     output_offset: FarCoordinate | None = None
 
 
 class GivenMaker(GivenLinkage):
-    """One of the `solutions` of a reply of /v1/function, a four-bar with `links` or one with a slider and `guides`."""
+    """A solution of a reply of /v1/function: a four-bar with `links`, or a linkage with a slider and `guides`."""
 
     output_offset: FarCoordinate
 
@@ -332,50 +337,59 @@ class LinkMassRequest(RequestModel):
     """A mass on a link."""
 
     link: Literal["crank", "coupler", "rocker", "body", "slider", "block", "second_slider", "second_block"]
-    mass: Annotated[Number, Field(gt=0, le=LARGEST)] = Field(description="In kg.")
+    mass: Annotated[Number, Field(gt=0, le=LARGEST)] = Field(description="Mass in kg.")
     at: Pair | None = Field(
         None,
-        description="[x, y] of its centre in the link's frame: origin in its first joint (crank: pivot A, coupler: crank pin, "
-        "rocker: pivot B), x axis to the second; of the body: its point and its rotation.",
+        description="Centre of mass [x, y] in the frame of the link. The origin is its first joint (crank: pivot A, coupler: "
+        "crank pin, rocker: pivot B) and the x axis points to the second; the frame of the body has its point as origin and "
+        "its rotation.",
     )
     inertia: Annotated[Number, Field(ge=0, le=LARGEST)] = Field(
-        0.0, description="About its centre, kg times length squared."
+        0.0, description="Moment of inertia about the centre of mass, kg times length squared."
     )
 
 
 class LoadRequest(RequestModel):
-    """What acts on the body, in directions that do not turn with it."""
+    """Load on the body, in directions that do not rotate with it."""
 
-    force: Pair | None = Field(None, description="[fx, fy] at the body point.")
-    torque: Bounded = Field(0.0, description="Counter-clockwise: force times length.")
+    force: Pair | None = Field(None, description="Force [fx, fy] at the body point.")
+    torque: Bounded = Field(0.0, description="Torque, positive counter-clockwise: force times length.")
     masses: Annotated[list[LinkMassRequest], Field(max_length=MOST_LINK_MASSES)] | None = Field(
-        None, description="Of the links; with them forces are in newtons."
+        None, description="Masses of the links; forces are then in newtons."
     )
-    parts: Flag = Field(False, description="Also what the plates and pins of each linkage weigh, made by default.")
-    gravity: Pair | None = Field(None, description="Of the masses, [gx, gy] in m/s^2; default [0, -9.81].")
+    parts: Flag = Field(
+        False, description="Add the weight of the plates and pins of each linkage, with their default sizes."
+    )
+    gravity: Pair | None = Field(
+        None, description="Gravity [gx, gy] that acts on the masses, m/s^2; default: [0, -9.81]."
+    )
 
 
 class AnalysisRequest(RequestModel):
-    """How fast the crank turns, and what the body carries."""
+    """Speed of the crank and load of the body for an analysis."""
 
     crank_speed: Bounded = Field(
-        description="Constant, in the unit of angle a second, counter-clockwise: negative for a clockwise motion."
+        description="Constant speed of the crank, in units of angle per second; negative: clockwise."
     )
-    load: LoadRequest | None = Field(None, description="With it: torque or force of the drive, and pin forces.")
-    length_unit: LengthUnit = Field("mm", description="The unit of lengths, which tells the forces of inertia.")
+    load: LoadRequest | None = Field(None, description="Load, to compute the torque or force of the drive and the pin forces.")
+    length_unit: LengthUnit = Field("mm", description="Unit of lengths, from which inertia forces are computed.")
 
 
 class ToleranceStudyRequest(RequestModel):
-    """Tolerances of manufacture, in the unit of the positions."""
+    """Manufacturing tolerances, in the unit of the positions."""
 
-    links: Size = Field(0.0, description="Each length lies evenly within this of its nominal value, either way.")
-    pivots: Size = Field(0.0, description="So does each coordinate of a fixed pivot.")
-    clearance: Size = Field(0.0, description="Diameter of a hole less that of its pin, in all four joints.")
+    links: Size = Field(
+        0.0, description="Half width of the uniform distribution of each length about its nominal value."
+    )
+    pivots: Size = Field(0.0, description="Half width of the distribution of each coordinate of a fixed pivot.")
+    clearance: Size = Field(
+        0.0, description="Clearance of all four joints: diameter of the hole minus diameter of the pin."
+    )
     samples: Annotated[Count, Field(ge=FEWEST_SAMPLES, le=MOST_SAMPLES)] = Field(
-        SAMPLES, description="How many linkages are made by chance."
+        SAMPLES, description="Number of random linkages."
     )
     seed: Annotated[Count, Field(ge=0, le=2**32 - 1)] = Field(
-        0, description="Which: the same seed makes the same ones."
+        0, description="Seed of the random numbers; equal seeds give equal results."
     )
 
 
@@ -399,52 +413,65 @@ PlacePair = Annotated[list[FarCoordinate], Field(min_length=2, max_length=2)]
 class MassRequest(RequestModel):
     """A mass on a link."""
 
-    link: LinkName | None = Field(None, description="`body` (default), `crank`, `coupler`, `rocker`.")
+    link: LinkName | None = Field(None, description="Link: `body` (default), `crank`, `coupler` or `rocker`.")
     mass: Annotated[Number, Field(ge=0, le=LARGEST)]
     at: PlacePair | None = Field(
         None,
-        description="In the link's frame, of the body from its point on. Default: the link's middle, the body's point.",
+        description="Centre of mass in the frame of the link; the origin of the body's frame is the body point. Default: the "
+        "midpoint of the link, or the body point.",
     )
-    inertia: Annotated[Number, Field(ge=0, le=LARGEST)] | None = Field(None, description="About that place.")
+    inertia: Annotated[Number, Field(ge=0, le=LARGEST)] | None = Field(
+        None, description="Moment of inertia about the centre of mass."
+    )
 
 
 class PointForceRequest(RequestModel):
-    """A force at a point of a link, in a direction that does not turn with the link."""
+    """A force at a point of a link, in a direction that does not rotate with the link."""
 
-    link: LinkName = Field(description="`crank`, `coupler`, `rocker` or `body`.")
-    at: PlacePair | None = Field(None, description="In the link's frame. Default: the middle of the link.")
-    force: Pair = Field(description="[fx, fy].")
+    link: LinkName = Field(description="Link: `crank`, `coupler`, `rocker` or `body`.")
+    at: PlacePair | None = Field(
+        None, description="Point in the frame of the link. Default: the midpoint of the link."
+    )
+    force: Pair = Field(description="Force [fx, fy].")
 
 
 class DriveLoadRequest(LoadRequest):
-    """What acts on the body and on the links, in directions that do not turn with them."""
+    """Load on the body and on the links, in directions that do not rotate with them."""
 
     forces: Annotated[list[PointForceRequest], Field(max_length=MAX_MASSES)] | None = Field(
-        None, description="At points of any links."
+        None, description="Forces at points of links."
     )
 
-    torque: Bounded | None = Field(None, description="On the body, counter-clockwise: force times length.")
+    torque: Bounded | None = Field(
+        None, description="Torque on the body, positive counter-clockwise: force times length."
+    )
     masses: Annotated[list[MassRequest], Field(max_length=MAX_MASSES)] | None = None
     parts: Flag = Field(
-        False, description="To /v1/drives: also what the linkage's plates and pins weigh, made by default."
+        False, description="For /v1/drives: add the weight of the plates and pins of the linkage, with default sizes."
     )
     speed: Bounded | None = Field(
-        None, description="Of the crank, constant: then the masses resist their acceleration too."
+        None, description="Constant speed of the crank, to include the inertia forces of the masses."
     )
 
 
 class CatalogueRow(RequestModel):
-    """A row of a catalogue of actuators (retracted, stroke, ..) or of springs."""
+    """A row of a catalogue of actuators (retracted, stroke, ...) or of springs."""
 
     name: Annotated[str, Field(max_length=200)] | None = None
     retracted: Above | None = None
     stroke: Above | None = None
-    force: Above | None = Field(None, description="That an actuator pushes with at most, or an extended gas spring.")
-    pull: Above | None = Field(None, description="That an actuator pulls with at most; default: as it pushes.")
-    bore: Above | None = Field(
-        None, description="Of a cylinder: its force by the pressure, where `force` is not given."
+    force: Above | None = Field(
+        None, description="Largest pushing force of an actuator, or force of an extended gas spring."
     )
-    rod: Above | None = Field(None, description="Diameter of its rod: for the pull of a cylinder, and for buckling.")
+    pull: Above | None = Field(
+        None, description="Largest pulling force of an actuator; default: its largest pushing force."
+    )
+    bore: Above | None = Field(
+        None, description="Bore of a cylinder; its force follows from the pressure if `force` is missing."
+    )
+    rod: Above | None = Field(
+        None, description="Diameter of the rod, for the pulling force of a cylinder and for buckling."
+    )
     price: Annotated[Number, Field(ge=0, le=MAX_LENGTH)] | None = None
     stiffness: Above | None = None
     free_length: Above | None = None
@@ -452,9 +479,11 @@ class CatalogueRow(RequestModel):
     shortest: Above | None = None
     longest: Above | None = None
     extended: Above | None = None
-    progression: Above | None = Field(None, description="Of a gas spring: force pushed in over force extended.")
+    progression: Above | None = Field(
+        None, description="Ratio of the compressed force of a gas spring to its extended force."
+    )
     load_max: Above | None = Field(None, description="Largest load of a compression spring.")
-    rate: Above | None = Field(None, description="Of a torsion spring: moment per unit of angle.")
+    rate: Above | None = Field(None, description="Rate of a torsion spring: torque per unit of angle.")
     angle_max: Above | None = Field(None, description="Largest twist of a torsion spring.")
 
 
@@ -462,110 +491,127 @@ Catalogue = Words | Annotated[list[CatalogueRow], Field(min_length=1, max_length
 
 
 class DriveRequest(RequestModel):
-    """A kind of drive that is wanted, and within what; which fields belong to which kind says docs/drives.md."""
+    """A kind of drive and its limits; docs/drives.md lists the fields of each kind."""
 
     kind: Literal["rotary", "actuator", "cylinder", "dyad", "toggle"]
-    links: LinkNames | None = Field(None, description="On which links; default: on each that can have it.")
-    on: LinkName | None = Field(
-        None, description="The link that carries the other end of an actuator; default `ground`."
+    links: LinkNames | None = Field(
+        None, description="Links that may be driven; default: all links on which this kind is possible."
     )
-    retracted: Above | None = Field(None, description="Retracted length; null: as it is best.")
-    stroke: Above | None = Field(None, description="Null: as it is best.")
+    on: LinkName | None = Field(
+        None, description="Link that carries the other end of an actuator; default: `ground`."
+    )
+    retracted: Above | None = Field(None, description="Retracted length; null: optimized.")
+    stroke: Above | None = Field(None, description="Stroke; null: optimized.")
     dead_length: Size | None = Field(
         None,
-        description="Retracted length less stroke, at least, where either is free; no more where that costs at most 5 % force.",
+        description="Smallest retracted length minus stroke, if either is optimized; the dead length is not made larger if "
+        "this costs at most 5 % of force.",
     )
     catalogue: Catalogue | None = Field(
-        None, description=f"One of {', '.join(ACTUATORS)}; rows; or a CSV text with a head of the rows' names."
+        None,
+        description=f"Name of a bundled catalogue ({', '.join(ACTUATORS)}), a list of rows, or a CSV text with the names of "
+        "the fields as headings.",
     )
-    pressure: Above | None = Field(None, description="Bar, for rows with a bore; default 6.")
+    pressure: Above | None = Field(None, description="Pressure in bar, for rows with a bore; default: 6.")
     rod: Above | None = Field(None, description="Diameter of the rod, for buckling.")
-    extends: Flag | None = Field(None, description="Whether it extends from the first position to the last.")
-    ground_box: Box | None = Field(None, description="Of the ground point.")
+    extends: Flag | None = Field(
+        None, description="True: the actuator extends from the first position to the last. False: it retracts."
+    )
+    ground_box: Box | None = Field(None, description="Box for the ground point.")
     reach_max: Above | None = Field(
         None, description="Largest distance of the pin from the origin of its link's frame."
     )
-    pin_box: Box | None = Field(None, description="Box of an actuator's pin, in the frame of its link.")
+    pin_box: Box | None = Field(None, description="Box for the pin of an actuator, in the frame of its link.")
     ground_point: PlacePair | None = Field(
         None,
-        description="Given end of an actuator, in the plane at the first position. With `pin` or `pin_on_link` the actuator is "
-        "evaluated and not searched.",
+        description="Prescribed ground point of an actuator. With `pin` or `pin_on_link`, the actuator is evaluated without a "
+        "search.",
     )
     motor: PlacePair | None = Field(
-        None, description="Given motor of a dyad; with `pin` or `pin_on_link` it is evaluated and not searched."
+        None,
+        description="Prescribed motor of a dyad. With `pin` or `pin_on_link`, the dyad is evaluated without a search.",
     )
-    pin: PlacePair | None = Field(None, description="Given pin, in the plane at the first position.")
-    pin_on_link: PlacePair | None = Field(None, description="Given pin, in the frame of its link.")
+    pin: PlacePair | None = Field(None, description="Prescribed pin, in the ground frame at the first position.")
+    pin_on_link: PlacePair | None = Field(None, description="Prescribed pin, in the frame of its link.")
     count: Annotated[Count, Field(ge=1, le=MAX_COUNT)] | None = Field(
         None, description="Number of equal actuators side by side; forces are those of each."
     )
-    arm_min: Size | None = Field(None, description="Least moment arm, a radian of the crank.")
+    arm_min: Size | None = Field(None, description="Smallest moment arm, per radian of the crank.")
     time_ratio: Above | None = Field(
-        None, description="Of a motor: the slower way over the other; null: as it is best."
+        None, description="Ratio of the durations of the slower and the faster stroke of a motor; null: optimized."
     )
-    motor_box: Box | None = None
-    pin_radius: Above | None = Field(None, description="Of the rod's pin, from the link's pivot.")
-    transmission_angle_min: Annotated[Number, Field(ge=0, le=90)] | None = None
-    at: Literal["first", "last"] | None = Field(None, description="The end that a knee locks; default `last`.")
+    motor_box: Box | None = Field(None, description="Box for the motor.")
+    pin_radius: Above | None = Field(None, description="Distance of the rod's pin from the pivot of the link.")
+    transmission_angle_min: Annotated[Number, Field(ge=0, le=90)] | None = Field(
+        None, description="Smallest transmission angle of a motor with a rod."
+    )
+    at: Literal["first", "last"] | None = Field(
+        None, description="Position that an over-centre latch locks; default: `last`."
+    )
     over_centre: Annotated[Number, Field(ge=0, le=90)] | None = Field(
-        None, description="Angle by which a knee goes beyond its line; default 5 degrees."
+        None, description="Angle by which a latch passes its dead centre; default: 5 degrees."
     )
     knee: Annotated[Number, Field(ge=0.1, le=0.9)] | None = Field(
-        None, description="Length of the handle over both links; default 0.5."
+        None, description="Length of the handle of a latch as a fraction of handle plus strut; default: 0.5."
     )
 
 
 class HoldsRequest(RequestModel):
-    """The ends at which springs hold a linkage on its stop."""
+    """End positions at which springs hold a linkage against its stop."""
 
-    open: Flag = Field(False, description="The last position.")
-    closed: Flag = Field(False, description="The first position.")
+    open: Flag = Field(False, description="Hold the linkage at the last position.")
+    closed: Flag = Field(False, description="Hold the linkage at the first position.")
     force_min: Above | None = Field(
-        None, description="Smallest force of a hand that leaves such an end, at `hand` or else at the body point."
+        None,
+        description="Smallest hand force that moves the linkage away from such an end, at `hand` or at the body point.",
     )
 
 
 class WantedRequest(RequestModel):
-    """A curve over the motion that springs approximate: values at even steps from the first position to the last."""
+    """A curve that springs approximate: evenly spaced values from the first position to the last."""
 
     torque: Annotated[list[Number], Field(min_length=2, max_length=MAX_WANTED)] | None = Field(
         None, description="Torque of the drive."
     )
     hand_force: Annotated[list[Number], Field(min_length=2, max_length=MAX_WANTED)] | None = Field(
         None,
-        description="Force of a hand along its path, at `hand` or else at the body point; positive towards the last position.",
+        description="Hand force along the path of `hand` or of the body point; positive towards the last position.",
     )
 
 
 class SpringRequest(RequestModel):
-    """Springs that are to carry the load."""
+    """Springs that balance the load."""
 
     kind: Literal["tension", "gas", "compression", "torsion"]
     between: Annotated[list[LinkName], Field(min_length=2, max_length=2)] | None = Field(
         None,
-        description="Two links, one of which may be `ground`. Default: the best of all pairs; two springs, on the links with "
-        "fixed pivots, if they are ideal or one leaves more than a tenth of the torque.",
+        description="The two links that the spring connects; a link may be `ground`. Default: the best pair. Two springs, on "
+        "the links with fixed pivots, are used if they are ideal or if a single spring leaves more than a tenth of the torque.",
     )
     catalogue: Words | Annotated[list[CatalogueRow], Field(min_length=1, max_length=MOST_SPRING_ROWS)] | None = Field(
         None,
-        description=f"{', '.join(f'`{name}`' for name in SPRINGS.values())}, rows or a CSV text; null: ideal springs for "
-        "tension, else the bundled catalogue.",
+        description=f"Name of a bundled catalogue ({', '.join(f'`{name}`' for name in SPRINGS.values())}), a list of rows or "
+        "a CSV text; null: ideal springs for tension, otherwise the bundled catalogue.",
     )
     count: Annotated[Count, Field(ge=1, le=MAX_COUNT)] | None = Field(
         None, description="Number of equal springs side by side; stiffness and forces are those of each."
     )
-    stiffness: Above | None = Field(None, description="Of ideal springs.")
-    ground_box: Box | None = Field(None, description="Of its end on the ground.")
-    reach_max: Above | None = None
-    clear: Above | None = Field(None, description="Least distance of its ends from pivots.")
+    stiffness: Above | None = Field(None, description="Stiffness of ideal springs.")
+    ground_box: Box | None = Field(None, description="Box for the end on the ground.")
+    reach_max: Above | None = Field(
+        None, description="Largest distance of an end from the origin of the frame of its link."
+    )
+    clear: Above | None = Field(None, description="Smallest distance of the ends from pivots.")
     holds: HoldsRequest | None = Field(
-        None, description="Of springs of a catalogue: the linkage must stay at these ends without a hand or a drive."
+        None, description="For catalogue springs: end positions at which the linkage stays without a hand or a drive."
     )
     hand_force_max: Above | None = Field(
         None,
-        description="Of springs of a catalogue: largest force of a hand over the motion, at `hand` or else at the body point.",
+        description="For catalogue springs: largest hand force over the motion, at `hand` or at the body point.",
     )
-    wanted: WantedRequest | None = Field(None, description="A curve that springs of a catalogue approximate.")
+    wanted: WantedRequest | None = Field(
+        None, description="For catalogue springs: curve that the springs approximate."
+    )
 
 
 Drives = Annotated[list[DriveRequest], Field(max_length=MAX_DRIVES)]
@@ -575,12 +621,12 @@ Springs = Annotated[list[SpringRequest], Field(max_length=MAX_SPRINGS)]
 
 
 class RockerRequest(RequestModel):
-    """A link on a hinge, in place of a linkage: a flap, a wiper, a boom."""
+    """A link on a hinge, instead of a linkage: a flap, a wiper, a boom."""
 
     pivot: PlacePair = Field(default_factory=lambda: [0.0, 0.0])
-    start: Angle = Field(0.0, description="Its direction at the first position.")
-    swing: Angle = Field(description="To the last one; < 0: clockwise.")
-    length: Above = Field(description="To the body point.")
+    start: Angle = Field(0.0, description="Direction of the link at the first position.")
+    swing: Angle = Field(description="Angle from the first to the last position; negative: clockwise.")
+    length: Above = Field(description="Distance from the pivot to the body point.")
 
 
 # -- how it is built --------------------------------------------------------------------------------------------------
@@ -589,64 +635,75 @@ Rank = Annotated[Count, Field(ge=1, le=100)]
 
 
 class AssemblyOptions(RequestModel):
-    """Sizes of plates and pins, the same for layers and every file, and how they are held; lengths in the unit of the linkage."""
+    """Sizes and supports of plates and pins for layers and exports; lengths are in the unit of the linkage."""
 
-    width: Length | None = Field(None, description="Of the plates. Default: 2.5 holes, in whole millimetres.")
+    width: Length | None = Field(
+        None, description="Width of the plates. Default: 2.5 hole diameters, rounded to whole millimetres."
+    )
     hole: Length | None = Field(
         None,
-        description="Diameter of the pins. Default: a standard one up to 0.3 of the shortest link and 0.05 of the longest; less "
-        "where `body` or a rod's pin needs it.",
+        description="Diameter of the pins. Default: the largest standard diameter up to 0.3 of the shortest and 0.05 of the "
+        "longest link; smaller if `body` or the pin of a rod requires it.",
     )
-    thickness: Length | None = Field(None, description="Of the plates. Default: a standard sheet of half a hole.")
-    washer: Size | None = Field(None, description="Between two layers. Default: a fifth of the thickness.")
+    thickness: Length | None = Field(
+        None, description="Thickness of the plates. Default: the standard sheet nearest to half a hole diameter."
+    )
+    washer: Size | None = Field(
+        None,
+        description="Thickness of the washers between two layers. Default: a fifth of the thickness of the plates.",
+    )
     clearance: Size | None = Field(
         None,
-        description="Least gap of parts that pass one another. Default: 0.5 / 165 of the longest link.",
+        description="Smallest gap between parts that pass each other. Default: 0.5 / 165 of the longest link.",
     )
     kerf: Size = Field(
-        0.0, description="Width of the cut: contours of plates to cut are larger by half of it, and holes smaller."
+        0.0,
+        description="Width of the cut; contours of plates to cut are offset outwards by half of it, holes inwards.",
     )
     scale: Annotated[Number, Field(ge=LEAST_SCALE, le=LARGEST_SCALE)] = Field(
-        1.0, description="Of a model, in every file of parts; plays and `kerf` are not scaled."
+        1.0, description="Scale of the parts in all files; clearances and `kerf` are not scaled."
     )
     length_unit: LengthUnit | None = Field(
         None,
-        description="The unit of the lengths: default sizes are standard ones in millimetres. Default: that of the file, or mm.",
+        description="Unit of the lengths, needed for default sizes, which are standard millimetre sizes. Default: the unit of "
+        "the file, or mm.",
     )
     boards: Literal["below", "above", "both", "bar"] = Field(
         "below",
-        description="Where the fixed pins stand: in a board below or above the links, in one on each side, or in a bar, a plate "
-        "like any other.",
+        description="Support of the fixed pins: a board below the links, a board above the links, a board on each side, or a "
+        "bar, which is a plate like the links.",
     )
     heads: Flag = Field(
-        False, description="Whether pins have heads of 1.8 diameters, in a layer more at each free end."
+        False, description="Give the pins heads of 1.8 pin diameters, in an additional layer at each free end."
     )
     body: Annotated[list[Point], Field(min_length=3, max_length=MOST_CORNERS + 1)] | None = Field(
         None,
-        description="Outline of the body, a plate that the coupler carries: corners [x, y] in the body's frame, from the "
-        "requested position and turned with the requested rotation (without one: as at the first sample).",
+        description="Outline of the body, a plate on the coupler: corners [x, y] in the frame of the body, which has the "
+        "requested position and rotation (or, without a requested rotation, the axes of the ground at the first sample).",
     )
     mounts: dict[Literal[FIXED_PINS], Literal["below", "above", "below+above"]] | None = Field(
-        None, description="How fixed pins must be held, where that matters."
+        None, description="Required supports of the fixed pins."
     )
     drive: GivenDrive | None = Field(
         None,
-        description="A drive as /v1/drives has found it: a cylinder or a knee are two more plates. So are a motor and its rod; "
-        "everything is then over a turn of the motor.",
+        description="A drive of a reply of /v1/drives. A cylinder or a latch adds two plates. A motor and its rod also add two "
+        "plates, and the assembly is then checked over a full turn of the motor.",
     )
-    layers_most: Annotated[Count, Field(ge=1, le=MOST_LAYERS)] = Field(LAYERS_MOST, description="Layers at most.")
+    layers_most: Annotated[Count, Field(ge=1, le=MOST_LAYERS)] = Field(
+        LAYERS_MOST, description="Largest number of layers."
+    )
     envelope: Box | None = Field(
         None,
-        description="A box that all plates must stay in: xmin, ymin, xmax, ymax. Default: that of the request's limits.",
+        description="Box that contains all plates: xmin, ymin, xmax, ymax. Default: the envelope in the limits of the request.",
     )
     keep_out: Annotated[list[Box], Field(max_length=MAX_KEEP_OUT)] | None = Field(
-        None, description="Boxes that no plate may enter. Default: those of the request's limits."
+        None, description="Boxes that no plate may enter. Default: the boxes in the limits of the request."
     )
 
 
-def _with_defaults(given: Any) -> Any:
-    """True stands for all defaults, false for nothing."""
-    return ({} if given else None) if isinstance(given, bool) else given
+def _with_defaults(options: Any) -> Any:
+    """Replace true by the default options and false by no options."""
+    return ({} if options else None) if isinstance(options, bool) else options
 
 
 def _or_a_flag(schema: dict[str, Any]) -> None:
@@ -664,7 +721,7 @@ class WeightsRequest(RequestModel):
 
 
 class TolerancesRequest(RequestModel):
-    """Largest errors allowed, for all samples or for each."""
+    """Largest allowed errors, for all samples or for each sample."""
 
     rotation: PositiveNumber | Tolerances | None = None
     position: PositiveNumber | Tolerances | None = None
@@ -676,112 +733,123 @@ TwoPoints = Annotated[
 
 
 class SynthesizeRequest(CrankMotion):
-    """Which linkage moves a body like this: its dimensions and where it is mounted?"""
+    """A motion of a body, for which linkages are searched, and the limits and preferences of the search."""
 
     rotation: SampledCurve | None = Field(
-        None, description="Rotation of the body at the samples, continuous; null: missing at that sample."
+        None, description="Rotation of the body at the samples, continuous; null: not prescribed at this sample."
     )
     position: SampledPath | None = Field(
         None,
-        description="Positions [x, y] of a point of the body, in any unit of length; null: missing at that sample.",
+        description="Positions [x, y] of a point of the body, in any unit of length; null: not prescribed at this sample.",
     )
     points: TwoPoints | None = Field(
         None,
-        description="In place of `rotation` and `position`: two points [x1, y1, x2, y2] of the body at each sample. The first is "
-        "the body point, and the rotation is the direction to the second.",
+        description="Two points [x1, y1, x2, y2] of the body at each sample, instead of `rotation` and `position`. The first is "
+        "the body point; the rotation is the direction from the first to the second.",
     )
     start_angle: Number | None = Field(
         None,
-        description="With given crank angles: the crank angle at the first sample, from the ground line A->B; default: as it is "
-        "best.",
+        description="Crank angle at the first sample, measured from the ground line A->B, if the crank angles are prescribed; "
+        "default: optimized.",
     )
     timing: Literal["free"] | None = Field(
         None,
-        description="In place of `crank_span` and `crank_angle`: the crank angles are unknown; 2 samples will do.",
+        description="free: the crank angles are unknown; do not give `crank_span` or `crank_angle`. Two samples are enough.",
     )
     order: Literal["given", "any"] = Field(
         "given",
-        description="With free timing: whether the crank passes the samples in the order given, turning one way.",
+        description="With free timing: pass the samples in the order of the request while the crank turns in one direction, or "
+        "in any order.",
     )
-    closed: Flag = Field(False, description="With free timing: the way leads from the last sample on to the first.")
+    closed: Flag = Field(
+        False, description="With free timing: the motion continues from the last sample to the first sample."
+    )
     crank_span_max: PositiveNumber | None = Field(
-        None, description="With free timing: the crank turns by no more than this from the first sample to the last."
+        None, description="With free timing: largest rotation of the crank from the first sample to the last."
     )
     travel: Travel | None = Field(
         None,
-        description="For linkages with sliders, in place of crank angles: travel of the slider, or extension of the cylinder, at "
-        "each sample; what counts is the increment from the first. Above 0 a cylinder grows longer.",
+        description="Travel of the slider or extension of the cylinder at each sample, instead of crank angles, for linkages "
+        "with sliders; only the differences from the first have an effect. Positive: a cylinder extends.",
     )
     travel_span: Number | None = Field(
-        None, description="The same from the first sample to the last, evenly spaced; < 0: a cylinder retracts."
+        None,
+        description="Travel from the first sample to the last; the samples are evenly spaced. Negative: a cylinder retracts.",
     )
     mechanisms: Mechanisms | None = Field(
         None,
-        description="Kinds of mechanism, default `four_bar` alone. Of several kinds those come back that no other one driven "
-        "alike beats in error, size and transmission angle at once.",
+        description="Kinds of mechanisms; default: only `four_bar`. With several kinds, the reply contains the linkages that no "
+        "linkage with the same driver surpasses in error, size and transmission angle at once.",
     )
-    driver: DriverName | None = Field(None, description="Only linkages that are driven so.")
-    weights: WeightsRequest | None = Field(None, description="What each sample counts; default: all alike.")
+    driver: DriverName | None = Field(None, description="Kind of driver that all linkages must have.")
+    weights: WeightsRequest | None = Field(None, description="Weights of the samples; default: all equal.")
     tolerances: TolerancesRequest | None = Field(
-        None, description="Largest errors allowed; then status `reached` means that every sample keeps them."
+        None,
+        description="Largest allowed errors; the status is `reached` if a linkage satisfies them at every sample.",
     )
     prefer: Literal["error", "balanced", "size", "transmission", "crank_span", "layers"] | None = Field(
         None,
-        description="Which of the accurate linkages come first: those with the smallest error, the best balance of size, "
-        "transmission angle and swing, the smallest links and reach, the best transmission angle, the shortest swing, "
-        "or layers over whose fixed pivots nothing passes. Default: `balanced` with free crank angles, `size` with tolerances, "
-        "otherwise `error`.",
+        description="Criterion by which accurate linkages are ranked. error: smallest error. balanced: compromise between size, "
+        "transmission angle and crank rotation. size: smallest links and reach. transmission: largest transmission angle. "
+        "crank_span: smallest crank rotation. layers: no part passes over a fixed pivot. Default: `balanced` with free crank "
+        "angles, `size` with tolerances, otherwise `error`.",
     )
-    top: Annotated[Count, Field(ge=1, le=100)] = Field(10, description="How many different linkages to return.")
-    effort: Literal["atlas", "refine"] = Field("refine", description="`atlas`: the best rows as they are, mounted.")
+    top: Annotated[Count, Field(ge=1, le=100)] = Field(10, description="Number of different linkages to return.")
+    effort: Literal["atlas", "refine"] = Field(
+        "refine", description="refine: optimize the linkages. atlas: return the best rows of the atlas, mounted."
+    )
     limits: LimitsRequest = Field(default_factory=LimitsRequest)
-    tolerance: Tolerance = Field(1e-10, description="The search ends when the objective is below this.")
-    budget_ms: PositiveNumber | None = Field(None, description="Return the best found within this time.")
+    tolerance: Tolerance = Field(1e-10, description="Objective below which the search ends.")
+    budget_ms: PositiveNumber | None = Field(
+        None, description="Time limit of the search, which returns the best linkages found so far."
+    )
     start_from: Annotated[list[GivenLinkage], Field(min_length=1, max_length=MAX_STARTS)] | None = Field(
         None,
         description="Linkages that are candidates from the first step, for example the displayed solution while a motion is "
-        'dragged: each is refined within the limits, with `prefer` "balanced" no farther than needed, otherwise to its nearest '
-        "optimum, then the search continues. `report.continued` has the rank of each result. With free timing a four-bar needs "
-        "its `mount` or `joints`, and its `crank_angle` if it has one.",
+        "edited. Each is refined within the limits: with `prefer` balanced no further than needed, otherwise to its nearest "
+        "optimum. Then the search continues. `report.continued` has the rank of each result. With free timing, a four-bar "
+        "must have `mount` or `joints`, and `crank_angle` if it is known.",
     )
     local: Flag = Field(
         False,
-        description="Search nowhere else: only the linkages of `start_from` are refined to their nearest optima.",
+        description="Only refine the linkages of `start_from` to their nearest optima; do not search for others.",
     )
     length_scale: Length | None = Field(
         None,
-        description="Weighs position errors against rotation errors in radians. Default: the largest distance of a "
-        "position from the mean position.",
+        description="Length at which a position error counts as much as a rotation error of one radian. Default: the largest "
+        "distance of a position from the mean position.",
     )
     round_to: Length | None = Field(
         None,
-        description="Also report each solution with its links rounded to this grid and the rest fitted anew, within the limits.",
+        description="Also report each solution with its links rounded to multiples of this length and its other dimensions "
+        "fitted again, within the limits.",
     )
     lengths_from: Annotated[list[Length], Field(min_length=1, max_length=MOST_STOCK)] | None = Field(
-        None, description="Instead of `round_to`: each link of one of these lengths, in the best combination."
+        None,
+        description="Stock lengths from which the links are selected in the best combination, instead of `round_to`.",
     )
     diverse: Flag = Field(
         False,
-        description="Of four-bars alone: solutions spread over families, branches and places, J at most twice the best, in place "
-        "of the best ones.",
+        description="For four-bars only: return solutions of different families, branches and mounting positions with at most "
+        "twice the smallest objective.",
     )
     sensitivity: Flag = Field(False, description="Also report the change of the motion per unit of each length.")
     analysis: AnalysisRequest | None = Field(
         None, description="Also report velocities, accelerations and, with a load, torque and pin forces."
     )
     tolerance_study: ToleranceStudyRequest | None = Field(
-        None, description="Also report what tolerances of manufacture do to the body's motion."
+        None, description="Also report the effect of manufacturing tolerances on the motion of the body."
     )
-    load: DriveLoadRequest | None = Field(None, description="Of `drives`, `springs` and `drive`.")
+    load: DriveLoadRequest | None = Field(None, description="Load for `drives`, `springs` and `drive`.")
     drives: Drives | None = Field(None, description="Also report the best drive of each of these kinds.")
-    springs: Springs | None = Field(None, description="Also report springs that carry the load.")
+    springs: Springs | None = Field(None, description="Also report springs that balance the load.")
     drive: DriveRequest | None = Field(
-        None, description="Solutions without such a drive come after those with one, which is reported."
+        None, description="Rank solutions with such a drive before solutions without, and report the drive."
     )
     assembly: Annotated[AssemblyOptions | None, BeforeValidator(_with_defaults)] = Field(
         None,
-        description="Also look for layers in which the parts of each solution pass one another; true: with default sizes. "
-        "Solutions that have some come first.",
+        description="Also search for layers in which the parts of each solution do not collide, and rank solutions with such "
+        "layers first; true: with default sizes.",
         json_schema_extra=_or_a_flag,
     )
 
@@ -792,29 +860,31 @@ Material = Literal["steel", "stainless", "aluminium", "brass", "plywood", "acryl
 
 
 class SolidsRequest(RequestModel):
-    """What parts are made of, and how they fit."""
+    """Fits and materials of parts."""
 
     fit: Literal["H7", "print"] = Field(
         "H7",
-        description="`H7`: drawn at the nominal size, with tolerances in the parts list; `print`: with play for a printer, "
-        "0.4 mm where a plate turns and 0.1 mm where it holds the pin.",
+        description="H7: nominal sizes, with tolerances in the parts list. print: with clearance for a printer, 0.4 mm in holes "
+        "that turn and 0.1 mm in holes that hold the pin.",
     )
     material: Material | None = Field(
-        None, description="Of plates and boards. Default: aluminium, to be printed PLA."
+        None, description="Material of plates and boards. Default: aluminium; PLA for printing."
     )
-    pins: Material | None = Field(None, description="Of pins, washers and heads. Default: steel, to be printed PLA.")
+    pins: Material | None = Field(
+        None, description="Material of pins, washers and heads. Default: steel; PLA for printing."
+    )
     fillet: Size = Field(0.0, description="Radius at the convex corners of the body, in the unit of the lengths.")
     layout: Literal["assembled", "bed"] | None = Field(
         None,
-        description="Where parts stand in STEP and 3MF. Default: assembled in STEP, beside one another on the bed in 3MF.",
+        description="Arrangement of the parts in STEP and 3MF. Default: assembled in STEP, side by side on the print bed in 3MF.",
     )
-    nevertheless: Flag = Field(False, description="Also where parts would collide.")
+    nevertheless: Flag = Field(False, description="Write the file even if parts collide.")
 
 
 class ExportRequest(RequestModel):
-    """A motion, one of its solutions, and the kind of file that is wanted."""
+    """A motion, a linkage for it, and the format of the file."""
 
-    request: SynthesizeRequest = Field(description="The request of /v1/synthesize; angles are in its unit.")
+    request: SynthesizeRequest = Field(description="Request of /v1/synthesize; angles are in its unit.")
     linkage: GivenLinkage | None = Field(
         None, description="One of the reply's solutions, or its like. Without it the request is solved."
     )
@@ -823,21 +893,24 @@ class ExportRequest(RequestModel):
     )
     format: Literal[
         "json", "csv", "svg", "dxf", "plates", "mjcf", "pylinkage", "step", "3mf", "stl", "urdf", "sdf", "parts"
-    ] = Field("json", description="`stl`: a zip file with a file a part; `parts`: a parts list (CSV).")
+    ] = Field(
+        "json",
+        description="Format of the file. stl: a zip file with a file for each part. parts: a parts list (CSV).",
+    )
     length_unit: LengthUnit | None = Field(
         None,
-        description="The unit of the request's lengths, for files that know one. Default: that of its `analysis`, or mm.",
+        description="Unit of the lengths of the request, for formats with a unit. Default: the unit of its `analysis`, or mm.",
     )
     assembly: AssemblyOptions | None = Field(
         None,
-        description="From `step` on, for plates, and for masses in MJCF: sizes of plates and pins, and how they are held. "
-        "Default: as in the request.",
+        description="Sizes and supports of plates and pins, for plates and solid parts and for the masses in MJCF. Default: the "
+        "options of the request.",
     )
-    solids: SolidsRequest | None = Field(None, description="For the same: fits and materials.")
+    solids: SolidsRequest | None = Field(None, description="Fits and materials, for the same formats.")
     drive: GivenDrive | None = Field(
         None,
-        description="A drive of a reply, as it came: columns of CSV, lines of SVG, a layer of DXF, the drive of MJCF, and its "
-        "parts. Default: the first drive of the solution, if the request asks for drives.",
+        description="A drive of a reply, which is written as columns of CSV, lines of SVG, a layer of DXF, the drive of MJCF, "
+        "and parts. Default: the first drive of the solution, if the request has drives.",
     )
 
 
@@ -845,45 +918,54 @@ class ExportRequest(RequestModel):
 
 
 class DrivesRequest(RequestModel):
-    """What drives this linkage over its used interval, with this load?"""
+    """A linkage and its load, for which drives and springs are searched."""
 
     linkage: GivenLinkage | None = Field(
         None, description="One of the `solutions` of a reply, as it came or changed."
     )
-    request: SynthesizeRequest | None = Field(None, description="The request that it came from: it says the way.")
+    request: SynthesizeRequest | None = Field(
+        None, description="Request that the linkage answers; it defines the used interval."
+    )
     crank_angle: (
         Annotated[list[Annotated[float, Field(ge=-1e9, le=1e9)]], Field(min_length=2, max_length=1024)] | None
-    ) = Field(None, description="In place of `request`: crank angles, or travel of its drive, from the start on.")
-    rocker: RockerRequest | None = Field(None, description="In place of a linkage: a link on a hinge.")
-    load: DriveLoadRequest | None = Field(None, description="Without it the largest least moment arm counts.")
+    ) = Field(
+        None, description="Crank angles, or travel of the driver, measured from the start, instead of `request`."
+    )
+    rocker: RockerRequest | None = Field(None, description="A link on a hinge, instead of a linkage.")
+    load: DriveLoadRequest | None = Field(
+        None, description="Load; without a load, drives with the largest minimum moment arm are best."
+    )
     drives: Drives = Field(
         default_factory=lambda: [DriveRequest(kind=kind) for kind in ("rotary", "actuator", "dyad")],
-        description="Kinds of drives that are wanted; default: rotary, actuator and dyad.",
+        description="Kinds of drives to search; default: rotary, actuator and dyad.",
     )
-    springs: Springs = Field(default_factory=list, description="Springs that are to carry the load.")
+    springs: Springs = Field(default_factory=list, description="Springs that balance the load.")
     hand: PlacePair | None = Field(
-        None, description="A place on the body at the first position: springs tell the force of a hand there."
+        None,
+        description="Point of the body, at the first position, at which the hand force with springs is computed.",
     )
-    top: Annotated[Count, Field(ge=1, le=50)] = Field(5, description="How many drives of each kind to return.")
+    top: Annotated[Count, Field(ge=1, le=50)] = Field(5, description="Number of drives of each kind to return.")
     angle_unit: AngleUnit | None = Field(
-        None, description="Unit of every angle; default: that of `request`, or degrees."
+        None, description="Unit of every angle; default: the unit of `request`, or degrees."
     )
-    length_unit: LengthUnit = Field("mm", description="The unit of all lengths, for the bundled catalogues.")
-    budget_ms: PositiveNumber | None = Field(None, description="Return the best found within this time.")
+    length_unit: LengthUnit = Field("mm", description="Unit of all lengths, for the bundled catalogues.")
+    budget_ms: PositiveNumber | None = Field(
+        None, description="Time limit of the search, which returns the best drives found so far."
+    )
 
 
 class AssemblyRequest(AssemblyOptions):
-    """Layers for the plates of a linkage over the interval that it is used for."""
+    """A linkage whose plates are arranged in layers without collisions over its used interval."""
 
     linkage: GivenLinkage | None = Field(
         None, description="One of the solutions of a reply. Without it the request is solved."
     )
     request: SynthesizeRequest | None = Field(
         None,
-        description="The request of /v1/synthesize that it answers; angles are in its unit. Without it the crank turns fully, "
-        "and angles are in degrees.",
+        description="Request of /v1/synthesize that the linkage answers; angles are in its unit. Default: the crank makes a full "
+        "turn, and angles are in degrees.",
     )
-    rank: Rank = Field(1, description="Which solution, if no linkage is given.")
+    rank: Rank = Field(1, description="Rank of the solution, if the request is solved.")
 
 
 # -- functions --------------------------------------------------------------------------------------------------------
@@ -892,39 +974,40 @@ NumberPair = Annotated[list[Number], Field(min_length=2, max_length=2)]
 
 
 class FunctionOfX(RequestModel):
-    """y = f(x) on two linear dials."""
+    """A function y = f(x), with linear scales for x and y."""
 
     name: Literal["log10", "ln", "exp", "power", "sin", "cos", "tan", "reciprocal"] | None = Field(
-        None, description="sin, cos and tan take x in `angle_unit`."
+        None, description="Name of the function; the argument of sin, cos and tan is in `angle_unit`."
     )
     table: Annotated[list[NumberPair], Field(min_length=MIN_PAIRS, max_length=MAX_SAMPLES)] | None = Field(
-        None, description="Pairs [x, y] in place of a name."
+        None, description="Pairs [x, y], instead of a name."
     )
     x: NumberPair | None = Field(None, description="First and last x.")
-    exponent: Number | None = Field(None, description="Of `power`.")
+    exponent: Number | None = Field(None, description="Exponent of the function `power`.")
     output_span: Number = Field(
-        description="How far the rocker turns from the least y to the largest; < 0: clockwise from first sample to last."
+        description="Rotation of the rocker from the smallest to the largest y; negative: clockwise from first to last sample."
     )
     samples: Annotated[Count, Field(ge=MIN_SAMPLES, le=MAX_SAMPLES)] | None = Field(
-        None, description="Samples of a named function; default 101."
+        None, description="Number of samples of a named function; default: 101."
     )
 
 
 _FunctionLimits: Any = limits_request(
     "_FunctionLimits",
-    "What every linkage must keep to.",
+    "Limits that every linkage satisfies.",
     FUNCTION_LIMITS,
     "any",
-    "Transmission angle 35 degrees (15 over the turn), link ratio 10; a field beside it replaces its value.",
+    "`practical`: transmission angle at least 35 degrees over the interval and 15 degrees over the full turn, longest link "
+    "at most 10 times the shortest. A limit in the request replaces the limit of the preset.",
 )
 
 
 class FunctionLimitsRequest(_FunctionLimits):
-    """What every linkage must keep to."""
+    """Limits that every linkage satisfies."""
 
     offset: Number | None = Field(
         None,
-        description="Of a slider-crank: distance of the rail from the crank's pivot, as it is given; 0: in line.",
+        description="Prescribed distance of the rail of a slider-crank from the pivot of the crank; 0: in-line slider-crank.",
     )
 
 
@@ -932,43 +1015,48 @@ FunctionUnit = Literal["deg", "rad", "length"]
 
 
 MakerKind = Literal["four_bar", "slider_crank", "swinging_block", "rail_slot", "two_rails"]
-"""Kinds that make functions."""
+"""Kinds of linkages that can generate functions."""
 
 
 class QuickReturnRequest(RequestModel):
-    """A slow motion one way and a fast one back, driven by a crank that turns evenly and fully."""
+    """A slow forward and a fast return motion, driven by a crank that makes full turns at constant speed."""
 
-    stroke: PositiveNumber | None = Field(None, description="Travel of a slider: a slider-crank is wanted.")
-    swing: PositiveNumber | None = Field(None, description="Angle of a rocker: a crank-rocker is wanted.")
+    stroke: PositiveNumber | None = Field(None, description="Stroke of the slider of a slider-crank.")
+    swing: PositiveNumber | None = Field(None, description="Swing of the rocker of a crank-rocker.")
     time_ratio: PositiveNumber = Field(
-        description="Duration of the slow motion over that of the fast one, at least 1."
+        description="Ratio of the durations of the slow and the fast motion, at least 1."
     )
 
 
 class SteeringRequest(RequestModel):
-    """Ackermann's condition for the front wheels of a car: the axes of all wheels meet in one point."""
+    """Ackermann condition for the front wheels of a car: the axes of all wheels intersect at a point."""
 
-    track: PositiveNumber = Field(description="Distance of the two kingpins: the ground of the linkage.")
-    wheelbase: PositiveNumber = Field(description="Distance of the axles.")
-    angle: PositiveNumber = Field(description="Largest angle of an inner wheel from straight ahead.")
+    track: PositiveNumber = Field(
+        description="Distance between the two kingpins, which is the ground of the linkage."
+    )
+    wheelbase: PositiveNumber = Field(description="Distance between the axles.")
+    angle: PositiveNumber = Field(description="Largest steering angle of the inner wheel.")
 
 
 class FunctionRequest(RequestModel):
-    """Which linkage's output, of rocker, crank or slider, is a wanted function of its input?"""
+    """A function, for which linkages are searched whose output follows it."""
 
     output: Pairs | None = Field(
         None,
-        description="Rocker angles, or travel, at the samples, continuous, up to a constant; falling: against a rising input.",
+        description="Rocker angles, or travel, at the samples; continuous, up to a constant. Decreasing values mean that the "
+        "output moves against an increasing input.",
     )
     crank_span: Number | None = Field(
-        None, description="Crank angle from the first sample to the last, evenly spaced; < 0: clockwise."
+        None,
+        description="Crank angle from the first sample to the last; the samples are evenly spaced. Negative: clockwise.",
     )
     travel_span: Number | None = Field(
-        None, description="Where the input is a travel: from the first sample to the last, evenly spaced."
+        None,
+        description="Travel of the input from the first sample to the last, if the input is a travel; evenly spaced.",
     )
     input: Pairs | None = Field(
         None,
-        description="Crank angles, or travel, in place of the span; what counts is the increment from the first.",
+        description="Crank angles, or travel, instead of the span; only the differences from the first have an effect.",
     )
     input_unit: FunctionUnit | None = Field(
         None,
@@ -980,58 +1068,68 @@ class FunctionRequest(RequestModel):
     )
     mechanisms: Annotated[list[MakerKind], Field(min_length=1, max_length=5)] | Literal["all"] | None = Field(
         None,
-        description="From angle to angle `four_bar`; from angle to length, and back, `slider_crank` and `swinging_block`; from "
-        "length to angle `rail_slot` too; from length to length `two_rails`. Default: the first that there is.",
+        description="Kinds of mechanisms. Angle to angle: `four_bar`. Angle to length and length to angle: `slider_crank` and "
+        "`swinging_block`; length to angle: also `rail_slot`. Length to length: `two_rails`. Default: the first possible kind.",
     )
-    function: FunctionOfX | None = Field(None, description="A function by name or table in place of `output`.")
+    function: FunctionOfX | None = Field(None, description="Function by name or table, instead of `output`.")
     quick_return: QuickReturnRequest | None = Field(
-        None, description="In place of `output`: a stroke or swing, and the time ratio of both motions."
+        None, description="Stroke or swing and time ratio of a quick-return motion, instead of `output`."
     )
     steering: SteeringRequest | None = Field(
-        None, description="In place of `output`: a symmetric linkage that steers two wheels by Ackermann's condition."
+        None,
+        description="Symmetric linkage that steers two wheels by the Ackermann condition, instead of `output`.",
     )
     symmetric: Flag = Field(
         False,
-        description="Left and right arm are mirror images; `input` and `output` are measured from the symmetric position. Arms "
-        "between 0.08 and 0.3 of the ground unless the limits give lengths.",
+        description="The left and the right arm are mirror images, and `input` and `output` are measured from the symmetric "
+        "position. The arms have 0.08 to 0.3 of the ground length, unless the limits prescribe lengths.",
     )
     objective: Literal["rms", "max"] = Field(
-        "rms", description="Make least the rms error at the samples, or the largest error over the whole interval."
+        "rms", description="Minimize the rms error at the samples, or the largest error over the whole interval."
     )
     input_zero: Number | None = Field(
         None,
-        description="Crank angle at the first sample, from the ground line A->B or the rail; or the place of slider or cylinder.",
+        description="Prescribed crank angle at the first sample, measured from the ground line A->B or from the rail; or "
+        "prescribed position of the slider or length of the cylinder.",
     )
-    output_zero: Number | None = Field(None, description="The output that is wanted there, measured alike.")
+    output_zero: Number | None = Field(
+        None, description="Prescribed output at the first sample, measured in the same manner."
+    )
     weights: (
         Annotated[list[Annotated[Number, Field(ge=0)]], Field(min_length=MIN_PAIRS, max_length=MAX_SAMPLES)] | None
-    ) = Field(None, description="What each squared error counts; for `max` each error, linear between samples.")
-    one_way: Flag = Field(False, description="The rocker must not turn back within the interval.")
+    ) = Field(
+        None,
+        description="Weights of the squared errors; for the objective `max`, weights of the errors, interpolated linearly.",
+    )
+    one_way: Flag = Field(False, description="The rocker must not reverse within the interval.")
     limits: FunctionLimitsRequest = FunctionLimitsRequest()
-    top: Annotated[Count, Field(ge=1, le=100)] = Field(10, description="How many different linkages to return.")
-    tolerance: Tolerance = Field(1e-10, description="The search ends when the objective is below this.")
-    budget_ms: PositiveNumber | None = Field(None, description="Return the best found within this time.")
+    top: Annotated[Count, Field(ge=1, le=100)] = Field(10, description="Number of different linkages to return.")
+    tolerance: Tolerance = Field(1e-10, description="Objective below which the search ends.")
+    budget_ms: PositiveNumber | None = Field(
+        None, description="Time limit of the search, which returns the best linkages found so far."
+    )
     round_to: Length | None = Field(
-        None, description="Also report each solution with its links on this grid and the zeros fitted anew."
+        None,
+        description="Also report each solution with its links rounded to multiples of this length and its zeros fitted again.",
     )
     start_from: Annotated[list[GivenGenerator], Field(min_length=1, max_length=MAX_STARTS)] | None = Field(
         None,
-        description="Four-bars that are candidates from the first step: each is refined to its nearest optimum within the "
-        "limits, then the search continues.",
+        description="Four-bars that are candidates from the first step. Each is refined to its nearest optimum within the "
+        "limits; then the search continues.",
     )
     local: Flag = Field(
         False,
-        description="Search nowhere else: only the linkages of `start_from` are refined to their nearest optima.",
+        description="Only refine the linkages of `start_from` to their nearest optima; do not search for others.",
     )
     sensitivity: Flag = Field(False, description="Also report the change of the output per unit of each length.")
-    curves: Flag = Field(False, description="Also report each solution's error over the interval.")
+    curves: Flag = Field(False, description="Also report the error of each solution over the interval.")
     angle_unit: AngleUnit = Field("deg", description="Unit of every angle in request and reply.")
 
 
 class FunctionExportRequest(RequestModel):
-    """A function, one of its linkages, and the kind of file that is wanted."""
+    """A function, a linkage that generates it, and the format of the file."""
 
-    request: FunctionRequest = Field(description="The request of /v1/function; angles are in its unit.")
+    request: FunctionRequest = Field(description="Request of /v1/function; angles are in its unit.")
     linkage: GivenMaker
     format: Literal["json", "csv", "svg", "dxf", "mjcf"] = "json"
-    length_unit: LengthUnit = Field("mm", description="The unit of the lengths, for DXF and MJCF.")
+    length_unit: LengthUnit = Field("mm", description="Unit of the lengths, for DXF and MJCF.")

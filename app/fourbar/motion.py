@@ -15,30 +15,32 @@ from linkage_atlas.motions import looks_like_radians
 from linkage_atlas.tables import KINDS, decoded, read_table
 
 MAX_COLUMNS = 16
-"""Columns that can be chosen."""
+"""Largest number of columns that a request can assign."""
 RADIANS = (
-    "all angles lie below 6.29: if they are radians, say so in the head of their column, as in angle [rad]; they were read as "
-    "degrees"
+    "All angles are below 6.29 and were read as degrees. If they are radians, write the unit in the heading of the column, "
+    "as in angle [rad]."
 )
 
 
 class MotionRequest(RequestModel):
-    """Which column of a table is what, in which unit, and which fields of a request does it make?"""
+    """A table of samples that is to be read as fields of a request."""
 
     table: str | None = Field(None, description="The table as text: CSV, or cells pasted from a spreadsheet.")
     file: str | None = Field(
-        None, description="Its file in base64, in any encoding that spreadsheets write; give either this or `table`."
+        None,
+        description="Content of the file of the table in base64, in any text encoding that spreadsheets write. Give either "
+        "this or `table`.",
     )
     question: Literal["synthesize", "match", "function"] = Field(
-        "synthesize", description="The question that the samples are for."
+        "synthesize", description="Query for which the samples are read."
     )
     columns: Annotated[dict[str, str], Field(max_length=MAX_COLUMNS)] | None = Field(
         None,
-        description="Head, or number from 1, of the column to read for each of x, y, angle, crank, x1, y1, x2, y2, cos, sin, "
-        "input, output. Default: columns are recognised by their heads.",
+        description="Heading, or number from 1, of the column to read for each of x, y, angle, crank, x1, y1, x2, y2, cos, "
+        "sin, input, output. Default: columns are recognised by their headings.",
     )
     unwrap: Flag = Field(
-        False, description="Move each angle by whole turns to within half a turn of the angle before."
+        False, description="Shift each angle by full turns to within half a turn of the previous angle."
     )
     angle_unit: AngleUnit = Field("deg", description="Unit of the angles in the reply.")
     length_unit: LengthUnit | None = Field(
@@ -47,68 +49,71 @@ class MotionRequest(RequestModel):
 
 
 class ColumnRead(ReplyModel):
-    """How a column was read."""
+    """Interpretation of a column."""
 
-    head: str = Field(description="As written; without heads the number of the column, from 1.")
-    role: str = Field(description="x, y, angle, crank, input, output, ..")
-    unit: str = Field(description="Unit that the table names; empty if it names none.")
+    head: str = Field(description="Heading of the column; its number from 1 if the table has no headings.")
+    role: str = Field(description="Quantity of the column: x, y, angle, crank, input, output, ...")
+    unit: str = Field(description="Unit in the heading; empty if it has none.")
 
 
 class MotionReply(ReplyModel):
     """The samples of a table as fields of a request."""
 
     status: Literal["read", "refused"]
-    message: str | None = Field(None, description="Why the table was refused.")
-    request: dict[str, Any] | None = Field(None, description="Fields of a request to the question.")
-    length_unit: LengthUnit | None = Field(None, description="Unit of the lengths; null if the table names none.")
+    message: str | None = Field(None, description="Reason for which the table was refused.")
+    request: dict[str, Any] | None = Field(None, description="Fields of a request to the query.")
+    length_unit: LengthUnit | None = Field(
+        None, description="Unit of the lengths; null if the table does not contain it."
+    )
     columns: list[ColumnRead] = Field([])
     heads: list[str] = Field(
-        [], description="All columns to choose from; empty if the table was refused for another reason."
+        [],
+        description="Headings of all columns; empty if the table was refused and an assignment of columns would not help.",
     )
     notes: list[str] = Field([])
 
 
 def answer_motion(request: MotionRequest, _: Resources) -> MotionReply:
-    """Read a table; a table that cannot be read is refused with a sentence, and with its heads if the choice of columns helps."""
+    """Read a table. If it cannot be read, the reply has a message, and the headings if an assignment of columns may help."""
     if (request.table is None) == (request.file is None):
-        raise FieldError("/table", "give either `table`, the text, or `file`, its bytes in base64")
+        raise FieldError("/table", "give either `table`, the text, or `file`, the content of a file in base64")
     try:
         content = None if request.file is None else base64.b64decode(request.file, validate=True)
     except binascii.Error:
-        raise FieldError("/file", "wanted the bytes of a file in base64") from None
+        raise FieldError("/file", "must be the content of a file in base64") from None
     kind, also = KINDS[request.question], {"angle_unit": request.angle_unit}
     try:
         text = (request.table or "") if content is None else decoded(content)
-        found = read_table(text, kind, also, request.unwrap, request.columns, request.length_unit)
+        samples = read_table(text, kind, also, request.unwrap, request.columns, request.length_unit)
     except FieldError as error:
         return MotionReply(status="refused", message=error.message, heads=error.details.get("heads", []))
-    fields = dict(found.fields)
+    fields = dict(samples.fields)
     if request.angle_unit == "deg":
         del fields["angle_unit"]
-    notes = [found.note]
+    notes = [samples.note]
     angles = [fields[name] for name in ("rotation", "input", "output") if name in fields]
-    if request.angle_unit == "deg" and not found.angle_named and any(map(looks_like_radians, angles)):
+    if request.angle_unit == "deg" and not samples.angle_named and any(map(looks_like_radians, angles)):
         notes.append(RADIANS)
-    columns = [ColumnRead(**column._asdict()) for column in found.columns]
+    columns = [ColumnRead(**column._asdict()) for column in samples.columns]
     return MotionReply(
         status="read",
         request=fields,
-        length_unit=found.length_unit,
+        length_unit=samples.length_unit,
         columns=columns,
-        heads=list(found.heads),
+        heads=list(samples.heads),
         notes=notes,
     )
 
 
 def motion_table(reply: MotionReply) -> str:
-    """Say how a table was read, for a terminal. Raises `FieldError` if it was refused."""
+    """Return a description of how a table was read; raise `FieldError` if it was refused."""
     if reply.request is None:
         raise FieldError("", str(reply.message))
     counts = ", ".join(
         f"{name} ({len(value)})" if isinstance(value, list) else f"{name} {value}"
         for name, value in reply.request.items()
     )
-    unit = f"lengths in {reply.length_unit}" if reply.length_unit else "unit of lengths not named"
+    unit = f"lengths in {reply.length_unit}" if reply.length_unit else "no unit of length"
     return "\n".join([*reply.notes, f"fields: {counts}; {unit}"])
 
 
