@@ -49,9 +49,9 @@ def check_counts(content: bytes) -> None:
         "objects and arrays": (content.count(b"{") + content.count(b"["), MAX_CONTAINERS),
         "values": (content.count(b",") + 1, MAX_VALUES),
     }
-    for name, (found, most) in counts.items():
-        if found > most:
-            raise problems.Malformed(f"the body has more than {most:,} {name}")
+    for name, (found, limit) in counts.items():
+        if found > limit:
+            raise problems.Malformed(f"the body has more than {limit:,} {name}")
 
 
 def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

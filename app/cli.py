@@ -1,4 +1,4 @@
-"""The command ``linkage-atlas``: its commands, their options and help, and its exit codes."""
+"""The program ``linkage-atlas``: commands, options, help and exit codes."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ from linkage_atlas import (
     run_batch,
 )
 
-DESCRIPTION = """Finds planar linkages for a required motion.
+DESCRIPTION = """Find planar linkages for a required motion.
 
-  linkage-atlas example casement > request.json   print a request to edit
-  linkage-atlas synthesize request.json           find linkages for it
+  linkage-atlas example casement > request.json   print an example request to edit
+  linkage-atlas synthesize request.json           find linkages for a request
   linkage-atlas synthesize poses.csv --length-unit mm --export linkage.dxf
-  linkage-atlas export request.json --format step write its best linkage for CAD
-  linkage-atlas serve                             open the page at http://127.0.0.1:8000
-  linkage-atlas COMMAND --help                    list options and fields of a command
+  linkage-atlas export request.json --format step export the best linkage to CAD
+  linkage-atlas serve                             serve the page at http://127.0.0.1:8000
+  linkage-atlas COMMAND --help                    list the options and fields of a command
 """
 
 
@@ -46,7 +46,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def parsed(argv: Sequence[str]) -> argparse.Namespace:
-    """Parse the arguments of a command; ``run`` of the result runs it."""
+    """Parse the arguments of a command; the attribute ``run`` of the result is the function that runs it."""
     if argv and argv[0] in BATCH_COMMANDS:
         return argparse.Namespace(run=lambda _: run_batch(argv))
     parser = make_parser(named=next((word for word in argv if not word.startswith("-")), None))
@@ -56,7 +56,7 @@ def parsed(argv: Sequence[str]) -> argparse.Namespace:
 
 
 def _with_negative_values(argv: Sequence[str]) -> Iterator[str]:
-    """Join an option and a value such as -10,0,90,90, which argparse would take for another option."""
+    """Join an option and a negative value such as -10,0,90,90, which argparse would read as an option."""
     words = list(argv)
     while words:
         word = words.pop(0)
@@ -73,7 +73,7 @@ def run(options: argparse.Namespace) -> int:
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         return Exit.INTERRUPTED
-    except BrokenPipeError:  # the reader has closed the pipe; nothing may be flushed into it at exit
+    except BrokenPipeError:  # the reader has closed the pipe; do not flush into it at exit
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return Exit.OK
     except FieldError as error:
@@ -86,7 +86,9 @@ def run(options: argparse.Namespace) -> int:
         print(error, file=sys.stderr)
         if error.fault is not AtlasFault.MISSING:
             return Exit.DAMAGED
-        print("`linkage-atlas build --out FILE` makes one; `--atlas FILE` says where it is", file=sys.stderr)
+        print(
+            "Build an atlas with `linkage-atlas build --out FILE`, or name one with `--atlas FILE`.", file=sys.stderr
+        )
         return Exit.USAGE
 
 
@@ -95,15 +97,15 @@ def _near_file(error: OSError) -> str:
     path = Path(str(error.filename))
     if not isinstance(error, FileNotFoundError) or not path.parent.is_dir():
         return ""
-    near = get_close_matches(path.name, [file.name for file in path.parent.iterdir()], 1)
-    return f"; did you mean {path.with_name(near[0])}?" if near else ""
+    similar = get_close_matches(path.name, [file.name for file in path.parent.iterdir()], 1)
+    return f"; did you mean {path.with_name(similar[0])}?" if similar else ""
 
 
 # -- the parser -------------------------------------------------------------------------------------------------------
 
 _PLAIN = argparse.RawDescriptionHelpFormatter
 FILE: dict[str, str] = {}
-"""Completion of file names in each shell, filled by the command `completion`."""
+"""Completion of file names in each shell; the command ``completion`` fills it."""
 
 
 class _Parser(argparse.ArgumentParser):
@@ -113,32 +115,44 @@ class _Parser(argparse.ArgumentParser):
         options, unknown = super().parse_known_args(args, namespace)
         if unknown:
             word = unknown[0].partition("=")[0]
-            near = get_close_matches(word, self._option_string_actions, 1)
-            hint = f"; did you mean {near[0]}?" if near else f"; see {self.prog} --help"
-            hint = "; a list is written with commas, as in 0,0,200,100" if re.match(r"-?[\d.]", word) else hint
+            similar = get_close_matches(word, self._option_string_actions, 1)
+            hint = f"; did you mean {similar[0]}?" if similar else f"; see {self.prog} --help"
+            hint = (
+                "; separate the items of a list with commas, as in 0,0,200,100"
+                if re.match(r"-?[\d.]", word)
+                else hint
+            )
             self.error(f"unrecognized arguments: {' '.join(unknown)}{hint}")
         return options, unknown
 
     def error(self, message: str) -> Any:
         """End with the usage and the message; name the closest choice if a choice is invalid."""
         if found := re.search(r"invalid choice: '(.*?)' \(choose from (.*)\)", message):
-            near = get_close_matches(found[1], re.findall(r"[\w.-]+", found[2]), 1)
-            message += f"; did you mean {near[0]}?" if near else ""
+            similar = get_close_matches(found[1], re.findall(r"[\w.-]+", found[2]), 1)
+            message += f"; did you mean {similar[0]}?" if similar else ""
             if Path(found[1]).is_file():
-                message = f"name a command before the file: {self.prog} synthesize {found[1]}"
+                message = f"write a command before the file, as in: {self.prog} synthesize {found[1]}"
         super().error(message)
 
 
-def make_parser(whole: bool = False, named: str | None = None) -> argparse.ArgumentParser:
-    """Return the parser with the options of the command that is ``named``, or of all; others are not imported."""
+def make_parser(all_commands: bool = False, named: str | None = None) -> argparse.ArgumentParser:
+    """Return the parser.
+
+    Parameters
+    ----------
+    all_commands : bool
+        Add the options of all commands.
+    named : str, optional
+        Command whose options are added. The modules of other commands are not imported.
+    """
     parser = _Parser(prog="linkage-atlas", description=DESCRIPTION, epilog=EPILOG, formatter_class=_PLAIN)
     parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
     commands = parser.add_subparsers(metavar="COMMAND", required=True)
     for name, (text, add) in _COMMANDS.items():
         command = commands.add_parser(name, help=text, formatter_class=_PLAIN)
-        if whole or name == named:
+        if all_commands or name == named:
             add(command, name)
-    if whole:
+    if all_commands:
         add_batch_commands(commands)
     else:
         for name, text in BATCH_COMMANDS.items():
@@ -146,29 +160,33 @@ def make_parser(whole: bool = False, named: str | None = None) -> argparse.Argum
     return parser
 
 
-def whole_number(least: int, most: int | None = None) -> Callable[[str], int]:
-    """Return a reader of whole numbers from ``least`` to ``most``, for the type of an argument."""
+def whole_number(minimum: int, maximum: int | None = None) -> Callable[[str], int]:
+    """Return a function that reads a whole number from ``minimum`` to ``maximum``, for the type of an argument."""
 
     def read(text: str) -> int:
-        wanted = f"a whole number of at least {least}" if most is None else f"a whole number from {least} to {most}"
-        if not re.fullmatch(r"-?\d+", text) or int(text) < least or (most is not None and int(text) > most):
-            raise argparse.ArgumentTypeError(f"must be {wanted}, found {text}")
+        allowed = (
+            f"a whole number of at least {minimum}"
+            if maximum is None
+            else f"a whole number from {minimum} to {maximum}"
+        )
+        if not re.fullmatch(r"-?\d+", text) or int(text) < minimum or (maximum is not None and int(text) > maximum):
+            raise argparse.ArgumentTypeError(f"must be {allowed}, found {text}")
         return int(text)
 
     return read
 
 
 def add_file(parser: Any, *names: str, **options: Any) -> None:
-    """Add an argument that is the name of a file, for completion."""
+    """Add an argument that is a file name; shells complete it."""
     parser.add_argument(*names, **{"type": Path, "metavar": "FILE"} | options).complete = FILE
 
 
-def add_atlas(parser: Any, what: str = "the atlas") -> None:
-    """Add the option that names an atlas."""
+def add_atlas(parser: Any, description: str = "atlas file") -> None:
+    """Add the option ``--atlas``."""
     add_file(
         parser,
         "--atlas",
-        help=f"{what} (default: atlas.h5 in this folder, else the default atlas, built once in the cache folder)",
+        help=f"{description} (default: atlas.h5 in this folder; otherwise the default atlas, which is built once in the cache)",
     )
 
 
@@ -176,7 +194,7 @@ def add_atlas(parser: Any, what: str = "the atlas") -> None:
 
 _LACKING = {"catalogue": None, "export": [], "plot": False, "rank": None, "length_unit": None, "columns": None}
 _LACKING |= {"unwrap": False, "set": [], "json": False, "linkage": None}
-"""Values of the options that a command does not have."""
+"""Default values of options that a command does not have."""
 
 
 def _add_questions(parser: argparse.ArgumentParser, name: str) -> None:
@@ -201,16 +219,16 @@ def _add_query(parser: argparse.ArgumentParser, query: Any) -> None:
         add_file(
             parser,
             "--catalogue",
-            help="a CSV file of actuators (name, retracted, stroke, force, ..) for all actuators and cylinders",
+            help="CSV file of actuators (name, retracted, stroke, force, ...) for all actuators and cylinders",
         )
     if query.exports:
         endings = ", ".join((*query.exports, "json"))
-        text = f"also write a file in the format of its ending: {endings}; may be repeated"
+        text = f"also write a file; its suffix selects the format: {endings}; may be repeated"
         add_file(parser, "--export", action="append", default=[], help=text)
     if "svg" in query.exports:
-        parser.add_argument("--plot", action="store_true", help="also draw the linkage and open the picture")
+        parser.add_argument("--plot", action="store_true", help="also draw the linkage and open the drawing")
     if query.reads_atlas:
-        add_atlas(parser, "the atlas, if one is needed")
+        add_atlas(parser, "atlas file, if the request needs an atlas")
     parser.set_defaults(run=partial(run_question, query=query), examples=examples)
 
 
@@ -223,11 +241,11 @@ def _add_export(parser: argparse.ArgumentParser, name: str) -> None:
     (query,) = queries_named("synthesize")
     examples = _add_request(parser, Target("export", ExportRequest), query, "export the linkage of")
     parser.description = LINKAGE_FILES.summary
-    add_file(parser, "--out", help="the file to write (default: named after the example or the request)")
+    add_file(parser, "--out", help="output file (default: named after the example or the request)")
     parser.add_argument(
-        "--format", choices=LINKAGE_FILES.formats, help="default: as the ending of --out or the request says"
+        "--format", choices=LINKAGE_FILES.formats, help="format (default: from the suffix of --out or the request)"
     )
-    add_atlas(parser, "the atlas, if one is needed")
+    add_atlas(parser, "atlas file, if the request needs an atlas")
     parser.set_defaults(run=run_export, examples=examples)
 
 
@@ -245,11 +263,11 @@ _FIELDS = {
     "assembly.heads=true": "--heads",
     **{f"assembly.{name}": f"--{name}" for name in ("hole", "width", "thickness", "clearance", "kerf", "scale")},
 }
-"""Fields of requests, some with a value, that have an option of their own if the request has them."""
+"""Option for a field of a request, or for a field with a certain value."""
 
 
 def _add_request(parser: argparse.ArgumentParser, target: Any, query: Any, verb: str) -> dict[str, Any]:
-    """Add the arguments that say what the request is; return the requests of the examples by name."""
+    """Add the arguments that define the request; return the requests of the examples by name."""
     from app.query import LengthUnit
     from app.registry import examples_of
     from app.sources import setting
@@ -264,7 +282,7 @@ def _add_request(parser: argparse.ArgumentParser, target: Any, query: Any, verb:
         reads.append("a table of samples (CSV, or pasted from a spreadsheet)")
     parser.description = query.summary
     parser.epilog = f"{_fields_help(target)}\n\n{EPILOG}"
-    files = f"{', '.join(reads[:-1])}{', or ' if reads[1:] else ''}{reads[-1]}; - or nothing: standard input"
+    files = f"{', '.join(reads[:-1])}{', or ' if reads[1:] else ''}{reads[-1]}; default, and -: standard input"
     add_file(parser, "file", nargs="?", default="-", type=str, help=files, metavar="file")
     shown = ", ".join(name for name in examples if not name.startswith(prefix))
     parser.add_argument(
@@ -276,8 +294,8 @@ def _add_request(parser: argparse.ArgumentParser, target: Any, query: Any, verb:
         metavar="FIELD=VALUE",
         action="append",
         default=[],
-        help="set a field of the request, as in top=3, limits.pivot_box=[0,0,200,100], drives.1.stroke=90 (items count from "
-        "1) or limits=@limits.json (a file); objects are merged; may be repeated. Fields: see below",
+        help="set a field of the request, as in top=3, limits.pivot_box=[0,0,200,100], drives.1.stroke=90 (items are counted "
+        "from 1) or limits=@limits.json (content of a file); objects are merged; may be repeated; the fields are listed below",
     )
     fields = dict(_fields(target.model)) | dict(_fields(target.motion) if target.motion else ())
     for assignment, option in _FIELDS.items():
@@ -287,12 +305,12 @@ def _add_request(parser: argparse.ArgumentParser, target: Any, query: Any, verb:
             action = {"action": "append_const", "const": setting(assignment)} if value else {"action": "append"}
             metavar = "XMIN,YMIN,XMAX,YMAX" if option.endswith("box") else "VALUE"
             action |= {} if value else {"type": _argument(partial(_field, path)), "metavar": metavar}
-            text = "No limits except those of the request." if value == "none" else fields[path]
+            text = "Apply only the limits of the request." if value == "none" else fields[path]
             parser.add_argument(option, dest="set", help=f"{text} (--set {assignment})", **action)
     name = target.linkage or ("start_from" if "start_from" in target.model.model_fields else None)
     if name is not None:
         option = "--linkage" if target.linkage else "--start-from"
-        text = "the linkage" if target.linkage else "a linkage to begin with"
+        text = "linkage" if target.linkage else "linkage from which the search starts"
         add_file(parser, option, dest="linkage", help=f"{text}: a saved solution or a reply (--set {name}=@FILE)")
     if "local" in fields:
         parser.add_argument(
@@ -300,43 +318,43 @@ def _add_request(parser: argparse.ArgumentParser, target: Any, query: Any, verb:
             dest="set",
             action="append_const",
             const=setting("local=true"),
-            help="only refine the linkage of --start-from, search nowhere else (--set local=true)",
+            help="only refine the linkage of --start-from (--set local=true)",
         )
     if target.table:
         parser.add_argument(
             "--columns",
             type=_argument(read_columns),
             metavar="x=TX,y=TY,angle=RZ",
-            help="heads of the columns of a table, or their numbers; only these are read",
+            help="headings of the columns of a table, or their numbers; other columns are ignored",
         )
         parser.add_argument(
             "--unwrap",
             action="store_true",
-            help="take each angle of a table within half a turn of the one before: 350, 10, 30 as 350, 370, 390",
+            help="shift each angle of a table to within half a turn of the previous angle: 350, 10, 30 is read as 350, 370, 390",
         )
     if query.files is not None or target.linkage:
         parser.add_argument(
-            "--rank", type=whole_number(1, 100), help="which solution to write or draw, or to take from a reply (1)"
+            "--rank", type=whole_number(1, 100), help="rank of the solution to export, or to read from a reply (1)"
         )
     if query.shows_units:
         parser.add_argument(
             "--length-unit",
             choices=get_args(LengthUnit),
-            help="unit of the request's lengths, for tables and for files with a unit (mm)",
+            help="unit of the lengths of the request, for tables and for files with a unit (mm)",
         )
     parser.set_defaults(**_LACKING)
     return examples
 
 
 def _field(path: str, value: str) -> Any:
-    """Read the value of a field; a list needs no brackets."""
+    """Read the value of a field; the brackets of a list may be omitted."""
     from app.sources import setting
 
     return setting(f"{path}=[{value}]" if "," in value and not value.startswith("[") else f"{path}={value}")
 
 
 def _argument(read: Callable[[str], Any]) -> Callable[[str], Any]:
-    """Return a reader whose `FieldError` argparse shows."""
+    """Return a function that reads a value and reports a `FieldError` through argparse."""
 
     def checked(text: str) -> Any:
         try:
@@ -348,17 +366,17 @@ def _argument(read: Callable[[str], Any]) -> Callable[[str], Any]:
 
 
 def _fields_help(target: Any) -> str:
-    """Return the fields of a request with a line of help for each."""
-    lines, width = ["fields of the request, for --set or as JSON:"], min(shutil.get_terminal_size().columns, 120)
+    """Return the help of the fields of a request."""
+    lines, width = ["fields of the request, for --set and in JSON:"], min(shutil.get_terminal_size().columns, 120)
     for path, text in _fields(target.model):
         lines += textwrap.wrap(f"{path}  {text}", width, initial_indent="  ", subsequent_indent=" " * 8)
     if target.motion:
-        lines.append("  and the fields of the motion: see linkage-atlas synthesize --help")
+        lines.append("  The fields of the motion are listed by: linkage-atlas synthesize --help")
     return "\n".join(lines)
 
 
 def _fields(model: Any, path: str = "") -> Iterator[tuple[str, str]]:
-    """Yield the path and help of each field, also of those within objects."""
+    """Yield the path and the help of each field, including the fields of objects."""
     from app.query import models_in
 
     for name, info in model.model_fields.items():
@@ -386,28 +404,37 @@ def _add_study(parser: argparse.ArgumentParser, name: str) -> None:
     from app.study import DESCRIPTION, run_study
 
     parser.description, parser.epilog = DESCRIPTION, EPILOG
-    add_file(parser, "requests", help="requests, a line of JSON each; empty lines do not count", metavar="requests")
-    add_file(parser, "--out", required=True, help="the results; a study that was ended continues this file")
+    add_file(
+        parser,
+        "requests",
+        help="file with a request (JSON) on each line; empty lines are ignored",
+        metavar="requests",
+    )
+    add_file(
+        parser, "--out", required=True, help="file of the results; an interrupted study continues with this file"
+    )
     commands = [query.command for query in all_queries()]
     parser.add_argument(
         "--command",
         choices=commands,
         metavar="COMMAND",
         default="synthesize",
-        help=f"of {', '.join(commands)} (%(default)s)",
+        help=f"command that answers the requests: {', '.join(commands)} (%(default)s)",
     )
     cores = os.cpu_count() or 1
     parser.add_argument(
         "--jobs", type=whole_number(1), default=cores, help="number of processes (default: one per core)"
     )
     parser.add_argument("--scheduler", metavar="ADDRESS", help="run on the Dask cluster at this address")
-    parser.add_argument("--no-preset", action="store_true", help="no limits except those of each request")
-    add_atlas(parser, "the atlas, if one is needed")
+    parser.add_argument("--no-preset", action="store_true", help="apply only the limits of each request")
+    add_atlas(parser, "atlas file, if a request needs an atlas")
     parser.set_defaults(run=run_study)
 
 
 def _add_completion(parser: argparse.ArgumentParser, name: str) -> None:
-    parser.description = "Prints a script that completes commands and options; its first lines say how to install it."
+    parser.description = (
+        "Print a script that completes commands and options; its first lines explain the installation."
+    )
     parser.add_argument("shell", choices=("bash", "zsh", "fish"))
     parser.set_defaults(run=_completion)
 
@@ -416,14 +443,14 @@ def _completion(options: argparse.Namespace) -> int:
     import shtab
 
     FILE.update(shtab.FILE)
-    print(shtab.complete(make_parser(whole=True), options.shell))
+    print(shtab.complete(make_parser(all_commands=True), options.shell))
     return Exit.OK
 
 
 def _add_example(parser: argparse.ArgumentParser, name: str) -> None:
     from app.registry import all_examples
 
-    parser.description = "Prints a bundled request as JSON, to be edited and answered; without a name, all names."
+    parser.description = "Print a bundled example request as JSON, or list the names of all examples."
     parser.add_argument("name", nargs="?", choices=tuple(all_examples()), metavar="NAME")
     parser.set_defaults(run=_example)
 
@@ -438,16 +465,16 @@ def _example(options: argparse.Namespace) -> int:
             if not name.startswith("synthesize-"):
                 rows.append((name, by, '"' if about == before else about))
                 before = about
-        print(left_table(("name", "answered by", "what it is"), rows))
+        print(left_table(("name", "command", "description"), rows))
         return Exit.OK
     example = all_examples()[options.name]
     print(_pretty(example.request))
-    print(f"answered by: linkage-atlas {example.command} FILE", file=sys.stderr)
+    print(f"answer this request with: linkage-atlas {example.command} FILE", file=sys.stderr)
     return Exit.OK
 
 
 def _pretty(value: Any, indent: str = "") -> str:
-    """Format JSON for editing: each field on a line of its own, but a list of numbers, such as a pose, on a single line."""
+    """Format JSON for editing: a line for each field, and a single line for a list of numbers such as a pose."""
     inner = indent + "  "
     if isinstance(value, Mapping) and value:
         rows = [f"{inner}{json.dumps(name)}: {_pretty(part, inner)}" for name, part in value.items()]
@@ -458,19 +485,19 @@ def _pretty(value: Any, indent: str = "") -> str:
 
 
 def _add_serve(parser: argparse.ArgumentParser, name: str) -> None:
-    parser.description = "Serves the queries over HTTP, and the page."
+    parser.description = "Serve the page and all queries over HTTP."
     group = parser.add_mutually_exclusive_group()
     add_atlas(group)
     group.add_argument(
-        "--no-atlas", action="store_true", help="start at once: searching needs none, what needs one says so"
+        "--no-atlas", action="store_true", help="start without an atlas; only queries that need an atlas are refused"
     )
-    parser.add_argument("--host", default="127.0.0.1", help="(%(default)s)")
-    parser.add_argument("--port", type=whole_number(0, 65535), default=8000, help="(%(default)s)")
+    parser.add_argument("--host", default="127.0.0.1", help="address on which the service listens (%(default)s)")
+    parser.add_argument("--port", type=whole_number(0, 65535), default=8000, help="port (%(default)s)")
     parser.add_argument(
         "--workers",
         type=whole_number(1, 64),
         metavar="N",
-        help="number of processes that compute answers (default: one for each core, at least 2 and at most 4)",
+        help="number of processes that compute answers (default: number of cores, at least 2 and at most 4)",
     )
     parser.set_defaults(run=_serve)
 
@@ -495,16 +522,16 @@ def _serve(options: argparse.Namespace) -> int:
 
 _COMMANDS: dict[str, tuple[str, Callable[[argparse.ArgumentParser, str], None]]] = {
     "synthesize": (QUESTIONS["synthesize"], _add_questions),
-    "export": ("write a linkage as a file: for CAD, a printer, a simulator, a workshop", _add_export),
+    "export": ("export a linkage for CAD, 3D printing, simulation or a workshop", _add_export),
     "drive": (QUESTIONS["drive"], _add_questions),
     "assembly": (QUESTIONS["assembly"], _add_questions),
     "function": (QUESTIONS["function"], _add_questions),
     "match": (QUESTIONS["match"], _add_questions),
     "motion": (QUESTIONS["motion"], _add_questions),
-    **{scene: (f"questions about the {scene}", _add_questions) for scene in SCENES},
-    "study": ("answer many requests, a line each", _add_study),
-    "example": ("print a request to edit, or the list of examples", _add_example),
-    "serve": ("answer over HTTP, with a page to draw motions on", _add_serve),
-    "completion": ("print a script that completes this command in a shell", _add_completion),
+    **{scene: (f"compute the {scene}", _add_questions) for scene in SCENES},
+    "study": ("answer a file of requests", _add_study),
+    "example": ("print an example request, or list the examples", _add_example),
+    "serve": ("serve the page and all queries over HTTP", _add_serve),
+    "completion": ("print a completion script for a shell", _add_completion),
 }
-"""Help of each command outside the batch job, and the function that adds its arguments."""
+"""Help of each command, except for those of the batch job, and the function that adds its arguments."""

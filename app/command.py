@@ -1,4 +1,4 @@
-"""Answers on the command line: a question's reply as a table, JSON and files, and a linkage as a file."""
+"""Queries and exports on the command line: replies as tables, JSON and files."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ from linkage_atlas.tables import decoded
 def text_of(options: argparse.Namespace) -> bytes:
     """Return the content of the file, the example or standard input."""
     if options.example and options.file != "-":
-        raise FieldError("", "name a file or an --example, not both")
+        raise FieldError("", "give either a file or --example, but not both")
     if options.example:
         return json.dumps(options.examples[options.example]).encode()
     if options.file == "-":
         if sys.stdin.isatty():
-            print("reading the request from this terminal; Ctrl-D ends it", file=sys.stderr)
+            print("Reading the request from this terminal; end it with Ctrl-D.", file=sys.stderr)
         return sys.stdin.buffer.read()
     text = Path(options.file).read_bytes()
     if not text.strip():
-        raise FieldError("", "the file is empty: wanted a request (JSON) or a table of samples")
+        raise FieldError("", "the file is empty; it must contain a request (JSON) or a table of samples")
     return text
 
 
 def _read(target: Target, options: argparse.Namespace, more: Sequence[Setting] = ()) -> Source:
-    """Read the request that the options name, and say what the file holds."""
+    """Read the request that the options name, and print a description of the file."""
     name = options.example or ("standard input" if options.file == "-" else options.file)
     if options.linkage is not None:
         field = target.linkage or "start_from"
@@ -61,12 +61,12 @@ def _read(target: Target, options: argparse.Namespace, more: Sequence[Setting] =
 
 
 def run_question(options: argparse.Namespace, query: Query) -> int:
-    """Answer a question; print its reply and write its files."""
+    """Answer a query, print the reply and write its files."""
     from app.resources import ServiceResources
     from app.settings import atlas_of, settings_of
 
     target, rank = Target.of(query), options.rank or 1
-    wanted = {path: format_of(query, path) for path in options.export}
+    formats = {path: format_of(query, path) for path in options.export}
     source = _read(target, options)
     request, table = source.request, source.table
     length_unit = source.length_unit
@@ -79,31 +79,31 @@ def run_question(options: argparse.Namespace, query: Query) -> int:
     with waiting("searching" if query.files else "computing", resources.max_budget_ms / 1000):
         with pointing(lambda field: field.removeprefix("/request") if target.motion else field):
             reply = query.answer(request, resources)
-    code, found = exit_of(request, reply), len(getattr(reply, "solutions", [None] * rank))
+    code, count = exit_of(request, reply), len(getattr(reply, "solutions", [None] * rank))
     if table is not None:
         notes = getattr(getattr(reply, "report", None), "notes", None)
         if isinstance(notes, list):
             notes[:0] = sentences([table.note])
         else:
             print(*sentences([table.note]), file=sys.stderr)
-    if found < rank and (wanted or options.plot or rank > 1):
-        verb = "is" if found == 1 else "are"
-        print(f"there is no solution of rank {rank}: there {verb} {counted(found, 'solution')}", file=sys.stderr)
+    if count < rank and (formats or options.plot or rank > 1):
+        verb = "is" if count == 1 else "are"
+        print(f"There is no solution of rank {rank}; there {verb} {counted(count, 'solution')}.", file=sys.stderr)
         code = code or Exit.USAGE
     else:
         files = {
-            path: _file(query, request, reply, rank, name, length_unit, resources) for path, name in wanted.items()
+            path: _file(query, request, reply, rank, name, length_unit, resources) for path, name in formats.items()
         }
         code = write(files) or code
         if options.plot:
             _show(_file(query, request, reply, rank, "svg", length_unit, resources))
     if options.json:
-        # with its request a file of the reply can be exported
-        asked = {"request": request.model_dump(mode="json", exclude_unset=True)} if query.files else {}
-        asked |= {"length_unit": length_unit} if asked and length_unit else {}
-        print(json_of(asked | plain_of(reply), 2).decode())
+        # a file with the reply and its request can be exported later
+        saved = {"request": request.model_dump(mode="json", exclude_unset=True)} if query.files else {}
+        saved |= {"length_unit": length_unit} if saved and length_unit else {}
+        print(json_of(saved | plain_of(reply), 2).decode())
     else:
-        # a question without angles has no unit of angle
+        # a query without angles has no angle unit
         units = Units(getattr(request, "angle_unit", None) or "deg", length_unit or "")
         print(query.table(reply, *((units,) if query.shows_units else ())))
     return code
@@ -113,7 +113,7 @@ def _with_catalogue(request: Any, path: Path) -> Any:
     """Return a request of drives with the rows of a file for every actuator and cylinder."""
     rows, kinds = decoded(path.read_bytes()), ("actuator", "cylinder")
     if not any(drive.kind in kinds for drive in request.drives):
-        raise FieldError("/catalogue", "is for actuators and cylinders, and the request has neither among its drives")
+        raise FieldError("/catalogue", "applies to actuators and cylinders, but the request has neither in drives")
     drives = [
         drive.model_copy(update={"catalogue": rows}) if drive.kind in kinds else drive for drive in request.drives
     ]
@@ -128,8 +128,8 @@ def run_export(options: argparse.Namespace) -> int:
     from app.settings import atlas_of, settings_of
 
     kind = options.format or (None if options.out is None else _kind_of(options.out.name))
-    given = [(["rank"], options.rank), (["format"], kind)]
-    source = _read(Target("export", ExportRequest), options, [one for one in given if one[1] is not None])
+    settings: list[Setting] = [(["rank"], options.rank), (["format"], kind)]
+    source = _read(Target("export", ExportRequest), options, [item for item in settings if item[1] is not None])
     request = source.request
     if source.table is not None:
         print(*sentences([source.table.note]), file=sys.stderr)
@@ -143,7 +143,7 @@ def run_export(options: argparse.Namespace) -> int:
     stem = options.example or ("linkage" if file is None else file.name.partition(".")[0])
     path = options.out or Path(f"{stem}.{FILES[request.format].endings[-1]}")
     if options.out is None and file is not None and path.exists() and path.samefile(file):
-        raise FieldError("/out", f"{path} is the request itself: name another file with --out")
+        raise FieldError("/out", f"{path} is the file of the request; name a different file with --out")
     return write({path: content})
 
 
@@ -155,21 +155,21 @@ def _kind_of(name: str) -> str:
 
 
 def format_of(query: Query, path: Path) -> str:
-    """Return the format that the name of a file means; if two endings fit, the longer ending counts: plates.dxf before dxf."""
+    """Return the format for the suffix of a file; the longest matching suffix applies: plates.dxf before dxf."""
     formats = {name: name for name in (*query.exports, "json")}
     for known in FILES.values():
         if known.endings[0] in query.exports:
             formats |= dict.fromkeys(known.endings, known.endings[0])
-    ending = max((one for one in formats if path.name.lower().endswith(f".{one}")), key=len, default="")
+    ending = max((suffix for suffix in formats if path.name.lower().endswith(f".{suffix}")), key=len, default="")
     if not ending:
-        raise FieldError("/export", f"the file must end in one of {', '.join(formats)}, found '{path.name}'")
+        raise FieldError("/export", f"the name must end in one of {', '.join(formats)}, found '{path.name}'")
     return formats[ending]
 
 
 def _file(
     query: Query, request: Any, reply: Any, rank: int, name: str, length_unit: str | None, resources: Resources
 ) -> bytes:
-    """Return the content of a file of a reply's solution, or of the reply if the question has no solutions."""
+    """Return the content of the file of a solution, or of the whole reply if the query has no solutions."""
     if query.files is not None:
         kind = next(kind for kind in query.files.formats if FILES[kind].endings[0] == name)
         body = {"request": request, "linkage": reply.solutions[rank - 1].to_dict(), "format": kind}
@@ -197,7 +197,7 @@ def _show(picture: bytes) -> None:
 
     with tempfile.NamedTemporaryFile(prefix="linkage-", suffix=".svg", delete=False) as file:
         file.write(picture)
-    # without a screen a browser might start in the terminal
+    # without a screen, a text browser might start in the terminal
     screen = sys.platform == "darwin" or bool({"DISPLAY", "WAYLAND_DISPLAY"} & os.environ.keys())
     opened = screen and webbrowser.open(Path(file.name).as_uri())
-    print(f"{'opened' if opened else 'no screen to open it on: wrote'} {file.name}", file=sys.stderr)
+    print(f"{'opened' if opened else 'there is no screen to show the drawing; wrote'} {file.name}", file=sys.stderr)

@@ -1,7 +1,7 @@
-"""Processes that compute answers: who waits, who computes, and the replacement of a process that died or does not end.
+"""Worker processes: a queue of requests, the computation of answers, and the replacement of failed processes.
 
-Each worker is an executor of the standard library with a single process, so that the death of a process costs one request.
-At least one worker is always free of long requests.
+Each worker is an executor of the standard library with a single process, so that a failing process affects a single request.
+At least one worker is reserved for short requests.
 """
 
 from __future__ import annotations
@@ -26,11 +26,12 @@ from app.settings import Settings
 from linkage_atlas import AtlasError, OutOfTime
 
 SMALL = 1 << 14
-"""Bytes of a body that this process may parse, in half a millisecond, to see if its answer takes long; larger bodies do."""
+"""Largest body in bytes that this process parses (in half a millisecond) to estimate if the request is long. Requests with
+larger bodies count as long."""
 OVERTIME = 1.2
-"""Times the longest budget after which a worker is replaced; at least a second more than the budget."""
+"""Factor of the longest budget after which a worker is replaced; it has at least a second more than the budget."""
 GRACE_SECONDS = 10.0
-"""Time for a worker to notice that its answer is no longer wanted."""
+"""Time for a worker to end an answer that was cancelled."""
 CHECK_SECONDS = 0.5
 """Interval between two checks that idle workers are alive."""
 
@@ -41,7 +42,7 @@ log = logging.getLogger("uvicorn.error")
 
 
 class Worker:
-    """An executor with one process."""
+    """An executor with a single process."""
 
     def __init__(self, settings: Settings) -> None:
         self.cancelled = CONTEXT.RawValue("b", 0)
@@ -56,7 +57,7 @@ class Worker:
         return self
 
     def ask(self, path: str, content: bytes) -> asyncio.Future[Response]:
-        """Begin to compute an answer. Raises BrokenProcessPool."""
+        """Submit a request; raise `BrokenProcessPool` if the process has ended."""
         self.cancelled.value = 0
         reply = asyncio.wrap_future(self.executor.submit(worker.answer, path, content))
         reply.add_done_callback(lambda done: done.cancelled() or done.exception())  # the client may have left
@@ -71,14 +72,14 @@ class Worker:
         return True
 
     def end(self, wait: bool = False) -> None:
-        """End the process, and ``wait`` for the thread that watches it: otherwise it may be closing when Python ends."""
+        """Kill the process, and ``wait`` for the thread that supervises it, so that it does not outlive the interpreter."""
         with suppress(ProcessLookupError):
             os.kill(self.process, signal.SIGKILL)
         self.executor.shutdown(wait=wait, cancel_futures=True)
 
 
 class Workers:
-    """All workers, and the requests that wait for them in the order in which they came."""
+    """All workers and the queue of waiting requests, which is first in, first out."""
 
     def __init__(self, settings: Settings) -> None:
         self.settings = settings
@@ -87,43 +88,46 @@ class Workers:
         self.longest = max(OVERTIME * budget, budget + 1.0)
         self.idle: list[Worker] = []
         self.waiting = {False: 0, True: 0}
-        """Number of short (False) and of long (True) requests that wait."""
+        """Number of waiting short (False) and long (True) requests."""
         self._background: set[asyncio.Task[None]] = set()
         self._stopping = False
 
     @property
     def failure(self) -> AtlasError | None:
-        """The error of loading the atlas; None if it can be used."""
+        """Error of loading the atlas; None if the atlas can be used."""
         return self._all[0].failure
 
     @asynccontextmanager
     async def running(self) -> AsyncIterator[None]:
-        """Start the workers, and end them after the block."""
+        """Start the workers, and stop them after the block."""
         self._stopping = False
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
         if CONTEXT.get_start_method() == "forkserver":
             CONTEXT.set_forkserver_preload(["app.preload"])
-        self._places, self._long_places = asyncio.Semaphore(self.count), asyncio.Semaphore(max(1, self.count - 1))
+        self._free, self._long_free = asyncio.Semaphore(self.count), asyncio.Semaphore(max(1, self.count - 1))
         self._all = list(await asyncio.gather(*(Worker(self.settings).begin() for _ in range(self.count))))
         self.idle = list(self._all)
         if self.failure is not None:
             log.error("The atlas cannot be used: %s", self.failure)
-        self._behind(self._check())
+        self._in_background(self._check())
         try:
             yield
         finally:
             self._stopping = True
             for task in self._background:
                 task.cancel()
-            for one in self._all:
-                one.end(wait=True)
+            for running in self._all:
+                running.end(wait=True)
 
     async def answer(self, request: Request, question: Question, content: bytes) -> Response:
-        """Return the reply to a body, computed by a worker; the work ends when the client leaves.
+        """Return the reply to a body, computed by a worker; the computation ends if the client disconnects.
 
         Raises
         ------
-        problems.Overloaded, problems.Died, problems.Ending, OutOfTime, ClientDisconnect, and what `read_request` raises.
+        problems.Overloaded, problems.Died, problems.Ending, OutOfTime, ClientDisconnect
+            The request cannot be answered.
+        FieldError
+            The request is invalid.
         """
         check_counts(content)
         is_long = len(content) > SMALL or question.is_long(read_request(content, question.model))
@@ -141,70 +145,70 @@ class Workers:
             leaving.cancel()
 
     async def _answer(self, path: str, content: bytes, is_long: bool) -> Response:
-        await self._turn(is_long)
-        one, reply = self.idle.pop(), None
+        await self._wait_for_turn(is_long)
+        idle, reply = self.idle.pop(), None
         try:
-            reply = one.ask(path, content)
+            reply = idle.ask(path, content)
             return await asyncio.wait_for(asyncio.shield(reply), self.longest)
         except TimeoutError:
             raise OutOfTime from None
         except BrokenProcessPool:
             raise problems.Died from None
         finally:
-            self._behind(self._give_back(one, reply, is_long))
+            self._in_background(self._give_back(idle, reply, is_long))
 
-    async def _turn(self, is_long: bool) -> None:
-        """Wait until a worker is idle. Raises `problems.Overloaded` if too many requests wait."""
-        most = self.settings.max_waiting
-        if self._places.locked() or (is_long and self._long_places.locked()):
-            if sum(self.waiting.values()) >= most or (is_long and self.waiting[True] >= -(-most // 2)):
+    async def _wait_for_turn(self, is_long: bool) -> None:
+        """Wait until a worker is idle; raise `problems.Overloaded` if too many requests are waiting."""
+        limit = self.settings.max_waiting
+        if self._free.locked() or (is_long and self._long_free.locked()):
+            if sum(self.waiting.values()) >= limit or (is_long and self.waiting[True] >= -(-limit // 2)):
                 raise problems.Overloaded
         self.waiting[is_long] += 1
         try:
             if is_long:
-                await self._long_places.acquire()
+                await self._long_free.acquire()
             try:
-                await self._places.acquire()
+                await self._free.acquire()
             except BaseException:
                 if is_long:
-                    self._long_places.release()
+                    self._long_free.release()
                 raise
         finally:
             self.waiting[is_long] -= 1
 
-    async def _give_back(self, one: Worker, reply: asyncio.Future[Response] | None, is_long: bool) -> None:
-        """Make a worker idle once its answer has ended; replace it if it died or does not end."""
+    async def _give_back(self, used: Worker, reply: asyncio.Future[Response] | None, is_long: bool) -> None:
+        """Return a worker to the idle workers when its answer has ended; replace it if it died or does not end."""
         if reply is not None and not reply.done():
-            one.cancelled.value = 1
+            used.cancelled.value = 1
             await asyncio.wait([reply], timeout=GRACE_SECONDS)
         if self._stopping:
             return
         if reply is None or not reply.done() or isinstance(reply.exception(), BrokenProcessPool):
-            one = await self._replaced(one)
-        self.idle.append(one)
-        self._places.release()
+            used = await self._replaced(used)
+        self.idle.append(used)
+        self._free.release()
         if is_long:
-            self._long_places.release()
+            self._long_free.release()
 
-    async def _replaced(self, one: Worker) -> Worker:
-        log.error("Worker %d died or did not end its answer; another one takes its place", one.process)
-        one.end()
-        other = await Worker(self.settings).begin()
-        self._all[self._all.index(one)] = other
-        return other
+    async def _replaced(self, failed: Worker) -> Worker:
+        log.error("Worker %d died or did not end its answer; it is replaced", failed.process)
+        failed.end()
+        replacement = await Worker(self.settings).begin()
+        self._all[self._all.index(failed)] = replacement
+        return replacement
 
     async def _check(self) -> None:
         """Replace idle workers whose process has ended."""
         while True:
             await asyncio.sleep(CHECK_SECONDS)
-            for one in [one for one in self.idle if not one.is_alive()]:
-                await self._places.acquire()
-                if one in self.idle:
-                    self.idle.remove(one)
-                    self.idle.append(await self._replaced(one))
-                self._places.release()
+            for dead in [idle for idle in self.idle if not idle.is_alive()]:
+                await self._free.acquire()
+                if dead in self.idle:
+                    self.idle.remove(dead)
+                    self.idle.append(await self._replaced(dead))
+                self._free.release()
 
-    def _behind(self, work: object) -> None:
+    def _in_background(self, work: object) -> None:
         """Run a coroutine in the background."""
         task = asyncio.create_task(work)  # type: ignore[arg-type]
         self._background.add(task)
@@ -212,6 +216,6 @@ class Workers:
 
 
 async def _left(request: Request) -> None:
-    """Return when the client has left."""
+    """Return when the client has disconnected."""
     while (await request.receive())["type"] != "http.disconnect":
         pass

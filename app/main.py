@@ -1,4 +1,4 @@
-"""The HTTP service: a route for each question, the atlas, health, the pages, and the OpenAPI description."""
+"""The HTTP service: a route for each query, the atlas, health, the pages, and the OpenAPI description."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ from app.settings import Settings
 
 
 def create_app(settings: Settings | None = None) -> FastAPI:
-    """Create the application; its settings come from the environment unless they are given."""
+    """Create the application; by default, the settings are read from the environment."""
     settings = settings or Settings()
     workers = Workers(settings)
 
@@ -52,7 +52,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app = FastAPI(
         title="linkage-atlas",
         version=la.__version__,
-        summary="Finds planar linkages for a required motion.",
+        summary="Find planar linkages for a required motion.",
         lifespan=lifespan,
         redirect_slashes=False,
         openapi_url=None,
@@ -123,13 +123,15 @@ def _add_question(app: FastAPI, question: Question, workers: Workers) -> None:
 
 
 def _written_plainly(number: str) -> str:
-    """Refuse other spellings of a whole number than digits: ``1_0``, ``+10`` and ``010`` are no names of type 10."""
+    """Refuse a number that is not written in plain digits, such as ``1_0``, ``+10`` or ``010`` for 10."""
     if not re.fullmatch("-?(0|[1-9][0-9]*)", number) and re.fullmatch(r"\s*[+-]?[0-9][0-9_]*(\.0*)?\s*", number):
-        raise problems.NotFound("types are numbered in plain digits")
+        raise problems.NotFound("the number of a type must be written in plain digits, as in /v1/types/10")
     return number
 
 
 class OfKind(BaseModel, extra="forbid"):
+    """Parameters of the route of a dimension type."""
+
     kind: Literal["four_bar", "slider_crank"] | None = None
 
 
@@ -140,14 +142,14 @@ def _add_atlas_routes(app: FastAPI, workers: Workers) -> None:
     @app.get(
         "/v1/atlas",
         tags=["atlas"],
-        summary="What is loaded.",
+        summary="Describe the loaded atlas.",
         response_model=AtlasReply,
         responses=problem_responses(503),
     )
     async def atlas(request: Request) -> Response:
         return await workers.answer(request, ATLAS, b"{}")
 
-    path, about = "/v1/types/{number}", "One dimension type."
+    path, about = "/v1/types/{number}", "Describe a dimension type."
 
     @app.get(
         path,
@@ -159,24 +161,26 @@ def _add_atlas_routes(app: FastAPI, workers: Workers) -> None:
     async def dimension_type(
         number: TypeNumber, of: Annotated[OfKind, QueryParameters()], request: Request
     ) -> Response:
-        """Lengths, family and the Haar average and details of the body's rotation over the whole turn, of a kind (four_bar)."""
+        """Return lengths, family, and the Haar average and details of the rotation of the body over a full turn."""
         content = AtlasTypeRequest(number=number, kind=of.kind).model_dump_json()
         return await workers.answer(request, ATLAS_TYPE, content.encode())
 
 
-# -- health and figures -----------------------------------------------------------------------------------------------
+# -- health and metrics -----------------------------------------------------------------------------------------------
 
 
 class Ready(ReplyModel):
+    """Reply of a service that can answer requests."""
+
     status: Literal["ready"] = "ready"
 
 
 def _add_health_routes(app: FastAPI, workers: Workers) -> None:
-    @app.get("/livez", tags=["health"], summary="The process answers.")
+    @app.get("/livez", tags=["health"], summary="Check that the process answers.")
     async def livez() -> dict[str, str]:
         return {"status": "ok"}
 
-    about = "The atlas is loaded and verified."
+    about = "Check that the atlas is loaded and verified."
 
     @app.get("/readyz", tags=["health"], summary=about, responses=problem_responses(503))
     async def readyz() -> Ready:
@@ -190,9 +194,9 @@ def _add_metrics(app: FastAPI, workers: Workers) -> None:
     from prometheus_fastapi_instrumentator import Instrumentator
 
     registry = CollectorRegistry()
-    waiting = Gauge("linkage_atlas_waiting", "Requests that wait for a worker.", registry=registry)
+    waiting = Gauge("linkage_atlas_waiting", "Number of requests that wait for a worker.", registry=registry)
     waiting.set_function(lambda: sum(workers.waiting.values()))
-    busy = Gauge("linkage_atlas_computing", "Requests that a worker computes.", registry=registry)
+    busy = Gauge("linkage_atlas_computing", "Number of requests that a worker computes.", registry=registry)
     busy.set_function(lambda: workers.count - len(workers.idle))
     instrumentator = Instrumentator(should_group_status_codes=False, registry=registry)
     instrumentator.instrument(app).expose(app, include_in_schema=False)

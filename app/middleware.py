@@ -35,6 +35,8 @@ class SecurityHeaders:
         self.app = app
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Handle a request."""
+
         async def send_with_headers(message: Message) -> None:
             if message["type"] == "http.response.start":
                 headers = MutableHeaders(scope=message)
@@ -50,6 +52,7 @@ class BodyLimit(RequestBodyLimitMiddleware):
     """Refuse a body whose declared length is too large before any of it is read; count the others while they are read."""
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Handle a request."""
         declared = Headers(scope=scope).get("content-length", "") if scope["type"] == "http" else ""
         if declared.isdecimal() and (len(declared) > 18 or int(declared) > self.max_body_size):
             await http_problem(HTTPException(413))(scope, receive, send)

@@ -1,4 +1,4 @@
-"""The page at the root, one page for each scene, and the API's page; their files are static."""
+"""The page at the root, a page for each scene, and the documentation of the API; their files are static."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from app.problems import NotFound
 from app.scenes import SCENES, queries_of
 
 SCENE_TITLES = {"lift": "Lift", "chain": "Chain slide", "knotter": "Knotter"}
+NO_SCENE = f"there is no such scene; the scenes are {', '.join(SCENES)}"
 PAGES = {"/": "index.html", "/function": "function.html", "/favicon.ico": "icon.svg"}
 
 mimetypes.add_type("text/javascript", ".js")  # before Python 3.12 another type
@@ -46,13 +47,13 @@ def install(app: FastAPI) -> None:
     @app.get("/scenes/{name}", include_in_schema=False, response_class=Response)
     async def scene(name: str, request: Request) -> Response:
         if name not in SCENES:
-            raise NotFound("there is no such scene")
+            raise NotFound(NO_SCENE)
         return await page.get_response("scene.html", request.scope)
 
     @app.get("/scenes/{name}/queries", include_in_schema=False)
     def queries(name: str) -> dict[str, Any]:
         if name not in SCENES:
-            raise NotFound("there is no such scene")
+            raise NotFound(NO_SCENE)
         return scene_details(name)
 
 
@@ -62,7 +63,7 @@ def _title(name: str) -> str:
 
 @cache
 def scene_details(name: str) -> dict[str, Any]:
-    """Return what a scene's page is made from: its queries with the schema of their requests and their examples."""
+    """Return the data for the page of a scene: its queries with the schemas and examples of their requests."""
     queries = [
         {
             "path": query.path,

@@ -44,6 +44,8 @@ def json_reply(reply: Any) -> Response:
 
 
 class AtlasReply(ReplyModel):
+    """Description of the loaded atlas."""
+
     kind: str
     types: int
     schema_version: int
@@ -55,6 +57,8 @@ class AtlasReply(ReplyModel):
 
 
 class AtlasTypeReply(ReplyModel):
+    """Lengths and wavelet features of a dimension type."""
+
     kind: str
     number: int
     lengths: list[int]
@@ -72,6 +76,8 @@ class AtlasRequest(RequestModel):
 
 
 class AtlasTypeRequest(RequestModel):
+    """Number and kind of a dimension type."""
+
     number: int
     kind: Literal["four_bar", "slider_crank"] | None
 

@@ -1,4 +1,4 @@
-"""Resources of an answer beside its request: the atlas, loaded when it is first needed, and limits of time."""
+"""Resources of an answer: the atlas, which is loaded when it is first needed, and time limits."""
 
 from __future__ import annotations
 
@@ -22,15 +22,16 @@ def opened(path: Path) -> la.Atlas:
 
 
 class ServiceResources:
-    """The atlas and the limits of time of a process.
+    """The atlas and the time limits of a process.
 
     Parameters
     ----------
     settings : Settings
+        Settings of the service.
     find_atlas : callable, optional
-        Return the file of the atlas for settings; default: the configured file.
+        ``find_atlas(settings)`` returns the file of the atlas; default: the configured file.
     cancelled : callable, optional
-        Return true when the answer that is being computed is no longer wanted.
+        ``cancelled()`` returns True if the current answer was cancelled.
     """
 
     def __init__(
@@ -45,11 +46,11 @@ class ServiceResources:
         self._find_atlas, self._cancelled = find_atlas, cancelled
         import numpy  # noqa: F401 - only a loaded library can be limited
 
-        self._blas = threadpool_limits(1, "blas")  # matrices are small: threads would only wait for each other
+        self._blas = threadpool_limits(1, "blas")  # threads do not pay off for small matrices
 
     @property
     def atlas(self) -> la.Atlas:
-        """The atlas, loaded and verified. Raises AtlasError, always the first."""
+        """The atlas, loaded and verified; raises `AtlasError` if it cannot be used."""
         if isinstance(self._loaded, la.AtlasError):
             raise self._loaded
         return self._loaded
@@ -57,7 +58,7 @@ class ServiceResources:
     @cached_property
     def _loaded(self) -> la.Atlas | la.AtlasError:
         if not self.settings.with_atlas:
-            return la.AtlasError(la.AtlasFault.NOT_WANTED, "--no-atlas; searching needs none")
+            return la.AtlasError(la.AtlasFault.NOT_WANTED, "the service was started without an atlas (--no-atlas)")
         begin = time.perf_counter()
         try:
             atlas = opened(self._find_atlas(self.settings))
@@ -67,12 +68,12 @@ class ServiceResources:
         return atlas
 
     def describe_atlas(self) -> dict[str, Any]:
-        """Describe the atlas in plain JSON values."""
+        """Return a description of the atlas in plain JSON values."""
         atlas = self.atlas
         return {**atlas.describe(), "scan_bytes": atlas.scan.nbytes, "load_ms": 1000 * self.load_seconds}
 
     def work(self, budget: float | None = None) -> la.Work:
-        """Begin to watch the time of an answer, with a budget in seconds, and whether its client is still there."""
+        """Start the clock of an answer, with a budget in seconds; the work also ends if the client disconnects."""
         if self._cancelled is not None:  # in a worker every answer has a budget
             longest = self.max_budget_ms / 1000
             budget = longest if budget is None else min(budget, longest)

@@ -11,11 +11,12 @@ from app.main import create_app
 from app.settings import Settings
 
 LOOPBACK = ("localhost", "127.0.0.1", "::1", "[::1]")
-"""Host names of a service that only its own machine reaches."""
+"""Host names of a service that is reachable only from its own machine."""
 ENDING_SECONDS = 2
-"""Time for requests to end after SIGTERM or SIGINT; then their clients read 503."""
+"""Time for requests to end after SIGTERM or SIGINT; unfinished requests are then answered with 503."""
 KEEP_ALIVE_SECONDS = 75
-"""Time for which an idle connection is kept; longer than that of nginx, which must not use a connection that is being closed."""
+"""Time after which an idle connection is closed; longer than the timeout of nginx, so that nginx does not use a connection
+that is being closed."""
 
 
 def serve(settings: Settings, host: str, port: int) -> None:

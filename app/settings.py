@@ -19,21 +19,21 @@ class Settings(BaseSettings):
     )
 
     atlas: Path = Path("atlas.h5")
-    """The atlas file that is loaded at the start."""
+    """Atlas file that is loaded at the start."""
     with_atlas: bool = True
-    """Load an atlas. Otherwise requests that need it are answered with 503."""
+    """Load an atlas. Without an atlas, requests that need it are answered with 503."""
     max_body_bytes: int = Field(1_000_000, gt=0)
     """Size of the largest request body; larger bodies are answered with 413."""
     workers: int | None = Field(None, gt=0)
     """Number of processes that compute answers. None: the number of cores, at least two and at most four."""
     max_waiting: int = Field(64, ge=0)
-    """Number of requests that may wait for a worker, at most half of them long; further ones get 503."""
+    """Number of requests that may wait for a worker, at most half of them long; more requests are answered with 503."""
     max_budget_ms: float = Field(30_000, gt=0)
-    """Longest budget of a request, whatever its `budget_ms`. After 1.2 times this budget its worker is replaced."""
+    """Longest time limit of a request, even if its `budget_ms` is longer. After 1.2 times this limit, its worker is replaced."""
     allowed_hosts: tuple[str, ...] = ("*",)
-    """Host names under which the service is reached, as a JSON list; `*` allows any name."""
+    """Host names that clients may use for the service, as a JSON list; `*` allows any name."""
     metrics: bool = False
-    """Answer `GET /metrics` with figures for Prometheus."""
+    """Answer `GET /metrics` with metrics for Prometheus."""
 
 
 def atlas_of(settings: Settings) -> Path:

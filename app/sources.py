@@ -1,4 +1,4 @@
-"""Requests from files: a request, a saved solution, a reply or a table of samples, and fields that are set beside it."""
+"""Requests from files (a request, a saved solution, a reply or a table of samples) and from options that set fields."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ SAVED = frozenset(("request", LINKAGE, "length_unit"))
 
 
 class Target(NamedTuple):
-    """A question that a file is read for."""
+    """A query for which a file is read."""
 
     command: str
     model: type[RequestModel]
@@ -54,7 +54,7 @@ class Target(NamedTuple):
 
     @property
     def table(self) -> Kind | None:
-        """Kind of table that the question reads."""
+        """Kind of table that the query reads."""
         return POSES if "request" in self.model.model_fields or self.command == "motion" else KINDS.get(self.command)
 
     def full_path(self, path: Sequence[str]) -> list[str]:
@@ -67,7 +67,7 @@ class Target(NamedTuple):
 
 @dataclass(frozen=True)
 class Source:
-    """A request that was read."""
+    """A request from a file."""
 
     request: Any
     table: Table | None = None
@@ -88,9 +88,29 @@ def read_source(
 ) -> Source:
     """Read the request in a file and set fields in it.
 
-    ``say`` is called with a description of the file, unless it is simply a request of this question. ``rank`` selects the
-    solution of a reply. ``length_unit``, or else the unit in the heads of a table, is set if the request has such a field.
-    Raises `FieldError`.
+    Parameters
+    ----------
+    target : Target
+        Query for which the file is read.
+    text : bytes
+        Content of the file.
+    settings : sequence
+        Fields to set, as pairs of path and value.
+    say : callable
+        Called with a description of the file, unless the file is a request for this query.
+    unwrap : bool
+        Shift each angle of a table to within half a turn of the previous angle.
+    columns : mapping, optional
+        Headings of the columns of a table.
+    rank : int
+        Rank of the solution that is read from a reply.
+    length_unit : str, optional
+        Value for the field ``length_unit`` of the request; default: the unit in the headings of a table.
+
+    Raises
+    ------
+    FieldError
+        The file is not a valid request.
     """
     settings = [(target.full_path(path), value) for path, value in settings]
     # Windows PowerShell writes UTF-16
@@ -99,12 +119,12 @@ def read_source(
     table = None
     if not text.strip():
         if not settings:
-            raise FieldError("", "is empty: name a file or an --example, or give the request on standard input")
+            raise FieldError("", "is empty; name a file or an --example, or write the request to standard input")
         body: dict[str, Any] = {}
     elif _is_json(target, text):
         if unwrap or columns:
             raise FieldError(
-                "", f"{'--unwrap' if unwrap else '--columns'} is for a table of samples, and this is JSON"
+                "", f"{'--unwrap' if unwrap else '--columns'} applies to a table of samples, but this file is JSON"
             )
         content = parsed(text)
         body, note = _body_of(target, content, rank)
@@ -115,14 +135,15 @@ def read_source(
     elif target.command == "motion":
         body = {"table": decoded(text), "unwrap": unwrap, "columns": None if columns is None else dict(columns)}
     elif target.table is None:
-        raise FieldError("", f"this is not JSON, and `linkage-atlas {target.command}` reads no tables")
+        raise FieldError("", f"this is not JSON, and `linkage-atlas {target.command}` does not read tables")
     else:
         beside = with_settings({}, settings)
         beside = beside.get("request", {}) if target.motion else beside
         table = read_table(decoded(text), target.table, beside, unwrap, columns)
         if None not in (table.length_unit, length_unit) and table.length_unit != length_unit:
             raise FieldError(
-                "/length_unit", f"the heads of the table say {table.length_unit}, --length-unit {length_unit}"
+                "/length_unit",
+                f"the headings of the table have the unit {table.length_unit}, but --length-unit is {length_unit}",
             )
         length_unit = length_unit or table.length_unit
         body = {"request": table.fields} if target.motion else table.fields
@@ -140,7 +161,7 @@ def parsed(text: bytes) -> Any:
 
 
 def _is_json(target: Target, text: bytes) -> bool:
-    """Return whether a text is no table; a table may begin with a name in quotes."""
+    """Check if a text is JSON and not a table, which may begin with a name in quotes."""
     return text.lstrip()[:1] in (b"{", b"[", b'"' if target.table is None else b"{")
 
 
@@ -150,8 +171,10 @@ def _validated(target: Target, body: Any, of_table: bool) -> Any:
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         if of_table and first["type"] == "too_short" and first["loc"][-1] in (*SAMPLED, "table"):
-            rows, least = (first["ctx"][name] for name in ("actual_length", "min_length"))
-            raise FieldError("", f"the table has {counted(rows, 'row')}, at least {least} are needed") from None
+            rows, minimum = (first["ctx"][name] for name in ("actual_length", "min_length"))
+            raise FieldError(
+                "", f"the table has {counted(rows, 'row')}, but at least {minimum} are required"
+            ) from None
         rows = invalid(error, target.model, quoting=True).errors
     if any(row["type"] == "extra_forbidden" and len(row["loc"]) == 1 for row in rows):
         _check_question(target, body)
@@ -172,11 +195,11 @@ def _check_question(target: Target, body: Mapping[str, Any]) -> None:
             raise FieldError("", f"this is a request for `linkage-atlas {query.command}`, not for `{target.command}`")
 
 
-# -- what files hold --------------------------------------------------------------------------------------------------
+# -- contents of files --------------------------------------------------------------------------------------------------
 
 
 def _body_of(target: Target, content: Any, rank: int) -> tuple[dict[str, Any], str]:
-    """Return the request in the content of a file, and what else the file is."""
+    """Return the request in the content of a file, and a description of the file."""
     if not isinstance(content, dict):
         raise FieldError("", "this is JSON, but not an object with the fields of a request")
     content = _with_reply(content)
@@ -213,13 +236,13 @@ def _body_of(target: Target, content: Any, rank: int) -> tuple[dict[str, Any], s
         what += f", of which solution {rank} is used"
     if "request" not in body and target.command == "export":
         raise FieldError(
-            "", "this reply does not hold its request: give the request as FILE and the reply with --linkage"
+            "", "this reply does not contain its request; give the request as file and the reply with --linkage"
         )
     return body, what
 
 
 def _with_reply(content: dict[str, Any]) -> dict[str, Any]:
-    """Return a reply in place of a line of a study, or of what a machine's page saves, with its request."""
+    """Return the reply, with its request, from a line of a study or from a file of the page of a scene."""
     reply = content.get("reply")
     return {**reply, **{name: content[name] for name in ("request",) if name in content}} if reply else content
 
@@ -243,28 +266,28 @@ def _with_motion(content: dict[str, Any]) -> dict[str, Any]:
     """Check that a file is a request."""
     what = "a reply" if _is_reply(content) else "a linkage" if _is_linkage(content) else ""
     if what:
-        raise FieldError("", f"this is {what} without its request: name the file of the request")
+        raise FieldError("", f"this is {what} without its request; name the file of the request")
     return content
 
 
 def _without_foreign(target: Target, body: dict[str, Any]) -> tuple[dict[str, Any], str]:
-    """Leave out fields that belong to the other question about motions, and name them."""
+    """Remove fields that belong only to the alternative query about motions, and list them."""
     from app.fourbar.models import MatchRequest, SynthesizeRequest
 
-    others = {"match": SynthesizeRequest, "synthesize": MatchRequest}
-    if target.command not in others:
+    alternatives = {"match": SynthesizeRequest, "synthesize": MatchRequest}
+    if target.command not in alternatives:
         return body, ""
-    known = others[target.command].model_fields.keys() - target.model.model_fields.keys()
+    known = alternatives[target.command].model_fields.keys() - target.model.model_fields.keys()
     foreign = [name for name in body if name in known]
-    kept = {name: value for name, value in body.items() if name not in foreign}
-    if not foreign or not kept.keys() & {"rotation", "position"}:
+    used = {name: value for name, value in body.items() if name not in foreign}
+    if not foreign or not used.keys() & {"rotation", "position"}:
         return body, ""
-    return kept, f"a request without {', '.join(foreign)}, which `{target.command}` does not use"
+    return used, f"a request without {', '.join(foreign)}, which `{target.command}` does not use"
 
 
 def _ranked(solutions: Sequence[Any], rank: int) -> Any:
     if len(solutions) < rank:
-        raise FieldError("", f"the reply has {counted(len(solutions), 'solution')}, and none of rank {rank}")
+        raise FieldError("", f"the reply has {counted(len(solutions), 'solution')}, but no solution of rank {rank}")
     return solutions[rank - 1]
 
 
@@ -340,7 +363,7 @@ def _merged(old: Any, new: Any, path: str) -> Any:
         for name, value in new.items():
             index = int(name) - 1 if name.isdecimal() else -1
             if not 0 <= index <= len(items):
-                raise FieldError(path, f"is a list: its items are set by 1 to {len(items) + 1}, found '{name}'")
+                raise FieldError(path, f"is a list; its items are numbered 1 to {len(items) + 1}, found '{name}'")
             items[index : index + 1] = [
                 _merged(items[index] if index < len(items) else None, value, f"{path}/{index}")
             ]

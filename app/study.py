@@ -23,11 +23,11 @@ from linkage_atlas import AtlasError, FieldError
 from linkage_atlas.batch import Question, answer_line, answers, key_of
 from linkage_atlas.notes import counted
 
-DESCRIPTION = """Answers many requests, a line of JSON each, in order.
+DESCRIPTION = """Answer a file of requests, a line of JSON each, in order.
 
-Each line of the result has the number of the request's line and its reply as --json prints it, without times, or one
-line of text that says what is wrong. A study that was ended continues with the same command; only one may write a
-file at a time. A request without budget_ms has the same reply on every run: no time limits its search.
+Each line of the result has the line number of the request, and its reply (as --json prints it, without times) or an
+error message. An interrupted study continues with the same command; only one process may write a file at a time. A
+request without budget_ms has the same reply on every run, because its search has no time limit.
 """
 
 
@@ -38,7 +38,7 @@ def run_study(options: argparse.Namespace) -> int:
     atlas = None if options.atlas is None else str(options.atlas.resolve())
     depends = (options.command, f"preset {not options.no_preset}", f"atlas {atlas}")
     if options.out.exists() and options.out.samefile(options.requests):
-        raise FieldError("/out", "the results cannot be the file of the requests")
+        raise FieldError("/out", "must not be the file of the requests")
     total, errors = sum(1 for _ in _questions(options.requests, depends)), []
     lines = answers(
         partial(answer, options.command, settings, atlas),
@@ -79,7 +79,7 @@ def _query(command: str) -> Query:
 
 @cache
 def _resources(atlas: str | None) -> ServiceResources:
-    """Return the resources of this process, without a limit of time: a reply must not depend on the machine's speed."""
+    """Return the resources of this process, without a time limit, so that replies do not depend on the machine."""
     settings = settings_of(argparse.Namespace(atlas=atlas))
     return ServiceResources(settings.model_copy(update={"max_budget_ms": math.inf}), atlas_of)
 
@@ -90,7 +90,7 @@ def answer(command: str, settings: Sequence[Setting], atlas: str | None, questio
     try:
         if len(question.text) > resources.settings.max_body_bytes:
             raise FieldError("", f"the line is longer than {resources.settings.max_body_bytes:,} bytes")
-        parsed(question.text)  # a line is JSON and no table
+        parsed(question.text)  # a line must be JSON, not a table
         request = read_source(Target.of(query), question.text, settings).request
         return answer_line(question, json.loads(json_of(query.answer(request, resources))))
     except FieldError as error:

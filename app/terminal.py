@@ -31,13 +31,13 @@ class Exit(IntEnum):
 
 
 MEANINGS = {
-    Exit.OK: "answered (status reached, or closest where the request does not say what is good enough)",
-    Exit.FAILED: "failed: a file cannot be written, a port is taken, some lines of a study were refused",
-    Exit.USAGE: "bad input: the request, the command line or a file's name",
-    Exit.DAMAGED: "an atlas file is damaged",
-    Exit.CLOSEST: "closest, though the request says what is good enough (tolerance or tolerances): it is not reached",
-    Exit.INFEASIBLE: "infeasible, never or blocked: the search ran to its end and found nothing within the limits",
-    Exit.UNKNOWN: "unknown: nothing was found before the time was up",
+    Exit.OK: "success (status reached, or closest if the request has no tolerance)",
+    Exit.FAILED: "failure: a file cannot be written, a port is in use, or lines of a study were refused",
+    Exit.USAGE: "invalid input: the request, the command line or a file name",
+    Exit.DAMAGED: "damaged atlas file",
+    Exit.CLOSEST: "closest: the tolerance or tolerances of the request are not reached",
+    Exit.INFEASIBLE: "infeasible, never or blocked: the search is complete, and no solution satisfies the limits",
+    Exit.UNKNOWN: "unknown: no solution was found within the time limit",
     Exit.INTERRUPTED: "interrupted",
 }
 NOTHING = {**dict.fromkeys(("infeasible", "never", "blocked"), Exit.INFEASIBLE), "unknown": Exit.UNKNOWN}
@@ -86,6 +86,7 @@ class Units:
     length: str = ""
 
     def head(self, word: str, unit: str) -> str:
+        """Return the heading of a column with its unit."""
         return f"{word} {unit}" if unit else word
 
     def behind(self, unit: str) -> str:

@@ -1,4 +1,4 @@
-"""The code of a process that computes answers, one at a time, for `app.compute`."""
+"""Code of a worker process of `app.compute`, which computes an answer at a time."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from app.resources import ServiceResources
 from app.settings import Settings
 
 NICE = 5
-"""Processes that compute yield to the process that talks to the clients."""
+"""Increment of the niceness of worker processes, so that the process that serves the clients has priority."""
 _resources: ServiceResources
 
 
 def start(settings: Settings, cancelled: Any) -> None:
-    """Prepare the process; ``cancelled``: a shared value that is not zero when the current answer is no longer wanted."""
+    """Prepare the process; the shared value ``cancelled`` is nonzero if the current answer was cancelled."""
     global _resources
     for name in (signal.SIGINT, signal.SIGTERM):  # the service ends its workers itself
         signal.signal(name, signal.SIG_IGN)
@@ -41,7 +41,7 @@ def _end_with_service() -> None:
 
 
 def ready() -> tuple[int, la.AtlasError | None]:
-    """Load the atlas; return the number of the process and, if the atlas cannot be used, why."""
+    """Load the atlas; return the process number and the error if the atlas cannot be used."""
     try:
         if _resources.settings.with_atlas:
             _ = _resources.atlas
@@ -51,7 +51,7 @@ def ready() -> tuple[int, la.AtlasError | None]:
 
 
 def answer(path: str, content: bytes) -> Response:
-    """Answer a body, or return the problem that it has."""
+    """Return the reply to a body, or the problem response to its error."""
     question = all_questions()[path]
     try:
         return question.answer(read_request(content, question.model), _resources)

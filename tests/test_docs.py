@@ -19,7 +19,7 @@ import pytest
 import yaml
 
 from app.cli import main, make_parser
-from app.openapi import PLACE
+from app.openapi import FILE
 from app.settings import Settings
 from docs import data_model, figures
 
@@ -92,7 +92,7 @@ FIELDS = [
 
 
 def test_every_route_and_field_is_documented() -> None:
-    document = json.loads(PLACE.read_text())  # see tests/app/test_openapi.py
+    document = json.loads(FILE.read_text())  # see tests/app/test_openapi.py
     all_cases = "".join(path.read_text() for path in DOCUMENTS)
     for path, methods in document["paths"].items():
         text = HTTP if path in ("/v1/match", "/v1/synthesize") or "get" in methods else all_cases
@@ -106,7 +106,7 @@ def test_every_route_and_field_is_documented() -> None:
 
 
 def test_the_documented_bounds_are_those_of_the_description() -> None:
-    description = PLACE.read_text()
+    description = FILE.read_text()
     assert '"maximum": 1e+50' in description and "1e50" in HTTP
     assert '"maxItems": 1024' in description and "1,024" in HTTP
 

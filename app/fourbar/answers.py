@@ -10,13 +10,12 @@ from typing import Any
 
 import linkage_atlas as la
 from app.fourbar import QUESTIONS, worked_example
+from app.fourbar.function_models import FunctionExportRequest, FunctionRequest
 from app.fourbar.models import (
     AssemblyOptions,
     AssemblyRequest,
     DrivesRequest,
     ExportRequest,
-    FunctionExportRequest,
-    FunctionRequest,
     MatchRequest,
     SynthesizeRequest,
 )
@@ -105,11 +104,11 @@ def budget_of(budget_ms: float | None, resources: Resources) -> float | None:
 
 def answer_synthesize(request: SynthesizeRequest, resources: Resources) -> la.Result:
     """Find linkages for a motion, best first."""
-    asked = request.arguments(exclude=("angle_unit", "budget_ms"))
-    if "family" not in request.limits.model_fields_set:  # what was not asked for may be told of
-        del asked["limits"]["family"]
+    arguments = request.arguments(exclude=("angle_unit", "budget_ms"))
+    if "family" not in request.limits.model_fields_set:  # only a default family is mentioned in the notes
+        del arguments["limits"]["family"]
     return la.synthesize(
-        **asked,
+        **arguments,
         degrees=request.degrees,
         budget=None if request.budget_ms is None else budget_of(request.budget_ms, resources),
         atlas=resources.atlas if request.effort == "atlas" else None,
@@ -133,23 +132,26 @@ def motion_of(request: SynthesizeRequest) -> la.Motion:
 
 
 def ranked(request: SynthesizeRequest, rank: int, resources: Resources) -> la.Solution:
-    """The solution of a rank of a request that is solved; FieldError where there are fewer."""
-    found = answer_synthesize(request.model_copy(update={"top": max(request.top, rank)}), resources).solutions
-    if not found:
+    """Solve a request and return the solution of a rank; raise `FieldError` if there are fewer solutions."""
+    solutions = answer_synthesize(request.model_copy(update={"top": max(request.top, rank)}), resources).solutions
+    if not solutions:
         raise la.FieldError("/limits", "no linkage was found within these limits; relax a limit")
-    if len(found) < rank:
-        raise la.FieldError("/rank", f"within these limits there is no more than {counted(len(found), 'linkage')}")
-    return found[rank - 1]
+    if len(solutions) < rank:
+        message = (
+            f"must be at most {len(solutions)}; within these limits {counted(len(solutions), 'linkage')} was found"
+        )
+        raise la.FieldError("/rank", message)
+    return solutions[rank - 1]
 
 
 def _best_linkage(request: SynthesizeRequest, resources: Resources, kind: str) -> bytes:
-    """As /v1/export has it."""
+    """Return the file that /v1/export returns for the best solution."""
 
-    def place(field: str) -> str:
-        first, _, rest = field.lstrip("/").partition("/")
-        return "/" + rest if first == "request" else field if first == "format" else ""
+    def in_request(field: str) -> str:
+        first, _, remainder = field.lstrip("/").partition("/")
+        return "/" + remainder if first == "request" else field if first == "format" else ""
 
-    with pointing(place):
+    with pointing(in_request):
         return _linkage_file(ExportRequest(request=request, format=kind), resources)
 
 
@@ -158,7 +160,7 @@ def exports_of(
 ) -> dict[str, Callable[[Any, Resources], bytes]]:
     """Return the exports of the best solution of a request by suffix of the route."""
     return {
-        FILES[kind].endings[0]: lambda *asked, kind=kind: render(*asked, kind)  # type: ignore[misc]
+        FILES[kind].endings[0]: lambda request, resources, kind=kind: render(request, resources, kind)  # type: ignore[misc]
         for kind in formats
     }
 
@@ -167,7 +169,7 @@ SYNTHESIZE_EXPORTS = exports_of(tuple(kind for kind in FILES if kind != "json"),
 
 
 def as_json(request: RequestModel, linkage: Any, length_unit: str | None = None) -> bytes:
-    """Return a linkage with its request, and with the unit of their lengths if it is named."""
+    """Return a linkage with its request as JSON, and the unit of their lengths if it is known."""
     content = {"request": request.model_dump(mode="json", exclude_defaults=True), "linkage": linkage}
     content |= {"length_unit": length_unit} if length_unit else {}
     return json.dumps(content, indent=1, allow_nan=False).encode()
@@ -179,40 +181,47 @@ _PREFIXES = {"crank_angle": "/linkage", "travel": "/linkage", "analysis": "/requ
 def _linkage_file(body: ExportRequest, resources: Resources) -> bytes:
     from linkage_atlas.files import check_format, check_held  # a command that writes no file does not load it
 
-    request, given = body.request, body.linkage
-    held = body.arguments("assembly", "solids", "drive")
-    check_held(body.format, **held)
-    if given is None:
+    request, known = body.request, body.linkage
+    options = body.arguments("assembly", "solids", "drive")
+    check_held(body.format, **options)
+    if known is None:
         check_format(body.format, request.mechanisms or ("four_bar",))
     with pointing(lambda field: field if field == "/rank" else "/request" + field):
         motion = motion_of(request)
         request = in_unit(request, body.length_unit)
-        found = None if given else ranked(request, body.rank, resources)
+        ranked_solution = None if known else ranked(request, body.rank, resources)
     with pointing(lambda field: "/linkage" + field):
-        linkage = found.linkage if found else given.linkage(request.degrees)
+        linkage = ranked_solution.linkage if ranked_solution else known.linkage(request.degrees)
     if body.format == "json":
-        solution = found.to_dict() if found else given.model_dump(mode="json", exclude_none=True)
+        solution = ranked_solution.to_dict() if ranked_solution else known.model_dump(mode="json", exclude_none=True)
         return as_json(body.request, solution, body.length_unit)
-    one = found or given
-    if "drive" not in body.model_fields_set and (drive := _drive_in(body.format, one.drives or ())) is not None:
-        held["drive"] = drive.to_dict() if found else drive.model_dump(exclude_none=True)
-    place = one.crank_angle if one.crank_angle is not None else getattr(one, "travel", None)
+    solution_or_linkage = ranked_solution or known
+    if (
+        "drive" not in body.model_fields_set
+        and (drive := _drive_in(body.format, solution_or_linkage.drives or ())) is not None
+    ):
+        options["drive"] = drive.to_dict() if ranked_solution else drive.model_dump(exclude_none=True)
+    coordinates = (
+        solution_or_linkage.crank_angle
+        if solution_or_linkage.crank_angle is not None
+        else getattr(solution_or_linkage, "travel", None)
+    )
     prefixes = _PREFIXES
     if body.format in HELD["assembly"]:
         if body.assembly is None and request.assembly is not None:
-            held |= request.arguments("assembly")
+            options |= request.arguments("assembly")
             prefixes = {**_PREFIXES, "assembly": "/request"}
 
     def in_export(field: str) -> str:
-        """Where this route's body has an argument of `file`."""
-        if field.startswith("/assembly/drive") and held.get("drive") is not None:  # which is among the parts
+        """Return the field of the body of this route that corresponds to an argument of ``linkage.file``."""
+        if field.startswith("/assembly/drive") and options.get("drive") is not None:  # the drive is one of the parts
             return field.removeprefix("/assembly")
         return "/format" if field == "/kind" else prefixes.get(field.lstrip("/").partition("/")[0], "") + field
 
     with pointing(in_export):
         unit = body.length_unit or (request.analysis.length_unit if request.analysis else None)
-        asked = request.arguments("analysis") | held
-        return linkage.file(body.format, motion, unit, place, **asked, work=resources.work())
+        arguments = request.arguments("analysis") | options
+        return linkage.file(body.format, motion, unit, coordinates, **arguments, work=resources.work())
 
 
 def _drive_in(kind: str, drives: Sequence[Any]) -> Any:
@@ -221,7 +230,7 @@ def _drive_in(kind: str, drives: Sequence[Any]) -> Any:
         return next(iter(drives), None)
     if kind not in HELD["assembly"]:
         return None
-    if kind in ("urdf", "sdf"):  # which hold joints that turn
+    if kind in ("urdf", "sdf"):  # exports to these formats contain only revolute joints
         drives = [drive for drive in drives if drive.kind != "actuator"]
     on_plates = [drive for drive in drives if not drive.link.endswith("slider")]
     return next(iter([*on_plates, *drives]), None)
@@ -252,20 +261,19 @@ LINKAGE_FILES = Files(
 def find_drives(request: DrivesRequest, resources: Resources) -> la.Drives:
     """Find drives of each kind, best first, and the reasons for which a kind is not possible."""
     if request.linkage is None and request.rocker is None:
-        raise la.FieldError(
-            "/linkage", "is required: a solution of a reply; or in its place `rocker`, a link on a hinge"
-        )
+        raise la.FieldError("/linkage", "is required, a solution of a reply; or give `rocker`, a link on a hinge")
     unit = request.angle_unit or ("deg" if request.request is None else request.request.angle_unit)
     motion = None
     if request.request is not None:
         if request.request.angle_unit != unit:
             raise la.FieldError(
-                "/angle_unit", f"the request that the linkage came from has {request.request.angle_unit!r}"
+                "/angle_unit", f"must be {request.request.angle_unit!r}, the unit of the request of the linkage"
             )
         with pointing(lambda field: "/request" + field):
             motion = motion_of(request.request)
         if request.crank_angle is not None and (not motion.free or motion.travel is not None):
-            raise la.FieldError("/crank_angle", "stands for a `request`, and this one says the way")
+            message = "must be left out, because the `request` already prescribes the crank angles or the travel"
+            raise la.FieldError("/crank_angle", message)
     linkage, crank = None, request.crank_angle
     if request.linkage is not None:
         with pointing(lambda field: "/linkage" + field):
@@ -291,7 +299,7 @@ def is_long_drives(request: DrivesRequest) -> bool:
 
 # -- layers -----------------------------------------------------------------------------------------------------------
 
-_PLACES = {
+_FIELDS = {
     "solution": "/linkage",
     "crank_angle": "/linkage/crank_angle",
     "travel": "/linkage/travel",
@@ -300,34 +308,36 @@ _PLACES = {
 """Fields of this route that have a different name as arguments of `linkage_atlas`."""
 
 
-def _placed(field: str) -> str:
-    first, slash, rest = field.lstrip("/").partition("/")
-    return _PLACES[first] + slash + rest if first in _PLACES else field
+def _field_of_assembly(field: str) -> str:
+    first, slash, remainder = field.lstrip("/").partition("/")
+    return _FIELDS[first] + slash + remainder if first in _FIELDS else field
 
 
 def answer_assembly(request: AssemblyRequest, resources: Resources) -> la.Assembly:
     """Arrange the plates of a linkage in layers without collisions, or find what prevents it."""
-    asked = request.arguments(*ASSEMBLY)
-    question, given = request.request, request.linkage
-    if question is None and given is None:
-        raise la.FieldError("/linkage", "needed, or a `request` to be solved")
+    options = request.arguments(*ASSEMBLY)
+    motion_request, known = request.request, request.linkage
+    if motion_request is None and known is None:
+        raise la.FieldError(
+            "/linkage", "is required, a solution of a reply; or give a `request`, which is then solved"
+        )
     motion = None
-    if question is not None:
+    if motion_request is not None:
         for name in ("envelope", "keep_out"):
-            asked[name] = getattr(question.limits, name) if asked[name] is None else asked[name]
+            options[name] = getattr(motion_request.limits, name) if options[name] is None else options[name]
         with pointing(lambda field: "/request" + field):
-            motion = motion_of(question)
+            motion = motion_of(motion_request)
     work = resources.work(budget_of(None, resources))
-    if given is None:
-        assert question is not None
+    if known is None:
+        assert motion_request is not None
         with pointing(lambda field: field if field == "/rank" else "/request" + field):
-            found = ranked(question, request.rank, resources)
-        return la.assembly(found, work=work, **asked)
+            solution = ranked(motion_request, request.rank, resources)
+        return la.assembly(solution, work=work, **options)
     with pointing(lambda field: "/linkage" + field):
-        linkage = given.linkage(motion is None or motion.degrees)
-    with pointing(_placed):
-        place = given.travel if given.crank_angle is None else given.crank_angle
-        return linkage.assembly(motion, place, work=work, **asked)
+        linkage = known.linkage(motion is None or motion.degrees)
+    with pointing(_field_of_assembly):
+        coordinates = known.travel if known.crank_angle is None else known.crank_angle
+        return linkage.assembly(motion, coordinates, work=work, **options)
 
 
 def is_long_assembly(request: AssemblyRequest) -> bool:
@@ -384,15 +394,15 @@ def _function_file(body: FunctionExportRequest, resources: Resources) -> bytes:
         return as_json(request, solution.model_dump(mode="json", exclude=unused), unit)
     degrees = request.angle_unit == "deg"
     with pointing(lambda field: "/linkage" + field):
-        given = solution.linkage(degrees)
+        generator = solution.linkage(degrees)
     names = [field.name for field in fields(FunctionFields) if field.name in FunctionRequest.model_fields]
     with pointing(lambda field: "/request" + field):
         question = FunctionFields(**request.arguments(*names), degrees=degrees).question()
-        if question.dial.travels == given.plain.is_four_bar:
+        if question.dial.travels == generator.plain.is_four_bar:
             raise la.FieldError("/output_unit", "is not the unit of the solution; send the request of this solution")
     offset = solution.output_offset
     return render(
-        question.wanted, question.scales, question.dial, given, offset, body.format, body.length_unit
+        question.wanted, question.scales, question.dial, generator, offset, body.format, body.length_unit
     ).encode()
 
 
@@ -406,7 +416,7 @@ FUNCTION_FILES = Files(
     bundled_requests()["export_function"],
 )
 
-# -- all of them ----------------------------------------------------------------------------------------------------------
+# -- all queries ----------------------------------------------------------------------------------------------------------
 
 _EXAMPLE = worked_example()
 _ROTATION = {"rotation": _EXAMPLE["rotation"], "crank_span": _EXAMPLE["crank_span"]}

@@ -1,4 +1,4 @@
-"""The four-bar's replies as text for a terminal."""
+"""Replies to the queries about linkages as text for a terminal."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from linkage_atlas.notes import counted
 from linkage_atlas.solutions import Errors
 
 _ROUNDING = 1e-10
-"""Numbers below this fraction of their size are shown as zero."""
+"""Fraction of the size of a result below which a number is shown as zero."""
 
 
 _LENGTHS = ("crank", "coupler", "rocker", "ground")
@@ -39,7 +39,7 @@ _LINKAGE = (
 
 
 def matches_table(reply: Matches, units: Units = DEGREES) -> str:
-    """Ranked rows of the matches; errors in the request's unit of angle."""
+    """Return a row for each match; errors are in the angle unit of the request."""
     kinds = [] if all(match.kind == "four_bar" for match in reply.matches) else [("kind", "", "kind")]
     text = columns(
         reply.matches,
@@ -65,7 +65,7 @@ def _found(reply: Any, what: str) -> str:
 
 
 def _search_lines(report: Any) -> list[str]:
-    """How a search came to its best, and why it ended."""
+    """Return the objective over time and the reason for which the search ended."""
     trace = ", ".join(f"{ms:.1f} ms: {objective:.1e}" for ms, objective in report.trace)
     stopped = f"stopped by {report.stopped_by}; {_elapsed(report)}"
     return ["", f"best objective after {trace}", stopped] if trace else [stopped]
@@ -76,18 +76,18 @@ def _lengths(links: Any) -> str:
 
 
 def _proof(rounded: Any) -> str:
-    """Whether a choice of stock lengths is the best of all."""
+    """Return the number of combinations of stock lengths of which a choice is the best."""
     if rounded.combinations is None:
         return ""
-    of = f"of {rounded.combinations:,} combinations"
-    return f", the best {of}" if rounded.exhaustive else f", the best of {rounded.tried:,} {of}"
+    total = f"of {rounded.combinations:,} combinations"
+    return f", the best {total}" if rounded.exhaustive else f", the best of {rounded.tried:,} {total}"
 
 
 def _analysis_lines(best: Solution) -> list[str]:
-    """The largest values of an analysis over the used interval."""
+    """Return the largest values of an analysis over the used interval."""
     if best.analysis is None:
         return []
-    curve, found = best.analysis.curve, []
+    curve, maxima = best.analysis.curve, []
     rows = {"velocity": curve.velocity, "acceleration": curve.acceleration}
     rows["torque of the drive" if curve.travel is None else "force of the drive"] = curve.drive_load
     rows["pin force"] = None if curve.pin_forces is None else np.concatenate(curve.pin_forces)
@@ -96,38 +96,38 @@ def _analysis_lines(best: Solution) -> list[str]:
             continue
         sizes = np.abs(values) if values.ndim == 1 else np.linalg.norm(values, axis=1)
         if np.isfinite(sizes).any():
-            found.append(f"{name} {number(np.nanmax(sizes), 4)}")
-    return [f"largest over the interval: {', '.join(found)}"] if found else []
+            maxima.append(f"{name} {number(np.nanmax(sizes), 4)}")
+    return [f"largest over the interval: {', '.join(maxima)}"] if maxima else []
 
 
 def _tolerance_lines(best: Solution, units: Units) -> list[str]:
-    """What tolerances of manufacture do at worst, and what contributes most."""
+    """Return the errors due to manufacturing tolerances and their largest contributions."""
     if best.tolerance_study is None:
         return []
     study, lines = best.tolerance_study, []
     for name, unit in (("position", units.length), ("rotation", units.angle)):
-        made = getattr(study, name)
-        if made is not None and math.isfinite(made.worst.p95):
+        distribution = getattr(study, name)
+        if distribution is not None and math.isfinite(distribution.worst.p95):
             source = study.largest[name]
             lines.append(
-                f"as made, {name} off by at most {units.value(made.worst.p95, unit, 4)} in 95 % of {study.samples:,} linkages"
-                + (f"; most from {source}" if source else "")
+                f"with tolerances, the {name} error is at most {units.value(distribution.worst.p95, unit, 4)} in 95 % of "
+                f"{study.samples:,} linkages" + (f"; largest contribution: {source}" if source else "")
             )
     return lines
 
 
 def _errors(errors: Errors, units: Units) -> str:
-    """Errors at the samples in words: of rotation, of position, as far as they were asked for."""
-    found = []
+    """Return the errors at the samples in words: rotation, position, or both."""
+    phrases = []
     for name, unit in (("rotation", units.angle), ("position", units.length)):
-        rms, largest = (getattr(errors, f"{name}_{which}") for which in ("rms", "max"))
+        rms, largest = (getattr(errors, f"{name}_{statistic}") for statistic in ("rms", "max"))
         if rms is not None:
-            found.append(f"{name} {units.value(rms, unit)} rms, {units.value(largest, unit)} at most")
-    return "; ".join(found)
+            phrases.append(f"{name} {units.value(rms, unit)} rms, {units.value(largest, unit)} at most")
+    return "; ".join(phrases)
 
 
 def _rounded_lines(best: Solution, units: Units) -> list[str]:
-    """The lengths that can be had, and what they do."""
+    """Return the rounded lengths and their errors."""
     rounded = best.rounded
     if rounded is None:
         return []
@@ -141,34 +141,32 @@ def _rounded_lines(best: Solution, units: Units) -> list[str]:
 
 
 def _guide(guide: Any) -> str:
-    """A guide in words, as a reply has it; zeros are told as such where only rounding keeps numbers from it."""
+    """Return a guide of a reply in words; numbers that are zero up to rounding are shown as zero."""
     ends = getattr(guide, "used", None) or ()
     fixed = getattr(guide, {"circle": "pivot", "rail": "point", "slot": "pin"}[guide.guide])
     size = max(map(abs, (*fixed, *guide.body_point, *ends, getattr(guide, "radius", 0.0))))
 
-    def settled(value: float) -> str:
+    def rounded(value: float) -> str:
         return number(0.0 if abs(value) < _ROUNDING * size else value)
 
-    def place(point: Any) -> str:
-        return f"({settled(point[0])}, {settled(point[1])})"
+    def point_text(xy: Any) -> str:
+        return f"({rounded(xy[0])}, {rounded(xy[1])})"
 
-    used = f", used from {settled(ends[0])} to {settled(ends[1])}" if ends else ""
+    used = f", used from {rounded(ends[0])} to {rounded(ends[1])}" if ends else ""
     if guide.guide == "circle":
-        return (
-            f"circle about {place(guide.pivot)}, radius {number(guide.radius)}, body point {place(guide.body_point)}"
-        )
+        return f"circle about {point_text(guide.pivot)}, radius {number(guide.radius)}, body point {point_text(guide.body_point)}"
     if guide.guide == "rail":
-        where = f"rail through {place(guide.point)}, direction {number(guide.direction)}"
-        return f"{where}, body point {place(guide.body_point)}{used}"
-    where = f"slot on the pin {place(guide.pin)}, through body point {place(guide.body_point)}"
-    return f"{where}, body direction {number(guide.body_direction)}{used}"
+        text = f"rail through {point_text(guide.point)}, direction {number(guide.direction)}"
+        return f"{text}, body point {point_text(guide.body_point)}{used}"
+    text = f"slot on the pin {point_text(guide.pin)}, through body point {point_text(guide.body_point)}"
+    return f"{text}, body direction {number(guide.body_direction)}{used}"
 
 
 def synthesize_table(reply: Result, units: Units = DEGREES) -> str:
-    """Ranked solutions of the reply with their largest errors; place, errors, layers and studies of the best."""
+    """Return a row for each solution, and the mounting, errors, layers and studies of the best solution."""
     lines = [_found(reply, "solution")]
     if reply.solutions:
-        best, several = reply.solutions[0], any(one.links is None for one in reply.solutions)
+        best, several = reply.solutions[0], any(solution.links is None for solution in reply.solutions)
         own: tuple[Any, ...] = (*_LINKAGE, ("family", "", "family"))
         if several:
             own = (("rank", "d", "rank"), ("kind", "", "kind"), ("driver", "", "driver"), ("size", ".3g", "size"))
@@ -182,7 +180,7 @@ def synthesize_table(reply: Result, units: Units = DEGREES) -> str:
         )
         lines += ["", text, "", f"errors of rank 1: {_errors(best.errors, units)}"]
         if several:
-            lines += [f"guide of rank 1: {_guide(one)}" for one in best.guides or ()]
+            lines += [f"guide of rank 1: {_guide(solution)}" for solution in best.guides or ()]
         elif best.mount is not None:
             m = best.mount
             lines += [
@@ -200,8 +198,8 @@ def synthesize_table(reply: Result, units: Units = DEGREES) -> str:
                     shown = [*shown[:_SHOWN_SAMPLES], left_out, *shown[-_SHOWN_SAMPLES:]]
                 lines.append(f"{words} of rank 1: {', '.join(shown)}")
         if best.verdict.assembly is not None and best.verdict.assembly.free:
-            found = best.verdict.assembly
-            lines.append(f"rank 1 has {counted(found.count, 'free layer')}: {found.reasons[0]}")
+            assembly = best.verdict.assembly
+            lines.append(f"rank 1 has {counted(assembly.count, 'free layer')}: {assembly.reasons[0]}")
         if best.verdict.reasons:
             lines.append(f"rank 1: {'; '.join(best.verdict.reasons)}")
         lines += _rounded_lines(best, units) + _analysis_lines(best) + _tolerance_lines(best, units)
@@ -210,14 +208,18 @@ def synthesize_table(reply: Result, units: Units = DEGREES) -> str:
 
 
 def _travel_lines(reply: Any, units: Units) -> list[str]:
-    """Linkages with sliders that make a function, and what is amiss with the first."""
+    """Return a row for each linkage with sliders, and the reasons for the verdict of the first linkage."""
     unit = units.length if reply.dial.output == "length" else units.angle
     text = columns(
         reply.solutions,
         ("rank", "d", "rank"),
         ("kind", "", "kind"),
         ("driver", "", "driver"),
-        ("lengths", "", lambda one: ", ".join(f"{name} {number(value)}" for name, value in one.lengths.items())),
+        (
+            "lengths",
+            "",
+            lambda solution: ", ".join(f"{name} {number(value)}" for name, value in solution.lengths.items()),
+        ),
         ("branch", "+d", "branch"),
         ("input zero", ".6g", "input_zero"),
         ("offset", ".6g", "output_offset"),
@@ -232,7 +234,7 @@ def _travel_lines(reply: Any, units: Units) -> list[str]:
 
 
 def function_table(reply: Any, units: Units = DEGREES) -> str:
-    """Ranked linkages of the reply; errors in the request's unit of angle."""
+    """Return a row for each linkage; errors are in the angle unit of the request."""
     lines = [_found(reply, "linkage")]
     if reply.solutions and hasattr(reply.solutions[0], "kind"):
         lines += _travel_lines(reply, units)
@@ -259,29 +261,29 @@ def function_table(reply: Any, units: Units = DEGREES) -> str:
 
 
 _SHOWN_SAMPLES = 8
-"""Crank angles shown at each end of a long motion."""
-_DRIVES = {"rotary": "rotary drive", "dyad": "motor with a rod", "toggle": "knee"}
+"""Number of crank angles shown at each end of a long motion."""
+_DRIVES = {"rotary": "rotary drive", "dyad": "motor with a rod", "toggle": "over-centre latch"}
 
 
 def _drive_words(drive: Drive, units: Units) -> str:
-    """Describe a drive: kind, ends, stroke, force or torque, and what it needs and holds."""
+    """Describe a drive: kind, ends, stroke, force or torque, stops and holding without power."""
     length, swing = units.length, f"swing {units.value(abs(drive.swing), units.angle, 4)}"
     match drive:
         case RotaryDrive():
-            words = [f"from {_place(drive.motor)}", swing, *_load_words(None, drive.peak_torque)]
+            words = [f"from {_point(drive.motor)}", swing, *_load_words(None, drive.peak_torque)]
         case ActuatorDrive():
-            on = "" if drive.on == "ground" else f" on the {drive.on}"
+            carrier = "" if drive.on == "ground" else f" on the {drive.on}"
             words = [
-                f"from {_place(drive.ground_point)}{on} to its pin at {_place(drive.pin)}",
+                f"from {_point(drive.ground_point)}{carrier} to its pin at {_point(drive.pin)}",
                 f"stroke {units.value(drive.stroke, length, 4)}, length {_length(drive)}",
                 *_load_words(drive.peak_force, None, drive.over_bound),
-                f"least arm {units.value(drive.arm_min, length, 4)}",
+                f"smallest moment arm {units.value(drive.arm_min, length, 4)}",
             ]
             if drive.buckling is not None and drive.buckling.safety is not None:
                 words.append(f"safety against buckling {drive.buckling.safety:.3g}")
         case MotorDrive(six_bar=bar):
             words = [
-                f"from {_place(drive.motor)} to its pin at {_place(drive.pin)}",
+                f"from {_point(drive.motor)} to its pin at {_point(drive.pin)}",
                 f"crank {number(bar.crank)}, rod {number(bar.coupler)}, time ratio {number(bar.time_ratio, 3)}",
                 f"transmission angle at least {units.value(bar.transmission_angle_min, units.angle)}",
                 swing,
@@ -289,15 +291,15 @@ def _drive_words(drive: Drive, units: Units) -> str:
             ]
         case _:
             words = [
-                f"from {_place(drive.ground_point)} to its pin at {_place(drive.pin)}",
+                f"from {_point(drive.ground_point)} to its pin at {_point(drive.pin)}",
                 f"handle {number(drive.lock.handle)}, strut {number(drive.lock.strut)}",
                 swing,
             ]
             if drive.peak_force is not None:
                 words += _load_words(drive.peak_force, drive.peak_torque)
-            words.append(f"least arm {units.value(drive.arm_min, length, 4)}")
+            words.append(f"smallest moment arm {units.value(drive.arm_min, length, 4)}")
     kind = _DRIVES.get(drive.kind, drive.kind) + _row_name(drive)
-    count = f"{drive.count} equal ones: " if isinstance(drive, ActuatorDrive) and drive.count > 1 else ""
+    count = f"{drive.count} equal drives: " if isinstance(drive, ActuatorDrive) and drive.count > 1 else ""
     sentence = "; ".join([f"{count}{kind} on the {drive.link}", *words])
     return f"{sentence}\n  stops: {drive.stops}\n  holds without power: {drive.holds}"
 
@@ -314,24 +316,24 @@ def _load_words(force: float | None, torque: float | None, over_bound: float | N
         words.append(f"force at most {number(force, 5)}{bound}")
     if torque is not None:
         words.append(f"torque at most {number(torque, 5)}")
-    return words or ["no load was given, so its force is not known"]
+    return words or ["force unknown without a load"]
 
 
 def _spring_words(spring: AnySpring, units: Units) -> str:
-    """Describe a spring: kind, ends, length, the torque that it leaves, and what the linkage does by itself."""
+    """Describe a spring: kind, ends, length, remaining torque, and the behaviour of the linkage without a drive."""
     before, after = spring.torque.before.rms, spring.torque.after.rms
     after = 0.0 if after < _ROUNDING * before else after
-    count = f"{spring.count} equal ones: " if spring.count > 1 else ""
+    count = f"{spring.count} equal springs: " if spring.count > 1 else ""
     return (
         f"{count}{spring.name or f'{spring.kind} spring'} between {' and '.join(spring.between)}; from "
         f"{_spring_ends(spring, ' to ')}; {_spring_sizes(spring, units)}; rms torque {number(before, 5)} without and "
-        f"{number(after, 5)} with it\n  by itself: {spring.stays}"
+        f"{number(after, 5)} with it\n  without a drive: {spring.stays}"
     )
 
 
 def _spring_ends(spring: AnySpring, separator: str) -> str:
     points = [spring.point] if isinstance(spring, TorsionSpring) else spring.points
-    return separator.join(map(_place, points))
+    return separator.join(map(_point, points))
 
 
 def _spring_sizes(spring: AnySpring, units: Units) -> str:
@@ -343,16 +345,16 @@ def _spring_sizes(spring: AnySpring, units: Units) -> str:
 
 
 def _drive_lines(best: Solution, units: Units) -> list[str]:
-    """Describe the drives and springs of a solution, and why there are none of a kind."""
+    """Describe the drives and springs of a solution, and the reasons for which a kind is missing."""
     lines = [f"drive of rank 1: {_drive_words(drive, units)}" for drive in best.drives or ()]
     lines += [f"spring of rank 1: {_spring_words(spring, units)}" for spring in best.springs or ()]
     if best.drivable is False:
-        lines.append("rank 1 has no drive within the limits of `drive`")
+        lines.append("Rank 1 has no drive within the limits of `drive`.")
     return lines + [refusal.sentence for refusal in best.refused or ()]
 
 
 def drives_table(reply: la.Drives, units: Units = DEGREES) -> str:
-    """Drives by kind with their places, arm and force, the springs, and why there is nothing elsewhere."""
+    """Return a row for each drive and each spring, and the reasons for which a kind is missing."""
     lines = []
     if reply.drives:
         lines.append(
@@ -361,26 +363,31 @@ def drives_table(reply: la.Drives, units: Units = DEGREES) -> str:
                 ("kind", "", "kind"),
                 ("link", "", "link"),
                 ("name", "", _field("name")),
-                ("ground or motor", "", lambda one: _place(_field("ground_point")(one) or _field("motor")(one))),
-                ("pin", "", lambda one: _place(_field("pin")(one))),
-                (units.head("length", units.length), "", lambda one: _length(one) if hasattr(one, "length") else "-"),
-                ("least arm", ".6g", _field("arm_min")),
+                ("ground or motor", "", lambda item: _point(_field("ground_point")(item) or _field("motor")(item))),
+                ("pin", "", lambda item: _point(_field("pin")(item))),
+                (
+                    units.head("length", units.length),
+                    "",
+                    lambda item: _length(item) if hasattr(item, "length") else "-",
+                ),
+                ("min. arm", ".6g", _field("arm_min")),
                 ("peak force", ".6g", _field("peak_force")),
                 ("over bound", ".4g", _field("over_bound")),
                 ("peak torque", ".6g", _field("peak_torque")),
                 (units.head("transm.", units.angle), ".4g", _transmission_angle),
             )
         )
-    for one in reply.drives:
-        if isinstance(one, MotorDrive):
-            bar = one.six_bar
+    for item in reply.drives:
+        if isinstance(item, MotorDrive):
+            bar = item.six_bar
             lines.append(
-                f"motor on the {one.link}: crank {number(bar.crank)}, rod {number(bar.coupler)}, time ratio "
+                f"motor on the {item.link}: crank {number(bar.crank)}, rod {number(bar.coupler)}, time ratio "
                 f"{number(bar.time_ratio)} ({bar.kind})"
             )
-        if isinstance(one, ToggleDrive):
+        if isinstance(item, ToggleDrive):
             lines.append(
-                f"knee on the {one.link}: handle {number(one.lock.handle)}, strut {number(one.lock.strut)}; holds {one.holds}"
+                f"over-centre latch on the {item.link}: handle {number(item.lock.handle)}, strut {number(item.lock.strut)}; "
+                f"holds {item.holds}"
             )
     if reply.springs:
         lines.append(
@@ -389,34 +396,34 @@ def drives_table(reply: la.Drives, units: Units = DEGREES) -> str:
                 ("spring", "", "kind"),
                 ("set", "d", "set"),
                 ("name", "", "name"),
-                ("between", "", lambda one: "-".join(one.between)),
-                ("ends", "", lambda one: _spring_ends(one, " ")),
-                ("stiffness", ".6g", lambda one: one.rate if isinstance(one, TorsionSpring) else one.stiffness),
-                ("length", "", lambda one: _range(one.twist if isinstance(one, TorsionSpring) else one.length)),
-                ("rms torque", "", lambda one: f"{one.torque.before.rms:.4g} -> {one.torque.after.rms:.3g}"),
-                ("by itself", "", "stays"),
+                ("between", "", lambda item: "-".join(item.between)),
+                ("ends", "", lambda item: _spring_ends(item, " ")),
+                ("stiffness", ".6g", lambda item: item.rate if isinstance(item, TorsionSpring) else item.stiffness),
+                ("length", "", lambda item: _range(item.twist if isinstance(item, TorsionSpring) else item.length)),
+                ("rms torque", "", lambda item: f"{item.torque.before.rms:.4g} -> {item.torque.after.rms:.3g}"),
+                ("without drive", "", "stays"),
             )
         )
     lines += [refusal.sentence for refusal in reply.refused]
     if not lines:
-        lines.append("nothing was asked for")
+        lines.append("The request has no drives and no springs.")
     return "\n".join([*lines, *(f"note: {note}" for note in reply.notes)])
 
 
-def _place(place: Any) -> str:
-    return "-" if place is None else f"({place[0]:.5g}, {place[1]:.5g})"
+def _point(point: Any) -> str:
+    return "-" if point is None else f"({point[0]:.5g}, {point[1]:.5g})"
 
 
 def _range(ends: tuple[float, float]) -> str:
     return f"{number(ends[0])} to {number(ends[1])}"
 
 
-def _length(one: Any) -> str:
-    return f"{one.length[0]:.5g} to {one.length[1]:.5g}"
+def _length(drive: Any) -> str:
+    return f"{drive.length[0]:.5g} to {drive.length[1]:.5g}"
 
 
 def _field(name: str) -> Callable[[Drive], Any]:
-    """Return a function that reads a field which some kinds of drives lack."""
+    """Return a function that reads a field of a drive; None if this kind of drive does not have it."""
     return lambda drive: getattr(drive, name, None)
 
 
@@ -427,21 +434,23 @@ def _transmission_angle(drive: Drive) -> float | None:
 
 
 def assembly_table(reply: la.Assembly, units: Units = DEGREES) -> str:
-    """Layers from the top down with the pins that fill them, and what is to be said of them."""
+    """Return a row for each layer from the top down with its parts and pins, the smallest gap and the sizes."""
     ends = (0, reply.count + 1)
     rows = []
     for layer in range(ends[1], ends[0] - 1, -1):
-        parts = [one.name for one in reply.parts if one.kind in ("plate", "board") and one.layers == (layer, layer)]
-        heads = [one.name for one in reply.parts if one.kind == "head" and one.layers == (layer, layer)]
+        parts = [
+            part.name for part in reply.parts if part.kind in ("plate", "board") and part.layers == (layer, layer)
+        ]
+        heads = [part.name for part in reply.parts if part.kind == "head" and part.layers == (layer, layer)]
         pins = [pin.name for pin in reply.pins if pin.layers[0] <= layer <= pin.layers[1]]
         if parts or heads or layer not in ends:
             rows.append((str(layer), ", ".join([*parts, *heads]) or "-", " ".join(pins)))
     lines = [f"{reply.status}: {counted(reply.count, 'layer')}", "", left_table(("layer", "parts", "pins"), rows), ""]
     if reply.least_gap is not None:
         gap = reply.least_gap
-        where = f"at {number(gap.crank_angle)}{units.behind(units.angle)}"
+        position = f"at {number(gap.crank_angle)}{units.behind(units.angle)}"
         lines.append(
-            f"least gap beyond the clearance: {units.value(gap.value, units.length, 6)}, {' and '.join(gap.pair)}, {where}"
+            f"smallest gap beyond the clearance: {units.value(gap.value, units.length, 6)}, {' and '.join(gap.pair)}, {position}"
         )
     sizes = ", ".join(
         f"{name} {units.value(value, units.length, 4)}" for name, value in reply.sizes._asdict().items()

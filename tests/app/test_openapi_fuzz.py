@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from starlette.applications import Starlette
 
 from app.main import create_app
-from app.openapi import PLACE
+from app.openapi import FILE
 from app.settings import Settings
 
 EXAMPLES = {"positive": 12, "negative": 25}
@@ -27,7 +27,7 @@ CHECKS += ["not_a_server_error", "negative_data_rejection"]
 SETTINGS = settings(deadline=None, database=None, phases=[Phase.generate], suppress_health_check=list(HealthCheck))
 CASES = [
     (f"{method.upper()} {path}", mode)
-    for path, methods in json.loads(PLACE.read_text())["paths"].items()
+    for path, methods in json.loads(FILE.read_text())["paths"].items()
     for method, operation in methods.items()
     for mode in EXAMPLES
     if mode == "positive" or "requestBody" in operation or "{" in path

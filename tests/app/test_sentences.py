@@ -7,7 +7,7 @@ import json
 
 import pytest
 
-from app.openapi import PLACE
+from app.openapi import FILE
 from app.registry import worked_example
 from linkage_atlas import FieldError
 
@@ -57,7 +57,7 @@ def test_an_error_is_a_sentence_about_the_field(change, said, client, run) -> No
 
 def test_no_error_of_any_field_has_the_validators_words(client) -> None:
     """Wrong values of each kind for each field of each question."""
-    document = json.loads(PLACE.read_text())
+    document = json.loads(FILE.read_text())
     seen = set()
     for path, methods in document["paths"].items():
         schema = (
