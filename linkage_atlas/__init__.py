@@ -147,7 +147,7 @@ def __getattr__(name: str) -> object:
     if name not in _HOME_OF:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     value = getattr(import_module(_HOME_OF[name]), name)
-    if isinstance(value, type):
+    if hasattr(value, "__dataclass_fields__") or hasattr(value, "_fields"):  # a record, whose module imports numpy
         import_module("linkage_atlas.records").describe_fields(value)
     globals()[name] = value
     return value

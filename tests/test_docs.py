@@ -303,7 +303,9 @@ def test_what_the_dockerfile_runs_is_a_command_with_these_options() -> None:
     assert dict(stages()[1])["EXPOSE"] == "8000"
     for name, words in instructions():
         for line in re.findall(r"bin/linkage-atlas ([^&]+)", words) if name == "RUN" else []:
-            make_parser(whole=True).parse_args(line.replace("\\", " ").split())  # ends the process if it is none
+            make_parser(all_commands=True).parse_args(
+                line.replace("\\", " ").split()
+            )  # ends the process if it is none
     health = re.findall(r'"([^"]*)"', dict(stages()[1])["HEALTHCHECK"])
     compile(health[2], "HEALTHCHECK", "exec")
 

@@ -316,9 +316,9 @@ def _add(
         **mounted.fields(loads),
         on=request.on,
         count=request.count,
-        stops="none: its own ends of stroke are the ends of the way"
+        stops="none: the ends of its stroke are the ends of the motion"
         if is_whole
-        else "two stops, or position control: its stroke is longer than the way",
+        else "two stops or position control: its stroke is longer than the motion",
         holds="a spindle does, a cylinder with its valves shut",
         name=None if row is None else row.name,
         price=None if row is None else row.price,

@@ -50,7 +50,7 @@ def _add(task: DriveTask, request: ToggleRequest, name: str, found: Knee) -> Non
     words = "with its knee on the stop" if found.holds else "not: the load pulls its knee straight"
     drive = ToggleDrive(
         **mounted.fields(loads),
-        stops="one, for the knee beyond its line",
+        stops="a stop for the joint of handle and strut beyond the dead centre",
         holds=words if task.loaded else "where the load pushes the strut together",
         peak_torque=lock.handle_torque_max,
         envelope=envelope(ground, pin, found.knee),

@@ -78,7 +78,7 @@ def _add(task: DriveTask, name: str, cycle: MotorCycle) -> None:
     drive = MotorDrive(
         link=name,
         swing=task.swing(name),
-        stops="none: the motor passes both ends with the linkage at rest",
+        stops="none: the linkage is at rest when the motor passes either end",
         holds="near its dead centres",
         motor=xy(cycle.motor),
         pin=xy(pin[0]),

@@ -33,7 +33,7 @@ def find_rotary(task: DriveTask, request: RotaryRequest) -> None:
         drive = RotaryDrive(
             link=name,
             swing=task.swing(name),
-            stops="two stops, or position control",
+            stops="two stops or position control",
             holds="with a worm gear or a brake",
             motor=xy(link.pivot),
             peak_torque=peak,

@@ -57,7 +57,7 @@ def test_where_there_is_no_such_solution_nothing_is_written(run, tmp_path) -> No
     request = {"output": [0, 10, 30], "crank_span": 60, "limits": {"links": links, "preset": None}}
     code, out, err = run("function", "--export", file, "--plot", stdin=json.dumps(request))
     assert code == Exit.INFEASIBLE and not file.exists()
-    assert out.startswith("infeasible") and err == "there is no solution of rank 1: there are 0 solutions\n"
+    assert out.startswith("infeasible") and err == "There is no solution of rank 1; there are 0 solutions.\n"
 
 
 @pytest.mark.parametrize("more", [(), ("--json",), ("--export", "one.svg")])
@@ -68,7 +68,7 @@ def test_a_rank_beyond_the_solutions_found_is_an_error_that_says_how_many_there_
     poses = {"position": [[0, 0], [40, 8], [75, 30]], "rotation": [0, 15, 40]}
     request = json.dumps({**poses, "timing": "free", "budget_ms": 100})
     code, out, err = run("synthesize", "--rank", 100, *more, stdin=request)
-    assert code == Exit.USAGE and "no solution of rank 100: there are " in err and out
+    assert code == Exit.USAGE and "no solution of rank 100; there are " in err and out
     assert not (tmp_path / "one.svg").exists()
     assert run("synthesize", "--rank", 101, *more, stdin=request)[:2] == (Exit.USAGE, "")
 
@@ -137,7 +137,7 @@ def test_an_export_does_not_replace_its_own_request(run, tmp_path, monkeypatch) 
     file, text = Path("one.json"), json.dumps(worked_example())
     file.write_text(text)
     code, _, err = run("export", "one.json")
-    assert code != Exit.OK and "one.json is the request itself" in err and file.read_text() == text
+    assert code != Exit.OK and "one.json is the file of the request" in err and file.read_text() == text
     assert run("export", "one.json", "--out", "two.json")[0] == Exit.OK
     for _ in range(2):  # with standard input an existing file is replaced
         assert run("export", stdin=text)[::2] == (

@@ -78,7 +78,7 @@ def test_a_reply_without_its_request_says_what_to_do(run, files) -> None:
         code, _, err = run("synthesize", files[kind])
         assert code == Exit.USAGE and f"{files[kind]}: this is a " in err and "without its request" in err
     code, _, err = run("drive", files["reply"], "--rank", 3)
-    assert code == Exit.USAGE and "the reply has 2 solutions, and none of rank 3" in err
+    assert code == Exit.USAGE and "the reply has 2 solutions, but no solution of rank 3" in err
 
 
 @pytest.mark.parametrize("command", ["export", "assembly", "drive"])
@@ -114,13 +114,13 @@ def test_the_help_lists_every_field(query, run) -> None:
     ("words", "stdin", "said"),
     [
         (["biuld"], "", "did you mean build?"),
-        (["README.md"], "", "name a command before the file: linkage-atlas synthesize README.md"),
+        (["README.md"], "", "write a command before the file, as in: linkage-atlas synthesize README.md"),
         (["synthesize", "README.mdd"], "", "README.mdd: No such file or directory; did you mean README.md?"),
         (["synthesize", "app"], "", "app: Is a directory"),
         (["synthesize", "-"], "", "standard input: is empty"),
         (["synthesize", "docs/img/page.png"], "", "docs/img/page.png: this is "),
         (["synthesize", "--famly", "any"], TABLE, "unrecognized arguments: --famly; did you mean --family?"),
-        (["synthesize", "--pivot-box", "0", "0", "9", "9"], TABLE, "a list is written with commas"),
+        (["synthesize", "--pivot-box", "0", "0", "9", "9"], TABLE, "separate the items of a list with commas"),
         (["synthesize", "--family", "anny"], TABLE, "limits.family: must be one of full_crank, "),
         (["synthesize", "--link-min", "short"], TABLE, "limits.link_min: must be a number, found 'short'"),
         (["synthesize", "--length-unit", "inches"], TABLE, "argument --length-unit: invalid choice: 'inches'"),
@@ -157,7 +157,12 @@ def test_the_drives_and_springs_of_a_solution_are_described(run) -> None:
     code, out, _ = run("synthesize", "--length-unit", "mm", stdin=json.dumps(request))
     reply = json.loads(run("synthesize", "--json", stdin=json.dumps(request))[1])["solutions"][0]
     assert code == Exit.OK
-    kinds = {"rotary": "rotary drive", "actuator": "actuator", "dyad": "motor with a rod", "toggle": "knee"}
+    kinds = {
+        "rotary": "rotary drive",
+        "actuator": "actuator",
+        "dyad": "motor with a rod",
+        "toggle": "over-centre latch",
+    }
     assert {drive["kind"] for drive in reply["drives"]} == kinds.keys()
     for drive in reply["drives"]:
         words = out.partition(f"drive of rank 1: {kinds[drive['kind']]} on the {drive['link']}")[2].partition(
@@ -172,7 +177,7 @@ def test_the_drives_and_springs_of_a_solution_are_described(run) -> None:
         words = out.partition(f"; stiffness {spring['stiffness']:.4g}; ")[2].splitlines()
         assert (
             f"{spring['torque']['before']['rms']:.5g} without" in words[0]
-            and words[1] == f"  by itself: {spring['stays']}"
+            and words[1] == f"  without a drive: {spring['stays']}"
         )
     for no in reply["refused"]:
         is_spring = no["kind"] in ("tension", "gas")

@@ -97,9 +97,9 @@ def test_an_unknown_option_shows_the_usage_of_its_command(run) -> None:
 def test_what_is_no_request_is_told_in_words(run) -> None:
     assert (
         run("synthesize", stdin="x,y,angle\n1,2,3\n")[2]
-        == "standard input: the table has 1 row, at least 2 are needed\n"
+        == "standard input: the table has 1 row, but at least 2 are required\n"
     )
-    said = "standard input: is empty: name a file or an --example, or give the request on standard input\n"
+    said = "standard input: is empty; name a file or an --example, or write the request to standard input\n"
     assert run("function")[::2] == (USAGE, said)
     code, _, err = run("drive", stdin="x,y,angle\n0,0,0\n1,2,3\n")
     assert code == USAGE and err.startswith("linkage: is required")

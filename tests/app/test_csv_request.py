@@ -150,7 +150,7 @@ def test_the_command_unwraps_and_answers_tables_of_every_question(tmp_path, caps
     assert capsys.readouterr().out.startswith("reached: 1 linkage")
     table.write_text("{}")
     assert cli.main(["synthesize", str(table), "--unwrap"]) == 2
-    assert "--unwrap is for a table" in capsys.readouterr().err
+    assert "--unwrap applies to a table" in capsys.readouterr().err
 
 
 NUMBERS = st.floats(-1e6, 1e6, allow_nan=False).map(lambda value: round(value, 4))

@@ -151,7 +151,7 @@ def test_a_worker_that_is_killed_costs_its_own_request_and_is_replaced(idle) -> 
         os.kill(process, signal.SIGKILL)
         begin = time.perf_counter()
         reply = connection.getresponse()
-        assert reply.status == 503 and "ended before" in json.loads(reply.read())["detail"]
+        assert reply.status == 503 and "has ended unexpectedly" in json.loads(reply.read())["detail"]
         assert idle.ask(*SHORT)[0] == 200
         until(lambda: len(idle.workers.idle) == 2)
         assert process not in idle.processes and time.perf_counter() - begin < 25, "the budget is 30 s"
@@ -190,7 +190,7 @@ def test_the_service_ends_in_time_with_a_search_under_way(name, tmp_path) -> Non
             process.send_signal(signal.Signals[name])
             begin = time.perf_counter()
             reply = connection.getresponse()
-            assert reply.status == 503 and "ending" in json.loads(reply.read())["detail"]
+            assert reply.status == 503 and "shutting down" in json.loads(reply.read())["detail"]
             assert process.wait(PATIENCE) == 0 and time.perf_counter() - begin < 25, "the budget is 30 s"
         until(lambda: not any(map(alive, workers)))
         assert "Traceback" not in log.read_text()

@@ -42,7 +42,7 @@ sys.exit(" ".join(name for name in {without} if name in sys.modules) or 0)
 def test_a_command_that_is_named_alone_takes_what_it_takes_among_all(name, capsys) -> None:
     texts = {"serve": "--port 7 --workers 3", "synthesize": "--rank 3 --set top=3"}
     texts |= {"study": "lines --out replies", "lift": "motion", "completion": "zsh"}
-    single, among = cli.make_parser(named=name), cli.make_parser(whole=True)
+    single, among = cli.make_parser(named=name), cli.make_parser(all_commands=True)
     built = [vars(parser.parse_args([name, *texts.get(name, "").split()])) for parser in (single, among)]
     for values in built:
         del values["run"]
