@@ -29,10 +29,7 @@ from synthesis.scenes.lift.motion import (
     velocity_by_instant_centre,
 )
 from synthesis.scenes.lift.optimum import (
-    ARMS,
-    FITTED_LENGTHS,
     OPTIONS,
-    STROKE,
     Evaluator,
     Objective,
     Optimum,
@@ -42,9 +39,9 @@ from synthesis.scenes.lift.optimum import (
     optimize_batch,
     optimum_motion,
     project,
-    published_for,
 )
 from synthesis.scenes.lift.pose import Cylinder, Design, dead_point, pose_at_height, pose_at_turn, turn_at_length
+from synthesis.scenes.lift.published import ARMS, FITTED_LENGTHS, STROKE, published_for
 from tests.oracles import lift as oracle
 
 ROUNDINGS = 5_000

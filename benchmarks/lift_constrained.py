@@ -12,7 +12,8 @@ from typing import Annotated, Any
 
 from benchmarks import report
 from benchmarks.report import Times, percent
-from synthesis.scenes.lift.constraints import constraint_rows, optimize_within
+from synthesis.scenes.lift.constrained import optimize_within
+from synthesis.scenes.lift.constraints import constraint_rows
 from synthesis.scenes.lift.optimum import optimize
 from tests.oracles import lift as oracle
 from tests.oracles.lift_constrained import cases, evolution_optimum

@@ -10,8 +10,9 @@ import numpy as np
 from benchmarks.figures import BLUE, GREEN, GREY, INK, ORANGE, RED, arrow, bare, curve, figure, note
 from benchmarks.report import ROOT, significant
 from synthesis.scenes.lift.motion import motion, stroke
-from synthesis.scenes.lift.optimum import ARMS, STROKE, Evaluator, Objective, Task, project
+from synthesis.scenes.lift.optimum import Evaluator, Objective, Task, project
 from synthesis.scenes.lift.pose import Cylinder, Design, pose_at_turn, turn_at_length
+from synthesis.scenes.lift.published import ARMS, STROKE
 
 REFERENCE = json.loads((ROOT / "tests/reference/lift_acceptance.json").read_text())
 DESIGNS = {

@@ -15,16 +15,11 @@ from typing import Any
 import numpy as np
 
 from app.resources import ServiceResources
-from app.scenes.chain import ChainToleranceRequest, answer_tolerance
-from app.scenes.knotter import (
-    FIT,
-    CurvesRequest,
-    KnotterToleranceRequest,
-    PatternFitRequest,
-    answer_curves,
-    answer_fit,
-)
-from app.scenes.knotter import answer_tolerance as answer_knotter_tolerance
+from app.scenes.chain.tolerance import ChainToleranceRequest, answer_tolerance
+from app.scenes.knotter.curves import CurvesRequest, answer_curves
+from app.scenes.knotter.pattern_fit import FIT, PatternFitRequest, answer_fit
+from app.scenes.knotter.tolerance import KnotterToleranceRequest
+from app.scenes.knotter.tolerance import answer_tolerance as answer_knotter_tolerance
 from app.settings import Settings
 from benchmarks.report import lines, run
 from synthesis.scenes.chain import crescent as chain

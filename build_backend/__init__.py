@@ -1,4 +1,4 @@
-"""Build backend: setuptools, and a C compiler from the package index (ziglang) where the machine has none."""
+"""Build backend: setuptools, and a C compiler from the package index (ziglang) if the machine has no compiler."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from setuptools.build_meta import *  # noqa: F403
 
 
 def compiler() -> str | None:
-    """Command of the machine's C compiler: $CC, the one that compiled Python, or cc; None where there is none."""
+    """Return the command of the C compiler: $CC, the compiler of Python, or cc; None if there is none."""
     if "CC" in os.environ:
         return os.environ["CC"]
     commands = (sysconfig.get_config_var("CC") or "cc", "cc")
@@ -18,7 +18,7 @@ def compiler() -> str | None:
 
 
 def get_requires_for_build_wheel(config_settings: object = None) -> list[str]:
-    """Return the build requirements beyond those of pyproject.toml."""
+    """Return the build requirements that pyproject.toml does not list."""
     return [] if compiler() else ["ziglang"]
 
 

@@ -1,4 +1,4 @@
-"""``python -m data_build``: the batch; without a command it builds."""
+"""``python -m data_build``: run the batch job; the default command is ``build``."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import sys
 
 interrupt = signal.getsignal(signal.SIGINT)
 if interrupt is signal.default_int_handler:
-    signal.signal(signal.SIGINT, signal.SIG_DFL)  # until everything is imported: no traceback
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # no traceback if an import is interrupted
 
 from data_build.batch import main  # noqa: E402
 

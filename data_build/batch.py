@@ -1,8 +1,8 @@
-"""The batch job: enumerate dimension types, compute them in chunks, write the atlas file; and its commands.
+"""The batch job and its commands: enumerate dimension types, compute them in chunks, and write the atlas file.
 
-Chunks are pure functions of the rule and their first row, so the file has the same bytes for any number of processes and on a
-Dask cluster, whatever workers are lost. The file is written once, when everything has been computed: a reader sees the old
-file or the new one.
+A chunk depends only on the rule and its first row, so the file has the same bytes for any number of processes, and on a Dask
+cluster even if workers fail. The file is written once, after the computation, so that a reader sees either the old or the new
+file.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from synthesis.fourbar.dimension_types import OrderRule
 CHUNK_TYPES = 4096
 EXIT_OK, EXIT_FAILED, EXIT_USAGE, EXIT_DAMAGED, EXIT_INTERRUPTED = 0, 1, 2, 3, 130
 MAX_BUILD_BYTES = 8_000_000_000
-"""Largest array of details that a build makes: a larger rule is a mistake, as everything is held in memory."""
+"""Largest array of details of a build, which holds it in memory; a larger rule is refused as a mistake."""
 
 
 def _start_worker() -> None:
@@ -50,7 +50,7 @@ def _start_worker() -> None:
 
 @contextlib.contextmanager
 def local_executor(jobs: int) -> Iterator[Executor]:
-    """Give an executor of ``jobs`` processes; for one job a thread, which saves the start of a process."""
+    """Provide an executor of ``jobs`` processes; a single job runs in a thread, which starts faster."""
     executor: Executor = ThreadPoolExecutor(1)
     if jobs > 1:
         executor = ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn"), _start_worker)
@@ -62,11 +62,11 @@ def local_executor(jobs: int) -> Iterator[Executor]:
 
 @contextlib.contextmanager
 def dask_executor(address: str) -> Iterator[Executor]:
-    """Give the executor of a Dask cluster; needs the extra ``[distributed]`` here and this package on the workers."""
+    """Provide the executor of a Dask cluster; requires the extra ``[distributed]``, and this package on the workers."""
     try:
         from distributed import Client
     except ImportError:
-        raise SystemExit("--scheduler needs the extra: pip install 'linkage-atlas[distributed]'") from None
+        raise SystemExit("--scheduler requires an extra: pip install 'linkage-atlas[distributed]'") from None
     with Client(address, timeout="10s", set_as_default=False) as client:
         yield client.get_executor()
 
@@ -101,9 +101,18 @@ def replace_file(path: Path, data: bytes) -> None:
 def build_atlas(
     rule: AtlasRule, out: Path, executor: Executor, progress: Callable[[int, int], None] = lambda done, total: None
 ) -> None:
-    """Build an atlas and write it to a file; a symbolic link is followed.
+    """Build an atlas and write it to a file.
 
-    ``progress``: ``progress(done, total)`` after each chunk.
+    Parameters
+    ----------
+    rule : AtlasRule
+        Dimension types and samples of the atlas.
+    out : Path
+        File of the atlas; a symbolic link is followed.
+    executor : Executor
+        Executor of the chunks.
+    progress : callable
+        ``progress(done, total)`` is called after each chunk.
 
     Raises
     ------
@@ -130,7 +139,7 @@ def build_atlas(
 
 def main(argv: Sequence[str] | None = None, prog: str = "linkage-atlas") -> int:
     """Run a batch command; return the exit code: 0 done, 1 failed, 2 usage, 3 damaged data, 130 interrupted."""
-    parser = argparse.ArgumentParser(prog=prog, description="Builds and checks atlas files.")
+    parser = argparse.ArgumentParser(prog=prog, description="Build and check atlas files.")
     add_commands(parser.add_subparsers(metavar="COMMAND", required=True))
     options = parser.parse_args(argv)
     try:
@@ -143,7 +152,7 @@ def main(argv: Sequence[str] | None = None, prog: str = "linkage-atlas") -> int:
             print(f"{name:<16} {text:,}" if isinstance(text, int) else f"{name:<16} {text}")
         return EXIT_OK
     except KeyboardInterrupt:
-        print("interrupted; nothing was written", file=sys.stderr)
+        print("interrupted; no file was written", file=sys.stderr)
         return EXIT_INTERRUPTED
     except AtlasError as error:
         print(f"{options.file}: {error}", file=sys.stderr)
@@ -164,22 +173,28 @@ def _count(text: str) -> int:
 
 def add_commands(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the commands of the batch to a parser."""
-    build = commands.add_parser("build", help="build an atlas file", description="Builds an atlas file.")
-    build.add_argument("--out", type=Path, default=Path("atlas.h5"), help="file to write (default: %(default)s)")
+    build = commands.add_parser("build", help="build an atlas file", description="Build an atlas file.")
+    build.add_argument("--out", type=Path, default=Path("atlas.h5"), help="output file (default: %(default)s)")
     build.add_argument("--kind", choices=list(KINDS), default="four_bar", help="kind of linkages (%(default)s)")
     build.add_argument(
-        "--perimeter", type=int, help="sum of the lengths of a type (400 of four_bar, 640 of slider_crank)"
+        "--perimeter",
+        type=int,
+        help="sum of the lengths of a type (default: 400 for four_bar, 640 for slider_crank)",
     )
-    build.add_argument("--smallest", type=int, help="smallest crank (2)")
+    build.add_argument("--smallest", type=int, help="length of the smallest crank (2)")
     orders = [rule.value for rule in OrderRule]
     build.add_argument("--order", choices=orders, help=f"order of the lengths of a four-bar ({orders[0]})")
-    build.add_argument("--samples", type=int, help="samples of a curve, a power of two (256)")
-    build.add_argument("--jobs", type=_count, default=os.cpu_count() or 1, help="processes (default: one a core)")
-    build.add_argument("--scheduler", metavar="ADDRESS", help="run on the Dask cluster at this address instead")
+    build.add_argument("--samples", type=int, help="number of samples of a curve, a power of two (256)")
+    build.add_argument(
+        "--jobs", type=_count, default=os.cpu_count() or 1, help="number of processes (default: number of cores)"
+    )
+    build.add_argument("--scheduler", metavar="ADDRESS", help="run on the Dask cluster at this address")
     build.set_defaults(run=_build)
-    verify = commands.add_parser("verify", help="check a whole atlas file", description="Checks a whole atlas file.")
+    verify = commands.add_parser(
+        "verify", help="check all contents of an atlas file", description="Check all contents of an atlas file."
+    )
     verify.set_defaults(run=lambda options: {"status": "sound", **_described(options, check_contents)})
-    info = commands.add_parser("info", help="describe an atlas file", description="Describes an atlas file.")
+    info = commands.add_parser("info", help="describe an atlas file", description="Describe an atlas file.")
     info.set_defaults(run=_described)
     for command in (build, verify, info):
         command.add_argument("--json", action="store_true", help="print JSON")
@@ -202,7 +217,8 @@ def _build(options: Any) -> dict[str, Any]:
     )
     if (size := rule.count * rule.samples * 4) > MAX_BUILD_BYTES:
         raise FieldError(
-            "/perimeter", f"gives {size:,} bytes of details, but a build makes at most {MAX_BUILD_BYTES:,}"
+            "/perimeter",
+            f"requires {size:,} bytes of details, but at most {MAX_BUILD_BYTES:,} are allowed; reduce it",
         )
     if not options.out.parent.is_dir():
         raise FieldError("/out", f"the folder {options.out.parent} does not exist")

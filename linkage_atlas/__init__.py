@@ -41,10 +41,10 @@ __version__ = "0.1.0"
 
 BATCH_COMMANDS = {
     "build": "build an atlas file",
-    "verify": "read a whole atlas file and say whether it is sound",
-    "info": "say what an atlas file holds",
+    "verify": "check all contents of an atlas file",
+    "info": "describe an atlas file",
 }
-"""The commands of the batch job, which `data_build` runs."""
+"""Commands of the batch job, which `data_build` runs, with their help."""
 
 _HOMES = {
     "linkage_atlas.synthesize": ("synthesize",),

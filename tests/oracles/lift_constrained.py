@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from synthesis.scenes.lift.constraints import OPTIONS, Constraints, DesignSpace, minimum_slacks, slacks
+from synthesis.scenes.lift.constrained import DesignSpace
+from synthesis.scenes.lift.constraints import OPTIONS, Constraints, minimum_slacks, slacks
 from synthesis.scenes.lift.optimum import Evaluator, Objective, Task
 from synthesis.scenes.lift.pose import Cylinder
 

@@ -9,8 +9,9 @@ from pydantic import Field, JsonValue
 from app.query import AngleUnit, Column, Computed, Count, Number, PointColumn, ReplyModel, RequestModel, reply_model
 from linkage_atlas import FieldError
 from synthesis.scenes.lift.constraints import ConstraintRow
-from synthesis.scenes.lift.optimum import OptimumMotion, Published
+from synthesis.scenes.lift.optimum import OptimumMotion
 from synthesis.scenes.lift.pose import Cylinder, Design
+from synthesis.scenes.lift.published import Published
 
 MIN_MAGNITUDE = 1e-12
 """Smallest length, speed or acceleration other than 0; squares and cubes of smaller values underflow in float64."""

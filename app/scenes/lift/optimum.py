@@ -29,13 +29,8 @@ from app.scenes.lift.models import (
     cylinder_of,
 )
 from linkage_atlas import FieldError, Work
-from synthesis.scenes.lift.constraints import (
-    ConstraintRow,
-    Constraints,
-    constraint_rows,
-    measured_values,
-    optimize_within,
-)
+from synthesis.scenes.lift.constrained import optimize_within
+from synthesis.scenes.lift.constraints import ConstraintRow, Constraints, constraint_rows, measured_values
 from synthesis.scenes.lift.files import design_csv
 from synthesis.scenes.lift.motion import (
     motion,
@@ -48,9 +43,9 @@ from synthesis.scenes.lift.optimum import (
     optimize,
     optimize_batch,
     optimum_motion,
-    published_for,
 )
 from synthesis.scenes.lift.pose import Design
+from synthesis.scenes.lift.published import published_for
 
 MIN_SIDE = 0.1
 """Default of the smallest length with constraints, as a fraction of the top height."""

@@ -56,8 +56,8 @@ class Fit:
     evaluate: Callable[[Floats], Points]
     """``evaluate(phase) -> points``, both of shape (n,)."""
     slide: Callable[[Points, Points], Points] | None = None
-    """For a curve y(x), which does not depend on the phase: ``slide(near, centre) -> points`` on the curve, one pitch
-    from ``centre`` and close to ``near``, all of shape (n,).
+    """For a curve y(x), which does not depend on the phase: ``slide(guess, centre) -> points`` on the curve, one pitch
+    from ``centre`` and close to ``guess``, all of shape (n,).
     """
 
 
@@ -281,8 +281,8 @@ def _polynomial(slot: Slot, degree: int, phases: Floats) -> Fit:
     def curve(x: Floats) -> Points:
         return slot.from_frame(x + 1j * chebyshev.chebval(stretch * (x - low) - 1, series))
 
-    def slide(near: Points, centre: Points) -> Points:
-        centre, x = slot.in_frame(centre), slot.in_frame(near).real
+    def slide(guess: Points, centre: Points) -> Points:
+        centre, x = slot.in_frame(centre), slot.in_frame(guess).real
         # Newton's method needs no bracket, because the start differs from the root only by
         # the error of the fit, which is small compared to the pitch
         for _ in range(6):

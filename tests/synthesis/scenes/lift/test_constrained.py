@@ -10,12 +10,8 @@ from functools import cache
 import pytest
 
 from synthesis.errors import FieldError
-from synthesis.scenes.lift.constraints import (
-    Constraints,
-    constraint_rows,
-    measured_values,
-    optimize_within,
-)
+from synthesis.scenes.lift.constrained import optimize_within
+from synthesis.scenes.lift.constraints import Constraints, constraint_rows, measured_values
 from synthesis.scenes.lift.optimum import Optimum, Task
 from synthesis.work import Cancelled, Work
 from tests.conftest import some_of

@@ -15,15 +15,9 @@ import pytest
 
 from synthesis.errors import FieldError
 from synthesis.scenes.lift import optimum as product
-from synthesis.scenes.lift.optimum import (
-    Evaluator,
-    Objective,
-    Optimum,
-    Task,
-    project,
-    published_for,
-)
+from synthesis.scenes.lift.optimum import Evaluator, Objective, Optimum, Task, project
 from synthesis.scenes.lift.pose import Cylinder, Design
+from synthesis.scenes.lift.published import published_for
 from tests.conftest import some_of
 from tests.oracles import lift as oracle
 
