@@ -138,7 +138,7 @@ class Solution(Record):
     """Linkage that answers a request, with its errors; fields that its kind does not have are null."""
 
     rank: int
-    """From 1, by the preference, `errors.objective` by default."""
+    """From 1, by the preference, by default `Errors.objective`."""
     least_error: bool = False
     """True if it has the smallest error of the solutions that can be used."""
     source: Literal["atlas", "refined"]

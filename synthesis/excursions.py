@@ -155,9 +155,9 @@ def excursions(
 
     Accurate to 1e-6 of its value, or to rounding of the positions near a change point.
 
-    ``linkages``: mounted ones. ``crank_angle``, ``side``, ``ordered``, ``closed``, ``timed``: as of `defects.passage`,
-    one row a linkage. ``length_scale``: l of the objective, in the linkages' unit. ``carried`` (n,): whether one
-    circuit carries all samples, `Passage.circuit`, where that is known already.
+    ``linkages``: linkages with a pose. ``crank_angle``, ``side``, ``ordered``, ``closed``, ``timed``: see
+    `synthesis.defects.passage`, with a row for each linkage. ``length_scale``: l of the objective, in the unit of the linkages.
+    ``carried`` (n,): `synthesis.defects.Passage.circuit` of each linkage, if it is known.
 
     At least 1 where no distance is below the shortest; None without a body point, and where no circuit carries all
     samples. Law: the same for reversed samples, and for linkages and length scale times k.

@@ -156,7 +156,7 @@ class Constraints(Protocol):
         """The constraints at linkages in that unit, with derivatives where they are wanted."""
 
     def compiled(self, posed: bool) -> Any:
-        """Them as `four_bar_limits.Limits`: for linkages in a place, or for shapes alone."""
+        """Return them as limits of `synthesis.kernels.four_bar_limits`, for linkages with a pose or for their shapes only."""
 
 
 class Boxes(NamedTuple):

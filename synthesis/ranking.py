@@ -236,7 +236,7 @@ def merit(size: Floats, transmission: Floats, swing: Floats, ratio: Floats) -> F
     Parameters
     ----------
     size : ndarray
-        Largest length of the linkage over the motion's extent, see `synthesis.defects.size_of`.
+        Largest length of the linkage over the motion's extent, see `synthesis.scores.size_of`.
     transmission, swing : ndarray
         Smallest transmission angle over the motion, and the crank's swing, in radians.
     ratio : ndarray

@@ -59,7 +59,7 @@ class TravelSolution(Record):
     """Linkage with a slider or a cylinder that makes a function, with its errors."""
 
     rank: int
-    """From 1, by `errors.objective`."""
+    """Rank from 1, in the order of `FunctionErrors.objective`."""
     kind: KindName
     driver: DriverName
     """Driven part: crank, slider or cylinder."""
@@ -114,7 +114,7 @@ class FunctionSolution(Record):
     """Linkage that makes a function, with its errors."""
 
     rank: int
-    """From 1: exact ones by merit, others by `errors.objective`, uneven ones behind (function.md)."""
+    """From 1: exact ones by merit, others by `FunctionErrors.objective`, uneven ones behind (function.md)."""
     links: Links
     branch: Literal[-1, 1]
     start_angle: float

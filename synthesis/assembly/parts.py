@@ -1,8 +1,8 @@
 """Parts of an arrangement: plates, pins, posts, heads and boards as flat outlines between two heights, each on a body.
 
 The z axis rises with the layers; layer 1 begins at z = 0. An outline is a `Shape` in the frame of the body that carries it.
-`Movement.bodies` gives the position of this frame at a crank angle, ``origin + direction * z``, measured from `Machine.origin` in
-the user's plane.
+`synthesis.assembly.movement.Movement.bodies` gives the position of this frame at a crank angle, ``origin + direction * z``,
+measured from `Machine.origin` in the user's plane.
 """
 
 from __future__ import annotations
@@ -29,7 +29,8 @@ class Part:
     """A plate's own name (crank, coupler, rocker, body, bar), or pin_D, post_P, head_D_below, board_below."""
     kind: Literal["plate", "pin", "post", "head", "board"]
     body: int
-    """Index of the body that carries the part, in `Movement.names`; a pin moves with the first body that it belongs to."""
+    """Index of the body that carries the part, in `synthesis.assembly.movement.Movement`; a pin moves with the first of its
+    bodies."""
     shape: Shape
     holes: tuple[Hole, ...]
     """Holes of plates and boards; they have the diameter of the machine's holes, which is also the width of slits."""

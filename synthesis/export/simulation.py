@@ -263,7 +263,7 @@ def to_pylinkage(linkage: Linkage, target: Target, length_unit: str | None = Non
 
     Joints: pivot_a, pivot_b, crank_pin, coupler_pin, and body_point, which follows the coupler. A crank that turns fully is a
     driver in the sense of the motion; any other swings over the used interval and back. The drive turns in the steps of
-    `Interval.by_degrees`, of at most a degree.
+    `synthesis.target.Interval.by_degrees`, of at most a degree.
 
     Law: positions of the body point in pylinkage are ours to rounding.
 

@@ -2,7 +2,7 @@
 
 Each chart maps its unknowns, without bounds or with change points at bounds, to four lengths (their common scale is free, the
 pose takes it up) and to the two constants X0, Y0 of the closure (see `kinematics`), formed without cancellation;
-`crank_loops.Shape` computes both.
+`synthesis.kernels.crank_loops` computes both.
 """
 
 from __future__ import annotations

@@ -32,7 +32,7 @@ class Wanted:
         ``exact(crank) -> output`` anywhere in the interval. Default: the spline of degree five through the samples, of a
         lower one through less than six.
     one_way : bool
-        The rocker must not turn back within the interval; see `problem.Problem` and `answers.turns_back`.
+        The rocker must not turn back within the interval; see `answers.turns_back`.
     """
 
     crank: Floats
