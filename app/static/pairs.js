@@ -31,7 +31,7 @@ export class Pairs {
   }
 
   /** How the table was read, as sentences; "" if it was not. */
-  get notes() { return (this.table.notes ?? []).map((note) => `${capital(note)}.`).join(" "); }
+  get notes() { return (this.table.notes ?? []).map((note) => capital(note.replace(/\.?$/, "."))).join(" "); }
 
   /** Checks the units of the table against the ends of a linkage, whose `asks` say which of them are lengths. Throws Error. */
   check(asks) {

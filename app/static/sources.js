@@ -155,7 +155,7 @@ export class Sources {
       if ((source.size ?? source.length) > MAX_FILE_BYTES) throw new Error("The file is larger than 0.7 MB, which is too large for a table of at most 1024 samples.");
       const read = await readTable(source, "synthesize", columns);
       if (this.reading !== turn) return;
-      this.#take(withSamples(this.#settings(), read), { note: [from, ...read.notes.map((note) => `${capital(note)}.`)].join(" "), mode: "move", table: true });
+      this.#take(withSamples(this.#settings(), read), { note: [from, ...read.notes.map((note) => capital(note.replace(/\.?$/, ".")))].join(" "), mode: "move", table: true });
       this.#offerColumns(read.heads, read.columns);
     } catch (error) {
       if (this.reading === turn) {

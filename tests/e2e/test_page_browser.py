@@ -426,7 +426,10 @@ def test_the_page_says_how_a_table_was_read_and_columns_are_picked(standing) -> 
     assert "no angle for sample 3" in said, "a missing angle is no longer accepted silently"
     assert standing.value("length-unit") == "cm"
     standing.paste("x,y,theta\n0,0,0\n22,5,0.21\n41,17,0.475\n")
-    assert "if they are radians, say so in the head of their column" in standing.text("example-note")
+    assert "If they are radians, write the unit in the heading of the column, as in angle [rad]." in standing.text(
+        "example-note"
+    )
+    assert ".." not in standing.text("example-note")
     standing.renew()
     standing.paste("left,right,lift,turn,color\n0,1,2,3,red\n4,5,6,7,red\n8,9,9,8,red\n")
     assert "or choose the columns below" in standing.text("paste-error") and standing.shown("columns-use")

@@ -156,6 +156,13 @@ def test_the_command_line_says_what_was_found_of_several_kinds() -> None:
     studied, _ = reply_of(DRIVES[5], noise=0.01, round_to=5.0, analysis=load, tolerance_study=sizes)
     report = Report({"total": 1.0}, [(1.0, 1e-3)], "converged", 50.0, 1, None, None, [])
     text = synthesize_table(Result("closest", [studied], report))
-    words = ["slider", "guide of rank 1: rail through", "used from", "travel of rank 1: 0", "rounded: ", "as made, "]
+    words = [
+        "slider",
+        "guide of rank 1: rail through",
+        "used from",
+        "travel of rank 1: 0",
+        "rounded: ",
+        "with tolerances, ",
+    ]
     for said in (*words, "force of the drive", "pin force"):
         assert said in text, text
