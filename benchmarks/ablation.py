@@ -1,7 +1,7 @@
 """Ablation of the searches: every heuristic is switched off in turn, and the answers and times are compared.
 
 ``python -m benchmarks.ablation --cases 40`` runs each request once with all heuristics and once without each heuristic that
-its class uses, one run after another, so that a drift of the machine affects all runs alike. An answer is *good* if its error
+its class uses, alternately, so that a drift of the machine affects all runs alike. An answer is *good* if its error
 is within 1 % of the smallest error that any of these runs reached; the answer to an exact request is good below 1e-9.
 Times are processor time. The first heuristic is empty: it shows the noise of the method.
 """
@@ -24,12 +24,15 @@ from synthesis.descents import RefinementOptions, Stage
 from synthesis.free import free_timing
 from synthesis.free import search as free
 from synthesis.function import search as function
+from synthesis.guided import problem as pair_problem
 from synthesis.guided import search as guided
+from synthesis.guided.problem import PairProblem
 from synthesis.guides import Driver, Kind
 from synthesis.limits import Limits
 from synthesis.poses import Poses, make_poses
 from synthesis.search import crank_driven, prescribed_timing
 from synthesis.search import search as prescribed
+from synthesis.search.multistart import MultiStart
 from synthesis.search.options import SELECTED_EARLY, SELECTED_LATE
 from tests.oracles.guided import KINDS, random_motion
 
@@ -42,7 +45,7 @@ FUNCTIONS = ("largest error", "function")
 SLIDERS = ("sliders, approximate", "sliders, exact", "sliders, drive given")
 DRIVERS = dict(zip(KINDS, (Driver.CRANK, Driver.CRANK, Driver.SLIDER, Driver.SLIDER, Driver.CYLINDER)))
 REPEATED = ("timed", "path", "change point", "function", "sliders, exact")
-"""Quick classes, of which three times as many requests are run."""
+"""Quick classes, whose number of requests is three times larger."""
 NOTHING = "none"
 """Name of the empty heuristic."""
 SOLVED = 1e-9
@@ -68,7 +71,7 @@ def slider_request(kind: int, seed: int) -> Request:
     if kind == 0:
         angle = (None, 30.0, 40.0)[seed % 3]
         limits = Limits("any", **({} if angle is None else {"transmission_angle_min": float(np.deg2rad(angle))}))
-        kinds = [one for one in Kind if one is not Kind.FOUR_BAR]
+        kinds = [kind for kind in Kind if kind is not Kind.FOUR_BAR]
         return lambda: slider_error(wandering_body(seed), limits, kinds)
     random, mechanism = np.random.default_rng([kind, seed]), KINDS[seed % len(KINDS)]
     rotation, position, drive = random_motion(random, mechanism, 12 if kind == 2 else 6)
@@ -77,8 +80,8 @@ def slider_request(kind: int, seed: int) -> Request:
         noise = 1e-3 * random.normal(size=(3, 12))
         scale = poses.length_scale
         poses = make_poses(rotation + noise[0], position + scale * (noise[1] + 1j * noise[2]), length_scale=scale)
-    given = {"given": drive} if kind == 2 else {}
-    return lambda: slider_error(poses, Limits("any"), [Kind(mechanism)], DRIVERS[mechanism], **given)
+    options = {"given": drive} if kind == 2 else {}
+    return lambda: slider_error(poses, Limits("any"), [Kind(mechanism)], DRIVERS[mechanism], **options)
 
 
 def wandering_body(seed: int) -> Poses:
@@ -185,6 +188,11 @@ def schedules(**changes: Any) -> list[tuple[Any, str, Any]]:
     ]
 
 
+def pair_options(**changes: Any) -> list[tuple[Any, str, Any]]:
+    """Return the patches that change options of the search for linkages with sliders."""
+    return [(guided, name, partial(getattr(guided, name), **changes)) for name in ("PairOptions", "DrivenOptions")]
+
+
 def free_options(**changes: Any) -> list[tuple[Any, str, Any]]:
     """Return the patch that changes options of the search with free crank angles."""
     defaults = free.FreeSearch.__init__.__defaults__
@@ -196,16 +204,16 @@ def nothing(timed: Any) -> Any:
     return timed.take(slice(0, 0))
 
 
-_restored, _near, _led_on = (
+_restored, _seed_pairs, _led_on = (
     descents.Problem.moved_onto,
-    guided.Search.near,
+    PairProblem.seed_pairs,
     function.FunctionSearch.led_on,
 )
 
 
 def near_once(search: Any, lacking: Any = None) -> Any:
-    """Return the first seeds, and no second ones for drives without an answer."""
-    return _near(search) if lacking is None else _near(search).take(slice(0, 0))
+    """Return the first seeds, and no second seeds for drives without an answer."""
+    return _seed_pairs(search) if lacking is None else _seed_pairs(search).take(slice(0, 0))
 
 
 def plain_step(_: Any, unknowns: Any, free_unknowns: Any, step: Any) -> Any:
@@ -328,7 +336,7 @@ def heuristics() -> tuple[Heuristic, ...]:
                 "descents to the end",
                 "The best new basins of each round are refined to convergence.",
                 APPROXIMATE,
-                schedules(finished=0),
+                schedules(leading=0),
             ),
             (
                 "last polish",
@@ -400,50 +408,50 @@ def heuristics() -> tuple[Heuristic, ...]:
                 "sliders: reuse penalty",
                 "The same penalty in the search for linkages with sliders.",
                 SLIDERS,
-                [(guided, "TIRED", 0.0)],
+                pair_options(reuse_penalty=0.0),
             ),
             (
                 "sliders: one guide moves",
                 "In half of the perturbations one guide hardly moves.",
                 SLIDERS,
-                [(guided, "_STAYS", 1.0)],
+                pair_options(nearly_fixed=1.0),
             ),
             (
                 "sliders: relatives",
                 "A basin of one kind and drive is also a start for the others.",
                 SLIDERS,
-                [(guided.Search, "relatives", lambda *_: None)],
+                [(PairProblem, "_relatives_of", lambda *_: None)],
             ),
-            ("sliders: heavy tails", "The same distribution for sliders.", SLIDERS, [(guided, "np", Numpy())]),
+            ("sliders: heavy tails", "The same distribution for sliders.", SLIDERS, [(pair_problem, "np", Numpy())]),
             (
                 "sliders: tightened limits",
                 "A descent is repeated for the transmission angle that is missing between samples.",
                 SLIDERS,
-                [(guided, "_TIGHTENED", 1)],
+                pair_options(tightenings=1),
             ),
             (
                 "sliders: second seeds",
                 "Drives without an answer start again from the pairs that violate the limits least.",
                 SLIDERS,
-                [(guided.Search, "near", near_once)],
+                [(PairProblem, "seed_pairs", near_once)],
             ),
             (
                 "sliders: new basins only",
                 "Only basins that were not refined before are refined to convergence.",
                 SLIDERS,
-                [(guided.Search, "_unlike", lambda _, found, known: np.arange(found.cost.size))],
+                [(MultiStart, "_unlike_converged", lambda _, found: np.ones(found.cost.size, dtype=bool))],
             ),
             (
                 "sliders: last polish",
                 "The best answer of each drive is refined on all samples at the end.",
                 SLIDERS,
-                [(guided, "_LAST", (guided._LAST[0]._replace(steps=0),))],
+                pair_options(polish=()),
             ),
             (
                 "sliders: F test of circle against rail",
                 "A large circle is replaced by a rail if the samples do not distinguish them.",
                 SLIDERS,
-                [(guided.Search, "straighten", lambda _: None)],
+                None,
             ),
             (
                 "sliders: calibrated odds",
@@ -467,7 +475,7 @@ def heuristics() -> tuple[Heuristic, ...]:
                 "functions: answers of the motion search",
                 "The best linkages for the same motion are starting points too.",
                 FUNCTIONS,
-                [(function.FunctionSearch, "led_on", lambda run, near: _led_on(run, []))],
+                [(function.FunctionSearch, "led_on", lambda run, linkages: _led_on(run, []))],
             ),
             (
                 "functions: alternatives end early",
@@ -484,15 +492,15 @@ def heuristics() -> tuple[Heuristic, ...]:
 
 def measure_class(name: str, cases: int) -> dict[str, Any]:
     """Run the requests of a class with and without each heuristic that it uses. Return errors and milliseconds."""
-    switches = [one for one in heuristics() if name in one.classes and one.patches is not None]
+    switches = [switch for switch in heuristics() if name in switch.classes and switch.patches is not None]
     runs: dict[str, dict[str, list[Any]]] = {"": {"error": [], "ms": []}}
-    runs |= {one.name: {"error": [], "ms": []} for one in switches}
+    runs |= {switch.name: {"error": [], "ms": []} for switch in switches}
     prepared = False
     for request in requests_of(name, cases * (3 if name in REPEATED else 1)):
         if not prepared:
             request()  # tables are built once
             prepared = True
-        for key, switch in {"": None, **{one.name: one for one in switches}}.items():
+        for key, switch in {"": None, **{switch.name: switch for switch in switches}}.items():
             times = report.Times()
             with ExitStack() as stack:
                 if switch is not None:
@@ -517,18 +525,18 @@ def judged(part: Mapping[str, Any]) -> dict[str, tuple[np.ndarray, np.ndarray]]:
 
 
 def blocks(results: Mapping[str, Any]) -> dict[str, str]:
-    """Return the table of docs/engine.md: one row for each heuristic."""
+    """Return the table of docs/engine.md: a row for each heuristic."""
     parts = {name: judged(part) for name, part in results["classes"].items()}
     rows = []
     for heuristic in heuristics():
         names = [name for name in heuristic.classes if heuristic.name in parts.get(name, {})]
         if not names:
             continue
-        # the first run of a request may fill caches: times are compared with the second one
+        # the first run of a request may fill caches: times are compared with the second run
         pair = ("" if heuristic.name == NOTHING else NOTHING, heuristic.name)
         ratios = [[parts[name][key][0] for name in names] for key in pair]
         times = [[parts[name][key][1] for name in names] for key in pair]
-        before, after = (np.concatenate(some) for some in ratios)
+        before, after = (np.concatenate(ratio) for ratio in ratios)
         # each class counts alike, whatever its requests cost
         slower = np.exp(np.mean([np.log(b.sum() / a.sum()) for a, b in zip(*times)]))
         lost = float(np.mean(before <= engine.NEAR) - np.mean(after <= engine.NEAR))
@@ -545,8 +553,8 @@ def blocks(results: Mapping[str, Any]) -> dict[str, str]:
                 "worth": "-" if heuristic.name == NOTHING else "yes" if lost > 0.01 or slower > 1.1 else "no",
             }
         )
-    made = report.made_text([part["made"] for part in results["classes"].values()])
-    return report.tables("ablation", {"heuristics": rows}) | {"made": made}
+    origin = report.made_text([part["made"] for part in results["classes"].values()])
+    return report.tables("ablation", {"heuristics": rows}) | {"made": origin}
 
 
 def measure(
@@ -561,12 +569,12 @@ def measure(
     """Run the classes in turn."""
     threadpool_limits(1, "blas")
     la.prepare()
-    kept, stamp = report.known("ablation"), report.stamp()
+    results, stamp = report.known("ablation"), report.stamp()
     for name in classes:
         part = {"made": stamp, **measure_class(name, cases)}
-        kept = {"made": stamp, "classes": {**kept.get("classes", {}), name: part}}
+        results = {"made": stamp, "classes": {**results.get("classes", {}), name: part}}
         print(name, flush=True)
-        yield kept
+        yield results
 
 
 if __name__ == "__main__":

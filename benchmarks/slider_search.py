@@ -10,7 +10,9 @@ import numpy as np
 from benchmarks import report
 from benchmarks.report import Times
 from synthesis.guided.pairs import Stage
-from synthesis.guided.search import Search, drives, search_guided
+from synthesis.guided.problem import DrivenPairProblem
+from synthesis.guided.search import PairSearch, search_guided
+from synthesis.guided.seeds import drives
 from synthesis.guides import Driver, Kind
 from synthesis.limits import Limits
 from synthesis.poses import make_poses
@@ -59,20 +61,22 @@ def _given(kind: str, cases: int) -> dict[str, Any]:
     for _ in range(cases):
         rotation, position, drive = random_motion(random, kind, 12)
         poses = make_poses(rotation, position)
-        truth = Search(poses, _ANY, ways, 1e-10, Work(), drive)
+        truth = PairSearch(poses, _ANY, ways, 1e-10, Work(), drive)
         times.run(truth.run)
-        exact += bool(truth.found is not None and truth.levels.min() < _EXACT)
+        exact += truth.incumbents.smallest < _EXACT
         off = 1e-3 * random.normal(size=(3, 12))
         noisy = make_poses(
             rotation + off[0],
             position + poses.length_scale * (off[1] + 1j * off[2]),
             length_scale=poses.length_scale,
         )
-        search = Search(noisy, _ANY, ways, 1e-10, Work(), drive)
+        search = PairSearch(noisy, _ANY, ways, 1e-10, Work(), drive)
         search.run()
-        if truth.found is not None:
-            down = np.sqrt(search.timed(truth.found, (Stage(60, 1.0, 8, 1e-6, 1e-3),)).cost.min())
-            near += bool(search.levels.min() <= 1.01 * down)
+        if np.isfinite(truth.incumbents.smallest):
+            assert isinstance(search.problem, DrivenPairProblem)
+            stages = (Stage(60, 1.0, 8, 1e-6, 1e-3),)
+            descended = np.sqrt(search.problem.timed(truth.incumbents.pools[None], stages).cost.min())
+            near += bool(search.incumbents.smallest <= 1.01 * descended)
     return {
         "kind": kind,
         "driver": _DRIVERS[kind].value,

@@ -91,15 +91,16 @@ class FreeTiming(CrankDriven):
         problems = Refinements(self.plain, self.within, self.search)
         super().__init__(problems, self.thin is poses, limits.family, tolerance, work, options)
 
-    def signature(self, timed: Timed) -> tuple[Floats, Floats]:
+    def signature(self, pool: Pool) -> tuple[Floats, Floats]:
         """Return the timing, and its span."""
-        timing = timed.angles - timed.angles[:, :1]
+        timing = pool.timed.angles - pool.timed.angles[:, :1]
         return timing, np.abs(timing).max(axis=1, initial=0.0)
 
-    def strays(self, timed: Timed) -> Flags:
+    def strays(self, pool: Pool) -> Flags:
         """Return whether candidates within the practical limits leave the path between samples, measured by chords."""
+        timed = pool.timed
         if self._may_stray or not timed.branch.size:
-            return super().strays(timed)
+            return super().strays(pool)
         at_all = timed.angles.shape[1] == self.poses.samples
         poses, problem = (self.poses, self.plain) if at_all else (self.thin, self.search)
         excursion, rotation = problem.excursions(timed, SHORTEST_CHORD, self.options.panel)

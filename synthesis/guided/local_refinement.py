@@ -8,7 +8,8 @@ import numpy as np
 
 from synthesis.arrays import Floats
 from synthesis.constraints import broken_limits
-from synthesis.guided.search import Drive, Search
+from synthesis.guided.search import PairSearch
+from synthesis.guided.seeds import Drive
 from synthesis.limits import Limits
 from synthesis.linkage import Linkage
 from synthesis.poses import Poses
@@ -59,8 +60,8 @@ def refine_guided(
     if poses.rotation is None or poses.rotation_weights is not None:
         turned = linkage.body(linkage.start + travel).rotation
     way = Drive(linkage.kind, type(linkage.guides[0]), type(linkage.guides[1]), linkage.driver)
-    search = Search(poses, limits, [way], tolerance, work, drive, turned, rounds=0, leads=[linkage])
-    search.refine_leads()
+    search = PairSearch(poses, limits, [way], tolerance, work, drive, turned)
+    search.refine(linkage)
     found = sorted([*begin, *search.solutions()], key=lambda solution: solution.errors.objective)[:1]
     trace = [(work.elapsed, found[0].errors.objective)] if found else []
     reached = Status.of(found, tolerance) is Status.REACHED

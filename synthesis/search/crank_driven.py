@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from synthesis.arrays import Flags, Floats
+from synthesis.arrays import Flags, Floats, Ints
 from synthesis.descents import Pool, Problem, Stage, Timed
 from synthesis.kernels import codes
 from synthesis.mechanism import Chart
@@ -55,6 +55,7 @@ class CrankDriven:
     ) -> None:
         self.refinements, self.on_all_samples, self.work, self.options = refinements, on_all_samples, work, options
         self.key = self.chart
+        self.groups, self.keeps_converged = 1, True
         self.has_limits = refinements.within.limited
         self.within_limits = refinements.search.limited or not self.has_limits
         self.tolerance = tolerance
@@ -68,7 +69,7 @@ class CrankDriven:
 
     # -- to be known by the timing ----------------------------------------------------------------------------------
 
-    def signature(self, timed: Timed) -> tuple[Floats, Floats]:
+    def signature(self, pool: Pool) -> tuple[Floats, Floats]:
         """Return numbers (n, m) that differ between basins, and the scale (n,) of their differences."""
         raise NotImplementedError
 
@@ -88,9 +89,30 @@ class CrankDriven:
         """Return candidates with the crank angles that fit their pose best; none with prescribed timing."""
         return timed.take(slice(0, 0))
 
-    def strays(self, timed: Timed) -> Flags:
+    def strays(self, pool: Pool) -> Flags:
         """Return whether candidates leave the motion between the samples, (n,)."""
-        return np.zeros(timed.branch.size, dtype=bool)
+        return np.zeros(pool.cost.size, dtype=bool)
+
+    # -- candidates -------------------------------------------------------------------------------------------------
+
+    def group(self, candidates: Pool) -> Ints:
+        """Return zeros: all candidates belong to the same group."""
+        return np.zeros(candidates.cost.size, dtype=np.intp)
+
+    def identity(self, pool: Pool) -> Floats:
+        """Return shape, start and branch."""
+        return np.column_stack([pool.timed.shape, pool.timed.angles[:, 0], pool.timed.branch])
+
+    def restart(self, pool: Pool) -> Timed:
+        """Return candidates as starting points."""
+        return pool.timed
+
+    def may_answer(self, pool: Pool) -> bool:
+        """Return whether the search satisfies the limits, or a candidate is exact."""
+        return self.within_limits or pool.least <= self.tolerance
+
+    def relatives(self, new: Pool, levels: Floats) -> None:
+        """Return no further starting points."""
 
     # -- refinement -------------------------------------------------------------------------------------------------
 
@@ -105,12 +127,16 @@ class CrankDriven:
             between=between,
         )
 
-    def polish(self, answers: Timed, stages: Sequence[Stage]) -> Pool:
+    def converge(self, pool: Pool, stages: Sequence[Stage]) -> Pool:
+        """Refine new basins to convergence."""
+        return self.refine(pool.timed, stages)
+
+    def polish(self, answers: Pool, stages: Sequence[Stage]) -> Pool:
         """Refine answers once more, on all samples and within the limits."""
-        return self.refinements.within.descended(answers, stages, 0.3 * self.tolerance, self.work)
+        return self.refinements.within.descended(answers.timed, stages, 0.3 * self.tolerance, self.work)
 
     def satisfying(self, pool: Pool, steps: int) -> Iterator[Pool]:
-        """Yield candidates at all samples that satisfy the limits, or do so after Newton steps; then exact ones near them."""
+        """Yield candidates at all samples that satisfy the limits, or nearly; then exact candidates near them."""
         if not self.has_limits:
             yield pool
             return
@@ -126,14 +152,15 @@ class CrankDriven:
 
     # -- perturbation -----------------------------------------------------------------------------------------------
 
-    def perturb(self, origins: Timed, width: float) -> Timed:
+    def perturb(self, origins: Pool, copies: int, width: float) -> Timed:
         """Return perturbed copies of candidates.
 
         Half of them move in all unknowns alike, which reaches other basins; with free crank angles these also start from the
         angles that fit best. The others move along directions in which the cost is flat, to other minima of a long basin.
         """
-        wide = self._perturb_widely(origins, width)
-        loose = self.refinements.search.loose_steps(origins, self.random, self.options.loose_width)
+        timed = origins.timed.take(np.repeat(np.arange(origins.cost.size), copies // 2))
+        wide = self._perturb_widely(timed, width)
+        loose = self.refinements.search.loose_steps(timed, self.random, self.options.loose_width)
         return wide.joined(self.realigned(wide), loose)
 
     def _perturb_widely(self, timed: Timed, width: float) -> Timed:

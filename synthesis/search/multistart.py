@@ -5,65 +5,88 @@ A round::
     starting points (seeds or perturbations) -> a few steps of each -> more steps for the best of each basin -> pool
       -> the leading new basins to convergence -> refined on all samples, within the limits -> `Incumbents`
 
-The problem supplies seeds, refinement, perturbation and signature (`SearchProblem`). Budget, cancellation and monotonicity
-belong to this module: incumbents only improve, no round depends on the time, and a refinement that the time cut short counts
-only if nothing is known yet. So more time never gives a worse answer.
+The problem supplies seeds, refinement, perturbation and signature (`SearchProblem`). Its candidates may belong to groups, such
+as kinds of linkages with their drives: each group has its own basins, incumbents and patience, and all share the rounds.
+
+Budget, cancellation and monotonicity belong to this module: incumbents only improve, no round depends on the time, and a
+refinement that the time cut short counts only if nothing is known yet. So more time never gives a worse answer.
 """
 
 from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
 
-from synthesis.arrays import Flags, Floats
-from synthesis.descents import Pool, Stage, Timed
+from synthesis.arrays import Flags, Floats, Ints
 from synthesis.kernels import distinct
 from synthesis.ranking import NEAR, STANDS_BACK
 from synthesis.search.options import Schedule, SearchOptions
 from synthesis.work import Work
 
+Candidates = Any
+"""A problem's candidates (n,) with their ``cost`` (n,), the squared errors, ``take(indices)`` and ``joined(others)``."""
+Starts = Any
+"""A problem's starting points, with ``take(indices)`` and ``joined(*others)``."""
+
 
 class SearchProblem(Protocol):
-    """What a multistart search needs to know of a problem.
-
-    Candidates have costs, the squared errors; starting points are candidates before their refinement.
-    """
+    """Interface of a problem that a multistart search solves."""
 
     key: Any
-    """Key of the incumbents: candidates of one key can be compared in their unknowns."""
-    within_limits: bool
-    """Whether the refinement satisfies the limits, so that its results may be answers."""
+    """Key of the incumbents: candidates of the same key can be compared in their unknowns."""
+    groups: int
+    """Number of groups."""
     on_all_samples: bool
-    """Whether the refinement uses all samples."""
+    """True if the refinement uses all samples."""
+    keeps_converged: bool
+    """True if converged candidates compete in the pool; otherwise they are answers only."""
 
-    def refine(self, starts: Timed, stages: Sequence[Stage], between: Callable[[Pool], None] | None = None) -> Pool:
-        """Refine starting points; ``between`` receives the candidates after each stage but the last."""
+    def group(self, candidates: Any) -> Ints:
+        """Return the groups of candidates or starting points, (n,)."""
 
-    def perturb(self, origins: Timed, width: float) -> Timed:
+    def refine(self, starts: Starts, stages: Sequence[Any], between: Callable[[Any], None] | None) -> Candidates:
+        """Refine starting points; ``between`` may receive the candidates after each stage but the last."""
+
+    def converge(self, candidates: Candidates, stages: Sequence[Any]) -> Candidates:
+        """Refine new basins to convergence."""
+
+    def restart(self, candidates: Candidates) -> Starts:
+        """Return candidates as starting points."""
+
+    def perturb(self, origins: Candidates, copies: int, width: float) -> Starts:
         """Return perturbed copies of basins."""
 
-    def signature(self, candidates: Timed) -> tuple[Floats, Floats]:
+    def relatives(self, new: Candidates, levels: Floats) -> Starts | None:
+        """Return further starting points that new basins suggest, given the smallest error of each group."""
+
+    def signature(self, candidates: Candidates) -> tuple[Floats, Floats]:
         """Return numbers (n, m) that differ between basins, and the scale (n,) of their differences."""
 
-    def strays(self, candidates: Timed) -> Flags:
+    def identity(self, candidates: Candidates) -> Floats:
+        """Return numbers (n, m) that differ between exact candidates."""
+
+    def strays(self, candidates: Candidates) -> Flags:
         """Return whether candidates leave the motion between the samples, (n,)."""
 
-    def complete(self, candidates: Pool) -> Pool:
+    def may_answer(self, candidates: Candidates) -> bool:
+        """Return whether candidates of a round may be answers before they converge."""
+
+    def complete(self, candidates: Candidates) -> Candidates:
         """Refine candidates on all samples."""
 
-    def satisfying(self, candidates: Pool, steps: int) -> Iterator[Pool]:
-        """Yield answers within the limits near candidates at all samples."""
+    def satisfying(self, candidates: Candidates, steps: int) -> Iterable[Candidates]:
+        """Return answers within the limits near candidates at all samples."""
 
-    def polish(self, answers: Timed, stages: Sequence[Stage]) -> Pool:
+    def polish(self, answers: Candidates, stages: Sequence[Any]) -> Candidates:
         """Refine answers once more, on all samples and within the limits."""
 
 
 class Incumbents:
-    """Best answers within the limits so far, with their errors on all samples. They only improve.
+    """Incumbent answers within the limits, with their errors on all samples. They only improve.
 
     Parameters
     ----------
@@ -71,103 +94,130 @@ class Incumbents:
         An error below it is exact.
     note : callable
         Receives the smallest error each time that it falls.
+    groups : int
+        Number of groups of the problem.
     """
 
-    def __init__(self, tolerance: float, note: Callable[[float], None]) -> None:
+    def __init__(self, tolerance: float, note: Callable[[float], None], groups: int = 1) -> None:
         self.tolerance, self.note = tolerance, note
-        self.pools: dict[Any, Pool] = {}
+        self.pools: dict[Any, Candidates] = {}
         """Best answer of each basin, by the problem's key, best first; the smallest error is at least second."""
-        self.smallest = self.smallest_counted = np.inf
-        """Smallest error, and the smallest if those that stray count for more."""
+        self.levels: Floats = np.full((groups, 2), np.inf)
+        """Smallest error of each group, and the smallest if those that stray count for more."""
+
+    @property
+    def smallest(self) -> float:
+        """Smallest error."""
+        return float(self.levels[:, 0].min())
+
+    @property
+    def unsolved(self) -> Flags:
+        """Groups without an exact answer that does not stray."""
+        return np.asarray(self.levels[:, 1] > self.tolerance)
 
     @property
     def reached(self) -> bool:
-        """Whether an answer that does not stray is below the tolerance."""
-        return self.smallest_counted <= self.tolerance
-
-    @property
-    def levels(self) -> Floats:
-        """Errors of which each may show a gain."""
-        return np.array([self.smallest, self.smallest_counted])
+        """True if all groups have an exact answer that does not stray."""
+        return not self.unsolved.any()
 
 
 P = TypeVar("P", bound=SearchProblem)
 
 
 class MultiStart(Generic[P]):
-    """Multistart search for one problem.
+    """Multistart search for a problem.
 
     Parameters
     ----------
     problem : SearchProblem
     incumbents : Incumbents
-        Receives the answers; several searches may share it, so that a later one never makes the result worse.
+        Receives the answers; several searches may share it, so that a later search never makes the result worse.
     work : Work
     options : SearchOptions
     """
 
     def __init__(self, problem: P, incumbents: Incumbents, work: Work, options: SearchOptions) -> None:
         self.problem, self.incumbents, self.work, self.options = problem, incumbents, work, options
-        self.pool: Pool | None = None
+        self.pool: Candidates | None = None
+        self._new: Candidates | None = None
+        """Basins that converged in the round before."""
         self._uses: Counter[float] = Counter()
         """Number of times that a basin was perturbed, by its cost."""
-        self._converged: set[float] = set()
-        """Costs of the basins that were refined to convergence."""
+        self._converged: Candidates | None = None
+        """Candidates that were refined to convergence."""
         self._strays: dict[float, bool] = {}
-        """Whether candidates stray, by their cost."""
+        """Straying of candidates, by their cost."""
 
     # -- rounds -----------------------------------------------------------------------------------------------------
 
-    def run(self, seeds: Iterator[Timed], max_rounds: float = np.inf) -> Iterator[Timed]:
+    def run(self, seeds: Iterator[Starts], max_rounds: float = np.inf) -> Iterator[Starts]:
         """Run rounds until they gain nothing. Yield the starting points of each round after it."""
-        options, incumbents, number, last_gain = self.options, self.incumbents, 0, 0
-        while number < max_rounds and number - last_gain < self._patience(last_gain):
-            before = incumbents.levels
-            scheduled = number < options.seed_rounds or number % options.seed_interval == 0
-            starts = next(seeds, None) if scheduled else None
+        options, incumbents, number = self.options, self.incumbents, 0
+        last_gain = np.zeros(self.problem.groups)
+        while number < max_rounds:
+            active = number - last_gain < self._patience(last_gain)
+            if options.drop_exact:
+                active &= incumbents.unsolved
+            starts = self._starts(seeds, number) if active.any() else None
             if starts is None:
-                if self.pool is None or not self.pool.cost.size:
-                    return
-                starts = self.perturbations(options.origins, options.copies, self._width(number))
+                break
+            if self.problem.groups > 1:
+                group = self.problem.group(starts)
+                if not active[group].any():
+                    break
+                starts = starts.take(active[group])
+            before = incumbents.levels.copy()
             self.round(starts, options.schedule)
             number += 1
-            if np.any(incumbents.levels < (1 - options.gain) * before):
-                last_gain = number
+            last_gain[np.any(incumbents.levels < (1 - options.gain) * before, axis=1)] = number
             yield starts
         self._conclude()
 
-    def _patience(self, last_gain: int) -> float:
-        """Return the number of rounds without a gain that end the search."""
+    def _patience(self, last_gain: Floats) -> Floats:
+        """Return the number of rounds without a gain that end the search of each group."""
         options = self.options
-        if last_gain:
-            return max(options.idle_rounds, options.idle_fraction * last_gain)
-        return min(options.idle_rounds, options.idle_rounds_at_first)
+        first = min(options.idle_rounds, options.idle_rounds_at_first)
+        later = np.maximum(options.idle_rounds, options.idle_fraction * last_gain)
+        more = np.where(np.isinf(self.incumbents.levels[:, 0]), options.idle_rounds_unanswered, 0.0)
+        return np.where(last_gain > 0, later, first) + more
 
-    def _width(self, number: int) -> float:
-        """Return the width of the perturbations of a round."""
-        widths = self.options.widths
-        return widths[number // 2 % len(widths)]
+    def _starts(self, seeds: Iterator[Starts], number: int) -> Starts | None:
+        """Return the starting points of a round, if there are any."""
+        options = self.options
+        scheduled = number < options.seed_rounds or number % options.seed_interval == 0
+        starts = next(seeds, None) if scheduled else None
+        if starts is not None:
+            return starts
+        if self.pool is None or not self.pool.cost.size:
+            return None
+        width = options.widths[number // 2 % len(options.widths)]
+        starts = self.perturbations(options.origins, options.copies, width)
+        more = None if self._new is None else self.problem.relatives(self._new, self.incumbents.levels[:, 0])
+        return starts if more is None else starts.joined(more)
 
-    def round(self, starts: Timed, schedule: Schedule) -> None:
+    def round(self, starts: Starts, schedule: Schedule) -> None:
         """Refine starting points, add them to the pool, and take the best of them as answers."""
         found = self._refine(starts, schedule.first)
         if schedule.continuation:
             survivors = self.basins(found, schedule.survivors, self.options.pool_distance)
             self._first_answers(survivors)
-            found = self._refine(survivors.timed, schedule.continuation)
+            found = self._refine(self.problem.restart(survivors), schedule.continuation)
         self._take(found)
-        assert self.pool is not None
-        leading = range(min(schedule.finished, self.pool.cost.size))
-        new = [k for k in leading if self.pool.cost[k] not in self._converged]
-        if new and not (self.incumbents.reached or self.work.expired()):
-            begun = self.pool.take(new)
-            found = self._refine(begun.timed, schedule.end)
-            self._converged |= set(begun.cost) | set(found.cost)
-            self._take(found)
+        self._new = self._unconverged(found, schedule)
+        if self._new.cost.size and self._counts and not self.incumbents.reached:
+            found = self.problem.converge(self._new, schedule.end)
+            known = [self._new] if self._converged is None else [self._converged, self._new]
+            if self.problem.keeps_converged:
+                known.append(found.take(np.isfinite(found.cost)))
+                self._take(found)
+            else:
+                self.accept(found)
+            self._converged = known[0]
+            for more in known[1:]:
+                self._converged = self._converged.joined(more)
 
-    def _refine(self, starts: Timed, stages: tuple[Stage, ...]) -> Pool:
-        found: Pool = self.problem.refine(starts, stages, self._first_answers if len(stages) > 2 else None)
-        return found
+    def _refine(self, starts: Starts, stages: Sequence[Any]) -> Candidates:
+        return self.problem.refine(starts, stages, self._first_answers if len(stages) > 2 else None)
 
     def _conclude(self) -> None:
         """Refine the best basins on all samples, and polish the best answers."""
@@ -175,7 +225,7 @@ class MultiStart(Generic[P]):
         if self.pool is not None and not problem.on_all_samples:
             self.offer(self.pool, options.final_basins, np.inf)
         if problem.key in pools:
-            best = pools[problem.key].timed.take(slice(0, options.refined_on_all))
+            best = self._leading(pools[problem.key], options.polished)
             self.accept(problem.polish(best, options.polish))
 
     # -- pool -------------------------------------------------------------------------------------------------------
@@ -183,61 +233,102 @@ class MultiStart(Generic[P]):
     @property
     def smallest(self) -> float:
         """Smallest error of the pool, within the limits or not."""
-        return np.inf if self.pool is None else self.pool.least
+        return _smallest(self.pool)
 
-    def best(self, count: int) -> Timed:
-        """Return the best basins of the pool."""
+    def best(self, count: int) -> Starts:
+        """Return the best basins of the pool as starting points."""
         assert self.pool is not None
-        return self.pool.timed.take(slice(0, count))
+        return self.problem.restart(self.pool.take(slice(0, count)))
 
-    def _take(self, found: Pool) -> None:
-        """Add candidates to the pool, and the worthwhile ones to the answers."""
+    def _take(self, found: Candidates) -> None:
+        """Add candidates to the pool, and offer the best of them as answers."""
         found = found.take(np.isfinite(found.cost))
         joined = found if self.pool is None else self.pool.joined(found)
         self.pool = self.basins(joined, self.options.max_pool, self.options.pool_distance)
-        if self.problem.within_limits or found.least <= self.incumbents.tolerance:
+        if self.problem.may_answer(found):
             self.offer(found, self.options.refined_on_all, self.options.promising)
 
-    def basins(self, found: Pool, count: int, distance: float) -> Pool:
-        """Return the best candidate of each basin, best first; of exact candidates all that differ."""
+    def _unconverged(self, found: Candidates, schedule: Schedule) -> Candidates:
+        """Return the first of the leading basins of each group that were not refined to convergence."""
+        if schedule.leading:
+            leading = self._leading(self.pool, schedule.leading)
+            return self._leading(leading.take(self._unlike_converged(leading)), schedule.finished)
+        return self.basins(found.take(self._unlike_converged(found)), schedule.finished, self.options.pool_distance)
+
+    def _unlike_converged(self, found: Candidates) -> Flags:
+        """Return which candidates are in other basins than all that converged, or improve on these by a gain, (n,)."""
+        known, options, problem = self._converged, self.options, self.problem
+        if known is None:
+            return np.ones(found.cost.size, dtype=bool)
+        (rows, scale), (others, _) = problem.signature(found), problem.signature(known)
+        group, other_group = problem.group(found), problem.group(known)
+        unlike = np.ones(found.cost.size, dtype=bool)
+        for number in range(problem.groups):
+            own, others_own = np.flatnonzero(group == number), np.flatnonzero(other_group == number)
+            distance = np.abs(rows[own][:, None] - others[others_own]).max(axis=2, initial=0.0)
+            no_gain = found.cost[own][:, None] > (1 - options.gain) ** 2 * known.cost[others_own]
+            unlike[own] = ~np.any(no_gain & (distance < options.pool_distance * scale[own][:, None]), axis=1)
+        return unlike
+
+    def _leading(self, found: Candidates, count: int) -> Candidates:
+        """Return the first candidates of each group."""
+        if self.problem.groups == 1:
+            return found.take(slice(0, count))
+        group = self.problem.group(found)
+        indices = [np.flatnonzero(group == number)[:count] for number in range(self.problem.groups)]
+        return found.take(np.sort(np.concatenate(indices)))
+
+    def basins(self, found: Candidates, count: int, distance: float) -> Candidates:
+        """Return the best candidate of each basin, best first; of exact candidates all that differ.
+
+        There are at most ``count`` of a group. The best of all groups come first, then the second of each.
+        """
         found = found.take(np.isfinite(found.cost))
         counted = self.counted(found)
         order = np.argsort(counted, kind="stable")
         found, counted = found.take(order), counted[order]
-        identity = np.column_stack([found.timed.shape, found.timed.angles[:, 0], found.timed.branch])
-        rows, scale = self.problem.signature(found.timed)
-        exact = int(np.searchsorted(counted, self.incumbents.tolerance**2, side="right"))
-        same = np.full(exact, self.options.exact_distance)
-        kept = distinct.apart(identity[:exact], same, (), 0, count)
-        return found.take(distinct.apart(rows, distance * scale, kept, exact, count))
+        rows, scale = self.problem.signature(found)
+        identity, group = self.problem.identity(found), self.problem.group(found)
+        chosen = []
+        for number in range(self.problem.groups):
+            own = np.flatnonzero(group == number)
+            exact = int(np.searchsorted(counted[own], self.incumbents.tolerance**2, side="right"))
+            same = np.full(exact, self.options.exact_distance)
+            different = distinct.apart(identity[own[:exact]], same, (), 0, count)
+            chosen.append(own[distinct.apart(rows[own], distance * scale[own], different, exact, count)])
+        rank = np.concatenate([np.arange(own.size) for own in chosen])
+        return found.take(np.concatenate(chosen)[np.argsort(rank, kind="stable")])
 
-    def counted(self, found: Pool) -> Floats:
-        """Return squared errors; those of candidates that stray are increased as in a ranking (see `ranking.NEAR`)."""
+    def counted(self, found: Candidates) -> Floats:
+        """Return squared errors; the errors of straying candidates are increased as in a ranking (see `ranking.NEAR`)."""
         new = [k for k, cost in enumerate(found.cost.tolist()) if cost not in self._strays]
         if new:
-            self._strays.update(zip(found.cost[new].tolist(), self.problem.strays(found.timed.take(new)).tolist()))
+            self._strays.update(zip(found.cost[new].tolist(), self.problem.strays(found.take(new)).tolist()))
         strays = [self._strays[cost] for cost in found.cost.tolist()]
         return np.where(strays, np.maximum(STANDS_BACK**2 * found.cost, NEAR**2), found.cost)
 
-    def perturbations(self, origins: int, copies: int, width: float = 1.0) -> Timed:
-        """Return perturbed copies of the best basins, those first that were perturbed least often."""
+    def perturbations(self, origins: int, copies: int, width: float = 1.0) -> Starts:
+        """Return perturbed copies of the best basins of each group, those first that were perturbed least often."""
         assert self.pool is not None
-        best = self.pool.take(slice(0, self.options.active_basins))
-        uses = np.array([self._uses[cost] for cost in best.cost])
-        rank = np.log(np.maximum(self.counted(best), 1e-300)) + self.options.reuse_penalty * uses
-        chosen = np.argsort(rank, kind="stable")[:origins]
-        self._uses.update(best.cost[chosen])
-        perturbed: Timed = self.problem.perturb(best.timed.take(np.repeat(chosen, copies // 2)), width)
-        return perturbed
+        best = self._leading(self.pool, self.options.active_basins)
+        group, uses = self.problem.group(best), np.array([self._uses[cost] for cost in best.cost])
+        merit = np.log(np.maximum(self.counted(best), 1e-300)) + self.options.reuse_penalty * uses
+        chosen = []
+        for number in range(self.problem.groups):
+            own = np.flatnonzero(group == number)
+            chosen.append(own[np.argsort(merit[own], kind="stable")[:origins]])
+        every = np.concatenate(chosen)
+        self._uses.update(best.cost[every])
+        return self.problem.perturb(best.take(every), copies, width)
 
     # -- answers ----------------------------------------------------------------------------------------------------
 
-    def _first_answers(self, found: Pool) -> None:
+    def _first_answers(self, found: Candidates) -> None:
         """Offer the candidates of a stage if nothing is known yet."""
         if not math.isfinite(self.incumbents.smallest):
             self.offer(found, self.options.refined_on_all, self.options.promising)
 
-    def offer(self, found: Pool, count: int, promising: float) -> None:
+    def offer(self, found: Candidates, count: int, promising: float) -> None:
         """Refine the best candidates on all samples, if they may improve on the incumbents, and accept them as answers."""
         if not (found.cost.size and self._counts):
             return
@@ -249,35 +340,46 @@ class MultiStart(Generic[P]):
 
     @property
     def _counts(self) -> bool:
-        """Whether the results of a refinement count.
+        """True if the results of a refinement count.
 
         Those that the time cut short count only if nothing is known: more time would lead them elsewhere, and an answer must
         not be lost by that.
         """
         return not (self.work.expired() and math.isfinite(self.incumbents.smallest))
 
-    def accept(self, found: Pool, steps: int | None = None) -> None:
+    def accept(self, found: Candidates, steps: int | None = None) -> None:
         """Add candidates at all samples that satisfy the limits, or after a few Newton steps do, to the incumbents."""
         if not (found.cost.size and self._counts):
             return
-        for number, answers in enumerate(
-            self.problem.satisfying(found, self.options.restoration_steps if steps is None else steps)
-        ):
+        steps = self.options.restoration_steps if steps is None else steps
+        for number, answers in enumerate(self.problem.satisfying(found, steps)):
             if number == 0 or self._counts:
                 self._add(answers)
 
-    def _add(self, answers: Pool) -> None:
+    def _add(self, answers: Candidates) -> None:
         """Add answers within the limits to the incumbents."""
         key, incumbents = self.problem.key, self.incumbents
-        if answers.cost.size:
-            known = incumbents.pools[key].joined(answers) if key in incumbents.pools else answers
-            kept = self.basins(known, self.options.max_pool, self.options.answer_distance)
-            if known.least < kept.least:  # the best strays, and comes after many others
-                best = known.take([int(known.cost.argmin())])
-                kept = kept.take(slice(0, 1)).joined(best).joined(kept.take(slice(1, None)))
-            incumbents.pools[key] = kept
-            first = float(np.sqrt(self.counted(kept.take(slice(0, 1))).min(initial=np.inf)))
-            incumbents.smallest_counted = min(incumbents.smallest_counted, first)
-        if answers.least < incumbents.smallest:
-            incumbents.smallest = answers.least
+        if not answers.cost.size:
+            return
+        known = incumbents.pools[key].joined(answers) if key in incumbents.pools else answers
+        distinct_answers = self.basins(known, self.options.max_pool, self.options.answer_distance)
+        if self.problem.groups == 1 and _smallest(known) < _smallest(
+            distinct_answers
+        ):  # the best strays, and comes after many others
+            best = known.take([int(known.cost.argmin())])
+            distinct_answers = (
+                distinct_answers.take(slice(0, 1)).joined(best).joined(distinct_answers.take(slice(1, None)))
+            )
+        incumbents.pools[key] = distinct_answers
+        before = incumbents.smallest
+        np.minimum.at(incumbents.levels[:, 0], self.problem.group(answers), np.sqrt(answers.cost))
+        np.minimum.at(
+            incumbents.levels[:, 1], self.problem.group(distinct_answers), np.sqrt(self.counted(distinct_answers))
+        )
+        if incumbents.smallest < before:
             incumbents.note(incumbents.smallest)
+
+
+def _smallest(found: Candidates | None) -> float:
+    """Return the smallest error of candidates; infinity if there are none."""
+    return float(np.sqrt(found.cost.min())) if found is not None and found.cost.size else math.inf

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -13,24 +13,27 @@ from synthesis.descents import Stage
 class Schedule(NamedTuple):
     """Refinement of the candidates of a round."""
 
-    first: tuple[Stage, ...]
+    first: tuple[Any, ...]
     """Stages for all starting points."""
     survivors: int = 0
     """Number of basins that continue after the first stages."""
-    continuation: tuple[Stage, ...] = ()
+    continuation: tuple[Any, ...] = ()
     """Stages for the survivors; without any the round continues with all candidates."""
+    leading: int = 0
+    """Number of leading basins of a group in the pool that may be refined to convergence, unless they were before; with 0
+    the basins of the round, in the pool or not."""
     finished: int = 0
-    """Number of leading basins of the pool that are refined to convergence, unless they were before."""
-    end: tuple[Stage, ...] = ()
+    """Largest number of basins of a group that a round refines to convergence."""
+    end: tuple[Any, ...] = ()
     """Stages that refine a basin to convergence."""
 
 
 _CONTINUATION = (Stage(12, 1e-3, 3.0), Stage(15, 1e-3, 10.0), Stage(15, 1e-3, 30.0))
 _END = (Stage(60, 1e-6, 100.0), Stage(60, 1e-6, 300.0), Stage(60, 1e-7, 300.0))
 _EARLY, _LATE = Stage(15, 1e-2, 0.3), Stage(12, 1e-2, 1.0)
-SELECTED_LATE = Schedule((_EARLY, _LATE), 12, _CONTINUATION, 4, _END)
+SELECTED_LATE = Schedule((_EARLY, _LATE), 12, _CONTINUATION, 4, 4, _END)
 """Select after 27 steps."""
-SELECTED_EARLY = Schedule((_EARLY,), 12, (_LATE, *_CONTINUATION), 4, _END)
+SELECTED_EARLY = Schedule((_EARLY,), 12, (_LATE, *_CONTINUATION), 4, 4, _END)
 """Select after 15 steps: with free crank angles the best candidates are known as well after 15 steps as after 27."""
 POLISH = (Stage(60, 1e-9, 100.0), Stage(60, 1e-10, 300.0), Stage(60, 1e-12, 300.0), Stage(60, 1e-13, 300.0))
 """Stages that refine the best answers on all samples when the search ends."""
@@ -50,10 +53,10 @@ class SearchOptions:
     """Refinement of the candidates of a round."""
     completion: Stage = COMPLETION
     """Refinement of a candidate on all samples."""
-    polish: tuple[Stage, ...] = POLISH
+    polish: tuple[Any, ...] = POLISH
     """Stages of the last refinement of the best answers."""
     max_pool: int = 120
-    """Number of basins that the pool and the incumbents keep."""
+    """Number of basins of a group that the pool and the incumbents keep."""
     pool_distance: float = 0.03
     """Distance below which two candidates of the pool belong to the same basin."""
     answer_distance: float = 0.01
@@ -63,13 +66,13 @@ class SearchOptions:
     seed_rounds: int = 2
     """Number of first rounds that start from seeds."""
     seed_interval: int = 3
-    """After the first rounds, a round starts from seeds again each time that so many rounds have passed."""
+    """After the first rounds, interval in rounds at which a round starts from seeds again."""
     origins: int = 8
-    """Number of basins that are perturbed in a round."""
+    """Number of basins of a group that are perturbed in a round."""
     copies: int = 6
     """Number of perturbations of a basin."""
     active_basins: int = 40
-    """Number of leading basins of the pool from which the origins are chosen."""
+    """Number of leading basins of a group from which the origins are chosen."""
     reuse_penalty: float = 2.0
     """Increase of the logarithm of a basin's squared error each time that it was an origin."""
     widths: tuple[float, ...] = (1.0, 0.5, 0.25)
@@ -81,13 +84,19 @@ class SearchOptions:
     idle_fraction: float = 0.5
     """The search continues at least for this fraction of the rounds up to its last gain."""
     idle_rounds_at_first: float = np.inf
-    """Number of rounds that end a search without any gain on what was known before, if it is below ``idle_rounds``."""
+    """Number of rounds that end a search without any gain on earlier incumbents, if it is below ``idle_rounds``."""
+    idle_rounds_unanswered: float = 0
+    """Number of further idle rounds for a group without any answer."""
+    drop_exact: bool = False
+    """End the search of a group once it has an exact answer."""
     refined_on_all: int = 4
-    """Number of candidates of a round that are refined on all samples, and of answers that are polished at the end."""
+    """Number of candidates of a round that are refined on all samples."""
+    polished: int = 4
+    """Number of answers of a group that are polished at the end."""
     final_basins: int = 12
     """Number of basins of the pool that are refined on all samples when the search ends."""
     promising: float = 1.4
-    """A candidate is refined on all samples if its squared error is at most so many times that of the best answer."""
+    """A candidate is refined on all samples if the ratio of its squared error to the best answer's is smaller."""
     restored: int = 30
     """Number of candidates that Newton steps move onto the limits."""
     restoration_steps: int = 12

@@ -77,8 +77,9 @@ class PrescribedTiming(CrankDriven):
         run.accept(self.refinements.plain.measured(first, posed=not self.within.posed), steps=4)
         yield from in_portions(seeds, self.options.seeds)
 
-    def signature(self, timed: Timed) -> tuple[Floats, Floats]:
+    def signature(self, pool: Pool) -> tuple[Floats, Floats]:
         """Return shape, start and branch."""
+        timed = pool.timed
         rows = np.column_stack([self.chart.place(timed.shape), timed.angles[:, 0], 3 * timed.branch])
         return rows, np.full(len(rows), self.options.start_width)
 

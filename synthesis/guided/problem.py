@@ -1,0 +1,692 @@
+"""Linkages of two guides as a problem of the multistart search: with a free or a prescribed drive.
+
+The kinds of linkages and their drives are the groups of the search; their candidates differ in labels only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from synthesis.arrays import Flags, Floats, Ints
+from synthesis.constraints import broken_limits
+from synthesis.free.dyads import FEW, Body
+from synthesis.guided.answers import as_guides, linkage_of
+from synthesis.guided.pairs import OWN, Chart, Guides, Looked, Motion, Pairs, Problem, Samples, Stage
+from synthesis.guided.seeds import Drive, exact_guides, near_guides, pairs_of
+from synthesis.guides import Circle, Driver, Rail
+from synthesis.kernels import distinct
+from synthesis.limits import Limits
+from synthesis.linkage import Linkage
+from synthesis.poses import Poses
+from synthesis.search.multistart import Incumbents
+from synthesis.search.options import Schedule, SearchOptions
+from synthesis.solution import Solution
+from synthesis.work import Work
+
+_SEARCH = Stage(8, 0.1, 2), Stage(6, 1.0, 2), Stage(8, 10.0, 2)
+_END = Stage(8, 1e2, 2), Stage(8, 1e4, 3), Stage(5, 1e6, 3)
+_POLISH = Stage(15, 1e4, 3), Stage(10, 1e6, 3)
+_DRIVEN = Stage(12, 1.0, 8, 1e-6, 1e-3), Stage(20, 100.0, 8, 1e-6, 1e-3)
+_DRIVEN_END = tuple(stage._replace(sweeps=8, stall=1e-6, damping=1e-3) for stage in _END)
+_EXACT = Stage(12, 0.0, 4, 0.1, 1e-8)
+
+
+@dataclass(frozen=True)
+class PairOptions(SearchOptions):
+    """Options of the search for pairs of guides; numbers of candidates count for each group."""
+
+    schedule: Schedule = Schedule(_SEARCH, finished=2, end=_END)  # noqa: RUF009
+    polish: tuple[Stage, ...] = _POLISH
+    polished: int = 1
+    max_pool: int = 6
+    pool_distance: float = 0.02
+    answer_distance: float = 0.02
+    exact_distance: float = 0.02
+    seed_rounds: int = 1
+    seed_interval: int = 1_000_000
+    origins: int = 3
+    copies: int = 5
+    widths: tuple[float, ...] = (1.0,)
+    gain: float = 0.01
+    idle_rounds: float = 40
+    idle_fraction: float = 0.0
+    idle_rounds_unanswered: float = 16
+    drop_exact: bool = True
+    idle_rounds_led: float = 5
+    """Number of idle rounds if a four-bar gives the rotations."""
+    max_rounds: int = 160
+    """Largest number of rounds."""
+    seeds: int = 40
+    """Number of seeds."""
+    exact_seeds: int = 3
+    """Number of exact pairs, refined together, among the seeds."""
+    max_samples: int = 40
+    """Number of samples up to which the search uses all."""
+    thinned_samples: int = 24
+    """Number of samples that the search uses of a longer motion."""
+    max_polished_samples: int = 300
+    """Number of samples up to which answers are polished, and guides are fitted to all."""
+    screened_guides: int = 40
+    """Number of guides of each type that are paired."""
+    screened_pairs: int = 300
+    """Number of pairs whose limits are evaluated when seeds are chosen."""
+    screened_samples: tuple[int, int] = (10, 8)
+    """Number of samples up to which seeds are chosen by all, and number otherwise."""
+    error_weight: float = 0.01
+    """Weight of the squared error in the choice of seeds for a group without an answer."""
+    perturbation: tuple[float, ...] = (0.25, 0.25, 0.15, 0.15, 0.3)
+    """Widths of the perturbations in the unknowns of a guide."""
+    nearly_fixed: float = 0.1
+    """Factor of these widths for one of the guides in half of the perturbations."""
+    bend: float = 0.2
+    """Curvature of a circle that starts from a rail."""
+    pairs_at_once: int = 1 << 13
+    """Number of exact pairs that are evaluated between two looks at the time."""
+    driven_at_once: int = 1 << 12
+    """Number of candidates times samples with a prescribed drive between two looks at the time: some 20 ms."""
+    sweeps: int = 8
+    """Newton steps of the poses of answers."""
+    search_sweeps: int = 6
+    """Newton steps of the poses of candidates."""
+    between: int = 4
+    """Number of poses between two samples at which pairs for few samples are evaluated."""
+    tightenings: int = 3
+    """Number of descents for a transmission angle that falls short between the samples."""
+    spare: tuple[float, float] = (1.05, 2e-5)
+    """Factor of what falls short, and radians that are added: the worst crank angle moves with the request."""
+    examined: int = 3
+    """Number of candidates of a group whose motion is examined between the samples."""
+    examined_of_few: int = 12
+    """Number of such candidates for few samples, which leave long gaps."""
+    further: tuple[int, int] = (24, 2)
+    """Number of further candidates that are examined at the end, of all groups together, and smallest number of a group."""
+
+
+@dataclass(frozen=True)
+class DrivenOptions(PairOptions):
+    """Options of the search with a prescribed drive."""
+
+    schedule: Schedule = Schedule(_DRIVEN, finished=2, end=_DRIVEN_END)  # noqa: RUF009
+    idle_rounds: float = 4
+
+
+class Candidates(NamedTuple):
+    """Pairs of guides with their drives and costs."""
+
+    pairs: Pairs
+    drive: Ints
+    """(n,): index of the drive, which is the group."""
+    cost: Floats
+    """(n,): squared error."""
+    branch: Floats
+    direction: Floats
+    """(n,): direction in which the drive moves."""
+    first: Floats
+    """(n,): prescribed drive at the first sample."""
+
+    def take(self, indices: Any) -> Candidates:
+        """Return some of the candidates."""
+        return Candidates(self.pairs.take(indices), *(column[indices] for column in self[1:]))
+
+    def joined(self, *more: Candidates) -> Candidates:
+        """Return these candidates and others after them."""
+        pairs = self.pairs.joined(*(found.pairs for found in more))
+        return Candidates(
+            pairs, *(np.concatenate(columns) for columns in zip(self[1:], *(found[1:] for found in more)))
+        )
+
+
+class PairProblem:
+    """Poses for linkages of two guides whose drive is free.
+
+    Parameters
+    ----------
+    poses : Poses
+    limits : Limits
+    drives : sequence of Drive
+    incumbents : Incumbents
+        Only candidates that improve on its answers are examined.
+    work : Work
+    options : PairOptions
+    turned : ndarray, shape (N,), optional
+        Rotations to start from if the request has none.
+    """
+
+    key = None
+    on_all_samples = True
+    keeps_converged = False
+    prescribed: Floats | None = None
+    """Prescribed drive, over the length scale if it is a travel."""
+
+    def __init__(
+        self,
+        poses: Poses,
+        limits: Limits,
+        drives: Sequence[Drive],
+        incumbents: Incumbents,
+        work: Work,
+        options: PairOptions,
+        turned: Floats | None = None,
+    ) -> None:
+        self.poses, self.limits, self.drives, self.incumbents = poses, limits, list(drives), incumbents
+        self.work, self.options, self.groups = work, options, len(self.drives)
+        samples = Samples.of(poses, self.prescribed)
+        if turned is not None:
+            samples = samples._replace(angle=np.where(samples.rotation_missing, turned, samples.angle))
+        self.all = self._problem(samples)
+        self.samples = self.all.samples
+        self.few = self.all
+        if self.samples.number > options.max_samples:
+            self.few = self._problem(thinned(self.samples, options.max_samples, options.thinned_samples))
+        self.posed = poses if turned is None else replace(poses, rotation=turned, rotation_weights=None)
+        self.body = Body(self.posed)
+        full, limit = poses.full, options.max_polished_samples
+        self.thin = self.body if full.size <= limit else Body(poses.at(full[:: 3 * full.size // limit]))
+        self._types = {guide for drive in self.drives for guide in (drive.first, drive.second)}
+        self.random = np.random.default_rng(options.seed)
+        self.seeds = 0
+        self.waiting: Candidates | None = None
+        """Candidates within the limits at the samples that were no gain; they are examined when the search has ended."""
+        self._solutions: dict[tuple[int, float], Solution] = {}
+        """Answers as linkages, by their drive and cost."""
+        self._second_seeds = False
+
+    # -- candidates -------------------------------------------------------------------------------------------------
+
+    def _problem(self, samples: Samples, driven: bool = False) -> Problem:
+        """Return the refinement problem at some samples."""
+        return Problem(samples, self.limits, self.poses, driven)
+
+    def group(self, candidates: Candidates) -> Ints:
+        """Return the drives of candidates."""
+        return candidates.drive
+
+    def restart(self, candidates: Candidates) -> Candidates:
+        """Return candidates as starting points."""
+        return candidates
+
+    def signature(self, candidates: Candidates) -> tuple[Floats, Floats]:
+        """Return numbers that differ between pairs, of order 1."""
+        return self.identity(candidates), np.ones(candidates.cost.size)
+
+    def identity(self, candidates: Candidates) -> Floats:
+        """Return numbers that differ between pairs, of order 1, (n, 12)."""
+        columns: list[Any] = []
+        for guide in candidates.pairs.guides:
+            size = np.maximum(1.0, np.abs(guide.point))
+            columns += [guide.point.real / size, guide.point.imag / size]
+            columns += [np.cos(2 * guide.normal), np.sin(2 * guide.normal)]
+            columns += [np.log1p(np.abs(guide.curvature)), np.log(size)]
+        return np.stack(columns, axis=1)
+
+    def strays(self, candidates: Candidates) -> Flags:
+        """Return False for all candidates: the limits examine the motion between the samples."""
+        return np.zeros(candidates.cost.size, dtype=bool)
+
+    def may_answer(self, candidates: Candidates) -> bool:
+        """Return False: candidates violate limits before they converge."""
+        return False
+
+    def complete(self, candidates: Candidates) -> Candidates:
+        """Return the candidates: they are at all samples."""
+        return candidates
+
+    def measured(self, pairs: Pairs, drive: Ints, problem: Problem, sweeps: int = 2) -> Candidates:
+        """Return pairs with squared error, branch and direction at the poses that they allow."""
+        at = problem.look(Chart(pairs), np.zeros((drive.size, 4)), sweeps, bounded=False)
+        branch, direction = np.where(at.sines >= 0, 1.0, -1.0), np.where(at.gone >= 0, 1.0, -1.0)
+        return Candidates(pairs, drive, at.cost, branch, direction, np.zeros(drive.size))
+
+    def measured_again(self, found: Candidates, problem: Problem) -> Candidates:
+        """Return candidates measured at well corrected poses."""
+        return self.measured(found.pairs, found.drive, problem, self.options.search_sweeps)
+
+    def look(self, found: Candidates, problem: Problem, sweeps: int) -> Looked:
+        """Evaluate candidates and their violations of the limits."""
+        return problem.look(Chart(found.pairs), labels(found), sweeps)
+
+    def at(self, found: Candidates) -> Looked:
+        """Evaluate candidates at the poses that close."""
+        return self.look(found, self.all, self.options.sweeps)
+
+    # -- refinement -------------------------------------------------------------------------------------------------
+
+    def descended(
+        self, starts: Candidates, stages: Sequence[Stage], problem: Problem, margin: Floats | None = None
+    ) -> Candidates:
+        """Return candidates after descents in which violated limits weigh more from stage to stage; costs are not updated."""
+        for stage in stages:
+            if not starts.cost.size or (self.work.expired() and np.isfinite(self.incumbents.smallest)):
+                break
+            pairs, _, _ = problem.descended(Chart(starts.pairs), labels(starts, margin), stage, self.work)
+            starts = starts._replace(pairs=pairs)
+        return starts
+
+    def refine(
+        self, starts: Candidates, stages: Sequence[Stage], between: Callable[[Any], None] | None = None
+    ) -> Candidates:
+        """Refine starting points; their costs contain the violated limits, weighted as in the last stage."""
+        found = self.descended(starts, stages, self.few)
+        at = self.look(found, self.few, self.options.search_sweeps)
+        return found._replace(cost=at.cost + stages[-1].weight * at.excess)
+
+    def converge(self, candidates: Candidates, stages: Sequence[Stage]) -> Candidates:
+        """Refine basins within the limits, again for a transmission angle that falls short between samples."""
+        return self._tightened(candidates, stages, self.few)
+
+    def polish(self, answers: Candidates, stages: Sequence[Stage]) -> Candidates:
+        """Refine answers on all samples, of groups without an exact answer."""
+        few = self.samples.number <= self.options.max_polished_samples
+        inexact = answers.take(self.incumbents.unsolved[answers.drive] & few)
+        return self._tightened(inexact, stages, self.all)
+
+    def _tightened(self, starts: Candidates, stages: Sequence[Stage], problem: Problem) -> Candidates:
+        """Refine candidates within the limits, and again for what falls short between samples. Return those that are a gain."""
+        results, levels, spare = [starts.take([])], self.incumbents.levels[:, 0] ** 2, self.options.spare
+        margin = np.zeros(starts.cost.size)
+        for _ in range(self.options.tightenings):
+            if not starts.cost.size:
+                break
+            ended = self.descended(starts, stages, problem, margin)
+            ended = self.measured_again(ended, self.all)._replace(branch=starts.branch, direction=starts.direction)
+            ended, shortfall, good = self._examine(ended, levels)
+            results.append(ended.take(good))
+            np.minimum.at(levels, ended.drive[good], ended.cost[good])
+            short = shortfall > 0
+            if self.work.expired():
+                break
+            starts, margin = ended.take(short), margin[short] + spare[0] * shortfall[short] + spare[1]
+        return results[0].joined(*results[1:])
+
+    # -- answers ----------------------------------------------------------------------------------------------------
+
+    def satisfying(self, candidates: Candidates, steps: int) -> Iterable[Candidates]:
+        """Return candidates that are a gain and satisfy the limits over their whole motion."""
+        known = np.array([self.is_answer(candidates.take([k])) for k in range(candidates.cost.size)], dtype=bool)
+        if known.all():
+            return [candidates]
+        found, _, good = self._examine(candidates.take(~known), self.incumbents.levels[:, 0] ** 2)
+        return [candidates.take(known).joined(found.take(good))]
+
+    def _examine(self, found: Candidates, levels: Floats) -> tuple[Candidates, Floats, Ints]:
+        """Examine the best candidates between the samples, if they are a gain; others within the limits wait for the end.
+
+        Returns
+        -------
+        found : Candidates
+            With their squared errors at the poses that close.
+        shortfall : ndarray, shape (n,)
+            Missing transmission angle between the samples, if nothing else is violated.
+        good : ndarray
+            Indices of the candidates that satisfy the limits.
+        """
+        found, worst = self.broken(found)
+        shortfall, levels = np.zeros(found.cost.size), levels.copy()
+        few = self.body.position.size <= FEW
+        count = self.options.examined_of_few if few else self.options.examined
+        good: list[int] = []
+        later: list[int] = []
+        for group, own in enumerate(self.best_indices(found, np.where(worst <= 0, found.cost, np.inf), count)):
+            if self.work.expired() and (good or np.isfinite(self.incumbents.smallest)):
+                break
+            for index in own.tolist():
+                if found.cost[index] >= levels[group]:
+                    later.append(index)
+                    continue
+                missing = self.missing(found.take([index]))
+                if not missing:
+                    good.append(index)
+                    levels[group] = found.cost[index]
+                elif set(missing) == {"transmission_angle_min"}:
+                    shortfall[index] = missing["transmission_angle_min"]
+        if later:
+            waiting = found.take(np.array(later))
+            self.waiting = waiting if self.waiting is None else self.waiting.joined(waiting)
+        return found, shortfall, np.array(good, dtype=int)
+
+    def broken(self, found: Candidates) -> tuple[Candidates, Floats]:
+        """Return candidates with their squared errors at the poses that close, and their largest violations there."""
+        at = self.at(found)
+        worst = np.where(at.closed & np.isfinite(at.cost), at.worst, np.inf)
+        return found._replace(cost=at.cost), worst
+
+    def missing(self, candidate: Candidates) -> dict[str, float]:
+        """Return the violations of a single candidate over its whole motion, by the name of the limit."""
+        if self.is_answer(candidate):
+            return {}
+        solution = self._linkage(candidate)
+        if solution is None or solution.transmission_angle_min <= 0:
+            return {"samples": np.inf}
+        missing = broken_limits(solution, self.poses, self.limits)
+        if not missing:
+            self._solutions[_key(candidate)] = solution
+        return missing
+
+    def is_answer(self, candidate: Candidates) -> bool:
+        """Return whether a single candidate is known to satisfy the limits over its whole motion."""
+        return _key(candidate) in self._solutions
+
+    def solutions(self, answers: Candidates) -> list[Solution]:
+        """Return answers as linkages in the user's unit."""
+        return [self._solutions[_key(answers.take([k]))] for k in range(answers.cost.size)]
+
+    def _linkage(self, candidate: Candidates) -> Solution | None:
+        """Return a single candidate as a linkage with its errors, or None if it does not pass the samples."""
+        driver = self.drives[int(candidate.drive[0])].driver
+        return linkage_of(candidate.pairs.guides, driver, self.poses, self.at(candidate).poses[0], self.prescribed)
+
+    # -- seeds ------------------------------------------------------------------------------------------------------
+
+    def exact(self) -> Candidates | None:
+        """Return pairs of exact guides, refined together, of all drives."""
+        travel = None
+        if self.prescribed is not None and not self.drives[0].driver.turns:
+            travel = self.prescribed[self.poses.full]
+        pairs, drive = pairs_of(exact_guides(self.body, self._types, travel), self.drives)
+        if not pairs.number:
+            return None
+        if self.body.position.size <= FEW:
+            pairs, drive = self._promising(pairs, drive)
+        found = self.measured(pairs, drive, self.all)
+        pairs, _, _ = self.all.descended(Chart(found.pairs), labels(found), _EXACT, Work())
+        self.seeds += found.cost.size
+        return self.measured(pairs, found.drive, self.all, 4)
+
+    def _promising(self, pairs: Pairs, drive: Ints) -> tuple[Pairs, Ints]:
+        """Select the pairs that violate the limits least, the same number for each drive, within the time."""
+        problem, merit = self._problem(self._with_between()), np.full(pairs.number, np.inf)
+        parts = -(-pairs.number // self.options.pairs_at_once)
+        for first in range(parts):
+            part = slice(first, None, parts)
+            merit[part] = self._merit(self.measured(pairs.take(part), drive[part], self.all), problem, 0.0)
+            if self.work.expired():
+                break
+        found = Candidates(pairs, drive, *np.zeros((4, drive.size)))
+        chosen = in_turn(self.best_indices(found, merit, 4 * self.options.seeds))
+        return pairs.take(chosen), drive[chosen]
+
+    def best(self, found: Candidates, count: int, problem: Problem, error_weight: float = 1.0) -> Candidates:
+        """Return the best candidates of each drive by violated limits and squared errors."""
+        return found.take(in_turn(self.best_indices(found, self._merit(found, problem, error_weight), count)))
+
+    def _merit(self, found: Candidates, problem: Problem, error_weight: float) -> Floats:
+        """Return violated limits and weighted squared errors; smaller is better."""
+        at = self.look(found, problem, 2)
+        merit = 0.3 * at.merit + np.where(np.isfinite(at.cost), error_weight * at.cost, np.inf)
+        return merit + self._timing_error(found, at, problem)
+
+    def _timing_error(self, found: Candidates, at: Looked, problem: Problem) -> Floats | float:
+        """Return the squared difference from a prescribed drive."""
+        return 0.0
+
+    def best_indices(self, found: Candidates, merit: Floats, count: int) -> list[Ints]:
+        """Return the indices of the best different candidates of each drive with finite merit."""
+        rows, order = self.identity(found), np.argsort(merit, kind="stable")
+        order = order[np.isfinite(merit[order])]
+        indices = []
+        for group in range(self.groups):
+            own = order[found.drive[order] == group]
+            reach = np.full(own.size, self.options.pool_distance)
+            indices.append(own[distinct.apart(rows[own], reach, (), 0, count)])
+        return indices
+
+    def seed_pairs(self, unanswered: Ints | None = None) -> Candidates:
+        """Return pairs of guides of points all over body and ground: the best of each drive.
+
+        For drives ``unanswered``, whose best pairs gave no answer, return the pairs that violate the limits least.
+        """
+        options = self.options
+        numbers = np.arange(self.groups) if unanswered is None else unanswered
+        drives, motion = [self.drives[number] for number in numbers], Motion.of(self.thin)
+        guides = near_guides(self.thin, {guide for drive in drives for guide in (drive.first, drive.second)})
+        for kind, own in guides.items():
+            best = np.argsort(_distances(own, motion), kind="stable")[: options.screened_guides]
+            guides[kind] = own.take(best)
+        pairs, drive = pairs_of(guides, drives)
+        thin = self._problem(thinned(self.samples, *options.screened_samples))
+        found = self.measured(pairs, numbers[drive], thin, 2)
+        self.seeds += options.seeds * len(drives)
+        if unanswered is not None:
+            return self.best(found, options.seeds, thin, options.error_weight)
+        # limits take longer to evaluate: of each drive only the pairs that fit best
+        best_fitting = []
+        for group in range(self.groups):
+            own_pairs = np.flatnonzero(found.drive == group)
+            best_fitting.append(own_pairs[np.argsort(found.cost[own_pairs], kind="stable")[: options.screened_pairs]])
+        return self.best(found.take(np.concatenate(best_fitting)), options.seeds, thin)
+
+    def pairs_of_linkages(self, linkages: Sequence[Linkage]) -> Candidates | None:
+        """Return given linkages as starting points, if their drives are requested."""
+        found = []
+        for linkage in linkages:
+            types = type(linkage.guides[0]), type(linkage.guides[1])
+            for number, drive in enumerate(self.drives):
+                if (drive.first, drive.second, drive.driver) == (*types, linkage.driver):
+                    first, second = (as_guides(guide, self.posed) for guide in linkage.guides)
+                    pairs = Pairs(first, second, np.array([drive.driver is Driver.HINGE]))
+                    found.append(self.measured(pairs, np.array([number]), self.all))
+        return found[0].joined(*found[1:]) if found else None
+
+    def _with_between(self) -> Samples:
+        """Return the samples with others between them on a straight way, for limits."""
+        samples, more = self.samples, self.options.between + 1
+        number = samples.number
+        at = np.linspace(0, number - 1, (number - 1) * more + 1)
+        index = np.arange(number)
+        before = np.arange(at.size) // more
+        return Samples(
+            np.interp(at, index, np.unwrap(samples.angle)),
+            np.interp(at, index, samples.position.real) + 1j * np.interp(at, index, samples.position.imag),
+            samples.rotation_variance[before],
+            samples.position_variance[before],
+            samples.rotation_missing[before],
+            samples.position_missing[before],
+            np.interp(at, index, samples.drive),
+        )
+
+    # -- perturbation -----------------------------------------------------------------------------------------------
+
+    def perturb(self, origins: Candidates, copies: int, width: float) -> Candidates:
+        """Return perturbed copies of basins; in half of them a guide moves little."""
+        options = self.options
+        chosen = []
+        for group in range(self.groups):
+            own = np.flatnonzero(origins.drive == group)
+            chosen.append(np.resize(own, copies) if own.size else own)
+        starts = origins.take(in_turn(chosen))
+        chart, count = Chart(starts.pairs), starts.cost.size
+        share = np.where(self.random.random((count, 2)) < 0.5, options.nearly_fixed, 1.0)
+        share[share[:, 0] == share[:, 1]] = 1.0
+        noise = self.random.standard_t(3, size=(count, 2 * OWN)) * np.tile(options.perturbation, 2)
+        noise *= width * np.repeat(share, OWN, axis=1)
+        self.seeds += count
+        return self.measured(chart.pairs_at(chart.start + noise), starts.drive, self.few, 2)
+
+    def relatives(self, new: Candidates, levels: Floats) -> Candidates | None:
+        """Return new basins as starting points of other drives, and once other seeds for drives without an answer.
+
+        A basin starts the search of other drives of its guides, and the search of circles in place of its rails.
+        """
+        found = self._relatives_of(new)
+        unanswered = np.flatnonzero(np.isinf(levels))
+        if self._second_seeds or not unanswered.size:
+            self._second_seeds = True
+            return found
+        self._second_seeds = True
+        seeds = self.seed_pairs(unanswered)
+        return seeds if found is None else found.joined(seeds)
+
+    def _relatives_of(self, new: Candidates) -> Candidates | None:
+        kin = [(k, *row) for k, number in enumerate(new.drive) for row in self._kin[number]]
+        if not kin:
+            return None
+        index, drive, exchanged, bent = (np.array(column) for column in zip(*kin))
+        pairs = new.pairs.take(index)
+        guides = []
+        for own, partner in ((pairs.first, pairs.second), (pairs.second, pairs.first)):
+            guides.append(Guides(*(np.where(exchanged, b, a) for a, b in zip(own, partner))))
+        for k in (0, 1):
+            bend = self.options.bend * np.where(self.random.random(drive.size) < 0.5, 1.0, -1.0)
+            guides[k] = guides[k]._replace(curvature=np.where(bent[:, k], bend, guides[k].curvature))
+        hinge = np.array([own.driver is Driver.HINGE for own in self.drives])[drive]
+        self.seeds += drive.size
+        return self.measured(Pairs(guides[0], guides[1], hinge), drive, self.few, 2)
+
+    @cached_property
+    def _kin(self) -> list[list[tuple[int, bool, tuple[bool, bool]]]]:
+        """For each drive, others that its basins start: index, whether the guides are exchanged, and which are bent."""
+        found: list[list[tuple[int, bool, tuple[bool, bool]]]] = []
+        for number, drive in enumerate(self.drives):
+            kin = []
+            for index, target in enumerate(self.drives):
+                for exchanged in (False, True):
+                    types = (drive.second, drive.first) if exchanged else (drive.first, drive.second)
+                    targets = (target.first, target.second)
+                    bent = tuple(a is Rail and b is Circle for a, b in zip(types, targets))
+                    alike = all(a is b or bend for a, b, bend in zip(types, targets, bent))
+                    if alike and (index != number or exchanged):
+                        kin.append((index, exchanged, (bent[0], bent[1])))
+            found.append(kin)
+        return found
+
+
+class DrivenPairProblem(PairProblem):
+    """Poses for linkages of two guides whose drive is prescribed; ``prescribed`` (N,): from the first sample on."""
+
+    def __init__(
+        self,
+        poses: Poses,
+        limits: Limits,
+        drives: Sequence[Drive],
+        incumbents: Incumbents,
+        work: Work,
+        options: PairOptions,
+        turned: Floats | None,
+        prescribed: Floats,
+    ) -> None:
+        self.prescribed = prescribed if drives[0].driver.turns else prescribed / poses.length_scale
+        super().__init__(poses, limits, drives, incumbents, work, options, turned)
+        self.driven = self._problem(self.samples, driven=True)
+
+    def refine(
+        self, starts: Candidates, stages: Sequence[Stage], between: Callable[[Any], None] | None = None
+    ) -> Candidates:
+        """Refine starting points: first only the poses, then with the prescribed drive."""
+        found = self.measured_again(self.descended(starts, _SEARCH[:1], self.few), self.few)
+        return self.timed(found.take(in_turn(self.best_indices(found, found.cost, self.options.seeds))), stages)
+
+    def converge(self, candidates: Candidates, stages: Sequence[Stage]) -> Candidates:
+        """Refine new basins to convergence."""
+        return self.timed(candidates, stages)
+
+    def polish(self, answers: Candidates, stages: Sequence[Stage]) -> Candidates:
+        """Return no candidates: answers have converged."""
+        return answers.take([])
+
+    def relatives(self, new: Candidates, levels: Floats) -> None:
+        """Return no further starting points."""
+
+    def timed(self, starts: Candidates, stages: Sequence[Stage]) -> Candidates:
+        """Return candidates after descents with the prescribed drive, within the time."""
+        count = max(1, self.options.driven_at_once // self.samples.number)
+        parts = [self._timed(starts.take(slice(count)), stages)]
+        for k in range(count, starts.cost.size, count):
+            known = np.isfinite(self.incumbents.smallest) or any(np.isfinite(part.cost).any() for part in parts)
+            if known and self.work.expired():
+                break
+            parts.append(self._timed(starts.take(slice(k, k + count)), stages))
+        return parts[0].joined(*parts[1:])
+
+    def _timed(self, starts: Candidates, stages: Sequence[Stage]) -> Candidates:
+        at = self.look(starts, self.all, self.options.search_sweeps)
+        sign = self._signs(starts, at)
+        first, _ = self._timing(at, sign, self.samples.drive)
+        for stage in stages:
+            chart = Chart(starts.pairs)
+            pairs, first, _ = self.driven.descended(chart, labels(starts, sign=sign), stage, self.work, first)
+            starts = starts._replace(pairs=pairs)
+        at = self.driven.look(Chart(starts.pairs), labels(starts, sign=sign), 12, first)
+        return starts._replace(cost=np.where(at.closed, at.cost, np.inf), first=first)
+
+    def at(self, found: Candidates) -> Looked:
+        """Evaluate candidates at the poses to which the prescribed drive leads them."""
+        sign = self._signs(found, self.look(found, self.all, self.options.search_sweeps))
+        return self.driven.look(Chart(found.pairs), labels(found, sign=sign), self.options.sweeps, found.first)
+
+    def _signs(self, found: Candidates, at: Looked) -> Floats:
+        """Return the direction in which the prescribed drive counts, (n,): a longer cylinder has a larger drive."""
+        first, second, hinge = found.pairs
+        # the intersection of two slots does not determine the end of a rod
+        cylinder = first.inverse & ~hinge & ~second.inverse
+        slides = first.straight & ~hinge
+        along = found.direction * np.sign(self.samples.drive[-1])
+        return np.where(cylinder, np.sign(at.extension), np.where(slides, along, 1.0))
+
+    def _timing(self, at: Looked, sign: Floats, drive: Floats) -> tuple[Floats, Floats]:
+        """Return the best drive at the first sample (n,), and the mean squared difference from the candidates' own drive."""
+        off = at.drive - sign[:, None] * drive
+        if self.drives[0].driver.turns:
+            first = np.angle(np.mean(np.exp(1j * off), axis=1))
+            off = (off - first[:, None] + np.pi) % (2 * np.pi) - np.pi
+            return first, np.mean(off**2, axis=1)
+        first = np.mean(off, axis=1)
+        return first, np.mean((off - first[:, None]) ** 2, axis=1)
+
+    def _timing_error(self, found: Candidates, at: Looked, problem: Problem) -> Floats:
+        """Return the squared difference from the prescribed drive."""
+        return self._timing(at, self._signs(found, at), problem.samples.drive)[1]
+
+
+def in_turn(indices: list[Ints]) -> Ints:
+    """Return the first index of each group, then the second of each: the remaining time serves all groups alike."""
+    rank = np.concatenate([np.arange(own.size) for own in indices])
+    return np.concatenate(indices)[np.argsort(rank, kind="stable")]
+
+
+def labels(found: Candidates, margin: Floats | None = None, sign: Floats | None = None) -> Floats:
+    """Return the labels of candidates for `Problem.descended`, (n, 4)."""
+    nothing = np.zeros(found.cost.size)
+    columns = found.branch, found.direction, nothing if margin is None else margin, nothing if sign is None else sign
+    return np.stack(columns, 1)
+
+
+def thinned(samples: Samples, max_samples: int, count: int) -> Samples:
+    """Return all samples, or a number of evenly chosen samples that represent all."""
+    if samples.number <= max_samples:
+        return samples
+    chosen = np.unique(np.round(np.linspace(0, samples.number - 1, count)).astype(int))
+    share = chosen.size / samples.number
+    few = Samples(*(column[chosen] for column in samples))
+    rotation, position = few.rotation_variance, few.position_variance
+    return few._replace(
+        rotation_variance=np.where(few.rotation_missing, rotation, rotation * share),
+        position_variance=np.where(few.position_missing, position, position * share),
+    )
+
+
+def _key(candidate: Candidates) -> tuple[int, float]:
+    """Return the drive and the cost of a single candidate."""
+    return int(candidate.drive[0]), float(candidate.cost[0])
+
+
+def _distances(guides: Guides, motion: Motion) -> Floats:
+    """Return the first-order rms distance of guides from the poses, (n,)."""
+    distance = np.empty(guides.point.size)
+    for inverse, seen in ((False, motion), (True, motion.inverse)):
+        own = guides.inverse == inverse
+        points = seen.places(guides.point[own])
+        centre, curvature = guides.centre[own][:, None], guides.curvature[own][:, None]
+        straight = guides.straight[own][:, None]
+        inward = np.exp(1j * guides.normal[own])[:, None]
+        gap = points - centre
+        normal = np.where(straight, -inward, gap / np.maximum(np.abs(gap), 1e-12))
+        radius = 1 / np.where(straight, 1.0, curvature)
+        off = np.where(straight, (np.conj(-inward) * gap).real, np.abs(gap) - radius)
+        swing = (np.conj(normal) * 1j * (points - seen.position)).real
+        distance[own] = np.sqrt(np.sum((off**2 / (1 + swing**2)) * seen.root**2, axis=1))
+    return distance
