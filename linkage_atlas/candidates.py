@@ -19,6 +19,7 @@ from linkage_atlas.warm_start import FOR_STARTS, Start, pointing_to_start
 from synthesis.atlas.scan import Scan
 from synthesis.constraints import within
 from synthesis.four_bar import Family, wrap
+from synthesis.free.few_poses import Obstacles
 from synthesis.free.search import search_free
 from synthesis.guided.local_refinement import refine_guided
 from synthesis.limits import Limits
@@ -149,7 +150,9 @@ def _best_four_bars(task: Task, search: CandidateSearch, ranking: Ranking) -> Ca
     continued: list[Solution | None] = [_continued(task, start, goal) for start in task.starts or ()]
     pool = size + _POOL if task.fair else size
     pool = max(pool, _BALANCED_POOL) if task.prefer == "balanced" else pool
-    four_bars, report = search_four_bars(source, task.motion, task.limits, pool, goal, first_work)
+    four_bars, report = search_four_bars(
+        source, task.motion, task.limits, pool, goal, first_work, obstacles=task.obstacles
+    )
 
     def search_again(fair_limits: Limits) -> tuple[list[Solution], SearchReport]:
         return search_four_bars(source, task.motion, fair_limits, size, goal, first_work)
@@ -287,13 +290,16 @@ def search_four_bars(
     tolerance: float,
     work: Work,
     rounds: int | None = None,
+    obstacles: Obstacles | None = None,
 ) -> tuple[list[Solution], SearchReport]:
     """Find the best four-bars: in an atlas, or by the search with free or given crank angles."""
     if isinstance(source, Scan):
         return _search_atlas(source, motion, limits, max_results, tolerance, work)
     samples = motion.samples
     if isinstance(samples, Poses):
-        found, report = search_free(samples, limits, max_results, tolerance, work, screens, source.windows, rounds)
+        found, report = search_free(
+            samples, limits, max_results, tolerance, work, screens, source.windows, rounds, obstacles
+        )
     else:
         found, report = search(source, samples, limits, max_results, tolerance, work)
     return found, report

@@ -26,6 +26,7 @@ from linkage_atlas.warm_start import Start, StartingLinkage, check_local, kinds_
 from synthesis.atlas.scan import Scan
 from synthesis.errors import FieldError
 from synthesis.fourbar.mechanism import FOURBAR
+from synthesis.free.few_poses import Obstacles
 from synthesis.free.screen import PathScreen
 from synthesis.free.search import path_screens
 from synthesis.limits import Limits, Reach
@@ -143,6 +144,15 @@ class Task:
     def by_error(self) -> bool:
         """True if the smallest error is preferred."""
         return self.prefer == "error"
+
+    @property
+    def obstacles(self) -> Obstacles | None:
+        """The boxes that no link may enter, if assemblies were requested."""
+        assembly = self.studies.assembly
+        if assembly is None:
+            return None
+        boxes = assembly.keep_out or self.limits.keep_out
+        return Obstacles(boxes, assembly.settings.width) if boxes else None
 
     @property
     def rounds(self) -> bool:

@@ -15,6 +15,7 @@ passes the poses exactly, so the improvement never has to trade exactness for an
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -22,10 +23,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.arrays import Complexes, Floats
+from synthesis.assembly.sizes import HOLE_OF_LONGEST, HOLE_OF_SHORTEST, WIDTH_OF_HOLE
 from synthesis.constraints import Constraints
 from synthesis.defects import LEAVES_SAMPLES, SHORTEST_CHORD
 from synthesis.descents import Timed
-from synthesis.four_bar import transmission_angle_over
+from synthesis.four_bar import coupler_angle, transmission_angle_over
 from synthesis.fourbar.mechanism import AnyChart
 from synthesis.free.dyads import (
     FEW,
@@ -57,6 +59,10 @@ class FewPosesOptions:
     """The same for four poses, whose centres lie on a curve."""
     batches: int = 3
     """Maximum number of batches."""
+    batches_around_obstacles: int = 8
+    """The same if obstacles are given."""
+    obstacle_steps: int = 24
+    """Number of crank angles over the motion at which links are compared with obstacles."""
     enough: int = 200
     """Number of usable four-bars after which no further batch is drawn."""
     examined: int = 400
@@ -83,6 +89,18 @@ class FewPosesOptions:
     """Largest crank angle between the ends of a chord of the path, in radians."""
     tilt: float = 1.4
     """Largest angle at c_1 between the chord c_1 c_2 and m, in radians, for two poses."""
+
+
+NONE_CLEAR = "No linkage was found that passes the poses and whose links stay out of the boxes (`assembly.keep_out`)."
+
+
+class Obstacles(NamedTuple):
+    """Boxes that no link may enter over the motion."""
+
+    boxes: Sequence[Box]
+    """In the user's unit of length."""
+    width: float | None
+    """Width of the links; None if it follows from their lengths."""
 
 
 class Parameters(NamedTuple):
@@ -141,10 +159,13 @@ class ExactFamily:
         Two to four samples, each with rotation and position.
     limits : Limits
     options : FewPosesOptions
+    obstacles : Obstacles, optional
     """
 
-    def __init__(self, poses: Poses, limits: Limits, options: FewPosesOptions) -> None:
-        self.poses, self.limits, self.options = poses, limits, options
+    def __init__(
+        self, poses: Poses, limits: Limits, options: FewPosesOptions, obstacles: Obstacles | None = None
+    ) -> None:
+        self.poses, self.limits, self.options, self.obstacles = poses, limits, options, obstacles
         self.body = Body(poses)
         self.number = self.body.position.size
         self.extent = poses.extent / poses.length_scale
@@ -241,6 +262,7 @@ class ExactFamily:
         kept = np.flatnonzero((transmission > 0) & (transmission >= self.limits.transmission_angle_min))
         pairs, origin, angles, transmission = pairs.take(kept), origin[kept], angles[kept], transmission[kept]
         inside = self._within_limits(pairs, angles)
+        inside = inside[self._clear(pairs.take(inside), angles[inside])]
         pairs, origin, angles, transmission = pairs.take(inside), origin[inside], angles[inside], transmission[inside]
         timed = Timed(AnyChart().unknowns(pairs.lengths), pairs.pose, pairs.offset, angles, pairs.branch)
         crank_pivot, ground, arm = pairs.pose.T[0], pairs.lengths[:, 3], np.abs(pairs.pose[:, 2])
@@ -273,6 +295,30 @@ class ExactFamily:
         inside = np.all(np.where(found.equal, np.abs(found.values) < 1e-9, found.values >= 0), axis=1)
         return np.flatnonzero(inside)
 
+    def _clear(self, pairs: Pairs, angles: Floats) -> NDArray[np.bool_]:
+        """Check that no bar of four-bars, and no edge of their couplers, enters an obstacle at crank angles over the motion."""
+        clear, obstacles = np.ones(pairs.branch.size, dtype=bool), self.obstacles
+        if obstacles is None:
+            return clear
+        scale, steps = self.poses.length_scale, np.linspace(0.0, 1.0, self.options.obstacle_steps)
+        crank = angles[:, :1] + (angles[:, -1:] - angles[:, :1]) * steps
+        pivot_a, ground_vector, point = (column[:, None] for column in pairs.pose.T)
+        turned = np.exp(1j * coupler_angle(pairs.lengths, pairs.branch, crank))
+        crank_length, coupler, _, ground = (column[:, None] for column in pairs.lengths.T)
+        pivot_b = pivot_a + ground_vector * (ground / crank_length)
+        pin_a = pivot_a + ground_vector * np.exp(1j * crank)
+        pin_b = pin_a + ground_vector * (coupler / crank_length) * turned
+        body = pin_a + point * turned
+        margin = np.minimum(HOLE_OF_SHORTEST * pairs.lengths.min(axis=1), HOLE_OF_LONGEST * pairs.lengths.max(axis=1))
+        margin = WIDTH_OF_HOLE * margin if obstacles.width is None else np.full(clear.size, obstacles.width / scale)
+        ends = (pivot_a, pin_a), (pin_a, pin_b), (pivot_b, pin_b), (pin_a, body), (pin_b, body)
+        for left, low, right, high in obstacles.boxes:
+            centre = (complex(left + right, low + high) / 2 - self.poses.middle) / scale
+            half = np.array([right - left, high - low]) / (2 * scale) + margin[:, None] / 2
+            for end, other in ends:
+                clear &= ~np.any(_touches((end + other) / 2 - centre, (other - end) / 2, half), axis=1)
+        return clear
+
     def stays(self, candidates: Candidates) -> NDArray[np.bool_]:
         """Check that the body takes no detour between poses: neither its point nor its rotation."""
         if not candidates.merit.size:
@@ -281,13 +327,29 @@ class ExactFamily:
         return np.asarray((detour <= self.options.detour * LEAVES_SAMPLES) & ~self.poses.turned_otherwise(rotation))
 
 
+def _touches(middle: Complexes, along: Complexes, half: Floats) -> NDArray[np.bool_]:
+    """Check whether segments (n, m) touch a box of half sizes (n, 2).
+
+    ``middle``: of the segments from the centre of the box; ``along``: half their vectors.
+    """
+    width, height = half[:, :1], half[:, 1:]
+    near = np.abs(middle.real) <= width + np.abs(along.real)
+    near &= np.abs(middle.imag) <= height + np.abs(along.imag)
+    across = np.abs((np.conj(along) * middle).imag)
+    return near & (across <= width * np.abs(along.imag) + height * np.abs(along.real))
+
+
 def is_few(poses: Poses) -> bool:
     """Check that there are two to four samples, each with rotation and position: infinitely many four-bars pass them."""
     return poses.full.size == poses.samples <= FEW
 
 
 def exact_four_bars(
-    poses: Poses, limits: Limits, work: Work | None = None, options: FewPosesOptions | None = None
+    poses: Poses,
+    limits: Limits,
+    work: Work | None = None,
+    options: FewPosesOptions | None = None,
+    obstacles: Obstacles | None = None,
 ) -> Candidates:
     """Search for good four-bars that pass two to four poses exactly.
 
@@ -300,6 +362,8 @@ def exact_four_bars(
     work : Work, optional
         The search ends once it has expired.
     options : FewPosesOptions, optional
+    obstacles : Obstacles, optional
+        That no link enters.
 
     Returns
     -------
@@ -308,9 +372,9 @@ def exact_four_bars(
         poses come last. Empty if none was found.
     """
     work, options = work or Work(), options or FewPosesOptions()
-    family = ExactFamily(poses, limits, options)
+    family = ExactFamily(poses, limits, options, obstacles)
     sampled = family.evaluate(family.sample())
-    for _ in range(options.batches - 1):
+    for _ in range((options.batches if obstacles is None else options.batches_around_obstacles) - 1):
         if sampled.merit.size >= options.enough or work.expired():
             break
         sampled = sampled.joined(family.evaluate(family.sample()))

@@ -32,7 +32,7 @@ from synthesis.four_bar import coupler_angle, transmission_angle_over, wrap
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule, enumerate_types
 from synthesis.fourbar.mechanism import FOURBAR, AnyChart, FullCrankChart, ways
 from synthesis.free.dyads import FEW, chart_of, search_motion
-from synthesis.free.few_poses import Candidates, exact_four_bars, is_few
+from synthesis.free.few_poses import NONE_CLEAR, Candidates, Obstacles, exact_four_bars, is_few
 from synthesis.free.free_timing import FreeTiming, FreeTimingOptions, free_timing
 from synthesis.free.limited import guessed_windows, placed_within
 from synthesis.free.screen import COARSE, FINE, PathScreen
@@ -291,6 +291,7 @@ def search_free(
     screens: Screens = path_screens,
     windows: Callable[[str], Windows] = bounded_windows,
     rounds: int | None = None,
+    obstacles: Obstacles | None = None,
 ) -> tuple[list[Solution], SearchReport]:
     """Find the best four-bars for samples whose crank angles are free.
 
@@ -308,6 +309,8 @@ def search_free(
         For paths, and for limits, by family; made once by whoever keeps them.
     rounds : int, optional
         Of descents within the limits at most so many; default: until they gain nothing.
+    obstacles : Obstacles, optional
+        That no link enters, if linkages through two to four poses do so; otherwise a note says that none does.
 
     Returns
     -------
@@ -328,11 +331,14 @@ def search_free(
             trace.append((work.elapsed, least))
 
     if is_few(poses) and not poses.closed and not any(limits.links):
-        candidates = exact_four_bars(poses, limits, work)
+        candidates = exact_four_bars(poses, limits, work, obstacles=obstacles)
+        notes = []
+        if obstacles is not None and not candidates.merit.size:
+            candidates, notes = exact_four_bars(poses, limits, work), [NONE_CLEAR]
         exact = solutions_of_few(poses, candidates, limits, top, tolerance)
         if exact:
             trace = [(work.elapsed, min(solution.errors.objective for solution in exact))]
-            return exact, SearchReport(StoppedBy.TOLERANCE, trace, 0.0, candidates.merit.size)
+            return exact, SearchReport(StoppedBy.TOLERANCE, trace, 0.0, candidates.merit.size, notes=notes)
     found = Incumbents(tolerance, note)
     search = FreeSearch(poses, limits, found, work, screens, windows, rounds)
     ended = search.run()

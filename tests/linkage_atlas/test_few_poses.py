@@ -90,3 +90,38 @@ def test_poses_in_any_order_are_passed_too() -> None:
     x, y, angle = np.array([(75, 30, 40), (0, 0, 0), (40, 8, 15)], dtype=float).T
     found = la.synthesize(angle, np.stack([x, y], axis=1), timing="free", order="any", limits={"family": "any"})
     assert_exact(found)
+
+
+@pytest.mark.parametrize(("seed", "poses"), [(0, 2), (3, 2), (7, 2), (3, 3), (5, 3), (10, 3)])
+def test_the_links_of_a_lid_stay_above_a_floor(seed: int, poses: int) -> None:
+    """Linkages above the floor exist, but none of them was drawn or ranked first."""
+    task, width = random_task(seed, poses), 0.04
+    position = np.stack([task.position.real, task.position.imag], axis=1)
+    low, high = task.box[1], task.box[3]
+    floor = min(position[:, 1].min() - 0.1, low + 0.3 * (high - low))
+    found = la.synthesize(
+        np.rad2deg(task.rotation),
+        position,
+        timing="free",
+        limits={"pivot_box": task.box},
+        assembly={"keep_out": [[-100, -100, 100, floor]], "width": width},
+    )
+    assert found.status == "reached" and found.best.errors.objective < EXACT
+    assert not any(
+        "keep_out" in name for collision in found.best.verdict.assembly.collisions for name in collision["pair"]
+    )
+    joints = found.best.linkage.joints(np.linspace(0, found.best.crank_angle[-1], 200))
+    pins = np.concatenate([joints.crank_pin, joints.coupler_pin, joints.body_point])
+    assert min(pins[:, 1].min(), found.best.mount.pivot_a[1], found.best.mount.pivot_b[1]) > floor + width / 2 - 1e-6
+
+
+def test_a_floor_that_no_linkage_stays_above_is_named_in_a_note() -> None:
+    poses = [(0, 0, 0), (40, 8, 15), (75, 30, 40)]
+    x, y, angle = np.array(poses, dtype=float).T
+    asked = {
+        "limits": {"pivot_box": [-30, -30, 100, 60]},
+        "assembly": {"keep_out": [[-1000, -1000, 1000, 5]], "width": 4},
+    }
+    found = la.synthesize(angle, np.stack([x, y], axis=1), timing="free", **asked)
+    assert found.status == "reached"
+    assert any("stay out of the boxes" in note for note in found.report.notes)
