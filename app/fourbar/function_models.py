@@ -134,7 +134,7 @@ class FunctionRequest(RequestModel):
     symmetric: Flag = Field(
         False,
         description="The left and the right arm are mirror images, and `input` and `output` are measured from the symmetric "
-        "position. The arms have 0.08 to 0.3 of the ground length, unless the limits prescribe lengths.",
+        "position. The arms have 0.1 to 0.2 of the ground length, unless the limits prescribe lengths.",
     )
     objective: Literal["rms", "max"] = Field(
         "rms", description="Minimize the rms error at the samples, or the largest error over the whole interval."

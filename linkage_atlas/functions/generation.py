@@ -111,7 +111,7 @@ def function(
         largest angle of an inner wheel. The linkage is symmetric, and its ground is the track.
     symmetric : bool
         True if left and right arm are mirror images. ``input`` and ``output`` are both needed, and measured from the symmetric
-        position. Arms are between 0.08 and 0.3 of the ground unless ``limits`` give lengths.
+        position. Arms are between 0.1 and 0.2 of the ground unless ``limits`` give lengths.
     objective : {"rms", "max"}
         Minimise the root of the mean square error at the samples, or the largest error over the whole interval.
     input_zero, output_zero : float, optional

@@ -28,10 +28,10 @@ from synthesis.work import Work
 class SymmetricOptions:
     """Options of the search for symmetric four-bars."""
 
-    arm_min: float = 0.08
-    """Shortest arm over the ground if no limit says otherwise."""
-    arm_max: float = 0.3
-    """Longest arm over the ground if no limit says otherwise."""
+    arm_min: float = 0.1
+    """Shortest arm over the ground if no limit says otherwise; shorter ones let the play of their pins turn a wheel by much."""
+    arm_max: float = 0.2
+    """Longest arm over the ground if no limit says otherwise; longer ones take much room and hardly reduce the error."""
     arms: int = 12
     """Arms on the grid."""
     angles: int = 360
