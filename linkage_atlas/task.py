@@ -23,6 +23,7 @@ from linkage_atlas.motions import Motion
 from linkage_atlas.solutions import FINISHING
 from linkage_atlas.studies import STUDIES, Studies, check_lengths, read_studies
 from linkage_atlas.warm_start import Start, StartingLinkage, check_local, kinds_of, read_starts, starts_for
+from synthesis.assembly.sizes import default_widths
 from synthesis.atlas.scan import Scan
 from synthesis.errors import FieldError
 from synthesis.fourbar.mechanism import FOURBAR
@@ -151,8 +152,10 @@ class Task:
         assembly = self.studies.assembly
         if assembly is None:
             return None
-        boxes = assembly.keep_out or self.limits.keep_out
-        return Obstacles(boxes, assembly.settings.width) if boxes else None
+        boxes, width = assembly.keep_out or self.limits.keep_out, assembly.settings.width
+        if not boxes:
+            return None
+        return Obstacles(boxes, default_widths if width is None else lambda lengths: np.full(len(lengths), width))
 
     @property
     def rounds(self) -> bool:

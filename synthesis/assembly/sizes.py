@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from synthesis.arrays import Floats
 from synthesis.errors import FieldError
 
 HOLE_OF_SHORTEST, HOLE_OF_LONGEST = 0.3, 0.05
@@ -31,6 +32,12 @@ def plate_sizes(
         largest = np.inf if width is None else width / WIDTH_OF_HOLE
         hole = factor * min(HOLE_OF_SHORTEST * min(links), HOLE_OF_LONGEST * max(links), largest)
     return float(hole), float(WIDTH_OF_HOLE * hole if width is None else width)
+
+
+def default_widths(lengths: Floats) -> Floats:
+    """Return the default width of the plates, shape (n,), of linkages with these lengths, shape (n, links)."""
+    hole = np.minimum(HOLE_OF_SHORTEST * lengths.min(axis=1), HOLE_OF_LONGEST * lengths.max(axis=1))
+    return np.asarray(WIDTH_OF_HOLE * hole)
 
 
 def check_sizes(links: Sequence[float], hole: float, width: float, field: str) -> None:

@@ -15,7 +15,7 @@ passes the poses exactly, so the improvement never has to trade exactness for an
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -23,7 +23,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.arrays import Complexes, Floats
-from synthesis.assembly.sizes import HOLE_OF_LONGEST, HOLE_OF_SHORTEST, WIDTH_OF_HOLE
 from synthesis.constraints import Constraints
 from synthesis.defects import LEAVES_SAMPLES, SHORTEST_CHORD
 from synthesis.descents import Timed
@@ -99,8 +98,8 @@ class Obstacles(NamedTuple):
 
     boxes: Sequence[Box]
     """In the user's unit of length."""
-    width: float | None
-    """Width of the links; None if it follows from their lengths."""
+    width: Callable[[Floats], Floats]
+    """Width of the links, shape (n,), by the lengths of n linkages, shape (n, 4); all in the user's unit."""
 
 
 class Parameters(NamedTuple):
@@ -309,8 +308,7 @@ class ExactFamily:
         pin_a = pivot_a + ground_vector * np.exp(1j * crank)
         pin_b = pin_a + ground_vector * (coupler / crank_length) * turned
         body = pin_a + point * turned
-        margin = np.minimum(HOLE_OF_SHORTEST * pairs.lengths.min(axis=1), HOLE_OF_LONGEST * pairs.lengths.max(axis=1))
-        margin = WIDTH_OF_HOLE * margin if obstacles.width is None else np.full(clear.size, obstacles.width / scale)
+        margin = obstacles.width(pairs.lengths * scale) / scale
         ends = (pivot_a, pin_a), (pin_a, pin_b), (pivot_b, pin_b), (pin_a, body), (pin_b, body)
         for left, low, right, high in obstacles.boxes:
             centre = (complex(left + right, low + high) / 2 - self.poses.middle) / scale
