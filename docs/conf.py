@@ -49,7 +49,7 @@ def write_command_line(app: object) -> None:
 
     from app.cli import make_parser
 
-    parser = make_parser(whole=True)
+    parser = make_parser(all_commands=True)
     commands = next(action for action in parser._actions if isinstance(action, _SubParsersAction))
     sections = [f"```text\n{parser.format_help()}```\n"]
     for name, command in commands.choices.items():

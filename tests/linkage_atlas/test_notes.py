@@ -95,7 +95,8 @@ def test_poses_in_a_jumbled_order_are_offered_any_order() -> None:
     (note,) = [note for note in ordered.report.notes if "in any order" in note]
     prescribed, free = [float(number) for number in re.findall(r"position within (\d+\.?\d*)", note)]
     assert prescribed == pytest.approx(ordered.best.errors.position_max, rel=1e-2)
-    assert any_order.best.errors.position_max < 1.1 * free < 0.02 * prescribed
+    # the balanced answer may have a tenth more error, and the note gives two digits
+    assert any_order.best.errors.position_max < 1.1 * (free + 0.005) and free < 0.02 * prescribed
     for second in (any_order, *remaining):
         assert not any("in any order" in note for note in second.report.notes)
 
