@@ -57,11 +57,9 @@ class SlotOptions(RequestModel):
     angle_unit: AngleUnit = "deg"
 
 
-class ChainSlotRequest(SlotOptions):
-    """A crescent: an upper and a lower arc joined by two wheels."""
+class CrescentDimensions(RequestModel):
+    """Dimensions of a crescent, an upper and a lower arc joined by two wheels; missing ones are computed."""
 
-    links: Links = Field(description="Number of links.")
-    upper_radius: Length = Field(description="R1, radius of the upper arc.")
     wheel_radius: Length | None = Field(
         None, description="R0, radius of the wheels; null: pitch/sqrt(2), four pins per turn."
     )
@@ -73,6 +71,13 @@ class ChainSlotRequest(SlotOptions):
         description="b, height of the lower arc's centre above the upper arc's centre. If the request has only one of "
         "lower_radius and eccentricity, the missing value places the wheels level with the upper arc's centre.",
     )
+
+
+class ChainSlotRequest(CrescentDimensions, SlotOptions):
+    """A crescent: an upper and a lower arc joined by two wheels."""
+
+    links: Links = Field(description="Number of links.")
+    upper_radius: Length = Field(description="R1, radius of the upper arc.")
     phase_start: Number | None = Field(
         None, description="Angle theta1 at which the window starts; null: the angle with the smallest slack."
     )

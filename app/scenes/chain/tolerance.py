@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from app.query import Number, Query, ReplyModel, RequestModel, Resources, reply_model
-from app.scenes.chain.models import MAX_LENGTH, Length, Links
+from app.scenes.chain.models import MAX_LENGTH, CrescentDimensions, Length, Links
 from app.terminal import DEGREES, Units, table
 from linkage_atlas import FieldError
 from synthesis.scenes.chain.closure import STRETCH_TOLERANCE
@@ -40,23 +40,12 @@ class Tolerances(RequestModel):
     pitch: Tolerance = Field(0.0, description="Tolerance of the pitch; all links deviate equally.")
 
 
-class ChainToleranceRequest(RequestModel):
+class ChainToleranceRequest(CrescentDimensions):
     """A crescent whose slot is cut for the nominal chain."""
 
     pitch: Length = Field(131, description="Nominal length of a link, pin to pin.")
     links: Links = Field(16, description="Number of links.")
     upper_radius: Length = Field(181.78, description="R1, radius of the upper arc.")
-    wheel_radius: Length | None = Field(
-        None, description="R0, radius of the wheels; null: pitch/sqrt(2), four pins per turn."
-    )
-    lower_radius: Length | None = Field(
-        None, description="R2, radius of the lower arc; null: computed from the critical closure."
-    )
-    eccentricity: Length | None = Field(
-        None,
-        description="b, height of the lower arc's centre above the upper arc's centre; null: computed from the critical "
-        "closure, or such that the wheels are level with the upper arc's centre.",
-    )
     pitch_errors: Annotated[list[Number], Field(min_length=1, max_length=MAX_ERRORS)] = Field(
         [-0.1, -0.075, -0.05, -0.025, 0, 0.025, 0.05, 0.075, 0.1],
         description="Lengths that wear or manufacture adds to every link; at most 0.05 of the pitch.",
