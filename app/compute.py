@@ -103,7 +103,7 @@ class Workers:
         self._stopping = False
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
         if CONTEXT.get_start_method() == "forkserver":
-            CONTEXT.set_forkserver_preload(["app.preload"])
+            CONTEXT.set_forkserver_preload([f"{__package__}.preload"])
         self._free, self._long_free = asyncio.Semaphore(self.count), asyncio.Semaphore(max(1, self.count - 1))
         self._all = list(await asyncio.gather(*(Worker(self.settings).begin() for _ in range(self.count))))
         self.idle = list(self._all)

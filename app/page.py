@@ -25,7 +25,7 @@ mimetypes.add_type("text/javascript", ".js")  # before Python 3.12 another type
 
 def install(app: FastAPI) -> None:
     """Add the routes of the pages."""
-    page, docs = (StaticFiles(directory=Path(str(files("app") / name))) for name in ("static", "docs"))
+    page, docs = (StaticFiles(directory=Path(str(files(__package__) / name))) for name in ("static", "docs"))
 
     def shown(path: str, files: StaticFiles, name: str) -> None:
         async def reply(request: Request) -> Response:

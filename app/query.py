@@ -288,7 +288,7 @@ MEDIA_TYPES = {known.endings[0]: known.media_type for known in FILES.values()}
 @cache
 def bundled_requests() -> dict[str, Any]:
     """Return the bundled example requests: by command, then by name."""
-    return json.loads(files("app").joinpath("examples/requests.json").read_text())
+    return json.loads(files(__package__).joinpath("examples/requests.json").read_text())
 
 
 @dataclass(frozen=True)

@@ -65,7 +65,7 @@ def examples_of(query: Query) -> dict[str, Example]:
     """
     examples = {}
     if query.command == "synthesize":
-        machines = json.loads(files("app").joinpath("static/examples.json").read_text())
+        machines = json.loads(files(__package__).joinpath("static/examples.json").read_text())
         examples = {
             machine["name"]: Example(query.command, machine["request"], machine["title"]) for machine in machines
         }

@@ -19,4 +19,4 @@ if __name__ == "__main__":
     arguments = sys.argv[1:]
     if not arguments or arguments[0] not in COMMANDS:
         arguments = ["build", *arguments]
-    raise SystemExit(main(arguments, prog="python -m data_build"))
+    raise SystemExit(main(arguments, prog=f"python -m {__package__}"))

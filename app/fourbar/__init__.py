@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
 QUESTIONS = {
@@ -19,4 +19,4 @@ QUESTIONS = {
 
 def worked_example() -> dict[str, Any]:
     """Return the bundled request: the motion of type 45,185 for crank angles 30 to 100 degrees, mounted as in the paper."""
-    return json.loads(files("app").joinpath("examples/worked_example.json").read_text())
+    return json.loads((Path(__file__).parents[1] / "examples" / "worked_example.json").read_text())

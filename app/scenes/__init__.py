@@ -17,7 +17,7 @@ SCENES: tuple[str, ...] = ("lift", "chain", "knotter")
 
 def queries_of(scene: str) -> tuple[Query, ...]:
     """Return the queries of a scene, which is imported if necessary."""
-    queries: tuple[Query, ...] = import_module(f"app.scenes.{scene}").QUERIES
+    queries: tuple[Query, ...] = import_module(f"{__package__}.{scene}").QUERIES
     return queries
 
 
