@@ -19,9 +19,9 @@ from linkage_atlas.tables import POSES, decoded, read_table
 from linkage_atlas.two_points import poses_of_points
 from synthesis.arrays import Complexes, Floats
 from synthesis.errors import FieldError
-from synthesis.fourbar.hinge import hinge_of
 from synthesis.linkage import Linkage
 from synthesis.poses import MIN_POSES, Poses, make_poses
+from synthesis.simple_motions import hinge_of, straight_guide_error
 from synthesis.solution import target_of
 from synthesis.target import (
     HOW_TURNED,
@@ -361,8 +361,14 @@ class Motion:
         return samples.asked if isinstance(samples, Poses) and samples.asked is not None else samples
 
     def notes(self) -> list[str]:
-        """Return what a user should know: how a table was read, a rotation in another unit or wrapped, a hinge that does it."""
-        return [*self._table_notes, *self._wraps, *self._unit_notes(), *self._jump_notes(), *self._hinge_notes()]
+        """Return remarks for the user: reading of a table, units, wrapped rotation, and a hinge or guide that suffices."""
+        return [
+            *self._table_notes,
+            *self._wraps,
+            *self._unit_notes(),
+            *self._jump_notes(),
+            *self._simpler_machine_notes(),
+        ]
 
     def _unit_notes(self) -> list[str]:
         notes: list[str] = []
@@ -374,11 +380,18 @@ class Motion:
         angles = self.asked.rotation if weights is None else self.asked.rotation[weights > 0]
         return notes + unit_notes("rotation", angles / self.radian, self.degrees)
 
-    def _hinge_notes(self) -> list[str]:
-        """Return a note if the motion only turns about a fixed point, with the point."""
-        allowed = None if self.tolerances is None else self.tolerances.position
+    def _simpler_machine_notes(self) -> list[str]:
+        """Return a note if the body only turns about a fixed point, or only shifts along a line."""
+        tolerances = None if self.tolerances is None else self.tolerances.position
+        allowed = None if tolerances is None else float(np.min(tolerances))
         samples = self.asked
-        found = hinge_of(samples, None if allowed is None else float(np.min(allowed)))
+        shift_error = straight_guide_error(samples, allowed)
+        if shift_error is not None:
+            off = f"to within {max(shift_error, 1e-9 * samples.extent):.2g}"
+            return [
+                f"the body only shifts along a straight line, {off}: use a straight guide, which needs no linkage"
+            ]
+        found = hinge_of(samples, allowed)
         if found is None:
             return []
         # rounding of the positions is no part of a coordinate

@@ -7,6 +7,8 @@ from enum import StrEnum
 from typing import Any
 
 _LONGEST_NAME = 40
+_SAME_NAME = 0.9
+"""Similarity from which a name of another object is taken for the one that was meant."""
 
 
 def field_in_words(field: str) -> str:
@@ -61,14 +63,25 @@ class FieldError(ValueError):
     def no_such(
         cls, where: str, name: str, known: Sequence[str], what: str = "field", others: Mapping[str, str] | None = None
     ) -> FieldError:
-        """Of a name that is none of those ``known`` at a place: which of them are near it, or else all.
+        """Return the error of an unknown name, with similar names, or else all known names.
 
-        ``others``: names of all places, with their ways; where the nearest is none of those ``known`` it is told alone.
+        Parameters
+        ----------
+        where : str
+            JSON pointer to the object that has the name.
+        name : str
+            The unknown name.
+        known : sequence of str
+            Names that the object may have.
+        what : str
+            Kind of the name, for the sentence.
+        others : mapping of str to str, optional
+            Paths of the names in all objects; the path of an almost equal name is given if `known` has none that is closer.
         """
-        from difflib import get_close_matches  # where nothing is wrong it is not needed
+        from difflib import get_close_matches  # imported here because valid requests do not need it
 
         short, others = str(name)[:_LONGEST_NAME], others or {}
-        nearest = next(iter(get_close_matches(short, [*known, *others], 1)), None)
+        nearest = next(iter(get_close_matches(short, [*known, *others], 1, _SAME_NAME)), None)
         near = [others[nearest]] if nearest and nearest not in known else get_close_matches(short, known)
         rest = f"near: {', '.join(near)}" if near else f"there are {', '.join(known)}"
         return cls(f"{where}/{name}", f"there is no {what} {short!r}; {rest}")

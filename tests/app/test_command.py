@@ -79,6 +79,7 @@ def test_a_rank_beyond_the_solutions_found_is_an_error_that_says_how_many_there_
         ({"positon": [[0, 0]]}, "positon: there is no field 'positon'; near: position"),
         ({"limits": {"pivot_bx": 1}}, "limits.pivot_bx: there is no field 'pivot_bx'; near: pivot_box, pivot_b"),
         ({"limits": {"links": {"grund": 1}}}, "limits.links.grund: there is no field 'grund'; near: ground"),
+        ({"motion": 1}, "motion: there is no field 'motion'; near: rotation, position"),
         ({"family": "any"}, "family: there is no field 'family'; near: limits.family"),
         ({"transmission_angle": 30}, "'transmission_angle'; near: limits.transmission_angle_min"),
         ({"limits": {"closed": 1}}, "limits.closed: there is no field 'closed'; near: closed"),

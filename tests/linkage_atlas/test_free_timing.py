@@ -106,7 +106,7 @@ def test_a_closed_way_keeps_its_limits_on_the_way_back_too(points) -> None:
 
 
 @pytest.mark.parametrize(("mechanisms", "size"), [(None, 1e-3), ("all", 1e4)])
-def test_that_a_body_only_turns_is_said(mechanisms, size) -> None:
+def test_a_note_names_the_hinge_or_straight_guide_that_makes_a_motion_alone(mechanisms, size) -> None:
     turned = np.array([5, 20, 40, 60, 85])
     points = size * (7 + 3j + np.exp(1j * np.deg2rad(turned + 30)))
     points = np.transpose([points.real, points.imag])
@@ -118,8 +118,12 @@ def test_that_a_body_only_turns_is_said(mechanisms, size) -> None:
     assert not any("only turns" in note for note in notes)
     round_zero = np.transpose([np.cos(np.deg2rad(turned)), np.sin(np.deg2rad(turned))])
     assert "about the point (0, 0), to within" in la.Motion(turned, size * round_zero, timing="free").notes()[0]
-    line = np.transpose([turned, 2 * turned])
-    assert not any("only turns" in note for note in la.Motion([30] * 5, line, timing="free").notes())
+    line = size * np.transpose([turned, 2 * turned])
+    (note,) = la.Motion([30] * 5, line, timing="free").notes()
+    assert note.startswith("the body only shifts along a straight line, to within ")
+    line[2, 0] += 2 * size
+    for straight in (la.Motion([30] * 5, line, timing="free"), la.Motion(position=line[:2], timing="free")):
+        assert not straight.notes(), "a curve, and a point on a line, may need a linkage"
     assert not la.Motion([0, 90], [[0, 0], [5, 5]], timing="free").notes(), "two poses are always turns about a point"
 
 

@@ -1,4 +1,4 @@
-"""Motions that a single hinge makes: a body, or a point, that only turns about a fixed point."""
+"""Motions that need no linkage: a single hinge makes a turn about a fixed point, a straight guide makes a straight shift."""
 
 from __future__ import annotations
 
@@ -11,11 +11,13 @@ from synthesis.limits import REACH
 from synthesis.target import Samples
 
 WITHIN = 1e-3
-"""Largest distance of a position from the hinge's motion, as a fraction of the motion's extent, if no tolerances are given."""
+"""Default of the largest distance of a position from the motion of the hinge or guide, as a fraction of the extent."""
 _POSES, _POINTS = 3, 4
 """Smallest numbers of poses and of points that can contradict a hinge: two poses, and three points, always fit one."""
+_NO_TURN = np.deg2rad(0.1)
+"""Largest turn of a body on a straight guide."""
 _TURN = np.deg2rad(1.0)
-"""A body that turns by less is taken to be shifted."""
+"""Largest turn of a body that is taken to be shifted only."""
 
 
 class Hinge(NamedTuple):
@@ -46,18 +48,50 @@ def hinge_of(samples: Samples, allowed: float | None = None) -> Hinge | None:
     """
     if samples.position is None:
         return None
-    position, rotation = samples.position, samples.rotation
-    given = np.isfinite(position)
-    for values, weights in ((position, samples.position_weights), (rotation, samples.rotation_weights)):
-        if values is not None:
-            given &= np.isfinite(values) & (True if weights is None else weights > 0)
-    if rotation is None:
-        found = _circle(position[given])
-    else:
-        found = _turning(position[given], rotation[given])
+    position, rotation = _complete_samples(samples)
+    found = _circle(position) if rotation is None else _turning(position, rotation)
     if found is None or found.error > (WITHIN * samples.extent if allowed is None else allowed):
         return None
     return found if abs(found.centre - samples.middle) <= REACH * samples.extent else None
+
+
+def straight_guide_error(samples: Samples, allowed: float | None = None) -> float | None:
+    """Find out whether a straight guide makes a motion by itself.
+
+    Parameters
+    ----------
+    samples : Samples
+        The motion; incomplete samples are left out.
+    allowed : float, optional
+        Largest distance of a position from the line. Default: `WITHIN` of the extent.
+
+    Returns
+    -------
+    float or None
+        Largest distance of a position from the line; None if the body turns, has fewer than three poses, or leaves the line.
+    """
+    if samples.position is None or samples.rotation is None:
+        return None
+    position, rotation = _complete_samples(samples)
+    if position.size < _POSES or rotation is None or np.ptp(rotation) > _NO_TURN:
+        return None
+    offset = position - position.mean()
+    _, _, (direction, _) = np.linalg.svd(np.column_stack([offset.real, offset.imag]), full_matrices=False)
+    error = float(np.abs(offset.imag * direction[0] - offset.real * direction[1]).max())
+    return error if error <= (WITHIN * samples.extent if allowed is None else allowed) else None
+
+
+def _complete_samples(samples: Samples) -> tuple[Complexes, Floats | None]:
+    """Return positions and rotations of the samples that have both, or the positions alone if no rotation is given."""
+    assert samples.position is not None
+    given = np.isfinite(samples.position)
+    for values, weights in (
+        (samples.position, samples.position_weights),
+        (samples.rotation, samples.rotation_weights),
+    ):
+        if values is not None:
+            given &= np.isfinite(values) & (True if weights is None else weights > 0)
+    return samples.position[given], None if samples.rotation is None else samples.rotation[given]
 
 
 def _turning(position: Complexes, rotation: Floats) -> Hinge | None:
