@@ -62,7 +62,7 @@ run: $(READY) $(ATLAS)
 	@echo
 	@$(BIN)/linkage-atlas synthesize --atlas $(ATLAS) --example worked_example
 	@echo; echo "Serving on http://$(HOST):$(PORT) (stop with Ctrl-C; the routes: http://$(HOST):$(PORT)/docs). Ask it, from another terminal:"
-	@echo "  curl -s http://$(HOST):$(PORT)/v1/synthesize -H 'content-type: application/json' -d @app/examples/worked_example.json"
+	@echo "  curl -s http://$(HOST):$(PORT)/v2/synthesize -H 'content-type: application/json' -d @app/examples/worked_example.json"
 	@echo
 	@$(BIN)/linkage-atlas serve --atlas $(ATLAS) --host $(HOST) --port $(PORT)
 

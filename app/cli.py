@@ -258,7 +258,7 @@ _FIELDS = {
     "limits.preset=none": "--no-preset",
     "solids.fit": "--fit",
     "solids.material": "--material",
-    "solids.nevertheless=true": "--nevertheless",
+    "solids.allow_collisions=true": "--allow-collisions",
     "assembly.boards": "--boards",
     "assembly.heads=true": "--heads",
     **{f"assembly.{name}": f"--{name}" for name in ("hole", "width", "thickness", "clearance", "kerf", "scale")},

@@ -125,7 +125,7 @@ def _add_question(app: FastAPI, question: Question, workers: Workers) -> None:
 def _written_plainly(number: str) -> str:
     """Refuse a number that is not written in plain digits, such as ``1_0``, ``+10`` or ``010`` for 10."""
     if not re.fullmatch("-?(0|[1-9][0-9]*)", number) and re.fullmatch(r"\s*[+-]?[0-9][0-9_]*(\.0*)?\s*", number):
-        raise problems.NotFound("the number of a type must be written in plain digits, as in /v1/types/10")
+        raise problems.NotFound("the number of a type must be written in plain digits, as in /v2/types/10")
     return number
 
 
@@ -140,7 +140,7 @@ TypeNumber = Annotated[int, Field(ge=1, le=2**53), BeforeValidator(_written_plai
 
 def _add_atlas_routes(app: FastAPI, workers: Workers) -> None:
     @app.get(
-        "/v1/atlas",
+        "/v2/atlas",
         tags=["atlas"],
         summary="Describe the loaded atlas.",
         response_model=AtlasReply,
@@ -149,7 +149,7 @@ def _add_atlas_routes(app: FastAPI, workers: Workers) -> None:
     async def atlas(request: Request) -> Response:
         return await workers.answer(request, ATLAS, b"{}")
 
-    path, about = "/v1/types/{number}", "Describe a dimension type."
+    path, about = "/v2/types/{number}", "Describe a dimension type."
 
     @app.get(
         path,

@@ -333,7 +333,7 @@ class Query:
     Parameters
     ----------
     command : str
-        Command without the leading ``linkage-atlas``, for example ``lift motion``; its route is then ``/v1/lift/motion``.
+        Command without the leading ``linkage-atlas``, for example ``lift motion``; its route is then ``/v2/lift/motion``.
     summary : str
         Line of help.
     answer : callable
@@ -386,7 +386,7 @@ class Query:
 
     def __post_init__(self) -> None:
         request, *_, reply = get_type_hints(self.answer).values()
-        path = self.route or "/v1/" + self.command.replace(" ", "/")
+        path = self.route or "/v2/" + self.command.replace(" ", "/")
         derived = {"path": path, "request": request, "reply": reply}
         for name, value in (derived | {"examples": self.examples or bundled_requests()[self.command]}).items():
             object.__setattr__(self, name, value)

@@ -90,8 +90,8 @@ def _details(request: AtlasTypeRequest, resources: Resources) -> Response:
     return json_reply(AtlasTypeReply(**details))
 
 
-ATLAS = Question("/v1/atlas", AtlasRequest, lambda _, resources: json_reply(AtlasReply(**resources.describe_atlas())))
-ATLAS_TYPE = Question("/v1/types/{number}", AtlasTypeRequest, _details)
+ATLAS = Question("/v2/atlas", AtlasRequest, lambda _, resources: json_reply(AtlasReply(**resources.describe_atlas())))
+ATLAS_TYPE = Question("/v2/types/{number}", AtlasTypeRequest, _details)
 
 # -- queries, their exports, and files of their solutions -------------------------------------------------------------
 

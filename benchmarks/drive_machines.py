@@ -110,7 +110,7 @@ MACHINES: dict[str, dict[str, Any]] = {
     "desk lamp": {
         "of": lambda: {
             "linkage": la.FourBar(
-                380, 60, 380, 60, -1, ground_angle=90, start_angle=-70, coupler_point=(150, -60), body_offset=0
+                380, 60, 380, 60, -1, ground_angle=90, start_angle=-70, coupler_point_polar=(150, -60), body_offset=0
             ),
             "crank_angle": [0, 50],
         },
@@ -144,7 +144,7 @@ MACHINES: dict[str, dict[str, Any]] = {
                     "catalogue": COUNTER,
                     "ground_box": [-80, 100, 80, 2100],
                     "reach_max": 500,
-                    "clear": 60,
+                    "pivot_distance_min": 60,
                 }
             ],
         },
@@ -193,7 +193,7 @@ def words(found: la.Drives) -> dict[str, str]:
         }
     return {
         "drive": f"{one.name}, on the {one.link}",
-        "needs": f"{one.peak_force:.4g} N, {one.over_bound:.3f} of the least",
+        "needs": f"{one.peak_force:.4g} N, {one.peak_force_ratio:.3f} of the least",
         "place": place,
     }
 

@@ -56,7 +56,7 @@ def ask(service: Service, row: Row, kind: str, budget: int | None) -> Reply:
     request = limited(row, kind) | ({} if budget is None else {"budget_ms": budget})
     client = replace(service, connection=http.client.HTTPConnection("127.0.0.1", service.port))
     begin = time.perf_counter()
-    answer = client.ask("POST", f"/v1/{row.route}", json.dumps(request).encode())
+    answer = client.ask("POST", f"/v2/{row.route}", json.dumps(request).encode())
     seconds = time.perf_counter() - begin
     client.connection.close()
     told = answer.json() if answer.status == 200 else {}

@@ -71,7 +71,9 @@ def measure_knotter() -> dict[str, Any]:
     return {
         "before": before,
         "defaults": answer_fit(PatternFitRequest.model_validate(FIT.examples["defaults"]), resources).model_dump(),
-        "fits": [{name: fit[name] for name in ("values", "margin", "draws_kept", "status", "free")} for fit in fits],
+        "fits": [
+            {name: fit[name] for name in ("values", "margin", "reproducing_draws", "status", "free")} for fit in fits
+        ],
         "tolerance": answer_knotter_tolerance(KnotterToleranceRequest(), resources).model_dump(),
     }
 

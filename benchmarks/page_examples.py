@@ -23,7 +23,7 @@ STORED = 3
 DIGITS = 9
 """Of the numbers that are stored."""
 SHOWN = (
-    "rank least_error source links branch start_angle body_offset mount errors crank_angle verdict excursion size "
+    "rank has_smallest_error source links branch start_angle body_offset mount errors crank_angle verdict excursion size "
     "family transmission_angle_min transmission_angle_min_turn determination"
 ).split()
 """Fields of a solution that the page shows,"""
@@ -162,7 +162,7 @@ def examples() -> list[dict[str, Any]]:
     ]
 
 
-UNUSED = {"verdict": ("buildable", "assembly"), "mount": ("L_B", "beta")}
+UNUSED = {"verdict": ("practical_without_collisions", "assembly")}
 """Fields of a solution that the page does not read before it has looked for layers."""
 
 
@@ -179,7 +179,7 @@ def stored(reply: dict[str, Any]) -> dict[str, Any]:
     """The parts of a reply that the page shows."""
     solutions = [{name: one.get(name) for name in SHOWN} for one in reply["solutions"][:STORED]]
     for one in solutions:
-        one["determination"] = {name: one["determination"][name] for name in ("ill_posed", "at_limits")}
+        one["determination"] = {name: one["determination"][name] for name in ("ill_posed", "active_limits")}
         for part, names in UNUSED.items():
             one[part] = {name: value for name, value in one[part].items() if name not in names}
     report = {name: reply["report"][name] for name in REPORTED}

@@ -49,7 +49,7 @@ def prepared_service() -> ServiceResources:
 
 
 def answer(request: dict[str, Any], resources: ServiceResources, times: Times) -> dict[str, Any]:
-    """The reply of /v1/synthesize as JSON values; timed is the way from the parsed request to the reply's text."""
+    """The reply of /v2/synthesize as JSON values; timed is the way from the parsed request to the reply's text."""
 
     def reply() -> bytes:
         return json_of(answer_synthesize(SynthesizeRequest.model_validate(request), resources))

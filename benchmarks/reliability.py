@@ -95,29 +95,29 @@ def figures(one: Service, matches: list[bytes]) -> dict[str, str]:
     idle = one.shared_out()
     for name, path, bodies in (
         ("`/livez`", "/livez", [None]),
-        ("match", "/v1/match", matches),
-        ("worked example", "/v1/synthesize", [example]),
+        ("match", "/v2/match", matches),
+        ("worked example", "/v2/synthesize", [example]),
     ):
         service.drive([port], path, bodies, 1, 1.0)
         load, _ = service.drive([port], path, bodies, 1, ALONE_SECONDS)
         found[f"one client, {name}: ms, median / 99 %"] = milliseconds(load.seconds, 0.5, 0.99)
-    load, beats = service.drive([port], "/v1/match", matches, 64, CROWD_SECONDS)
+    load, beats = service.drive([port], "/v2/match", matches, 64, CROWD_SECONDS)
     served = [seconds for seconds, status in zip(load.seconds, load.status) if status == 200]
     found["64 clients, matches for 20 s: other answers than 200"] = str(len(load.status) - len(served))
     found["the same: answers a second"] = significant(len(served) / load.elapsed)
     found["the same: ms, 99 %"] = milliseconds(served, 0.99)
     found["the same: `/livez`, ms, 99 %"] = milliseconds(beats, 0.99)
     seen: list[float] = []
-    search = partial(ask, port, "/v1/synthesize", noise(BUDGET_MS))
+    search = partial(ask, port, "/v2/synthesize", noise(BUDGET_MS))
     with meanwhile(*[lambda: seen.append(float(json.loads(search()[2])["report"]["elapsed_ms"]["total"]))] * 4):
-        load, beats = service.drive([port], "/v1/match", matches, 2, BESIDE_SECONDS)
+        load, beats = service.drive([port], "/v2/match", matches, 2, BESIDE_SECONDS)
     found["beside 4 searches of 3 s, 2 clients, matches: ms, median / 99 %"] = milliseconds(load.seconds, 0.5, 0.99)
     found["the same: `/livez` beside the searches, ms, 99 %"] = milliseconds(beats, 0.99)
     found["the same: longest search, times its budget"] = f"{max(seen) / BUDGET_MS:.2f}"
     found["from a client's leaving to the next search: ms, median / largest"] = milliseconds(left(port), 0.5, 1.0)
     one.connection.close()  # the service may have closed it meanwhile
     for body in itertools.islice(itertools.cycle(matches), AFTER):
-        one.ask("POST", "/v1/match", body)
+        one.ask("POST", "/v2/match", body)
     found[f"memory of all processes: MB, at first / after {AFTER:,} requests"] = (
         f"{idle / 1e6:.0f} / {one.shared_out() / 1e6:.0f}"
     )
@@ -130,9 +130,9 @@ def left(port: int) -> list[float]:
     found = []
     for _ in range(10):
         with closing(http.client.HTTPConnection("127.0.0.1", port)) as connection:
-            connection.request("POST", "/v1/synthesize", noise(20_000), JSON)
+            connection.request("POST", "/v2/synthesize", noise(20_000), JSON)
             time.sleep(0.4)
-        _, seconds, content = ask(port, "/v1/synthesize", noise(300))
+        _, seconds, content = ask(port, "/v2/synthesize", noise(300))
         found.append(max(0.0, seconds - json.loads(content)["report"]["elapsed_ms"]["total"] / 1000))
     return found
 
@@ -157,7 +157,7 @@ def killed(one: Service, matches: list[bytes]) -> dict[str, str]:
     workers = lambda: set(one.processes()[3:])  # noqa: E731 - after the service, the tracker and the fork server
     before, seen = workers(), list[int]()
     bodies = itertools.cycle(matches)
-    with meanwhile(*[lambda: seen.append(ask(one.port, "/v1/match", next(bodies))[0])] * 16):
+    with meanwhile(*[lambda: seen.append(ask(one.port, "/v2/match", next(bodies))[0])] * 16):
         time.sleep(1.0)
         os.kill(min(before), signal.SIGKILL)
         begin = time.perf_counter()
@@ -175,7 +175,7 @@ def ended(one: Service) -> dict[str, str]:
     """End the service while it searches; return the time that this takes."""
     with ThreadPoolExecutor(2) as pool:
         for _ in range(2):
-            pool.submit(ask, one.port, "/v1/synthesize", noise(25_000))
+            pool.submit(ask, one.port, "/v2/synthesize", noise(25_000))
         time.sleep(1.0)
         begin = time.perf_counter()
         one.process.send_signal(signal.SIGTERM)

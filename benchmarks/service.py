@@ -43,7 +43,7 @@ def quantile(values: Sequence[float], share: float) -> float:
 
 
 def match_bodies(count: int) -> list[bytes]:
-    """Bodies for /v1/match: reachable rotations at 32 samples over 20 to 300 degrees, the best 10 rows; seeded.
+    """Bodies for /v2/match: reachable rotations at 32 samples over 20 to 300 degrees, the best 10 rows; seeded.
 
     They come from crank-rockers with L1 < L2 < L3 < L4 of real lengths, so from no lattice of whole ones: an atlas holds
     something near, and nearer the finer it is. Law: a smaller count gives the first of a larger one.
@@ -60,7 +60,7 @@ def match_bodies(count: int) -> list[bytes]:
 
 
 def synthesize_bodies(count: int) -> list[bytes]:
-    """Bodies for /v1/synthesize: cases of the class "plain", refined, as `classes` makes them; seeded."""
+    """Bodies for /v2/synthesize: cases of the class "plain", refined, as `classes` makes them; seeded."""
     return [json.dumps(make_case("plain", seed).request).encode() for seed in range(count)]
 
 

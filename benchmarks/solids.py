@@ -39,7 +39,7 @@ def machines() -> Iterator[tuple[str, SolidParts]]:
         one = la.Linkage(guides, driver, start=start)
         motion = la.Motion(position=one.joints(travel).body_point, timing="free")
         yield title, one.solids(motion, travel, **MADE)
-    four_bar = la.FourBar(30, 60, 70, 50, start_angle=40, coupler_point=(40, 30))
+    four_bar = la.FourBar(30, 60, 70, 50, start_angle=40, coupler_point_polar=(40, 30))
     for link in ("crank", "coupler"):
         asked = [{"kind": "dyad", "links": [link]}]
         driven = la.drives(four_bar, asked, crank_angle=[0, 60]).drives[0].linkage

@@ -40,7 +40,7 @@ def forces(count: int) -> list[dict[str, Any]]:
     while min(map(len, gaps.values())) < count:
         lengths = random.uniform(1, 100, 4)
         linkage = la.FourBar(
-            *lengths, coupler_point=(random.uniform(0, 100), random.uniform(-180, 180)), degrees=False
+            *lengths, coupler_point_polar=(random.uniform(0, 100), random.uniform(-180, 180)), degrees=False
         )
         # half of the places near where coupler and rocker lie on a line
         reach = (lengths[0] ** 2 + lengths[3] ** 2 - (lengths[1] + lengths[2]) ** 2) / (2 * lengths[0] * lengths[3])

@@ -145,7 +145,7 @@ def measure(
     seconds: Annotated[float, "of each run"] = 10.0,
 ) -> Iterator[dict[str, Any]]:
     """All arrangements."""
-    bodies = {"/v1/match": service.match_bodies(BODIES), "/v1/synthesize": service.synthesize_bodies(BODIES)}
+    bodies = {"/v2/match": service.match_bodies(BODIES), "/v2/synthesize": service.synthesize_bodies(BODIES)}
     with tempfile.TemporaryDirectory() as folder:
         if atlas is None:
             atlas = Path(folder) / "atlas.h5"

@@ -45,7 +45,7 @@ ASSEMBLY = (
     "heads",
     "body",
     "mounts",
-    "layers_most",
+    "layers_max",
     "envelope",
     "keep_out",
     "drive",
@@ -54,7 +54,7 @@ ASSEMBLY = (
 MOST_CORNERS = 200
 """Maximum number of corners of a body's outline."""
 LAYERS_MOST, MOST_LAYERS = 6, 8
-"""Default and largest value of `layers_most`."""
+"""Default and largest value of `layers_max`."""
 MOUNTS = (BELOW, ABOVE, BOTH)
 """Mounts of a fixed pin."""
 FIXED_PINS = ("A", "B", "M", "G", "A1", "A2", "B1", "B2")
@@ -104,7 +104,7 @@ class HeldPin(NamedTuple):
     name: str
     layers: tuple[int, int]
     """Lowest and highest layer that it fills; 0 is the board below, and `count` + 1 the board above."""
-    held: Annotated[str, Literal["one", "two"]]
+    sides: Annotated[str, Literal["one", "two"]]
     """Number of sides on which it is held."""
 
 
@@ -112,7 +112,7 @@ class ThroughShaft(NamedTuple):
     """Support of a fixed pivot."""
 
     both_sides: bool
-    because: str | None
+    blocking_parts: str | None
     """Parts that pass over the pivot; null if it can be held from both sides."""
 
 
@@ -181,7 +181,7 @@ class Assembly(Record):
     """Layer of each plate, from 1; if blocked, the layers that are free over the longest part of the motion."""
     mounts: dict[str, str]
     """Mount of each fixed pin: below, above or below+above; empty with a bar."""
-    least_gap: LeastGap | None
+    smallest_gap: LeastGap | None
     """Smallest gap of parts that share a layer; null if no parts do, or if blocked."""
     stops: Stops
     collisions: list[Collision]
@@ -194,19 +194,19 @@ class Assembly(Record):
     longest_free: tuple[float, float] | None
     """If blocked, the longest part of the used interval without a collision; null if there is no such part."""
     pins: list[HeldPin]
-    shaft: dict[str, ThroughShaft]
+    pivot_supports: dict[str, ThroughShaft]
     """Support of each fixed pivot."""
-    fewer: dict[str, Collision | None]
+    fewer_layers: dict[str, Collision | None]
     """For each smaller number of layers the collision that stops the best arrangement.
 
     It is null if plates on a pin need more layers.
     """
-    others: int
+    other_arrangements: int
     """Number of further free arrangements with the same number of layers."""
-    tried: int
+    arrangements_examined: int
     """Number of arrangements that were examined; arrangements with the same collision in common count once."""
     exhaustive: bool
-    """True if all arrangements of this number of layers were examined, or if blocked of up to `layers_most`."""
+    """True if all arrangements of this number of layers were examined, or if blocked of up to `layers_max`."""
     sizes: PartSizes
     parts: list[AssemblyPart]
     reasons: list[str]
@@ -261,8 +261,8 @@ def read_assembly(request: Fields | bool, where: str = "assembly/") -> AskedAsse
     check_names(f"/{where}".rstrip("/"), request, ASSEMBLY)
     values = dict.fromkeys(ASSEMBLY) | {name: value for name, value in request.items() if value is not None}
     boards = one_of(f"{where}boards", values["boards"] or "below", BOARDS)
-    layers_max = LAYERS_MOST if values["layers_most"] is None else values["layers_most"]
-    layers_max = whole_number(f"{where}layers_most", layers_max, 1, MOST_LAYERS)
+    layers_max = LAYERS_MOST if values["layers_max"] is None else values["layers_max"]
+    layers_max = whole_number(f"{where}layers_max", layers_max, 1, MOST_LAYERS)
     heads = flag(f"{where}heads", values["heads"])
     return AskedAssembly(
         PartSettings.read(values, where),
@@ -457,7 +457,7 @@ def described(
         count=stack.count,
         layers=stack.layers,
         mounts=stack.mounts,
-        least_gap=None
+        smallest_gap=None
         if found.min_gap is None
         else LeastGap(found.min_gap[1].gap, found.min_gap[0], found.min_gap[1].at / unit.radian),
         stops=Stops(_stop(found.low, unit), _stop(found.high, unit)),
@@ -468,12 +468,14 @@ def described(
             HeldPin(name, span, "two" if stack.mounts.get(name) == BOTH else "one")
             for name, span in stack.pins.items()
         ],
-        shaft={
+        pivot_supports={
             name: ThroughShaft(shaft.both_sides, _passing(name, shaft, unit)) for name, shaft in found.shaft.items()
         },
-        fewer={str(count): None if stop is None else _collision(stop, unit) for count, stop in found.fewer.items()},
-        others=found.alternatives,
-        tried=found.tried,
+        fewer_layers={
+            str(count): None if stop is None else _collision(stop, unit) for count, stop in found.fewer.items()
+        },
+        other_arrangements=found.alternatives,
+        arrangements_examined=found.tried,
         exhaustive=found.exhaustive,
         sizes=PartSizes(machine.hole, machine.width, machine.clearance, heights.thickness, heights.washer),
         parts=[

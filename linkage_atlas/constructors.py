@@ -27,7 +27,7 @@ class FourBar(Linkage):
         Fixed pivot of the crank.
     ground_angle : float
         Angle of the line from pivot A to pivot B.
-    coupler_point : tuple of float, optional
+    coupler_point_polar : tuple of float, optional
         Radius and angle of the body point in the coupler's frame, from the crank pin.
     body_offset : float, optional
         Rotation of the body minus coupler angle and ground angle.
@@ -60,14 +60,14 @@ class FourBar(Linkage):
         start_angle: float = 0.0,
         pivot_a: ArrayLike = (0.0, 0.0),
         ground_angle: float = 0.0,
-        coupler_point: tuple[float, float] | None = None,
+        coupler_point_polar: tuple[float, float] | None = None,
         body_offset: float | None = None,
         degrees: bool = True,
     ) -> None:
         radian = radians_in(degrees)
         lengths = {"crank": crank, "coupler": coupler, "rocker": rocker, "ground": ground}
         self._linkage = read_four_bar(
-            lengths, branch, start_angle, pivot_a, ground_angle, coupler_point, body_offset, radian
+            lengths, branch, start_angle, pivot_a, ground_angle, coupler_point_polar, body_offset, radian
         )
         self._radian = radian
         self._motion = None
@@ -90,7 +90,7 @@ class SliderCrank(Linkage):
         Fixed pivot of the crank.
     rail_angle : float
         Direction of the rail.
-    coupler_point : tuple of float, optional
+    coupler_point_polar : tuple of float, optional
         Radius and angle of the body point from the crank pin, the angle from the rod; default: the slider's pin.
     degrees : bool
         Unit of every angle in and out.
@@ -120,7 +120,7 @@ class SliderCrank(Linkage):
         start_angle: float = 0.0,
         pivot: ArrayLike = (0.0, 0.0),
         rail_angle: float = 0.0,
-        coupler_point: tuple[float, float] | None = None,
+        coupler_point_polar: tuple[float, float] | None = None,
         degrees: bool = True,
     ) -> None:
         radian = radians_in(degrees)
@@ -132,8 +132,8 @@ class SliderCrank(Linkage):
                 "/offset", f"the linkage cannot be assembled: crank and rod reach {crank + rod:g}, found {offset:g}"
             )
         turn, at = rail_angle * radian, pair("pivot", pivot, LARGEST)
-        radius, angle = (rod, 0.0) if coupler_point is None else coupler_point
-        arm = number("coupler_point", radius) * complex(np.exp(1j * angle * radian))
+        radius, angle = (rod, 0.0) if coupler_point_polar is None else coupler_point_polar
+        arm = number("coupler_point_polar", radius) * complex(np.exp(1j * angle * radian))
         rail = at + 1j * offset * complex(np.exp(1j * turn))
         super().__init__(
             [

@@ -46,7 +46,7 @@ def rank_solutions(task: Task, candidates: Candidates, solutions: list[Solution]
     return RankedSolutions(
         status,
         [
-            replace(solution, rank=number, least_error=solution.origin.found is smallest)
+            replace(solution, rank=number, has_smallest_error=solution.origin.found is smallest)
             for number, solution in enumerate(shown, 1)
         ],
         total,
@@ -65,7 +65,7 @@ def _with_keys(
         layers = solution.verdict.assembly
         if layers is not None:
             score = replace(score, layers=(not layers.free, *score.layers[1:]))
-        score = replace(score, drivable=solution.drivable is not False)
+        score = replace(score, has_drive=solution.has_drive is not False)
         own = key(score, task.prefer)
         if task.rounds:
             rounded = key(replace(score, error=_rounded_error(solution)), task.prefer)

@@ -147,12 +147,8 @@ class Mount(NamedTuple):
     """Fixed pivot of the crank."""
     pivot_b: tuple[float, float]
     """Fixed pivot of the rocker."""
-    coupler_point: Annotated[CouplerPoint | None, CouplerPoint]
+    coupler_point_polar: Annotated[CouplerPoint | None, CouplerPoint]
     """P = D + radius e^(i (angle + coupler angle + ground angle)), D the crank pin."""
-    L_B: float
-    """Distance of pivot A from the origin."""
-    beta: float
-    """Angle of pivot A as seen from the origin."""
 
 
 class Dimensions(NamedTuple):
@@ -178,15 +174,13 @@ def dimensions_of(linkage: Plain, radian: float, used: Interval | None = None) -
     found = Dimensions(linkage.kind.value, linkage.driver.value, guides, branch, start, None, None, None, None)
     if not linkage.is_four_bar:
         return found
-    mount, point = None, linkage.coupler_point
+    mount, point = None, linkage.coupler_point_polar
     if linkage.mounted or linkage.pivot_a or linkage.ground_angle:
         mount = Mount(
             ground_angle=linkage.ground_angle / radian,
             pivot_a=xy(linkage.pivot_a),
             pivot_b=xy(linkage.pivot_b),
-            coupler_point=None if point is None else CouplerPoint(point[0], point[1] / radian),
-            L_B=abs(linkage.pivot_a),
-            beta=float(np.angle(linkage.pivot_a)) / radian,
+            coupler_point_polar=None if point is None else CouplerPoint(point[0], point[1] / radian),
         )
     offset = linkage.body_offset
     return found._replace(
@@ -226,7 +220,7 @@ def read_four_bar(
     start_angle: float,
     pivot_a: ArrayLike,
     ground_angle: float,
-    coupler_point: tuple[float, float] | None,
+    coupler_point_polar: tuple[float, float] | None,
     body_offset: float | None,
     radian: float,
 ) -> Plain:
@@ -250,7 +244,9 @@ def read_four_bar(
         float(start_angle) * radian,
         pair("pivot_a", pivot_a, np.inf),
         float(ground_angle) * radian,
-        None if coupler_point is None else (float(coupler_point[0]), float(coupler_point[1]) * radian),
+        None
+        if coupler_point_polar is None
+        else (float(coupler_point_polar[0]), float(coupler_point_polar[1]) * radian),
         None if body_offset is None else float(body_offset) * radian,
     )
 

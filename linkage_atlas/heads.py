@@ -102,20 +102,20 @@ POSES = Kind(
     gaps=True,
     described="x and y, angle, crank; or x1, y1, x2, y2; or x, y, cos, sin",
 )
-"""Tables of /v1/synthesize."""
+"""Tables of /v2/synthesize."""
 ROTATIONS = Kind(
     {"crank_angle": _CRANK, "rotation": ANGLES | RADIAN_ANGLES, "cos": _COSINE, "sin": _SINE},
     {1: ("rotation",), 2: ("crank_angle", "rotation")},
     ("crank_angle", "rotation"),
     described="angle, crank",
 )
-"""Tables of /v1/match."""
+"""Tables of /v2/match."""
 FUNCTIONS = Kind(
     {"input": _CRANK, "output": _OUTPUT, "angle": ANGLES - _OUTPUT, "x": frozenset({"x"}), "y": frozenset({"y"})},
     {1: ("output",), 2: ("input", "output")},
     ("input", "output", "angle"),
     described="input and output, or x and y",
 )
-"""Tables of /v1/function."""
+"""Tables of /v2/function."""
 KINDS: Mapping[str, Kind] = {"synthesize": POSES, "assembly": POSES, "match": ROTATIONS, "function": FUNCTIONS}
 """Kind of table of each question."""

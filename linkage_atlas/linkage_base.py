@@ -170,9 +170,9 @@ class LinkageBase:
         return plane(self._linkage.guides[1][0])
 
     @property
-    def coupler_point(self) -> tuple[float, float] | None:
+    def coupler_point_polar(self) -> tuple[float, float] | None:
         """Radius and angle of the body point in the coupler's frame."""
-        point = self._four_bar("coupler_point").coupler_point
+        point = self._four_bar("coupler_point_polar").coupler_point_polar
         return None if point is None else (point[0], point[1] / self._radian)
 
     @property

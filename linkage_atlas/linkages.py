@@ -174,7 +174,7 @@ class Linkage(LinkageBase):
                     raise FieldError(f"/{name}", "needed")
             return cls(values["guides"], values["driver"], values["branch"], values["start"], degrees=degrees)
         mount, radian = values.get("mount") or {}, radians_in(degrees)
-        point = mount.get("coupler_point")
+        point = mount.get("coupler_point_polar")
         with pointing(lambda field: f"/links{field}" if field.lstrip("/") in Links._fields else field):
             linkage = read_four_bar(
                 {name: values["links"][name] for name in Links._fields},
@@ -290,7 +290,7 @@ class Linkage(LinkageBase):
             How fixed pins must be held: {"A": "below+above"}.
         body : array_like, shape (n, 2)
             Outline of the body, a plate that the coupler carries: in the body's frame, from the body point.
-        layers_most : int
+        layers_max : int
             Layers at most (6).
 
         Examples
@@ -335,7 +335,7 @@ class Linkage(LinkageBase):
             Radius at the convex corners of the body's outline, in the unit of its lengths (0).
         layout : {"assembled", "bed"}
             Position of the parts in STEP (assembled) and 3MF (side by side on the bed); default: as in brackets.
-        nevertheless : bool
+        allow_collisions : bool
             Make the parts even if they collide (False).
         **asked
             As of `assembly`.
@@ -419,8 +419,8 @@ class Linkage(LinkageBase):
             analysis = {"length_unit": unit, **analysis}
         read_assembly(assembly or {})  # errors of the assembly are reported even if masses are left out
 
-        def parts(nevertheless: bool) -> SolidParts:
-            asked = made._replace(nevertheless=True) if nevertheless else made
+        def parts(allow_collisions: bool) -> SolidParts:
+            asked = made._replace(allow_collisions=True) if allow_collisions else made
             return self._solids(target, assembly or {}, asked, unit or "mm", work or Work())
 
         return content_of(self._linkage, target, self._radian, kind, unit, analysis, drive, parts, arranged)

@@ -151,7 +151,7 @@ def match(
                 start_angle=start,
                 branch=branch,
                 offset=offset,
-                similarity=row.error / radian,
+                rotation_rms=row.error / radian,
                 features=own,
                 linkage=linkage,
             )

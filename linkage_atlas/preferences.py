@@ -205,6 +205,6 @@ def layers_of(
         except FieldError:
             continue
         assemblies[id(solution.linkage)] = layers
-        crossed = sum(not shaft.both_sides for shaft in layers.shaft.values())
+        crossed = sum(not shaft.both_sides for shaft in layers.pivot_supports.values())
         ranks[id(solution)] = not layers.free, crossed, layers.count
     return ranks, assemblies, 0

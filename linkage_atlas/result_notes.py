@@ -106,7 +106,7 @@ def report_of(task: Task, candidates: Candidates, ranked: RankedSolutions, notes
         windows=report.windows,
         exhaustive=report.exhaustive,
         notes=notes,
-        continued=None if task.starts is None else _ranks_of(candidates.continued, ranked.solutions),
+        start_from_ranks=None if task.starts is None else _ranks_of(candidates.continued, ranked.solutions),
     )
 
 
@@ -150,7 +150,7 @@ def _hopeless_notes(solutions: Sequence[Solution], motion: Motion) -> list[str]:
     best, at_rest = solutions[0], motion.asked.error_at_rest(modulo_turn=motion.free)
     if not at_rest or (ratio := best.errors.objective / at_rest) <= _HOPELESS:
         return []
-    limits = () if best.determination is None else best.determination.at_limits
+    limits = () if best.determination is None else best.determination.active_limits
     held = f"; it is held by {listed([limit_label(name) for name in limits])}" if limits else ""
     return [f"{HOPELESS.format(ratio)}{held}."]
 

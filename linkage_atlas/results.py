@@ -39,7 +39,7 @@ class Report(Record):
     exhaustive: bool | None
     """True if all windows were considered; null for effort refine."""
     notes: list[str]
-    continued: list[int | None] | None = None
+    start_from_ranks: list[int | None] | None = None
     """With `start_from`: the rank of the solution to which each of its linkages led, null if there is none."""
 
 
@@ -128,7 +128,7 @@ class Match(Record):
     """Of a slider-crank: -1 is the mirror image, its offset negated."""
     offset: float
     """Added to the angle of the coupler, rocker or rod (in -180..180 degrees at the first sample, continuous)."""
-    similarity: float
+    rotation_rms: float
     """Rms rotation error of this row at this start: a distance."""
     features: Features | None = None
     linkage: Linkage = field(metadata=PYTHON_ONLY)
@@ -164,7 +164,7 @@ class Matches(Record, Ranked[Match]):
     def __repr__(self) -> str:
         rows = [
             f"  {m.rank}  {_SHOWN_KINDS[m.kind]}type {m.type.number} {m.type.lengths}, start {m.start_angle:g}, "
-            f"branch {m.branch:+d}, rms error {m.similarity:.3g}"
+            f"branch {m.branch:+d}, rms error {m.rotation_rms:.3g}"
             for m in self.matches
         ]
         return "\n".join([counted(len(self.matches), "match"), *rows])

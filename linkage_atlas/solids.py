@@ -18,7 +18,7 @@ from synthesis.solids.solid import DENSITIES, FITS, Fit, Made, Solids, masses_of
 from synthesis.target import Interval
 from synthesis.work import Work
 
-SOLIDS = ("fit", "material", "pins", "fillet", "layout", "nevertheless")
+SOLIDS = ("fit", "material", "pins", "fillet", "layout", "allow_collisions")
 """Fields of a request for solids."""
 MATERIALS = {"H7": ("aluminium", "steel"), "print": ("PLA", "PLA")}
 """Default materials of plates and pins, by fit."""
@@ -36,7 +36,7 @@ class AskedSolids(NamedTuple):
     pins: str
     fillet: float
     layout: str | None
-    nevertheless: bool
+    allow_collisions: bool
 
 
 def read_solids(request: Fields | None, where: str = "solids/") -> AskedSolids:
@@ -54,7 +54,7 @@ def read_solids(request: Fields | None, where: str = "solids/") -> AskedSolids:
     fillet = 0.0 if values["fillet"] is None else number(f"{where}fillet", values["fillet"])
     if fillet < 0:
         raise FieldError(f"/{where}fillet", f"wanted a radius of at least 0, found {fillet:g}")
-    nevertheless = flag(f"{where}nevertheless", values["nevertheless"])
+    allow_collisions = flag(f"{where}allow_collisions", values["allow_collisions"])
     plates, pins = MATERIALS[fit]
     return AskedSolids(
         FITS[fit],
@@ -62,7 +62,7 @@ def read_solids(request: Fields | None, where: str = "solids/") -> AskedSolids:
         named("pins", DENSITIES, pins),
         fillet,
         None if values["layout"] is None else named("layout", ("assembled", "bed"), ""),
-        nevertheless,
+        allow_collisions,
     )
 
 
@@ -168,7 +168,7 @@ def masses_of_parts(linkage: Linkage, used: Interval, length_unit: str) -> list[
     request = read_assembly({"length_unit": length_unit})
     assert request is not None
     assembly = assembled(linkage, request, used, 1.0, Work())
-    parts = solids_in(assembly, read_solids({"nevertheless": True}), length_unit)
+    parts = solids_in(assembly, read_solids({"allow_collisions": True}), length_unit)
     return parts.masses
 
 
@@ -184,13 +184,13 @@ def split(request: Fields) -> tuple[dict[str, object], dict[str, object]]:
 def solids_in(assembly: Assembly, request: AskedSolids, length_unit: str) -> SolidParts:
     """Return the parts of an assembly, with the sizes that were checked for collisions.
 
-    Raises `FieldError` if parts collide, unless the request sets ``nevertheless``.
+    Raises `FieldError` if parts collide, unless the request sets ``allow_collisions``.
     """
     unit, settings, scale = millimetres_in(length_unit), assembly.settings, assembly.settings.scale
-    if assembly.status == "blocked" and not request.nevertheless:
+    if assembly.status == "blocked" and not request.allow_collisions:
         why = "; ".join(list(dict.fromkeys(assembly.reasons))[:3])
         raise FieldError(
-            "/assembly", f"parts would collide: {why}. `nevertheless` in `solids` writes them all the same"
+            "/assembly", f"parts would collide: {why}. `allow_collisions` in `solids` writes them all the same"
         )
     machine = assembly.machine
     sizes = (machine.hole * unit * scale, (machine.size + machine.width) * unit * scale)

@@ -56,7 +56,7 @@ class Determination(Record):
     """A length is not even fixed to a thousandth by the motion at this resolution."""
     resolution: float
     """Error of the motion that is considered: the objective, at least the tolerance; within limits the tolerance."""
-    at_limits: tuple[str, ...]
+    active_limits: tuple[str, ...]
     """Limits without which the error would be smaller."""
     length_uncertainty: Values
     """Relative change of crank, coupler, rocker, ground within that resolution; null: not determined at all."""
@@ -76,7 +76,7 @@ class Verdict(Record):
     """Every sample satisfies the tolerances; null without tolerances."""
     practical: bool
     """No practical limit is violated; a limit of the request replaces the practical limit."""
-    buildable: bool | None
+    practical_without_collisions: bool | None
     """`practical`, and an assembly was found without collisions; null until an assembly was checked."""
     reasons: tuple[str, ...]
     """A sentence for each fault; samples count from 1."""
@@ -122,7 +122,7 @@ class Rounded(Record):
     errors: Errors | None = None
     transmission_angle_min: float | None = None
     """Over the used interval."""
-    tried: int
+    combinations_examined: int
     """Number of combinations of lengths that were fitted."""
     combinations: int | None
     """Number of all combinations; null for a grid."""
@@ -139,7 +139,7 @@ class Solution(Record):
 
     rank: int
     """From 1, by the preference, by default `Errors.objective`."""
-    least_error: bool = False
+    has_smallest_error: bool = False
     """True if it has the smallest error of the solutions that can be used."""
     source: Literal["atlas", "refined"]
     """A row of the atlas as it is, or a result of a search."""
@@ -198,7 +198,7 @@ class Solution(Record):
     refused: list[Refusal] | None = field(default=None, repr=False, metadata=LAST)
     """Reasons why there is no drive of a kind on a link."""
     springs: list[AnySpring] | None = field(default=None, repr=False, metadata=LAST)
-    drivable: bool | None = field(default=None, repr=False, metadata=LAST)
+    has_drive: bool | None = field(default=None, repr=False, metadata=LAST)
     """With `drive`: true if there is a drive."""
     linkage: Linkage = field(metadata=PYTHON_ONLY)
     """Linkage with methods to move, draw and save it."""
@@ -220,7 +220,7 @@ class Solution(Record):
         analysis : mapping
             ``analysis``: ``crank_speed`` and optionally ``load``, see `Linkage.analysis`.
         load, drives, springs, drive
-            ``drives``, ``refused``, ``springs``, ``drivable``: the best of each kind, see `linkage_atlas.drives`.
+            ``drives``, ``refused``, ``springs``, ``has_drive``: the best of each kind, see `linkage_atlas.drives`.
         tolerance_study : mapping
             ``tolerance_study``: ``links``, ``pivots``, ``clearance``, ``samples``, ``seed``, see `Linkage.tolerance_study`.
         assembly : mapping or True
@@ -316,7 +316,7 @@ def _described(
                 condition=None if fixed is None else fixed.condition,
                 determination=None
                 if fixed is None
-                else Determination(fixed.ill_posed, fixed.resolution, fixed.at_limits, fixed.length_uncertainty),
+                else Determination(fixed.ill_posed, fixed.resolution, fixed.active_limits, fixed.length_uncertainty),
                 linkage=Linkage.of(linkage, radian, own.target, own.length_unit),
                 origin=Origin(candidate, own, limits, samples),
             )
@@ -375,7 +375,7 @@ def verdict_of(passage: defects.Verdict, within: bool | None, reasons: Sequence[
         circuit=passage.circuit,
         within_tolerance=within,
         practical=practical,
-        buildable=None,
+        practical_without_collisions=None,
         reasons=tuple(reasons),
     )
 
@@ -413,7 +413,7 @@ def _rounded(solution: Solution, studies: Studies, solutions: int, work: Work) -
     )
     rounded = Rounded(
         closes=found.solution is not None,
-        tried=found.tried,
+        combinations_examined=found.tried,
         combinations=found.combinations,
         exhaustive=found.exhaustive,
         reason=found.reason,
@@ -461,8 +461,10 @@ def _with_assembly(
             why = [f"layers were not looked for: {error}"]
         except OutOfTime:
             why = ["layers were not looked for: the time was up"]
-    buildable = None if found is None else verdict.practical and found.free
-    return replace(verdict, assembly=found, buildable=buildable, reasons=(*verdict.reasons, *why))
+    is_buildable = None if found is None else verdict.practical and found.free
+    return replace(
+        verdict, assembly=found, practical_without_collisions=is_buildable, reasons=(*verdict.reasons, *why)
+    )
 
 
 # -- words ----------------------------------------------------------------------------------------------------------------

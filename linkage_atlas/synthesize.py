@@ -71,8 +71,8 @@ def synthesize(
         Linkages that are candidates from the first step, for example the displayed linkage while a motion is changed. Plain
         values are those of `Solution.to_dict`, or ``joints``, see `Linkage.from_points`. Each is refined within the limits
         before the search begins: with the preference "balanced" a four-bar until its error is small or almost stops falling,
-        otherwise to its nearest optimum. ``report.continued`` has the rank of each result. With free timing a four-bar needs
-        its mount.
+        otherwise to its nearest optimum. ``report.start_from_ranks`` has the rank of each result. With free timing a four-bar
+        needs its mount.
     local : bool
         Search nowhere else: only the linkages of ``start_from`` are refined, which need not lead to the best linkage.
     atlas : Atlas, str or Path, optional

@@ -55,7 +55,7 @@ def read_columns(text: str) -> dict[str, str]:
 def request_from_csv(
     text: str, also: Fields | None = None, unwrap: bool = False, columns: Mapping[str, str] | None = None
 ) -> dict[str, object]:
-    """Return the body of /v1/synthesize for a table of poses; see `read_table`.
+    """Return the body of /v2/synthesize for a table of poses; see `read_table`.
 
     Fields in ``also`` take precedence over the table's. Without crank angles in either the timing is free.
     """
@@ -65,14 +65,14 @@ def request_from_csv(
 def match_from_csv(
     text: str, also: Fields | None = None, unwrap: bool = False, columns: Mapping[str, str] | None = None
 ) -> dict[str, object]:
-    """Return the body of /v1/match for a table of rotations; see `read_table`."""
+    """Return the body of /v2/match for a table of rotations; see `read_table`."""
     return read_table(text, ROTATIONS, also, unwrap, columns).fields
 
 
 def function_from_csv(
     text: str, also: Fields | None = None, unwrap: bool = False, columns: Mapping[str, str] | None = None
 ) -> dict[str, object]:
-    """Return the body of /v1/function for a table of input and output, or of x and y; see `read_table`."""
+    """Return the body of /v2/function for a table of input and output, or of x and y; see `read_table`."""
     return read_table(text, FUNCTIONS, also, unwrap, columns).fields
 
 

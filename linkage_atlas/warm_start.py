@@ -188,23 +188,23 @@ def _checked(view: Linkage, field: str) -> Start:
             raise FieldError(path, f"wanted a length from {MIN_LENGTH:g} to {MAX_LENGTH:g}, found {length:g}")
         if length * MAX_RATIO < max(linkage.links):
             raise FieldError(path, f"wanted no link more than {MAX_RATIO:g} times another")
-    point = linkage.coupler_point
+    point = linkage.coupler_point_polar
     for name, angles in (("start_angle", linkage.start), ("mount/ground_angle", linkage.ground_angle)):
         number(f"{field}/{name}", angles)
     if point is not None and not (np.isfinite(point).all() and point[0] >= 0):
-        raise FieldError(f"/{field}/mount/coupler_point", "wanted a radius of at least 0 and an angle")
+        raise FieldError(f"/{field}/mount/coupler_point_polar", "wanted a radius of at least 0 and an angle")
     turned = replace(linkage, start=linkage.start % TURN, ground_angle=wrap(linkage.ground_angle))
     return Start(turned, field=field)
 
 
 def _check_mount(linkage: Plain, samples: Samples, field: str) -> None:
     """Raise FieldError for a linkage that is too far from the positions, too large or too small for them."""
-    assert samples.position is not None and linkage.coupler_point is not None
+    assert samples.position is not None and linkage.coupler_point_polar is not None
     scale = samples.length_scale
     if abs(linkage.pivot_a - complex(samples.position_mean(samples.position))) > MAX_RATIO * scale:
         message = f"lies farther than {MAX_RATIO:g} times the motion's extent from it"
         raise FieldError(f"/{field}/mount/pivot_a", message)
-    longest, shortest = max(linkage.coupler_point[0], *linkage.links), min(linkage.links)
+    longest, shortest = max(linkage.coupler_point_polar[0], *linkage.links), min(linkage.links)
     if longest > MAX_RATIO * scale or shortest * MAX_RATIO < scale:
         message = f"wanted lengths within {MAX_RATIO:g} times the motion's extent, either way"
         raise FieldError(f"/{field}/links", message)

@@ -177,7 +177,7 @@ def excursions(
     if not rows.size:
         return found
     lengths, angle, side = lengths[carried], angle[carried], side[carried]
-    radius, direction = np.array([linkages[k].coupler_point for k in rows]).T
+    radius, direction = np.array([linkages[k].coupler_point_polar for k in rows]).T
     point = (radius * np.exp(1j * direction))[:, None]
     circuit, place = RoundCircuit.through(lengths, angle, side)
     first, step = _ways(place, circuit.turns, ordered, closed, timed)

@@ -255,7 +255,7 @@ class Linkage:
         measured from its ground line.
     pivot_a, ground_angle : complex, float
         Origin and direction of the own frame of the ground in the plane.
-    coupler_point : tuple of float or None
+    coupler_point_polar : tuple of float or None
         Radius and angle of the body point in the own frame of the body. None if no position was asked for: then the linkage is
         not mounted.
     body_offset : float or None
@@ -269,7 +269,7 @@ class Linkage:
     start: float = 0.0
     pivot_a: complex = 0j
     ground_angle: float = 0.0
-    coupler_point: tuple[float, float] | None = (0.0, 0.0)
+    coupler_point_polar: tuple[float, float] | None = (0.0, 0.0)
     body_offset: float | None = 0.0
 
     def __post_init__(self) -> None:
@@ -293,14 +293,14 @@ class Linkage:
     @property
     def mounted(self) -> bool:
         """True if it has a position in the user's plane."""
-        return self.coupler_point is not None
+        return self.coupler_point_polar is not None
 
     @property
     def arm(self) -> complex:
         """The body point in the own frame of the body; 0 if there is none."""
-        if self.coupler_point is None:
+        if self.coupler_point_polar is None:
             return 0j
-        radius, angle = self.coupler_point
+        radius, angle = self.coupler_point_polar
         return complex(radius * np.exp(1j * angle))
 
     @cached_property
@@ -390,13 +390,13 @@ class Linkage:
     def scaled(self, scale: float) -> Linkage:
         """The linkage with all lengths times a scale, about the origin."""
         first, second = (_mapped(one, lambda z: z * scale, lambda z: z * scale, scale) for one in self.local_guides)
-        point = self.coupler_point
+        point = self.coupler_point_polar
         return replace(
             self,
             local_guides=(first, second),
             start=self.start if self.driver.turns else self.start * scale,
             pivot_a=self.pivot_a * scale,
-            coupler_point=None if point is None else (point[0] * scale, point[1]),
+            coupler_point_polar=None if point is None else (point[0] * scale, point[1]),
         )
 
     def moved(self, turn: float, shift: complex) -> Linkage:
@@ -407,9 +407,9 @@ class Linkage:
             ground_angle=self.ground_angle + turn,
         )
 
-    def placed(self, pivot_a: complex, ground_angle: float, coupler_point: tuple[float, float]) -> Linkage:
+    def placed(self, pivot_a: complex, ground_angle: float, coupler_point_polar: tuple[float, float]) -> Linkage:
         """The linkage at another place and with another body point."""
-        return replace(self, pivot_a=pivot_a, ground_angle=ground_angle, coupler_point=coupler_point)
+        return replace(self, pivot_a=pivot_a, ground_angle=ground_angle, coupler_point_polar=coupler_point_polar)
 
     def mirrored(self) -> Linkage:
         """The linkage in a mirror (the x axis): places, directions and rotations change their sign of y."""
@@ -417,7 +417,7 @@ class Linkage:
         # a cross product changes its sign in a mirror, and so does a normal
         flips = (self.driver is Driver.HINGE) != isinstance(second, Circle)
         start = -self.start if self.driver.turns else self.start
-        point, offset = self.coupler_point, self.body_offset
+        point, offset = self.coupler_point_polar, self.body_offset
         return replace(
             self,
             local_guides=(first, second),
@@ -425,7 +425,7 @@ class Linkage:
             start=float(start % TURN) if self.is_four_bar else start,
             pivot_a=self.pivot_a.conjugate(),
             ground_angle=-self.ground_angle,
-            coupler_point=None if point is None else (point[0], -point[1]),
+            coupler_point_polar=None if point is None else (point[0], -point[1]),
             body_offset=None if offset is None else -offset,
         )
 
@@ -443,7 +443,7 @@ class Linkage:
     @property
     def by_coupler(self) -> Linkage:
         """The same linkage with the own frame of its body in place of that of its motion."""
-        return replace(self, coupler_point=(0.0, 0.0), body_offset=0.0)
+        return replace(self, coupler_point_polar=(0.0, 0.0), body_offset=0.0)
 
     def on_body(self, point: complex) -> complex:
         """Convert a point from the own frame of the body to the frame of its motion."""
@@ -969,13 +969,13 @@ def four_bar(
     start: float = 0.0,
     pivot_a: complex = 0j,
     ground_angle: float = 0.0,
-    coupler_point: tuple[float, float] | None = None,
+    coupler_point_polar: tuple[float, float] | None = None,
     body_offset: float | None = None,
 ) -> Linkage:
     """Return the four-bar of four lengths: crank, coupler, rocker, ground; see `Linkage` for the rest."""
     crank, coupler, rocker, ground = links
     guides = Circle(0j, crank, 0j), Circle(complex(ground), rocker, complex(coupler))
-    return Linkage(guides, Driver.CRANK, branch, start, pivot_a, ground_angle, coupler_point, body_offset)
+    return Linkage(guides, Driver.CRANK, branch, start, pivot_a, ground_angle, coupler_point_polar, body_offset)
 
 
 def as_lengths(row: Iterable[float]) -> Lengths:

@@ -214,7 +214,7 @@ class _Descents:
         """Linkages with their errors, in their best pose where they have none; without those that do not close."""
         closing = [one for one in linkages if np.isfinite(one.body(one.start + self.target.crank).rotation).all()]
         if self.target.position is None:
-            closing = [replace(one, pivot_a=0j, ground_angle=0.0, coupler_point=None) for one in closing]
+            closing = [replace(one, pivot_a=0j, ground_angle=0.0, coupler_point_polar=None) for one in closing]
             closing = [one.scaled(1 / one.links[3]) for one in closing]
         elif not all(one.mounted for one in closing):
             closing = [self._mounted(one) for one in closing]
@@ -269,8 +269,8 @@ class _Descents:
             linkage = self._mounted(linkage)
         pose = None
         if problem.posed:
-            assert linkage.coupler_point is not None
-            scale, (radius, angle) = self.target.length_scale, linkage.coupler_point
+            assert linkage.coupler_point_polar is not None
+            scale, (radius, angle) = self.target.length_scale, linkage.coupler_point_polar
             z1 = linkage.links[0] / scale * np.exp(1j * linkage.ground_angle)
             z2 = radius / scale * np.exp(1j * (angle + linkage.ground_angle))
             pose = np.array([[(linkage.pivot_a - self.target.middle) / scale, z1, z2]])
@@ -367,8 +367,8 @@ def _begun(poses: Poses, limits: Limits, linkage: Linkage, crank: Floats | None)
     None where it closes at no crank angle.
     """
     problem = JointProblem(poses, chart_of(limits.family))
-    assert linkage.coupler_point is not None
-    scale, (radius, angle) = poses.length_scale, linkage.coupler_point
+    assert linkage.coupler_point_polar is not None
+    scale, (radius, angle) = poses.length_scale, linkage.coupler_point_polar
     z1 = linkage.links[0] / scale * np.exp(1j * linkage.ground_angle)
     z2 = radius / scale * np.exp(1j * (angle + linkage.ground_angle))
     own = Timed(

@@ -200,7 +200,7 @@ class Score:
     """Largest proportion (size or ratio) up to which a linkage counts with its own error."""
     layers: tuple[bool, int, int] = (False, 0, 0)
     """Whether parts collide, number of fixed pivots under a passing link, number of layers; used if layers were made."""
-    drivable: bool = True
+    has_drive: bool = True
     """False if a drive was requested and none was found."""
 
     @property
@@ -277,8 +277,8 @@ CRITERIA = {
     "assembled": Criterion(
         "If layers were requested, a linkage without collisions comes first.", lambda score: score.layers[0]
     ),
-    "drivable": Criterion(
-        "If a drive was requested, a linkage with a drive comes first.", lambda score: not score.drivable
+    "has_drive": Criterion(
+        "If a drive was requested, a linkage with a drive comes first.", lambda score: not score.has_drive
     ),
 }
 """Criteria of every preference, in their order."""

@@ -81,12 +81,12 @@ def test_no_setting_is_documented_that_does_not_exist() -> None:
 
 
 FIELDS = [
-    ("MatchRequest", "http", "POST /v1/match"),
-    ("SynthesizeRequest", "http", "POST /v1/synthesize"),
-    ("LimitsRequest", "http", "POST /v1/synthesize"),
-    ("ExportRequest", "http", "POST /v1/export"),
-    ("AssemblyRequest", "assembly", "POST /v1/assembly"),
-    ("FunctionRequest", "function", "POST /v1/function"),
+    ("MatchRequest", "http", "POST /v2/match"),
+    ("SynthesizeRequest", "http", "POST /v2/synthesize"),
+    ("LimitsRequest", "http", "POST /v2/synthesize"),
+    ("ExportRequest", "http", "POST /v2/export"),
+    ("AssemblyRequest", "assembly", "POST /v2/assembly"),
+    ("FunctionRequest", "function", "POST /v2/function"),
     ("ChainSlotRequest", "chain", "Requests"),
 ]
 
@@ -95,7 +95,7 @@ def test_every_route_and_field_is_documented() -> None:
     document = json.loads(FILE.read_text())  # see tests/app/test_openapi.py
     all_cases = "".join(path.read_text() for path in DOCUMENTS)
     for path, methods in document["paths"].items():
-        text = HTTP if path in ("/v1/match", "/v1/synthesize") or "get" in methods else all_cases
+        text = HTTP if path in ("/v2/match", "/v2/synthesize") or "get" in methods else all_cases
         route = f"{next(iter(methods)).upper()} {path}"
         assert re.search(rf"{re.escape(route)}(?![\w/])", text), f"{route} is documented nowhere"
     for model, page, heading in FIELDS:

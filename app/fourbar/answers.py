@@ -145,7 +145,7 @@ def ranked(request: SynthesizeRequest, rank: int, resources: Resources) -> la.So
 
 
 def _best_linkage(request: SynthesizeRequest, resources: Resources, kind: str) -> bytes:
-    """Return the file that /v1/export returns for the best solution."""
+    """Return the file that /v2/export returns for the best solution."""
 
     def in_request(field: str) -> str:
         first, _, remainder = field.lstrip("/").partition("/")
@@ -244,7 +244,7 @@ def is_long_export(body: ExportRequest) -> bool:
 
 
 LINKAGE_FILES = Files(
-    "/v1/export",
+    "/v2/export",
     "export",
     "linkage",
     "Export a linkage: JSON, CSV, SVG, DXF, plates to cut, MJCF, pylinkage JSON, STEP, 3MF, STL, URDF, SDF or a parts list.",
@@ -355,7 +355,7 @@ _WORKED = {
     "mount": {
         "ground_angle": 30,
         "pivot_a": [7.0710678118654755, 7.0710678118654755],
-        "coupler_point": {"radius": 20, "angle": 60},
+        "coupler_point_polar": {"radius": 20, "angle": 60},
     },
 }
 """Linkage of the worked example in the form of a reply."""
@@ -407,7 +407,7 @@ def _function_file(body: FunctionExportRequest, resources: Resources) -> bytes:
 
 
 FUNCTION_FILES = Files(
-    "/v1/function/export",
+    "/v2/function/export",
     "export_function",
     "function",
     "Export a function generator: JSON, CSV, SVG, DXF or MJCF.",
@@ -512,5 +512,5 @@ QUERIES = (
         reads_atlas=True,
     ),
     MOTION_QUERY,
-    Query("drive", QUESTIONS["drive"], find_drives, drives_table, is_long=is_long_drives, route="/v1/drives"),
+    Query("drive", QUESTIONS["drive"], find_drives, drives_table, is_long=is_long_drives, route="/v2/drives"),
 )

@@ -28,7 +28,7 @@ from app.query import (
 from linkage_atlas.analysis import MOST_LINK_MASSES
 from linkage_atlas.arguments import LARGEST
 from linkage_atlas.catalogues import ACTUATORS, MOST_ROWS, MOST_SPRING_ROWS, SPRINGS
-from linkage_atlas.drive_design.question import MAX_COUNT, MAX_DRIVES, MAX_MASSES, MAX_SPRINGS, MAX_WANTED
+from linkage_atlas.drive_design.question import MAX_COUNT, MAX_DRIVES, MAX_MASSES, MAX_SPRINGS, MAX_TARGET_VALUES
 from linkage_atlas.motions import MAX_LENGTH
 from linkage_atlas.tolerance_study import FEWEST_SAMPLES, MOST_SAMPLES, SAMPLES
 
@@ -132,7 +132,7 @@ class DriveLoadRequest(LoadRequest):
     )
     masses: Annotated[list[MassRequest], Field(max_length=MAX_MASSES)] | None = None
     parts: Flag = Field(
-        False, description="For /v1/drives: add the weight of the plates and pins of the linkage, with default sizes."
+        False, description="For /v2/drives: add the weight of the plates and pins of the linkage, with default sizes."
     )
     speed: Bounded | None = Field(
         None, description="Constant speed of the crank, to include the inertia forces of the masses."
@@ -252,13 +252,13 @@ class HoldsRequest(RequestModel):
     )
 
 
-class WantedRequest(RequestModel):
+class TargetCurveRequest(RequestModel):
     """A curve that springs approximate: evenly spaced values from the first position to the last."""
 
-    torque: Annotated[list[Number], Field(min_length=2, max_length=MAX_WANTED)] | None = Field(
+    torque: Annotated[list[Number], Field(min_length=2, max_length=MAX_TARGET_VALUES)] | None = Field(
         None, description="Torque of the drive."
     )
-    hand_force: Annotated[list[Number], Field(min_length=2, max_length=MAX_WANTED)] | None = Field(
+    hand_force: Annotated[list[Number], Field(min_length=2, max_length=MAX_TARGET_VALUES)] | None = Field(
         None,
         description="Hand force along the path of `hand` or of the body point; positive towards the last position.",
     )
@@ -286,7 +286,7 @@ class SpringRequest(RequestModel):
     reach_max: Above | None = Field(
         None, description="Largest distance of an end from the origin of the frame of its link."
     )
-    clear: Above | None = Field(None, description="Smallest distance of the ends from pivots.")
+    pivot_distance_min: Above | None = Field(None, description="Smallest distance of the ends from pivots.")
     holds: HoldsRequest | None = Field(
         None, description="For catalogue springs: end positions at which the linkage stays without a hand or a drive."
     )
@@ -294,7 +294,7 @@ class SpringRequest(RequestModel):
         None,
         description="For catalogue springs: largest hand force over the motion, at `hand` or at the body point.",
     )
-    wanted: WantedRequest | None = Field(
+    target: TargetCurveRequest | None = Field(
         None, description="For catalogue springs: curve that the springs approximate."
     )
 

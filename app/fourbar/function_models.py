@@ -181,7 +181,7 @@ class FunctionRequest(RequestModel):
 class FunctionExportRequest(RequestModel):
     """A function, a linkage that generates it, and the format of the file."""
 
-    request: FunctionRequest = Field(description="Request of /v1/function; angles are in its unit.")
+    request: FunctionRequest = Field(description="Request of /v2/function; angles are in its unit.")
     linkage: GivenMaker
     format: Literal["json", "csv", "svg", "dxf", "mjcf"] = "json"
     length_unit: LengthUnit = Field("mm", description="Unit of the lengths, for DXF and MJCF.")

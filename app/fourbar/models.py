@@ -160,10 +160,10 @@ class AssemblyOptions(RequestModel):
     )
     drive: GivenDrive | None = Field(
         None,
-        description="A drive of a reply of /v1/drives. A cylinder or a latch adds two plates. A motor and its rod also add two "
+        description="A drive of a reply of /v2/drives. A cylinder or a latch adds two plates. A motor and its rod also add two "
         "plates, and the assembly is then checked over a full turn of the motor.",
     )
-    layers_most: Annotated[Count, Field(ge=1, le=MOST_LAYERS)] = Field(
+    layers_max: Annotated[Count, Field(ge=1, le=MOST_LAYERS)] = Field(
         LAYERS_MOST, description="Largest number of layers."
     )
     envelope: Box | None = Field(
@@ -281,7 +281,7 @@ class SynthesizeRequest(CrankMotion):
         None,
         description="Linkages that are candidates from the first step, for example the displayed solution while a motion is "
         "edited. Each is refined within the limits: with `prefer` balanced no further than needed, otherwise to its nearest "
-        "optimum. Then the search continues. `report.continued` has the rank of each result. With free timing, a four-bar "
+        "optimum. Then the search continues. `report.start_from_ranks` has the rank of each result. With free timing, a four-bar "
         "must have `mount` or `joints`, and `crank_angle` if it is known.",
     )
     local: Flag = Field(
@@ -352,13 +352,13 @@ class SolidsRequest(RequestModel):
         None,
         description="Arrangement of the parts in STEP and 3MF. Default: assembled in STEP, side by side on the print bed in 3MF.",
     )
-    nevertheless: Flag = Field(False, description="Write the file even if parts collide.")
+    allow_collisions: Flag = Field(False, description="Write the file even if parts collide.")
 
 
 class ExportRequest(RequestModel):
     """A motion, a linkage for it, and the format of the file."""
 
-    request: SynthesizeRequest = Field(description="Request of /v1/synthesize; angles are in its unit.")
+    request: SynthesizeRequest = Field(description="Request of /v2/synthesize; angles are in its unit.")
     linkage: GivenLinkage | None = Field(
         None, description="One of the reply's solutions, or its like. Without it the request is solved."
     )
@@ -436,7 +436,7 @@ class AssemblyRequest(AssemblyOptions):
     )
     request: SynthesizeRequest | None = Field(
         None,
-        description="Request of /v1/synthesize that the linkage answers; angles are in its unit. Default: the crank makes a full "
+        description="Request of /v2/synthesize that the linkage answers; angles are in its unit. Default: the crank makes a full "
         "turn, and angles are in degrees.",
     )
     rank: Rank = Field(1, description="Rank of the solution, if the request is solved.")

@@ -31,7 +31,7 @@ class MotionRequest(RequestModel):
         description="Content of the file of the table in base64, in any text encoding that spreadsheets write. Give either "
         "this or `table`.",
     )
-    question: Literal["synthesize", "match", "function"] = Field(
+    query: Literal["synthesize", "match", "function"] = Field(
         "synthesize", description="Query for which the samples are read."
     )
     columns: Annotated[dict[str, str], Field(max_length=MAX_COLUMNS)] | None = Field(
@@ -81,7 +81,7 @@ def answer_motion(request: MotionRequest, _: Resources) -> MotionReply:
         content = None if request.file is None else base64.b64decode(request.file, validate=True)
     except binascii.Error:
         raise FieldError("/file", "must be the content of a file in base64") from None
-    kind, also = KINDS[request.question], {"angle_unit": request.angle_unit}
+    kind, also = KINDS[request.query], {"angle_unit": request.angle_unit}
     try:
         text = (request.table or "") if content is None else decoded(content)
         samples = read_table(text, kind, also, request.unwrap, request.columns, request.length_unit)

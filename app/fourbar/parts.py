@@ -44,7 +44,7 @@ class GivenMount(_ReplyPart):
 
     ground_angle: Angle
     pivot_a: Annotated[list[FarCoordinate], Field(min_length=2, max_length=2)]
-    coupler_point: GivenCouplerPoint
+    coupler_point_polar: GivenCouplerPoint
 
 
 class GivenJoints(_ReplyPart):
@@ -137,12 +137,12 @@ class GivenLinkage(_ReplyPart):
 
 
 class GivenGenerator(GivenLinkage):
-    """A solution of a reply of /v1/function, or a linkage in the same form."""
+    """A solution of a reply of /v2/function, or a linkage in the same form."""
 
     output_offset: FarCoordinate | None = None
 
 
 class GivenMaker(GivenLinkage):
-    """A solution of a reply of /v1/function: a four-bar with `links`, or a linkage with a slider and `guides`."""
+    """A solution of a reply of /v2/function: a four-bar with `links`, or a linkage with a slider and `guides`."""
 
     output_offset: FarCoordinate

@@ -50,7 +50,7 @@ def matches_table(reply: Matches, units: Units = DEGREES) -> str:
         ("start", ".6g", "start_angle"),
         ("branch", "+d", "branch"),
         ("offset", ".6g", "offset"),
-        (units.head("rms error", units.angle), ".3g", "similarity"),
+        (units.head("rms error", units.angle), ".3g", "rotation_rms"),
     )
     return f"{text}\n\nbest of {counted(reply.report.windows, 'window')}; {_elapsed(reply.report)}"
 
@@ -80,7 +80,7 @@ def _proof(rounded: Any) -> str:
     if rounded.combinations is None:
         return ""
     total = f"of {rounded.combinations:,} combinations"
-    return f", the best {total}" if rounded.exhaustive else f", the best of {rounded.tried:,} {total}"
+    return f", the best {total}" if rounded.exhaustive else f", the best of {rounded.combinations_examined:,} {total}"
 
 
 def _analysis_lines(best: Solution) -> list[str]:
@@ -132,7 +132,9 @@ def _rounded_lines(best: Solution, units: Units) -> list[str]:
     if rounded is None:
         return []
     if not rounded.closes:
-        return [f"rounded: none of {counted(rounded.tried, 'combination')} of lengths closes within the limits"]
+        return [
+            f"rounded: none of {counted(rounded.combinations_examined, 'combination')} of lengths closes within the limits"
+        ]
     if rounded.links is not None:
         words = _lengths(rounded.links)
     else:
@@ -186,8 +188,7 @@ def synthesize_table(reply: Result, units: Units = DEGREES) -> str:
             lines += [
                 f"mounting of rank 1: pivot A ({number(m.pivot_a[0])}, {number(m.pivot_a[1])}), "
                 f"pivot B ({number(m.pivot_b[0])}, {number(m.pivot_b[1])}), ground angle {number(m.ground_angle)}",
-                f"coupler point: radius {number(m.coupler_point.radius)}, angle {number(m.coupler_point.angle)}; "
-                f"L_B {number(m.L_B)}, beta {number(m.beta)}",
+                f"coupler point: radius {number(m.coupler_point_polar.radius)}, angle {number(m.coupler_point_polar.angle)}",
             ]
         for name, words in (("crank_angle", "crank angles"), ("travel", "travel")):
             values = getattr(best, name, None)
@@ -276,7 +277,7 @@ def _drive_words(drive: Drive, units: Units) -> str:
             words = [
                 f"from {_point(drive.ground_point)}{carrier} to its pin at {_point(drive.pin)}",
                 f"stroke {units.value(drive.stroke, length, 4)}, length {_length(drive)}",
-                *_load_words(drive.peak_force, None, drive.over_bound),
+                *_load_words(drive.peak_force, None, drive.peak_force_ratio),
                 f"smallest moment arm {units.value(drive.arm_min, length, 4)}",
             ]
             if drive.buckling is not None and drive.buckling.safety is not None:
@@ -308,11 +309,11 @@ def _row_name(drive: Drive) -> str:
     return f" ({drive.name})" if isinstance(drive, ActuatorDrive) and drive.name is not None else ""
 
 
-def _load_words(force: float | None, torque: float | None, over_bound: float | None = None) -> list[str]:
+def _load_words(force: float | None, torque: float | None, peak_force_ratio: float | None = None) -> list[str]:
     """Describe the largest force and torque of a drive."""
     words = []
     if force is not None:
-        bound = "" if over_bound is None else f", {over_bound:.4g} times the smallest possible"
+        bound = "" if peak_force_ratio is None else f", {peak_force_ratio:.4g} times the smallest possible"
         words.append(f"force at most {number(force, 5)}{bound}")
     if torque is not None:
         words.append(f"torque at most {number(torque, 5)}")
@@ -327,7 +328,7 @@ def _spring_words(spring: AnySpring, units: Units) -> str:
     return (
         f"{count}{spring.name or f'{spring.kind} spring'} between {' and '.join(spring.between)}; from "
         f"{_spring_ends(spring, ' to ')}; {_spring_sizes(spring, units)}; rms torque {number(before, 5)} without and "
-        f"{number(after, 5)} with it\n  without a drive: {spring.stays}"
+        f"{number(after, 5)} with it\n  without a drive: {spring.motion_at_ends}"
     )
 
 
@@ -348,7 +349,7 @@ def _drive_lines(best: Solution, units: Units) -> list[str]:
     """Describe the drives and springs of a solution, and the reasons for which a kind is missing."""
     lines = [f"drive of rank 1: {_drive_words(drive, units)}" for drive in best.drives or ()]
     lines += [f"spring of rank 1: {_spring_words(spring, units)}" for spring in best.springs or ()]
-    if best.drivable is False:
+    if best.has_drive is False:
         lines.append("Rank 1 has no drive within the limits of `drive`.")
     return lines + [refusal.sentence for refusal in best.refused or ()]
 
@@ -372,7 +373,7 @@ def drives_table(reply: la.Drives, units: Units = DEGREES) -> str:
                 ),
                 ("min. arm", ".6g", _field("arm_min")),
                 ("peak force", ".6g", _field("peak_force")),
-                ("over bound", ".4g", _field("over_bound")),
+                ("over bound", ".4g", _field("peak_force_ratio")),
                 ("peak torque", ".6g", _field("peak_torque")),
                 (units.head("transm.", units.angle), ".4g", _transmission_angle),
             )
@@ -401,7 +402,7 @@ def drives_table(reply: la.Drives, units: Units = DEGREES) -> str:
                 ("stiffness", ".6g", lambda item: item.rate if isinstance(item, TorsionSpring) else item.stiffness),
                 ("length", "", lambda item: _range(item.twist if isinstance(item, TorsionSpring) else item.length)),
                 ("rms torque", "", lambda item: f"{item.torque.before.rms:.4g} -> {item.torque.after.rms:.3g}"),
-                ("without drive", "", "stays"),
+                ("without drive", "", "motion_at_ends"),
             )
         )
     lines += [refusal.sentence for refusal in reply.refused]
@@ -446,8 +447,8 @@ def assembly_table(reply: la.Assembly, units: Units = DEGREES) -> str:
         if parts or heads or layer not in ends:
             rows.append((str(layer), ", ".join([*parts, *heads]) or "-", " ".join(pins)))
     lines = [f"{reply.status}: {counted(reply.count, 'layer')}", "", left_table(("layer", "parts", "pins"), rows), ""]
-    if reply.least_gap is not None:
-        gap = reply.least_gap
+    if reply.smallest_gap is not None:
+        gap = reply.smallest_gap
         position = f"at {number(gap.crank_angle)}{units.behind(units.angle)}"
         lines.append(
             f"smallest gap beyond the clearance: {units.value(gap.value, units.length, 6)}, {' and '.join(gap.pair)}, {position}"

@@ -1,6 +1,6 @@
 """Machine scenes: each module contains the requests, replies and queries of a machine.
 
-A scene exposes ``QUERIES``, a tuple of `app.query.Query` with paths ``/v1/<scene>/...``. It is imported with its numerics in
+A scene exposes ``QUERIES``, a tuple of `app.query.Query` with paths ``/v2/<scene>/...``. It is imported with its numerics in
 `synthesis` when the scene is first used, so that an unused scene does not slow down the start.
 """
 

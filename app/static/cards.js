@@ -46,7 +46,7 @@ export function card(solution, motion, size, choose) {
   const rounded = roundedText(solution, size, ` ${unitOf(motion)}`);
   if (rounded && solution.rounded.closes) worst.push(["rounded", rounded]);
   if (Number.isFinite(solution.size)) figures.push(["size", `${text(solution.size, 3)} × motion`]);
-  one.append(element("span", "name", nameOf(solution) + (solution.least_error ? " · least error" : "")), facts([...worst, ...figures]), sign(solution.verdict, motion));
+  one.append(element("span", "name", nameOf(solution) + (solution.has_smallest_error ? " · least error" : "")), facts([...worst, ...figures]), sign(solution.verdict, motion));
   one.classList.toggle("broken", mark(solution.verdict)?.kind === "bad");
   item.append(one);
   return item;

@@ -169,13 +169,13 @@ const drawable = (request, samples) => ({ ...request, samples, include: ["pins",
 
 export const chain = {
   request(query, request) {
-    if (query.path === "/v1/chain/tolerance") return request;
+    if (query.path === "/v2/chain/tolerance") return request;
     const samples = Math.max(request.samples ?? USUAL, FEWEST);
     return samples * (request.links ?? 200) > MOST_PINS ? request : drawable(request, samples);
   },
   numbers: ({ pins, outline, ...reply }) => reply,
   async show({ query, request, reply, ask }, hosts) {
-    if (query.path === "/v1/chain/tolerance") return tolerance({ reply }, hosts);
+    if (query.path === "/v2/chain/tolerance") return tolerance({ reply }, hosts);
     return slot(reply, reply.pins && reply.outline ? reply : await ask(query.path, drawable({ ...request, fit: null, power_decimals: null }, Math.min(USUAL, Math.floor(MOST_PINS / reply.links)))), hosts);
   },
 };

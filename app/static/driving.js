@@ -24,7 +24,7 @@ const questionOf = ({ load, drives, springs }) => JSON.stringify([load, drives, 
 function behaviour() {
   const open = $("drive-holds-open").checked, closed = $("drive-holds-closed").checked, first = value("wanted-first"), last = value("wanted-last");
   const holds = open || closed ? { open, closed, ...given({ force_min: value("hold-force") }) } : null;
-  return given({ holds, hand_force_max: value("hand-force"), wanted: first === null && last === null ? null : { torque: [first ?? last, last ?? first] }, count: value("count") });
+  return given({ holds, hand_force_max: value("hand-force"), target: first === null && last === null ? null : { torque: [first ?? last, last ?? first] }, count: value("count") });
 }
 /** Both ends of a cylinder that are given at the first pose, and its link; nothing if they are free. */
 function givenEnds() {
@@ -63,7 +63,7 @@ function moved(drive, linkage, torque) {
   const stroke = Math.abs(length.at(-1) - length[0]), peak = force && turns < 0 ? Math.max(...force.map(Math.abs)) : null, bound = peak === null ? null : torque.amount / stroke / drive.count;
   return {
     ...drive, name: null, price: null, pin: pin[0], length: [length[0], length.at(-1)], retracted: Math.min(...length), stroke, extends: length.at(-1) > length[0], arm_min: Math.min(...arm.map(Math.abs)),
-    peak_force: peak, bound, over_bound: peak && peak / bound, byHand: true, dead: turns < 0 ? null : at[turns], curve: { ...drive.curve, ground, pin, length, arm, force: turns < 0 ? force : null },
+    peak_force: peak, peak_force_bound: bound, peak_force_ratio: peak && peak / bound, byHand: true, dead: turns < 0 ? null : at[turns], curve: { ...drive.curve, ground, pin, length, arm, force: turns < 0 ? force : null },
   };
 }
 
@@ -146,7 +146,7 @@ export class Driving {
     this.control = control;
     this.#say("Looking…");
     try {
-      const request = this.#request(), reply = await (await ask("/v1/drives", request, control.signal)).json();
+      const request = this.#request(), reply = await (await ask("/v2/drives", request, control.signal)).json();
       if (control.signal.aborted) return;
       this.kept.set(solution, reply);
       this.asked.set(reply, questionOf(request));
@@ -202,7 +202,7 @@ export class Driving {
     if (drive.retracted) rows.push(["retracted, stroke", `${number(drive.retracted)} + ${number(drive.stroke)} ${unit}, ${drive.extends ? "extends" : "retracts"}`]);
     if (drive.dead !== undefined && drive.dead !== null) rows.push(["dead point", `at ${number(drive.dead)}${turns ? "°" : ` ${unit}`}`]);
     if (drive.arm_min !== null && drive.arm_min !== undefined) rows.push(["least arm", `${number(drive.arm_min)} ${armUnit(unit, turns)}`]);
-    if (Number.isFinite(drive.peak_force)) rows.push(["peak force", `${force(drive.peak_force)}${drive.over_bound ? `, ${number(drive.over_bound, 4)} × the least there can be` : ""}`]);
+    if (Number.isFinite(drive.peak_force)) rows.push(["peak force", `${force(drive.peak_force)}${drive.peak_force_ratio ? `, ${number(drive.peak_force_ratio, 4)} × the least there can be` : ""}`]);
     if (Number.isFinite(drive.peak_torque)) rows.push([drive.kind === "toggle" ? "torque at the handle" : "peak torque", torque(drive.peak_torque)]);
     if (drive.holding) rows.push(["holding, first and last", drive.holding.map(drive.kind === "rotary" ? torque : force).join(", ")]);
     if (drive.buckling) rows.push(["buckling", drive.buckling.safety === null ? "never pushed" : `${number(drive.buckling.safety, 3)} times safe`]);

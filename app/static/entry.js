@@ -22,7 +22,7 @@ const field = (id, hidden, shown, attributes) => {
 
 /** The joints of a four-bar of these lengths with A in the origin, and P in the middle of the coupler; null if it cannot be assembled. */
 function jointsOf([crank, coupler, rocker, ground]) {
-  const linkage = new Linkage({ links: { crank, coupler, rocker, ground }, branch: 1, start_angle: 0, mount: { pivot_a: [0, 0], ground_angle: 0, coupler_point: { radius: coupler / 2, angle: 0 } } });
+  const linkage = new Linkage({ links: { crank, coupler, rocker, ground }, branch: 1, start_angle: 0, mount: { pivot_a: [0, 0], ground_angle: 0, coupler_point_polar: { radius: coupler / 2, angle: 0 } } });
   return linkage.over(60 * RAD, 420 * RAD, 720).find(Boolean) ?? null;
 }
 

@@ -18,7 +18,7 @@ function present(rotation, position) {
   return Object.keys(both).length ? both : undefined;
 }
 
-/** The body of POST /v1/synthesize. */
+/** The body of POST /v2/synthesize. */
 export function toRequest(motion) {
   const { poses, limits, tolerance } = motion;
   const angles = wantsAngles(motion), places = wantsPlaces(motion);

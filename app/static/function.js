@@ -363,7 +363,7 @@ async function solve() {
     await readTyped();
     const request = toRequest();
     say("Searching…");
-    const reply = await (await ask("/v1/function", request, control.signal)).json();
+    const reply = await (await ask("/v2/function", request, control.signal)).json();
     running = null;
     visits.add(content, { content, request, reply });
     show(request, reply);
@@ -378,7 +378,7 @@ async function save(format) {
   const { request } = answer, solution = shown;
   $("export-note").textContent = `Making ${format.toUpperCase()}…`;
   try {
-    const reply = await ask("/v1/function/export", { request, linkage: solution, format });
+    const reply = await ask("/v2/function/export", { request, linkage: solution, format });
     const name = `function-${solution.rank}.${format === "mjcf" ? "xml" : format}`;
     download(await reply.blob(), name);
     $("export-note").textContent = `Saved ${name}.`;

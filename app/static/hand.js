@@ -77,9 +77,9 @@ function fourBarFrom({ a, b, c, d, p, rotation }, travel, before) {
   const turn = direction(less(b, a)), side = (b[0] - d[0]) * (c[1] - d[1]) - (b[1] - d[1]) * (c[0] - d[0]);
   const made = {
     ...before, source: "hand", rank: null, links, branch: side < 0 ? -1 : 1, start_angle: wrap(direction(less(d, a)) - turn) * DEG - travel, body_offset: 0,
-    mount: { ground_angle: turn * DEG, pivot_a: a, pivot_b: b, coupler_point: p ? { radius: size(less(p, d)), angle: wrap(direction(less(p, d)) - direction(less(c, d))) * DEG } : null },
+    mount: { ground_angle: turn * DEG, pivot_a: a, pivot_b: b, coupler_point_polar: p ? { radius: size(less(p, d)), angle: wrap(direction(less(p, d)) - direction(less(c, d))) * DEG } : null },
     family: family(lengths), verdict: null, rounded: null, analysis: null, tolerance_study: null, excursion: null,
-    transmission_angle_min_turn: null, determination: { ill_posed: false, at_limits: [] },
+    transmission_angle_min_turn: null, determination: { ill_posed: false, active_limits: [] },
   };
   const now = new Linkage(made).at(travel / DEG);
   return now && { ...made, body_offset: before.body_offset === null ? null : (rotation - now.coupler) * DEG };
@@ -151,7 +151,7 @@ export function assessed(solution, motion) {
   const fit = fitOf(made, motion), { pass } = fit;
   const used = fit.linkage.over((pass.sense * pass.low) / DEG, (pass.sense * pass.high) / DEG, 90);
   if (!made.links) made = { ...made, guides: withUsed(fit.linkage, used) };
-  const { mount } = made, reach = mount && Math.max(...Object.values(made.links), mount.coupler_point?.radius ?? 0, size(less(mount.pivot_a, middle)), size(less(mount.pivot_b, middle)));
+  const { mount } = made, reach = mount && Math.max(...Object.values(made.links), mount.coupler_point_polar?.radius ?? 0, size(less(mount.pivot_a, middle)), size(less(mount.pivot_b, middle)));
   const squares = [rms(fit.places) === null ? 0 : (rms(fit.places) / scale) ** 2, rms(fit.turns) === null ? 0 : (rms(fit.turns) / DEG) ** 2];
   return {
     shift, closes: used.every(Boolean) && fit.at.every(Boolean),

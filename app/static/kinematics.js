@@ -134,7 +134,7 @@ export class Linkage {
     this.guides = guidesOf(solution);
     const [driven, other] = this.guides, { fixed, body, angle } = driven;
     Object.assign(this, { driver, branch, turns: driveTurns(solution), mount: links ? mount : true, origin: mount?.pivot_a ?? [0, 0], turn: (mount?.ground_angle ?? 0) * RAD, offset: links ? (solution.body_offset ?? 0) * RAD : 0 });
-    const point = mount?.coupler_point;
+    const point = mount?.coupler_point_polar;
     this.point = point ? times(along(point.angle * RAD), point.radius) : [0, 0];
     this.start = (links ? solution.start_angle : solution.start) * (this.turns ? RAD : 1);
     const fromPin = (middle) => (driven.guide === "circle" ? new Round(middle, driven.radius) : driven.guide === "rail" ? new Straight(middle, angle) : new Vector(middle));

@@ -206,11 +206,11 @@ function needle({ reply, request }, { facts: figures }) {
 }
 
 function fit({ reply }, { facts: figures, tables }) {
-  facts(figures, [["status", reply.status], ["verdicts as wanted", `${reply.entries.filter((one) => one.margin > 0).length} of ${reply.entries.length}`], ["smallest margin", reply.margin, "mm"], ["directions free to first order", reply.free], ["draws that fit as they are", `${reply.draws_kept} of ${reply.draws}`]]);
+  facts(figures, [["status", reply.status], ["verdicts as wanted", `${reply.entries.filter((one) => one.margin > 0).length} of ${reply.entries.length}`], ["smallest margin", reply.margin, "mm"], ["directions free to first order", reply.free], ["draws that fit as they are", `${reply.reproducing_draws} of ${reply.draws}`]]);
   note(figures, "A pattern of verdicts bounds the unknowns and does not fix them: each may move alone over the range that is shown.");
-  table(tables, "Unknowns", ["unknown", "value", "kept from", "to", ...reply.others.map((_, k) => `set ${k + 2}`)], Object.entries(reply.values).map(([name, value]) => [name, value, ...(reply.alone?.[name] ?? [null, null]), ...reply.others.map((one) => one.values[name])]));
-  if (reply.directions) table(tables, "Directions, those that change the margins least first", ["", "strength", "kept back", "kept forth", ...Object.keys(reply.values)], reply.directions.map((way, k) => [k + 1, way.strength, way.back, way.forth, ...Object.values(way.vector)]));
-  table(tables, "The pattern", ["condition", "alpha1", "alpha3", "wanted", "margin"], reply.entries.map((one) => [one.condition, one.alpha1, one.alpha3, one.wanted, one.margin]));
+  table(tables, "Unknowns", ["unknown", "value", "kept from", "to", ...reply.other_sets.map((_, k) => `set ${k + 2}`)], Object.entries(reply.values).map(([name, value]) => [name, value, ...(reply.individual_ranges?.[name] ?? [null, null]), ...reply.other_sets.map((one) => one.values[name])]));
+  if (reply.directions) table(tables, "Directions, those that change the margins least first", ["", "strength", "kept back", "kept forth", ...Object.keys(reply.values)], reply.directions.map((way, k) => [k + 1, way.strength, way.backward, way.forward, ...Object.values(way.vector)]));
+  table(tables, "The pattern", ["condition", "alpha1", "alpha3", "wanted", "margin"], reply.entries.map((one) => [one.condition, one.alpha1, one.alpha3, one.prescribed, one.margin]));
 }
 
 function tolerance({ reply }, { facts: figures, tables }) {

@@ -103,10 +103,10 @@ export class Layers {
     if (!solution.verdict || solution.verdict.assembly || this.asked.has(solution)) return;
     this.asked.add(solution);
     try {
-      const assembly = await (await ask("/v1/assembly", { linkage: solution, request: answer.request, ...this.options(solution, answer.motion) }, signal)).json();
+      const assembly = await (await ask("/v2/assembly", { linkage: solution, request: answer.request, ...this.options(solution, answer.motion) }, signal)).json();
       const { verdict } = solution, free = assembly.status === "free";
-      const practical = verdict.practical ?? verdict.buildable;
-      solution.verdict = { ...verdict, practical, assembly, buildable: practical && free };
+      const practical = verdict.practical ?? verdict.practical_without_collisions;
+      solution.verdict = { ...verdict, practical, assembly, practical_without_collisions: practical && free };
       if (!free) solution.verdict.reasons = [...(verdict.reasons ?? []), `layers: ${assembly.reasons[0]}`];
     } catch (error) {
       if (error.name === "AbortError") return;
@@ -138,7 +138,7 @@ export class Layers {
       words.textContent = this.wrong.get(this.solution) ?? (this.solution?.verdict ? "Looking for layers…" : "Layers are looked for where the service has found the linkage.");
       return;
     }
-    const { status, count, least_gap: gap } = assembly, unit = unitOf(this.answer.motion);
+    const { status, count, smallest_gap: gap } = assembly, unit = unitOf(this.answer.motion);
     const state = { free: `Nothing collides in ${layersOf(count)}`, touching: `In ${layersOf(count)} parts may just touch`, blocked: assembly.exhaustive ? "Cannot be built so: parts collide in every order of the layers allowed" : "Parts collide in every order of layers that was tried" }[status];
     const { hole, width, thickness } = assembly.sizes, sizes = `holes ${text(hole, 4)}, width ${text(width, 4)}, thickness ${text(thickness, 4)} ${unit}`;
     words.textContent = `${state}${gap ? `; least gap ${text(gap.value, 4)} ${unit} beyond the clearance, ${inWords(gap.pair)} at ${placeText(gap.crank_angle, this.#sign)}` : ""}; ${sizes}.`;
@@ -183,7 +183,7 @@ export class Layers {
 
 function forget(solution) {
   const { assembly: _gone, reasons = [], ...rest } = solution.verdict;
-  solution.verdict = { ...rest, buildable: null, reasons: reasons.filter((one) => !one.startsWith("layers:")) };
+  solution.verdict = { ...rest, practical_without_collisions: null, reasons: reasons.filter((one) => !one.startsWith("layers:")) };
 }
 
 /** The stack from the side: a row a layer, plates between their pins, pins upright through the layers that they fill. */

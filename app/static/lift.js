@@ -106,19 +106,19 @@ function limits(host, reply, unit) {
   table(host, "Constraints", ["limit of", "has", "", "limit", "unit", "holds the design"], rows.map((row) => [row.name.replaceAll("_", " "), row.value, row.kind === "least" ? "≥" : "≤", row.limit, of(row.name).replace("°", unit === "rad" ? "rad" : "°"), row.active]));
   const { unconstrained: free } = reply;
   if (!free) return;
-  const broken = free.breaks.map((row) => `${row.name.replaceAll("_", " ")} ${text(row.value, 3)}${of(row.name) ? ` ${of(row.name)}` : ""}`).join(", ");
+  const broken = free.violated.map((row) => `${row.name.replaceAll("_", " ")} ${text(row.value, 3)}${of(row.name) ? ` ${of(row.name)}` : ""}`).join(", ");
   note(host, `The source's problem, for the same objective, has the optimum ${text(free.objective, 5)}: this one is ${text(Math.abs(100 * reply.cost), 3)} % ${reply.cost < 0 ? "below" : "above"}. ${broken ? `Outside of the limits there: ${broken}.` : "It keeps to all limits."}`);
 }
 
 export const lift = {
-  request: (query, request) => (query.path === "/v1/lift/motion" && !request.times ? smooth(request) : request),
+  request: (query, request) => (query.path === "/v2/lift/motion" && !request.times ? smooth(request) : request),
 
   async show({ query, request, reply, ask }, hosts) {
-    if (query.path === "/v1/lift/motion") {
+    if (query.path === "/v2/lift/motion") {
       motionFacts(hosts.facts, reply);
       return motion(request.times ? await ask(query.path, smooth(request)) : reply, hosts, request.pneumatics);
     }
-    if (query.path === "/v1/lift/batch") {
+    if (query.path === "/v2/lift/batch") {
       table(hosts.tables, "An optimum for each cylinder", [{ name: "l1′", unit: "mm" }, { name: "speed", unit: "mm/s" }, ...LENGTHS.map((name) => ({ name, unit: "mm" })), "f", "f published", { name: "rise time", unit: "s" }, "held by"], reply.rows.map((row) => [row.cylinder.length, row.cylinder.speed, ...LENGTHS.map((name) => row.design?.[name]), row.objective, row.objective_of_published, row.motion?.rise_time, held(row.active) ?? row.detail]));
       return null;
     }
@@ -129,6 +129,6 @@ export const lift = {
     if (reply.published) note(hosts.facts, `Published design: ${reply.published.reason}.`);
     note(hosts.facts, reply.note);
     if (reply.constraints) limits(hosts.tables, reply, request.angle_unit);
-    return motion(await ask("/v1/lift/motion", smooth({ design: reply.design, cylinder: { ...request.cylinder, length: reply.closed_length } })), hosts);
+    return motion(await ask("/v2/lift/motion", smooth({ design: reply.design, cylinder: { ...request.cylinder, length: reply.closed_length } })), hosts);
   },
 };

@@ -17,7 +17,7 @@ const better = (one, other) => (other && other.errors.objective <= one.errors.ob
 function continuation({ solutions, report }, starts) {
   const shown = starts.at(-1), before = numbers(shown), most = NEAR * Math.max(...Object.values(shown.links));
   const near = (one) => one.branch === shown.branch && numbers(one).every((value, k) => Math.abs(value - before[k]) < most);
-  return report.continued.map((rank) => solutions[rank - 1]).filter((one) => one && near(one)).reduce((best, one) => better(one, best), null);
+  return report.start_from_ranks.map((rank) => solutions[rank - 1]).filter((one) => one && near(one)).reduce((best, one) => better(one, best), null);
 }
 
 /** `page` has `isDragged()`, `shown()`: {answer, solution}, `fits(answer)`, and `show(answer, solution)`. */
@@ -70,7 +70,7 @@ export class Live {
     if (!starts.length) return {};
     let reply = null;
     try {
-      reply = await (await ask("/v1/synthesize", { ...request, ...(request.start_angle === undefined ? { start_from: starts.map(start) } : {}), budget_ms: BUDGETS_MS[turn], top: TOP })).json();
+      reply = await (await ask("/v2/synthesize", { ...request, ...(request.start_angle === undefined ? { start_from: starts.map(start) } : {}), budget_ms: BUDGETS_MS[turn], top: TOP })).json();
     } catch (error) {
       if (error.status !== 503) return {}; // Solve says what is wrong with a request
       await new Promise((done) => { setTimeout(done, RETRY_MS); });

@@ -36,7 +36,7 @@ function numberRows(solution, { motion, size }, digits) {
   if (Number.isFinite(solution.body_offset)) rows.push(["Body offset", `${number(solution.body_offset)}°`]);
   if (mount) {
     rows.push(["Pivot A", `${mount.pivot_a.map(place).join(", ")} ${unit}`], ["Pivot B", `${mount.pivot_b.map(place).join(", ")} ${unit}`], ["Ground angle", `${number(settled(mount.ground_angle, 57))}°`]);
-    rows.push(["Coupler point", `${length(mount.coupler_point.radius)} at ${number(mount.coupler_point.angle)}°`]);
+    rows.push(["Coupler point", `${length(mount.coupler_point_polar.radius)} at ${number(mount.coupler_point_polar.angle)}°`]);
   }
   const at = (k, error) => (error === "rounding" ? error : `${error} at ${itemOf(motion)} ${k + 1}`);
   if (worst.turn !== null) rows.push(["Angle error, largest", at(worst.turn, errorText(Math.abs(turns[worst.turn]), 57, "°"))]);
@@ -48,7 +48,7 @@ function numberRows(solution, { motion, size }, digits) {
   rows.push(["Transmission", `${text(solution.transmission_angle_min, 5)}°`]);
   if (Number.isFinite(solution.arm_min)) rows.push(["Moment arm, least", length(solution.arm_min)]);
   if (Number.isFinite(solution.transmission_angle_min_turn)) rows.push(["Transmission, whole turn", `${text(solution.transmission_angle_min_turn, 5)}°`]);
-  const held = solution.determination?.at_limits ?? [];
+  const held = solution.determination?.active_limits ?? [];
   if (held.length) rows.push(["Held by", held.map(limitName).join(", ")]);
   const error = roundedText(solution, size, ` ${unit}`);
   if (error && rounded.closes) rows.push(["Rounded links", `${roundedLinks(rounded).map(([name, one]) => `${name} ${number(one)}`).join(", ")} ${unit}`]);
@@ -152,7 +152,7 @@ export class Results {
     const { motion, reply } = this.answer;
     let found = reply.solutions.find((one) => alike(one, wanted));
     if (!found) {
-      found = { ...assessed({ ...wanted, verdict: null, rank: null, determination: { ill_posed: false, at_limits: [] } }, motion).solution, source: "link" };
+      found = { ...assessed({ ...wanted, verdict: null, rank: null, determination: { ill_posed: false, active_limits: [] } }, motion).solution, source: "link" };
       reply.solutions.push(found);
     }
     this.picked = true;
@@ -303,12 +303,12 @@ export class Results {
   /** A file of the selected linkage; its parts have the sizes of its layers. */
   #file(format) {
     const { solution, answer: { request, motion } } = this;
-    const solids = { fit: $("parts-fit").value, nevertheless: $("parts-nevertheless").checked };
+    const solids = { fit: $("parts-fit").value, allow_collisions: $("parts-collisions").checked };
     const parts = [...OF_PARTS, "mjcf", "plates"].includes(format) ? { assembly: this.layers.options(solution, motion), solids } : {};
     // what slides is in no URDF or SDF
     const driven = ["dxf", "csv", "svg", "mjcf", "plates", ...OF_PARTS.filter((one) => this.driving.shown?.kind !== "actuator" || !["urdf", "sdf"].includes(one))];
     const drive = this.driving.shown && driven.includes(format) ? { drive: this.driving.shown } : {};
-    return ask("/v1/export", { request, linkage: solution, format, length_unit: motion.unit, ...parts, ...drive });
+    return ask("/v2/export", { request, linkage: solution, format, length_unit: motion.unit, ...parts, ...drive });
   }
 
   /** The parts list of the selected linkage, a row a part by column; null where its layers are not free. */

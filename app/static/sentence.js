@@ -22,7 +22,7 @@ export function sentenceOf({ reply: { status, solutions, report }, request, moti
     const proved = status === "infeasible" ? "No linkage was found within these limits, and the search ran to its end." : `None found in ${seconds.toFixed(1)} s, when the time was up; that proves nothing.`;
     return [proved, why || "Loosen a limit, allow any family, or let the pivots lie elsewhere.", ""].join(" ").trim();
   }
-  const held = solutions[0].determination?.at_limits ?? [], near = howNear({ reply: { solutions, report }, motion });
+  const held = solutions[0].determination?.active_limits ?? [], near = howNear({ reply: { solutions, report }, motion });
   const limited = held.length && status !== "reached" ? `, held by ${new Intl.ListFormat("en-GB").format(held.map(limitName))}` : "";
   const kept = status === "reached" && request.tolerances ? `Within the allowed errors at every ${itemOf(motion)}` : !request.tolerances && request.prefer && "Near the least error", first = FIRST[preferred(request)];
   const parts = [`${kept && first ? `${kept}, ${first}` : kept || "Best found"}: ${near}${limited}.`];

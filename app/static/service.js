@@ -64,7 +64,7 @@ export async function solve(request, show, signal, same) {
   const worse = comparison(request);
   const budgets = [...STAGES, LONGER];
   for (const [k, budget] of budgets.entries()) {
-    const reply = await (await ask("/v1/synthesize", { ...request, budget_ms: budget }, signal)).json();
+    const reply = await (await ask("/v2/synthesize", { ...request, budget_ms: budget }, signal)).json();
     const [best] = reply.solutions;
     if (k) reply.solutions = together(request, best ? found.filter((one) => worse(one, best) < 0) : found, reply, request.top ?? 10, same);
     // a search that its budget ends on the way to smaller linkages says what ended its first part
@@ -82,7 +82,7 @@ export async function solve(request, show, signal, same) {
 
 /** Refines from the linkage of a request: one answer, for a descent that was cut short begins anew. */
 export async function refine(request, signal) {
-  return (await ask("/v1/synthesize", { ...request, budget_ms: STAGES.at(-1) }, signal)).json();
+  return (await ask("/v2/synthesize", { ...request, budget_ms: STAGES.at(-1) }, signal)).json();
 }
 
 /** Lets the browser save a blob as a file. */

@@ -92,9 +92,9 @@ export function fillSheet(answer, solution, drive, parts = null) {
   const place = (value) => number(settled(value, size));
   const rows = links ? Object.entries(links).map(([name, length]) => [name, `${number(length)} ${unit}`]) : guideRows(solution, number, place, (value) => `${place(value)} ${unit}`);
   if (mount) rows.push(["pivot A", mount.pivot_a.map(place).join(", ")], ["pivot B", mount.pivot_b.map(place).join(", ")]);
-  if (mount?.coupler_point) rows.push(["P from D", `${number(mount.coupler_point.radius)} ${unit} at ${number(mount.coupler_point.angle, 5)}° from DC`]);
+  if (mount?.coupler_point_polar) rows.push(["P from D", `${number(mount.coupler_point_polar.radius)} ${unit} at ${number(mount.coupler_point_polar.angle, 5)}° from DC`]);
   rows.push(["branch", solution.branch > 0 ? "+1" : "−1"], links ? [`crank at ${item} 1`, `${number(solution.start_angle)}° from AB`] : [`drive at ${item} 1`, `${place(solution.start)}${fit.pass.turns ? "°" : ` ${unit}`}`], ["transmission angle", `${number(solution.transmission_angle_min, 4)}° or more`]);
-  const held = solution.determination?.at_limits ?? [];
+  const held = solution.determination?.active_limits ?? [];
   if (held.length) rows.push(["held by", held.map(limitName).join(", ")]);
   for (const reason of solution.verdict ? reasons(solution.verdict, item) : []) rows.push(["", reason]);
   if (request.limits?.pivot_box) rows.push(["pivot box", request.limits.pivot_box.map((v) => number(v)).join(", ")]);

@@ -36,7 +36,7 @@ export function studyRows({ tolerance_study: study, rounded }, lengthUnit) {
   const rows = [];
   if (rounded?.closes && (rounded.combinations ?? null) !== null) {
     const of = `of ${rounded.combinations} combinations`;
-    rows.push(["Choice of lengths", rounded.exhaustive ? `the best ${of}` : `the best of ${rounded.tried} tried, ${of}`]);
+    rows.push(["Choice of lengths", rounded.exhaustive ? `the best ${of}` : `the best of ${rounded.combinations_examined} tried, ${of}`]);
   }
   if (!study) return rows;
   const { position, rotation, largest } = study, off = (value, unit = "") => (value === null ? "does not close" : `${text(value, 3)}${unit}`);

@@ -21,7 +21,7 @@ const OTHER = {
 
 /** Points to the page of the other question if the named columns of the table are read there; else "". */
 async function pointer(table, asked) {
-  const [question, roles, sentence] = OTHER[asked], { status, columns } = await (await ask("/v1/motion", { ...table, question })).json();
+  const [question, roles, sentence] = OTHER[asked], { status, columns } = await (await ask("/v2/motion", { ...table, query: question })).json();
   return status === "read" && columns.some(({ role, head }) => roles.includes(role) && !/^\d+$/.test(head)) ? sentence : "";
 }
 
@@ -31,7 +31,7 @@ async function pointer(table, asked) {
  */
 export async function readTable(source, question, columns = null) {
   const table = typeof source === "string" ? { table: source } : { file: await base64Of(source) };
-  const reply = await (await ask("/v1/motion", { ...table, question, ...(columns ? { columns } : {}) })).json();
+  const reply = await (await ask("/v2/motion", { ...table, query: question, ...(columns ? { columns } : {}) })).json();
   if (reply.status === "read") {
     const { columns: used, heads } = reply, hint = !columns && used.length < heads.length ? await pointer(table, question) : "";
     return { ...reply, notes: [...reply.notes, hint].filter(Boolean) };

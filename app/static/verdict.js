@@ -35,7 +35,7 @@ const brief = (reason, item) => sentence(reason, item).replace(/\.$/, "").replac
 export const defects = (verdict) => DEFECTS.filter((name) => verdict && verdict[name] === false);
 
 /** Whether a linkage satisfies the practical limits; earlier drafts have no such field. */
-const practical = ({ practical: kept, buildable }) => kept ?? buildable;
+const practical = ({ practical: kept, practical_without_collisions }) => kept ?? practical_without_collisions;
 
 /** {kind, sign, text}: what the list says of a solution; null without a verdict. */
 export function mark(verdict, item) {
@@ -73,7 +73,7 @@ export const reasons = (verdict, item) => (verdict.reasons ?? []).map((one) => s
  * of fields. Words in quotation marks stay as they are.
  */
 export const plainWords = (words) => words.replaceAll(/ \((?:see )?`[^)]*\)/g, "")
-  .replace(/limits links (\w+)/, "the given $1 length").replace("`nevertheless` in `solids`", "“even where parts collide”")
+  .replace(/limits links (\w+)/, "the given $1 length").replace("`allow_collisions` in `solids`", "“even where parts collide”")
   .replaceAll(/“[^”]*”|'[^' ]*'|"[^"]*"|`?\b(?:limits[. ])?([a-z]+(?:_[a-z]+)+)\b`?/gi, (all, name) => (name ? LABELS[name.toLowerCase()] ?? name.replaceAll("_", " ") : all))
   .replaceAll("`", "");
 

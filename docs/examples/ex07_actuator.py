@@ -20,9 +20,9 @@ found = la.drives(rocker=flap, drives=[actuator], load={"force": [0, -100]}, len
 print(found)
 
 # %%
-# ``over_bound`` compares its peak force with the smallest that any actuator of this stroke can have.
+# ``peak_force_ratio`` compares its peak force with the smallest that any actuator of this stroke can have.
 drive = found.best("actuator")
-print(drive.ground_point, drive.pin, round(drive.peak_force, 1), round(drive.over_bound, 3))
-assert drive.over_bound < 1.5
+print(drive.ground_point, drive.pin, round(drive.peak_force, 1), round(drive.peak_force_ratio, 3))
+assert drive.peak_force_ratio < 1.5
 
 found.plot()

@@ -11,7 +11,7 @@ import numpy as np
 
 import linkage_atlas as la
 
-linkage = la.FourBar(19, 72, 144, 165, start_angle=30, coupler_point=(20, 60))
+linkage = la.FourBar(19, 72, 144, 165, start_angle=30, coupler_point_polar=(20, 60))
 poses = linkage.joints(np.linspace(0, 70, 16))
 motion = la.Motion(poses.rotation, poses.body_point, 70)
 best = la.synthesize(motion, top=1).linkage

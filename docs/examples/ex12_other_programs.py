@@ -13,7 +13,7 @@ from scipy.optimize import differential_evolution
 
 import linkage_atlas as la
 
-known = la.FourBar(40, 120, 80, 100, start_angle=50, coupler_point=(60, 30))
+known = la.FourBar(40, 120, 80, 100, start_angle=50, coupler_point_polar=(60, 30))
 crank_angle = np.linspace(0, 120, 12)
 target = known.joints(crank_angle)
 motion = la.Motion(target.rotation, target.body_point, crank_angle=crank_angle)
@@ -35,7 +35,7 @@ def largest_gap(values: np.ndarray) -> float:
     crank, coupler, rocker, ground, start, radius, angle, x, y = values
     try:
         linkage = la.FourBar(
-            crank, coupler, rocker, ground, start_angle=start, coupler_point=(radius, angle), pivot_a=(x, y)
+            crank, coupler, rocker, ground, start_angle=start, coupler_point_polar=(radius, angle), pivot_a=(x, y)
         )
     except la.FieldError:
         return 1e3

@@ -75,7 +75,7 @@ def drives(
     springs : sequence of mapping
         Each with its ``kind``, "tension", "compression", "gas" or "torsion", and its wishes by name, see docs/drives.md:
         ``between``, two links or the ground (default: the best of all pairs); ``holds``, {"open": True, "closed": True};
-        ``hand_force_max``; ``wanted``, a torque or force at even steps; ``count`` of equal springs side by side.
+        ``hand_force_max``; ``target``, a torque or force at even steps; ``count`` of equal springs side by side.
     motion : Motion, optional
         What the linkage answers; default: its own.
     crank_angle : array_like, shape (n,), optional
@@ -185,7 +185,7 @@ def check_request(request: Fields, radian: float) -> None:
     interval = Interval(0.0, 0.2)
     circle, slot = Circle(0j, 1.0, 0j), Slot(3.0 + 0.5j, 1.0 + 0.2j, 0.1)
     rail = Rail(2.0 + 0.3j, 0.0, 2.0 + 0j)
-    machines = [motions_of(four_bar((2.0, 3.0, 4.0, 3.5), 1, 1.0, coupler_point=(1.0, 0.0)), interval, 3)]
+    machines = [motions_of(four_bar((2.0, 3.0, 4.0, 3.5), 1, 1.0, coupler_point_polar=(1.0, 0.0)), interval, 3)]
     machines += [motions_of(Linkage((circle, guide), Driver.CRANK, 1, 0.5), interval, 3) for guide in (slot, rail)]
     errors = []
     for machine in machines:
@@ -222,7 +222,7 @@ def driven_solution(
             "drives": [],
             "refused": refused,
             "springs": [],
-            "drivable": None if "drive" not in request else False,
+            "has_drive": None if "drive" not in request else False,
         }
     found = _answer(operation, question, 1, work)
     if deciding is None:
@@ -232,5 +232,5 @@ def driven_solution(
         "drives": [*first.drives, *found.drives],
         "refused": [*first.refused, *found.refused],
         "springs": found.springs,
-        "drivable": bool(first.drives),
+        "has_drive": bool(first.drives),
     }

@@ -47,7 +47,7 @@ MAX_COUNT = 8
 """Largest number of equal actuators or springs side by side."""
 SIZE_RATIO = 1e6
 """Largest ratio of a length to the size of the linkage, either way; beyond it coordinates lose their digits."""
-MAX_WANTED = 1000
+MAX_TARGET_VALUES = 1000
 """Largest number of values of a wanted curve."""
 
 
@@ -137,7 +137,7 @@ class Holding(NamedTuple):
     """Smallest force of a hand that leaves such an end."""
 
 
-class WantedCurve(NamedTuple):
+class TargetCurve(NamedTuple):
     """A torque of the drive, or a force of a hand, at even steps of the motion, which springs approximate."""
 
     quantity: Literal["torque", "hand_force"]
@@ -158,12 +158,12 @@ class SpringRequest:
     stiffness: float | None = None
     ground_box: Box | None = None
     reach_max: float | None = None
-    clear: float | None = None
+    pivot_distance_min: float | None = None
     count: int = 1
     """Number of equal springs side by side."""
     holds: Holding | None = None
     hand_force_max: float | None = None
-    wanted: WantedCurve | None = None
+    target: TargetCurve | None = None
     rows: list[SpringRow] = field(default_factory=list)
     """Rows of a catalogue of linear springs; without any rows springs are ideal."""
     torsion_rows: list[TorsionRow] = field(default_factory=list)
@@ -172,7 +172,7 @@ class SpringRequest:
     @property
     def has_goal(self) -> bool:
         """True if springs have a task without a load: a wanted curve, or an end to hold with a force."""
-        return self.wanted is not None or (self.holds is not None and self.holds.force_min is not None)
+        return self.target is not None or (self.holds is not None and self.holds.force_min is not None)
 
 
 class DriveQuestion(NamedTuple):
@@ -246,7 +246,7 @@ class Reader:
             middles=machine.middles,
         )
         if parts:
-            raise FieldError("/load/parts", "for one linkage only: /v1/drives, or `linkage_atlas.drives`")
+            raise FieldError("/load/parts", "for one linkage only: /v2/drives, or `linkage_atlas.drives`")
         speed = bounded("load/speed", load_fields.get("speed") or 0.0) * (self.radian if machine.turns else 1.0)
         return load._replace(speed=speed, metre=self.millimetres / 1000, forces=acting)
 
@@ -324,7 +324,7 @@ class Reader:
                 raise FieldError(f"/{at}/between", f"wanted two different ones of {', '.join(names)}")
             values["between"] = (both[1], both[0]) if both[1] == GROUND else (both[0], both[1])
         is_real = kind != "tension" or "catalogue" in values
-        for name in ("holds", "hand_force_max", "wanted"):
+        for name in ("holds", "hand_force_max", "target"):
             if name in values and not is_real:
                 raise FieldError(
                     f"/{at}/{name}",
@@ -332,13 +332,13 @@ class Reader:
                 )
         if "holds" in values:
             values["holds"] = self._holding(f"{at}/holds", values["holds"])
-        if "wanted" in values:
-            values["wanted"] = self._curve(f"{at}/wanted", values["wanted"])
+        if "target" in values:
+            values["target"] = self._curve(f"{at}/target", values["target"])
         if "hand_force_max" in values:
             self._check_hand(f"{at}/hand_force_max")
         catalogue = f"{at}/catalogue"
         if kind == "torsion":
-            for name in ("ground_box", "reach_max", "clear"):
+            for name in ("ground_box", "reach_max", "pivot_distance_min"):
                 if name in values:
                     raise FieldError(f"/{at}/{name}", "of springs with two ends; a torsion spring sits in a joint")
             values["torsion_rows"] = read_torsion_springs(
@@ -363,7 +363,7 @@ class Reader:
             force = bounded(f"{at}/force_min", entry["force_min"])
         return Holding(flag(f"{at}/closed", entry.get("closed")), flag(f"{at}/open", entry.get("open")), force)
 
-    def _curve(self, at: str, entry: object) -> WantedCurve:
+    def _curve(self, at: str, entry: object) -> TargetCurve:
         entry = known_fields(at, entry, ("torque", "hand_force"))
         names = [name for name in ("torque", "hand_force") if entry.get(name) is not None]
         if len(names) != 1:
@@ -372,9 +372,11 @@ class Reader:
         if name == "hand_force":
             self._check_hand(f"{at}/hand_force")
         values = np.atleast_1d(column(f"{at}/{name}", entry[name]))
-        if values.ndim != 1 or not 2 <= values.size <= MAX_WANTED or not np.all(np.abs(values) <= LARGEST):
-            raise FieldError(f"/{at}/{name}", f"wanted 2 to {MAX_WANTED} finite numbers, at even steps of the motion")
-        return WantedCurve("torque" if name == "torque" else "hand_force", values)
+        if values.ndim != 1 or not 2 <= values.size <= MAX_TARGET_VALUES or not np.all(np.abs(values) <= LARGEST):
+            raise FieldError(
+                f"/{at}/{name}", f"wanted 2 to {MAX_TARGET_VALUES} finite numbers, at even steps of the motion"
+            )
+        return TargetCurve("torque" if name == "torque" else "hand_force", values)
 
     def _fields(self, at: str, entry: object, request: type, links: Sequence[str] | None = None) -> dict[str, object]:
         """Return the fields of an entry after a check of numbers, boxes and links."""
@@ -393,7 +395,7 @@ class Reader:
         match name:
             case (
                 "retracted" | "stroke" | "reach_max" | "pin_radius" | "time_ratio" | "pressure" | "rod" | "stiffness"
-                | "clear" | "hand_force_max"
+                | "pivot_distance_min" | "hand_force_max"
             ):  # fmt: skip
                 check_above_zero(**{at: value})
                 return bounded(at, value, MAX_LENGTH)
@@ -434,7 +436,16 @@ def _check_given_ends(at: str, request: ActuatorRequest | MotorRequest, end: str
 
 def check_sizes(question: DriveQuestion, extent: float) -> None:
     """Raise FieldError for lengths and positions that are out of proportion to the linkage."""
-    lengths = ("retracted", "stroke", "reach_max", "pin_radius", "dead_length", "clear", "arm_min", "rod")
+    lengths = (
+        "retracted",
+        "stroke",
+        "reach_max",
+        "pin_radius",
+        "dead_length",
+        "pivot_distance_min",
+        "arm_min",
+        "rod",
+    )
     entries: list[tuple[str, int, DriveRequest | SpringRequest]] = [
         ("drives", k, entry) for k, entry in enumerate(question.drives)
     ]

@@ -251,9 +251,9 @@ class ActuatorDrive(_PinnedDrive):
     """Smallest moment arm: change of length per radian of the crank."""
     holding: Point | None
     """Force at the first position and at the last; null without a load."""
-    bound: float | None
+    peak_force_bound: float | None
     """No actuator with this change of length has a smaller peak force."""
-    over_bound: float | None
+    peak_force_ratio: float | None
     """Peak force over this bound: 1.01 is close to the best possible."""
     buckling: Annotated[Buckling | None, Buckling] = None
     curve: ActuatorCurve
@@ -368,15 +368,15 @@ class _SpringEffect(Record):
     between: tuple[str, str]
     torque: BeforeAfter
     deviation: Annotated[BeforeAfter | None, BeforeAfter] = None
-    """With `wanted`: difference between the torque of the drive and the wanted torque."""
+    """With `target`: difference between the torque of the drive and the target torque."""
     pin_forces: Annotated[PinPeaks | None, PinPeaks] = None
     """Largest pin forces of a four-bar with all springs of the set and the remaining torque at the crank."""
-    stays: str
+    motion_at_ends: str
     """Motion of the linkage at both ends without a drive and without friction."""
     holds: Annotated[Holds, Holds]
     """Ends at which the linkage rests on its stop, without friction."""
     hand_force_max: float | None = None
-    """Largest absolute force of a hand over the whole motion; null without `hand`, `hand_force_max` or a force in `wanted`."""
+    """Largest absolute force of a hand over the whole motion; null without `hand`, `hand_force_max` or a force in `target`."""
 
     @property
     def summary(self) -> str:

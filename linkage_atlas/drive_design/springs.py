@@ -128,9 +128,9 @@ class Goal:
         """Return the torque without springs."""
         return machine.torque(self.task.question.load)
 
-    def wanted(self, machine: LinkMotions) -> Floats:
+    def target(self, machine: LinkMotions) -> Floats:
         """Return the wanted torque of the drive; zero without a wish."""
-        curve = self.request.wanted
+        curve = self.request.target
         if curve is None:
             return np.zeros(machine.at.size)
         start, end = self.task.machine.at[[0, -1]]
@@ -157,12 +157,12 @@ class Goal:
             self.holds is not None and self.holds.closed,
             self.holds is not None and self.holds.open,
             None if force_max is None else force_max * self.hand_speed(machine),
-            self.wanted(machine),
+            self.target(machine),
         )
 
     def difference(self, machine: LinkMotions, mounted: Mounted | None = None) -> Floats:
         """Return the torque of the drive less the wanted torque, without springs or with them."""
-        torque = self.load_torque(machine) - self.wanted(machine)
+        torque = self.load_torque(machine) - self.target(machine)
         return torque if mounted is None else torque + mounted.torque(machine)
 
     @cached_property
@@ -197,7 +197,7 @@ class Goal:
                 found.append(float(fine.at[int(np.argmax(beyond))]))
         behaviour = self.behaviour(fine)
         if behaviour is not None and behaviour.torque_max is not None and self.violation(fine, mounted) > 0:
-            torque = self.difference(fine, mounted) + self.wanted(fine)
+            torque = self.difference(fine, mounted) + self.target(fine)
             found.append(float(fine.at[int(np.argmax(np.abs(torque) - behaviour.torque_max))]))
         return found
 
@@ -206,11 +206,11 @@ class Goal:
         machine = self.task.machine
         behaviour = self.behaviour(machine)
         if behaviour is None:
-            what = "rms torque" if self.request.wanted is None else "rms difference from the wanted curve"
+            what = "rms torque" if self.request.target is None else "rms difference from the wanted curve"
             share = 100 * self.rank(mounted)[1] / self.size
             left = f"the best ({mounted.words}) leaves {share:.3g} % of the {what}"
             return f"{left}: a spring is returned if it leaves at most half"
-        torque = self.difference(machine, mounted) + self.wanted(machine)
+        torque = self.difference(machine, mounted) + self.target(machine)
         wrong, (first, last) = [], torque[[0, -1]] * machine.sense
         if behaviour.holds_first and first < behaviour.margins[0]:
             wrong.append("does not hold the first position (closed)")
@@ -279,7 +279,7 @@ def _from_catalogue(goal: Goal, machine: LinkMotions) -> Mounted | str:
     room = SpringRegion(
         request.ground_box or task.box,
         float(request.reach_max or extent),
-        float(request.clear or CLEAR_SHARE * extent),
+        float(request.pivot_distance_min or CLEAR_SHARE * extent),
     )
     rows = [
         row._replace(stiffness=request.count * row.stiffness, preload=request.count * row.preload)
@@ -348,7 +348,7 @@ class Effect(TypedDict):
     torque: BeforeAfter
     deviation: BeforeAfter | None
     pin_forces: PinPeaks | None
-    stays: str
+    motion_at_ends: str
     holds: Holds
     hand_force_max: float | None
 
@@ -365,14 +365,14 @@ def _add(goal: Goal, set_number: int, mounted: Mounted) -> None:
     )
     left = _rms(goal.difference(machine, mounted))
     if left > HELP_SHARE * goal.size > 0:
-        what = "rms torque of the drive" if request.wanted is None else "rms difference from the wanted curve"
+        what = "rms torque of the drive" if request.target is None else "rms difference from the wanted curve"
         task.findings.notes.append(
             f"springs of set {set_number} show the requested behaviour, but leave {100 * left / goal.size:.3g} % of the {what}"
         )
     uses_hand = (
         request.hand_force_max is not None
         or (goal.holds is not None and goal.holds.force_min is not None)
-        or (request.wanted is not None and request.wanted.quantity == "hand_force")
+        or (request.target is not None and request.target.quantity == "hand_force")
     )
     hand = hand_max = None
     if machine.body is not None and (task.question.hand is not None or uses_hand):
@@ -382,9 +382,9 @@ def _add(goal: Goal, set_number: int, mounted: Mounted) -> None:
             lambda machine: np.abs((goal.load_torque(machine) + mounted.torque(machine)) / goal.hand_speed(machine)),
         )
     scale = max(sizes.before.peak, float(np.abs(mounted.torque(machine)).max()))
-    holds, stays = _at_ends(torque[[0, -1]] * machine.sense, scale)
+    holds, motion_at_ends = _at_ends(torque[[0, -1]] * machine.sense, scale)
     deviation = None
-    if request.wanted is not None:
+    if request.target is not None:
         after = _size(goal, lambda machine: goal.difference(machine, mounted))
         deviation = BeforeAfter(_size(goal, goal.difference), after)
     effect: Effect = {
@@ -392,7 +392,7 @@ def _add(goal: Goal, set_number: int, mounted: Mounted) -> None:
         "count": request.count,
         "torque": sizes,
         "pin_forces": task.pin_peaks(machine, mounted.pulls(machine)),
-        "stays": stays,
+        "motion_at_ends": motion_at_ends,
         "holds": holds,
         "hand_force_max": hand_max,
         "deviation": deviation,

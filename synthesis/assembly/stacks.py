@@ -367,7 +367,7 @@ class StackSearch:
         if best is None:
             self.work.go_on()  # else none was looked at
             raise FieldError(
-                "/layers_most",
+                "/layers_max",
                 f"plates on common pins{', with heads,' * self.request.heads} need more than {self.request.max_layers} layers",
             )
         _, first, last = loose.longest(loose.of(best.pairs))

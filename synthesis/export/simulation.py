@@ -290,8 +290,8 @@ def to_pylinkage(linkage: Linkage, target: Target, length_unit: str | None = Non
         joint("crank_pin", "revolute", pins[0]),
         joint("coupler_pin", "revolute", pins[1]),
     ]
-    if linkage.coupler_point is not None:
-        radius, angle = linkage.coupler_point
+    if linkage.coupler_point_polar is not None:
+        radius, angle = linkage.coupler_point_polar
         follows = {"ref_joint1_id": "crank_pin", "ref_joint2_id": "coupler_pin", "distance": radius, "angle": angle}
         parts.append(joint("body_point", "tracker", complex(body.origin[0]), **follows))
     step = float(travel[1] - travel[0])

@@ -55,7 +55,7 @@ class Determination:
     length_uncertainty: Floats
     """(4,) relative; infinite where the motion does not fix a length at all. Without positions the ground is exact."""
     resolution: float
-    at_limits: tuple[str, ...] = ()
+    active_limits: tuple[str, ...] = ()
     """Names of the limits without which the motion would be met better."""
 
     ILL_POSED = 1e-3
@@ -366,5 +366,5 @@ def _moved(target: Target, linkage: Linkage, step: Floats, free: int) -> Linkage
             changed["body_offset"] -= turn
         changed["ground_angle"] = linkage.ground_angle + turn
         changed["pivot_a"] = linkage.pivot_a + target.length_scale * (x + 1j * y)
-        changed["coupler_point"] = (abs(coupler), float(np.angle(coupler)))
+        changed["coupler_point_polar"] = (abs(coupler), float(np.angle(coupler)))
     return replace(with_links(linkage, as_lengths(links)), **changed)

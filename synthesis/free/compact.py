@@ -171,7 +171,7 @@ def as_candidates(poses: Poses, chart: Chart, found: Sequence[Solution]) -> Time
     ground = np.array([solution.linkage.ground_angle for solution in found])
     start = np.array([solution.linkage.start for solution in found])
     pivot = np.array([solution.linkage.pivot_a for solution in found])
-    radius, angle = np.array([solution.linkage.coupler_point for solution in found], dtype=float).T
+    radius, angle = np.array([solution.linkage.coupler_point_polar for solution in found], dtype=float).T
     pose = np.stack(
         [
             (pivot - poses.middle) / scale,

@@ -14,22 +14,22 @@ LINKAGE = {"links": {"crank": 60, "coupler": 50, "rocker": 70, "ground": 30}, "b
 
 
 def test_the_route_answers_as_python_does(client) -> None:
-    reply = client.post("/v1/assembly", json={"linkage": LINKAGE, "boards": "both"})
+    reply = client.post("/v2/assembly", json={"linkage": LINKAGE, "boards": "both"})
     assert reply.status_code == 200, reply.text
     assert reply.json() == json.loads(json.dumps(la.assembly(LINKAGE, boards="both").to_dict()))
 
 
 def test_a_solution_as_it_came_with_its_request(client) -> None:
-    solved = client.post("/v1/synthesize", json={**EXAMPLE, "assembly": True}).json()["solutions"][0]
-    reply = client.post("/v1/assembly", json={"linkage": solved, "request": EXAMPLE}).json()
+    solved = client.post("/v2/synthesize", json={**EXAMPLE, "assembly": True}).json()["solutions"][0]
+    reply = client.post("/v2/assembly", json={"linkage": solved, "request": EXAMPLE}).json()
     assert reply == solved["verdict"]["assembly"]
-    repeated = client.post("/v1/assembly", json={"request": EXAMPLE}).json()
+    repeated = client.post("/v2/assembly", json={"request": EXAMPLE}).json()
     assert repeated["layers"] == reply["layers"]
 
 
 def test_without_an_assembly_there_is_none(client) -> None:
     for request in ({}, {"assembly": False}, {"assembly": None}):
-        verdict = client.post("/v1/synthesize", json={**EXAMPLE, **request}).json()["solutions"][0]["verdict"]
+        verdict = client.post("/v2/synthesize", json={**EXAMPLE, **request}).json()["solutions"][0]["verdict"]
         assert verdict["assembly"] is None
 
 

@@ -25,7 +25,7 @@ SOLUTION = {
     "branch": 1,
     "start_angle": 30,
     "body_offset": -75.9054,
-    "mount": {"ground_angle": 30, "pivot_a": [7.07, 7.07], "coupler_point": {"radius": 20, "angle": 60}},
+    "mount": {"ground_angle": 30, "pivot_a": [7.07, 7.07], "coupler_point_polar": {"radius": 20, "angle": 60}},
 }
 RIGHT_ANGLE = {"rotation": [0, 8, 19, 31, 40, 44], "crank_span": 90, "top": 2, "budget_ms": 400}
 
@@ -257,10 +257,10 @@ def test_the_service_without_an_atlas_starts_and_says_what_needs_one(tmp_path) -
     settings = Settings(atlas=tmp_path / "none.h5", with_atlas=False)
     with TestClient(create_app(settings)) as client:
         assert client.get("/readyz").status_code == 200
-        assert client.post("/v1/synthesize", json=RIGHT_ANGLE).status_code == 200
-        for path in ("/v1/match", "/v1/synthesize"):
+        assert client.post("/v2/synthesize", json=RIGHT_ANGLE).status_code == 200
+        for path in ("/v2/match", "/v2/synthesize"):
             body = {"rotation": [0, 8, 19], "crank_span": 90}
-            reply = client.post(path, json=body | ({} if path == "/v1/match" else {"effort": "atlas"}))
+            reply = client.post(path, json=body | ({} if path == "/v2/match" else {"effort": "atlas"}))
             assert reply.status_code == 503 and "started without an atlas" in reply.json()["detail"]
             assert "retry-after" not in reply.headers, "waiting does not help"
     assert "LINKAGE_ATLAS_WITH_ATLAS" not in os.environ

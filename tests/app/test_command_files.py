@@ -177,7 +177,7 @@ def test_the_drives_and_springs_of_a_solution_are_described(run) -> None:
         words = out.partition(f"; stiffness {spring['stiffness']:.4g}; ")[2].splitlines()
         assert (
             f"{spring['torque']['before']['rms']:.5g} without" in words[0]
-            and words[1] == f"  without a drive: {spring['stays']}"
+            and words[1] == f"  without a drive: {spring['motion_at_ends']}"
         )
     for no in reply["refused"]:
         is_spring = no["kind"] in ("tension", "gas")

@@ -24,7 +24,7 @@ from tests.conftest import some_of
 DEGREES = np.pi / 180
 CASEMENT = la.FourBar(
     240.0105, 101.3106, 83.7877, 155.1378, 1, pivot_a=(-100, 22.4436), ground_angle=-25.6394, start_angle=17.9219,
-    coupler_point=(162.3637, 115.7082),
+    coupler_point_polar=(162.3637, 115.7082),
 )  # fmt: skip
 ANGLES = [0.0, -10.0, -20.0, -33.7138]
 KINDS: dict[str, tuple[dict[str, Any], list[str]]] = {
@@ -57,7 +57,7 @@ def drive_of(name: str) -> Any:
 @pytest.mark.parametrize("name", KINDS)
 def test_every_file_holds_the_drive(name: str) -> None:
     linkage, drive, parts = moving(), drive_of(name), KINDS[name][1]
-    anyway = {"solids": {"nevertheless": True}}
+    anyway = {"solids": {"allow_collisions": True}}
     plain = linkage.file("csv").decode().splitlines()[0]
     assert "drive_ground_x" in linkage.file("csv", drive=drive).decode().splitlines()[0] and "drive" not in plain
     for kind in ("svg", "dxf"):
@@ -156,18 +156,18 @@ REQUEST = {
 
 
 def test_a_drive_of_the_request_is_in_its_files(client: TestClient, run: Any, tmp_path: Path) -> None:
-    """By /v1/export with and without the solution, by the route of a format, on the command line and in Python."""
+    """By /v2/export with and without the solution, by the route of a format, on the command line and in Python."""
     without = {name: value for name, value in REQUEST.items() if name not in ("load", "drives")}
     for kind, word in (("csv", "drive_ground_x"), ("svg", 'id="DRIVE"'), ("dxf", "DRIVE")):
-        plain = client.post("/v1/export", json={"request": without, "format": kind}).text
-        driven = client.post("/v1/export", json={"request": REQUEST, "format": kind}).text
+        plain = client.post("/v2/export", json={"request": without, "format": kind}).text
+        driven = client.post("/v2/export", json={"request": REQUEST, "format": kind}).text
         assert word in driven and word not in plain
-        assert word in client.post(f"/v1/synthesize.{kind}", json=REQUEST).text
-    solution = client.post("/v1/synthesize", json=REQUEST).json()["solutions"][0]
+        assert word in client.post(f"/v2/synthesize.{kind}", json=REQUEST).text
+    solution = client.post("/v2/synthesize", json=REQUEST).json()["solutions"][0]
     assert solution["drives"]
-    body = {"request": REQUEST, "linkage": solution, "format": "parts", "solids": {"nevertheless": True}}
-    assert "piston_rod" in client.post("/v1/export", json=body).text
-    assert "piston_rod" not in client.post("/v1/export", json={**body, "drive": None}).text
+    body = {"request": REQUEST, "linkage": solution, "format": "parts", "solids": {"allow_collisions": True}}
+    assert "piston_rod" in client.post("/v2/export", json=body).text
+    assert "piston_rod" not in client.post("/v2/export", json={**body, "drive": None}).text
     prescribed = tmp_path / "request.json"
     prescribed.write_text(json.dumps(REQUEST))
     for ending in ("csv", "step"):
@@ -176,14 +176,14 @@ def test_a_drive_of_the_request_is_in_its_files(client: TestClient, run: Any, tm
             prescribed,
             "--out",
             tmp_path / f"it.{ending}",
-            "--nevertheless" if ending == "step" else "--rank=1",
+            "--allow-collisions" if ending == "step" else "--rank=1",
         )
         assert code == 0, error
     assert "drive_pin_x" in (tmp_path / "it.csv").read_text()
     assert re.search("'cylinder'", (tmp_path / "it.step").read_text())
     found = la.synthesize(**REQUEST).best
     assert found.drives
-    found.linkage.save(tmp_path / "own.step", drive=found.drives[0], nevertheless=True)
+    found.linkage.save(tmp_path / "own.step", drive=found.drives[0], allow_collisions=True)
     assert "'cylinder'" in (tmp_path / "own.step").read_text()
 
 

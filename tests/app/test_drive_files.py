@@ -18,16 +18,16 @@ KINDS = ["rotary", "actuator", "dyad", "toggle"]
 @pytest.fixture(scope="module")
 def found(client):
     request = {**POSES, "top": 1}
-    solution = client.post("/v1/synthesize", json=request).json()["solutions"][0]
+    solution = client.post("/v2/synthesize", json=request).json()["solutions"][0]
     body = {"linkage": solution, "request": request, "load": {"force": [0, -10]}}
     body["drives"] = [{"kind": kind} for kind in KINDS]
-    return request, solution, client.post("/v1/drives", json=body).json()["drives"]
+    return request, solution, client.post("/v2/drives", json=body).json()["drives"]
 
 
 def export(client, found, kind, drive):
     request, solution, _ = found
     body = {"request": request, "linkage": solution, "format": kind, "drive": drive}
-    reply = client.post("/v1/export", json=body)
+    reply = client.post("/v2/export", json=body)
     assert reply.status_code == 200, reply.text
     return reply.text
 
@@ -98,9 +98,9 @@ def test_a_drive_that_is_none_or_in_a_file_that_has_none_is_refused(client, foun
     request, solution, drives = found
     body = {"request": request, "linkage": solution, "drive": drives[0]}
     for kind in ("pylinkage", "json"):
-        refused = client.post("/v1/export", json={**body, "format": kind})
+        refused = client.post("/v2/export", json={**body, "format": kind})
         assert refused.json()["errors"][0]["pointer"].endswith("/drive")
     bad = {**one_of(found, "actuator"), "link": "wing"}
-    assert client.post("/v1/export", json={**body, "drive": bad, "format": "csv"}).status_code == 422
+    assert client.post("/v2/export", json={**body, "drive": bad, "format": "csv"}).status_code == 422
     short = {"kind": "actuator", "link": "crank"}
-    assert client.post("/v1/export", json={**body, "drive": short, "format": "csv"}).status_code == 422
+    assert client.post("/v2/export", json={**body, "drive": short, "format": "csv"}).status_code == 422

@@ -23,7 +23,7 @@ FORMATS = ("csv", "svg", "dxf", "mjcf")
 def solved(client):
     """Return the worked example and its reply."""
     request = {**worked_example(), "top": 2}
-    return request, client.post("/v1/synthesize", json=request).json()
+    return request, client.post("/v2/synthesize", json=request).json()
 
 
 def rows_of(text: str) -> list[dict[str, str]]:
@@ -35,7 +35,7 @@ def test_every_format_over_http_from_a_solution(client, solved) -> None:
     best = reply["solutions"][0]
 
     def export(**more):
-        return client.post("/v1/export", json={"request": request, "linkage": best, **more})
+        return client.post("/v2/export", json={"request": request, "linkage": best, **more})
 
     dxf = export(format="dxf")
     assert dxf.status_code == 200 and dxf.headers["content-type"] == "image/vnd.dxf"
@@ -47,7 +47,7 @@ def test_every_format_over_http_from_a_solution(client, solved) -> None:
     assert [float(row["x_wanted"]) for row in rows] == [x for x, _ in request["position"]]
     complete = export().json()
     assert complete["linkage"]["links"] == best["links"] and complete["request"] == request
-    second = client.post("/v1/export", json={"request": request, "rank": 2}).json()["linkage"]
+    second = client.post("/v2/export", json={"request": request, "rank": 2}).json()["linkage"]
     assert second["links"] == reply["solutions"][1]["links"]
     thin = {"crank": 1e-99, "coupler": 1e99, "rocker": 1e99, "ground": 1}
     odd = {"links": thin, "branch": 1, "start_angle": 0}
@@ -65,11 +65,11 @@ def test_a_linkage_is_exported_over_its_own_range_when_the_timing_is_free(client
     """A linkage whose crank cannot turn fully is shown between its dead positions, about the given position."""
     request = {"rotation": [0, 10, 30], "position": [[70, 60], [60, 65], [40, 70]], "timing": "free"}
     body = {"request": request, "linkage": linkage}
-    rows = rows_of(client.post("/v1/export", json={**body, "format": "csv"}).text)
+    rows = rows_of(client.post("/v2/export", json={**body, "format": "csv"}).text)
     angles = np.array([float(row["crank_angle"]) for row in rows])
     assert np.ptp(angles) == span if span else 60 < np.ptp(angles) < 359
     assert all(np.isfinite(float(row["transmission_angle"])) for row in rows)
-    assert client.post("/v1/export", json={**body, "format": "dxf"}).status_code == 200
+    assert client.post("/v2/export", json={**body, "format": "dxf"}).status_code == 200
 
 
 def test_exports_by_ending_over_http_and_on_the_command_line(client, solved, tmp_path) -> None:
@@ -77,7 +77,7 @@ def test_exports_by_ending_over_http_and_on_the_command_line(client, solved, tmp
     file = tmp_path / "request.json"
     file.write_text(json.dumps(request))
     for name in FORMATS:
-        over_http = client.post(f"/v1/synthesize.{name}", json=request)
+        over_http = client.post(f"/v2/synthesize.{name}", json=request)
         assert over_http.status_code == 200, over_http.text
         out = tmp_path / f"linkage.{name}"
         assert cli.main(["synthesize", str(file), "--no-preset", "--export", str(out)]) == 0
@@ -94,12 +94,12 @@ def test_exports_by_ending_over_http_and_on_the_command_line(client, solved, tmp
 def test_rotations_alone_and_radians(client, solved) -> None:
     request, _ = solved
     rotation = {"rotation": request["rotation"], "crank_span": 70, "top": 1}
-    rows = rows_of(client.post("/v1/synthesize.csv", json=rotation).text)
+    rows = rows_of(client.post("/v2/synthesize.csv", json=rotation).text)
     assert rows[0]["x"] == "" and abs(float(rows[3]["rotation_error"])) < 1e-6
     for name in ("svg", "mjcf"):
-        ElementTree.fromstring(client.post(f"/v1/synthesize.{name}", json=rotation).text)
+        ElementTree.fromstring(client.post(f"/v2/synthesize.{name}", json=rotation).text)
     radians = {"rotation": np.deg2rad(request["rotation"]).tolist(), "crank_span": math.radians(70)}
     bodies = request, request | radians | {"angle_unit": "rad"}
-    for degrees, turned in zip(*(rows_of(client.post("/v1/synthesize.csv", json=body).text) for body in bodies)):
+    for degrees, turned in zip(*(rows_of(client.post("/v2/synthesize.csv", json=body).text) for body in bodies)):
         expected = math.degrees(float(turned["coupler_direction"]))
         assert float(degrees["coupler_direction"]) == pytest.approx(expected, abs=1e-6)

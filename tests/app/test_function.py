@@ -15,10 +15,10 @@ def test_export_of_what_does_not_close_or_was_not_asked(client: TestClient) -> N
     links = {"crank": 5, "coupler": 1, "rocker": 1, "ground": 1}
     solution = {"links": links, "branch": 1, "start_angle": 0, "output_offset": 0}
     body = {"request": PAIRS, "linkage": solution, "format": "svg"}
-    refused = client.post("/v1/function/export", json=body).json()["errors"][0]
+    refused = client.post("/v2/function/export", json=body).json()["errors"][0]
     assert refused["pointer"] == "#/linkage/links/crank" and "cannot be assembled" in refused["detail"]
     links["crank"] = 0.5
-    bad = client.post("/v1/function/export", json={**body, "request": {"output": [1, 2, 3]}})
+    bad = client.post("/v2/function/export", json={**body, "request": {"output": [1, 2, 3]}})
     assert bad.json()["errors"][0]["pointer"] == "#/request/crank_span"
 
 
@@ -37,7 +37,7 @@ BODIES: dict[str, dict[str, Any]] = {
 
 @pytest.fixture(scope="module")
 def replies(client: TestClient) -> dict[str, dict[str, Any]]:
-    return {name: client.post("/v1/function", json=body).json() for name, body in BODIES.items()}
+    return {name: client.post("/v2/function", json=body).json() for name, body in BODIES.items()}
 
 
 @pytest.fixture(params=BODIES)
@@ -61,12 +61,12 @@ def test_any_solution_is_exported(
 ) -> None:
     request, reply = exchange
     solution = reply["solutions"][1]
-    built = client.post("/v1/function/export", json={"request": request, "linkage": solution, "format": kind})
+    built = client.post("/v2/function/export", json={"request": request, "linkage": solution, "format": kind})
     assert built.status_code == 200 and len(built.content) > 100, built.text
     if kind == "csv":
         head, *rows = [line.split(",") for line in built.text.splitlines()]
         errors = [abs(float(row[head.index("error")])) for row in rows]
         assert max(errors) == pytest.approx(solution["errors"]["max"], rel=1e-6, abs=1e-9)
-    best = client.post(f"/v1/function.{kind}", json=request)
+    best = client.post(f"/v2/function.{kind}", json=request)
     assert best.status_code == (404 if kind == "json" else 200)
     assert kind == "json" or best.headers["content-type"] == built.headers["content-type"]

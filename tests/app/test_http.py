@@ -86,14 +86,14 @@ def pointers(values: dict[str, Any]) -> list[str]:
 
 
 def test_match_ranks_the_published_type_first(paper) -> None:
-    reply = ask(paper, "/v1/match", rotation=ROTATION, crank_span=70)
+    reply = ask(paper, "/v2/match", rotation=ROTATION, crank_span=70)
     assert len(reply["matches"]) == 10
     first = reply["matches"][0]
     assert first["type"] == {"number": 45185, "lengths": [19, 72, 144, 165]}
     assert (first["rank"], first["start_angle"], first["branch"]) == (1, 30.0, 1)
-    assert first["similarity"] < 1e-4
+    assert first["rotation_rms"] < 1e-4
     assert first["offset"] == pytest.approx(np.rad2deg(-0.8012), abs=1e-3)
-    order = [(m["similarity"], m["type"]["number"], m["start_angle"], -m["branch"]) for m in reply["matches"]]
+    order = [(m["rotation_rms"], m["type"]["number"], m["start_angle"], -m["branch"]) for m in reply["matches"]]
     assert order == sorted(order)
     assert [m["rank"] for m in reply["matches"]] == list(range(1, 11))
     assert reply["report"]["windows"] == 101_408 * 2 * 360
@@ -101,13 +101,13 @@ def test_match_ranks_the_published_type_first(paper) -> None:
 
 @pytest.mark.parametrize("effort", ["atlas", "refine"])
 def test_synthesize_recovers_the_published_linkage(effort, paper) -> None:
-    reply = ask(paper, "/v1/synthesize", **EXAMPLE, effort=effort, top=2)
+    reply = ask(paper, "/v2/synthesize", **EXAMPLE, effort=effort, top=2)
     best = reply["solutions"][0]
     assert reply["status"] == "reached" and reply["report"]["stopped_by"] == "tolerance"
     mount, close = best["mount"], {"abs": 1e-6}
     assert list(best["links"].values()) == pytest.approx([19, 72, 144, 165], **close)
-    assert mount["coupler_point"] == pytest.approx({"radius": 20, "angle": 60}, **close)
-    assert (mount["ground_angle"], mount["L_B"], mount["beta"]) == pytest.approx((30, 10, 45), **close)
+    assert mount["coupler_point_polar"] == pytest.approx({"radius": 20, "angle": 60}, **close)
+    assert mount["ground_angle"] == pytest.approx(30, **close)
     assert mount["pivot_a"] == pytest.approx([10 * math.cos(math.pi / 4)] * 2, **close)
     ends = [mount["pivot_a"][k] + 165 * f(math.radians(30)) for k, f in enumerate((math.cos, math.sin))]
     assert mount["pivot_b"] == pytest.approx(ends, **close)
@@ -121,10 +121,10 @@ def test_synthesize_recovers_the_published_linkage(effort, paper) -> None:
 
 
 def test_atlas_routes_describe_what_is_loaded(paper) -> None:
-    atlas = paper.get("/v1/atlas").json()
+    atlas = paper.get("/v2/atlas").json()
     assert (atlas["types"], atlas["schema_version"]) == (101_408, 2)
     assert len(atlas["content_sha256"]) == 64 and atlas["parameters"]["perimeter"] == 400
-    linkage_type = paper.get("/v1/types/45185").json()
+    linkage_type = paper.get("/v2/types/45185").json()
     assert (linkage_type["number"], linkage_type["lengths"], linkage_type["family"]) == (
         45185,
         [19, 72, 144, 165],
@@ -136,26 +136,26 @@ def test_atlas_routes_describe_what_is_loaded(paper) -> None:
         and linkage_type["normalisation"] == "mean"
         and -math.pi < linkage_type["average"] < math.pi
     )
-    assert paper.get("/v1/types/1").json()["lengths"] == [2, 5, 196, 197]
-    assert paper.get("/v1/types/101408").status_code == 200
-    linkage_type = paper.get("/v1/types/1", params={"kind": "slider_crank"}).json()
+    assert paper.get("/v2/types/1").json()["lengths"] == [2, 5, 196, 197]
+    assert paper.get("/v2/types/101408").status_code == 200
+    linkage_type = paper.get("/v2/types/1", params={"kind": "slider_crank"}).json()
     assert (linkage_type["kind"], linkage_type["lengths"], linkage_type["family"]) == (
         "slider_crank",
         [2, 638, 0],
         None,
     )
-    assert "1 to 101408" in problem(paper.get("/v1/types/101409"), range(404, 405))["detail"]
+    assert "1 to 101408" in problem(paper.get("/v2/types/101409"), range(404, 405))["detail"]
 
 
 # -- match ------------------------------------------------------------------------------------------------------------
 
 
 def matches(client: TestClient, **fields: Any) -> list[dict[str, Any]]:
-    return ask(client, "/v1/match", **fields)["matches"]
+    return ask(client, "/v2/match", **fields)["matches"]
 
 
 def test_features_come_with_the_reply_and_are_resampled(client) -> None:
-    reply = ask(client, "/v1/match", rotation=ROTATION, crank_span=70, top=2, features=True)
+    reply = ask(client, "/v2/match", rotation=ROTATION, crank_span=70, top=2, features=True)
     own = reply["report"]["features"]
     assert own["samples"] == 16 and not own["resampled"]
     assert np.deg2rad(own["details"][:3]) == pytest.approx([0.0825, 0.0422, 0.0383], abs=5e-5)
@@ -164,23 +164,23 @@ def test_features_come_with_the_reply_and_are_resampled(client) -> None:
         theirs = match["features"]
         assert len(theirs["details"]) == theirs["samples"] - 1 == 15
         assert theirs["average"] + match["offset"] == pytest.approx(own["average"], abs=1e-9)
-    short = ask(client, "/v1/match", rotation=ROTATION[:11], crank_span=70 * 10 / 15, top=1, features=True)
+    short = ask(client, "/v2/match", rotation=ROTATION[:11], crank_span=70 * 10 / 15, top=1, features=True)
     assert short["report"]["features"]["samples"] == 16 and short["report"]["features"]["resampled"]
-    assert ask(client, "/v1/match", rotation=ROTATION, crank_span=70)["report"]["features"] is None
+    assert ask(client, "/v2/match", rotation=ROTATION, crank_span=70)["report"]["features"] is None
 
 
 # -- synthesize -------------------------------------------------------------------------------------------------------
 
 
 def test_tolerance_decides_the_status(client) -> None:
-    loose = ask(client, "/v1/synthesize", **EXAMPLE, effort="atlas", tolerance=0.5, top=1)
+    loose = ask(client, "/v2/synthesize", **EXAMPLE, effort="atlas", tolerance=0.5, top=1)
     assert (loose["status"], loose["report"]["stopped_by"]) == ("reached", "tolerance")
-    strict = ask(client, "/v1/synthesize", **EXAMPLE, effort="atlas", tolerance=0, top=1)
+    strict = ask(client, "/v2/synthesize", **EXAMPLE, effort="atlas", tolerance=0, top=1)
     assert (strict["status"], strict["report"]["stopped_by"]) == ("closest", "converged")
     impossible = {"crank_span": 10, "effort": "atlas", "limits": {"link_max": 1e-3}}
-    none = ask(client, "/v1/synthesize", rotation=ROTATION[:3], **impossible)
+    none = ask(client, "/v2/synthesize", rotation=ROTATION[:3], **impossible)
     assert (none["status"], none["solutions"]) == ("unknown", [])  # not all windows were looked at
-    refined = ask(client, "/v1/synthesize", **EXAMPLE, tolerance=1e-3, top=1)
+    refined = ask(client, "/v2/synthesize", **EXAMPLE, tolerance=1e-3, top=1)
     assert refined["status"] == "reached" and refined["solutions"][0]["errors"]["objective"] < 1e-3
 
 
@@ -232,7 +232,7 @@ EITHER = [(limits, ("atlas", "refine")[(k + turn) % 2]) for turn in range(2) for
 @pytest.mark.parametrize(("limits", "effort"), some_of(EITHER, 4))
 def test_every_solution_keeps_the_limits(limits, effort, client) -> None:
     fields = {**EXAMPLE, "top": 3, "effort": effort, "limits": limits, "budget_ms": 20_000}
-    reply = ask(client, "/v1/synthesize", **fields)
+    reply = ask(client, "/v2/synthesize", **fields)
     assert len(reply["solutions"]) == 3, "all of these limits can be kept"
     for solution in reply["solutions"]:
         assert broken_limits(fields, solution) == []
@@ -254,17 +254,17 @@ def spoilt(old: str, new: str) -> str:
 
 @pytest.mark.parametrize("literal", ["NaN", "Infinity", "-Infinity", "1e999", "-1e999", '"70"', "true", "[70]", "{}"])
 def test_what_is_no_finite_number_is_pointed_at(literal, client) -> None:
-    assert pointers(refusal(client, "/v1/match", spoilt("70", literal))) == ["#/crank_span"]
+    assert pointers(refusal(client, "/v2/match", spoilt("70", literal))) == ["#/crank_span"]
     in_list = '{"crank_span": 70, "rotation": [1, 2, ' + literal + ", 3]}"
-    assert pointers(refusal(client, "/v1/match", in_list)) == ["#/rotation/2"]
+    assert pointers(refusal(client, "/v2/match", in_list)) == ["#/rotation/2"]
     in_path = '{"crank_span": 70, "position": [[1, 2], [3, ' + literal + "], [5, 6]]}"
-    assert pointers(refusal(client, "/v1/synthesize", in_path)) == ["#/position/1/1"]
+    assert pointers(refusal(client, "/v2/synthesize", in_path)) == ["#/position/1/1"]
 
 
 def test_who_says_nothing_of_the_crank_is_told_what_the_question_takes(client) -> None:
-    timing = refusal(client, "/v1/synthesize", '{"rotation": [0, 8, 19]}')["errors"]
+    timing = refusal(client, "/v2/synthesize", '{"rotation": [0, 8, 19]}')["errors"]
     assert [row["pointer"] for row in timing] == ["#/crank_span"] and "`timing` 'free'" in timing[0]["detail"]
-    timing = refusal(client, "/v1/match", '{"rotation": [0, 8, 19]}')["errors"]
+    timing = refusal(client, "/v2/match", '{"rotation": [0, 8, 19]}')["errors"]
     assert "`crank_angle`" in timing[0]["detail"] and "timing" not in timing[0]["detail"]
 
 
@@ -274,7 +274,7 @@ NO_OBJECTS += ['{"rotation": "\xff"}'.encode("latin-1"), "null", "[]", "3", '"te
 
 @pytest.mark.parametrize("body", NO_OBJECTS, ids=lambda body: repr(body)[:24])
 def test_what_is_no_json_object_is_refused(body, client) -> None:
-    for path in ("/v1/match", "/v1/synthesize"):
+    for path in ("/v2/match", "/v2/synthesize"):
         values = refusal(client, path, body)
         assert pointers(values) == ["#"] and "Request" not in values["detail"], "no name of the code"
 
@@ -292,17 +292,17 @@ MALFORMED = {
 
 @pytest.mark.parametrize("why", MALFORMED)
 def test_a_body_that_would_keep_the_parser_busy_is_refused(why, client) -> None:
-    values = refusal(client, "/v1/match", MALFORMED[why])
+    values = refusal(client, "/v2/match", MALFORMED[why])
     assert values["status"] == 400 and pointers(values) == ["#"]
 
 
 def test_a_body_that_is_packed_is_refused_by_what_is_wrong(client) -> None:
     headers = {"content-type": "application/json", "content-encoding": "gzip"}
-    reply = client.post("/v1/knotter/needle", content=gzip.compress(b"{}"), headers=headers)
+    reply = client.post("/v2/knotter/needle", content=gzip.compress(b"{}"), headers=headers)
     assert reply.status_code == 415 and "Content-Encoding" in reply.json()["detail"]
 
 
-@pytest.mark.parametrize("path", ["/livez", "/readyz", "/v1/atlas", "/v1/types/3", "/openapi.json", "/docs", "/"])
+@pytest.mark.parametrize("path", ["/livez", "/readyz", "/v2/atlas", "/v2/types/3", "/openapi.json", "/docs", "/"])
 def test_what_can_be_got_can_be_asked_for_its_head_alone(path, client) -> None:
     complete, head = client.get(path), client.head(path)
     assert head.status_code == complete.status_code == 200 and not head.content
@@ -325,7 +325,7 @@ FURTHER = [row for row in IN_VAIN if "b<=max" not in str(row)]
 )
 def test_what_is_wrong_is_pointed_at_and_not_repeated(row, client) -> None:
     path, body, change, position, *said = row
-    values = refusal(client, f"/v1/{path}", changed(body, change))
+    values = refusal(client, f"/v2/{path}", changed(body, change))
     error = values["errors"][0]
     assert values["status"] == 422 and error["pointer"] == "#" + position
     assert MARK in position or MARK not in json.dumps(values)
@@ -338,30 +338,30 @@ def test_what_is_wrong_is_pointed_at_and_not_repeated(row, client) -> None:
 
 
 def test_a_refusal_lists_few_errors_and_cuts_long_names(client) -> None:
-    values = refusal(client, "/v1/match", {"rotation": [MARK] * 1024, "crank_span": 70})
+    values = refusal(client, "/v2/match", {"rotation": [MARK] * 1024, "crank_span": 70})
     assert len(values["errors"]) == 20 and MARK not in json.dumps(values)
-    assert pointers(refusal(client, "/v1/match", {"rotation": [1.0] * 2000, "crank_span": 70})) == ["#/rotation"]
-    refusal(client, "/v1/match", {"x" * 100_000: 1})
-    refusal(client, "/v1/match", {"\u00e9" * 30_000: 1})
+    assert pointers(refusal(client, "/v2/match", {"rotation": [1.0] * 2000, "crank_span": 70})) == ["#/rotation"]
+    refusal(client, "/v2/match", {"x" * 100_000: 1})
+    refusal(client, "/v2/match", {"\u00e9" * 30_000: 1})
 
 
 @pytest.mark.parametrize("kind", [None, "text/plain", "application/x-www-form-urlencoded", "application/xml", "x"])
 def test_a_body_that_is_not_declared_as_json_gets_415(kind, client) -> None:
-    values = refusal(client, "/v1/match", MATCH, headers={"content-type": kind} if kind else {})
+    values = refusal(client, "/v2/match", MATCH, headers={"content-type": kind} if kind else {})
     assert values["status"] == 415 and "application/json" in values["detail"]
 
 
 @pytest.mark.parametrize("declared", [True, False], ids=["content-length", "chunked"])
 def test_a_body_above_the_limit_gets_413(declared, client) -> None:
-    assert client.post("/v1/match", content=MATCH.ljust(BODY_LIMIT), headers=JSON).status_code == 200
+    assert client.post("/v2/match", content=MATCH.ljust(BODY_LIMIT), headers=JSON).status_code == 200
     text = MATCH.ljust(BODY_LIMIT + 1).encode()
     body = text if declared else (text[k : k + 1000] for k in range(0, len(text), 1000))
-    assert refusal(client, "/v1/match", body)["status"] == 413
-    huge = refusal(client, "/v1/match", MATCH, headers={**JSON, "content-length": "9" * 5000})
+    assert refusal(client, "/v2/match", body)["status"] == 413
+    huge = refusal(client, "/v2/match", MATCH, headers={**JSON, "content-length": "9" * 5000})
     assert huge["status"] == 413
 
 
-@pytest.mark.parametrize("path", "/v1 /static /v1/match/ /v2/match /v1/types /v1/types/ /.env /v1/%00".split())
+@pytest.mark.parametrize("path", "/v2 /static /v2/match/ /v1/match /v2/types /v2/types/ /.env /v2/%00".split())
 def test_an_unknown_route_gets_404(path, client) -> None:
     for method in ("GET", "POST"):
         values = problem(client.request(method, path), range(404, 405))
@@ -370,23 +370,23 @@ def test_an_unknown_route_gets_404(path, client) -> None:
 
 @pytest.mark.parametrize("method", ["GET", "PUT", "PATCH", "DELETE", "OPTIONS", "TRACE", "NONSENSE"])
 def test_a_wrong_method_gets_405(method, client) -> None:
-    reply = client.request(method, "/v1/match")
+    reply = client.request(method, "/v2/match")
     problem(reply, range(405, 406))
     assert reply.headers["allow"] == "POST"
     if method != "GET":
-        problem(client.request(method, "/v1/atlas"), range(405, 406))
+        problem(client.request(method, "/v2/atlas"), range(405, 406))
 
 
 @pytest.mark.parametrize("number", ["0", "-1", "abc", "1.5", "1e3", "99999999999999999999", "9" * 5000, "%00", "%ff"])
 def test_an_impossible_type_is_pointed_at(number, client) -> None:
-    values = problem(client.get(f"/v1/types/{number}"), range(422, 423))
+    values = problem(client.get(f"/v2/types/{number}"), range(422, 423))
     assert pointers(values) == ["#/number"]
     assert number in ("0", "1.5") or number not in json.dumps(values)
 
 
 @pytest.mark.parametrize("number", ["+3", "03", "1_0"])
 def test_a_type_has_one_address(number, client) -> None:
-    problem(client.get(f"/v1/types/{number}"), range(404, 405))
+    problem(client.get(f"/v2/types/{number}"), range(404, 405))
 
 
 def test_a_fault_of_the_service_is_a_problem_too(monkeypatch, caplog) -> None:
@@ -395,7 +395,7 @@ def test_a_fault_of_the_service_is_a_problem_too(monkeypatch, caplog) -> None:
 
     monkeypatch.setattr("linkage_atlas.synthesize", fail)
     monkeypatch.setattr(worker, "_resources", ServiceResources(Settings(with_atlas=False)), raising=False)
-    reply = worker.answer("/v1/synthesize", json.dumps(EXAMPLE).encode())
+    reply = worker.answer("/v2/synthesize", json.dumps(EXAMPLE).encode())
     assert reply.status_code == 500 and reply.media_type == "application/problem+json"
     assert MARK not in reply.body.decode() and MARK in caplog.text, "the log says more"
 
@@ -418,15 +418,15 @@ def test_without_an_atlas_the_rest_answers(fault, small_bytes, tmp_path) -> None
         assert client.get("/livez").status_code == 200
         for reply in (
             client.get("/readyz"),
-            client.get("/v1/atlas"),
-            client.get("/v1/types/1"),
-            client.post("/v1/match", content=MATCH, headers=JSON),
-            client.post("/v1/synthesize", json={**EXAMPLE, "effort": "atlas"}),
+            client.get("/v2/atlas"),
+            client.get("/v2/types/1"),
+            client.post("/v2/match", content=MATCH, headers=JSON),
+            client.post("/v2/synthesize", json={**EXAMPLE, "effort": "atlas"}),
         ):
             problem(reply, range(503, 504))
             assert int(reply.headers["retry-after"]) > 0
-        assert ask(client, "/v1/synthesize", **EXAMPLE, top=1)["status"] == "reached", "the search needs no atlas"
-        assert refusal(client, "/v1/match", "{}")["status"] == 422
+        assert ask(client, "/v2/synthesize", **EXAMPLE, top=1)["status"] == "reached", "the search needs no atlas"
+        assert refusal(client, "/v2/match", "{}")["status"] == 422
 
 
 @pytest.mark.parametrize("fault", ["missing", "damaged"])

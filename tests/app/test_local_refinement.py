@@ -39,7 +39,7 @@ def test_python_and_http_refine_alike(request_of, exact, client: TestClient) -> 
     assert found.status == "reached" and len(found.solutions) == 1 and found.report.seeds == 1
     assert found.best.errors.objective < 1e-9 and found.report.notes[0] == LOCAL
     assert found.linkage.links == pytest.approx(exact.linkage.links, rel=1e-5)
-    reply = client.post("/v1/synthesize", json={**request_of, "start_from": [begin], "local": True})
+    reply = client.post("/v2/synthesize", json={**request_of, "start_from": [begin], "local": True})
     assert reply.status_code == 200
     assert reply.json()["solutions"][0]["links"] == found.best.to_dict()["links"]
     assert reply.json()["report"]["notes"] == found.report.notes
@@ -58,7 +58,7 @@ def test_a_linkage_a_solution_and_its_values_are_the_same_beginning(exact) -> No
 def test_what_is_refined_keeps_its_proportion(more) -> None:
     """Poses on a line led to a coupler of 2e4 times their extent."""
     line = {"position": [[10 * k, 0] for k in range(6)], "crank_span": 60, **more}
-    begin = la.FourBar(30, 80, 60, 70, pivot_a=(10, -40), coupler_point=(50, 20))
+    begin = la.FourBar(30, 80, 60, 70, pivot_a=(10, -40), coupler_point_polar=(50, 20))
     anyhow = la.synthesize(**line, start_from=[begin], local=True, limits={"preset": "none"})
     assert anyhow.best.size > 1e4, "the error alone counts"
     found = la.synthesize(**line, start_from=[begin], local=True)
@@ -70,9 +70,9 @@ def test_what_is_refined_keeps_its_proportion(more) -> None:
 
 def test_functions_are_refined_too(client: TestClient) -> None:
     expected = {"input": [0, 15, 35, 60, 80], "output": [0, 12, 31, 62, 90]}
-    first = client.post("/v1/function", json={**expected, "top": 1}).json()["solutions"][0]
+    first = client.post("/v2/function", json={**expected, "top": 1}).json()["solutions"][0]
     first["links"]["crank"] *= 1.01
-    reply = client.post("/v1/function", json={**expected, "start_from": [first], "local": True}).json()
+    reply = client.post("/v2/function", json={**expected, "start_from": [first], "local": True}).json()
     assert reply["status"] == "reached" and reply["report"]["notes"][0] == LOCAL and reply["report"]["seeds"] == 1
     links = [reply["solutions"][0]["links"][name] for name in ("crank", "coupler", "rocker", "ground")]
     begin = la.FourBar(*links, branch=first["branch"], start_angle=reply["solutions"][0]["start_angle"])
@@ -85,7 +85,7 @@ def test_functions_are_refined_too(client: TestClient) -> None:
     distant = la.function(expected["output"], input=expected["input"], start_from=[begin], local=True, limits=limits)
     assert distant.status == "unknown" and NOWHERE in distant.report.notes
     first["links"]["crank"] = 1e9
-    reply = client.post("/v1/function", json={**expected, "start_from": [first], "local": True})
+    reply = client.post("/v2/function", json={**expected, "start_from": [first], "local": True})
     assert reply.json()["errors"][0]["pointer"].startswith("#/start_from/0/links/")
 
 

@@ -146,7 +146,7 @@ def test_no_numbers_of_the_right_shape_break_the_service(session) -> None:
     @given(body=st.sampled_from([3, 4, 9]).flatmap(motion))
     def run(body: dict[str, Any]) -> None:
         headers = {"content-type": "application/json"}
-        reply = session.post("/v1/synthesize", data=json.dumps(body), headers=headers)
+        reply = session.post("/v2/synthesize", data=json.dumps(body), headers=headers)
         assert reply.status_code in (200, 422), reply.text
         assert "NaN" not in reply.text and "Infinity" not in reply.text
         answered.append(reply.status_code == 200)

@@ -149,11 +149,11 @@ def test_examples_can_be_answered(client) -> None:
     for example in stored:
         if example["machine"] and example["name"] != "casement":
             # within limits a search takes seconds; tests/benchmarks/test_page_examples.py checks the stored replies
-            reply = client.post("/v1/synthesize", json={**example["request"], "top": 1, "budget_ms": 20})
+            reply = client.post("/v2/synthesize", json={**example["request"], "top": 1, "budget_ms": 20})
             assert reply.status_code == 200, reply.text
             continue
         for budget in (500, 10_000, 30_000):  # the later examples on a busy machine only
-            reply = client.post("/v1/synthesize", json={**example["request"], "top": 1, "budget_ms": budget})
+            reply = client.post("/v2/synthesize", json={**example["request"], "top": 1, "budget_ms": budget})
             assert reply.status_code == 200, reply.text
             if reply.json()["solutions"]:
                 break
@@ -171,7 +171,7 @@ def test_scene_pages_say_what_their_forms_are_made_from(client) -> None:
         details = client.get(f"/scenes/{name}/queries").json()
         for query in details["queries"]:
             assert query["schema"]["type"] == "object" and query["examples"]
-            assert query["path"].startswith(f"/v1/{name}/")
+            assert query["path"].startswith(f"/v2/{name}/")
         assert client.get(f"/scenes/{name}").status_code == 200
 
 

@@ -66,7 +66,7 @@ def test_default_sizes_are_standard_ones_as_made(
     [{}, {"hole": 5, "width": 14, "thickness": 4}, {"scale": 0.5}, {"hole": 6, "width": 16, "scale": 2, "kerf": 0.3}],
 )
 def test_every_file_has_the_sizes_that_were_checked(settings: dict[str, Any]) -> None:
-    linkage = la.FourBar(40, 90, 80, 110, coupler_point=(50, 20))
+    linkage = la.FourBar(40, 90, 80, 110, coupler_point_polar=(50, 20))
     checked, scale, kerf = linkage.assembly(**settings).sizes, settings.get("scale", 1.0), settings.get("kerf", 0.0)
     plates = linkage.file("plates", assembly={"boards": "below", **settings})
     assert circles(plates, "CRANK") == {round(checked.hole * scale - kerf, 9)}
@@ -87,10 +87,10 @@ def test_every_file_has_the_sizes_that_were_checked(settings: dict[str, Any]) ->
 def test_a_kerf_leaves_parts_of_their_size() -> None:
     """The contour lies half a kerf outside of the part everywhere: also around a body with sharp corners."""
     body = [[-20, -10], [60, -10], [60, 15], [10, 40], [-20, 15]]
-    linkage = la.FourBar(40, 90, 80, 110, coupler_point=(50, 20), body_offset=0)
+    linkage = la.FourBar(40, 90, 80, 110, coupler_point_polar=(50, 20), body_offset=0)
     by_kerf = {}
     for kerf in (0.0, 0.4):
-        parts = linkage.solids(body=body, kerf=kerf, hole=4, width=12, nevertheless=True)
+        parts = linkage.solids(body=body, kerf=kerf, hole=4, width=12, allow_collisions=True)
         text = parts.file("plates").decode()
         (outline,) = ezdxf.read(io.StringIO(text)).modelspace().query('LWPOLYLINE[layer=="BODY"]')
         by_kerf[kerf] = np.array([complex(x, y) for x, y, *_ in outline.get_points()])
@@ -108,22 +108,22 @@ def test_a_kerf_leaves_parts_of_their_size() -> None:
 
 
 def test_http_command_line_and_python_make_the_same_plates(client: TestClient, run: Any, tmp_path: Path) -> None:
-    solution = client.post("/v1/synthesize", json=REQUEST).json()["solutions"][0]
+    solution = client.post("/v2/synthesize", json=REQUEST).json()["solutions"][0]
     settings = {"hole": 3, "width": 9, "kerf": 0.2, "scale": 0.5}
-    layers = client.post("/v1/assembly", json={"linkage": solution, "request": REQUEST, **settings}).json()
+    layers = client.post("/v2/assembly", json={"linkage": solution, "request": REQUEST, **settings}).json()
     assert layers["sizes"]["hole"] == 3 and layers["sizes"]["width"] == 9
-    body = {"request": REQUEST, "linkage": solution, "format": "plates", "solids": {"nevertheless": True}}
-    sent = client.post("/v1/export", json={**body, "assembly": settings})
+    body = {"request": REQUEST, "linkage": solution, "format": "plates", "solids": {"allow_collisions": True}}
+    sent = client.post("/v2/export", json={**body, "assembly": settings})
     assert sent.status_code == 200, sent.text
     assert circles(sent.content, "CRANK") == {1.3}
     prescribed = tmp_path / "solution.json"
     prescribed.write_text(json.dumps({**body, "format": "json"}))
     options = [f"--{name}={value}" for name, value in settings.items()]
-    code, _, error = run("export", prescribed, "--out", tmp_path / "cut.plates.dxf", "--nevertheless", *options)
+    code, _, error = run("export", prescribed, "--out", tmp_path / "cut.plates.dxf", "--allow-collisions", *options)
     assert code == 0, error
     assert circles((tmp_path / "cut.plates.dxf").read_bytes(), "CRANK") == {1.3}
     linkage = la.Linkage.from_dict(solution)
     travel = {} if solution["crank_angle"] is None else {"crank_angle": solution["crank_angle"]}
     motion = la.Motion(REQUEST["rotation"], REQUEST["position"], timing="free")
-    own = linkage.file("plates", motion, assembly=settings, solids={"nevertheless": True}, **travel)
+    own = linkage.file("plates", motion, assembly=settings, solids={"allow_collisions": True}, **travel)
     assert circles(own, "CRANK") == {1.3}

@@ -107,7 +107,7 @@ def slow_header(client: socket.socket, step: int) -> None:
 
 
 def slow_body(client: socket.socket, step: int) -> None:
-    head = b"POST /v1/match HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\nContent-Length: 1000\r\n\r\n{"
+    head = b"POST /v2/match HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\nContent-Length: 1000\r\n\r\n{"
     client.send(head if step == 0 else b" ")
 
 
@@ -125,7 +125,7 @@ def test_honest_clients_are_answered_beside_hostile_ones(hostile: Callable, port
         def honest(k: int) -> list[tuple[int, float]]:
             seen = []
             while time.monotonic() < end:
-                for path, body in (("/", None), ("/livez", None), ("/v1/synthesize", BODY)):
+                for path, body in (("/", None), ("/livez", None), ("/v2/synthesize", BODY)):
                     begin = time.monotonic()
                     status = status_of(port, f"127.0.2.{1 + k}", "POST" if body else "GET", path, body)
                     seen.append((status, time.monotonic() - begin))
@@ -160,20 +160,20 @@ def test_a_classroom_behind_one_address_gets_its_pages(port: int) -> None:
     paths = ["/"] + 45 * ["/static/main.js"]
     with ThreadPoolExecutor(30) as pool:
         pages = [pool.submit(status_of, port, "127.0.3.1", "GET", path) for path in 30 * paths]
-        searches = [pool.submit(status_of, port, "127.0.3.1", "POST", "/v1/synthesize", BODY) for _ in range(30)]
+        searches = [pool.submit(status_of, port, "127.0.3.1", "POST", "/v2/synthesize", BODY) for _ in range(30)]
         assert {future.result() for future in pages + searches} == {200}
 
 
 def test_one_address_cannot_take_everything(port: int) -> None:
     with ThreadPoolExecutor(40) as pool:
-        statuses = list(pool.map(lambda _: status_of(port, "127.0.4.1", "POST", "/v1/nothing", "{}"), range(1500)))
+        statuses = list(pool.map(lambda _: status_of(port, "127.0.4.1", "POST", "/v2/nothing", "{}"), range(1500)))
     assert 429 in statuses and set(statuses) <= {404, 429}
 
 
 def test_errors_of_the_proxy_have_the_form_of_the_service(port: int) -> None:
     connection = http.client.HTTPConnection("127.0.0.1", port, timeout=30)
     with closing(connection):
-        connection.request("POST", "/v1/match", "x" * 1_000_001, {"Content-Type": "application/json"})
+        connection.request("POST", "/v2/match", "x" * 1_000_001, {"Content-Type": "application/json"})
         reply = connection.getresponse()
         assert reply.status == 413 and reply.headers["Content-Type"] == "application/problem+json"
         assert json.loads(reply.read())["status"] == 413

@@ -45,7 +45,7 @@ CASES = [
 
 @pytest.mark.parametrize(("change", "said"), CASES, ids=[str(change)[:50] for change, _ in CASES])
 def test_an_error_is_a_sentence_about_the_field(change, said, client, run) -> None:
-    problem = client.post("/v1/synthesize", json=BODY | change).json()
+    problem = client.post("/v2/synthesize", json=BODY | change).json()
     assert problem["detail"] == said
     field, _, words = said.partition(": ")
     assert problem["errors"][0]["detail"] == words

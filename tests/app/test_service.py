@@ -31,10 +31,10 @@ from app.settings import Settings
 from tests.conftest import PATIENCE, listening, started, until
 from tests.oracles.largest import requests
 
-SHORT = ("/v1/knotter/needle", {})
+SHORT = ("/v2/knotter/needle", {})
 RANDOM = np.random.default_rng(1)
 LONG = (
-    "/v1/synthesize",
+    "/v2/synthesize",
     {
         "position": (100 * RANDOM.normal(size=(30, 2))).round(3).tolist(),
         "rotation": (100 * RANDOM.normal(size=30)).round(3).tolist(),
@@ -273,7 +273,7 @@ def test_foreign_names_are_refused(host, local) -> None:
 
 
 @pytest.mark.parametrize(
-    "path", ["/", "/livez", "/docs", "/static/main.js", "/nowhere", "/v1/match", "/openapi.json"]
+    "path", ["/", "/livez", "/docs", "/static/main.js", "/nowhere", "/v2/match", "/openapi.json"]
 )
 def test_every_reply_has_the_headers_of_security(path, local) -> None:
     headers = local.get(path).headers
@@ -284,7 +284,7 @@ def test_every_reply_has_the_headers_of_security(path, local) -> None:
 
 def test_replies_are_compressed_for_clients_that_take_it(local) -> None:
     body = {"position": [[0, 0], [40, 8], [75, 30]], "rotation": [0, 15, 40], "timing": "free", "budget_ms": 100}
-    reply = local.post("/v1/synthesize", json=body, headers={"accept-encoding": "gzip"})
+    reply = local.post("/v2/synthesize", json=body, headers={"accept-encoding": "gzip"})
     assert reply.headers["content-encoding"] == "gzip" and reply.json()["solutions"]
 
 

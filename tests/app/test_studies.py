@@ -19,7 +19,7 @@ FREE = {**POSES, "top": 2, "limits": {"family": "any"}}
 
 
 def ask(client, **more):
-    reply = client.post("/v1/synthesize", json={**EXAMPLE, **more})
+    reply = client.post("/v2/synthesize", json={**EXAMPLE, **more})
     assert reply.status_code == 200, reply.text
     return reply.json()
 
@@ -28,7 +28,7 @@ def ask(client, **more):
     "request_body", [EXAMPLE, FREE, {**FREE, "order": "any"}], ids=["timed", "free", "any order"]
 )
 def test_an_analysis_is_the_derivative_of_the_motion(client, request_body) -> None:
-    reply = client.post("/v1/synthesize", json={**request_body, "analysis": ANALYSIS}).json()
+    reply = client.post("/v2/synthesize", json={**request_body, "analysis": ANALYSIS}).json()
     assert reply["solutions"]
     for solution in reply["solutions"]:
         linkage, analysis = la.Linkage.from_dict(solution), solution["analysis"]
@@ -96,15 +96,15 @@ def test_what_a_file_does_not_hold_is_refused(kind, names, client) -> None:
     motor = {"kind": "rotary", "link": "crank", "motor": [0, 0]}
     values = {"assembly": {"heads": True}, "solids": {"fit": "print"}, "drive": motor}
     for name in names.split():
-        wrong = client.post("/v1/export", json={"request": EXAMPLE, "format": kind, name: values[name]})
+        wrong = client.post("/v2/export", json={"request": EXAMPLE, "format": kind, name: values[name]})
         assert wrong.status_code == 422 and wrong.json()["errors"][0]["pointer"] == f"#/{name}", name
     if kind != "step":  # what the request asks for is of its reply
         body = {"request": {**EXAMPLE, "assembly": True}, "format": kind}
-        assert client.post("/v1/export", json=body).status_code == 200
+        assert client.post("/v2/export", json=body).status_code == 200
 
 
 def test_a_mass_at_the_body_point_at_rest_is_the_force_of_its_weight() -> None:
-    linkage = la.FourBar(19, 72, 144, 165, start_angle=30, coupler_point=(20, 60), body_offset=10)
+    linkage = la.FourBar(19, 72, 144, 165, start_angle=30, coupler_point_polar=(20, 60), body_offset=10)
     crank = [0.0, 30.0, 200.0]
     still = {"masses": [{"link": "body", "mass": 2.0}], "gravity": [0, -9.81]}
     weight, force = linkage.analysis(0, still, crank), linkage.analysis(0, {"force": [0, -2 * 9.81]}, crank)
@@ -114,7 +114,7 @@ def test_a_mass_at_the_body_point_at_rest_is_the_force_of_its_weight() -> None:
     halves = {"masses": [{"link": "body", "mass": 1.0}, {"link": "body", "mass": 1.0}], "gravity": [0, -9.81]}
     torque = linkage.analysis(90, still, crank).drive_load
     assert np.allclose(linkage.analysis(90, halves, crank).drive_load, torque)
-    metres = la.FourBar(0.019, 0.072, 0.144, 0.165, start_angle=30, coupler_point=(0.020, 60), body_offset=10)
+    metres = la.FourBar(0.019, 0.072, 0.144, 0.165, start_angle=30, coupler_point_polar=(0.020, 60), body_offset=10)
     assert np.allclose(metres.analysis(90, still, crank, length_unit="m").drive_load * 1000, torque)
 
 
@@ -126,10 +126,10 @@ def test_a_linkage_of_joint_coordinates_is_analysed_driven_and_exported(client) 
         "crank_angle": [0, 60],
         "drives": [{"kind": "rotary", "links": ["crank"]}],
     }
-    driven = client.post("/v1/drives", json=request)
+    driven = client.post("/v2/drives", json=request)
     assert driven.status_code == 200, driven.text
     plain = {"linkage": own.to_dict(), **{name: request[name] for name in ("crank_angle", "drives")}}
-    same = client.post("/v1/drives", json=plain).json()
+    same = client.post("/v2/drives", json=plain).json()
     assert driven.json()["drives"] == same["drives"] and same["drives"]
-    wrong = client.post("/v1/drives", json=request | {"linkage": {"joints": joints | {"D": [0, 0]}}})
+    wrong = client.post("/v2/drives", json=request | {"linkage": {"joints": joints | {"D": [0, 0]}}})
     assert wrong.status_code == 422 and wrong.json()["errors"][0]["pointer"] == "#/linkage/joints/D"

@@ -45,24 +45,31 @@ SERIOUS = (
 """What axe-core finds without the rules whose findings would be passed over: each finding has the impact of its rule."""
 ASKED = (
     "window.asked=[];const own=window.fetch;window.fetch=async(...a)=>{"
-    "if(a[0]==='/v1/assembly')return window.stub?new Promise(()=>{}):own(...a);"
-    "if(!String(a[0]).startsWith('/v1/')||a[0]==='/v1/motion')return own(...a);"
-    "window.asked.push(JSON.parse(a[1].body));const s=a[0]==='/v1/synthesize'&&window.stub;"
+    "if(a[0]==='/v2/assembly')return window.stub?new Promise(()=>{}):own(...a);"
+    "if(!String(a[0]).startsWith('/v2/')||a[0]==='/v2/motion')return own(...a);"
+    "window.asked.push(JSON.parse(a[1].body));const s=a[0]==='/v2/synthesize'&&window.stub;"
     "return s?new Response(JSON.stringify(s),{headers:{'content-type':'application/json'}}):own(...a)}"
 )
 """Keeps the bodies of the page's requests; a reply in `window.stub` stands in for the service's. Requests for layers follow by
 themselves: they are not kept, and of a stub are never answered."""
-MOUNT = {"pivot_a": (10, 5), "ground_angle": 8, "coupler_point": (40, 35), "body_offset": 12}
+MOUNT = {"pivot_a": (10, 5), "ground_angle": 8, "coupler_point_polar": (40, 35), "body_offset": 12}
 FREE = la.FourBar(20, 60, 55, 58, start_angle=30, **MOUNT)
 """A crank-rocker whose motions the tests ask for."""
 GOOD = re.compile(r"✓ (within practical limits|buildable in \d layers)")
 """What a card says of a linkage within practical limits, before and after its layers are known."""
-WORKS = {"order": True, "branch": True, "circuit": True, "within_tolerance": None, "buildable": True, "reasons": []}
+WORKS = {
+    "order": True,
+    "branch": True,
+    "circuit": True,
+    "within_tolerance": None,
+    "practical_without_collisions": True,
+    "reasons": [],
+}
 SHUT = ["transmission angle 21.9 degrees over the used interval, below 35", "b"]
 LATE = ["sample 3 is off by 2.4 times what is allowed, the most of all"]
-FAULTY = dict.fromkeys(("order", "branch", "buildable"), False)
+FAULTY = dict.fromkeys(("order", "branch", "practical_without_collisions"), False)
 FAULTY["reasons"] = ["samples 2 and 3 lie on different branches"]
-VERDICTS = [WORKS, WORKS | {"buildable": False, "reasons": SHUT}]
+VERDICTS = [WORKS, WORKS | {"practical_without_collisions": False, "reasons": SHUT}]
 VERDICTS += [WORKS | {"within_tolerance": False, "reasons": LATE}, WORKS | FAULTY]
 
 

@@ -164,7 +164,7 @@ def test_bad_numbers_and_refusals_are_answered_in_words(opened) -> None:
     ]
     opened.run(
         "const own = window.fetch, reply = JSON.stringify(arguments[0]);"
-        "window.fetch = (...a) => (a[0] === '/v1/drives' ? Promise.resolve(new Response(reply)) : own(...a))",
+        "window.fetch = (...a) => (a[0] === '/v2/drives' ? Promise.resolve(new Response(reply)) : own(...a))",
         {"drives": [], "springs": [], "notes": [], "refused": refused},
     )
     fill(opened, kind="rotary", ratio="")

@@ -80,7 +80,7 @@ def test_a_refinement_that_leads_nowhere_says_so_and_keeps_the_linkage(edited) -
     page.type_into("joint-c-y", "200" + Keys.ENTER)
     page.run(
         "const own = window.fetch; window.fetch = async (path, ...rest) => { const reply = await own(path, ...rest);"
-        "if (path !== '/v1/synthesize') return reply; window.fetch = own; window.asked = JSON.parse(rest[0].body);"
+        "if (path !== '/v2/synthesize') return reply; window.fetch = own; window.asked = JSON.parse(rest[0].body);"
         "const body = await reply.json();"
         "return new Response(JSON.stringify({...body, status: 'unknown', solutions: []}), {status: 200}); }"
     )

@@ -16,7 +16,7 @@ from tests.oracles.guided_cases import DRIVES, NAMES
 ANSWERED = """
 const whole = window.guided ? null : window.fetch;
 window.guided = JSON.stringify(arguments[0]);
-if (whole) window.fetch = (address, ...rest) => window.guided && String(address).endsWith("/v1/synthesize")
+if (whole) window.fetch = (address, ...rest) => window.guided && String(address).endsWith("/v2/synthesize")
   ? Promise.resolve(new Response(window.guided, { headers: { "Content-Type": "application/json" } }))
   : whole(address, ...rest);
 """
@@ -33,7 +33,7 @@ def solved(page, drive, **studies):
     one, motion = reply_of(drive, noise=0.01, **studies)
     report = {"elapsed_ms": {"total": 5.0}, "trace": [[5.0, one.errors.objective]], "stopped_by": "converged"}
     report |= {"length_scale": motion.asked.length_scale, "seeds": 1, "notes": []}
-    report |= dict.fromkeys(("windows", "exhaustive", "continued"))
+    report |= dict.fromkeys(("windows", "exhaustive", "start_from_ranks"))
     reply = {"status": "closest", "solutions": [json.loads(json.dumps(plain_of(one)))], "report": report}
     page.run(ANSWERED, reply)
     page.take(request_of(motion))

@@ -68,7 +68,7 @@ def test_joints_are_drawn_where_the_reply_says(standing, example) -> None:
     standing.choose(example)
     standing.run(
         "window.replies=[];const own=window.fetch;window.fetch=async(...a)=>{const r=await own(...a);"
-        "if(a[0]!=='/v1/synthesize')return r;const t=await r.text();window.replies.push(JSON.parse(t));"
+        "if(a[0]!=='/v2/synthesize')return r;const t=await r.text();window.replies.push(JSON.parse(t));"
         "return new Response(t,{status:r.status,headers:r.headers})}"
     )
     standing.solve_soon()
@@ -244,7 +244,7 @@ def test_sizes_and_refusals_have_the_words_of_the_page(page) -> None:
     within = "is within the least and the greatest link length."
     assert page.text("status") == f"Stock lengths: none of the lengths {within}"
     detail = "has no point in common with `ground_box` or `some_field`"
-    page.run("refused['/v1/synthesize'] = arguments[0]", ("limits/links/crank", detail))
+    page.run("refused['/v2/synthesize'] = arguments[0]", ("limits/links/crank", detail))
     page.click("solve")
     page.wait(IDLE)
     common = "has no point in common with the box of the ground point or some field."
@@ -313,8 +313,8 @@ def test_the_answer_follows_a_drag(standing) -> None:
 
 
 HELD = (
-    "const own = window.fetch, none = JSON.stringify({solutions: [], report: {continued: []}}); window.held = [];"
-    "window.fetch = (path, how) => path !== '/v1/synthesize' || !JSON.parse(how.body).start_from ? own(path, how)"
+    "const own = window.fetch, none = JSON.stringify({solutions: [], report: {start_from_ranks: []}}); window.held = [];"
+    "window.fetch = (path, how) => path !== '/v2/synthesize' || !JSON.parse(how.body).start_from ? own(path, how)"
     ": new Promise((done) => { held.push((status) => { done(new Response(none, {status})); window.fetch = own; }); })"
 )
 """Holds the reply to the next question of a drag until the test gives it, without a linkage, with a status."""
@@ -536,8 +536,8 @@ def test_the_parts_of_a_motion_are_checked_and_angles_alone_suffice(standing) ->
 
 
 REFUSED = {
-    "/v1/synthesize": ("lengths_from", f"none of the lengths is within {BETWEEN_LENGTHS}"),
-    "/v1/export": ("assembly", "parts would collide. `nevertheless` in `solids` writes them all the same"),
+    "/v2/synthesize": ("lengths_from", f"none of the lengths is within {BETWEEN_LENGTHS}"),
+    "/v2/export": ("assembly", "parts would collide. `allow_collisions` in `solids` writes them all the same"),
 }
 
 
@@ -670,7 +670,7 @@ def test_how_sure_a_linkage_is_and_what_holds_it_are_named(standing) -> None:
     request = path_request(angles)
     standing.take(request)
     standing.stub(request, angles, VERDICTS[:1])
-    standing.run("window.stub.solutions[0].determination.at_limits = ['link_min', 'links.crank', 'pivot_box']")
+    standing.run("window.stub.solutions[0].determination.active_limits = ['link_min', 'links.crank', 'pivot_box']")
     standing.solve()
     assert "held by the least link length, the given crank length and the pivot box." in standing.text("status")
     standing.renew()
@@ -874,7 +874,7 @@ def test_files_come_from_this_service_alone_and_layers_are_asked_for_once(page) 
     page.wait("[...document.querySelectorAll('#solutions li')].every((one) => /layers/.test(one.textContent))")
     files = page.run("return performance.getEntriesByType('resource').map((one) => one.name)")
     assert all(name.startswith(page.address) for name in files)
-    assert files.count(f"{page.address}/v1/assembly") == page.count("#solutions li")
+    assert files.count(f"{page.address}/v2/assembly") == page.count("#solutions li")
 
 
 def test_the_machine_of_the_readme_is_whole_in_its_picture(page) -> None:

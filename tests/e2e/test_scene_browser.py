@@ -132,7 +132,7 @@ def test_choosing_only_shows_a_double_click_asks_once_and_back_steps_through_ans
     page.wait(ANSWERED)
     first = page.run("return [document.getElementById('query').value, location.hash]")
     page.run("window.asked = 0; const own = fetch; window.fetch = (...a) => { window.asked++; return own(...a); }")
-    page.select("query", "/v1/lift/batch")
+    page.select("query", "/v2/lift/batch")
     assert page.run("return window.asked") == 0 and page.text("status") == "Press Answer to compute it."
     assert "of an earlier request" in page.text("facts-title") and not page.shown("stop")
     page.run(
@@ -158,7 +158,7 @@ def test_choosing_only_shows_a_double_click_asks_once_and_back_steps_through_ans
     assert "of an earlier request" not in page.text("facts-title")
     page.browser.forward()
     page.wait(
-        "document.getElementById('query').value === '/v1/lift/batch' && document.querySelector('#tables table')"
+        "document.getElementById('query').value === '/v2/lift/batch' && document.querySelector('#tables table')"
     )
     assert page.run("return window.asked") == 1, "answers of this page are shown as they were"
 
@@ -174,7 +174,7 @@ def test_a_double_click_asks_once_and_one_drawing_is_left_after_two_steps_back(a
     """Once a second click asked again if the first was already answered, and each of two quick steps back drew its motion."""
     page = at("lift")
     page.wait(ANSWERED)
-    page.select("query", "/v1/lift/optimize")
+    page.select("query", "/v2/lift/optimize")
     for length in ("310", "320", "330"):
         field = page.one("#fields input")
         field.clear()
@@ -213,7 +213,7 @@ def test_what_is_wrong_is_said_at_its_field_and_earlier_answers_are_marked(at) -
     assert "≤ 1000000000000 is wanted, found 1e20" in page.text("status")
     at("lift").wait(ANSWERED)
     page = at("lift")
-    page.select("query", "/v1/lift/batch")
+    page.select("query", "/v2/lift/batch")
     asked(page, lambda: page.click("run"))
     page.press("#fields .row .link")  # the first goes, and one is added behind
     page.press("#fields .rows + button")
@@ -235,7 +235,7 @@ def test_what_is_wrong_is_said_at_its_field_and_earlier_answers_are_marked(at) -
     length.send_keys(Keys.HOME, Keys.DELETE)
     asked(page, lambda: page.click("run"))
     assert mark not in page.text("facts-title")
-    page.select("query", "/v1/lift/batch")
+    page.select("query", "/v2/lift/batch")
     asked(page, lambda: page.click("run"))
     page.press("#fields .rows .link")  # a cylinder less
     assert mark in page.text("tables-title")
@@ -312,7 +312,7 @@ def test_a_chain_of_many_samples_or_links_is_drawn(at) -> None:
     page = at("chain")
     for path, entries in (("slot", {"samples": "4000"}), ("track", {"links": "900", "pitch": "1", "samples": "99"})):
         if path == "track":
-            page.select("query", "/v1/chain/track")
+            page.select("query", "/v2/chain/track")
             asked(page, lambda: page.click("run"))
         page.run("document.querySelector('#fields > details').open = true")
         for name, entry in entries.items():
@@ -323,7 +323,7 @@ def test_a_chain_of_many_samples_or_links_is_drawn(at) -> None:
         assert page.count("#picture .stage") == 2 and page.count("#curves .chart") == (2 if path == "slot" else 1)
     # The drawing takes fewer samples, and so fewer than a fit may need.
     for more in ({"include": ["outline"]}, {"fit": {"kind": "polynomial", "order": 95}}):
-        asking = {"query": "/v1/chain/slot", "request": CHAIN | {"samples": 4000} | more}
+        asking = {"query": "/v2/chain/slot", "request": CHAIN | {"samples": 4000} | more}
         page = at(
             "chain", fragment="#j=" + base64.urlsafe_b64encode(json.dumps(asking).encode()).decode().rstrip("=")
         )
@@ -436,13 +436,13 @@ def test_the_knotter_shows_entries_and_verdicts_and_can_be_turned(at) -> None:
 
 def test_ranges_and_long_lists_of_the_knotter_are_said_whole(at) -> None:
     page = at("knotter")
-    page.select("query", "/v1/knotter/limit")
+    page.select("query", "/v2/knotter/limit")
     asked(page, lambda: page.click("run"))
     page.select(field_of(page, "condition"), '"clearance"')
     asked(page, lambda: page.click("run"))
     assert "The clearance holds over the whole range of d5." in page.text("facts")
     page = at("knotter")
-    page.select("query", "/v1/knotter/scan")
+    page.select("query", "/v2/knotter/scan")
     asked(page, lambda: page.click("run"))
     page.run("for (const fold of document.querySelectorAll('#fields details')) fold.open = true")
     for field, values in zip(page.all("#fields .wide input"), (range(30), range(20, 61))):

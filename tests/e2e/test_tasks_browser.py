@@ -513,7 +513,7 @@ def test_a_linkage_is_changed_by_hand(opened) -> None:
     lengths = (number[name][0] for name in ("Crank", "Coupler", "Rocker", "Ground"))
     names = "Start angle", "Ground angle", "Body offset"
     mount = {name.lower().replace(" ", "_"): number[name][0] for name in names}
-    mount |= {"pivot_a": number["Pivot A"][:2], "coupler_point": number["Coupler point"]}
+    mount |= {"pivot_a": number["Pivot A"][:2], "coupler_point_polar": number["Coupler point"]}
     linkage = la.FourBar(*lengths, branch=1 if rows["Branch"] == "+1" else -1, **mount)
     wanted = np.array(EXAMPLES[0]["request"]["position"])
     made = linkage.joints(number["Crank angles"]).body_point

@@ -286,7 +286,7 @@ def test_the_view_fits_a_new_answer(standing) -> None:
     page.stub(request, [0, 120, 240], VERDICTS[:2])
     page.run(
         "const one = window.stub.solutions[1]; for (const n in one.links) one.links[n] *= 2;"
-        "one.mount.coupler_point.radius *= 2"
+        "one.mount.coupler_point_polar.radius *= 2"
     )
     page.solve()
     dots = "const at = (one) => { const f = one.getBoundingClientRect(); return [f.x, f.y] };"
@@ -318,7 +318,8 @@ def replies(page, *sizes: float) -> None:
     page.run(
         "const [sizes] = arguments, reply = window.stub, stages = sizes.map((size, k) => { const one = structuredClone(reply);"
         "one.report.stopped_by = k < sizes.length - 1 ? 'budget' : 'converged';"
-        "for (const s of one.solutions) { for (const n in s.links) s.links[n] *= size; s.mount.coupler_point.radius *= size;"
+        "for (const s of one.solutions) { for (const n in s.links) s.links[n] *= size;"
+        "s.mount.coupler_point_polar.radius *= size;"
         "for (const p of ['pivot_a', 'pivot_b']) s.mount[p] = s.mount[p].map((v) => v * size + 400 * (size - 1));"
         "s.errors.objective /= size; }"
         "return one; });"
@@ -371,7 +372,7 @@ def test_a_shape_drawn_by_mouse_is_solved(browser, served, downloads, shape) -> 
 def test_what_the_service_objects_to_is_said_as_a_sentence(page) -> None:
     reply = {"detail": "the service is ending"}
     page.run(
-        "const own = window.fetch; window.fetch = async (...a) => a[0] === '/v1/synthesize'"
+        "const own = window.fetch; window.fetch = async (...a) => a[0] === '/v2/synthesize'"
         " ? new Response(arguments[0], {status: 503}) : own(...a)".replace("arguments[0]", f"'{json.dumps(reply)}'")
     )
     page.click("solve")

@@ -22,20 +22,20 @@ def motion(**more) -> la.Motion:
 def by_layers(solution: la.Solution) -> tuple[bool, int, int]:
     """Return the order of preference in layers: free, pivots that no link passes over, and few layers."""
     assembly = solution.verdict.assembly
-    return not assembly.free, sum(not shaft.both_sides for shaft in assembly.shaft.values()), assembly.count
+    return not assembly.free, sum(not shaft.both_sides for shaft in assembly.pivot_supports.values()), assembly.count
 
 
 def test_the_reply_says_what_was_found() -> None:
     found = la.FourBar(*CRANK_ROCKER).assembly(hole=6, width=18)
     assert (found.status, found.count, found.layers) == ("free", 3, {"crank": 1, "coupler": 2, "rocker": 3})
     assert found.mounts == {"A": "below", "B": "below"}
-    assert found.least_gap.value == pytest.approx(7.787878787878787)
-    assert set(found.least_gap.pair) == {"crank", "B"}
-    assert found.fewer["2"]["pair"] == ["crank", "rocker"]
-    assert found.fewer["2"]["from"] == pytest.approx(345.44264, abs=1e-6)
-    assert not found.shaft["A"].both_sides
-    assert "coupler passes over A" in found.shaft["A"].because
-    assert found.shaft["B"] == (True, None)
+    assert found.smallest_gap.value == pytest.approx(7.787878787878787)
+    assert set(found.smallest_gap.pair) == {"crank", "B"}
+    assert found.fewer_layers["2"]["pair"] == ["crank", "rocker"]
+    assert found.fewer_layers["2"]["from"] == pytest.approx(345.44264, abs=1e-6)
+    assert not found.pivot_supports["A"].both_sides
+    assert "coupler passes over A" in found.pivot_supports["A"].blocking_parts
+    assert found.pivot_supports["B"] == (True, None)
     assert found.stops.low == found.stops.high == (None, None, None)
     assert found.sizes.thickness == 3.0
     assert json.loads(json.dumps(found.to_dict()))["collisions"] == []
@@ -44,7 +44,7 @@ def test_the_reply_says_what_was_found() -> None:
 def test_radians_are_degrees_in_radians() -> None:
     layers = la.FourBar(*CRANK_ROCKER).assembly(hole=6, width=18)
     second = la.FourBar(*CRANK_ROCKER, degrees=False).assembly(hole=6, width=18)
-    assert np.rad2deg(second.fewer["2"]["to"]) == pytest.approx(layers.fewer["2"]["to"])
+    assert np.rad2deg(second.fewer_layers["2"]["to"]) == pytest.approx(layers.fewer_layers["2"]["to"])
     assert any(" rad" in reason for reason in second.reasons)
 
 
@@ -54,8 +54,8 @@ def test_lengths_scale() -> None:
     for k in (1e-20, 3.7, 1e20):
         second = la.FourBar(*(k * length for length in CRANK_ROCKER)).assembly(hole=6 * k, width=18 * k)
         assert second.layers == layers.layers
-        assert second.least_gap.value / k == pytest.approx(layers.least_gap.value)
-        assert second.fewer["2"]["to"] == pytest.approx(layers.fewer["2"]["to"], abs=1e-9)
+        assert second.smallest_gap.value / k == pytest.approx(layers.smallest_gap.value)
+        assert second.fewer_layers["2"]["to"] == pytest.approx(layers.fewer_layers["2"]["to"], abs=1e-9)
 
 
 def test_a_mirror_changes_nothing_but_signs() -> None:
@@ -79,17 +79,19 @@ def test_a_blocked_linkage_is_told_what_would_free_it() -> None:
 
 def test_buildable_is_practical_and_free() -> None:
     without = la.synthesize(motion(), top=2)
-    assert all(solution.verdict.buildable is None for solution in without), "no layers were looked for"
+    assert all(solution.verdict.practical_without_collisions is None for solution in without), (
+        "no layers were looked for"
+    )
     assert without.best.verdict.assembly is None
     # plates as wide as the ground: nothing passes
     blocked = la.synthesize(motion(), top=2, limits={"preset": "practical"}, assembly={"hole": 5, "width": 150})
     for solution in blocked:
         assert solution.verdict.practical
-        assert not solution.verdict.buildable
+        assert not solution.verdict.practical_without_collisions
         assert solution.verdict.assembly.status == "blocked"
         assert solution.verdict.reasons[-1].startswith("layers:")
     free = la.synthesize(motion(), top=2, limits={"preset": "practical"}, assembly=True)
-    assert free.best.verdict.buildable
+    assert free.best.verdict.practical_without_collisions
     assert free.best.verdict.assembly.free
 
 
@@ -133,7 +135,7 @@ def test_the_request_s_envelope_holds_for_plates_and_the_body() -> None:
     assert not la.assembly(free, envelope=wide, body=[[0, 0], [300, 0], [300, 20], [0, 20]]).free
     found = la.synthesize(motion(), {"envelope": lines}, top=1, assembly=True).best
     assert found.verdict.assembly.status == "blocked"
-    assert not found.verdict.buildable
+    assert not found.verdict.practical_without_collisions
 
 
 def test_sliders_have_layers_too() -> None:

@@ -26,7 +26,7 @@ def extent(position) -> float:
 
 
 def marked(result: la.Result) -> la.Solution:
-    (smallest,) = [solution for solution in result if solution.least_error]
+    (smallest,) = [solution for solution in result if solution.has_smallest_error]
     return smallest
 
 
@@ -57,7 +57,9 @@ def test_a_shelf_that_does_not_turn_hangs_on_a_parallelogram() -> None:
 
 @pytest.mark.parametrize("start", [0, 90])
 def test_a_lid_of_90_degrees_is_no_larger_than_the_linkage_that_was_drawn(start: int) -> None:
-    built = la.FourBar(84, 51, 76, 25, start_angle=start, ground_angle=10, coupler_point=(90, 30), pivot_a=(0, 0))
+    built = la.FourBar(
+        84, 51, 76, 25, start_angle=start, ground_angle=10, coupler_point_polar=(90, 30), pivot_a=(0, 0)
+    )
     crank = np.linspace(0, {0: 111, 90: 132}[start], 7)
     joints = built.joints(crank)
     rotation, position = np.round(joints.rotation - joints.rotation[0], 1), np.round(joints.body_point, 1)

@@ -40,7 +40,7 @@ def test_a_match_that_is_cut_short_says_so(atlas) -> None:
     short = la.match(**motion, atlas=atlas, top=20, budget=2.5, work=lambda budget: Work(budget, clock=Clock(1.0)))
     assert not short.report.exhaustive and short.matches
     assert any("The time was up" in note for note in short.report.notes)
-    assert short.matches[0].similarity >= complete.matches[0].similarity
+    assert short.matches[0].rotation_rms >= complete.matches[0].rotation_rms
     assert short.to_dict()["report"]["exhaustive"] is False
 
 

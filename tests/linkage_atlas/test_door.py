@@ -57,7 +57,7 @@ def test_the_worked_example_is_solved(found) -> None:
     assert linkage is found.solutions[0].linkage and found.best is found.solutions[0]
     assert linkage.links == pytest.approx(LENGTHS, abs=1e-6) and linkage.branch == 1
     assert (linkage.start_angle, linkage.ground_angle) == pytest.approx((30, 30), abs=1e-6)
-    assert linkage.coupler_point == pytest.approx((20, 60), abs=1e-5)
+    assert linkage.coupler_point_polar == pytest.approx((20, 60), abs=1e-5)
     joints = linkage.joints(np.linspace(0, EXAMPLE["crank_span"], 16))
     assert joints.body_point == pytest.approx(np.array(EXAMPLE["position"]), abs=1e-8)
     assert joints.rotation == pytest.approx(np.array(EXAMPLE["rotation"]), abs=1e-7)
@@ -92,7 +92,7 @@ def test_radians_go_in_and_come_out(found) -> None:
     assert second.links == pytest.approx(linkage.links, rel=1e-6)
     for name in ("start_angle", "ground_angle", "body_offset"):
         assert getattr(second, name) == pytest.approx(turned(getattr(linkage, name)), abs=1e-6), name
-    assert second.coupler_point[1] == pytest.approx(turned(linkage.coupler_point[1]), abs=1e-6)
+    assert second.coupler_point_polar[1] == pytest.approx(turned(linkage.coupler_point_polar[1]), abs=1e-6)
     assert new.best.transmission_angle_min == pytest.approx(turned(old.best.transmission_angle_min), abs=1e-6)
     for ours, theirs in zip(new.best.sensitivity, old.best.sensitivity):
         assert ours.rotation == pytest.approx(turned(theirs.rotation), rel=1e-5)
@@ -114,7 +114,7 @@ def test_the_reply_over_http_is_the_result_as_a_dict(built) -> None:
     with TestClient(create_app(Settings(atlas=path))) as client:
         for request in (EXAMPLE, EXAMPLE | {"effort": "atlas"}, FREE):
             request = request | {"top": 2, "round_to": 0.5, "sensitivity": True}
-            reply = client.post("/v1/synthesize", json=request)
+            reply = client.post("/v2/synthesize", json=request)
             assert reply.status_code == 200
             mine = la.synthesize(**request, budget=30, atlas=atlas).to_dict()
             assert without_times(reply.json()) == without_times(json.loads(json.dumps(mine)))
@@ -148,7 +148,7 @@ WRONG = [
     for change, field, *words in table["wrong"]
 ]
 """Calls with wrong arguments, the field that is named, and words of the message."""
-SOLIDS = la.FourBar(*LENGTHS, start_angle=30, coupler_point=(20, 60), body_offset=-76).solids
+SOLIDS = la.FourBar(*LENGTHS, start_angle=30, coupler_point_polar=(20, 60), body_offset=-76).solids
 
 
 @pytest.mark.parametrize("row", WRONG, ids=lambda row: f"{row[0]} {row[2]} {' '.join(row[3:])}")
@@ -189,14 +189,14 @@ def test_a_row_of_the_atlas_is_matched_to_itself(built, degrees) -> None:
     matches = la.match(rotation, crank[-1], atlas=atlas, degrees=degrees, top=4, features=True)
     first = matches.matches[0]
     assert (first.type.number, first.type.lengths, first.branch) == (number, lengths, -1)
-    assert first.start_angle == pytest.approx(40 * unit) and first.similarity < 1e-9 * unit
+    assert first.start_angle == pytest.approx(40 * unit) and first.rotation_rms < 1e-9 * unit
     assert [m.rank for m in matches.matches] == [1, 2, 3, 4]
     # the linkage of a match performs the requested rotation: its offset is its body's
     assert first.linkage.joints(crank).rotation == pytest.approx(rotation, abs=1e-9)
     assert first.offset == first.linkage.body_offset
     for match in matches.matches:
         gap = match.linkage.joints(crank).rotation - rotation
-        assert np.sqrt(np.mean(gap**2)) == pytest.approx(match.similarity, abs=1e-9)
+        assert np.sqrt(np.mean(gap**2)) == pytest.approx(match.rotation_rms, abs=1e-9)
     values = matches.to_dict()
     assert json.loads(json.dumps(values)) == values and "4 matches" in repr(matches)
     with pytest.raises(la.FieldError, match="top"):
@@ -220,7 +220,7 @@ def linkages_in(degrees: bool) -> st.SearchStrategy[la.FourBar]:
         start_angle=angle,
         pivot_a=st.tuples(coordinate, coordinate),
         ground_angle=angle,
-        coupler_point=st.one_of(st.none(), st.tuples(length, angle)),
+        coupler_point_polar=st.one_of(st.none(), st.tuples(length, angle)),
         body_offset=st.one_of(st.none(), angle),
         degrees=st.just(degrees),
     )
@@ -253,9 +253,9 @@ def test_links_keep_their_lengths_wherever_the_loop_closes(linkage, crank) -> No
         assert np.all(np.abs(pin - second - ray * distance(pin, second)[:, None]) < rounding)
     across = (b - d)[:, 0] * (c - d)[:, 1] - (b - d)[:, 1] * (c - d)[:, 0]
     assert np.all(four_bar.branch * across > -rounding * np.abs(four_bar.links).max())
-    assert (joints.body_point is None) == (four_bar.coupler_point is None)
-    if four_bar.coupler_point is not None:
-        assert np.all(np.abs(distance(joints.body_point[closed], d) - four_bar.coupler_point[0]) < rounding)
+    assert (joints.body_point is None) == (four_bar.coupler_point_polar is None)
+    if four_bar.coupler_point_polar is not None:
+        assert np.all(np.abs(distance(joints.body_point[closed], d) - four_bar.coupler_point_polar[0]) < rounding)
 
 
 @LAW
@@ -268,7 +268,7 @@ def test_a_linkage_comes_back_from_its_dict(linkage) -> None:
         four_bar.branch,
         four_bar.family,
     )
-    for name in ("start_angle", "ground_angle", "body_offset", "coupler_point", "pivot_a", "pivot_b"):
+    for name in ("start_angle", "ground_angle", "body_offset", "coupler_point_polar", "pivot_a", "pivot_b"):
         expected = getattr(four_bar, name)
         if expected is None:
             assert getattr(back, name) is None

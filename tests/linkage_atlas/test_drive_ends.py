@@ -12,7 +12,7 @@ from fastapi.testclient import TestClient
 
 import linkage_atlas as la
 
-CASEMENT = la.FourBar(240, 101.3, 83.8, 155.1, start_angle=18, coupler_point=(162, 115.7))
+CASEMENT = la.FourBar(240, 101.3, 83.8, 155.1, start_angle=18, coupler_point_polar=(162, 115.7))
 DIRECTION = [0, -33.7]
 LOADS = {
     "body": {"force": [0, 100]},
@@ -36,7 +36,7 @@ def test_an_actuator_that_was_found_is_evaluated_alike_when_its_ends_are_given(l
     prescribed = {"links": [link], "on": on, "ground_point": found.ground_point}
     for pin in ({"pin": found.pin}, {"pin_on_link": found.pin_on_link}):
         (repeated,) = drives(prescribed | pin, load).drives
-        for name in ("peak_force", "arm_min", "length", "holding", "over_bound", "stroke", "retracted"):
+        for name in ("peak_force", "arm_min", "length", "holding", "peak_force_ratio", "stroke", "retracted"):
             assert getattr(repeated, name) == pytest.approx(getattr(found, name), rel=1e-9), name
     length, force = found.curve.length, found.curve.force
     work = np.sum((force[1:] + force[:-1]) / 2 * np.diff(length))
@@ -113,7 +113,7 @@ def test_equal_actuators_share_the_force() -> None:
     }
     single, double = (drives(wish | {"count": count}, LOADS["body"]).drives[0] for count in (1, 2))
     assert double.count == 2 and double.ground_point == single.ground_point
-    for name in ("peak_force", "bound", "holding"):
+    for name in ("peak_force", "peak_force_bound", "holding"):
         assert np.multiply(getattr(double, name), 2) == pytest.approx(getattr(single, name), rel=1e-9)
     assert double.pin_forces == pytest.approx(single.pin_forces, rel=1e-9)
     row = {"name": "weak", "retracted": 255, "stroke": 150, "force": 0.6 * single.peak_force}
@@ -137,4 +137,4 @@ def test_ends_that_are_half_given_are_refused(client: TestClient, wish: dict[str
         drives(wish, LOADS["body"])
     assert error.value.field == f"/drives/0/{field}"
     body = {"linkage": CASEMENT.to_dict(), "crank_angle": DIRECTION, "drives": [{"kind": "actuator", **wish}]}
-    assert client.post("/v1/drives", json=body).status_code == 422
+    assert client.post("/v2/drives", json=body).status_code == 422

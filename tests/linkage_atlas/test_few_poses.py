@@ -71,7 +71,7 @@ def test_four_poses_are_passed_within_limits() -> None:
         joints = solution.linkage.joints(np.linspace(0, solution.crank_angle[-1], 200))
         points = np.concatenate([joints.crank_pin, joints.coupler_pin, joints.body_point])
         assert points.min() >= -120.001 and points.max() <= 200.001
-        assert solution.mount.coupler_point.radius <= 90 * (1 + 1e-9)
+        assert solution.mount.coupler_point_polar.radius <= 90 * (1 + 1e-9)
 
 
 def test_a_turning_crank_is_given_where_it_is_asked_for() -> None:

@@ -33,7 +33,7 @@ def moving_four_bar(seed: int, turns_fully: bool, mounted: bool = True) -> Linka
             "pivot_a": complex(*random.uniform(-9, 9, 2)),
             "ground_angle": random.uniform(-3, 3),
         }
-        position |= {"coupler_point": tuple(random.uniform(-3, 3, 2)), "body_offset": random.uniform(-3, 3)}
+        position |= {"coupler_point_polar": tuple(random.uniform(-3, 3, 2)), "body_offset": random.uniform(-3, 3)}
         lengths = tuple(random.uniform(1, 9, 4).tolist())
         linkage = four_bar(lengths, int(random.choice([-1, 1])), random.uniform(0, 6), **position if mounted else {})
         angles = linkage.body(linkage.start + np.linspace(0, 7 if turns_fully else 0.8, 90)).transmission_angle
@@ -245,7 +245,7 @@ def test_a_linkage_that_opens_or_is_too_far_away_is_refused(kind) -> None:
         text_of(four_bar((9.0, 1.0, 1.0, 1.0)), kind, opening)
     for distant in (1e15 + 0j, 3e10j):
         with pytest.raises(la.FieldError, match=r"origin|size"):
-            text_of(four_bar((1.0, 3.0, 3.0, 3.0), pivot_a=distant, coupler_point=(1.0, 0.0)), kind, opening)
+            text_of(four_bar((1.0, 3.0, 3.0, 3.0), pivot_a=distant, coupler_point_polar=(1.0, 0.0)), kind, opening)
     pump = on_guides((Circle(0j, 1.0, 0j), Rail(0.3j, 0.0, 1.1 + 0j)), Driver.CRANK, 1, 0.5)
     words = "pylinkage has no guides" if kind == "pylinkage" else r"cannot hold the body 2.* degrees after the start"
     with pytest.raises(la.FieldError, match=words):

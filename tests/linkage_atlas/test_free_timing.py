@@ -23,7 +23,9 @@ LETTER_D = np.concatenate([-50 + 10 * np.arange(10.0), 50 * np.cos(HALF[:-1]) + 
 @pytest.fixture(scope="module")
 def motion():
     """Rotation and positions of a known linkage at `CRANK`."""
-    linkage = la.FourBar(19, 72, 144, 165, start_angle=30, pivot_a=(10, 5), ground_angle=20, coupler_point=(50, 30))
+    linkage = la.FourBar(
+        19, 72, 144, 165, start_angle=30, pivot_a=(10, 5), ground_angle=20, coupler_point_polar=(50, 30)
+    )
     joints = linkage.joints(CRANK)
     return joints.rotation, joints.body_point
 
@@ -180,7 +182,9 @@ def test_limits_are_kept_and_cost_little(limits) -> None:
 
 
 def test_a_closed_path_goes_once_round_and_has_an_order() -> None:
-    linkage = la.FourBar(19, 72, 64, 80, start_angle=30, pivot_a=(10, 5), ground_angle=20, coupler_point=(50, 30))
+    linkage = la.FourBar(
+        19, 72, 64, 80, start_angle=30, pivot_a=(10, 5), ground_angle=20, coupler_point_polar=(50, 30)
+    )
     points = linkage.joints(np.linspace(0, 300, 12)).body_point
     closed = la.synthesize(position=[*points.tolist(), points[0].tolist()], **FREE, closed=True, top=1).best
     assert closed.crank_angle[-1] == pytest.approx(360) and closed.errors.objective < 1e-9

@@ -154,11 +154,11 @@ def test_rocker_matches_are_the_best_of_all_windows(rocker_atlas: la.Atlas, seed
         gap = expected - np.rad2deg(angle)
         errors.append(np.sqrt(np.var(gap, axis=-1)))
     naive = np.sort(np.concatenate(errors).ravel())[:4]
-    np.testing.assert_allclose([match.similarity for match in matches], naive, rtol=1e-9)
+    np.testing.assert_allclose([match.rotation_rms for match in matches], naive, rtol=1e-9)
     best = matches[0]
     built = best.linkage.joints(np.linspace(0, span, samples)).rocker_direction
     gap = expected - built - best.offset
-    assert np.sqrt(np.mean((gap - 360 * np.round(gap / 360)) ** 2)) == pytest.approx(best.similarity, rel=1e-9)
+    assert np.sqrt(np.mean((gap - 360 * np.round(gap / 360)) ** 2)) == pytest.approx(best.rotation_rms, rel=1e-9)
 
 
 @pytest.fixture(scope="module")

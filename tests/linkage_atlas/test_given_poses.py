@@ -46,7 +46,7 @@ def test_rounded_points_are_noted_and_points_of_no_rigid_body_name_their_row() -
 
 @pytest.mark.parametrize("parts", ["rotation", "position", "both"])
 def test_a_motor_starts_at_a_given_angle(parts: str) -> None:
-    maker = la.FourBar(2, 5, 4.5, 5.5, start_angle=30, body_offset=10, coupler_point=(3, 1))
+    maker = la.FourBar(2, 5, 4.5, 5.5, start_angle=30, body_offset=10, coupler_point_polar=(3, 1))
     joints = maker.joints(np.linspace(0, 100, 9))
     rotation = None if parts == "position" else joints.rotation
     position = None if parts == "rotation" else joints.body_point

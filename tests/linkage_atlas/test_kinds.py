@@ -50,7 +50,7 @@ def test_no_solution_beats_another_that_is_driven_alike():
     found = la.synthesize(**_FLAP, timing="free", mechanisms=["four_bar", "slider_crank", "rail_slot"])
     assert {linkage.kind for linkage in found} >= {"four_bar", "slider_crank"}
     assert [solution.rank for solution in found] == list(range(1, len(found) + 1))
-    assert not any(beats(solution, second) for solution in found for second in found if not second.least_error)
+    assert not any(beats(solution, second) for solution in found for second in found if not second.has_smallest_error)
     assert all(solution.transmission_angle_min > 35 - 1e-6 for solution in found)
 
 
@@ -94,7 +94,7 @@ def test_layers_are_preferred_among_all_kinds(motion):
     )
     assert len({linkage.kind for linkage in found}) > 2
     assert not any(
-        beats(solution, second, by_layers) for solution in close for second in close if not second.least_error
+        beats(solution, second, by_layers) for solution in close for second in close if not second.has_smallest_error
     )
 
 

@@ -14,7 +14,7 @@ RAIL = {"guide": "rail", "point": [0, 0.3], "direction": 0, "body_point": [2, 0]
 
 @pytest.mark.parametrize(
     "linkage",
-    [la.FourBar(19, 72, 144, 165, coupler_point=(20, 60)), la.Linkage([CRANK, RAIL], "crank")],
+    [la.FourBar(19, 72, 144, 165, coupler_point_polar=(20, 60)), la.Linkage([CRANK, RAIL], "crank")],
     ids=["four_bar", "guided"],
 )
 def test_joints_have_the_shape_of_the_crank_angles(linkage) -> None:
@@ -52,7 +52,7 @@ def test_a_linkage_from_its_joints_is_the_one_that_they_belong_to(branch) -> Non
         start_angle=30,
         pivot_a=(7, -3),
         ground_angle=200,
-        coupler_point=(40, 65),
+        coupler_point_polar=(40, 65),
         body_offset=12,
     )
     at = known.joints(0)

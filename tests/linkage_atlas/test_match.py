@@ -40,12 +40,12 @@ def test_a_row_of_slider_cranks_is_matched_to_itself(sliders: la.Atlas, branch: 
     found = la.match(expected, 120 * unit, atlas=sliders, mechanisms=["slider_crank"], top=3, degrees=degrees)
     first = found.matches[0]
     assert (first.kind, first.type.lengths, first.branch) == ("slider_crank", [12, 40, 8], branch)
-    assert first.start_angle == pytest.approx(70 * unit) and first.similarity < 1e-12
+    assert first.start_angle == pytest.approx(70 * unit) and first.rotation_rms < 1e-12
     assert first.offset == pytest.approx(30 * unit)
     for solution in found:  # each linkage turns as its row
         assert solution.linkage.kind == "slider_crank" and solution.linkage.driver == "crank"
         joints = solution.linkage.joints(np.linspace(0, 120 * unit, 13))
-        assert np.sqrt(np.mean((joints.rotation - expected) ** 2)) == pytest.approx(solution.similarity, abs=1e-9)
+        assert np.sqrt(np.mean((joints.rotation - expected) ** 2)) == pytest.approx(solution.rotation_rms, abs=1e-9)
     assert found.report.exhaustive and found.report.windows == len(sliders) * 720
     assert json.loads(json.dumps(found.to_dict())) == found.to_dict() and "slider-crank" in repr(found)
 
@@ -55,9 +55,9 @@ def test_the_rows_of_both_kinds_are_the_best_of_all(four_bars: la.Atlas) -> None
     single = {kind: la.match(expected, 120, atlas=four_bars, mechanisms=[kind], top=6) for kind in KINDS}
     both = la.match(expected, 120, atlas=four_bars, mechanisms="all", top=6)
     all_cases = [match for found in single.values() for match in found]
-    best = sorted(all_cases, key=lambda match: match.similarity)[:6]
-    assert [(linkage.kind, linkage.type, linkage.similarity) for linkage in both] == [
-        (o.kind, o.type, o.similarity) for o in best
+    best = sorted(all_cases, key=lambda match: match.rotation_rms)[:6]
+    assert [(linkage.kind, linkage.type, linkage.rotation_rms) for linkage in both] == [
+        (o.kind, o.type, o.rotation_rms) for o in best
     ]
     assert [match.rank for match in both] == [1, 2, 3, 4, 5, 6] and {linkage.kind for linkage in both} == set(KINDS)
     assert both.report.windows == sum(result.report.windows for result in single.values())

@@ -42,14 +42,14 @@ def test_a_transmission_angle_that_holds_the_best_linkage_is_named(family: str) 
     """The limit depends on the first and last crank angle, which are unknowns of free timing: only the pivots were named."""
     request = relaxed(GIVEN_PIVOTS, {"family": family})
     best = la.synthesize(**request, top=1).best
-    held = best.determination.at_limits
+    held = best.determination.active_limits
     assert {"transmission_angle_min", "pivot_a", "pivot_b"} <= set(held)
     eased = la.synthesize(
         **relaxed(request, {"transmission_angle_min": 34}), start_from=[best], local=True, top=1
     ).best
     assert eased.errors.objective < best.errors.objective * (1 - 1e-3)
     exact = la.synthesize(**relaxed(request, {"family": "any", "transmission_angle_min": 5}), top=1).best
-    assert exact.errors.objective < 1e-9 and "transmission_angle_min" not in exact.determination.at_limits
+    assert exact.errors.objective < 1e-9 and "transmission_angle_min" not in exact.determination.active_limits
 
 
 @pytest.mark.parametrize("seed", range(2))
@@ -64,7 +64,7 @@ def test_only_limits_without_which_the_error_falls_are_named(seed: int) -> None:
         **relaxed(request, {"transmission_angle_min": 49.9}), start_from=[best], local=True, top=1
     ).best
     gained = nearby.errors.objective < best.errors.objective * (1 - 1e-6)
-    assert ("transmission_angle_min" in best.determination.at_limits) == gained
+    assert ("transmission_angle_min" in best.determination.active_limits) == gained
 
 
 def at_rest(rotation: Any, position: Any, scale: float) -> float:

@@ -29,7 +29,9 @@ def bar_lengths(ax) -> list[float]:
 @pytest.mark.parametrize("degrees", [True, False])
 def test_bars_have_the_lengths_of_their_links(ax, degrees) -> None:
     unit = 1.0 if degrees else np.deg2rad(1.0)
-    linkage = la.FourBar(19, 72, 144, 165, start_angle=30 * unit, coupler_point=(20, 60 * unit), degrees=degrees)
+    linkage = la.FourBar(
+        19, 72, 144, 165, start_angle=30 * unit, coupler_point_polar=(20, 60 * unit), degrees=degrees
+    )
     linkage.plot(ax, np.array([0, 40, 90]) * unit)
     assert np.allclose(bar_lengths(ax), [19, 144] * 3)
     path = ax.lines[0].get_xydata()
@@ -57,7 +59,7 @@ def test_requested_poses_are_drawn_with_their_headings(ax) -> None:
 
 
 def test_a_drive_is_drawn_over_its_travel(ax) -> None:
-    linkage = la.FourBar(19, 72, 144, 165, start_angle=30, coupler_point=(20, 60))
+    linkage = la.FourBar(19, 72, 144, 165, start_angle=30, coupler_point_polar=(20, 60))
     found = la.drives(
         linkage, crank_angle=np.linspace(0, 70, 8), drives=[{"kind": "rotary"}], load={"force": [0, -10]}
     )

@@ -26,12 +26,14 @@ def arm_of(linkage: la.FourBar) -> float:
 
 def test_buildable_is_null_until_layers_were_looked_for(client: TestClient) -> None:
     request = {"position": POSITION, "rotation": ROTATION, "timing": "free", "limits": {"family": "any"}, "top": 2}
-    for solution in client.post("/v1/synthesize", json=request).json()["solutions"]:
-        assert solution["verdict"]["buildable"] is None
-    for solution in client.post("/v1/synthesize", json=request | {"assembly": True}).json()["solutions"]:
+    for solution in client.post("/v2/synthesize", json=request).json()["solutions"]:
+        assert solution["verdict"]["practical_without_collisions"] is None
+    for solution in client.post("/v2/synthesize", json=request | {"assembly": True}).json()["solutions"]:
         verdict = solution["verdict"]
         free = verdict["assembly"] is not None and verdict["assembly"]["status"] == "free"
-        assert verdict["buildable"] == (None if verdict["assembly"] is None else verdict["practical"] and free)
+        assert verdict["practical_without_collisions"] == (
+            None if verdict["assembly"] is None else verdict["practical"] and free
+        )
 
 
 @pytest.mark.parametrize("limits", some_of([{"link_max": 60}, {}, {"link_max": 120, "family": "any"}], 2))
@@ -82,7 +84,7 @@ def test_a_motion_that_only_turns_is_told_on_every_route(client: TestClient) -> 
         (ARC * [1, 0.7], {"rotation": None}, False),
     ]
     for position, more, reported in cases:
-        reply = client.post("/v1/synthesize", json=request | {"position": np.asarray(position).tolist()} | more)
+        reply = client.post("/v2/synthesize", json=request | {"position": np.asarray(position).tolist()} | more)
         notes = [note for note in reply.json()["report"]["notes"] if "use a hinge there" in note]
         assert bool(notes) == reported, (more, reply.json()["report"]["notes"])
         if reported and "tolerances" not in more:

@@ -12,7 +12,7 @@ import pytest
 
 import linkage_atlas as la
 
-FOUR_BAR = la.FourBar(30, 60, 70, 50, start_angle=40, coupler_point=(40, 30), pivot_a=(5, -3))
+FOUR_BAR = la.FourBar(30, 60, 70, 50, start_angle=40, coupler_point_polar=(40, 30), pivot_a=(5, -3))
 LOAD = {"force": [0, -10]}
 GUIDES = [
     {"guide": "circle", "pivot": [0, 0], "radius": 10, "body_point": [0, 0]},

@@ -24,12 +24,12 @@ GALLERY = {
     example["name"]: example for example in json.loads(files("app").joinpath("static/examples.json").read_text())
 }
 BOTH = {"boards": "both"}
-WORKED = la.FourBar(19, 72, 144, 165, start_angle=30, ground_angle=30, coupler_point=(20, 60))
+WORKED = la.FourBar(19, 72, 144, 165, start_angle=30, ground_angle=30, coupler_point_polar=(20, 60))
 
 
 @pytest.fixture
 def linkage() -> la.FourBar:
-    return la.FourBar(19, 72, 144, 165, start_angle=30, coupler_point=(20, 60), body_offset=-76)
+    return la.FourBar(19, 72, 144, 165, start_angle=30, coupler_point_polar=(20, 60), body_offset=-76)
 
 
 @pytest.fixture
@@ -120,7 +120,7 @@ def test_parts_of_rails_and_slots_weigh_where_they_are(linkage, tmp_path, client
     driven = la.drives(linkage, request, crank_angle=direction[[0, -1]], load={"parts": True})
     assert np.abs(driven.torque.torque).max() > 0
     body = {"linkage": linkage.to_dict(), "crank_angle": [0, 25], "load": {"parts": True}, "drives": request}
-    assert client.post("/v1/drives", json=body).status_code == 200
+    assert client.post("/v2/drives", json=body).status_code == 200
     with pytest.raises(la.FieldError, match="whose joints all turn"):
         parts.save(tmp_path / "pump.urdf")
     parts.save(tmp_path / "pump.step")
@@ -134,7 +134,7 @@ def test_parts_that_would_collide_are_refused_with_the_reason(tmp_path) -> None:
         double.save(tmp_path / "x.step")
     assert refused.value.field == "/assembly"
     assert not list(tmp_path.iterdir())
-    double.save(tmp_path / "x.step", nevertheless=True)
+    double.save(tmp_path / "x.step", allow_collisions=True)
     double.save(tmp_path / "y.step", boards="both")
     assert len(list(tmp_path.iterdir())) == 2
 
@@ -157,9 +157,9 @@ PLACED = [(name, [*POINTS][(k + shift) % 3]) for shift in range(3) for k, name i
 @pytest.mark.parametrize(("name", "point"), some_of(PLACED, 6))
 def test_a_body_that_has_layers_can_be_made(name, point) -> None:
     outline, point = OUTLINES[name], POINTS[point]
-    linkage = la.FourBar(19, 72, 144, 165, start_angle=30, coupler_point=point)
+    linkage = la.FourBar(19, 72, 144, 165, start_angle=30, coupler_point_polar=point)
     sizes = linkage.assembly(body=outline, **BOTH).sizes
-    parts = linkage.solids(body=outline, nevertheless=True, **BOTH)
+    parts = linkage.solids(body=outline, allow_collisions=True, **BOTH)
     rim = min(part.prism.thinnest_wall for part in parts.solids.parts if part.name in ("body", "coupler"))
     assert rim >= min(sizes.thickness, (sizes.width - sizes.hole) / 8) * (1 - 1e-9)
 
@@ -219,17 +219,17 @@ def test_one_command_gives_a_window_to_print(tmp_path, monkeypatch, capsys) -> N
 def test_http_gives_the_same_files(client, kind, request_body) -> None:
     request = {"assembly": BOTH, "solids": {"fit": "print", "pins": "brass"}}
     body = {"request": request_body, "linkage": WORKED.to_dict(), "format": kind, **request}
-    reply = client.post("/v1/export", json=body)
+    reply = client.post("/v2/export", json=body)
     assert reply.status_code == 200, reply.text
     assert reply.headers["content-type"] == FORMATS[kind].media_type
     assert reply.headers["content-disposition"].endswith(f'linkage.{FORMATS[kind].endings[-1]}"')
     assert reply.content == WORKED.file(kind, la.Motion(**request_body), **request)
     body["assembly"] = {"boards": "both", "mounts": {"A": "below+above", "B": "below+above"}, "width": 60, "hole": 2}
-    refused = client.post("/v1/export", json=body)
+    refused = client.post("/v2/export", json=body)
     assert refused.status_code == 422
     assert "would collide" in refused.text
-    body["solids"]["nevertheless"] = True
-    assert client.post("/v1/export", json=body).status_code == 200
+    body["solids"]["allow_collisions"] = True
+    assert client.post("/v2/export", json=body).status_code == 200
 
 
 @pytest.mark.parametrize("name", some_of([*GALLERY], 2))

@@ -20,7 +20,7 @@ HATCH = {
 }
 POSITION = {"kind": "gas", "between": ["ground", "rocker"], "ground_box": [-200, -700, 300, 100], "reach_max": 600}
 MECHANISM = la.FourBar(
-    25, 70, 55, 60, start_angle=60, coupler_point=(53.85164807134504, 21.80140948635181), body_offset=0
+    25, 70, 55, 60, start_angle=60, coupler_point_polar=(53.85164807134504, 21.80140948635181), body_offset=0
 )
 MASSES = {
     "masses": [
@@ -150,7 +150,7 @@ def test_wishes_that_have_no_meaning_are_refused(client: TestClient, wish: dict[
     with pytest.raises(la.FieldError) as error:
         la.drives(rocker=HATCH["rocker"], drives=[], load=HATCH["load"], springs=[wish])
     assert error.value.field == field
-    reply = client.post("/v1/drives", json={"rocker": HATCH["rocker"], "load": HATCH["load"], "springs": [wish]})
+    reply = client.post("/v2/drives", json={"rocker": HATCH["rocker"], "load": HATCH["load"], "springs": [wish]})
     assert reply.status_code == 422 and field in json.dumps(reply.json())
 
 
@@ -210,13 +210,13 @@ def test_a_lid_without_weight_is_held_shut_with_a_force(kind: str) -> None:
     "wish, field",
     [
         ({"kind": "torsion", "ground_box": [0, 0, 1, 1]}, "ground_box"),
-        ({"kind": "torsion", "wanted": {"torque": [1, 2], "hand_force": [1, 2]}}, "wanted"),
-        ({"kind": "compression", "wanted": {"torque": [1]}}, "wanted/torque"),
+        ({"kind": "torsion", "target": {"torque": [1, 2], "hand_force": [1, 2]}}, "target"),
+        ({"kind": "compression", "target": {"torque": [1]}}, "target/torque"),
         (
             {"kind": "compression", "catalogue": [{"stiffness": 1, "free_length": 50, "load_max": 60}]},
             "catalogue/0/load_max",
         ),
-        ({"kind": "tension", "wanted": {"torque": [1, 2]}}, "wanted"),
+        ({"kind": "tension", "target": {"torque": [1, 2]}}, "target"),
         ({"kind": "gas", "holds": {"open": True, "force_min": -1}}, "holds/force_min"),
     ],
 )

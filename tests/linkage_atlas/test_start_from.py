@@ -47,7 +47,7 @@ def links(solution: dict) -> np.ndarray:
 def continued(request: dict, start: dict, budget: float | None = 0.5, **options) -> dict:
     """The solution that continues a linkage."""
     result = la.synthesize(**request, start_from=[start], top=3, budget=budget, work=stepped, **options)
-    (rank,) = result.report.continued
+    (rank,) = result.report.start_from_ranks
     return plain(result.solutions[rank - 1])
 
 
@@ -89,7 +89,7 @@ def test_the_search_runs_too() -> None:
     distant = {"links": dict(crank=30, coupler=80, rocker=70, ground=100), "branch": 1, "start_angle": 0}
     request = {key: TIMED[key] for key in ("rotation", "position", "crank_span")}
     started_from = la.synthesize(**request, start_from=[distant, la.FourBar(19, 70, 140, 160)], top=3)
-    assert started_from.status == "reached" and len(started_from.report.continued) == 2
+    assert started_from.status == "reached" and len(started_from.report.start_from_ranks) == 2
 
 
 BENDING = {"rotation": [0, 5, 11, 20, 30], "position": [[0, 0], [20, 5], [45, 8], [70, 20], [100, 25]]}
@@ -113,7 +113,7 @@ def test_every_kind_of_linkage_continues_while_the_motion_is_dragged(kind, timin
         found = la.synthesize(
             **asked | {"position": places}, start_from=[shown], local=local, budget=1.0, work=stepped
         )
-        near = found.solutions[found.report.continued[0] - 1]
+        near = found.solutions[found.report.start_from_ranks[0] - 1]
         assert (near.kind, near.driver, near.branch) == (kind, shown["driver"], shown["branch"])
         assert near.errors.objective < 1.1 * shown["errors"]["objective"]
         guides = [np.array(one["guides"][0]["body_point"]) for one in (plain(near), shown)]
@@ -122,7 +122,7 @@ def test_every_kind_of_linkage_continues_while_the_motion_is_dragged(kind, timin
 
 def test_a_linkage_by_its_joints_is_refined() -> None:
     asked = {key: TIMED[key] for key in ("rotation", "position", "crank_span")}
-    at = la.FourBar(19, 72, 144, 165, start_angle=30, coupler_point=(20, 60)).joints(0)
+    at = la.FourBar(19, 72, 144, 165, start_angle=30, coupler_point_polar=(20, 60)).joints(0)
     points = (at.pivot_a, at.crank_pin, at.coupler_pin, at.pivot_b, at.body_point)
     joints = {name: point.ravel().tolist() for name, point in zip("ADCBP", points)}
     found = la.synthesize(**asked, start_from=[{"joints": joints}], local=True)

@@ -84,8 +84,8 @@ def body(solution: Any, crank: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.n
     crank_pin = links[0] * np.exp(1j * (start + crank))
     coupler = links[3] + links[2] * np.exp(1j * angle) - crank_pin
     np.testing.assert_allclose(np.abs(coupler), links[1], rtol=1e-9)
-    point = crank_pin + mount.coupler_point.radius * np.exp(
-        1j * (np.angle(coupler) + np.deg2rad(mount.coupler_point.angle))
+    point = crank_pin + mount.coupler_point_polar.radius * np.exp(
+        1j * (np.angle(coupler) + np.deg2rad(mount.coupler_point_polar.angle))
     )
     pivot = complex(*mount.pivot_a)
     return pivot + point * np.exp(1j * ground), np.unwrap(np.angle(coupler)) + ground, transmission

@@ -36,7 +36,9 @@ def test_files_of_every_format_are_in_the_unit_of_the_table(in_cm, kind) -> None
     motion, best = in_cm
     assert motion.length_unit == best.linkage.length_unit == "cm"
     request = (
-        {"solids": {"nevertheless": True}} if kind in ("step", "3mf", "stl", "urdf", "sdf", "parts", "plates") else {}
+        {"solids": {"allow_collisions": True}}
+        if kind in ("step", "3mf", "stl", "urdf", "sdf", "parts", "plates")
+        else {}
     )
     own, named, second = (
         comparable(kind, best.linkage.file(kind, **unit, **request))

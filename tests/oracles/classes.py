@@ -168,7 +168,10 @@ def make_case(kind: str, seed: int, samples: int = SAMPLES) -> Case:
         "mount": {
             "ground_angle": random.uniform(-180, 180),
             "pivot_a": pivot.tolist(),
-            "coupler_point": {"radius": draw.scale * random.uniform(0, 0.5), "angle": random.uniform(-180, 180)},
+            "coupler_point_polar": {
+                "radius": draw.scale * random.uniform(0, 0.5),
+                "angle": random.uniform(-180, 180),
+            },
         },
     }
     rotation, position = truth_motion(truth, crank)

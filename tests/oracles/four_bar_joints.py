@@ -39,8 +39,8 @@ class Joints:
 
 def body_point(linkage: Linkage, crank: Floats, coupler: Floats) -> Complexes:
     """Return P at theta1 and theta2, A + L1 e^{i(theta1+theta4)} + L_P e^{i(theta_P+theta2+theta4)}, if there is a body point."""
-    assert linkage.coupler_point is not None
-    radius, angle = linkage.coupler_point
+    assert linkage.coupler_point_polar is not None
+    radius, angle = linkage.coupler_point_polar
     pin = linkage.pivot_a + linkage.links[0] * np.exp(1j * (crank + linkage.ground_angle))
     return pin + radius * np.exp(1j * (angle + coupler + linkage.ground_angle))
 

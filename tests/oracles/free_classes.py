@@ -118,7 +118,7 @@ def recompute_free(position: Any, rotation: Any, solution: dict[str, Any], scale
     pin, coupler_pin = close(links, solution["branch"], np.deg2rad(solution["start_angle"]) + crank)
     ground = np.exp(1j * np.deg2rad(mount["ground_angle"]))
     coupler = (coupler_pin - pin) / links[1]
-    point = mount["coupler_point"]
+    point = mount["coupler_point_polar"]
     arm = point["radius"] * np.exp(1j * np.deg2rad(point["angle"]))
     positions = complex(*mount["pivot_a"]) + ground * (pin + arm * coupler)
     square = 0.0

@@ -60,7 +60,7 @@ ZEROS = ("free", "input", "output", "both")
 
 
 def function_case(kind: str, samples: int, zeros: str, seed: int) -> dict[str, Any]:
-    """A request of /v1/function, clockwise in half of the cases, that some linkage meets; angles in degrees."""
+    """A request of /v2/function, clockwise in half of the cases, that some linkage meets; angles in degrees."""
     random = np.random.default_rng([zlib.crc32(kind.encode()), samples, ZEROS.index(zeros), seed])
     draw = CLASSES[kind]
     links, branch = draw.lengths(random), int(random.choice([-1, 1]))

@@ -24,7 +24,7 @@ class Largest(NamedTuple):
     @property
     def content(self) -> bytes:
         """Return the bytes of the body."""
-        searches = self.path.startswith(("/v1/match", "/v1/synthesize", "/v1/function"))
+        searches = self.path.startswith(("/v2/match", "/v2/synthesize", "/v2/function"))
         return json.dumps(self.body | ({"budget_ms": 1000} if searches else {})).encode()
 
 
@@ -61,7 +61,7 @@ LINKAGE = {
     "branch": 1,
     "start_angle": 28,
     "body_offset": 0,
-    "mount": {"ground_angle": 0, "pivot_a": [0, 0], "coupler_point": {"radius": 50, "angle": 40}},
+    "mount": {"ground_angle": 0, "pivot_a": [0, 0], "coupler_point_polar": {"radius": 50, "angle": 40}},
 }
 TWO_RAILS = {
     "driver": "slider",
@@ -106,16 +106,16 @@ def _searches() -> dict[str, Largest]:
         "sliders: crank angles": TIMED | all_cases | tight,
         "sliders: travel": BODY | all_cases | tight | {"travel": travel},
     }
-    found = {name: Largest("/v1/synthesize", {"top": TOP, **body}) for name, body in bodies.items()}
-    found["motion as a drawing"] = Largest("/v1/synthesize.dxf", TIMED | {"limits": LIMITS})
+    found = {name: Largest("/v2/synthesize", {"top": TOP, **body}) for name, body in bodies.items()}
+    found["motion as a drawing"] = Largest("/v2/synthesize.dxf", TIMED | {"limits": LIMITS})
     x = np.linspace(1, 2, SAMPLES)
     output = np.rad2deg(np.log(x) + 0.002 * np.random.default_rng(6).normal(size=SAMPLES)).round(6).tolist()
     named = {"name": "log10", "x": [1, 2], "output_span": 90, "samples": SAMPLES}
     limits = {"limits": {"preset": "practical", "links": {"ground": 100}}, "round_to": 0.01, "one_way": True}
     for objective in ("rms", "max"):
         function = {"crank_span": 60, "sensitivity": True, "curves": True, "top": TOP, "objective": objective}
-        found[f"function: {objective}"] = Largest("/v1/function", function | {"output": output})
-        within = Largest("/v1/function", function | limits | {"function": named})
+        found[f"function: {objective}"] = Largest("/v2/function", function | {"output": output})
+        within = Largest("/v2/function", function | limits | {"function": named})
         found[f"function: {objective} within limits"] = within
     return found
 
@@ -130,7 +130,7 @@ def _of_atlas() -> dict[str, Largest]:
         "atlas rows of a motion": ("synthesize", TIMED | rows),
         "atlas rows of a path": ("synthesize", {"position": BODY["position"], "crank_span": 300} | rows | REPORTS),
     }
-    return {name: Largest(f"/v1/{route}", body, atlas=True) for name, (route, body) in bodies.items()}
+    return {name: Largest(f"/v2/{route}", body, atlas=True) for name, (route, body) in bodies.items()}
 
 
 def _machines() -> dict[str, Largest]:
@@ -138,7 +138,7 @@ def _machines() -> dict[str, Largest]:
     request |= {"limits": {"keep_out": LIMITS["keep_out"]}}
     angles, radii = np.arange(200) * np.pi / 100, 60 - 25 * (np.arange(200) % 2)
     star = np.stack([radii * np.cos(angles), radii * np.sin(angles)], axis=-1).tolist()
-    plates = {"body": star, "boards": "both", "heads": True, "layers_most": 6}
+    plates = {"body": star, "boards": "both", "heads": True, "layers_max": 6}
     drives = [{"kind": "actuator", "catalogue": "iso_15552", "arm_min": 1}, {"kind": "dyad"}, {"kind": "rotary"}]
     rows = [f"{1 + k},{20 + k % 50},{200 + k}" for k in range(200)]
     springs = [{"kind": "tension", "catalogue": "\n".join(["stiffness,free_length,longest", *rows])}] * 4
@@ -146,10 +146,10 @@ def _machines() -> dict[str, Largest]:
     poses = {"rotation": [0, 20], "position": [[10, 0], [60, 0]], "timing": "free"}
     of_linkage, of_rails = {"linkage": LINKAGE, "request": request}, {"linkage": TWO_RAILS}
     return {
-        "assembly: a star of 200 corners": Largest("/v1/assembly", of_linkage | plates),
-        "assembly: a star on two rails": Largest("/v1/assembly", of_rails | plates | {"request": poses}),
-        "drives: a catalogue, a motor and springs": Largest("/v1/drives", of_linkage | driven | {"top": 20}),
-        "drives: of two rails": Largest("/v1/drives", of_rails | {"drives": [{"kind": "actuator"}] * 8, "top": 50}),
+        "assembly: a star of 200 corners": Largest("/v2/assembly", of_linkage | plates),
+        "assembly: a star on two rails": Largest("/v2/assembly", of_rails | plates | {"request": poses}),
+        "drives: a catalogue, a motor and springs": Largest("/v2/drives", of_linkage | driven | {"top": 20}),
+        "drives: of two rails": Largest("/v2/drives", of_rails | {"drives": [{"kind": "actuator"}] * 8, "top": 50}),
     }
 
 
@@ -163,10 +163,10 @@ def _lifts() -> dict[str, Largest]:
     cylinders = [{"length": 200 + k, "speed": 100} for k in range(24)]
     batch = {"cylinders": cylinders, "stroke": [200, 510], "objective": objective | {"n": 500}}
     return {
-        "lift: motion": Largest("/v1/lift/motion", motion | {"samples": 100_000}),
-        "lift: motion at given times": Largest("/v1/lift/motion", motion | {"times": times}),
-        "lift: optimum": Largest("/v1/lift/optimize", optimum | {"constraints": {"rise_time": [0.5, 60]}}),
-        "lift: 24 cylinders": Largest("/v1/lift/batch", batch),
+        "lift: motion": Largest("/v2/lift/motion", motion | {"samples": 100_000}),
+        "lift: motion at given times": Largest("/v2/lift/motion", motion | {"times": times}),
+        "lift: optimum": Largest("/v2/lift/optimize", optimum | {"constraints": {"rise_time": [0.5, 60]}}),
+        "lift: 24 cylinders": Largest("/v2/lift/batch", batch),
     }
 
 
@@ -177,10 +177,10 @@ def _chains() -> dict[str, Largest]:
     errors = {"pitch_errors": [round(0.002 * (k - 50), 3) for k in range(101)], "tolerances": {"pitch": 0.001}}
     spline = {"fit": {"kind": "spline", "order": 4096}}
     return {
-        "chain: slot": Largest("/v1/chain/slot", slot | spline),
-        "chain: slot of 1,000 links": Largest("/v1/chain/slot", long | spline),
-        "chain: track of 1,000 links": Largest("/v1/chain/track", stadium | spline),
-        "chain: tolerance": Largest("/v1/chain/tolerance", long | errors),
+        "chain: slot": Largest("/v2/chain/slot", slot | spline),
+        "chain: slot of 1,000 links": Largest("/v2/chain/slot", long | spline),
+        "chain: track of 1,000 links": Largest("/v2/chain/track", stadium | spline),
+        "chain: tolerance": Largest("/v2/chain/tolerance", long | errors),
     }
 
 
@@ -208,4 +208,4 @@ def _knotters() -> dict[str, Largest]:
         "fit": ("fit", {"unknowns": unknowns, "pattern": pattern, "draws": 350, "descents": 1, "budget_ms": 2000}),
         "tolerance": ("tolerance", {"alpha1": 10, "alpha3": 25, "samples": 20_000}),
     }
-    return {f"knotter: {name}": Largest(f"/v1/knotter/{path}", body) for name, (path, body) in bodies.items()}
+    return {f"knotter: {name}": Largest(f"/v2/knotter/{path}", body) for name, (path, body) in bodies.items()}

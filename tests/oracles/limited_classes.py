@@ -78,7 +78,7 @@ def _just_kept(random: Generator, truth: dict[str, Any]) -> dict[str, Any]:
         "link_min": 0.999 * float(links.min()),
         "pivot_box": [*low.tolist(), *high.tolist()],
         "pivot_a_box": [*(a - 1e-3).tolist(), *(a + 0.5).tolist()],
-        "coupler_radius_max": 1.001 * mount["coupler_point"]["radius"],
+        "coupler_radius_max": 1.001 * mount["coupler_point_polar"]["radius"],
     }
     chosen = random.choice(list(all_cases), size=random.integers(1, 4), replace=False)
     return {name: all_cases[name] for name in sorted(chosen)}

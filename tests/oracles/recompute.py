@@ -153,7 +153,7 @@ def compare(request: Mapping[str, Any], solution: Mapping[str, Any]) -> Compared
             scale = float(_length_scale(request))
         gaps += [abs(reported[name] - getattr(mine, name)) / scale for name in ("position_rms", "position_max")]
         mount = solution["mount"]
-        lengths = [*solution["links"].values(), mount["coupler_point"]["radius"]]
+        lengths = [*solution["links"].values(), mount["coupler_point_polar"]["radius"]]
         points = [mount["pivot_a"], mount["pivot_b"], request["position"][0]]
         size = max(1.0, max(lengths) / scale, *(math.hypot(*point) / scale for point in points))
     return Compared(mine.objective, max(gaps), size)
@@ -263,7 +263,7 @@ def _broken_places(
         for out in limits.get("keep_out", []):
             if out[0] < pivot.real < out[2] and out[1] < pivot.imag < out[3]:
                 broken.append("keep_out")
-    point = mount["coupler_point"]
+    point = mount["coupler_point_polar"]
     if "coupler_radius_max" in limits and point["radius"] > limits["coupler_radius_max"]:
         broken.append("coupler_radius_max")
     if "envelope" in limits:
@@ -297,8 +297,8 @@ def body_points(
 ) -> list[tuple[Any, Any]]:
     """Return positions of the body point at crank angles, see `Angles`; ``ground`` is the ground's angle in radians."""
     ax, ay = (mpf(float(value)) for value in mount["pivot_a"])
-    radius = mpf(float(mount["coupler_point"]["radius"]))
-    arm_cos, arm_sin = mp.cos_sin(mpf(float(mount["coupler_point"]["angle"])) * unit + ground)
+    radius = mpf(float(mount["coupler_point_polar"]["radius"]))
+    arm_cos, arm_sin = mp.cos_sin(mpf(float(mount["coupler_point_polar"]["angle"])) * unit + ground)
     points = []
     for t, (cosine2, sine2) in zip(crank, closed.direction):
         cosine, sine = mp.cos_sin(t + ground)

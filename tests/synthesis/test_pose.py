@@ -97,7 +97,7 @@ def check_pose(linkage: Linkage, target: Target, theta2: np.ndarray, residual: n
     assert np.allclose(linkage.links, scale * LENGTHS, rtol=1e-14)
     assert abs(ground) == pytest.approx(scale * LENGTHS[3])
     assert np.angle(ground) == pytest.approx(linkage.ground_angle)
-    radius, angle = linkage.coupler_point
+    radius, angle = linkage.coupler_point_polar
     assert scale > 0 and radius >= 0
     assert -np.pi < linkage.ground_angle <= np.pi and -np.pi < angle <= np.pi
 
@@ -140,7 +140,7 @@ def test_worked_example_is_recovered(default_scan, scale, offset) -> None:
     best = solutions[0]
     assert (best.row + 1, best.linkage.branch) == (45_185, 1)
     linkage = best.linkage
-    radius, angle = linkage.coupler_point
+    radius, angle = linkage.coupler_point_polar
     assert np.rad2deg(linkage.start) == pytest.approx(30)
     digits = 1e-6 if not offset else 1e-3
     assert np.array(linkage.links) / scale == pytest.approx(LENGTHS, rel=digits)

@@ -34,7 +34,7 @@ def first(prefer: str, *scores: Score) -> Score:
         replace(COMPACT, usable=False, error=0.0, size=0.5),
         replace(COMPACT, accurate=False, size=0.5, error=0.1, transmission=1.5, swing=0.1),
         replace(COMPACT, layers=(True, 0, 0), error=0.0, size=0.5),
-        replace(COMPACT, drivable=False, error=0.0, size=0.5),
+        replace(COMPACT, has_drive=False, error=0.0, size=0.5),
     ],
     ids=["not usable", "not accurate", "collides", "no drive"],
 )

@@ -42,7 +42,7 @@ CROSSINGS = {"E1": "wrap", "E2": "bite"}
 class CurvesRequest(PairRequest):
     """A pair of spatial angles and a range of the angle of the bill."""
 
-    over: Range | None = Field(None, description="Range of the angle of the bill; default: 0 to 360 degrees.")
+    angle_range: Range | None = Field(None, description="Range of the angle of the bill; default: 0 to 360 degrees.")
     samples: Annotated[Count, Field(ge=2, le=MAX_SAMPLES)] = Field(
         181, description="Number of evenly spaced angles of the bill."
     )
@@ -111,9 +111,11 @@ def answer_curves(request: CurvesRequest, resources: Resources) -> CurvesReply:
     """Compute crossings, paths and verdicts of a pair over a range of the angle of the bill."""
     work, angles = resources.work(), Angles(request.angle_unit, DECIMALS)
     mechanism, conditions, pair, given = pair_of(request, angles)
-    low, high = (0.0, math.tau) if request.over is None else (angles.inward(angle) for angle in request.over)
+    low, high = (
+        (0.0, math.tau) if request.angle_range is None else (angles.inward(angle) for angle in request.angle_range)
+    )
     if not low < high:
-        raise FieldError("/over", "the first angle of the range must be smaller than the second")
+        raise FieldError("/angle_range", "the first angle of the range must be smaller than the second")
     step = math.radians(2.0) if request.step is None else angles.inward(request.step)
     if step < math.radians(MIN_STEP_DEGREES) * (1 - 1e-9):
         raise FieldError("/step", f"must be at least {MIN_STEP_DEGREES} degrees")

@@ -143,7 +143,7 @@ class ClearanceOptions(RequestModel):
     at: Bounded | None = Field(
         None, description="Angle of the bill at which `value` is computed; default: 270 degrees."
     )
-    over: Range | None = Field(
+    angle_range: Range | None = Field(
         None,
         description="Range of the angle of the bill that is searched for the worst value; default: 240 to 300 degrees. "
         "A range with equal ends gives the single sample of eq 18.",
@@ -193,7 +193,7 @@ class EntryReply(ReplyModel):
     )
     point: list[float] | None = Field(description="Crossing at the entry: E1 in u4 (wrap), E2 in u5 (bite).")
     fraction: float | None = Field(description="Position of the point along the edge of entry, from 0 to 1.")
-    leave: float | None = Field(
+    exit_angle: float | None = Field(
         description="Angle of the bill at which the rope leaves the triangle, or the end of the range."
     )
     windows: int = Field(description="Number of separate windows in the range.")
@@ -299,7 +299,7 @@ def machine_of(request: MachineRequest, angles: Angles) -> tuple[Any, dict[str, 
         "wrap": d_knotter.wrap(_range("/windows/wrap", windows.wrap, d_knotter.WRAP_WINDOW, angles)),
         "clearance": d_knotter.clearance(
             d_knotter.CLEARANCE_AT if options.at is None else angles.inward(options.at),
-            _range("/clearance/over", options.over, d_knotter.CLEARANCE_OVER, angles, True),
+            _range("/clearance/angle_range", options.angle_range, d_knotter.CLEARANCE_OVER, angles, True),
             math.inf if options.disc_radius is None else options.disc_radius,
             options.hook == "locked",
         ),
@@ -364,7 +364,7 @@ def _entry(condition: Any, result: Any, row: int, angles: Angles) -> EntryReply:
         entered_by=("start" if entry < 0 else "rope end" if entry < 2 else "edge") if enters else None,
         point=[float(x) for x in result.point[row]] if enters else None,
         fraction=float(result.fraction[row]) if entry >= 2 else None,
-        leave=angles.outward(float(result.leave[row])) if enters else None,
+        exit_angle=angles.outward(float(result.leave[row])) if enters else None,
         windows=int(result.windows[row]),
         margin=float(result.margin[row]),
         nearest_angle=None if enters else angles.outward(float(result.nearest[row])),

@@ -115,8 +115,8 @@ class PatternFitRequest(MachineRequest):
     budget_ms: PositiveNumber = Field(
         20_000,
         le=600_000,
-        description="Time limit. When it is reached, the reply contains the best set found so far; `alone` and `directions` "
-        "are null if no time is left for them.",
+        description="Time limit. When it is reached, the reply contains the best set found so far; `individual_ranges` "
+        "and `directions` are null if no time is left for them.",
     )
 
 
@@ -133,7 +133,7 @@ class EntryMargin(ReplyModel):
     condition: str
     alpha1: float
     alpha3: float
-    wanted: bool
+    prescribed: bool
     margin: float = Field(description="Positive if the verdict is as prescribed.")
 
 
@@ -151,7 +151,7 @@ class PatternFitReply(Provenance):
     values: dict[str, float]
     margin: float
     entries: list[EntryMargin]
-    alone: dict[str, list[float]] | None = Field(
+    individual_ranges: dict[str, list[float]] | None = Field(
         description="Range of each unknown in which the pattern is reproduced while all other unknowns are constant."
     )
     directions: list[DirectionReply] | None = Field(
@@ -161,9 +161,9 @@ class PatternFitReply(Provenance):
     free: int | None = Field(
         description="Number of unknowns minus the rank: directions that change no margin to first order."
     )
-    others: list[SetReply] = Field(description="Sets that the other descents found.")
+    other_sets: list[SetReply] = Field(description="Sets that the other descents found.")
     draws: int
-    draws_kept: int = Field(description="Number of random sets that reproduce the pattern without a descent.")
+    reproducing_draws: int = Field(description="Number of random sets that reproduce the pattern without a descent.")
     start_margin: float | None = Field(description="Smallest margin at `start`; null if there is no start.")
 
 
@@ -183,16 +183,18 @@ def answer_fit(request: PatternFitRequest, resources: Resources) -> PatternFitRe
     start = None if starts[0] is None else pattern.normalise(np.array(starts, float) * units)
     start_margin = None if start is None else float(pattern.margins(start[None], work)[0].min())
     draws = request.draws if request.descents else 0
-    sets, draws_kept = fit_pattern(pattern, draws, request.descents, request.seed, start, work)
+    sets, reproducing_draws = fit_pattern(pattern, draws, request.descents, request.seed, start, work)
     best = sets[0]
     reproduced = best.smallest_margin > 0
-    bounds: dict[str, Any] = dict.fromkeys(("alone", "directions", "rank", "free"))
+    bounds: dict[str, Any] = dict.fromkeys(("individual_ranges", "directions", "rank", "free"))
     with suppress(OutOfTime):  # the bounds stay null
         if reproduced and best.slopes is not None:
             intervals = single_ranges(pattern, best.unknowns, total)
             axes = directions(pattern, best, total)
             bounds = {
-                "alone": {name: [low / u, high / u] for name, (low, high), u in zip(names, intervals, units)},
+                "individual_ranges": {
+                    name: [low / u, high / u] for name, (low, high), u in zip(names, intervals, units)
+                },
                 "directions": [replace(axis, vector=dict(zip(names, axis.vector.tolist()))) for axis in axes],
                 "rank": rank(axes),
                 "free": len(names) - rank(axes),
@@ -206,13 +208,13 @@ def answer_fit(request: PatternFitRequest, resources: Resources) -> PatternFitRe
         values=values(best.unknowns),
         margin=best.smallest_margin,
         entries=[
-            {**entry.model_dump(exclude={"holds"}), "wanted": entry.holds, "margin": float(margin)}
+            {**entry.model_dump(exclude={"holds"}), "prescribed": entry.holds, "margin": float(margin)}
             for entry, margin in zip(entries, best.margins)
         ],
         **bounds,
-        others=[SetReply(values=values(found.unknowns), margin=found.smallest_margin) for found in sets[1:]],
+        other_sets=[SetReply(values=values(found.unknowns), margin=found.smallest_margin) for found in sets[1:]],
         draws=request.draws,
-        draws_kept=draws_kept,
+        reproducing_draws=reproducing_draws,
         start_margin=start_margin,
         **provenance(request, names),
     )
@@ -258,7 +260,7 @@ def _prescribed_verdicts(
     if entries is None:
         rows = [{**row, "alpha1": unit * row["alpha1"], "alpha3": unit * row["alpha3"]} for row in PUBLISHED]
         entries = [WantedEntry.model_validate(row) for row in rows]
-    if request.pattern is None and request.clearance.over is None:
+    if request.pattern is None and request.clearance.angle_range is None:
         # the source evaluates the clearance at a single angle
         at = conditions["clearance"].at
         conditions = conditions | {"clearance": replace(conditions["clearance"], over=(at, at))}
@@ -284,7 +286,7 @@ def _degree(request: PatternFitRequest) -> float:
 def fit_table(reply: PatternFitReply, units: Units = DEGREES) -> str:
     """Return a row for each unknown, the free directions, and the other sets."""
     reproduced = sum(entry.margin > 0 for entry in reply.entries)
-    intervals = reply.alone or {}
+    intervals = reply.individual_ranges or {}
     rows = [
         [name, f"{value:.6g}", *(f"{bound:.6g}" for bound in intervals.get(name, ("", "")) if bound != "")]
         for name, value in reply.values.items()
@@ -295,7 +297,7 @@ def fit_table(reply: PatternFitReply, units: Units = DEGREES) -> str:
         table(["unknown", "value", *(["reproduced from", "to"] if intervals else [])], rows),
     ]
     if reply.directions is not None:
-        ends = [f"{direction.back + direction.forth:.3g}" for direction in reply.directions]
+        ends = [f"{direction.backward + direction.forward:.3g}" for direction in reply.directions]
         lines.append(
             f"{reply.free} of {len(reply.values)} directions are free to first order; fraction of the ranges over which the "
             "pattern is reproduced along each direction:"
@@ -304,7 +306,7 @@ def fit_table(reply: PatternFitReply, units: Units = DEGREES) -> str:
     lines += [
         f"alternative: margin {alternative.margin:.4g}{units.behind(units.length)}, "
         + ", ".join(f"{name} {value:.5g}" for name, value in alternative.values.items())
-        for alternative in reply.others
+        for alternative in reply.other_sets
     ]
     return "\n".join(lines)
 

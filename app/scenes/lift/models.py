@@ -328,7 +328,7 @@ class UnconstrainedReply(ReplyModel):
 
     design: DesignReply
     objective: float
-    breaks: list[ConstraintReply]
+    violated: list[ConstraintReply]
 
 
 class OptimizeReply(ReplyModel):

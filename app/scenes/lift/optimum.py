@@ -164,10 +164,10 @@ def _within(optimum: Optimum, task: Task, limits: Constraints, radian: float, wo
         free = optimize(task, work)
     except FieldError:  # infeasible with the given closed length, which the constraints allow to vary
         return {"constraints": constraints}
-    breaks = [replace(row, active=False) for row in rows(free.stroke_design) if not row.satisfied]
+    violated = [replace(row, active=False) for row in rows(free.stroke_design) if not row.satisfied]
     return {
         "constraints": constraints,
-        "unconstrained": UnconstrainedReply(design=free.design, objective=free.objective, breaks=breaks),
+        "unconstrained": UnconstrainedReply(design=free.design, objective=free.objective, violated=violated),
         "cost": optimum.objective / free.objective - 1 if free.objective > 0 else None,
     }
 
@@ -232,7 +232,7 @@ def optimize_table(reply: OptimizeReply) -> str:
             lines.append(f"{row.name:>20} {row.value:14.7g} {sign:>6} {row.limit:14.7g}{' *' if row.active else ''}")
         lines += ["* active constraint", ""]
     if reply.unconstrained and reply.cost is not None:
-        broken = ", ".join(f"{row.name} {row.value:.6g}" for row in reply.unconstrained.breaks)
+        broken = ", ".join(f"{row.name} {row.value:.6g}" for row in reply.unconstrained.violated)
         lines.append(
             f"without constraints the objective is {reply.unconstrained.objective:.6g} (with constraints: {reply.cost:+.1%}); "
             f"violated limits: {broken or 'none'}"

@@ -191,9 +191,9 @@ class Direction:
 
     strength: float
     """Rate at which the margins change along the direction, length per fraction of the ranges; 0 for no change."""
-    back: float
+    backward: float
     """Distance backwards over which the pattern persists, as a fraction of the ranges, at most to their ends."""
-    forth: float
+    forward: float
     """Distance forwards over which the pattern persists, as a fraction of the ranges, at most to their ends."""
     vector: Annotated[Floats, dict[str, float]]
     """Unit vector in fractions of the ranges."""
@@ -373,9 +373,9 @@ def directions(pattern: Pattern, candidate: Candidate, work: Work | None = None)
     assert candidate.slopes is not None, "the slopes are unknown because the time was up"
     _, strengths, vectors = np.linalg.svd(candidate.slopes)
     strengths = np.append(strengths, np.zeros(len(unknowns) - len(strengths)))
-    forth = extents(pattern, unknowns, vectors, work)
-    back = extents(pattern, unknowns, -vectors, work)
-    rows = zip(vectors, strengths, back, forth)
+    forward = extents(pattern, unknowns, vectors, work)
+    backward = extents(pattern, unknowns, -vectors, work)
+    rows = zip(vectors, strengths, backward, forward)
     return [Direction(float(s), float(b), float(f), v) for v, s, b, f in rows][::-1]
 
 

@@ -17,7 +17,7 @@ PUBLISHED = {"pitch": 131, "links": 16, "upper_radius": 181.78}
 
 def test_the_contracts_request_and_reply(client) -> None:
     body = {**PUBLISHED, "wheel_radius": None, "lower_radius": None, "eccentricity": None, "samples": 91}
-    response = client.post("/v1/chain/slot", json=body)
+    response = client.post("/v2/chain/slot", json=body)
     assert response.status_code == 200, response.text
     reply = response.json()
     assert finite(reply)
@@ -50,7 +50,7 @@ def test_exports_alike_over_http_and_on_the_command_line(client, tmp_path) -> No
         file.write_text(json.dumps(body))
         start = b"theta1_deg,x" if path == "slot" else b"position,x"
         for name in ("csv", "svg"):
-            response = client.post(f"/v1/chain/{path}.{name}", json=body)
+            response = client.post(f"/v2/chain/{path}.{name}", json=body)
             assert response.status_code == 200
             if name == "csv":
                 assert response.content.startswith(start)
@@ -59,7 +59,7 @@ def test_exports_alike_over_http_and_on_the_command_line(client, tmp_path) -> No
             target = tmp_path / f"slot.{name}"
             assert main(["chain", path, str(file), "--export", str(target)]) == 0
             assert target.read_bytes() == response.content
-        response = client.post(f"/v1/chain/{path}.dxf", json=body)
+        response = client.post(f"/v2/chain/{path}.dxf", json=body)
         assert response.status_code == 200 and b"SPLINE" in response.content
 
 
@@ -70,22 +70,22 @@ def test_exports_alike_over_http_and_on_the_command_line(client, tmp_path) -> No
 
 
 def test_a_layout_given_back_is_closed_and_a_hair_less_is_stretched(client) -> None:
-    closed = client.post("/v1/chain/slot", json={**PUBLISHED, "fit": None}).json()
+    closed = client.post("/v2/chain/slot", json={**PUBLISHED, "fit": None}).json()
     assert closed["checks"]["stretched"] is False and closed["checks"]["missing_length"] < 1e-9
     radii = {name: closed["geometry"][name] for name in ("wheel_radius", "lower_radius", "eccentricity")}
-    repeated = client.post("/v1/chain/slot", json={**PUBLISHED, **radii, "fit": None}).json()
+    repeated = client.post("/v2/chain/slot", json={**PUBLISHED, **radii, "fit": None}).json()
     assert repeated["status"] == "closed"
     assert repeated["slot"]["depth_max"] == pytest.approx(closed["slot"]["depth_max"], abs=1e-8)
     # the critical layout with its lower radius rounded down: it lacks 1e-5, far below the limit for a refusal
     prescribed = {name: closed["geometry"][name] for name in ("wheel_radius", "eccentricity")}
     short = {**PUBLISHED, **prescribed, "lower_radius": closed["geometry"]["lower_radius"] - 1e-6, "fit": None}
-    checks = client.post("/v1/chain/slot", json=short).json()["checks"]
+    checks = client.post("/v2/chain/slot", json=short).json()["checks"]
     assert checks["stretched"] is True and checks["missing_length"] == pytest.approx(1.05e-5, rel=0.05)
 
 
 def test_all_pins_over_http_and_as_a_table(client) -> None:
     body = {**PUBLISHED, "samples": 181, "fit": None, "include": ["pins"]}
-    reply = client.post("/v1/chain/slot", json=body).json()
+    reply = client.post("/v2/chain/slot", json=body).json()
     pins = reply["pins"]
     assert pins["segments"] == ["left_wheel", "lower_arc", "right_wheel", "upper_arc"]
     for row in pins["xy"]:
@@ -94,17 +94,17 @@ def test_all_pins_over_http_and_as_a_table(client) -> None:
     assert [row[0] for row in pins["theta"]] == pytest.approx(reply["slot"]["theta1"], abs=1e-9)
     assert max(math.dist(row[13], at) for row, at in zip(pins["xy"], reply["slot"]["xy"])) < 1e-10
     assert len(reply["slot"]["slack"]) == 181 and max(reply["slot"]["slack"]) == pytest.approx(3.3316, abs=1e-3)
-    head, *rows = client.post("/v1/chain/slot.csv", json=body).text.strip().splitlines()
+    head, *rows = client.post("/v2/chain/slot.csv", json=body).text.strip().splitlines()
     names = head.split(",")
     assert {"slack", "P16_x", "P16_y", "theta16_deg", "link16_deg"} <= set(names) and len(rows) == 181
     last = dict(zip(names, map(float, rows[-1].split(","))))
     assert last["theta15_deg"] == pins["theta"][-1][14] and last["P3_x"] == pins["xy"][-1][2][0]
-    radians = client.post("/v1/chain/slot", json={**body, "samples": 5, "angle_unit": "rad"}).json()["pins"]
+    radians = client.post("/v2/chain/slot", json={**body, "samples": 5, "angle_unit": "rad"}).json()["pins"]
     assert radians["theta"][0] == pytest.approx([math.radians(angle) for angle in pins["theta"][0]])
 
 
 def test_powers_of_the_fit_for_a_control(client) -> None:
-    fit = client.post("/v1/chain/slot", json={**PUBLISHED, "fit": {"order": 8}, "power_decimals": 6}).json()["fit"]
+    fit = client.post("/v2/chain/slot", json={**PUBLISHED, "fit": {"order": 8}, "power_decimals": 6}).json()["fit"]
     power = fit["power"]
     assert power["decimals"] == 6 and len(power["pieces"]) == 5 and power["max_normal"] < 2e-5
     assert power["pieces"][0]["theta1"] == fit["pieces"][0]["theta1"]
@@ -113,7 +113,7 @@ def test_powers_of_the_fit_for_a_control(client) -> None:
     for end, start in zip(ends, starts[1:]):
         assert end == pytest.approx(start, abs=3e-5)
     assert starts[0] == pytest.approx([65.5, -169.569214], abs=2e-5)
-    lost = client.post("/v1/chain/slot", json={**PUBLISHED, "fit": {"order": 64}}).json()["fit"]["power"]
+    lost = client.post("/v2/chain/slot", json={**PUBLISHED, "fit": {"order": 64}}).json()["fit"]["power"]
     assert lost["pieces"] is None and lost["max_normal"] > 1
-    fourier = client.post("/v1/chain/slot", json={**PUBLISHED, "fit": {"kind": "fourier"}}).json()["fit"]
+    fourier = client.post("/v2/chain/slot", json={**PUBLISHED, "fit": {"kind": "fourier"}}).json()["fit"]
     assert fourier["power"] is None

@@ -31,7 +31,7 @@ def reference(client):
 
 
 def ask(client, path, **body):
-    reply = client.post(f"/v1/knotter/{path}", json=body)
+    reply = client.post(f"/v2/knotter/{path}", json=body)
     assert reply.status_code == 200, reply.text
     return reply.json()
 
@@ -47,7 +47,9 @@ def test_defaults_give_the_published_pattern(reference) -> None:
     # the other figures: tests/synthesis/scenes/knotter/test_d_knotter.py
     for key, (angle, edge, y, z, leave) in FIGURES["wrap"].items():
         wrap = pairs[key]["wrap"]
-        assert wrap["angle"] == pytest.approx(angle, abs=1e-9) and wrap["leave"] == pytest.approx(leave, abs=1e-9)
+        assert wrap["angle"] == pytest.approx(angle, abs=1e-9) and wrap["exit_angle"] == pytest.approx(
+            leave, abs=1e-9
+        )
         assert wrap["edge"] == edge and wrap["holds"] == (edge == "S3S4")
         assert wrap["point"] == pytest.approx([0, y, z], abs=1e-8)
     for pair in pairs.values():
@@ -73,7 +75,12 @@ def test_radians_are_the_same_answer(client, reference) -> None:
     found = scan(client, angle_unit="rad")
     for degrees, radians in zip(reference["pairs"], found["pairs"]):
         assert radians["alpha1"] == pytest.approx(math.radians(degrees["alpha1"]), abs=1e-15)
-        for name, field in (("wrap", "angle"), ("wrap", "leave"), ("bite", "angle"), ("clearance", "worst_angle")):
+        for name, field in (
+            ("wrap", "angle"),
+            ("wrap", "exit_angle"),
+            ("bite", "angle"),
+            ("clearance", "worst_angle"),
+        ):
             assert radians[name][field] == pytest.approx(math.radians(degrees[name][field]), abs=1e-12)
         assert radians["wrap"]["point"] == degrees["wrap"]["point"]
     table = [[math.radians(270), math.radians(22.5)], [math.radians(337), 0]]
@@ -83,7 +90,7 @@ def test_radians_are_the_same_answer(client, reference) -> None:
 
 
 def test_needle_over_http(client) -> None:
-    found = client.post("/v1/knotter/needle", json={"alpha2": 8}).json()
+    found = client.post("/v2/knotter/needle", json={"alpha2": 8}).json()
     assert found["status"] == "free"
     assert found["clearance"] == pytest.approx(FIGURES["L"]["8"], abs=1e-10)
     assert found["alpha2_range"] == pytest.approx(FIGURES["L_roots"], abs=1e-9)
@@ -91,12 +98,12 @@ def test_needle_over_http(client) -> None:
     assert found["alpha2_for_d5"] == pytest.approx(FIGURES["alpha2_for_54"], abs=1e-9)
     assert (found["alpha2_whole_degrees"], found["d5_whole"]) == (7, 54)
     assert found["assumed"] == [] and found["given"] == ["alpha2"]
-    moved = client.post("/v1/knotter/needle", json={"d5": 54.001}).json()
+    moved = client.post("/v2/knotter/needle", json={"d5": 54.001}).json()
     assert moved["alpha2_for_d5"] - found["alpha2_for_d5"] == pytest.approx(1e-3 * found["alpha2_per_d5"], rel=1e-4)
-    radians = client.post("/v1/knotter/needle", json={"alpha2": math.radians(8), "angle_unit": "rad"}).json()
+    radians = client.post("/v2/knotter/needle", json={"alpha2": math.radians(8), "angle_unit": "rad"}).json()
     assert radians["alpha2_range"] == pytest.approx([math.radians(x) for x in found["alpha2_range"]], rel=1e-14)
     assert radians["d5_per_angle"] == pytest.approx(math.degrees(found["d5_per_angle"]), rel=1e-13)
-    blocked = client.post("/v1/knotter/needle", json={"r0": 60, "d5": 500}).json()
+    blocked = client.post("/v2/knotter/needle", json={"r0": 60, "d5": 500}).json()
     assert blocked["status"] == "blocked" and blocked["alpha2_range"] is None and blocked["alpha2_for_d5"] is None
 
 
@@ -113,7 +120,7 @@ EXTREMES = {
     "narrow range": {"windows": {"wrap": [90, 90.0000000001], "bite": [300, 300.0000000001]}},
     "two turns": {
         "windows": {"wrap": [0, 720], "bite": [-360, 360]},
-        "clearance": {"over": [0, 720], "disc_radius": 30},
+        "clearance": {"angle_range": [0, 720], "disc_radius": 30},
     },
     "needle upright": {"parameters": {"alpha2": 90}},
 }
@@ -155,22 +162,22 @@ def test_fit_reproduces_the_published_patterns_from_a_seeded_start(client) -> No
     found = ask(client, "fit", seed=1, budget_ms=30_000)
     assert found["status"] == "reproduced" and len(found["entries"]) == 16 and found["margin"] > 0
     assert all(entry["margin"] > 0 for entry in found["entries"])
-    query = next(query for query in scene_queries() if query.path == "/v1/knotter/fit")
+    query = next(query for query in scene_queries() if query.path == "/v2/knotter/fit")
     table = query.table(reply_model(query.reply).model_validate(found))
     assert len(table.splitlines()) >= 2 and "nan" not in table.lower()
     assert found["free"] == 8 - found["rank"] and len(found["directions"]) == 8
-    for name, (low, high) in found["alone"].items():
+    for name, (low, high) in found["individual_ranges"].items():
         assert low <= found["values"][name] <= high
     # the found values, sent to the ordinary scan, give the same pattern
     values = found["values"]
-    body = {"parameters": {name: values[name] for name in ("d1", "D")}, "clearance": {"over": [270, 270]}}
+    body = {"parameters": {name: values[name] for name in ("d1", "D")}, "clearance": {"angle_range": [270, 270]}}
     body["laws"] = {"beta": {name: values[f"beta.{name}"] for name in ("lead", "ratio")}}
     body["points"] = {"S1": [22, values["S1.j"], -39], "S5": [0, 0, values["S5.k"]]}
     body["points"]["S10"] = [values["S10.i"], 0, values["S10.k"]]
     pairs = {(pair["alpha1"], pair["alpha3"]): pair for pair in scan(client, **body)["pairs"]}
     for entry in found["entries"]:
         verdict = pairs[entry["alpha1"], entry["alpha3"]][entry["condition"]]
-        assert verdict["holds"] == entry["wanted"]
+        assert verdict["holds"] == entry["prescribed"]
 
 
 @pytest.mark.parametrize(
@@ -183,7 +190,7 @@ def test_fit_reproduces_the_published_patterns_from_a_seeded_start(client) -> No
 )
 def test_names_that_a_fit_cannot_seek_are_all_named(client, names, pointer, words) -> None:
     unknowns = [{"name": name, "low": 0, "high": 1} for name in names]
-    (error,) = client.post("/v1/knotter/fit", json={"unknowns": unknowns}).json()["errors"]
+    (error,) = client.post("/v2/knotter/fit", json={"unknowns": unknowns}).json()["errors"]
     assert error["pointer"] == pointer and error["detail"].endswith(words)
     assert "alpha1" not in error.get("known", [])
 
@@ -194,4 +201,4 @@ def test_the_smallest_budget_of_a_fit_is_answered_on_a_busy_machine() -> None:
             return la.Work(budget, cancelled, map((0.1).__mul__, count()).__next__)
 
     reply = pattern_fit.answer_fit(pattern_fit.PatternFitRequest(budget_ms=1e-3), Busy(Settings(with_atlas=False)))
-    assert reply.status == "not reproduced" and len(reply.entries) == 16 and reply.alone is None
+    assert reply.status == "not reproduced" and len(reply.entries) == 16 and reply.individual_ranges is None

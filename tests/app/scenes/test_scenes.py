@@ -71,7 +71,7 @@ class Leaving:
 
 
 STEPPED = [query for query in scene_queries() if query.path.split("/")[2] in ("chain", "knotter")]
-AT_ONCE = {"/v1/knotter/needle"}
+AT_ONCE = {"/v2/knotter/needle"}
 """Closed forms: there is nothing to cut short."""
 
 

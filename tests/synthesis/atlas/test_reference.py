@@ -71,4 +71,4 @@ def test_the_example_script_recognises_the_published_type_from_the_file(atlas_pa
     for match in best:
         own = coupler_angle(match.type.lengths, match.branch, match.start_angle + crank - crank[0])
         gap = np.linalg.norm(weights * (haar.features(own)[1] - haar.features(curve)[1]))
-        assert gap == pytest.approx(match.similarity, abs=1e-12)
+        assert gap == pytest.approx(match.rotation_rms, abs=1e-12)

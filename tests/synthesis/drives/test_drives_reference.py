@@ -27,7 +27,7 @@ DEGREE = np.pi / 180
 
 
 def linkage_of(row: dict) -> Linkage:
-    radius, angle = row["coupler_point"]
+    radius, angle = row["coupler_point_polar"]
     mount = complex(*row["pivot_a"]), row["ground_angle"] * DEGREE, (radius, angle * DEGREE), 0.0
     return four_bar(tuple(row["links"]), row.get("branch", 1), row["start"] * DEGREE, *mount)
 
@@ -199,7 +199,7 @@ def test_two_springs_balance(name: str) -> None:
 @pytest.mark.parametrize("name", ["E1", "E2", "E3", "E4"])
 def test_one_spring_balances_where_the_signs_allow(name: str) -> None:
     row = REFERENCE["balance"][name]
-    row = row | {"coupler_point": row["body"]}
+    row = row | {"coupler_point_polar": row["body"]}
     linkage, load = linkage_of(row), masses(row)
     found = potential_of(linkage, load)
     motions = motions_of(linkage, Interval(*np.deg2rad(row["span"])), 61)

@@ -40,7 +40,9 @@ def test_a_cognate_passes_all_points_of_the_curve(seed) -> None:
 
 
 def test_the_answers_to_a_path_name_their_cognates() -> None:
-    linkage = la.FourBar(19, 72, 64, 80, start_angle=30, pivot_a=(10, 5), ground_angle=20, coupler_point=(50, 30))
+    linkage = la.FourBar(
+        19, 72, 64, 80, start_angle=30, pivot_a=(10, 5), ground_angle=20, coupler_point_polar=(50, 30)
+    )
     points = linkage.joints(np.linspace(0, 300, 12)).body_point
     found = la.synthesize(position=points, timing="free", limits={"preset": "none"}, top=4)
     exact = [solution for solution in found.solutions if solution.errors.objective < 1e-9]

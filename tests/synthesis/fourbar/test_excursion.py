@@ -17,7 +17,7 @@ from tests.synthesis.test_defects import KINDS, lengths_of, samples_on, start_of
 
 laws = settings(derandomize=True, max_examples=60, deadline=None)
 ACCURACY = 1e-6
-CRANK_ROCKER = four_bar((2, 7, 6, 8), coupler_point=(5.0, 0.7))
+CRANK_ROCKER = four_bar((2, 7, 6, 8), coupler_point_polar=(5.0, 0.7))
 DEGREES = np.deg2rad([[0, 40, 80, 130, 200, 250]])
 SIDE = np.ones((1, 6))
 
@@ -78,7 +78,7 @@ def test_as_a_fine_polyline(kind, closed: bool) -> None:
         samples = samples_on(rng, circuit)
         point = complex(*rng.normal(size=2))
         angle, side = np.array(samples).T
-        linkage = four_bar(tuple(lengths), coupler_point=(abs(point), np.angle(point)))
+        linkage = four_bar(tuple(lengths), coupler_point_polar=(abs(point), np.angle(point)))
         (found,) = excursions([linkage], [angle], [side], 1.0, closed=closed)
         naive = Polyline(lengths, point, samples)
         steps = np.diff(naive.at_samples)
@@ -94,18 +94,18 @@ def found(linkage=CRANK_ROCKER, angle=DEGREES, side=SIDE, scale=10.0, **request)
 @laws
 @given(st.floats(0.0, 8.0), st.floats(-3.0, 3.0), st.booleans(), st.integers(-2, 2))
 def test_the_same_for_reversed_samples_another_size_and_the_mirror_image(radius, direction, closed, turns) -> None:
-    linkage = four_bar((2, 7, 6, 8), coupler_point=(radius, direction))
-    large = four_bar((20, 70, 60, 80), coupler_point=(10 * radius, direction))
+    linkage = four_bar((2, 7, 6, 8), coupler_point_polar=(radius, direction))
+    large = four_bar((20, 70, 60, 80), coupler_point_polar=(10 * radius, direction))
     truth = pytest.approx(found(linkage, closed=closed), rel=1e-7)
     assert found(linkage, DEGREES[:, ::-1], closed=closed) == truth
     assert found(large, scale=100.0, closed=closed) == truth
     assert found(linkage, DEGREES + TURN * turns, closed=closed) == truth
-    mirror = four_bar((2, 7, 6, 8), coupler_point=(radius, -direction))
+    mirror = four_bar((2, 7, 6, 8), coupler_point_polar=(radius, -direction))
     assert found(mirror, -DEGREES, -SIDE, closed=closed) == truth
 
 
 def test_a_loop_between_two_samples_shows() -> None:
-    complete = four_bar((2, 7, 6, 8), coupler_point=(7.0, 0.0))
+    complete = four_bar((2, 7, 6, 8), coupler_point_polar=(7.0, 0.0))
     close = np.deg2rad([[0, 10, 20, 30]])
     assert found(complete, close, np.ones((1, 4)), 1.0) < 1.1
     assert found(complete, np.deg2rad([[0, 10, 20, -20]]), np.ones((1, 4)), 1.0) > LEAVES_SAMPLES

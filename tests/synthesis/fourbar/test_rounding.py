@@ -65,13 +65,13 @@ def test_links_lie_on_the_grid_and_near_the_old_ones(seed, grid, with_rotation) 
 
 def changes_of(linkage, target: Target):
     """The linkage with small changes of start and pose."""
-    radius, angle = linkage.coupler_point
+    radius, angle = linkage.coupler_point_polar
     step, size = 1e-4, 1e-4 * target.length_scale
     changes = [replace(linkage, start=linkage.start + sign * step) for sign in (1, -1)]
     changes += [replace(linkage, ground_angle=linkage.ground_angle + sign * step) for sign in (1, -1)]
     changes += [replace(linkage, pivot_a=linkage.pivot_a + direction * size) for direction in (1, -1, 1j, -1j)]
-    changes += [replace(linkage, coupler_point=(radius + sign * size, angle)) for sign in (1, -1)]
-    return changes + [replace(linkage, coupler_point=(radius, angle + sign * step)) for sign in (1, -1)]
+    changes += [replace(linkage, coupler_point_polar=(radius + sign * size, angle)) for sign in (1, -1)]
+    return changes + [replace(linkage, coupler_point_polar=(radius, angle + sign * step)) for sign in (1, -1)]
 
 
 @LAW

@@ -43,12 +43,12 @@ def moved(linkage: Linkage, size: float, random: np.random.Generator) -> Linkage
     stretch = np.exp(size * random.standard_normal(5))
     turn, position = size * random.standard_normal(3), 50 * size * random.standard_normal(2)
     links = tuple(float(length * by) for length, by in zip(linkage.links, stretch))
-    radius, angle = linkage.coupler_point
+    radius, angle = linkage.coupler_point_polar
     point = float(radius * stretch[4]), float(angle + turn[2])
     at = linkage.pivot_a + complex(*position)
     return replace(
         with_links(linkage, links), start=linkage.start + turn[0], ground_angle=linkage.ground_angle + turn[1],
-        pivot_a=at, coupler_point=point,
+        pivot_a=at, coupler_point_polar=point,
     )  # fmt: skip
 
 

@@ -122,7 +122,7 @@ def test_determination_leaves_out_what_limits_hold() -> None:
     plain = {name: request[name] for name in ("rotation", "crank_span")}
     best = la.synthesize(position=position, **plain, limits=limits, top=1).solutions[0]
     held = best.determination
-    assert "links.ground" in held.at_limits and held.length_uncertainty[3] < 1e-12
+    assert "links.ground" in held.active_limits and held.length_uncertainty[3] < 1e-12
     random, size = np.random.default_rng(2), 1e-5
     for _ in range(3):
         noise = random.normal(size=position.shape)

@@ -167,7 +167,7 @@ def test_a_moved_request_gives_the_moved_linkage(mirror, seed, resources) -> Non
     ours, theirs = new["mount"], old["mount"]
     same_angle(np.rad2deg(new["start_angle"]), mirror * old["start_angle"])
     same_angle(np.rad2deg(ours["ground_angle"]), mirror * theirs["ground_angle"] + turn)
-    same_angle(np.rad2deg(ours["coupler_point"]["angle"]), mirror * theirs["coupler_point"]["angle"])
+    same_angle(np.rad2deg(ours["coupler_point_polar"]["angle"]), mirror * theirs["coupler_point_polar"]["angle"])
     same_angle(np.rad2deg(new["body_offset"]), mirror * old["body_offset"])
     for name in ("pivot_a", "pivot_b"):
         assert abs(complex(*ours[name]) - moved(complex(*theirs[name]))) < 1e-6 * scale
@@ -187,7 +187,7 @@ def test_the_same_request_gives_the_same_reply(kind, resources) -> None:
 @pytest.mark.parametrize("kind", ["plain", "rotation only", "position only", UNREACHABLE])
 def test_solutions_are_sorted_and_differ(kind, resources) -> None:
     solutions = ask(make_case(kind, 5700).request | {"top": 20}, resources)["solutions"]
-    if solutions[-1]["least_error"]:  # with a defect, since it does not come first
+    if solutions[-1]["has_smallest_error"]:  # with a defect, since it does not come first
         solutions.pop()
     buildable = [solution for solution in solutions if links_of(solution).max() < 100 * links_of(solution).min()]
     assert buildable == solutions[: len(buildable)], "linkages out of proportion come last"
@@ -204,8 +204,8 @@ def test_solutions_are_sorted_and_differ(kind, resources) -> None:
                 a, b = later["mount"], second["mount"]
                 size = links_of(later).max()
                 positions = [abs(complex(*a[name]) - complex(*b[name])) for name in ("pivot_a", "pivot_b")]
-                radius = abs(a["coupler_point"]["radius"] - b["coupler_point"]["radius"])
-                arm = abs((a["coupler_point"]["angle"] - b["coupler_point"]["angle"] + 180) % 360 - 180)
+                radius = abs(a["coupler_point_polar"]["radius"] - b["coupler_point_polar"]["radius"])
+                arm = abs((a["coupler_point_polar"]["angle"] - b["coupler_point_polar"]["angle"] + 180) % 360 - 180)
                 assert max(*positions, radius, arm * size) > SAME * size
 
 
@@ -260,7 +260,7 @@ def motion(target: Target, numbers: np.ndarray, linkage: Linkage) -> np.ndarray:
     angle = close_loop(links, crank).coupler_angle(linkage.branch)
     pivot = linkage.pivot_a + scale * complex(*numbers[7:9])
     ground = np.exp(1j * (linkage.ground_angle + turn))
-    radius, direction = linkage.coupler_point
+    radius, direction = linkage.coupler_point_polar
     vector = radius * np.exp(1j * direction) + scale * complex(*numbers[9:11])
     points = pivot + ground * (links[0] * np.exp(1j * crank) + vector * np.exp(1j * angle))
     rows = [points.real / scale, points.imag / scale]

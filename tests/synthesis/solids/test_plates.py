@@ -68,9 +68,9 @@ def check(linkage: Linkage, text: str, unit_mm: float, hole: float, width: float
         for first, second in combinations(centres, 2):
             assert abs(first - second) > hole * unit_mm
         outlines.append(ring)
-        if name == "COUPLER" and linkage.coupler_point is not None:
+        if name == "COUPLER" and linkage.coupler_point_polar is not None:
             (mark,) = space.query('POINT[layer=="MARK"]')
-            radius, angle = linkage.coupler_point
+            radius, angle = linkage.coupler_point_polar
             position = complex(*mark.dxf.location.vec2)
             expected = radius * np.exp(1j * angle) * unit_mm
             off = (position - centres[0]) / ((centres[1] - centres[0]) / (length * unit_mm)) - expected
@@ -88,7 +88,7 @@ def test_plates_are_closed_and_hold_their_joints(seed, hole, width, unit_mm) -> 
     random = np.random.default_rng(seed)
     links = tuple(random.uniform(5, 100, 4).tolist())
     point = (float(random.uniform(0, 120)), float(random.uniform(-3.2, 3.2)))
-    linkage = four_bar(links, coupler_point=point)
+    linkage = four_bar(links, coupler_point_polar=point)
     hole *= min(links)
     check(linkage, to_plates(linkage, unit_mm, hole, width * hole), unit_mm, hole, width * hole)
 
@@ -98,7 +98,7 @@ ON_THE_LINE = [(0.0, 0.0), (72.0, 0.0), (36.0, 0.0), (100.0, 0.0), (30.0, np.pi)
 
 @pytest.mark.parametrize("point", [None, *ON_THE_LINE, (1e-9, 2.0)])
 def test_a_body_point_on_the_coupler_line_or_at_a_pin_leaves_a_bar(point) -> None:
-    linkage = four_bar((19.0, 72.0, 144.0, 165.0), coupler_point=point)
+    linkage = four_bar((19.0, 72.0, 144.0, 165.0), coupler_point_polar=point)
     check(linkage, to_plates(linkage), 1.0, 5.7, 14.25)
 
 

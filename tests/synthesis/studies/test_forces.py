@@ -135,7 +135,7 @@ def test_rates_are_what_difference_quotients_tend_to(seed, speed, direction) -> 
 
 
 def test_a_dead_position_has_no_values_and_a_closed_loop_next_to_it_has() -> None:
-    linkage = four_bar((1.0, 2.0, 6.0, 5.0), 1, coupler_point=(1.0, 0.0))  # folds flat at theta1 = 0
+    linkage = four_bar((1.0, 2.0, 6.0, 5.0), 1, coupler_point_polar=(1.0, 0.0))  # folds flat at theta1 = 0
     with np.errstate(all="raise"):
         found, held = rates(linkage, np.array([0.0, 1e-9, 4.0]), 1.0), forces(linkage, np.zeros(1), Load(1 + 1j))
     assert np.isnan([found.coupler_velocity[0], found.rocker_acceleration[0], found.velocity[0].real]).all()
@@ -144,7 +144,7 @@ def test_a_dead_position_has_no_values_and_a_closed_loop_next_to_it_has() -> Non
     # 3, 4, 5: at a right angle of the crank coupler and rocker are stretched, to rounding
     nearly = rates(four_bar((3.0, 2.0, 3.0, 4.0), 1), np.array([np.pi / 2]), 1.0).coupler_velocity
     assert np.isnan(nearly[0]) or abs(nearly[0]) > 1e6
-    opened = four_bar((3.0, 1.0, 1.0, 3.0), 1, coupler_point=(1.0, 0.0))
+    opened = four_bar((3.0, 1.0, 1.0, 3.0), 1, coupler_point_polar=(1.0, 0.0))
     assert np.isnan(rates(opened, np.array([np.pi]), 1.0).coupler_velocity).all(), "where it does not close"
 
 
