@@ -20,7 +20,6 @@ from threadpoolctl import threadpool_limits
 import linkage_atlas as la
 from benchmarks import engine, report
 from synthesis import descents
-from synthesis.descents import RefinementOptions, Stage
 from synthesis.free import free_timing
 from synthesis.free import search as free
 from synthesis.function import search as function
@@ -31,7 +30,6 @@ from synthesis.guides import Driver, Kind
 from synthesis.limits import Limits
 from synthesis.poses import Poses, make_poses
 from synthesis.search import crank_driven, prescribed_timing
-from synthesis.search import search as prescribed
 from synthesis.search.multistart import MultiStart
 from synthesis.search.options import SELECTED_EARLY, SELECTED_LATE
 from tests.oracles.guided import KINDS, random_motion
@@ -115,7 +113,7 @@ class Heuristic(NamedTuple):
     """Description for the table."""
     classes: tuple[str, ...]
     patches: Sequence[tuple[Any, str, Any]] | None
-    """Object, attribute, and the attribute's value without the heuristic; None if the heuristic was deleted for its result."""
+    """Object, attribute, and the attribute's value without the heuristic; None if it was deleted or cannot be switched off."""
 
     @contextmanager
     def switched_off(self) -> Iterator[None]:
@@ -157,11 +155,6 @@ class Numpy:
         return getattr(np, name)
 
 
-def refined(**options: bool) -> list[tuple[Any, str, Any]]:
-    """Return the patch that changes options of the refinement."""
-    return [(descents.Problem, "options", RefinementOptions(**options))]
-
-
 def options(**changes: Any) -> list[tuple[Any, str, Any]]:
     """Return the patches that change options of the searches among four-bars."""
     owners = (
@@ -197,11 +190,6 @@ def free_options(**changes: Any) -> list[tuple[Any, str, Any]]:
     """Return the patch that changes options of the search with free crank angles."""
     defaults = free.FreeSearch.__init__.__defaults__
     return [(free.FreeSearch.__init__, "__defaults__", (free.FreeSearchOptions(**changes), *defaults[1:]))]
-
-
-def nothing(timed: Any) -> Any:
-    """Return no candidates."""
-    return timed.take(slice(0, 0))
 
 
 _restored, _seed_pairs, _led_on = (
@@ -240,25 +228,25 @@ def heuristics() -> tuple[Heuristic, ...]:
                 "uphill steps",
                 "A step that increases the cost is accepted if it continues the direction of the step before.",
                 (*APPROXIMATE, *EXACT),
-                refined(uphill=False),
+                None,
             ),
             (
                 "geodesic correction",
                 "A second-order correction bends each step along the curvature of the residual.",
                 (*APPROXIMATE, *EXACT),
-                refined(geodesic=False),
+                None,
             ),
             (
                 "merged samples",
                 "Neighbouring samples that a step would exchange move to a common crank angle.",
                 FREE,
-                refined(merging=False),
+                None,
             ),
             (
                 "multipliers",
                 "Limits have Lagrange multipliers in addition to a growing penalty.",
                 APPROXIMATE,
-                refined(multipliers=False),
+                None,
             ),
             (
                 "restoration",
@@ -270,31 +258,31 @@ def heuristics() -> tuple[Heuristic, ...]:
                 "reuse penalty",
                 "A basin is used less often as the origin of perturbations the more often it was used.",
                 APPROXIMATE,
-                options(reuse_penalty=0.0),
+                None,
             ),
             (
                 "loose perturbations",
                 "Half of the perturbations move along directions in which the cost is flat.",
                 (*APPROXIMATE, "path"),
-                [(descents.Problem, "loose_steps", lambda _, timed, *more: nothing(timed))],
+                None,
             ),
             (
                 "realigned perturbations",
                 "Perturbed candidates are tried with the crank angles that fit their new shape best as well.",
                 FREE,
-                [(free_timing.FreeTiming, "realigned", lambda _, timed: nothing(timed))],
+                None,
             ),
             (
                 "exchanged families",
                 "A tenth of the perturbations exchange crank-rocker and double-crank.",
                 (*APPROXIMATE, "path"),
-                options(exchanged=0.0),
+                None,
             ),
             (
                 "flipped branches",
                 "Some perturbations change the branch.",
                 (*APPROXIMATE, "path"),
-                options(flipped=0.0),
+                None,
             ),
             (
                 "three widths",
@@ -306,13 +294,13 @@ def heuristics() -> tuple[Heuristic, ...]:
                 "heavy tails",
                 "Perturbations follow Student's distribution with 3 degrees of freedom.",
                 (*APPROXIMATE, "path", "change point"),
-                [(crank_driven, "np", Numpy()), (prescribed, "np", Numpy())],
+                [(crank_driven, "np", Numpy())],
             ),
             (
                 "later restarts",
                 "Every third round starts from new seeds.",
                 APPROXIMATE,
-                options(seed_interval=10**6),
+                None,
             ),
             (
                 "straying candidates last",
@@ -342,7 +330,7 @@ def heuristics() -> tuple[Heuristic, ...]:
                 "last polish",
                 "The best four answers are refined once more at the end.",
                 APPROXIMATE,
-                options(polish=(Stage(0),)),
+                None,
             ),
             (
                 "fewer samples",
@@ -354,13 +342,13 @@ def heuristics() -> tuple[Heuristic, ...]:
                 "two guesses between samples",
                 "Crank angles between the few samples are guessed by two rules.",
                 ("path",),
-                [(free_timing, "FreeTimingOptions", partial(free_timing.FreeTimingOptions, guesses=(1.0,)))],
+                None,
             ),
             (
                 "promising candidates only",
                 "A candidate is refined on all samples only if it is near the best answer.",
                 ("path", "within limits"),
-                options(promising=np.inf),
+                None,
             ),
             (
                 "rounds without limits",
@@ -372,7 +360,7 @@ def heuristics() -> tuple[Heuristic, ...]:
                 "dyads as seeds",
                 "The four-bars that pairs of dyads give are among the first seeds.",
                 ("random poses",),
-                free_options(seeds_before=0),
+                None,
             ),
             (
                 "early end of the larger family",
@@ -384,19 +372,19 @@ def heuristics() -> tuple[Heuristic, ...]:
                 "seeds next to change points",
                 "A round starts from shapes at the far ends of the chart.",
                 ("change point", "timed"),
-                [(prescribed, "TO_THE_END", tuple(prescribed.TO_THE_END[k] for k in (0, 2, 3)))],
+                None,
             ),
             (
                 "perturbations of exact candidates",
                 "A round starts from 480 perturbations of the best 40 candidates.",
                 ("change point", "timed"),
-                [(prescribed, "TO_THE_END", tuple(prescribed.TO_THE_END[k] for k in (0, 1, 3)))],
+                None,
             ),
             (
                 "early look at narrow basins",
                 "The eight best seeds continue for 60 steps before a second round of seeds.",
                 ("change point", "timed"),
-                [(prescribed, "FIRST_LOOK", tuple(prescribed.FIRST_LOOK[k] for k in (0, 2)))],
+                None,
             ),
             (
                 "calibrated odds",

@@ -14,14 +14,13 @@ the rows G of the other unknowns, and the residual, become::
 
 whose normal matrix is the Schur complement of the full one, so that the step still comes from a QR decomposition. At
 d_i = 0 that is the fit by orthogonal distances, with a large d_i the fit at given crank angles. A, z1, z2 and the offset are
-solved again after every step (variable projection in Kaufman's form: BIT 15 (1975) 49-57), the steps are bent along the
-residual's curvature, and lead uphill too where they go straight on (Transtrum and Sethna, arXiv:1201.5885). While the damping
-is large, the triangle of the QR decomposition comes from the normal matrix by Cholesky's method instead, which is faster.
+solved again after every step (variable projection in Kaufman's form: BIT 15 (1975) 49-57). A step that increases the cost is
+accepted if it continues the direction of the step before (Transtrum and Sethna, arXiv:1201.5885). While the damping is large,
+the triangle of the QR decomposition comes from the normal matrix by Cholesky's method instead, which is faster.
 
-Within limits c >= 0 what falls is J^2 + rho sum max(0, shift - c)^2, and the pose is an unknown like the shape. From stage to
-stage rho grows, and the shifts (the multipliers over rho) take up what is still broken (augmented Lagrangian: Nocedal and
-Wright, Numerical Optimization, 17.3). A limit that depends on where the crank begins or ends has its row beside the first or
-last sample's own, so that the crank angle of that sample can make up for it. Candidates that break none go on in their best pose.
+Within limits c >= 0 the descent minimises J^2 + rho sum max(0, -c)^2, with the pose among the unknowns; the penalty rho grows
+from stage to stage. A limit that depends on the first or last crank angle has its row beside the first or last sample's own,
+so that this crank angle can satisfy it. Candidates that violate no limit continue in their best pose.
 
 `synthesis.kernels.crank_descent` computes all of it, one candidate after another.
 """
@@ -29,8 +28,7 @@ last sample's own, so that the crank angle of that sample can make up for it. Ca
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -117,20 +115,6 @@ class Stage(NamedTuple):
     """Its square, rho, weighs squared violations of limits against J squared."""
 
 
-@dataclass(frozen=True)
-class RefinementOptions:
-    """Options of the Levenberg-Marquardt refinement."""
-
-    uphill: bool = True
-    """Accept a step that increases the cost if it continues the direction of the step before."""
-    geodesic: bool = True
-    """Add the geodesic acceleration to the steps, below the cost that the search states."""
-    merging: bool = True
-    """Merge neighbouring samples if a step would exchange their order."""
-    multipliers: bool = True
-    """Carry multipliers of the limits from stage to stage (augmented Lagrangian); otherwise only the penalty grows."""
-
-
 class Problem:
     """Samples, a chart and limits made ready for many candidates.
 
@@ -152,7 +136,6 @@ class Problem:
     """
 
     posed: bool
-    options: ClassVar[RefinementOptions] = RefinementOptions()
 
     def __init__(
         self,
@@ -170,7 +153,6 @@ class Problem:
         self.chart, self.limited, self.samples = chart, limits is not None, samples.samples
         self.has_rotation, self.has_position = samples.rotation is not None, samples.position is not None
         self._angles = samples.samples if crank is None else 1
-        self._shifts = 0 if limits is None else limits.count_rows
         self._kernel = crank_descent.Descent(
             self.goal(samples),
             samples.rotation_mean.root if self.has_rotation else 1.0,
@@ -197,9 +179,8 @@ class Problem:
         shape, angles = np.array(timed.shape, dtype=float, order="C"), np.array(timed.angles, dtype=float, order="C")
         pose = np.array(timed.pose, dtype=complex, order="C")
         mine = Timed(shape, pose, timed.offset + np.zeros(count), angles, timed.branch + np.zeros(count))
-        shifts = np.zeros((count, self._shifts))
         return Pool(
-            mine, self._kernel.set_candidates(shape, _real(pose), mine.offset, angles, mine.branch, shifts, weight**2)
+            mine, self._kernel.set_candidates(shape, _real(pose), mine.offset, angles, mine.branch, weight**2)
         )
 
     def measured(self, timed: Timed, posed: bool = True, facing: bool = False) -> Pool:
@@ -214,30 +195,10 @@ class Problem:
         self._kernel.move_to_nearest_angles(steps)
         return pool.timed
 
-    def aligned(self, timed: Timed, places: int) -> Timed:
-        """Candidates with the crank angles of the least error in their pose, among so many places in a turn; order is kept.
-
-        Law: no candidate has angles on the same places that fit it better. Those at one place share the room about it.
-        """
-        pool = self._begin(timed)
-        self._kernel.align_crank_angles(places)
-        return pool.timed
-
     def errors_at(self, timed: Timed, angles: Floats) -> Floats:
         """Squared errors (n, N, G) of each sample with the crank at some angles (n, G); infinite where a loop is open."""
         self._begin(timed._replace(angles=np.zeros((len(timed.branch), self._angles))))
         return np.asarray(self._kernel.errors_at(np.array(angles, dtype=float, order="C")))
-
-    def loose_steps(self, timed: Timed, random: np.random.Generator, size: float) -> Timed:
-        """Candidates moved mostly where their cost is flat: along valleys, where the next minimum lies.
-
-        Steps are R^{-1} times normal noise, with R of the linearised problem, so that they are longest where the rows change
-        least; each is scaled to change the shape by about ``size`` of itself.
-        """
-        pool, count = self._begin(timed, 1.0), len(timed.branch)
-        columns = timed.shape.shape[1] + (self._angles == 1) + 6 * self.has_position + self.has_rotation
-        self._kernel.perturb(random.standard_normal((count, columns)), random.standard_t(3, size=count), size)
-        return pool.timed
 
     def moved(self, timed: Timed, steps: Floats, turns: Floats) -> Timed:
         """Candidates after steps (n, m) and turns of the crank angles (n, N), each unknown and gap cut by itself."""
@@ -282,7 +243,6 @@ class Problem:
         work: Work | None = None,
         damping: float = 1e-3,
         others: float = 1.0,
-        bent_below: float = np.inf,
         between: Callable[[Pool], None] | None = None,
     ) -> Pool:
         """Candidates after Levenberg-Marquardt steps over shape, pose and all crank angles.
@@ -300,8 +260,6 @@ class Problem:
             Of each stage's first step, relative to the squares of the derivatives.
         others : float
             Once one candidate came below the tolerance, the others take at most so many times its steps.
-        bent_below : float
-            Square root of the cost from which on a candidate's steps are bent.
         between : callable, optional
             Told what each stage but the last led to.
 
@@ -316,21 +274,9 @@ class Problem:
         most = max(1, _BETWEEN_LOOKS // self.samples)
         self._kernel.evaluate_candidates(not self.limited, False)
         for number, stage in enumerate(stages):
-            if number:
-                if between is not None:
-                    between(pool.take(np.arange(pool.cost.size)))
-                if self.limited:
-                    self._kernel.update_multipliers(stage.weight**2, self.options.multipliers)
-            self._kernel.configure(
-                stage.steps,
-                damping,
-                stage.stall,
-                tolerance**2,
-                others,
-                bent_below**2 if self.options.geodesic else 0.0,
-                self.options.uphill,
-                self.options.merging,
-            )
+            if number and between is not None:
+                between(pool.take(np.arange(pool.cost.size)))
+            self._kernel.configure(stage.steps, damping, stage.stall, tolerance**2, others, stage.weight**2)
             while not work.expired() and not self._kernel.run(most):
                 pass
         return pool

@@ -72,11 +72,6 @@ class Chart:
     hop: Floats
     """Scale of the perturbations of unknowns and start that reach other valleys, (k + 1,)."""
 
-    @property
-    def edges(self) -> Floats:
-        """Unknowns (e, k) of shapes at the chart's far ends, where coarse types have no neighbours."""
-        return np.empty((0, len(self.cell) - 1))
-
     def shape(self, unknowns: Floats) -> Shape:
         """Shapes at unknowns."""
         return Shape(*crank_loops.shapes(self.kind, np.array(unknowns, dtype=float, order="C")))

@@ -56,9 +56,6 @@ class SliderChart(Chart):
         return np.stack([np.log(long / crank) / 0.7, 3 * offset / (crank + long)], axis=1)
 
 
-_EDGE = (-10.0, -6.0, -3.0, 0.0, 3.0, 6.0)
-
-
 @dataclass(frozen=True)
 class SliderCrankChart(SliderChart):
     """All slider-cranks whose crank turns fully, each once: with r = 1, ln x and ln y; change points lie at infinity.
@@ -68,7 +65,6 @@ class SliderCrankChart(SliderChart):
 
     guide = RAIL
     kind = codes.SLIDER_CRANK
-    edges = np.array([(p, q) for p in _EDGE for q in _EDGE if min(p, q) < -2 or max(p, q) > 5])
     LIMIT = 20.0
 
     def unknowns(self, lengths: ArrayLike) -> Floats:
@@ -87,7 +83,6 @@ class SwingingBlockChart(SliderChart):
 
     guide = SLOT
     kind = codes.SWINGING_BLOCK
-    edges = np.array([(p, q) for p in (-8.0, -4.0, -1.0, 1.0, 4.0, 8.0) for q in (-8.0, -4.0, 4.0, 8.0)])
     LIMITS = np.array([16.0, 17.0])
 
     def unknowns(self, lengths: ArrayLike) -> Floats:

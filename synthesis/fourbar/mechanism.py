@@ -28,8 +28,6 @@ from synthesis.pose import fit_positions
 from synthesis.solution import assess
 from synthesis.target import TURN, Samples, Target
 
-_FAR = (-8.0, -5.0, -2.5, 2.5, 5.0, 8.0)
-
 
 class FourBarChart(Chart):
     """What charts of the four-bar without bounds share."""
@@ -60,8 +58,6 @@ class FullCrankChart(FourBarChart):
     sheet: int = 0
 
     kind = codes.FULL_CRANK
-    edges = np.array(list(product(_FAR, (-8.0, -4.0, -2.0, -0.5, 0.5, 2.0, 4.0), _FAR)))
-    """Near one change point or two."""
     LIMITS = np.array([16.0, 30.0, 17.0])
     """Largest |p|, |u|, |w|: beyond, the lengths no longer change in double precision."""
 

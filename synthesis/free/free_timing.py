@@ -35,12 +35,8 @@ class FreeTimingOptions(SearchOptions):
     """Largest perturbed span of the crank angles, relative to the limit on the span."""
     span_width: float = 0.25
     """Width of the perturbations of the span's logarithm."""
-    grid: int = 48
-    """Number of crank angles of a turn with which samples are aligned."""
     nearest_steps: int = 6
     """Number of steps of the crank angles alone, on all samples."""
-    guesses: tuple[float, ...] = (1.0, 0.5)
-    """Exponents of the arc length by which crank angles between the samples of the search are guessed."""
     panel: float = radians(12.0)
     """Largest crank angle of a chord by which the path between samples is measured."""
 
@@ -89,7 +85,7 @@ class FreeTiming(CrankDriven):
             bounded = self.search.limited
             self.search = limited_problem(self.thin, chart, limits) if bounded else JointProblem(self.thin, chart)
         problems = Refinements(self.plain, self.within, self.search)
-        super().__init__(problems, self.thin is poses, limits.family, tolerance, work, options)
+        super().__init__(problems, self.thin is poses, tolerance, work, options)
 
     def signature(self, pool: Pool) -> tuple[Floats, Floats]:
         """Return the timing, and its span."""
@@ -115,21 +111,9 @@ class FreeTiming(CrankDriven):
         start = timed.angles[:, :1] + width * self.chart.hop[-1] * random.standard_t(3, size=(count, 1))
         return np.asarray(start + along * np.minimum(factor, largest))
 
-    def realigned(self, timed: Timed) -> Timed:
-        """Return candidates with the crank angles that fit their pose best.
-
-        If the order presses samples on one another, other crank angles may fit as well: there are minima too.
-        """
-        return self.search.aligned(self.search.measured(timed).timed, self.options.grid)
-
     def complete(self, pool: Pool) -> Pool:
-        """Refine candidates of the search on all samples.
-
-        Each is tried with several guesses of the crank angles between its samples: angles that collide in one of them need not
-        collide in another.
-        """
-        first, *others = (self.at_all_samples(pool.timed, guess) for guess in self.options.guesses)
-        timed = self.plain.nearest(first.joined(*others), self.options.nearest_steps)
+        """Refine candidates of the search on all samples."""
+        timed = self.plain.nearest(self.at_all_samples(pool.timed), self.options.nearest_steps)
         problem = self.within if self.search.limited else self.plain
         completed = problem.descended(timed, [self.options.completion], 0.1 * self.tolerance, self.work)
         steps = np.diff(completed.timed.angles, axis=1)

@@ -22,9 +22,6 @@ from synthesis.target import TURN
 
 _STARTS, _SAMPLES, _HARMONICS = 18, 64, 6
 _EACH = 60
-_AT_RANDOM, _EACH_AT_RANDOM, _UNEVEN, _NARROWEST = 8, 10, 0.5, 0.35
-"""Guesses at random that are made at once, windows of each, the shape of the gamma distribution of their steps (the less, the
-more uneven), and their least span."""
 _CLOSED_POWERS = (1.0, 0.8, 0.6, 0.4, 0.2)
 """Powers of the way between samples of a closed way, which the crank passes once in a turn."""
 _AT_ONCE = 8
@@ -128,7 +125,6 @@ class PathScreen:
         poses: Poses,
         chart: Chart,
         missing: Missing | None = None,
-        random: np.random.Generator | None = None,
     ) -> Timed:
         """Starting points for a path, best first, at most one a cell of shape, start, span and branch.
 
@@ -142,10 +138,8 @@ class PathScreen:
             Of the candidates' shapes.
         missing : callable, optional
             By how much windows miss the limits on shape and crank angles, in radians.
-        random : Generator, optional
-            For crank angles at random, in place of those that the way between the samples suggests.
         """
-        guesses = self.timing_of(poses) if random is None else self.random_timing(poses, random)
+        guesses = self.timing_of(poses)
         error = self.errors(poses, guesses)
         if missing is not None:
             spans, which = np.unique(guesses[:, -1], return_inverse=True)
@@ -153,7 +147,7 @@ class PathScreen:
             error += (_MISSED * short**2).astype(np.float32)[which][:, :, None]
         best = error.argmin(axis=3)
         least = np.take_along_axis(error, best[..., None], 3)[..., 0].reshape(len(guesses), -1)
-        each = min(_EACH if random is None else _EACH_AT_RANDOM, least.shape[1] - 1)
+        each = min(_EACH, least.shape[1] - 1)
         guess = np.repeat(np.arange(len(guesses)), each)
         window = np.argpartition(least, each, axis=1)[:, :each].ravel()
         rank = np.argsort(least[guess, window], kind="stable")
@@ -182,19 +176,6 @@ class PathScreen:
         return _within(
             np.array([sign * span * way for way in ways for span in sorted(spans) for sign in (1.0, -1.0)]), widest
         )
-
-    def random_timing(self, poses: Poses, random: np.random.Generator) -> Floats:
-        """Guesses at random: most of the crank's turn may fall between any two samples, and many samples on little of it."""
-        steps = _steps(poses)
-        steps = steps ** random.uniform(0.0, 1.0, (_AT_RANDOM, 1)) * random.gamma(
-            _UNEVEN, size=(_AT_RANDOM, steps.size)
-        )
-        way = np.cumsum(steps, axis=1)
-        way = np.concatenate([np.zeros((_AT_RANDOM, 1)), way[:, : poses.samples - 1]], axis=1) / way[:, -1:]
-        widest = _WITHIN_SPAN * poses.span_max
-        span = random.uniform(min(_NARROWEST, widest), widest, (_AT_RANDOM, 1))
-        way *= random.choice([-1.0, 1.0], (_AT_RANDOM, 1)) * (TURN if poses.closed else span)
-        return _within(way, widest)
 
 
 def _within(crank: Floats, widest: float) -> Floats:

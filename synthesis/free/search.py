@@ -46,7 +46,7 @@ from synthesis.search.multistart import Incumbents, MultiStart
 from synthesis.search.options import Schedule, SearchOptions
 from synthesis.search.prescribed_timing import in_portions
 from synthesis.search.report import SearchReport, StoppedBy
-from synthesis.search.search import DEFAULT_TOLERANCE, Best, Hops
+from synthesis.search.search import DEFAULT_TOLERANCE
 from synthesis.search.seeds import Windows
 from synthesis.solution import Solution, assess
 from synthesis.target import TURN, Interval, Target
@@ -202,6 +202,19 @@ class Fresh(NamedTuple):
     stop: int
 
 
+class Best(NamedTuple):
+    """The best basins of the pool, at most so many."""
+
+    most: int
+
+
+class Hops(NamedTuple):
+    """Perturbed copies of the best basins of the pool."""
+
+    origins: int
+    copies: int
+
+
 class Round(NamedTuple):
     """A round of the search for an exact path."""
 
@@ -210,7 +223,7 @@ class Round(NamedTuple):
     reason: str
 
 
-_HOPS = Hops(16, 12)
+_HOPS = Hops(16, 6)
 _DESCENT, _SHORT = Stage(100, 1e-2), Stage(60, 1e-2)
 EXACT = (
     Round(Fresh(0, 0, 100), _DESCENT, "more than half of all exact paths end here"),
@@ -243,8 +256,6 @@ class FreeSearchOptions:
     """Number of leading seeds that may be answers without refinement."""
     idle_beyond_full_cranks: float = 4
     """Number of rounds among all four-bars without a gain on full cranks that end the search: four of 2,300 later ones gained."""
-    arc_length_rounds: int = 2
-    """Number of rounds whose seeds take their crank angles from the arc length; those of later seeds are random."""
     guesses_beside_dyads: int = 2
     """Number of guessed timings beside what dyads lead to."""
     exact_in_sight: float = 1e-2
@@ -427,7 +438,6 @@ class FreeSearch:
         if pool is not None and pool.cost.size:
             if family == "any" and None in self.limits.links:
                 guesses = islice(guesses, options.guesses_beside_dyads)
-            starts.append(run.problem.at_search_samples(pool.best(options.seeds_before).timed))
         exact: Iterator[Run] = iter(())
         if self.poses.ordered and family != "any" and (pool is None or pool.least <= options.far):
             exact = self._exact(chart_of(family), family)
@@ -535,6 +545,4 @@ class FreeSearch:
         seeds, leading = placed(screen.seeds(problem.thin, problem.chart, missing))
         few = problem.at_all_samples(seeds.take(leading[leading < seeds.branch.size]))
         run.accept(problem.plain.measured(few, posed=not problem.has_limits), steps=4)
-        yield from islice(in_portions(seeds, self.options.seeds), self.options.arc_length_rounds)
-        while True:
-            yield placed(screen.seeds(problem.thin, problem.chart, missing, problem.random))[0]
+        yield from in_portions(seeds, self.options.seeds)

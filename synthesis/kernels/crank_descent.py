@@ -3,8 +3,7 @@
 Descents refine the candidates in sequence without allocating. The Jacobian is stored by column, each column contiguous over
 component (rotation, x, y) and sample, followed by the rows of violated limits: ``m[set, column, component * N + sample]``, with
 the residual in the last column. There are two sets: the current position of a candidate, and the position after its step. They
-change places when a step is accepted, so that a rejected step evaluates nothing again. A third set, of which only the residual
-is filled, serves the look ahead along a step.
+change places when a step is accepted, so that a rejected step evaluates nothing again.
 
 Angles are in radians, lengths are relative to the length scale, costs to its square.
 """
@@ -59,13 +58,6 @@ ORTHOGONAL_FRACTION_MIN = declare(
     double, 1e-6
 )  # smallest fraction of a column's square that remains after the linear columns
 PIVOT_MIN = declare(double, 1e-14)  # smallest pivot of Cholesky's method for scaled columns
-PERTURBATION_DAMPING = declare(double, 1e-12)  # damping of the factor whose inverse shows directions of small change
-RELATIVE_FLOOR = declare(
-    double, 0.02
-)  # size of a shape unknown above which its change counts relative to the unknown
-LOOK_AHEAD = declare(double, 0.1)  # fraction of a step at which the second derivative is taken,
-LOOK_AHEAD_MAX = declare(double, 0.01)  # and the largest such change of the unknowns; the smaller of both counts
-CORRECTION_RATIO_MAX = declare(double, 0.75)  # largest ratio of the geodesic correction to the step
 COSINE_MAX = declare(
     double, 0.999999999999
 )  # largest cosine between steps, so that an infinite cost is never accepted
@@ -78,10 +70,6 @@ ANGLE_STEP_MAX = declare(double, 0.6)  # largest change of a crank angle without
 GAP_FRACTION_MIN = declare(double, 0.2)  # fraction of a gap between samples that a step leaves at least
 ROOM_FRACTION_MAX = declare(double, 0.8)  # fraction of the remaining span that a step uses at most
 GAP_MIN = declare(double, 1e-12)  # smallest gap between samples
-CLOSE_GAP = declare(
-    double, 0.05
-)  # gap relative to the mean gap below which samples that would pass one another are merged
-SEPARATION = declare(double, 1e4)  # shift in radians between groups of samples that are pooled separately
 DAMPING_DECREASE_MAX = declare(double, 0.1)  # largest decrease of the damping in one step (Nielsen's rule)
 DAMPING_MIN = declare(double, 1e-22)  # damping below which a descent counts as undamped
 DAMPING_MAX = declare(double, 1e10)  # damping above which a descent ends
@@ -162,7 +150,7 @@ class Descent:
     shape_unknowns: cython.int
     nonlinear_unknowns: cython.int
     columns: cython.int
-    # sets: current position, position after the step, look ahead
+    # sets: current position, position after the step
     shape_values: double[:, ::1]
     pose: doublecomplex[:, ::1]
     offset: double[::1]
@@ -186,8 +174,6 @@ class Descent:
     first_sample: Py_ssize_t
     last_sample: Py_ssize_t
     limit_slopes: double[::1]
-    limit_shift: double[::1]
-    has_shift: bint
     # step
     reduced_rows: double[:, ::1]
     angle_projection: double[:, ::1]
@@ -197,17 +183,13 @@ class Descent:
     pooled_level: double[::1]
     pooled_weight: double[::1]
     block_head: Py_ssize_t[::1]
-    block: Py_ssize_t[::1]
-    has_blocks: bint
     column_squares: double[::1]
     ridge: double[::1]
     upper_triangle: double[:, ::1]
     step: double[::1]
     angle_step: double[::1]
-    uncorrected_step: double[::1]
     previous_step: double[::1]
-    correction: double[::1]
-    angle_correction: double[::1]
+    angle_change: double[::1]
     scratch: double[::1]
     # run
     candidate: Py_ssize_t
@@ -221,9 +203,6 @@ class Descent:
     stall: double
     exact: double
     iteration_factor: double
-    correction_threshold: double
-    uphill: bint
-    merging: bint
     best_cost: double
     lowest_cost: double
     step_count: Py_ssize_t
@@ -233,7 +212,6 @@ class Descent:
     offsets: double[::1]
     angles: double[:, ::1]
     branches: double[::1]
-    shifts: double[:, ::1]
     costs: double[::1]
 
     def __init__(
@@ -276,8 +254,8 @@ class Descent:
         self.nonlinear_unknowns = self.shape_unknowns + self.has_timing
         self.columns = self.linear_unknowns + self.nonlinear_unknowns
         self.sample_rows = self.components * samples
-        rows, columns, sets = self.limits.rows + 1, self.columns + 1, 3
-        self.row_stride = (self.sample_rows + rows + 3) // 4 * 4  # one spare row for `perturb`
+        rows, columns, sets = self.limits.rows + 1, self.columns + 1, 2
+        self.row_stride = (self.sample_rows + rows + 3) // 4 * 4
         self.shape_values, self.pose = np.zeros((sets, 4)), np.zeros((sets, 3), dtype=complex)
         self.crank_angle, self.angle_slopes = np.zeros((sets, samples)), np.zeros((sets, self.sample_rows))
         self.offset, self.branch, self.cost, self.sample_cost = np.zeros((4, sets))
@@ -292,17 +270,14 @@ class Descent:
             self.angle_squares,
             self.elimination_factor,
             self.angle_step,
-            self.angle_correction,
+            self.angle_change,
         ) = np.zeros((6, samples))
         self.requested_angle, self.pooled_level, self.pooled_weight = np.zeros((3, samples))
-        self.block_head, self.block = np.zeros((2, samples), dtype=np.intp)
-        self.limit_slopes, self.column_squares, self.ridge, self.step, self.uncorrected_step, self.correction = (
-            np.zeros((6, columns))
-        )
-        self.limit_shift, self.previous_step = np.zeros(rows), np.zeros(5)
-        self.reduced_rows, self.upper_triangle = np.zeros((columns, self.row_stride)), np.zeros((columns, columns))
+        self.block_head = np.zeros(samples, dtype=np.intp)
+        self.limit_slopes, self.column_squares, self.ridge, self.step = np.zeros((4, columns))
+        self.previous_step, self.upper_triangle = np.zeros(5), np.zeros((columns, columns))
+        self.reduced_rows = np.zeros((columns, self.row_stride))
         self.angle_projection, self.scratch = np.zeros((columns, samples)), np.zeros(max(self.row_stride, columns))
-        self.uphill, self.merging = True, True
         self.fill_constant_columns()
 
     @cfunc
@@ -331,10 +306,6 @@ class Descent:
             self.crank_angle[s, i] = (
                 self.angles[n, 0] + self.crank_increments[i] if self.has_timing else self.angles[n, i]
             )
-        self.has_shift = False
-        for row in range(self.limits.rows):
-            self.limit_shift[row] = self.shifts[n, row]
-            self.has_shift = self.has_shift or self.limit_shift[row] != 0.0
 
     @cfunc
     def store(self, s: cython.int, n: Py_ssize_t):
@@ -414,87 +385,6 @@ class Descent:
                     error[n, i, g] = self.sample_error(i, point, back)
         return errors
 
-    def align_crank_angles(self, grid_size: cython.int):
-        """Move the crank angles of the candidates to the smallest errors on a grid over the turn.
-
-        For ordered samples, dynamic programming finds the best ordered assignment within the span, from each grid point for the
-        first sample and in both directions. Samples at the same grid point share the interval around it. A candidate that never
-        closes stays unchanged.
-        """
-        error: double[:, ::1] = np.empty((self.samples, grid_size))
-        before: Py_ssize_t[:, ::1] = np.empty((self.samples, grid_size), dtype=np.intp)
-        best: Py_ssize_t[::1] = np.empty(self.samples, dtype=np.intp)
-        total: double[::1] = np.empty(max(1, min(grid_size, int(self.span_max / TURN * grid_size))))
-        begin: Py_ssize_t
-        direction: Py_ssize_t
-        first: Py_ssize_t
-        sense: Py_ssize_t
-        i: Py_ssize_t
-        for n in range(self.costs.shape[0]):
-            self.load(0, n)
-            self.errors_over_turn(error)
-            remaining, lowest_sum, first, sense = 0.0, INFINITE, 0, 1
-            for i in range(self.samples):
-                best[i] = self.index_of_minimum(error[i])
-                remaining += error[i, best[i]]
-            if self.ordered and isfinite(remaining):
-                remaining -= error[0, best[0]]
-                for direction in range(-1, 2, 2):
-                    for begin in range(grid_size):
-                        if error[0, begin] + remaining < lowest_sum:
-                            cost = self.ordered_minimum(error, begin, direction, total, before)
-                            if cost < lowest_sum:
-                                lowest_sum, first, sense = cost, begin, direction
-                                self.trace_back(total, before, best)
-            if isfinite(lowest_sum if self.ordered else remaining):
-                self.spread_angles(n, first, sense, best, TURN / grid_size)
-
-    @cfunc
-    def trace_back(self, total: double[::1], before: Py_ssize_t[:, ::1], best: Py_ssize_t[::1]):
-        """Recover the grid steps of each sample after the first from the tables of the dynamic programme."""
-        grid_index: Py_ssize_t = self.index_of_minimum(total)
-        for i in range(self.samples - 1, -1, -1):
-            best[i] = grid_index
-            grid_index = before[i, grid_index]
-
-    @cfunc
-    def spread_angles(self, n: Py_ssize_t, first: Py_ssize_t, sense: Py_ssize_t, best: Py_ssize_t[::1], step: double):
-        """Set a candidate's crank angles from grid points; ordered samples at the same point are spread around it."""
-        count: Py_ssize_t = 0
-        number: Py_ssize_t = 0
-        for i in range(self.samples):
-            part = 0.0
-            if self.ordered:
-                if number == count:
-                    number = count = 0
-                    while i + count < self.samples and best[i + count] == best[i]:
-                        count += 1
-                part = 0.8 * ((number + 0.5) / count - 0.5)
-                number += 1
-            self.angles[n, i] = step * (first + sense * (best[i] + part))
-
-    @cfunc
-    def index_of_minimum(self, values: double[::1]) -> Py_ssize_t:
-        """Return the index of the smallest value."""
-        at: Py_ssize_t = 0
-        for g in range(values.shape[0]):
-            if values[g] < values[at]:
-                at = g
-        return at
-
-    @cfunc
-    def errors_over_turn(self, error: double[:, ::1]):
-        """Fill the squared errors (N, G) of each sample on a grid over the turn; infinite where the loop is open."""
-        loop, grid_size = self.shape.loop, error.shape[1]
-        self.update_shape(0)
-        a, z1, z2 = self.pose[0, 0], self.pose[0, 1], self.pose[0, 2]
-        back = vector(cos(self.offset[0]), -sin(self.offset[0]))
-        for g in range(grid_size):
-            closes = loop.close_at(TURN * g / grid_size, False)
-            point = a + z1 * loop.e1 + z2 * loop.e2
-            for i in range(self.samples):
-                error[i, g] = self.sample_error(i, point, back) if closes else INFINITE
-
     @cfunc
     @inline
     @cython.exceptval(check=False)
@@ -511,78 +401,6 @@ class Descent:
             total += inner(left, left)
         return total
 
-    @cfunc
-    def ordered_minimum(
-        self,
-        error: double[:, ::1],
-        begin: Py_ssize_t,
-        direction: Py_ssize_t,
-        total: double[::1],
-        before: Py_ssize_t[:, ::1],
-    ) -> double:
-        """Return the smallest sum of errors if the first sample lies at a grid point.
-
-        ``total`` receives the smallest sum for each number of steps to the last sample, ``before`` the preceding steps.
-        """
-        grid_size, lowest = error.shape[1], INFINITE
-        grid_index: Py_ssize_t
-        at: Py_ssize_t
-        here: Py_ssize_t
-        for grid_index in range(total.shape[0]):
-            total[grid_index] = INFINITE if grid_index else error[0, begin]
-            before[0, grid_index] = 0
-        for i in range(1, self.samples):
-            lowest_sum, lowest, at, here = INFINITE, INFINITE, 0, begin
-            for grid_index in range(total.shape[0]):
-                if total[grid_index] < lowest_sum:
-                    lowest_sum, at = total[grid_index], grid_index
-                before[i, grid_index] = at
-                total[grid_index] = lowest_sum + error[i, here]
-                lowest = min(lowest, total[grid_index])
-                here += direction
-                if here == grid_size:
-                    here = 0
-                elif here < 0:
-                    here = grid_size - 1
-        return lowest
-
-    def perturb(self, noise: double[:, ::1], factors: double[::1], size: double):
-        """Move the candidates mainly along directions in which their cost is flat, towards neighbouring minima.
-
-        Steps are R^{-1} times normal noise (n, m). Each is scaled to a relative change of the shape of about ``size`` times its
-        factor (n,).
-        """
-        for n in range(self.costs.shape[0]):
-            self.load(0, n)
-            if not self.evaluate_start(0):
-                continue
-            self.has_blocks = False
-            self.eliminate_angles(0, PERTURBATION_DAMPING)
-            # a separate row fixes the common scale of homogeneous unknowns, which changes nothing
-            for c in range(self.columns + 1):
-                self.reduced_rows[c, self.row_stride - 1] = 0.0
-            for k in range(self.shape_unknowns):
-                self.reduced_rows[self.linear_unknowns + k, self.row_stride - 1] = copysign(
-                    1.0, self.shape_values[0, k]
-                )
-            self.factorise(PERTURBATION_DAMPING)
-            for c in range(self.columns):
-                self.step[c] = noise[n, c]
-            self.solve_upper(self.step)
-            relative = TINY
-            for k in range(self.shape_unknowns):
-                relative = max(
-                    relative,
-                    fabs(self.step[self.linear_unknowns + k]) / (fabs(self.shape_values[0, k]) + RELATIVE_FLOOR),
-                )
-            for c in range(self.columns):
-                self.step[c] *= size * factors[n] / relative
-            for i in range(self.samples):
-                self.angle_step[i] = 0.0
-            self.back_substitute_angles(self.step, self.angle_step)
-            self.apply_step(0, 0)
-            self.store(0, n)
-
     def linearised(self, n, damping):
         """Return the parts of a candidate's step for tests: rows, derivatives, damping and the step itself."""
         self.load(0, n)
@@ -595,7 +413,6 @@ class Descent:
             "by_angle": np.asarray(self.limit_angle_slopes)[0, :active],
             "at_sample": np.asarray(self.limit_sample)[0, :active],
             "inner": np.asarray(self.angle_squares),
-            "block": np.asarray(self.block) if self.has_blocks else np.arange(self.samples),
             "ridge": np.asarray(self.ridge)[:columns],
             "step": np.asarray(self.step)[:columns],
             "turn_step": np.asarray(self.angle_step),
@@ -1001,13 +818,13 @@ class Descent:
 
     @cfunc
     def violation(self, row: cython.int) -> double:
-        """Return the violation of a limit, shifted by its multiplier; 0 if it is satisfied."""
+        """Return the violation of a limit; 0 if it is satisfied."""
         value = self.limits.values[row]
         if not isfinite(value):
             value = -1.0
         if self.limits.equations[row]:
-            return self.limit_shift[row] - value
-        return max(MARGIN - value + self.limit_shift[row], 0.0)
+            return -value
+        return max(MARGIN - value, 0.0)
 
     @cfunc
     def largest_violation(self) -> double:
@@ -1025,7 +842,7 @@ class Descent:
 
     @cfunc
     def fill_limit_rows(self, s: cython.int, full: bint):
-        """Append the rows of limits that are violated or have a multiplier, and add their squares to the cost."""
+        """Append the rows of violated limits, and add their squares to the cost."""
         limits, scale, root, at = self.limits, self.evaluate_limits(s), sqrt(self.penalty), 0
         for row in range(limits.rows):
             value = root * self.violation(row)
@@ -1163,12 +980,6 @@ class Descent:
         n, flat, active = self.samples, self.sample_rows, self.active_rows[s]
         if not self.has_timing:
             mean = self.update_angle_squares(s)
-            if self.has_blocks:
-                for i in range(n):
-                    if self.block[i] != i:
-                        self.angle_squares[self.block[i]] += self.angle_squares[i]
-                for i in range(n):
-                    self.angle_squares[i] = self.angle_squares[self.block[i]]
             for i in range(n):
                 own = ANGLE_DAMPING * damping * max(self.angle_squares[i], ANGLE_SQUARE_MIN * mean) + FLAT * mean
                 value = self.angle_squares[i] + own
@@ -1187,7 +998,7 @@ class Descent:
 
     @cfunc
     def pool_adjacent_violators(self):
-        """Replace ``requested_angle`` by its weighted isotonic regression; ``block_head`` receives the first of each block."""
+        """Replace ``requested_angle`` by its weighted isotonic regression."""
         top: Py_ssize_t = 0
         for i in range(self.samples):
             self.pooled_level[top], self.pooled_weight[top], self.block_head[top] = (
@@ -1204,13 +1015,11 @@ class Descent:
                 top -= 1
             top += 1
         end: Py_ssize_t = self.samples
-        while top > 0:  # backwards, because heads occupy the entries of later samples
+        while top > 0:
             top -= 1
-            first: Py_ssize_t = self.block_head[top]
-            for i in range(first, end):
+            for i in range(self.block_head[top], end):
                 self.requested_angle[i] = self.pooled_level[top]
-                self.block_head[i] = first
-            end = first
+            end = self.block_head[top]
 
     @cfunc
     def project_on_angles(self, s: cython.int, c: cython.int):
@@ -1232,12 +1041,6 @@ class Descent:
         """Fill a column of ``reduced_rows`` and its inner products with the derivatives by the crank angles."""
         n, flat = self.samples, self.sample_rows
         self.project_on_angles(s, c)
-        if self.has_blocks:
-            for i in range(n):
-                if self.block[i] != i:
-                    self.angle_projection[c, self.block[i]] += self.angle_projection[c, i]
-            for i in range(n):
-                self.angle_projection[c, i] = self.angle_projection[c, self.block[i]]
         for r in range(self.components):
             base = r * n
             for i in range(n):
@@ -1364,38 +1167,7 @@ class Descent:
 
     @cfunc
     def compute_step(self, s: cython.int, damping: double) -> double:
-        """Compute the step from a set. Return the predicted decrease of the cost.
-
-        If samples would pass one another, a second solution moves them together, and they are merged.
-        """
-        self.has_blocks = False
-        fall = self.solve_damped(s, damping)
-        if self.merging and self.ordered and not self.has_timing and self.find_blocks(s):
-            fall = self.solve_damped(s, damping)
-            self.merge_samples(s)
-        return fall
-
-    @cfunc
-    def find_blocks(self, s: cython.int) -> bint:
-        """Find blocks of neighbouring samples that would pass one another. Return whether there are any."""
-        n = self.samples
-        self.request_ordered_angles(s, INFINITE)
-        passing: bint = False
-        for i in range(n):
-            passing = passing or self.block_head[i] != i
-        if not passing:
-            return False
-        self.request_ordered_angles(
-            s, CLOSE_GAP * fabs(self.crank_angle[s, n - 1] - self.crank_angle[s, 0]) / (n - 1)
-        )
-        for i in range(n):
-            self.block[i] = self.block_head[i]
-            self.has_blocks = self.has_blocks or self.block_head[i] != i
-        return self.has_blocks
-
-    @cfunc
-    def solve_damped(self, s: cython.int, damping: double) -> double:
-        """Solve the damped system with a common angle for the samples of a block."""
+        """Compute the step from a set. Return the predicted decrease of the cost."""
         total = 0.0
         self.eliminate_angles(s, damping)
         self.factorise(damping)
@@ -1405,101 +1177,21 @@ class Descent:
         self.solve_upper(self.step)
         for c in range(self.columns):
             total += self.ridge[c] * self.step[c] * self.step[c]
-            self.uncorrected_step[c] = self.step[c]
         for i in range(self.samples):
             self.angle_step[i] = self.angle_projection[self.columns, i]
         self.back_substitute_angles(self.step, self.angle_step)
         return total
 
     @cfunc
-    def merge_samples(self, s: cython.int):
-        """Move the samples of each block to the middle of the block."""
-        n, end = self.samples, self.samples
-        for k in range(n):
-            first = n - 1 - k
-            if self.block[first] == first:
-                middle = 0.5 * (self.crank_angle[s, first] + self.crank_angle[s, end - 1])
-                for i in range(first, end):
-                    self.angle_step[i] += middle - self.crank_angle[s, i]
-                end = first
-
-    @cfunc
-    def geodesic_correction(self, s: cython.int):
-        """Add the geodesic acceleration to the step if it is small relative to the step; it takes one more residual."""
-        if self.has_blocks:
-            return
-        n, longest, length = self.samples, 0.0, 0.0
-        for c in range(self.columns):
-            longest += self.step[c] * self.step[c]
-        if not self.has_timing:
-            for i in range(n):
-                longest += self.angle_step[i] * self.angle_step[i]
-        ahead = min(LOOK_AHEAD, LOOK_AHEAD_MAX / max(sqrt(longest), TINY))
-        self.move_pose(s, 2, ahead)
-        for k in range(self.shape_unknowns):
-            self.shape_values[2, k] = self.shape_values[s, k] + ahead * self.step[self.linear_unknowns + k]
-        for i in range(n):
-            self.crank_angle[2, i] = self.crank_angle[s, i] + ahead * self.angle_step[i]
-        self.update_shape(2)
-        if not self.close_at_samples(2, False):
-            return
-        self.fill_residual(2, False)
-        # half the second derivative along the step
-        for j in range(self.sample_rows):
-            self.scratch[j] = (self.rows[2, self.columns, j] - self.rows[s, self.columns, j]) / ahead
-        for c in range(self.columns):
-            value: double = self.step[c]
-            for j in range(self.sample_rows):
-                self.scratch[j] -= value * self.rows[s, c, j]
-        for i in range(n):
-            self.angle_correction[i] = 0.0
-        for r in range(self.components):
-            base = r * n
-            for i in range(n):
-                if not self.has_timing:
-                    self.scratch[base + i] -= self.angle_slopes[s, base + i] * self.angle_step[i]
-                self.scratch[base + i] /= ahead
-                self.angle_correction[i] += self.angle_slopes[s, base + i] * self.scratch[base + i]
-        for i in range(n):
-            self.gap[i] = 0.0 if self.has_timing else self.angle_correction[i] / self.angle_squares[i]
-        for c in range(self.columns):
-            value = 0.0
-            for j in range(self.sample_rows):
-                value += self.rows[s, c, j] * self.scratch[j]
-            for i in range(n):
-                value -= self.angle_projection[c, i] * self.gap[i]
-            # R^T x = right
-            for k in range(c):
-                value += self.upper_triangle[k, c] * self.correction[k]
-            self.correction[c] = -value / self.upper_triangle[c, c]
-        self.solve_upper(self.correction)
-        self.back_substitute_angles(self.correction, self.angle_correction)
-        for c in range(self.columns):
-            length += self.correction[c] * self.correction[c]
-        if not self.has_timing:
-            for i in range(n):
-                length += self.angle_correction[i] * self.angle_correction[i]
-        if sqrt(length) < CORRECTION_RATIO_MAX * sqrt(longest):
-            for c in range(self.columns):
-                self.step[c] += self.correction[c]
-            for i in range(n):
-                self.angle_step[i] += self.angle_correction[i]
-
-    @cfunc
-    def move_pose(self, s: cython.int, t: cython.int, part: double):
-        """Copy pose and offset of the set s, moved by a fraction of its step, to the set t."""
+    def apply_step(self, s: cython.int, t: cython.int):
+        """Set the set t to s after its step; the change of each unknown and gap is limited."""
         self.branch[t] = self.branch[s]
         self.offset[t] = self.offset[s]
         if self.has_position:
             for k in range(3):
-                self.pose[t, k] = self.pose[s, k] + vector(part * self.step[2 * k], part * self.step[2 * k + 1])
+                self.pose[t, k] = self.pose[s, k] + vector(self.step[2 * k], self.step[2 * k + 1])
         if self.has_rotation:
-            self.offset[t] += part * self.step[self.linear_unknowns - 1]
-
-    @cfunc
-    def apply_step(self, s: cython.int, t: cython.int):
-        """Set the set t to s after its step; the change of each unknown and gap is limited."""
-        self.move_pose(s, t, 1.0)
+            self.offset[t] += self.step[self.linear_unknowns - 1]
         if self.shape.chart == GRASHOF:
             self.apply_grashof_step(s, t)
         else:
@@ -1533,23 +1225,6 @@ class Descent:
         self.shape_values[t, 0] *= sign
 
     @cfunc
-    def request_ordered_angles(self, s: cython.int, close: double) -> double:
-        """Fill ``requested_angle`` with the stepped crank angles minus a part of each gap, in order. Return the direction.
-
-        Samples farther apart than ``close`` cannot meet, so they are shifted far apart before pooling.
-        """
-        n, shift = self.samples, 0.0
-        direction = 1.0 if self.crank_angle[s, n - 1] >= self.crank_angle[s, 0] else -1.0
-        for i in range(n):
-            if i > 0 and direction * (self.crank_angle[s, i] - self.crank_angle[s, i - 1]) >= close:
-                shift += SEPARATION
-            self.requested_angle[i] = shift + direction * (
-                self.angle_step[i] + (1.0 - GAP_FRACTION_MIN) * (self.crank_angle[s, i] - self.crank_angle[s, 0])
-            )
-        self.pool_adjacent_violators()
-        return direction
-
-    @cfunc
     def apply_ordered_step(self, s: cython.int, t: cython.int):
         """Move the crank angles so that the samples keep their order and satisfy the limit on the span.
 
@@ -1561,7 +1236,12 @@ class Descent:
         new: double = 0.0
         cut: double = 0.0
         mean: double = 0.0
-        direction = self.request_ordered_angles(s, INFINITE)
+        direction = 1.0 if self.crank_angle[s, n - 1] >= self.crank_angle[s, 0] else -1.0
+        for i in range(n):
+            self.requested_angle[i] = direction * (
+                self.angle_step[i] + (1.0 - GAP_FRACTION_MIN) * (self.crank_angle[s, i] - self.crank_angle[s, 0])
+            )
+        self.pool_adjacent_violators()
         for i in range(n - 1):
             gap = direction * (self.crank_angle[s, i + 1] - self.crank_angle[s, i])
             self.gap[i] = self.requested_angle[i + 1] - self.requested_angle[i] + GAP_FRACTION_MIN * gap
@@ -1571,11 +1251,11 @@ class Descent:
         longest = span + (ROOM_FRACTION_MAX * room if room > 0.0 else room)
         factor = min(1.0, longest / max(new, TINY))
         mean = direction * self.requested_angle[0]
-        self.angle_correction[0] = 0.0
+        self.angle_change[0] = 0.0
         for i in range(n - 1):
             gap = direction * (self.crank_angle[s, i + 1] - self.crank_angle[s, i])
             cut += direction * (max(self.gap[i] * factor, min(gap, GAP_MIN)) - gap)
-            self.angle_correction[i + 1] = cut
+            self.angle_change[i + 1] = cut
             # requested change minus the applied change
             mean += (
                 direction * self.requested_angle[i + 1]
@@ -1584,11 +1264,11 @@ class Descent:
             )
         mean = clip(mean / n, PI)
         for i in range(n):
-            self.crank_angle[t, i] = self.crank_angle[s, i] + (self.angle_correction[i] + mean)
+            self.crank_angle[t, i] = self.crank_angle[s, i] + (self.angle_change[i] + mean)
 
     # -- run -----------------------------------------------------------------------------------------------------------
 
-    def set_candidates(self, shapes, poses, offsets, angles, branches, shifts, rho):
+    def set_candidates(self, shapes, poses, offsets, angles, branches, penalty):
         """Set the candidates, whose arrays receive the results. Return the array of their costs.
 
         Parameters
@@ -1597,32 +1277,19 @@ class Descent:
         poses : ndarray, shape (n, 6)
         offsets, branches : ndarray, shape (n,)
         angles : ndarray, shape (n, N)
-        shifts : ndarray, shape (n, C)
-            Multipliers of the limits, divided by the penalty.
         penalty : float
             Weight of squared violations relative to J squared.
         """
         costs = np.empty(len(branches))
         self.shapes, self.poses, self.offsets, self.angles = shapes, poses.view(complex), offsets, angles
-        self.branches, self.shifts, self.costs, self.penalty = branches, shifts, costs, rho
+        self.branches, self.costs, self.penalty = branches, costs, penalty
         self.candidate, self.started, self.lowest_cost, self.step_count = 0, False, INFINITE, 0
         return costs
 
-    def update_multipliers(self, weight: double, multipliers: bint = True):
-        """Update the penalty, and the multipliers of the limits for it (augmented Lagrangian) unless they are left out."""
-        for n in range(self.costs.shape[0]):
-            self.load(0, n)
-            self.update_shape(0)
-            self.evaluate_limits(0)
-            for row in range(self.limits.rows):
-                self.shifts[n, row] = self.penalty / weight * self.violation(row) if multipliers else 0.0
-        self.penalty = weight
-
-    def configure(self, iterations, damping, stall, exact, iteration_factor, bent_below, uphill=True, merging=True):
-        """Set the options of the descents; see `descents.Problem.descended` and `RefinementOptions`."""
+    def configure(self, iterations, damping, stall, exact, iteration_factor, penalty):
+        """Set the options of the descents; see `descents.Problem.descended`."""
         self.iterations, self.first_damping, self.stall = iterations, damping, stall
-        self.exact, self.iteration_factor, self.correction_threshold = exact, iteration_factor, bent_below
-        self.uphill, self.merging = uphill, merging
+        self.exact, self.iteration_factor, self.penalty = exact, iteration_factor, penalty
         self.candidate, self.started = 0, False
 
     def run(self, max_steps: Py_ssize_t):
@@ -1684,18 +1351,15 @@ class Descent:
         """Take one step of the candidate. Return whether it has terminated."""
         s, t, free = self.current, 1 - self.current, BEST_OFFSET
         before, predicted = self.cost[s], self.compute_step(s, self.damping)
-        if self.best_cost < self.correction_threshold and not self.has_limits:
-            self.geodesic_correction(s)
         self.apply_step(s, t)
         if not self.has_pose:
             free = BEST
-        elif self.active_rows[s] == 0 and not self.has_shift:
+        elif self.active_rows[s] == 0:
             free = BEST_WITHIN
         closes = self.evaluate(t, True, free, False)
         decrease = before - self.cost[t]
         better: bint = closes and decrease > 0.0
-        uphill: bint = self.uphill and closes and not self.has_blocks
-        taken: bint = better or (uphill and self.accepts_uphill(self.cost[t]))
+        taken: bint = better or (closes and self.accepts_uphill(self.cost[t]))
         finished: bint = (better and decrease < self.stall * before) or before < max(ROUNDING_COST, self.exact)
         if better:
             gain = 2.0 * clip(decrease / max(predicted, TINY), 1.0) - 1.0
@@ -1707,7 +1371,7 @@ class Descent:
         if taken:
             self.current = t
             for k in range(self.nonlinear_unknowns):
-                self.previous_step[k] = self.uncorrected_step[self.linear_unknowns + k]
+                self.previous_step[k] = self.step[self.linear_unknowns + k]
             if self.cost[t] < self.best_cost:
                 self.best_cost = self.cost[t]
                 self.store(t, self.candidate)
@@ -1718,7 +1382,7 @@ class Descent:
         """Return whether an uphill step is accepted: the straighter the path, the larger the increase that is allowed."""
         product, own, last = 0.0, 0.0, 0.0
         for k in range(self.nonlinear_unknowns):
-            step = self.uncorrected_step[self.linear_unknowns + k]
+            step = self.step[self.linear_unknowns + k]
             product += step * self.previous_step[k]
             own += step * step
             last += self.previous_step[k] * self.previous_step[k]

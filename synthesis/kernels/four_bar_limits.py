@@ -79,11 +79,6 @@ class Limits:
         self.joint_slopes = np.zeros((4, COLUMNS), dtype=complex)
         self.trace = np.zeros((12, max([3] + [int(row[5]) for row in table if row[0] == ENVELOPE])))
 
-    @property
-    def count_rows(self):
-        """Number of rows of all limits."""
-        return self.rows
-
     def __call__(
         self,
         lengths: double[:, ::1],

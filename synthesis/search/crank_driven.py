@@ -9,7 +9,6 @@ import numpy as np
 
 from synthesis.arrays import Flags, Floats, Ints
 from synthesis.descents import Pool, Problem, Stage, Timed
-from synthesis.kernels import codes
 from synthesis.mechanism import Chart
 from synthesis.search.options import SearchOptions
 from synthesis.work import Work
@@ -36,8 +35,6 @@ class CrankDriven:
     refinements : Refinements
     on_all_samples : bool
         Whether the search uses all samples.
-    family : str
-        Requested family.
     tolerance : float
         An error below it is exact.
     work : Work
@@ -48,7 +45,6 @@ class CrankDriven:
         self,
         refinements: Refinements,
         on_all_samples: bool,
-        family: str,
         tolerance: float,
         work: Work,
         options: SearchOptions,
@@ -59,7 +55,6 @@ class CrankDriven:
         self.has_limits = refinements.within.limited
         self.within_limits = refinements.search.limited or not self.has_limits
         self.tolerance = tolerance
-        self._exchanges = family in ("full_crank", "any") and self.chart.kind == codes.GRASHOF
         self.random = np.random.default_rng(options.seed)
 
     @property
@@ -84,10 +79,6 @@ class CrankDriven:
     def perturbed_angles(self, timed: Timed, width: float) -> Floats:
         """Return perturbed crank angles (n, N)."""
         raise NotImplementedError
-
-    def realigned(self, timed: Timed) -> Timed:
-        """Return candidates with the crank angles that fit their pose best; none with prescribed timing."""
-        return timed.take(slice(0, 0))
 
     def strays(self, pool: Pool) -> Flags:
         """Return whether candidates leave the motion between the samples, (n,)."""
@@ -118,14 +109,7 @@ class CrankDriven:
 
     def refine(self, starts: Timed, stages: Sequence[Stage], between: Callable[[Pool], None] | None = None) -> Pool:
         """Refine candidates of the search."""
-        return self.refinements.search.descended(
-            starts,
-            stages,
-            0.3 * self.tolerance,
-            self.work,
-            bent_below=self.options.geodesic_below,
-            between=between,
-        )
+        return self.refinements.search.descended(starts, stages, 0.3 * self.tolerance, self.work, between=between)
 
     def converge(self, pool: Pool, stages: Sequence[Stage]) -> Pool:
         """Refine new basins to convergence."""
@@ -153,23 +137,14 @@ class CrankDriven:
     # -- perturbation -----------------------------------------------------------------------------------------------
 
     def perturb(self, origins: Pool, copies: int, width: float) -> Timed:
-        """Return perturbed copies of candidates.
-
-        Half of them move in all unknowns alike, which reaches other basins; with free crank angles these also start from the
-        angles that fit best. The others move along directions in which the cost is flat, to other minima of a long basin.
-        """
-        timed = origins.timed.take(np.repeat(np.arange(origins.cost.size), copies // 2))
-        wide = self._perturb_widely(timed, width)
-        loose = self.refinements.search.loose_steps(timed, self.random, self.options.loose_width)
-        return wide.joined(self.realigned(wide), loose)
-
-    def _perturb_widely(self, timed: Timed, width: float) -> Timed:
-        """Perturb shape and timing with heavy tails; exchange the branch of some candidates and the family of others."""
-        random, options, (count, size) = self.random, self.options, timed.shape.shape
-        noise = width * random.standard_t(3, size=(count, size)) * self.chart.hop[:-1]
-        shape = self.chart.hopped(timed.shape, noise)
-        branch = np.where(random.random(count) < options.flipped, -timed.branch, timed.branch)
-        exchanged = random.random(count) < options.exchanged
-        if self._exchanges:
-            shape[:, 0] *= np.where(exchanged, -1.0, 1.0)
-        return timed._replace(shape=shape, angles=self.perturbed_angles(timed, width), branch=branch)
+        """Return copies of candidates with heavy-tailed perturbations of shape and timing; some change the branch."""
+        timed = origins.timed.take(np.repeat(np.arange(origins.cost.size), copies))
+        noise = width * self.random.standard_t(3, size=timed.shape.shape) * self.chart.hop[:-1]
+        flipped = self.random.random(len(timed.branch)) < self.options.flipped
+        return Timed(
+            self.chart.hopped(timed.shape, noise),
+            timed.pose,
+            timed.offset,
+            self.perturbed_angles(timed, width),
+            np.where(flipped, -timed.branch, timed.branch),
+        )

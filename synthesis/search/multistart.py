@@ -15,7 +15,6 @@ refinement that the time cut short counts only if nothing is known yet. So more 
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, Generic, Protocol, TypeVar
 
@@ -141,8 +140,6 @@ class MultiStart(Generic[P]):
         self.pool: Candidates | None = None
         self._new: Candidates | None = None
         """Basins that converged in the round before."""
-        self._uses: Counter[float] = Counter()
-        """Number of times that a basin was perturbed, by its cost."""
         self._converged: Candidates | None = None
         """Candidates that were refined to convergence."""
         self._strays: dict[float, bool] = {}
@@ -184,8 +181,7 @@ class MultiStart(Generic[P]):
     def _starts(self, seeds: Iterator[Starts], number: int) -> Starts | None:
         """Return the starting points of a round, if there are any."""
         options = self.options
-        scheduled = number < options.seed_rounds or number % options.seed_interval == 0
-        starts = next(seeds, None) if scheduled else None
+        starts = next(seeds, None) if number < options.seed_rounds else None
         if starts is not None:
             return starts
         if self.pool is None or not self.pool.cost.size:
@@ -223,7 +219,7 @@ class MultiStart(Generic[P]):
         """Refine the best basins on all samples, and polish the best answers."""
         problem, options, pools = self.problem, self.options, self.incumbents.pools
         if self.pool is not None and not problem.on_all_samples:
-            self.offer(self.pool, options.final_basins, np.inf)
+            self.offer(self.pool, options.final_basins)
         if problem.key in pools:
             best = self._leading(pools[problem.key], options.polished)
             self.accept(problem.polish(best, options.polish))
@@ -246,7 +242,7 @@ class MultiStart(Generic[P]):
         joined = found if self.pool is None else self.pool.joined(found)
         self.pool = self.basins(joined, self.options.max_pool, self.options.pool_distance)
         if self.problem.may_answer(found):
-            self.offer(found, self.options.refined_on_all, self.options.promising)
+            self.offer(found, self.options.refined_on_all)
 
     def _unconverged(self, found: Candidates, schedule: Schedule) -> Candidates:
         """Return the first of the leading basins of each group that were not refined to convergence."""
@@ -308,34 +304,23 @@ class MultiStart(Generic[P]):
         return np.where(strays, np.maximum(STANDS_BACK**2 * found.cost, NEAR**2), found.cost)
 
     def perturbations(self, origins: int, copies: int, width: float = 1.0) -> Starts:
-        """Return perturbed copies of the best basins of each group, those first that were perturbed least often."""
+        """Return perturbed copies of the best basins of each group."""
         assert self.pool is not None
-        best = self._leading(self.pool, self.options.active_basins)
-        group, uses = self.problem.group(best), np.array([self._uses[cost] for cost in best.cost])
-        merit = np.log(np.maximum(self.counted(best), 1e-300)) + self.options.reuse_penalty * uses
-        chosen = []
-        for number in range(self.problem.groups):
-            own = np.flatnonzero(group == number)
-            chosen.append(own[np.argsort(merit[own], kind="stable")[:origins]])
-        every = np.concatenate(chosen)
-        self._uses.update(best.cost[every])
-        return self.problem.perturb(best.take(every), copies, width)
+        return self.problem.perturb(self._leading(self.pool, origins), copies, width)
 
     # -- answers ----------------------------------------------------------------------------------------------------
 
     def _first_answers(self, found: Candidates) -> None:
         """Offer the candidates of a stage if nothing is known yet."""
         if not math.isfinite(self.incumbents.smallest):
-            self.offer(found, self.options.refined_on_all, self.options.promising)
+            self.offer(found, self.options.refined_on_all)
 
-    def offer(self, found: Candidates, count: int, promising: float) -> None:
-        """Refine the best candidates on all samples, if they may improve on the incumbents, and accept them as answers."""
+    def offer(self, found: Candidates, count: int) -> None:
+        """Refine the best candidates on all samples, and accept them as answers."""
         if not (found.cost.size and self._counts):
             return
         if not self.problem.on_all_samples:
-            found = found.take(np.argsort(found.cost, kind="stable")[:count])
-            found = found.take(found.cost <= promising * self.incumbents.smallest**2)
-            found = self.problem.complete(found) if found.cost.size else found
+            found = self.problem.complete(found.take(np.argsort(found.cost, kind="stable")[:count]))
         self.accept(found)
 
     @property

@@ -35,10 +35,8 @@ SELECTED_LATE = Schedule((_EARLY, _LATE), 12, _CONTINUATION, 4, 4, _END)
 """Select after 27 steps."""
 SELECTED_EARLY = Schedule((_EARLY,), 12, (_LATE, *_CONTINUATION), 4, 4, _END)
 """Select after 15 steps: with free crank angles the best candidates are known as well after 15 steps as after 27."""
-POLISH = (Stage(60, 1e-9, 100.0), Stage(60, 1e-10, 300.0), Stage(60, 1e-12, 300.0), Stage(60, 1e-13, 300.0))
-"""Stages that refine the best answers on all samples when the search ends."""
-
-
+POLISH = (Stage(120, 1e-10, 300.0), Stage(120, 1e-13, 3000.0))
+"""Stages that refine the best answers on all samples to convergence when the search ends."""
 COMPLETION = Stage(40, 1e-4, 30.0)
 
 
@@ -55,6 +53,8 @@ class SearchOptions:
     """Refinement of a candidate on all samples."""
     polish: tuple[Any, ...] = POLISH
     """Stages of the last refinement of the best answers."""
+    polished: int = 4
+    """Number of answers of a group that are polished at the end."""
     max_pool: int = 120
     """Number of basins of a group that the pool and the incumbents keep."""
     pool_distance: float = 0.03
@@ -64,17 +64,11 @@ class SearchOptions:
     exact_distance: float = 1e-4
     """Difference of shape, start and branch below which two exact candidates are the same."""
     seed_rounds: int = 2
-    """Number of first rounds that start from seeds."""
-    seed_interval: int = 3
-    """After the first rounds, interval in rounds at which a round starts from seeds again."""
+    """Number of rounds that start from seeds; the later ones start from perturbations."""
     origins: int = 8
     """Number of basins of a group that are perturbed in a round."""
     copies: int = 6
     """Number of perturbations of a basin."""
-    active_basins: int = 40
-    """Number of leading basins of a group from which the origins are chosen."""
-    reuse_penalty: float = 2.0
-    """Increase of the logarithm of a basin's squared error each time that it was an origin."""
     widths: tuple[float, ...] = (1.0, 0.5, 0.25)
     """Widths of the perturbations; each serves two rounds in turn."""
     gain: float = 2e-3
@@ -91,12 +85,8 @@ class SearchOptions:
     """End the search of a group once it has an exact answer."""
     refined_on_all: int = 4
     """Number of candidates of a round that are refined on all samples."""
-    polished: int = 4
-    """Number of answers of a group that are polished at the end."""
     final_basins: int = 12
     """Number of basins of the pool that are refined on all samples when the search ends."""
-    promising: float = 1.4
-    """A candidate is refined on all samples if the ratio of its squared error to the best answer's is smaller."""
     restored: int = 30
     """Number of candidates that Newton steps move onto the limits."""
     restoration_steps: int = 12
@@ -107,11 +97,5 @@ class SearchOptions:
     """Error below which an answer is refined without limits too: an exact linkage may be near."""
     flipped: float = 0.15
     """Fraction of the perturbations that change the branch."""
-    exchanged: float = 0.1
-    """Fraction of the perturbations that exchange crank-rocker and double-crank."""
-    loose_width: float = 0.5
-    """Width of the perturbations along directions in which the cost is flat."""
-    geodesic_below: float = np.inf
-    """Error below which the geodesic acceleration is added to the steps."""
     seed: int = 20
     """Seed of the random numbers."""

@@ -23,7 +23,6 @@ from synthesis.work import Work
 class PrescribedTimingOptions(SearchOptions):
     """Options of the search with prescribed timing."""
 
-    geodesic_below: float = 1e-3
     idle_rounds: float = 2
     max_samples: int = 40
     """Number of samples up to which the search uses all."""
@@ -46,7 +45,6 @@ class PrescribedTiming(CrankDriven):
         With a crank that turns counter-clockwise.
     bounded : Bounded
         The limits, and the chart of the search.
-    family : str
     tolerance : float
     work : Work
     options : PrescribedTimingOptions
@@ -58,7 +56,6 @@ class PrescribedTiming(CrankDriven):
         self,
         target: Target,
         bounded: Bounded,
-        family: str,
         tolerance: float,
         work: Work,
         options: PrescribedTimingOptions,
@@ -68,7 +65,7 @@ class PrescribedTiming(CrankDriven):
         self.search = self.within if thin is target else problem_of(thin, bounded)
         self.bounded, self._shift = bounded, target.off(thin)
         problems = Refinements(GivenProblem(target, bounded.chart), self.within, self.search)
-        super().__init__(problems, thin is target, family, tolerance, work, options)
+        super().__init__(problems, thin is target, tolerance, work, options)
 
     def seeds(self, windows: Windows, run: MultiStart[PrescribedTiming]) -> Iterator[Timed]:
         """Yield the seeds of each round; the best are offered as answers first."""
@@ -110,12 +107,11 @@ def in_portions(seeds: Timed, size: int) -> Iterator[Timed]:
 def prescribed_timing(
     target: Target,
     bounded: Bounded,
-    family: str,
     incumbents: Incumbents,
     work: Work,
     options: PrescribedTimingOptions | None = None,
 ) -> MultiStart[PrescribedTiming]:
     """Return the search of a problem."""
     options = options or PrescribedTimingOptions()
-    problem = PrescribedTiming(target, bounded, family, incumbents.tolerance, work, options)
+    problem = PrescribedTiming(target, bounded, incumbents.tolerance, work, options)
     return MultiStart(problem, incumbents, work, options)

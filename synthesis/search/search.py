@@ -34,72 +34,29 @@ from synthesis.search.prescribed import GivenProblem, given
 from synthesis.search.prescribed_timing import PrescribedTiming, prescribed_timing
 from synthesis.search.report import SearchReport, stopped_by
 from synthesis.search.seeds import FINER, SeedTables, Windows, thinned
-from synthesis.target import TURN, Target
+from synthesis.target import Target
 from synthesis.work import Work
 
 # -- rounds --------------------------------------------------------------------------------------------------------
 
 
-class Fresh(NamedTuple):
-    """The next best starts of the coarse table, up to ``most`` of each branch in all rounds."""
-
-    most: int
-
-
-class Best(NamedTuple):
-    """The best of the pool, at most one a small cell."""
-
-    most: int
-
-
-class Hops(NamedTuple):
-    """Perturbed copies of the best of the pool; heavy tails reach the far ends of the chart, where change points lie."""
-
-    origins: int
-    copies: int
-
-
-class Edges(NamedTuple):
-    """The best starts of shapes at the far ends of the chart, where the coarse table has none."""
-
-    most: int
-
-
-Source = Fresh | Best | Hops | Edges
-
-
 class Round(NamedTuple):
-    """One round of a search."""
+    """One round of a search without limits."""
 
-    sources: tuple[Source, ...]
-    iterations: int
+    steps: int
     """Steps of the descent."""
-    reason: str
-    near: float = np.inf
-    """The round is left out where the least J so far is above it."""
-    damping: float = 1e-3
-    """Of the first step."""
+    fresh: int = 0
+    """Number of best starts of the coarse table, of each branch, up to this round."""
+    best: int = 0
+    """Number of best basins so far that continue."""
     every: bool = False
-    """Whether all descend to their end where one is exact: they are the alternatives."""
+    """Whether all descend to their end if one is exact: they are the alternatives."""
 
 
-_GOING_ON = 1e-6
-"""Damping of descents that go on where others ended."""
-
-FIRST_LOOK = (
-    Round((Fresh(16),), 15, "half of all reachable motions end here", every=True),
-    Round((Best(8),), 60, "narrow valleys: short spans and short cranks", near=1e-4, damping=_GOING_ON),
-    Round((Fresh(60), Best(12)), 20, "more valleys, and the best so far go on"),
-)
-"""Before a search within limits: most exact answers are found here."""
-
-TO_THE_END = (
-    Round((Best(12),), 1000, "narrow valleys take many steps", damping=_GOING_ON),
-    Round((Edges(100),), 30, "next to change points"),
-    Round((Hops(40, 12),), 100, "short spans and change points: hops from many places"),
-    Round((Best(12),), 1000, "what still falls, to its end", damping=_GOING_ON),
-)
-"""Where an exact answer is near."""
+FIRST_LOOK = (Round(15, fresh=16, every=True), Round(20, fresh=60, best=12))
+"""Before a search within limits: half of all reachable motions end in the first round, most in the second."""
+TO_THE_END = Round(1000, best=12)
+"""Where an exact answer is near: narrow basins take many steps."""
 
 # -- the search ----------------------------------------------------------------------------------------------------
 
@@ -118,9 +75,8 @@ From the second on it does, in a narrow valley."""
 
 _IN_SIGHT, _IDLE_IN_SIGHT = 1e-4, 6
 """J below which further rounds look for an exact answer in another valley, and how many that gain nothing end them."""
-_BENT_BELOW = 1e-3
-"""J from which on valleys are narrow: steps are bent along them."""
-_EDGE_STARTS, _EDGE_SAMPLES = 24, 12
+_CONTINUED = 1e-6
+"""Damping of descents that continue where others ended."""
 _FEW_STEPS = 6
 """That are worth while for alternatives to an exact answer."""
 
@@ -143,7 +99,6 @@ class _Search:
         self.trace: list[tuple[float, float]] = []
         self.seeds = 0
         self.screen_seconds = 0.0
-        self.random = np.random.default_rng(20)
         self.screened: Pool | None = None
         self.taken = 0
         self.use(self.mechanism.charts(limits.family)[0])
@@ -155,75 +110,33 @@ class _Search:
         nothing = np.empty(0)
         self.pool = Pool(given(np.empty((0, len(chart.cell) - 1)), nothing, nothing), nothing)
 
-    # -- seeds --------------------------------------------------------------------------------------------------------
+    # -- rounds without limits ----------------------------------------------------------------------------------------
 
-    def draw(self, sources: Sequence[Source]) -> Timed:
-        """The seeds of a round."""
-        first, *others = (self._draw(source) for source in sources)
-        return first.joined(*others)
-
-    def _draw(self, source: Source) -> Timed:
-        match source:
-            case Fresh():
-                return self._fresh(source.most)
-            case Best():
-                return thinned(self.pool, source.most).timed
-            case Edges():
-                return self._edges(source.most)
-            case Hops():
-                best = thinned(self.pool, source.origins).timed
-                best = best.take(np.repeat(np.arange(len(best.branch)), source.copies))
-                noise = self.random.standard_t(3, size=(len(best.branch), len(self.chart.hop))) * self.chart.hop
-                if self.target.start is not None:
-                    noise[:, -1] = 0.0
-                return best._replace(
-                    shape=self.chart.hopped(best.shape, noise[:, :-1]), angles=best.angles + noise[:, -1:]
-                )
-
-    def _edges(self, count: int) -> Timed:
-        shapes, starts = self.chart.edges, np.arange(_EDGE_STARTS) * (TURN / _EDGE_STARTS)
-        if self.target.start is not None:
-            starts = np.array([self.target.start % TURN])
-        if not len(shapes):
-            return self.pool.timed.take(slice(0, 0))
-        each, start = np.repeat(shapes, starts.size, axis=0), np.tile(starts, len(shapes))
-        few, found = GivenProblem(self.thin_target.thinned(_EDGE_SAMPLES), self.chart), []
-        for branch in self.mechanism.branches:
-            pool = few.measured(given(each, np.full(len(each), float(branch)), start))
-            cost = pool.cost.reshape(-1, starts.size)
-            found.append(pool.take(cost.argmin(axis=1) + starts.size * np.arange(len(shapes))))
-        every = found[0]
-        for other in found[1:]:
-            every = every.joined(other)
-        best = np.argsort(every.cost, kind="stable")[:count]
-        return every.timed.take(best[np.isfinite(every.cost[best])])
-
-    def _fresh(self, count: int) -> Timed:
+    def _starts(self, plan: Round) -> Timed:
+        """Return the starting points of a round."""
+        starts = thinned(self.pool, plan.best).timed
+        if not plan.fresh:
+            return starts
         if self.screened is None:
             begin = self.work.elapsed
             self.screened = self.tables.best_starts(self.thin_target, self.limits.family)
             self.screen_seconds += self.work.elapsed - begin
-        table, before, self.taken = self.screened.timed, self.taken, count
-        places = [np.flatnonzero(table.branch == branch)[before:count] for branch in self.mechanism.branches]
-        return table.take(np.concatenate(places))
+        table, before, self.taken = self.screened.timed, self.taken, plan.fresh
+        fresh = [np.flatnonzero(table.branch == branch)[before : plan.fresh] for branch in self.mechanism.branches]
+        return table.take(np.concatenate(fresh)).joined(starts)
 
-    # -- rounds -------------------------------------------------------------------------------------------------------
-
-    def free_search(self, rounds: Sequence[Round]) -> None:
-        """Rounds without limits until reached, out of time or out of rounds."""
-        for one in rounds:
-            if self.pool.cost.min(initial=np.inf) > one.near**2:
-                continue
-            seeds = self.draw(one.sources)
-            self.seeds += len(seeds.branch)
+    def free_search(self, *rounds: Round) -> None:
+        """Run rounds without limits until the tolerance is reached or the time is up."""
+        for plan in rounds:
+            starts = self._starts(plan)
+            self.seeds += len(starts.branch)
             found = self.problem.descended(
-                seeds,
-                [Stage(one.iterations)],
+                starts,
+                [Stage(plan.steps)],
                 0.3 * self.tolerance,
                 self.work,
-                one.damping,
-                others=np.inf if one.every else 0.0,
-                bent_below=_BENT_BELOW,
+                1e-3 if plan.fresh else _CONTINUED,
+                others=np.inf if plan.every else 0.0,
             )
             self.pool = self.pool.joined(found)
             if self.limits.only_family:
@@ -254,9 +167,7 @@ class _Search:
         if not best.branch.size:
             return []
         problem = self.problem if self.thin_target is self.target else GivenProblem(self.target, self.chart)
-        # of few steps none would be worth bending
-        bent_below = np.inf if iterations > _FEW_STEPS else 0.0
-        found = problem.descended(best, [Stage(iterations)], 0.0, self.work, others=np.inf, bent_below=bent_below)
+        found = problem.descended(best, [Stage(iterations)], 0.0, self.work, others=np.inf)
         linkages = problem.linkages(self.mechanism, found)
         return self.mechanism.within(self.target, self.limits, self.mechanism.assess(self.target, linkages))
 
@@ -265,12 +176,12 @@ class _Search:
     def look(self, rounds: Sequence[Round], top: int) -> list[Any]:
         """Exact answers without limits, where a few rounds lead near them: those within the limits."""
         if not self.reached:
-            self.free_search(rounds)
+            self.free_search(*rounds)
         near = self.pool.cost.min(initial=np.inf) < _NEAR**2
         if not (near or self.limits.only_family):
             return []
         if not self.reached and self.pool.cost.min() < _NEARER**2:
-            self.free_search(TO_THE_END[:2])
+            self.free_search(TO_THE_END)
         # where the tolerance is reached, alternatives are worth a few steps, not a search of their own
         return self.polished(max(top + 4, _FINISHED), 30 if near and not self.reached else _FEW_STEPS)
 
@@ -289,7 +200,7 @@ class _Search:
         for chart, way in zip(charts, ways):
             # the first way is that of full cranks alone, so that the larger family is never worse
             family = "full_crank" if self.limits.family == "any" and way is ways[0] else self.limits.family
-            run = prescribed_timing(self.target, way, family, found, self.work)
+            run = prescribed_timing(self.target, way, found, self.work)
             problem = run.problem
             seeds = problem.seeds(windows(family), run)
             late = self.work.expired() and way.chart in found.pools

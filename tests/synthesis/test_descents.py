@@ -4,9 +4,7 @@ A wrong derivative, a wrong pose or a step that loses the order of the samples w
 """
 
 from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
-from itertools import combinations_with_replacement, product
 from typing import Any
 
 import numpy as np
@@ -302,9 +300,6 @@ def test_rows_of_limits_and_their_derivatives(chart: Any, timing: str, posed: bo
     assert np.abs(np.concatenate(by_crank)).max() > 0.1
 
 
-# -- a step ------------------------------------------------------------------------------------------------------------
-
-
 # -- descents ----------------------------------------------------------------------------------------------------------
 
 
@@ -318,41 +313,3 @@ def test_descents_never_get_worse_and_keep_the_order(chart: Any, timing: str) ->
     np.testing.assert_allclose(done.cost, naive_cost(problem, done.timed), rtol=1e-6)
     angles = angles_of(problem, done.timed)
     assert np.all(np.diff(angles, axis=1) > 0) and np.all(np.ptp(angles, axis=1) < 2 * np.pi)
-
-
-@pytest.mark.parametrize(("span_max", "ordered"), [(2 * np.pi, True), (2.5, True), (2 * np.pi, False)])
-@pytest.mark.parametrize("rotation", [True, False])
-def test_aligned_angles_are_the_best_of_all_on_a_grid(rotation: bool, span_max: float, ordered: bool) -> None:
-    """Against all ways to pass the samples in their order, from each place of the first, either way."""
-    positions, samples = 9, 4
-    problem = JointProblem(replace(poses(rotation, samples=samples), span_max=span_max, ordered=ordered), AnyChart())
-    random = np.random.default_rng(3)
-    count = 12
-    timed = Timed(
-        problem.chart.unknowns(random.dirichlet(3 * np.ones(4), count)),
-        random.standard_normal((count, 3, 2)) @ [1, 1j],
-        random.uniform(0, 6, count),
-        np.tile(np.arange(samples) / 10, (count, 1)),
-        random.choice([-1.0, 1.0], count),
-    )
-    step = 2 * np.pi / positions
-    error = problem.errors_at(timed, np.tile(step * np.arange(positions), (count, 1)))
-    found = problem.aligned(timed, positions).angles
-    moved = np.any(found != timed.angles, axis=1)
-    assert 6 <= moved.sum() < count  # some close nowhere
-    at = np.round(found / step).astype(int) % positions
-    total = np.take_along_axis(error, at[:, :, None], 2)[:, :, 0].sum(axis=1)
-    if ordered:
-        largest = range(int(span_max / step))
-        passed = product(combinations_with_replacement(largest, samples - 1), range(positions), (1, -1))
-        directions = [(begin + sense * np.array([0, *ahead])) % positions for ahead, begin, sense in passed]
-        smallest = np.min(
-            [sum(error[:, i, direction[i]] for i in range(samples)) for direction in directions], axis=0
-        )
-        steps = np.diff(found, axis=1)
-        assert np.all((steps[moved] > 0).all(axis=1) | (steps[moved] < 0).all(axis=1))
-        assert np.all(np.abs(steps.sum(axis=1)) <= span_max)
-    else:
-        smallest = error.min(axis=2).sum(axis=1)
-    np.testing.assert_array_equal(np.isfinite(smallest), moved)
-    np.testing.assert_allclose(total[moved], smallest[moved], rtol=1e-12)
