@@ -192,7 +192,7 @@ export class Driving {
       return [...drive.springs.flatMap((one) => [
         [`${one.count > 1 ? `${one.count} × ` : ""}${one.kind} spring`, `${one.name ?? `${force(one.stiffness)} per ${unit}`}, ${one.between.join(" to ")}`],
         ...(one.kind === "torsion" ? [["its joint", place(one.point)], ["its twist", `${number(one.twist[0], 4)} to ${number(one.twist[1], 4)}°, ${number(one.curve.twist[0], 4)}° at the first pose`]] : [["its ends", one.points.map(place).join(" and ")], ["its length", `${number(one.length[0])} to ${number(one.length[1])} ${unit}`]]),
-        ["torque left (rms)", `${torque(settled(one.torque.after.rms, one.torque.before.rms))} of ${torque(one.torque.before.rms)}`], ["by itself", one.stays],
+        ["torque left (rms)", `${torque(settled(one.torque.after.rms, one.torque.before.rms))} of ${torque(one.torque.before.rms)}`], ["by itself", one.motion_at_ends],
       ]), ...units];
     }
     const turns = driveTurns(this.solution), rows = [["drive", `${drive.name ?? KINDS[drive.kind]} on the ${plain(drive.link)}${drive.count > 1 ? `, ${drive.count} side by side` : ""}${drive.byHand ? ", by hand" : ""}`]];
@@ -244,7 +244,7 @@ export class Driving {
       plot(`Torque of the drive with the springs${moment} (dashed: without)`, curve.crank_angle, [{ values: curve.torque, colour: "body" }, { values: reply.torque.torque, colour: "muted", dash: [6, 4], width: 1.2 }]);
       return;
     }
-    const { curve, bound } = drive, level = (one) => ({ values: curve.crank_angle.map(() => one), colour: "box", dash: [6, 4], width: 1.2 });
+    const { curve, peak_force_bound: bound } = drive, level = (one) => ({ values: curve.crank_angle.map(() => one), colour: "box", dash: [6, 4], width: 1.2 });
     if (curve.force) {
       const amounts = curve.force.map(Math.abs);
       plot(`Force of the ${KINDS[drive.kind]}, push or pull${newtons}${bound ? " (dashed: no peak is below this)" : ""}`, curve.crank_angle, [{ values: amounts, colour: "body" }, ...(bound ? [level(bound)] : [])]);

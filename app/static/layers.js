@@ -148,14 +148,14 @@ export class Layers {
     this.#offerJumps(assembly, jumps);
   }
 
-  #offerJumps({ collisions, stops, shaft, fewer }, host) {
+  #offerJumps({ collisions, stops, pivot_supports: supports, fewer_layers: fewer }, host) {
     const places = collisions.flatMap(({ pair, from, to }) => [[`${inWords(pair)} collide`, from], [`${inWords(pair)} part`, to]]);
     if (!collisions.length) {
       places.push(...Object.values(fewer).filter(Boolean).map(({ pair, from }) => [`in fewer layers ${inWords(pair)} collide`, from]));
       places.push(...Object.values(stops).filter(({ crank_angle }) => crank_angle !== null).map(({ crank_angle, cause, pair }) => [cause === "loop" ? "the loop ends" : `stop: ${inWords(pair)}`, crank_angle]));
     }
     host.append(...places.map(([words, angle]) => button(`${words}: ${placeText(angle, this.#sign)}`, () => this.jump(angle))));
-    host.hidden = !places.length || !shaft;
+    host.hidden = !places.length || !supports;
   }
 
   /** Plates on the canvas from the lowest layer up, each with its shadow; those that collide here in red. */
