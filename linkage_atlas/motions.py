@@ -55,9 +55,7 @@ _WRAPPED = 0.75
 """Fraction of a turn above which a jump between two samples comes from angles that are written within a turn."""
 MOST_STOCK = 1000
 """Maximum number of lengths in stock."""
-OR_FREE = ", or `timing` 'free' (its angles are unknown, and found with the linkage)"
-
-
+OR_PLACED = "; with `position` its angles may stay unknown, and are found with the linkage"
 N = TypeVar("N", np.float64, np.complex128)
 
 
@@ -127,7 +125,8 @@ class Motion:
     crank_angle : array_like, shape (N,), optional
         Crank angles in place of ``crank_span``; only the increments from the first angle count.
     timing : {"free"}, optional
-        In place of both: the crank angles are unknown, and each solution has its own crank angles.
+        In place of both: the crank angles are unknown, and each solution has its own crank angles. This is the default if
+        ``position`` or ``points`` is given, but neither crank angles nor a travel are.
     order : {"given", "any"}
         With free crank angles: "given" if the crank passes the samples in their order, in either direction of rotation.
     closed : bool
@@ -211,9 +210,10 @@ class Motion:
         weights = dict(weights or {})
         if unknown := weights.keys() - {"rotation", "position"}:
             raise FieldError(f"/weights/{min(unknown)}", "there are weights of rotation and position only")
-        untimed = (
-            timing is not None or travel is not None or travel_span is not None
-        )  # there whole turns do not count
+        is_timed = any(value is not None for value in (crank_span, crank_angle, travel, travel_span))
+        if timing is None and position is not None and not is_timed:
+            timing = "free"
+        untimed = timing is not None or travel is not None or travel_span is not None  # whole turns do not count
         with np.errstate(over="ignore"):
             wound, self._wraps = (rotation, []) if untimed else unwound("rotation", rotation, degrees)
             crank_angle, said = unwound("crank angle", crank_angle, degrees)
@@ -236,8 +236,8 @@ class Motion:
                 self.travel = _travel(travel, travel_span, self.samples)
             elif timing is None:
                 _check_given("crank angles are", order, closed, crank_span_max)
-                if span is None and angles is None and not (turns is None and points_read is None):
-                    raise FieldError("/crank_span", HOW_TURNED + OR_FREE)
+                if not is_timed and turns is not None:
+                    raise FieldError("/crank_span", HOW_TURNED + OR_PLACED)
                 target = make_target(**part, crank_span=span, crank_angle=angles)
                 start = None if start_angle is None else number("start_angle", start_angle) * radian
                 self.samples = replace(target, start=start)

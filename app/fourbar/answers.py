@@ -69,7 +69,7 @@ def is_long_search(request: SynthesizeRequest | MatchRequest) -> bool:
         return len(request.rotation) > MANY_SAMPLES or request.top > 100 or abs(_span_of(request)) < SHORT_SPAN
     samples = max(len(column) for column in (request.rotation, request.position, [None]) if column is not None)
     return (
-        request.timing is not None
+        request.crank_span is request.crank_angle is None
         or samples > MANY_SAMPLES
         or request.top > 20
         or request.diverse

@@ -228,7 +228,8 @@ class SynthesizeRequest(CrankMotion):
     )
     timing: Literal["free"] | None = Field(
         None,
-        description="free: the crank angles are unknown; do not give `crank_span` or `crank_angle`. Two samples are enough.",
+        description="free: the crank angles are unknown; do not give `crank_span` or `crank_angle`. Two samples are enough. "
+        "Default: free if there are positions, but neither crank angles nor a travel.",
     )
     order: Literal["given", "any"] = Field(
         "given",

@@ -139,7 +139,7 @@ export function fromRequest(body) {
     rotation, position, crank_span, crank_angle, timing, order, closed, crank_span_max, start_angle, weights, tolerances, prefer,
     limits = {}, round_to, lengths_from, analysis, tolerance_study, top, diverse, mechanisms, angle_unit, ...extra
   } = body ?? {};
-  const unit = angle_unit === "rad" ? 180 / Math.PI : 1, free = timing === "free";
+  const unit = angle_unit === "rad" ? 180 / Math.PI : 1, free = timing === "free" || (!isNumber(crank_span) && !crank_angle && !!position && !extra.travel && !extra.travel_span);
   const count = (rotation ?? position)?.length;
   if (!count || (rotation && !isColumn(rotation, isNumber)) || (position && !isColumn(position, isPlace)))
     throw new Error("This is not a request: it has neither a rotation nor positions.");

@@ -10,7 +10,7 @@ import matplotlib.pyplot as plt
 
 import linkage_atlas as la
 
-poses = la.Motion(rotation=[0, 15, 40], position=[[0, 0], [40, 8], [75, 30]], timing="free")
+poses = la.Motion(rotation=[0, 15, 40], position=[[0, 0], [40, 8], [75, 30]])
 result = la.synthesize(poses, la.Limits(pivot_box=[-30, -30, 100, 60]), top=6)
 for solution in result:
     print(

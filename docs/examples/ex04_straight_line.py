@@ -10,7 +10,7 @@ import numpy as np
 
 import linkage_atlas as la
 
-line = la.Motion(position=np.column_stack([np.linspace(0, 100, 11), np.zeros(11)]), timing="free")
+line = la.Motion(position=np.column_stack([np.linspace(0, 100, 11), np.zeros(11)]))
 result = la.synthesize(line, top=1)
 print(result)
 

@@ -263,9 +263,9 @@ def test_what_is_no_finite_number_is_pointed_at(literal, client) -> None:
 
 def test_who_says_nothing_of_the_crank_is_told_what_the_question_takes(client) -> None:
     timing = refusal(client, "/v2/synthesize", '{"rotation": [0, 8, 19]}')["errors"]
-    assert [row["pointer"] for row in timing] == ["#/crank_span"] and "`timing` 'free'" in timing[0]["detail"]
+    assert [row["pointer"] for row in timing] == ["#/crank_span"] and "`position`" in timing[0]["detail"]
     timing = refusal(client, "/v2/match", '{"rotation": [0, 8, 19]}')["errors"]
-    assert "`crank_angle`" in timing[0]["detail"] and "timing" not in timing[0]["detail"]
+    assert "`crank_angle`" in timing[0]["detail"] and "position" not in timing[0]["detail"]
 
 
 NO_OBJECTS = ["", " ", "[", "{", '{"rotation"', "nonsense", MATCH + "x", "\0", b"\xff\xfe{}"]

@@ -40,6 +40,15 @@ def test_the_linkage_and_its_crank_angles_are_found(motion) -> None:
     assert timed.crank_angle is None and timed.excursion is None
 
 
+def test_crank_angles_that_nobody_gives_are_free(motion, client) -> None:
+    rotation, position = motion
+    expected = la.synthesize(rotation, position, timing="free", top=1).linkage.links
+    assert la.synthesize(rotation, position, top=1).linkage.links == pytest.approx(expected)
+    request = {"rotation": rotation.tolist(), "position": position.tolist(), "top": 1}
+    reply = client.post("/v2/synthesize", json=request).json()
+    assert list(reply["solutions"][0]["links"].values()) == pytest.approx(expected)
+
+
 def test_none_is_missing_and_nan_is_an_error(motion) -> None:
     turns = motion[0].tolist()
     selected = [None, *turns[1:]]
