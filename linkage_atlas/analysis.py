@@ -126,10 +126,10 @@ def read_analysis(analysis: Fields, mounted: bool) -> AskedAnalysis:
     speed = bounded("analysis/crank_speed", analysis["crank_speed"])
     unit = analysis.get("length_unit", "mm")
     metre = millimetres_in(unit, "analysis/") / 1000
-    given = analysis.get("load")
-    if given is None:
+    values = analysis.get("load")
+    if values is None:
         return AskedAnalysis(speed, None)
-    load, parts = read_load("analysis/load", given, LINKS_WITH_MASS, mounted, MOST_LINK_MASSES)
+    load, parts = read_load("analysis/load", values, LINKS_WITH_MASS, mounted, MOST_LINK_MASSES)
     for index, mass in enumerate(load.masses):
         if mass.mass == 0:
             raise FieldError(f"/analysis/load/masses/{index}/mass", "wanted a mass above 0, found 0")
@@ -138,7 +138,7 @@ def read_analysis(analysis: Fields, mounted: bool) -> AskedAnalysis:
 
 def read_load(
     field: str,
-    given: Any,
+    values: Any,
     links: Sequence[str],
     mounted: bool,
     most: int,
@@ -152,7 +152,7 @@ def read_load(
     ----------
     field : str
         Name of the load in the request.
-    given : mapping
+    values : mapping
         The load.
     links : sequence of str
         Links that may have a mass.
@@ -167,39 +167,39 @@ def read_load(
     middles : mapping, optional
         Centre of a mass without ``at``, by link; default: the origin of the link's frame.
     """
-    known_fields(field, given, ("force", "torque", "masses", "parts", "gravity", *also))
-    given = {name: value for name, value in given.items() if value is not None}
-    force = pair(f"{field}/force", given.get("force", (0, 0)), words="[fx, fy]")
+    known_fields(field, values, ("force", "torque", "masses", "parts", "gravity", *also))
+    values = {name: value for name, value in values.items() if value is not None}
+    force = pair(f"{field}/force", values.get("force", (0, 0)), words="[fx, fy]")
     if force and not mounted:
         raise FieldError(f"/{field}/force", "acts at the body point, but without `position` there is none")
-    torque = bounded(f"{field}/torque", given.get("torque", 0))
-    gravity = pair(f"{field}/gravity", given.get("gravity", GRAVITY), words="[gx, gy]")
-    masses = given.get("masses", ())
+    torque = bounded(f"{field}/torque", values.get("torque", 0))
+    gravity = pair(f"{field}/gravity", values.get("gravity", GRAVITY), words="[gx, gy]")
+    masses = values.get("masses", ())
     if not isinstance(masses, Sequence) or isinstance(masses, str) or len(masses) > most:
         raise FieldError(f"/{field}/masses", f"wanted a list of at most {most} masses")
     read = tuple(
         _mass(f"{field}/masses/{k}", mass, links, mounted, link, middles or {}) for k, mass in enumerate(masses)
     )
-    return Load(force, torque, read, gravity), flag(f"{field}/parts", given.get("parts"))
+    return Load(force, torque, read, gravity), flag(f"{field}/parts", values.get("parts"))
 
 
 def _mass(
-    field: str, given: Any, links: Sequence[str], mounted: bool, default: str | None, middles: Mapping[str, complex]
+    field: str, values: Any, links: Sequence[str], mounted: bool, default: str | None, middles: Mapping[str, complex]
 ) -> Mass:
-    known_fields(field, given, ("link", "mass", "at", "inertia"))
-    given = {name: value for name, value in given.items() if value is not None}
-    link: Any = one_of(f"{field}/link", given.get("link", default), links)
+    known_fields(field, values, ("link", "mass", "at", "inertia"))
+    values = {name: value for name, value in values.items() if value is not None}
+    link: Any = one_of(f"{field}/link", values.get("link", default), links)
     if link == "body" and not mounted:
         raise FieldError(
             f"/{field}/link", "without `position` there is no body point that the body's frame begins in"
         )
-    if "mass" not in given:
+    if "mass" not in values:
         raise FieldError(f"/{field}/mass", "needed: in kg")
-    sizes = {name: bounded(f"{field}/{name}", given.get(name, 0)) for name in ("mass", "inertia")}
+    sizes = {name: bounded(f"{field}/{name}", values.get(name, 0)) for name in ("mass", "inertia")}
     for name, found in sizes.items():
         if found < 0:
             raise FieldError(f"/{field}/{name}", f"wanted at least 0, found {found:g}")
-    at = pair(f"{field}/at", given["at"], MAX_LENGTH) if "at" in given else middles.get(link, 0j)
+    at = pair(f"{field}/at", values["at"], MAX_LENGTH) if "at" in values else middles.get(link, 0j)
     return Mass(link, sizes["mass"], at, sizes["inertia"])
 
 

@@ -208,7 +208,7 @@ class Assembly(Record):
     exhaustive: bool
     """True if all arrangements of this number of layers were examined, or if blocked of up to `layers_max`."""
     sizes: PartSizes
-    parts: list[AssemblyPart]
+    parts: list[AssemblyPart] = field(repr=False)
     reasons: list[str]
     """Sentences."""
     machine: Machine = field(metadata=PYTHON_ONLY, repr=False)

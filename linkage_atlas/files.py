@@ -37,11 +37,11 @@ def check_format(kind: str, mechanisms: Sequence[str]) -> None:
         raise FieldError("/format", _FOUR_BARS_ONLY[kind])
 
 
-def check_held(kind: str, **given: Any) -> None:
+def check_held(kind: str, **options: Any) -> None:
     """Raise FieldError for an option that a file of a kind does not contain."""
-    given["assembly"], given["drive"] = with_drive(kind, given["assembly"], given["drive"])
+    options["assembly"], options["drive"] = with_drive(kind, options["assembly"], options["drive"])
     for name, kinds in HELD.items():
-        if given[name] and kind not in kinds:
+        if options[name] and kind not in kinds:
             raise FieldError(f"/{name}", f"a file of the kind {kind!r} holds none: ask for {' or '.join(kinds)}")
 
 
@@ -138,30 +138,30 @@ def with_drive(
     return {**(assembly if isinstance(assembly, Mapping) else {}), "drive": drive}, None
 
 
-def _attached(given: Mapping[str, Any], machine: LinkMotions) -> Attached:
+def _attached(drive: Mapping[str, Any], machine: LinkMotions) -> Attached:
     """Check a drive of a reply and return it on a machine at its samples."""
-    if not isinstance(given, Mapping):
+    if not isinstance(drive, Mapping):
         raise FieldError("/drive", "wanted a drive of a reply, as plain values")
-    kind, link = given.get("kind"), given.get("link")
+    kind, link = drive.get("kind"), drive.get("link")
     if kind not in ("rotary", "actuator", "dyad", "toggle"):
         raise FieldError("/drive/kind", f"wanted a drive of a reply, found {kind!r}")
-    on = given.get("on") or GROUND
+    on = drive.get("on") or GROUND
     for name in (link, on):
         if name not in (GROUND, *machine.links):
             raise FieldError("/drive/link", f"wanted one of {', '.join(machine.links)}, found {name!r}")
-    where = given.get("motor") if kind in ("rotary", "dyad") else given.get("ground_point")
-    ground = pair(f"drive/{'motor' if kind in ('rotary', 'dyad') else 'ground_point'}", where, math.inf)
-    pin = 0j if kind == "rotary" else pair("drive/pin_on_link", given.get("pin_on_link"), math.inf)
+    ground_values = drive.get("motor") if kind in ("rotary", "dyad") else drive.get("ground_point")
+    ground = pair(f"drive/{'motor' if kind in ('rotary', 'dyad') else 'ground_point'}", ground_values, math.inf)
+    pin = 0j if kind == "rotary" else pair("drive/pin_on_link", drive.get("pin_on_link"), math.inf)
     part, names = {
         "rotary": ({}, ()),
-        "actuator": (given, ("retracted", "stroke")),
-        "dyad": (given.get("six_bar") or {}, ("crank", "coupler")),
-        "toggle": (given.get("lock") or {}, ("handle", "strut")),
+        "actuator": (drive, ("retracted", "stroke")),
+        "dyad": (drive.get("six_bar") or {}, ("crank", "coupler")),
+        "toggle": (drive.get("lock") or {}, ("handle", "strut")),
     }[kind]
     sizes = [number(f"drive/{name}", part.get(name)) for name in names]
     if any(not size > 0 for size in sizes):
         raise FieldError("/drive", f"wanted {' and '.join(names)} above 0")
-    knee = (given.get("curve") or {}).get("knee") if kind == "toggle" else None
+    knee = (drive.get("curve") or {}).get("knee") if kind == "toggle" else None
     return Attached(
         machine,
         kind,
@@ -170,6 +170,6 @@ def _attached(given: Mapping[str, Any], machine: LinkMotions) -> Attached:
         ground,
         pin,
         (sizes[0], sizes[1]) if sizes else (0.0, 0.0),
-        bool(given.get("extends", True)),
+        bool(drive.get("extends", True)),
         None if not knee or knee[0] is None else pair("drive/curve/knee/0", knee[0], math.inf),
     )

@@ -11,12 +11,12 @@ from numpy.typing import ArrayLike
 
 from linkage_atlas.arguments import Fields, number, one_of, pair
 from linkage_atlas.records import Record, xy
-from synthesis.arrays import Floats
+from synthesis.arrays import Floats, cross
 from synthesis.errors import FieldError
 from synthesis.guides import Circle, Guide, Rail, Slot
 from synthesis.linkage import Linkage as Plain
 from synthesis.linkage import as_lengths, four_bar
-from synthesis.target import Interval
+from synthesis.target import TURN, Interval
 
 DriverName = Literal["crank", "slider", "cylinder", "hinge"]
 OtherKindName = Literal["slider_crank", "swinging_block", "rail_slot", "two_rails", "two_slots"]
@@ -60,6 +60,19 @@ class SlotGuide(NamedTuple):
 
 
 AnyGuide = CircleGuide | RailGuide | SlotGuide
+
+
+def guide_in_words(guide: AnyGuide) -> str:
+    """Return a guide in words."""
+    if isinstance(guide, CircleGuide):
+        return f"circle of radius {guide.radius:.6g} about {_point_in_words(guide.pivot)}"
+    if isinstance(guide, RailGuide):
+        return f"rail through {_point_in_words(guide.point)} at {guide.direction:.6g}"
+    return f"slot on the pin {_point_in_words(guide.pin)}"
+
+
+def _point_in_words(point: tuple[float, float]) -> str:
+    return f"({point[0]:.6g}, {point[1]:.6g})"
 
 
 def guides_of(linkage: Plain, radian: float, used: Interval | None) -> list[AnyGuide]:
@@ -191,9 +204,9 @@ def dimensions_of(linkage: Plain, radian: float, used: Interval | None = None) -
     )
 
 
-def read_guide(field: str, given: Fields | AnyGuide, radian: float) -> Guide:
+def read_guide(field: str, guide: Fields | AnyGuide, radian: float) -> Guide:
     """Check a guide and return it for the numerics; ``used`` is not needed."""
-    values: Fields = given if isinstance(given, Mapping) else given._asdict()
+    values: Fields = guide if isinstance(guide, Mapping) else guide._asdict()
     sort = one_of(f"{field}/guide", values.get("guide"), ("circle", "rail", "slot"))
 
     def point(name: str) -> complex:
@@ -248,6 +261,37 @@ def read_four_bar(
         if coupler_point_polar is None
         else (float(coupler_point_polar[0]), float(coupler_point_polar[1]) * radian),
         None if body_offset is None else float(body_offset) * radian,
+    )
+
+
+def read_joints(
+    a: ArrayLike, d: ArrayLike, c: ArrayLike, b: ArrayLike, p: ArrayLike | None, rotation: float, radian: float
+) -> Plain:
+    """Check the joints of a four-bar and return it, see `linkage_atlas.Linkage.from_points`."""
+    pivot_a, crank_pin, coupler_pin, pivot_b = (
+        pair(name, point, LARGEST) for name, point in zip("ADCB", (a, d, c, b))
+    )
+    crank, coupler, rocker, ground = (
+        crank_pin - pivot_a,
+        coupler_pin - crank_pin,
+        pivot_b - coupler_pin,
+        pivot_b - pivot_a,
+    )
+    for name, neighbour, link in (("D", "A", crank), ("C", "D", coupler), ("B", "C", rocker), ("B", "A", ground)):
+        if not link:
+            raise FieldError(f"/{name}", f"wanted a point apart from {neighbour}: they coincide")
+    turn, point = float(np.angle(ground)), None
+    if p is not None:
+        arm = (pair("P", p, LARGEST) - crank_pin) / coupler * abs(coupler)
+        point = (abs(arm), float(np.angle(arm)))
+    return four_bar(
+        (abs(crank), abs(coupler), abs(rocker), abs(ground)),
+        1 if cross(pivot_b - crank_pin, coupler) >= 0 else -1,
+        float(np.angle(crank / ground)) % TURN,
+        pivot_a,
+        turn,
+        point,
+        number("rotation", rotation) * radian - float(np.angle(coupler / ground)) - turn,
     )
 
 

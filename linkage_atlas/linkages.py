@@ -1,42 +1,77 @@
-"""Linkages of users: how they are made, analysed, arranged in layers, drawn and written to files."""
+"""Linkages of users: their dimensions and motion, and their studies, layers, drawings and files."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, ClassVar, get_args
+from typing import TYPE_CHECKING, Any, ClassVar, Self, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from linkage_atlas.analysis import Analysis, AskedAnalysis, analysed, read_analysis
-from linkage_atlas.arguments import Fields, check_names, column, number, one_of, pair, pointing, radians_in
+from linkage_atlas.arguments import (
+    Fields,
+    check_names,
+    column,
+    number,
+    one_of,
+    pointing,
+    radians_in,
+    read_length_unit,
+)
 from linkage_atlas.assemblies import Assembly, assembled, read_assembly
 from linkage_atlas.files import check_held, content_of, with_drive
 from linkage_atlas.formats import FORMATS, kind_of
-from linkage_atlas.geometry import LARGEST, AnyGuide, DriverName, Links, check_apart, read_four_bar, read_guide
-from linkage_atlas.linkage_base import LinkageBase
+from linkage_atlas.geometry import (
+    AnyGuide,
+    Dimensions,
+    DriverName,
+    Joints,
+    Links,
+    check_apart,
+    dimensions_of,
+    guide_in_words,
+    guides_of,
+    read_four_bar,
+    read_guide,
+    read_joints,
+)
 from linkage_atlas.motions import Motion
-from linkage_atlas.records import Record
+from linkage_atlas.plotting import plot_linkage
+from linkage_atlas.records import Record, plain, plane
 from linkage_atlas.solids import AskedSolids, SolidParts, read_solids, solids_in, split
 from linkage_atlas.tolerance_study import Manufacture, ToleranceStudy, read_manufacture, studied
-from synthesis.arrays import Floats, cross
+from synthesis.arrays import Floats
+from synthesis.assembly.linkage_machine import loop_of
+from synthesis.cognates import are_cognates
 from synthesis.errors import FieldError
-from synthesis.guides import DRIVERS, Driver
-from synthesis.linkage import four_bar, on_guides
+from synthesis.free.dyads import in_any_order
+from synthesis.guides import DRIVERS, Driver, Slot
+from synthesis.linkage import Linkage as Plain
+from synthesis.linkage import on_guides
+from synthesis.poses import Poses
 from synthesis.target import TURN, Interval, Target
 from synthesis.work import Work
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
-class Linkage(LinkageBase):
-    """A planar linkage: a body that is held by two guides, the first of them driven.
+_TURN_STEPS = 73
+"""Number of positions of a whole turn."""
+_MARGIN = 0.01
+"""Fraction of the way to each dead position by which a linkage is shown over less than its own range."""
+
+
+class Linkage:
+    """A planar linkage: a body on two guides, the first of them driven.
 
     `FourBar` and `SliderCrank` are its best-known kinds; `Linkage.from_points` takes the joints of a four-bar.
 
     Parameters
     ----------
     guides : sequence of two mappings
-        As a reply has them: ``guide`` "circle" with ``pivot``, ``radius``, ``body_point``; "rail" with ``point``, ``direction``,
+        Guides as in a reply: ``guide`` "circle" with ``pivot``, ``radius``, ``body_point``; "rail" with ``point``, ``direction``,
         ``body_point``; "slot" with ``pin``, ``body_point``, ``body_direction``. Body points are in the body's frame.
     driver : {"crank", "slider", "cylinder", "hinge"}
         Drive of the first guide: a crank moves a circle, a slider a rail, a cylinder or a hinge a slot.
@@ -65,6 +100,11 @@ class Linkage(LinkageBase):
     [-13.475068]
     """
 
+    _linkage: Plain
+    _radian: float
+    _motion: Target | None
+    length_unit: str | None = None
+    """Unit of its lengths, taken over from the motion; None if it is unknown: files then take millimetres."""
     has_motor: ClassVar[bool] = False
     """True if a motor and its rod belong to it."""
 
@@ -82,9 +122,9 @@ class Linkage(LinkageBase):
             raise FieldError("/guides", f"wanted two guides, found {len(guides)}")
         read = [read_guide(f"guides/{index}", guide, radian) for index, guide in enumerate(guides)]
         if Driver(one_of("driver", driver, get_args(DriverName))) not in (known := DRIVERS[type(read[0])]):
-            what = type(read[0]).__name__.lower()
+            name = type(read[0]).__name__.lower()
             raise FieldError(
-                "/driver", f"the first guide is a {what}, driven by {' or '.join(known)}, found {driver!r}"
+                "/driver", f"the first guide is a {name}, driven by {' or '.join(known)}, found {driver!r}"
             )
         if branch not in (-1, 1):
             raise FieldError("/branch", f"wanted 1 or -1, found {branch}")
@@ -94,6 +134,13 @@ class Linkage(LinkageBase):
         check_apart(self._linkage)
         self._radian = radian
         self._motion: Target | None = None
+
+    @classmethod
+    def of(cls, linkage: Plain, radian: float, motion: Target | None, length_unit: str | None = None) -> Self:
+        """Return the view of a linkage that answers a motion, whose crank angles are the travel of its drive."""
+        view = object.__new__(cls)
+        view._linkage, view._radian, view._motion, view.length_unit = linkage, radian, motion, length_unit
+        return view
 
     @classmethod
     def from_points(
@@ -136,27 +183,8 @@ class Linkage(LinkageBase):
         >>> linkage.joints(0).body_point.round(12).tolist()
         [[2.0, 7.0]]
         """
-        a, d, c, b = (pair(name, point, LARGEST) for name, point in zip("ADCB", (A, D, C, B)))
-        for name, other, vector in (("D", "A", d - a), ("C", "D", c - d), ("B", "C", b - c), ("B", "A", b - a)):
-            if not vector:
-                raise FieldError(f"/{name}", f"wanted a point apart from {other}: they lie at the same place")
         radian = radians_in(degrees)
-        ground, crank, coupler = b - a, d - a, c - d
-        turn = float(np.angle(ground))
-        side = float(cross(b - d, coupler))
-        point = None
-        if P is not None:
-            arm = (pair("P", P, LARGEST) - d) / coupler * abs(coupler)
-            point = (abs(arm), float(np.angle(arm)))
-        linkage = four_bar(
-            (abs(crank), abs(coupler), abs(c - b), abs(ground)),
-            1 if side >= 0 else -1,
-            float(np.angle(crank / ground)) % TURN,
-            a,
-            turn,
-            point,
-            number("rotation", rotation) * radian - float(np.angle(coupler / ground)) - turn,
-        )
+        linkage = read_joints(A, D, C, B, P, rotation, radian)
         return cls.of(linkage, radian, None)
 
     @classmethod
@@ -188,6 +216,263 @@ class Linkage(LinkageBase):
             )
         return Linkage.of(linkage, radian, None)
 
+    @property
+    def plain(self) -> Plain:
+        """The linkage in radians, for the numerics."""
+        return self._linkage
+
+    @property
+    def degrees(self) -> bool:
+        """True if its angles are in degrees; otherwise they are in radians."""
+        return self._radian != 1.0
+
+    @property
+    def kind(self) -> str:
+        """The pair of guides: four_bar, slider_crank, swinging_block, rail_slot, two_rails or two_slots."""
+        return self._linkage.kind.value
+
+    @property
+    def driver(self) -> str:
+        """The drive of the first guide: crank, slider, cylinder or hinge."""
+        return self._linkage.driver.value
+
+    @property
+    def branch(self) -> int:
+        """+1 or -1."""
+        return int(self._linkage.branch)
+
+    @property
+    def start(self) -> float:
+        """The drive's coordinate at the first sample; a direction is measured from the x axis."""
+        linkage = self._linkage
+        return (linkage.start + linkage.ground_angle) / self._radian if linkage.driver.turns else linkage.start
+
+    @property
+    def guides(self) -> list[AnyGuide]:
+        """The guides, the driven guide first, with the used lengths of rails and slots if it answers a motion."""
+        used = None if self._motion is None else self._motion.interval
+        return guides_of(self._linkage, self._radian, used)
+
+    @property
+    def turns_fully(self) -> bool:
+        """True if its drive turns, and can turn fully."""
+        return bool(self._linkage.turns_fully)
+
+    @property
+    def motion_travel(self) -> Floats | None:
+        """Travel of the drive over its motion in radians or lengths, (n,); None without a motion."""
+        return None if self._motion is None else self._motion.way
+
+    @property
+    def _unit(self) -> float:
+        """Factor from the user's unit of the drive's coordinate to radians; 1 for a length."""
+        return self._radian if self._linkage.driver.turns else 1.0
+
+    def _length(self, name: str) -> float:
+        lengths = self._linkage.lengths
+        if name not in lengths:
+            raise AttributeError(f"a {self.kind} has no {name}")
+        return lengths[name]
+
+    def _four_bar(self, name: str) -> Plain:
+        if not self._linkage.is_four_bar:
+            raise AttributeError(f"a {self.kind} has no {name}; see `guides`")
+        return self._linkage
+
+    @property
+    def crank(self) -> float:
+        """Length of the crank."""
+        return self._length("crank")
+
+    @property
+    def coupler(self) -> float:
+        """Distance of the two guided points of the body."""
+        return self._length("coupler")
+
+    @property
+    def rocker(self) -> float:
+        """Length of the rocker."""
+        return self._length("rocker")
+
+    @property
+    def ground(self) -> float:
+        """Distance of the fixed pivots of a four-bar."""
+        return self._four_bar("ground").links[3]
+
+    @property
+    def links(self) -> Floats:
+        """Crank, coupler, rocker and ground of a four-bar, shape (4,)."""
+        return np.array(self._four_bar("links").links)
+
+    @property
+    def start_angle(self) -> float:
+        """Angle of the crank from the ground line at the first sample."""
+        return self._four_bar("start_angle").start / self._radian
+
+    @property
+    def ground_angle(self) -> float:
+        """Angle of the line from pivot A to pivot B."""
+        return self._four_bar("ground_angle").ground_angle / self._radian
+
+    @property
+    def pivot_a(self) -> Floats:
+        """Fixed pivot or pin of the driven guide, or the point of its rail, shape (2,)."""
+        return plane(self._linkage.guides[0][0])
+
+    @property
+    def pivot_b(self) -> Floats:
+        """Fixed pivot or pin of the other guide, or the point of its rail, shape (2,)."""
+        return plane(self._linkage.guides[1][0])
+
+    @property
+    def coupler_point_polar(self) -> tuple[float, float] | None:
+        """Radius and angle of the body point in the coupler's frame."""
+        point = self._four_bar("coupler_point_polar").coupler_point_polar
+        return None if point is None else (point[0], point[1] / self._radian)
+
+    @property
+    def body_offset(self) -> float | None:
+        """Rotation of the body minus coupler angle and ground angle."""
+        offset = self._four_bar("body_offset").body_offset
+        return None if offset is None else offset / self._radian
+
+    @property
+    def family(self) -> str:
+        """Grashof family: crank_rocker, double_crank, ..."""
+        return str(self._four_bar("family").family)
+
+    def is_cognate_of(self, other: Linkage) -> bool:
+        """Check whether both are Roberts cognates: different linkages whose body points draw the same curve."""
+        both = self._linkage, other._linkage
+        return all(linkage.is_four_bar and linkage.mounted for linkage in both) and are_cognates(*both)
+
+    def joints(self, travel: ArrayLike) -> Joints:
+        """Return the positions of the joints and of the body.
+
+        Parameters
+        ----------
+        travel : array_like, any shape
+            Travel of the drive from its start: angles of a crank or hinge, lengths of a slider or cylinder. A number is taken as
+            shape (1,).
+
+        Returns
+        -------
+        Joints
+            Arrays in the shape of ``travel``, points with x and y along a further axis.
+        """
+        linkage = self._linkage
+        travel = np.atleast_1d(column("travel", travel)) * self._unit
+        first, body, second = linkage.motions(travel.ravel())
+        found = linkage.body(linkage.start + travel.ravel())
+
+        def shaped(values: Any) -> Any:
+            return np.reshape(values, travel.shape)
+
+        pins = [
+            link.origin if isinstance(guide, Slot) else body.place(guide.body_point)
+            for guide, link in zip(linkage.guides, (first, second))
+        ]
+        line = linkage.ground_angle if linkage.driver.turns else 0.0
+        return Joints(
+            pivot_a=self.pivot_a,
+            pivot_b=self.pivot_b,
+            crank_pin=plane(shaped(pins[0])),
+            coupler_pin=plane(shaped(pins[1])),
+            body_point=plane(shaped(body.origin)) if linkage.mounted else None,
+            crank_direction=shaped(first.angle) / self._radian,
+            coupler_direction=shaped(body.angle - (linkage.body_offset or 0.0)) / self._radian,
+            rocker_direction=shaped(second.angle) / self._radian,
+            rotation=shaped(body.angle) / self._radian,
+            transmission_angle=shaped(found.transmission_angle) / self._radian,
+            drive=(linkage.start + travel + line) / self._unit,
+            arm=shaped(found.arm),
+        )
+
+    def plot(self, ax: Axes | None = None, travel: ArrayLike | None = None, *, names: bool = True) -> Axes:
+        """Draw the linkage with matplotlib (extra ``plot``), with the path of its body point.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Axes to draw on; default: the current axes.
+        travel : array_like, shape (n,), optional
+            Travel of the drive from its start, as in `joints`, of the positions to draw; default: the start.
+        names : bool
+            Whether the joints A, B, C and D of a four-bar are named.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+        """
+        values = np.zeros(1) if travel is None else np.atleast_1d(column("travel", travel)) * self._unit
+        used = None if self._motion is None else self._motion.interval
+        return plot_linkage(self._linkage, ax, values, used, names=names)
+
+    def transmission_angle_min(self, first: float | None = None, last: float | None = None) -> float:
+        """Return the smallest transmission angle over travel of the drive, exactly; NaN if the loop opens.
+
+        Default: over a whole turn of a crank or hinge, or the motion that the linkage answers.
+        """
+        motion = None if self._linkage.is_four_bar else self._motion
+        default = Interval(0.0, TURN) if motion is None else motion.interval
+        begin = default.first if first is None else first * self._unit
+        end = default.last if last is None else last * self._unit
+        return self._linkage.transmission_angle_min(Interval(begin, end)) / self._radian
+
+    @property
+    def dimensions(self) -> Dimensions:
+        """Guides, drive, branch and start, and the lengths and mount of a four-bar, under the names of the HTTP contract."""
+        return dimensions_of(self._linkage, self._radian, None if self._motion is None else self._motion.interval)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values under the names of the HTTP contract; `Linkage.from_dict` takes them back."""
+        return dict(plain(self.dimensions))
+
+    def target_of(self, motion: Motion | None, travel: ArrayLike | None) -> Target:
+        """Return a motion with the travel of the drive at its samples.
+
+        Without a motion, or without the travel of a free motion, it is the motion that the linkage answers, or its own range.
+        """
+        linkage = self._linkage
+        if travel is None and motion is not None and not linkage.driver.turns:
+            travel = motion.travel
+        if motion is None or (motion.free and travel is None):
+            return self._default_motion()
+        name = "crank_angle" if linkage.driver.turns else "travel"
+        positions = np.zeros(0) if travel is None else column(name, travel) * self._unit
+        if motion.free and positions.shape != (motion.asked.samples,):
+            raise FieldError(f"/{name}", f"wanted {motion.asked.samples} numbers, found {positions.size}")
+        samples = motion.samples
+        if isinstance(samples, Poses) and not samples.ordered and linkage.driver.turns:
+            positions = in_any_order(positions[None], TURN)[0][0]
+            positions = positions - positions[0]
+        return motion.over(linkage, positions).target
+
+    def _default_motion(self) -> Target:
+        """Return the motion that it answers, or a whole turn, or a drive's range between its dead positions."""
+        if self._motion is not None:
+            return self._motion
+        if self.turns_fully:
+            return Target(None, None, crank=np.linspace(0.0, TURN, _TURN_STEPS))
+        loop = loop_of(self._linkage, Interval(0.0, 0.0)) if self._linkage.driver.turns else None
+        if loop is None:
+            name = "crank" if self._linkage.driver is Driver.CRANK else "drive"
+            raise FieldError("/motion", f"this {name} has no range of its own: give the motion to show it over")
+        range_shown = (1 - _MARGIN) * np.linspace(loop.first, loop.last, _TURN_STEPS)
+        return Target(None, None, crank=range_shown, found=True)
+
+    def unit_for(self, motion: Motion | None, length_unit: str | None) -> str | None:
+        """Return the unit of lengths of a request, its motion or the linkage, in this order; None if it is unknown."""
+        own = self.length_unit if motion is None or motion.length_unit is None else motion.length_unit
+        return own if length_unit is None else read_length_unit(length_unit)
+
+    def __repr__(self) -> str:
+        if self._linkage.is_four_bar:
+            lengths = ", ".join(f"{name}={getattr(self, name):.6g}" for name in Links._fields)
+            return f"FourBar({lengths}, branch={self.branch:+d}: {self.family})"
+        words = ", ".join(map(guide_in_words, self.guides))
+        return f"Linkage({self.kind} driven by a {self.driver}: {words}, branch={self.branch:+d})"
+
     def analysis(
         self,
         speed: float,
@@ -196,18 +481,18 @@ class Linkage(LinkageBase):
         *,
         length_unit: str | None = None,
     ) -> Analysis:
-        """Return velocities, accelerations and, with a load, the torque or force of the drive and the forces in the joints.
+        """Compute velocities, accelerations and, with a load, the torque or force of the drive and the forces in the joints.
 
         Parameters
         ----------
         speed : float
-            Constant speed of the drive: of a crank or hinge counter-clockwise in the linkage's unit of angle a second, else in
-            its unit of length a second.
+            Constant speed of the drive: of a crank or hinge, counter-clockwise, in the linkage's unit of angle per second;
+            otherwise in its unit of length per second.
         load : mapping, optional
             ``force`` [fx, fy] at the body point and ``torque`` on the body, in directions that do not turn with it; ``masses``, a
             list of ``link`` (body, or a name as in a reply: crank, coupler, rocker), ``mass`` in kg, centre ``at`` [x, y] and
-            ``inertia`` in the link's frame; ``parts``, true for also what `solids` weigh by default; ``gravity`` [gx, gy] in
-            m/s^2 ([0, -9.81]). With masses forces are in newtons.
+            ``inertia`` in the link's frame; ``parts``, true to add the masses of `solids` with default options; ``gravity``
+            [gx, gy] in m/s^2 ([0, -9.81]). With masses, forces are in newtons.
         travel : array_like, shape (n,), optional
             Travel of the drive from its start. Default: the samples of the motion that it answers (or a whole turn), with the
             `curve` over their interval.
@@ -219,22 +504,24 @@ class Linkage(LinkageBase):
         Analysis
         """
         unit = self.unit_for(None, length_unit) or "mm"
-        given = {"crank_speed": speed, "load": load, "length_unit": unit}
-        asked = read_analysis(given, self._linkage.mounted)
-        return self._analysed_at(asked, "travel", travel)
+        request = read_analysis({"crank_speed": speed, "load": load, "length_unit": unit}, self._linkage.mounted)
+        if travel is not None:
+            return self.analysed(request, np.atleast_1d(column("travel", travel)) * self._unit)
+        target = self._default_motion()
+        return self.analysed(request, target.crank, target.interval)
 
     def tolerance_study(self, *, work: Work | None = None, **manufacture: object) -> ToleranceStudy:
-        """Return the effect of tolerances of manufacture on the motion of the body, simulated and to first order.
+        """Compute the effect of tolerances of manufacture on the motion of the body, simulated and to first order.
 
         Parameters
         ----------
         links, pivots : float
-            Lengths (of a body on two guides radii and body points), and coordinates of fixed parts (pivots, pins and rails),
-            lie evenly within this of their nominal values, either way.
+            Largest deviation of lengths (radii and body points of a body on two guides), and of coordinates of fixed parts
+            (pivots, pins and rails), distributed evenly about their nominal values.
         clearance : float
             Diameter of a hole minus the diameter of its pin, in all joints: the play at both ends of each guide.
         samples, seed : int
-            How many linkages are made by chance (10,000), and which (0).
+            Number of simulated linkages (10,000), and the seed of the random numbers (0).
         work : Work, optional
             Limits the time, and ends the computation if the result is no longer needed.
         """
@@ -244,16 +531,9 @@ class Linkage(LinkageBase):
         """Return a tolerance study over a motion."""
         return studied(self._linkage, manufacture, target.crank, target.interval, self._radian, work)
 
-    def analysed(self, asked: AskedAnalysis, travel: Floats, over: Interval | None = None) -> Analysis:
+    def analysed(self, request: AskedAnalysis, travel: Floats, over: Interval | None = None) -> Analysis:
         """Return an analysis at travel (n,) of the drive in radians or lengths, and over an interval."""
-        return analysed(self._linkage, asked, travel, self._radian, over)
-
-    def _analysed_at(self, asked: AskedAnalysis, name: str, travel: ArrayLike | None) -> Analysis:
-        """Return an analysis at travel in the user's unit, or over the motion that the linkage answers."""
-        if travel is not None:
-            return self.analysed(asked, np.atleast_1d(column(name, travel)) * self._unit)
-        target = self._default_motion()
-        return self.analysed(asked, target.crank, target.interval)
+        return analysed(self._linkage, request, travel, self._radian, over)
 
     def assembly(
         self,
@@ -262,36 +542,36 @@ class Linkage(LinkageBase):
         *,
         travel: ArrayLike | None = None,
         work: Work | None = None,
-        **asked: object,
+        **options: object,
     ) -> Assembly:
-        """Return layers of its plates in which nothing collides over the used interval, or the collisions of the best layers.
+        """Arrange its plates in layers in which nothing collides over the used interval, or return the best layers' collisions.
 
         Parameters
         ----------
         motion : Motion, optional
-            Over whose interval; default: the motion that the linkage answers, or else a whole turn.
+            Motion over whose interval the layers must be free; default: the motion that the linkage answers, or a whole turn.
         crank_angle, travel : array_like, shape (N,), optional
-            Of a motion whose timing is free: crank angles, or the place of a drive that slides, from the first sample on.
+            For a motion with free timing: crank angles from the first sample, or travel of a drive that slides.
         work : Work, optional
             Limits the time, and ends the computation if the result is no longer needed.
         width, hole, clearance : float
             Width of the plates, diameter of the pins, and the smallest gap between moving parts.
         thickness, washer : float
-            Of the plates, and of the washers between layers.
+            Thickness of the plates, and of the washers between layers.
         kerf, scale : float
             Width of the cut, for plates to cut (0), and scale of a model (1); plays and kerf are not scaled.
         length_unit : {"mm", "cm", "m", "in"}
-            The unit of its lengths ("mm"): default sizes are standard ones in millimetres.
+            Unit of its lengths ("mm"): default sizes are standard sizes in millimetres.
         boards : {"below", "above", "both", "bar"}
             Support of the fixed pins: in a board on either side or both, or in a bar, a plate of its own.
         heads : bool
-            Whether pins have heads, of 1.8 diameters, that fill a layer at each free end.
+            True if pins have heads, of 1.8 diameters, that fill a layer at each free end.
         mounts : mapping
             How fixed pins must be held: {"A": "below+above"}.
         body : array_like, shape (n, 2)
-            Outline of the body, a plate that the coupler carries: in the body's frame, from the body point.
+            Outline of the body, a plate that the coupler carries, in the body's frame, from the body point.
         layers_max : int
-            Layers at most (6).
+            Maximum number of layers (6).
 
         Examples
         --------
@@ -300,10 +580,10 @@ class Linkage(LinkageBase):
         {'crank': 1, 'coupler': 2, 'rocker': 3}
         """
         target = self.target_of(motion, crank_angle if travel is None else travel)
-        return self._arranged(target, asked, work or Work(), "")
+        return self._arranged(target, options, work or Work(), "")
 
-    def _arranged(self, target: Target, asked: Fields, work: Work, where: str, length_unit: str = "mm") -> Assembly:
-        read = read_assembly(asked, where)
+    def _arranged(self, target: Target, request: Fields, work: Work, where: str, length_unit: str = "mm") -> Assembly:
+        read = read_assembly(request, where)
         assert read is not None
         read = read._replace(settings=read.settings.in_unit(length_unit))
         return assembled(self._linkage, read, target.interval, self._radian, work, where)
@@ -315,35 +595,35 @@ class Linkage(LinkageBase):
         *,
         length_unit: str | None = None,
         work: Work | None = None,
-        **asked: object,
+        **options: object,
     ) -> SolidParts:
         """Return its parts as solids: plates, boards, pins, washers, with their masses; `SolidParts.save` writes their files.
 
         Parameters
         ----------
         motion, crank_angle, work
-            As of `assembly`; of a drive that slides ``crank_angle`` is its travel.
+            See `assembly`; for a drive that slides, ``crank_angle`` is its travel.
         length_unit : {"um", "mm", "cm", "m", "in", "ft"}, optional
             Unit of its lengths; default: the unit of the motion, or millimetres. Solids are in millimetres.
         fit : {"H7", "print"}
-            How pins fit. "H7": drawn at the nominal size, with tolerances in the parts list. "print": with 0.4 mm play if a
-            plate turns and 0.1 mm where it holds the pin, and plates and gaps that a printer makes well.
+            Fit of the pins. "H7": drawn at the nominal size, with tolerances in the parts list. "print": with 0.4 mm play if
+            a plate turns and 0.1 mm if it holds the pin, and with plates and gaps that a printer makes well.
         material, pins : str
-            Of plates and boards, and of pins, washers and heads: steel, stainless, aluminium, brass, plywood, acrylic, POM, PLA,
-            PETG or ABS.
+            Material of plates and boards, and of pins, washers and heads: steel, stainless, aluminium, brass, plywood, acrylic,
+            POM, PLA, PETG or ABS.
         fillet : float
             Radius at the convex corners of the body's outline, in the unit of its lengths (0).
         layout : {"assembled", "bed"}
             Position of the parts in STEP (assembled) and 3MF (side by side on the bed); default: as in brackets.
         allow_collisions : bool
             Make the parts even if they collide (False).
-        **asked
-            As of `assembly`.
+        **options
+            See `assembly`.
 
         Raises
         ------
         FieldError
-            Where parts would collide, or a plate has no room for a hole.
+            If parts would collide, or a plate has no room for a hole.
 
         Examples
         --------
@@ -352,7 +632,7 @@ class Linkage(LinkageBase):
         >>> [mass.link for mass in parts.masses]
         ['crank', 'coupler', 'rocker']
         """
-        of_assembly, of_solids = split(asked)
+        of_assembly, of_solids = split(options)
         target = self.target_of(motion, crank_angle)
         unit = self.unit_for(motion, length_unit) or "mm"
         return self._solids(target, of_assembly, read_solids(of_solids, ""), unit, work or Work(), "")
@@ -388,23 +668,23 @@ class Linkage(LinkageBase):
         Parameters
         ----------
         kind : {"csv", "svg", "dxf", "plates", "mjcf", "pylinkage", "step", "3mf", "stl", "urdf", "sdf", "parts"}
-            ``plates``: a DXF of the links as plates to cut. ``stl``: a zip file with a file a part. ``parts``: a list (CSV).
+            ``plates``: a DXF of the links as plates to cut. ``stl``: a zip archive with a file per part. ``parts``: a CSV list.
         motion : Motion, optional
             Requested motion; default: the motion that the linkage answers, or else a whole turn.
         length_unit : {"um", "mm", "cm", "m", "in", "ft"}, optional
             Unit of its lengths; default: the unit of the motion, or millimetres.
         crank_angle, travel : array_like, shape (N,), optional
-            Of a motion whose timing is free: crank angles, or the place of a drive that slides, from the first sample on.
+            For a motion with free timing: crank angles from the first sample, or travel of a drive that slides.
         analysis : mapping, optional
             ``crank_speed`` and ``load``, see `analysis`: further columns of a CSV file.
         assembly, solids : mapping, optional
-            How its parts are arranged (True: by default) and made, see `assembly` and `solids`: for STEP and what follows it
-            above, the masses in an MJCF file, and a DXF of all flat parts instead of only the links.
+            Arguments of `assembly` (True: the defaults) and of `solids`, for files of parts, for the masses in an MJCF file, and
+            for a DXF of all flat parts instead of only the links.
         work : Work, optional
             Limits the time, and ends the computation if the result is no longer needed.
         drive : mapping, optional
-            A drive of `linkage_atlas.drives`, or its plain values: further columns of a CSV file, lines of a drawing, the drive
-            of an MJCF model, and of files of parts a motor and its rod or a cylinder, with the arm that carries its pin.
+            Drive of `linkage_atlas.drives`, or its plain values. It adds columns to a CSV file, lines to a drawing, the drive to
+            an MJCF model, and to files of parts a motor and its rod or a cylinder, with the arm that carries its pin.
         """
         one_of("kind", kind, FORMATS)
         if isinstance(drive, Record):
@@ -420,8 +700,8 @@ class Linkage(LinkageBase):
         read_assembly(assembly or {})  # errors of the assembly are reported even if masses are left out
 
         def parts(allow_collisions: bool) -> SolidParts:
-            asked = made._replace(allow_collisions=True) if allow_collisions else made
-            return self._solids(target, assembly or {}, asked, unit or "mm", work or Work())
+            request = made._replace(allow_collisions=True) if allow_collisions else made
+            return self._solids(target, assembly or {}, request, unit or "mm", work or Work())
 
         return content_of(self._linkage, target, self._radian, kind, unit, analysis, drive, parts, arranged)
 
@@ -431,16 +711,16 @@ class Linkage(LinkageBase):
             raise FieldError("/kind", f"{kind} is no text: `file` has its content, and `save` writes it")
         return self.file(kind, *arguments, **more).decode()
 
-    def save(self, path: str | Path, length_unit: str | None = None, **asked: Any) -> None:
+    def save(self, path: str | Path, length_unit: str | None = None, **options: Any) -> None:
         """Write a file of the kind that its ending names.
 
-        .csv, .svg, .dxf, .xml (MJCF, also .mjcf), of a four-bar .pylinkage.json; of its parts .step, .3mf, .stl.zip, .parts.csv,
-        .plates.dxf, and where all joints turn .urdf and .sdf, for which ``asked`` are arguments as of `Linkage.solids`.
-        ``drive``: as of `file`.
+        Drawings and tables: .csv, .svg, .dxf, .xml (MJCF, also .mjcf) and, for a four-bar, .pylinkage.json. Parts: .step, .3mf,
+        .stl.zip, .parts.csv, .plates.dxf and, if all joints turn, .urdf and .sdf; their ``options`` are arguments of
+        `Linkage.solids`. ``drive``: see `file`.
         """
         path = Path(path)
-        drive = asked.pop("drive", None)
-        of_assembly, of_solids = split(asked)
+        drive = options.pop("drive", None)
+        of_assembly, of_solids = split(options)
         kind = kind_of(path.name)
         more = {} if drive is None else {"drive": drive}
         path.write_bytes(self.file(kind, length_unit=length_unit, assembly=of_assembly, solids=of_solids, **more))
@@ -462,9 +742,10 @@ def _from_joints(joints: Any, degrees: bool) -> Linkage:
     for name in names[:4]:
         if joints.get(name) is None:
             raise FieldError(f"/joints/{name}", "needed")
-    given = {name: value for name, value in joints.items() if value is not None}
     with pointing(lambda field: f"/joints/{field.lstrip('/')}"):
-        return Linkage.from_points(**given, degrees=degrees)
+        return Linkage.from_points(
+            **{name: value for name, value in joints.items() if value is not None}, degrees=degrees
+        )
 
 
 def assembly(linkage: object, motion: Motion | None = None, **options: Any) -> Assembly:
@@ -498,20 +779,18 @@ def assembly(linkage: object, motion: Motion | None = None, **options: Any) -> A
     return view.assembly(motion, travel if crank is None else crank, **options)
 
 
-def given_linkage(given: Any, degrees: bool) -> tuple[Linkage, Any]:
-    """Return a linkage that is given as a linkage, a solution or plain values, and the travel in plain values, if any.
+def given_linkage(source: Any, degrees: bool) -> tuple[Linkage, Any]:
+    """Return the linkage of a linkage, a solution or plain values, and the travel in plain values, if any.
 
     Raises `FieldError`: ``/linkage``, or the wrong field in it.
     """
-    if not isinstance(given, Mapping):
-        linkage = given if isinstance(given, Linkage) else getattr(given, "linkage", given)
+    if not isinstance(source, Mapping):
+        linkage = source if isinstance(source, Linkage) else getattr(source, "linkage", source)
         if not isinstance(linkage, Linkage):
-            raise FieldError(
-                "/linkage", "wanted a linkage, a four-bar or on two guides, a solution, or its plain values"
-            )
+            raise FieldError("/linkage", "wanted a linkage such as a four-bar, a solution, or its plain values")
         return linkage, None
-    travel = given.get("travel") if given.get("crank_angle") is None else given["crank_angle"]
+    travel = source.get("travel") if source.get("crank_angle") is None else source["crank_angle"]
     try:
-        return Linkage.from_dict(given, degrees), travel
+        return Linkage.from_dict(source, degrees), travel
     except (KeyError, TypeError):
         raise FieldError("/linkage", "wanted links (crank, coupler, rocker, ground), branch, start_angle") from None

@@ -32,12 +32,40 @@ LAST = {"last": True}
 """Metadata of a field of a base that comes last in a reply."""
 
 
+_SHOWN = 8
+"""Largest number of items of a list or array that a printed record shows."""
+
+
 class Record:
     """Base of dataclasses that are a reply or a part of it."""
+
+    def __init_subclass__(cls) -> None:
+        """Print the record by `Record.__repr__`, unless the class has its own."""
+        if "__repr__" not in vars(cls):
+            cls.__repr__ = Record.__repr__  # type: ignore[method-assign]
+
+    def __repr__(self) -> str:
+        """Return the fields, and only the sizes of long lists and arrays."""
+        return _printed(self)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values under the names of the HTTP contract; None replaces a value that is not finite."""
         return dict(plain(self))
+
+
+def _printed(value: Any) -> str:
+    if isinstance(value, np.ndarray) and value.size > _SHOWN:
+        return f"<array of shape {value.shape}>"
+    names = getattr(value, "_fields", None)
+    if isinstance(value, Record) and is_dataclass(value):
+        names = [column.name for column in fields(value) if column.repr]
+    if names is not None:
+        return f"{type(value).__name__}({', '.join(f'{name}={_printed(getattr(value, name))}' for name in names)})"
+    if isinstance(value, list):
+        return f"<list of {len(value)}>" if len(value) > _SHOWN else f"[{', '.join(map(_printed, value))}]"
+    if isinstance(value, dict):
+        return f"{{{', '.join(f'{key!r}: {_printed(item)}' for key, item in value.items())}}}"
+    return repr(value)
 
 
 @cache

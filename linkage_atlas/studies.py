@@ -54,12 +54,12 @@ class Studies(NamedTuple):
         return any(study is not None for study in long)
 
 
-def read_studies(given: Fields, motion: Motion) -> Studies:
+def read_studies(request: Fields, motion: Motion) -> Studies:
     """Check the studies of a request, some of `STUDIES`, for solutions of a motion."""
-    values = dict.fromkeys(STUDIES) | dict(given)
+    values = dict.fromkeys(STUDIES) | dict(request)
     positions = motion.samples.position is not None
     check_above_zero(round_to=values["round_to"])
-    asked = Studies(
+    studies = Studies(
         values["round_to"],
         _lengths(values["lengths_from"]),
         bool(values["sensitivity"]),
@@ -68,14 +68,14 @@ def read_studies(given: Fields, motion: Motion) -> Studies:
         _drives(values),
         None if values["assembly"] is None else read_assembly(values["assembly"]),
     )
-    if asked.assembly is not None and asked.assembly.body and not positions:
+    if studies.assembly is not None and studies.assembly.body and not positions:
         raise FieldError("/assembly/body", "needs `position`: without it nothing says where the body is")
-    if asked.round_to is not None and asked.lengths_from is not None:
+    if studies.round_to is not None and studies.lengths_from is not None:
         raise FieldError("/lengths_from", "give either this or `round_to`")
     for name in ("round_to", "lengths_from", "tolerance_study", "drives", "springs", "drive"):
         if values[name] is not None and not positions:
             raise FieldError(f"/{name}", "needs `position`: only positions fix the size of a linkage")
-    return asked
+    return studies
 
 
 def _in_unit(analysis: Any, motion: Motion) -> Any:
@@ -85,10 +85,10 @@ def _in_unit(analysis: Any, motion: Motion) -> Any:
     return {"length_unit": motion.length_unit, **analysis}
 
 
-def check_lengths(asked: Studies, limits: Limits) -> None:
+def check_lengths(studies: Studies, limits: Limits) -> None:
     """Raise FieldError if no available length satisfies the limits of a four-bar."""
-    low, high, grid = limits.link_min or 0.0, limits.link_max or math.inf, asked.round_to
-    lengths: Iterable[float] = asked.lengths_from or ()
+    low, high, grid = limits.link_min or 0.0, limits.link_max or math.inf, studies.round_to
+    lengths: Iterable[float] = studies.lengths_from or ()
     if grid is not None:  # the shortest length within the limits is one of these
         lengths = multiples(np.maximum(1.0, np.round(low / grid) + np.arange(2.0)), grid).tolist()
     if lengths and np.isnan(given_lengths(limits)).any() and not any(low <= length <= high for length in lengths):
@@ -97,12 +97,12 @@ def check_lengths(asked: Studies, limits: Limits) -> None:
 
 
 def _drives(values: Fields) -> Fields | None:
-    given = {name: values[name] for name in DRIVE_STUDIES if values[name] is not None}
-    if not given.keys() - {"load"}:
-        if given:
+    drives = {name: values[name] for name in DRIVE_STUDIES if values[name] is not None}
+    if not drives.keys() - {"load"}:
+        if drives:
             raise FieldError("/load", "has no effect without `drives`, `springs` or `drive`")
         return None
-    return given
+    return drives
 
 
 def _lengths(lengths: ArrayLike | None) -> tuple[float, ...] | None:
@@ -111,7 +111,7 @@ def _lengths(lengths: ArrayLike | None) -> tuple[float, ...] | None:
     stock = column("lengths_from", lengths)
     if stock.ndim != 1 or not 1 <= stock.size <= MOST_STOCK:
         raise FieldError("/lengths_from", f"wanted 1 to {MOST_STOCK:,} lengths")
-    for place, length in enumerate(stock):
-        if not MIN_LENGTH <= number(f"lengths_from/{place}", length) <= MAX_LENGTH:
-            raise FieldError(f"/lengths_from/{place}", f"wanted a length from {MIN_LENGTH:g} to {MAX_LENGTH:g}")
+    for index, length in enumerate(stock):
+        if not MIN_LENGTH <= number(f"lengths_from/{index}", length) <= MAX_LENGTH:
+            raise FieldError(f"/lengths_from/{index}", f"wanted a length from {MIN_LENGTH:g} to {MAX_LENGTH:g}")
     return tuple(stock.tolist())

@@ -83,8 +83,8 @@ class Operation(NamedTuple):
             if four_bar and (angles.size < 2 or not np.all(np.isfinite(angles))):
                 raise FieldError("/crank_angle", "wanted two finite crank angles or more")
             travel = angles * view._unit
-        elif view.way is not None:
-            travel, target = view.way, view._motion
+        elif view.motion_travel is not None:
+            travel, target = view.motion_travel, view._motion
         else:
             raise FieldError("/crank_angle", "needed: this linkage answers no motion that would say its way")
         return cls.of(view.plain, travel, radian, target, view.length_unit)

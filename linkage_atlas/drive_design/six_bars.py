@@ -113,7 +113,6 @@ class SixBarLinkage(Linkage):
     """
 
     _linkage: SixBar  # type: ignore[assignment]
-    _drive = "motor"
     has_motor = True
 
     def __init__(
@@ -125,8 +124,8 @@ class SixBarLinkage(Linkage):
         own = own if crank_angle is None else crank_angle
         if own is not None:
             travel = np.atleast_1d(column("crank_angle", own)) * base._unit
-        elif base.way is not None:
-            travel = base.way
+        elif base.motion_travel is not None:
+            travel = base.motion_travel
         else:
             raise FieldError("/crank_angle", "needed: this linkage answers no motion that would say its way")
         kind = drive.get("kind") if isinstance(drive, Mapping) else getattr(drive, "kind", None)
@@ -210,7 +209,7 @@ class SixBarLinkage(Linkage):
         return angles[1] / angles[0]
 
     @property
-    def way(self) -> Floats:
+    def motion_travel(self) -> Floats:
         """Motor angles in radians of the samples of the motion in the forward direction, (n,)."""
         return self._linkage.forwards(self._samples)
 

@@ -155,13 +155,13 @@ class PairProblem:
     options : PairOptions
     turned : ndarray, shape (N,), optional
         Rotations to start from if the request has none.
+    prescribed : ndarray, shape (N,), optional
+        Prescribed drive from the first sample on.
     """
 
     key = None
     on_all_samples = True
     keeps_converged = False
-    prescribed: Floats | None = None
-    """Prescribed drive, over the length scale if it is a travel."""
 
     def __init__(
         self,
@@ -172,10 +172,13 @@ class PairProblem:
         work: Work,
         options: PairOptions,
         turned: Floats | None = None,
+        prescribed: Floats | None = None,
     ) -> None:
+        if prescribed is not None and not drives[0].driver.turns:
+            prescribed = prescribed / poses.length_scale
         self.poses, self.limits, self.drives, self.incumbents = poses, limits, list(drives), incumbents
-        self.work, self.options, self.groups = work, options, len(self.drives)
-        samples = Samples.of(poses, self.prescribed)
+        self.work, self.options, self.groups, self.prescribed = work, options, len(self.drives), prescribed
+        samples = Samples.of(poses, prescribed)
         if turned is not None:
             samples = samples._replace(angle=np.where(samples.rotation_missing, turned, samples.angle))
         self.all = self._problem(samples)
@@ -556,22 +559,12 @@ class PairProblem:
 
 
 class DrivenPairProblem(PairProblem):
-    """Poses for linkages of two guides whose drive is prescribed; ``prescribed`` (N,): from the first sample on."""
+    """Poses for linkages of two guides whose drive is prescribed."""
 
-    def __init__(
-        self,
-        poses: Poses,
-        limits: Limits,
-        drives: Sequence[Drive],
-        incumbents: Incumbents,
-        work: Work,
-        options: PairOptions,
-        turned: Floats | None,
-        prescribed: Floats,
-    ) -> None:
-        self.prescribed = prescribed if drives[0].driver.turns else prescribed / poses.length_scale
-        super().__init__(poses, limits, drives, incumbents, work, options, turned)
-        self.driven = self._problem(self.samples, driven=True)
+    @cached_property
+    def driven(self) -> Problem:
+        """The refinement problem with the prescribed drive."""
+        return self._problem(self.samples, driven=True)
 
     def refine(
         self, starts: Candidates, stages: Sequence[Stage], between: Callable[[Any], None] | None = None

@@ -53,7 +53,7 @@ def search_guided(
     driver: Driver | None = None,
     tolerance: float = DEFAULT_TOLERANCE,
     work: Work | None = None,
-    given: Floats | None = None,
+    prescribed: Floats | None = None,
     turned: Floats | None = None,
     rounds: int | None = None,
     leads: Sequence[Linkage] = (),
@@ -74,7 +74,7 @@ def search_guided(
         J below it is exact.
     work : Work, optional
         Once it has expired the best found so far is returned.
-    given : ndarray, shape (N,), optional
+    prescribed : ndarray, shape (N,), optional
         The drive at the samples, from the first one: radians, or the unit of length, as its ``driver`` has it. Without a driver
         those of sliders and cylinders.
     turned : ndarray, shape (N,), optional
@@ -95,7 +95,7 @@ def search_guided(
     """
     work = work or Work()
     ways = drives(kinds, driver)
-    if given is not None and driver is None:
+    if prescribed is not None and driver is None:
         ways = [way for way in ways if not way.driver.turns]
     round_once = _comes_round_turned(poses, turned) if poses.closed else None
     if poses.closed:  # round and round goes only what turns
@@ -103,7 +103,7 @@ def search_guided(
     if not ways:
         notes = [] if round_once is None else [NOTHING_ROUND[turned is not None, round_once]]
         return [], SearchReport(StoppedBy.CONVERGED, [], seeds=0, notes=notes)
-    search = PairSearch(poses, limits, ways, tolerance, work, given, turned, rounds, soon)
+    search = PairSearch(poses, limits, ways, tolerance, work, prescribed, turned, rounds, soon)
     complete = search.run(leads)
     solutions = search.solutions()
     reached = search.incumbents.reached or (soon and search.incumbents.smallest < tolerance)
@@ -114,7 +114,7 @@ def search_guided(
 class PairSearch:
     """The search of one request: it chooses the seeds of the multistart search.
 
-    ``given`` (N,): prescribed drive from the first sample on, in radians or in the unit of length.
+    ``prescribed`` (N,): prescribed drive from the first sample on, in radians or in the unit of length.
     """
 
     def __init__(
@@ -124,7 +124,7 @@ class PairSearch:
         ways: Sequence[Drive],
         tolerance: float,
         work: Work,
-        given: Floats | None = None,
+        prescribed: Floats | None = None,
         turned: Floats | None = None,
         rounds: int | None = None,
         soon: bool = False,
@@ -133,12 +133,11 @@ class PairSearch:
         self.work, self.soon, self.trace = work, soon, list[tuple[float, float]]()
         self.incumbents = Incumbents(tolerance, self._note, len(ways))
         if options is None:
-            options = DrivenOptions() if given is not None else PairOptions()
+            options = DrivenOptions() if prescribed is not None else PairOptions()
             options = options if turned is None else replace(options, idle_rounds=options.idle_rounds_led)
         self.max_rounds = options.max_rounds if rounds is None else rounds
-        problem = PairProblem if given is None else DrivenPairProblem
-        more = () if given is None else (given,)
-        self.problem: PairProblem = problem(poses, limits, ways, self.incumbents, work, options, turned, *more)
+        problem = PairProblem if prescribed is None else DrivenPairProblem
+        self.problem = problem(poses, limits, ways, self.incumbents, work, options, turned, prescribed)
         self.multistart = MultiStart(self.problem, self.incumbents, work, options)
 
     def _note(self, smallest: float) -> None:

@@ -90,6 +90,9 @@ def test_the_object_prints_draws_and_keeps_itself() -> None:
     reported = "Linkage(slider_crank driven by a crank: circle of radius 1 about (0, 0), rail"
     assert repr(pump).startswith(reported)
     ElementTree.fromstring(pump._repr_svg_())
+    assert (
+        max(len(repr(study)) for study in (pump.analysis(1), pump.assembly(), pump.tolerance_study(links=0.1))) < 2500
+    )
     repeated = la.Linkage.from_dict(pump.to_dict())
     assert repeated.plain == pump.plain
     block = la.Linkage([SLOT, CRANK], "hinge", start=10)

@@ -82,9 +82,9 @@ def test_of_a_solution_it_passes_the_samples() -> None:
     position = [[0, 0], [22, 5], [41, 17], [52, 36], [50, 58]]
     best = la.synthesize(position=position, rotation=[0, 12, 27, 45, 66], timing="free", top=1)[0]
     linkage = la.drives(best, [{"kind": "dyad"}]).drives[0].linkage
-    passed = linkage.joints(np.rad2deg(linkage.way)).linkage
+    passed = linkage.joints(np.rad2deg(linkage.motion_travel)).linkage
     assert passed.body_point == pytest.approx(best.linkage.joints(best.crank_angle).body_point, abs=1e-6)
-    assert np.all(np.diff(linkage.way) * np.sign(linkage.turn[0]) > 0)
+    assert np.all(np.diff(linkage.motion_travel) * np.sign(linkage.turn[0]) > 0)
     assert la.SixBarLinkage(best, linkage.drive).ends == pytest.approx(linkage.ends)
 
 

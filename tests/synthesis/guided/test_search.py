@@ -122,7 +122,7 @@ def test_given_drives_come_back(kind, driver):
     random = np.random.default_rng(7)
     for _ in range(3):
         rotation, position, drive = random_motion(random, kind, 12)
-        found, _ = search_guided(make_poses(rotation, position), _ANY, [Kind(kind)], driver, given=drive)
+        found, _ = search_guided(make_poses(rotation, position), _ANY, [Kind(kind)], driver, prescribed=drive)
         best = min(found, key=lambda solution: solution.errors.objective)
         assert best.errors.objective < 1e-9
         assert np.allclose(best.travel, drive, rtol=1e-7, atol=1e-9 * np.abs(drive).max())
