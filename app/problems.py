@@ -141,7 +141,7 @@ def http_problem(error: HTTPException) -> Response:
     """Return the response to an error of the web framework."""
     details = {
         400: "the body is not valid JSON",
-        404: "there is no resource at this address; the page /docs lists all routes",
+        404: "there is no resource at this address; all queries begin with /v2, and the page /docs lists them",
         405: "this address does not accept this method; the page /docs lists all routes and their methods",
         413: "the body is larger than the service accepts",
     }
