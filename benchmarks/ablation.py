@@ -22,7 +22,6 @@ from benchmarks import engine, report
 from synthesis import descents
 from synthesis.free import free_timing
 from synthesis.free import search as free
-from synthesis.function import search as function
 from synthesis.guided import problem as pair_problem
 from synthesis.guided import search as guided
 from synthesis.guided.problem import PairProblem
@@ -192,23 +191,7 @@ def free_options(**changes: Any) -> list[tuple[Any, str, Any]]:
     return [(free.FreeSearch.__init__, "__defaults__", (free.FreeSearchOptions(**changes), *defaults[1:]))]
 
 
-_restored, _seed_pairs, _led_on = (
-    descents.Problem.moved_onto,
-    PairProblem.seed_pairs,
-    function.FunctionSearch.led_on,
-)
-
-
-def near_once(search: Any, lacking: Any = None) -> Any:
-    """Return the first seeds, and no second seeds for drives without an answer."""
-    return _seed_pairs(search) if lacking is None else _seed_pairs(search).take(slice(0, 0))
-
-
-def plain_step(_: Any, unknowns: Any, free_unknowns: Any, step: Any) -> Any:
-    """Take a step that is straight in the logarithms of the lengths."""
-    moved = unknowns.copy()
-    moved[:, free_unknowns] += step
-    return moved
+_restored = descents.Problem.moved_onto
 
 
 @cache
@@ -396,19 +379,19 @@ def heuristics() -> tuple[Heuristic, ...]:
                 "sliders: reuse penalty",
                 "The same penalty in the search for linkages with sliders.",
                 SLIDERS,
-                pair_options(reuse_penalty=0.0),
+                None,
             ),
             (
                 "sliders: one guide moves",
                 "In half of the perturbations one guide hardly moves.",
                 SLIDERS,
-                pair_options(nearly_fixed=1.0),
+                None,
             ),
             (
                 "sliders: relatives",
                 "A basin of one kind and drive is also a start for the others.",
                 SLIDERS,
-                [(PairProblem, "_relatives_of", lambda *_: None)],
+                [(PairProblem, "relatives", lambda *_: None)],
             ),
             ("sliders: heavy tails", "The same distribution for sliders.", SLIDERS, [(pair_problem, "np", Numpy())]),
             (
@@ -421,7 +404,7 @@ def heuristics() -> tuple[Heuristic, ...]:
                 "sliders: second seeds",
                 "Drives without an answer start again from the pairs that violate the limits least.",
                 SLIDERS,
-                [(PairProblem, "seed_pairs", near_once)],
+                None,
             ),
             (
                 "sliders: new basins only",
@@ -451,25 +434,25 @@ def heuristics() -> tuple[Heuristic, ...]:
                 "functions: restored candidates",
                 "Candidates that violate a limit slightly are moved back within it.",
                 FUNCTIONS,
-                [(function.FunctionSearch, "restored", lambda _, unknowns: unknowns)],
+                None,
             ),
             (
                 "functions: straight steps",
                 "Steps are straight in Freudenstein's numbers, in which the closure is linear.",
                 FUNCTIONS,
-                [(function.FunctionSearch, "moved", plain_step)],
+                None,
             ),
             (
                 "functions: answers of the motion search",
                 "The best linkages for the same motion are starting points too.",
                 FUNCTIONS,
-                [(function.FunctionSearch, "led_on", lambda run, linkages: _led_on(run, []))],
+                None,
             ),
             (
                 "functions: alternatives end early",
                 "Candidates behind the best end before their error curve is level.",
                 FUNCTIONS,
-                [(function, "_EXCHANGES_BEHIND", 1000)],
+                None,
             ),
         )
     )

@@ -13,7 +13,6 @@ foretold it (Madsen and Schjaer-Jacobsen, Linearly constrained minimax optimizat
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -51,10 +50,6 @@ class Linearise(Protocol):
         """Those of the candidates ``which`` at unknowns (n, 5)."""
 
 
-Moved = Callable[[Floats, Ints, Floats], Floats]
-"""Unknowns (n, 5), places of those that move, steps (n, k) to the unknowns after them."""
-
-
 class Descended(NamedTuple):
     """Candidates after their descent."""
 
@@ -85,7 +80,6 @@ def descend(
     gain: float,
     work: Work,
     radius: Floats | float = FIRST_RADIUS,
-    moved: Moved | None = None,
 ) -> Descended:
     """Candidates (n, 5) led to a least error, all at once.
 
@@ -106,15 +100,12 @@ def descend(
     work : Work
     radius : ndarray, shape (n,), or float
         Of the first step.
-    moved : callable, optional
-        ``moved(unknowns, free, step)``: candidates after steps (n, k). Default: as it suits four-bars.
 
     Returns
     -------
     Descended
         Law: size + PENALTY broken of a candidate is never above that of its beginning.
     """
-    moved = moved or freudenstein_step
     unknowns = np.clip(unknowns, *box)
     count = len(unknowns)
     accuracy = min(1e-3, 0.1 * gain)
@@ -129,7 +120,7 @@ def descend(
         some = Linear(*(one[active] for one in here))
         low, high = (edge[free] - unknowns[active][:, free] for edge in box)
         step, foretold = _program(some, radii[active], low, high, largest, accuracy)
-        trial = np.clip(moved(unknowns[active], free, step), *box)
+        trial = _moved(unknowns[active], free, step, box)
         there = linear(trial, active)
         new = _merit(there, largest)
         # along a curved valley the step leaves its floor: once more, with what the first step missed (Fletcher, Practical
@@ -141,7 +132,7 @@ def descend(
             broke = there.condition[again] - (part.condition_slope @ step[again][:, :, None])[:, :, 0]
             part = part._replace(error=missed, condition=broke)
             back = _program(part, radii[active[again]], low[again], high[again], largest, accuracy)[0]
-            corrected = np.clip(moved(unknowns[active[again]], free, back), *box)
+            corrected = _moved(unknowns[active[again]], free, back, box)
             other = linear(corrected, active[again])
             value = _merit(other, largest)
             helped = value < new[again]
@@ -165,28 +156,11 @@ def descend(
     return Descended(unknowns, _size(here.error, largest), _broken(here.condition), ended, radii)
 
 
-def freudenstein_step(unknowns: Floats, free: Ints, step: Floats) -> Floats:
-    """Unknowns after a step that is straight in Freudenstein's numbers, L4/L1, L4/L2 and the one that the squares make.
-
-    The closure is linear in them, so along them valleys are straight where along the ratios they bend: to first order both
-    steps are the same.
-    """
-    change = np.zeros_like(unknowns)
-    change[:, free] = step
-    moved = unknowns + change
-    l1, l2, l3 = np.exp(unknowns[:, :3]).T
-    d1, d2, d3 = change[:, :3].T
-    product, squares = 2 * l1 * l2, (l1 * l1, l2 * l2, l3 * l3)
-    one, two, three = squares
-    number = (one + two + 1 - three) / product
-    number += ((one - two - 1 + three) * d1 + (two - one - 1 + three) * d2 - 2 * three * d3) / product
-    with np.errstate(all="ignore"):
-        l1, l2 = l1 / (1 - d1), l2 / (1 - d2)
-        square = l1 * l1 + l2 * l2 + 1 - 2 * l1 * l2 * number
-        lengths = np.log(np.stack([l1, l2, np.sqrt(square)], axis=1))
-    good = np.all(np.isfinite(lengths), axis=1) & (l1 > 0) & (l2 > 0)
-    moved[good, :3] = lengths[good]
-    return moved
+def _moved(unknowns: Floats, free: Ints, step: Floats, box: tuple[Floats, Floats]) -> Floats:
+    """Return unknowns (n, 5) after steps (n, k), within the box."""
+    moved = unknowns.copy()
+    moved[:, free] += step
+    return np.clip(moved, *box)
 
 
 def _size(error: Floats, largest: bool) -> Floats:

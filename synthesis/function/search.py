@@ -4,7 +4,7 @@ Data flow::
 
     wanted --(clockwise: mirrored)--> the coupler of the linkage with coupler and rocker exchanged turns as wanted
       -> least squares, nothing limited but the family: `search.search`
-      -> else: a coarse grid of all ratios, then the answers of that search, then linkages within the limits
+      -> else: a coarse grid of all ratios, then linkages within the limits
       -> least squares, limits as penalties, all at once
       -> sequential quadratic steps over fixed places -> different ones, best first
       -> steps over the extremes of each candidate's own error curve, until they are level
@@ -43,7 +43,6 @@ from synthesis.function.descent import (
     Linear,
     Linearise,
     descend,
-    freudenstein_step,
 )
 from synthesis.function.few_pairs import HARDLY_BACK, MOST_PAIRS, exact_functions, function_merit, is_few
 from synthesis.function.wanted import Wanted
@@ -100,10 +99,7 @@ _ROUNDING = 1e-12
 _AROUND = 0.4 * np.array([0.0, 1.0, -1.0])
 """Starts beside a solution's, in radians: rounded links may be at their best in another valley."""
 _LEAST_RADIUS = 1e-5
-_LITTLE_BROKEN, _RESTORING, _ALIKE = 1e-2, 3, 1e-2
-"""By how much a candidate may break a condition that is then led back within it, in how many steps, and how alike conditions
-are that count as one."""
-_EXCHANGES, _EXCHANGES_BEHIND, _EXCHANGE_STEPS = 16, 4, 8
+_EXCHANGES, _EXCHANGE_STEPS = 16, 8
 
 
 class Followed(NamedTuple):
@@ -287,10 +283,6 @@ class FunctionSearch:
         self.known: list[Any] = []
         """The best answers so far, different ones."""
 
-    def moved(self, unknowns: Floats, free: Ints, step: Floats) -> Floats:
-        """Unknowns (n, 5) after steps (n, k) of those that move."""
-        return freudenstein_step(unknowns, free, step)
-
     def place(self, unknowns: Floats) -> Floats:
         """Where candidates lie, in numbers of order one."""
         return np.column_stack([unknowns[:, :3], np.cos(unknowns[:, 3]), np.sin(unknowns[:, 3])])
@@ -430,25 +422,14 @@ class FunctionSearch:
             gain=gain,
             work=self.work,
             radius=radius,
-            moved=self.moved,
         )
 
     def run(self) -> list[Generator]:
         """The best candidates, different ones, within the limits."""
         unknowns, branch = self.grid()
         self.screened, self.seeds = self.work.elapsed, len(branch)
-        return self.led(unknowns, branch)
-
-    def led_on(self, near: Sequence[Linkage]) -> list[Generator]:
-        """The best of `run` and of what given linkages lead to; where both are nothing, of what linkages within the limits do.
-
-        What comes near the function may all lie beyond the limits.
-        """
-        if near and not self.work.expired():
-            unknowns, branch = (np.concatenate(column) for column in zip(*map(self.candidate, near)))
-            self.led(unknowns, branch)
-        if not (self.known or self.work.expired()):
-            self.led(*self.grid(within=True))
+        if not (self.led(unknowns, branch) or self.work.expired()):
+            self.led(*self.grid(within=True))  # all linkages near the function may violate the limits
         return self.known
 
     def led(self, unknowns: Floats, branch: Floats) -> list[Generator]:
@@ -494,27 +475,8 @@ class FunctionSearch:
         More time would lead them elsewhere, and an answer must not be lost by that.
         """
         if branch.size and not (self.known and self.work.expired()):
-            restored = self.restored(unknowns)
-            moved = np.any(restored != unknowns, axis=1)
-            found = self.kept(unknowns, branch) + self.kept(restored[moved], branch[moved])
-            self.known = distinct(self.known + found, self.top, APART)
+            self.known = distinct(self.known + self.kept(unknowns, branch), self.top, APART)
             self.note(self.known)
-
-    def restored(self, unknowns: Floats) -> Floats:
-        """Candidates (n, 5) that break conditions by little, led back within them by the shortest steps."""
-        problem, out = self.problem, unknowns.copy()
-        free = problem.free
-        for _ in range(_RESTORING if free.size else 0):
-            value, slope = problem.conditions(out)
-            broken = value < 0
-            some = np.flatnonzero(broken.any(axis=1) & (value.min(axis=1, initial=0.0) > -_LITTLE_BROKEN))
-            if not some.size:
-                break
-            rows = np.where(broken[:, :, None], slope, 0.0)[some][:, :, free]
-            missing = np.where(broken, _MARGIN - value, 0.0)[some]
-            out[np.ix_(some, free)] += (np.linalg.pinv(rows, _ALIKE) @ missing[:, :, None])[:, :, 0]
-            out[some] = np.clip(out[some], *problem.box)
-        return out
 
     def levelled(self, unknowns: Floats, branch: Floats, radii: Floats) -> Floats:
         """Candidates led on over the extremes of their own error curves, which are looked up again after each few steps."""
@@ -538,8 +500,7 @@ class FunctionSearch:
             # no longer falling: the places that the steps saw were all the extremes that there are
             first = rows == np.argmin(least)
             # those behind the best are alternatives: they may be a little short of level
-            level = (turn >= _EXCHANGES_BEHIND) & ~first
-            level |= merit >= least[rows] * (1 - np.where(first, LEVELLED, _NEARLY))
+            level = merit >= least[rows] * (1 - np.where(first, LEVELLED, _NEARLY))
             best[rows[better]], least[rows[better]] = unknowns[rows[better]], merit[better]
             if turn and level.any():
                 self.settled = self.settled or bool(np.any(level & first))
@@ -681,12 +642,6 @@ def _generate_any(
         return found, SearchReport(stopped, trace, report.screen_seconds, report.seeds + run.seeds, run.settled)
     run = FunctionSearch(wanted, limits, largest, many, tolerance, work)
     found = run.run()
-    if Status.of(found, tolerance) is not Status.REACHED:
-        near: list[Generator] = []
-        if not work.expired():
-            only = Limits(family=limits.family)
-            near, _ = search(tables, wanted.target, only, many, tolerance, work, Generators(wanted, ground))
-        found = run.led_on([one.linkage for one in near])
     stopped = stopped_by(found, tolerance, work)
     return found, SearchReport(stopped, run.trace, run.screened, run.seeds, run.settled or not found)
 

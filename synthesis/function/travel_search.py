@@ -632,13 +632,6 @@ class TravelSearch(FunctionSearch):
         self.top, self.tolerance, self.work = top, tolerance, work
         self.begin_with(TravelProblem(wanted, law, limits, largest))
 
-    @staticmethod
-    def moved(unknowns: Floats, free: Ints, step: Floats) -> Floats:
-        """Unknowns after a straight step."""
-        out = unknowns.copy()
-        out[:, free] += step
-        return out
-
     def least_squares(self, unknowns: Floats, branch: Floats, places: int, steps: int) -> tuple[Floats, Floats]:
         """As of four-bars; the best go on, as far as narrow valleys need: next to a dead position."""
         unknowns, cost = super().least_squares(unknowns, branch, places, steps)

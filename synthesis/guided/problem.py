@@ -48,7 +48,6 @@ class PairOptions(SearchOptions):
     answer_distance: float = 0.02
     exact_distance: float = 0.02
     seed_rounds: int = 1
-    seed_interval: int = 1_000_000
     origins: int = 3
     copies: int = 5
     widths: tuple[float, ...] = (1.0,)
@@ -77,12 +76,8 @@ class PairOptions(SearchOptions):
     """Number of pairs whose limits are evaluated when seeds are chosen."""
     screened_samples: tuple[int, int] = (10, 8)
     """Number of samples up to which seeds are chosen by all, and number otherwise."""
-    error_weight: float = 0.01
-    """Weight of the squared error in the choice of seeds for a group without an answer."""
     perturbation: tuple[float, ...] = (0.25, 0.25, 0.15, 0.15, 0.3)
     """Widths of the perturbations in the unknowns of a guide."""
-    nearly_fixed: float = 0.1
-    """Factor of these widths for one of the guides in half of the perturbations."""
     bend: float = 0.2
     """Curvature of a circle that starts from a rail."""
     pairs_at_once: int = 1 << 13
@@ -197,7 +192,6 @@ class PairProblem:
         """Candidates within the limits at the samples that were no gain; they are examined when the search has ended."""
         self._solutions: dict[tuple[int, float], Solution] = {}
         """Answers as linkages, by their drive and cost."""
-        self._second_seeds = False
 
     # -- candidates -------------------------------------------------------------------------------------------------
 
@@ -406,21 +400,21 @@ class PairProblem:
         parts = -(-pairs.number // self.options.pairs_at_once)
         for first in range(parts):
             part = slice(first, None, parts)
-            merit[part] = self._merit(self.measured(pairs.take(part), drive[part], self.all), problem, 0.0)
+            merit[part] = self._merit(self.measured(pairs.take(part), drive[part], self.all), problem, False)
             if self.work.expired():
                 break
         found = Candidates(pairs, drive, *np.zeros((4, drive.size)))
         chosen = in_turn(self.best_indices(found, merit, 4 * self.options.seeds))
         return pairs.take(chosen), drive[chosen]
 
-    def best(self, found: Candidates, count: int, problem: Problem, error_weight: float = 1.0) -> Candidates:
+    def best(self, found: Candidates, count: int, problem: Problem) -> Candidates:
         """Return the best candidates of each drive by violated limits and squared errors."""
-        return found.take(in_turn(self.best_indices(found, self._merit(found, problem, error_weight), count)))
+        return found.take(in_turn(self.best_indices(found, self._merit(found, problem), count)))
 
-    def _merit(self, found: Candidates, problem: Problem, error_weight: float) -> Floats:
-        """Return violated limits and weighted squared errors; smaller is better."""
+    def _merit(self, found: Candidates, problem: Problem, errors: bool = True) -> Floats:
+        """Return violated limits and, unless they are left out, squared errors; smaller is better."""
         at = self.look(found, problem, 2)
-        merit = 0.3 * at.merit + np.where(np.isfinite(at.cost), error_weight * at.cost, np.inf)
+        merit = 0.3 * at.merit + np.where(np.isfinite(at.cost), errors * at.cost, np.inf)
         return merit + self._timing_error(found, at, problem)
 
     def _timing_error(self, found: Candidates, at: Looked, problem: Problem) -> Floats | float:
@@ -438,24 +432,17 @@ class PairProblem:
             indices.append(own[distinct.apart(rows[own], reach, (), 0, count)])
         return indices
 
-    def seed_pairs(self, unanswered: Ints | None = None) -> Candidates:
-        """Return pairs of guides of points all over body and ground: the best of each drive.
-
-        For drives ``unanswered``, whose best pairs gave no answer, return the pairs that violate the limits least.
-        """
-        options = self.options
-        numbers = np.arange(self.groups) if unanswered is None else unanswered
-        drives, motion = [self.drives[number] for number in numbers], Motion.of(self.thin)
-        guides = near_guides(self.thin, {guide for drive in drives for guide in (drive.first, drive.second)})
+    def seed_pairs(self) -> Candidates:
+        """Return pairs of guides of points all over body and ground: the best of each drive."""
+        options, motion = self.options, Motion.of(self.thin)
+        guides = near_guides(self.thin, self._types)
         for kind, own in guides.items():
             best = np.argsort(_distances(own, motion), kind="stable")[: options.screened_guides]
             guides[kind] = own.take(best)
-        pairs, drive = pairs_of(guides, drives)
+        pairs, drive = pairs_of(guides, self.drives)
         thin = self._problem(thinned(self.samples, *options.screened_samples))
-        found = self.measured(pairs, numbers[drive], thin, 2)
-        self.seeds += options.seeds * len(drives)
-        if unanswered is not None:
-            return self.best(found, options.seeds, thin, options.error_weight)
+        found = self.measured(pairs, drive, thin, 2)
+        self.seeds += options.seeds * self.groups
         # limits take longer to evaluate: of each drive only the pairs that fit best
         best_fitting = []
         for group in range(self.groups):
@@ -495,36 +482,19 @@ class PairProblem:
     # -- perturbation -----------------------------------------------------------------------------------------------
 
     def perturb(self, origins: Candidates, copies: int, width: float) -> Candidates:
-        """Return perturbed copies of basins; in half of them a guide moves little."""
-        options = self.options
+        """Return perturbed copies of basins."""
         chosen = []
         for group in range(self.groups):
             own = np.flatnonzero(origins.drive == group)
             chosen.append(np.resize(own, copies) if own.size else own)
         starts = origins.take(in_turn(chosen))
         chart, count = Chart(starts.pairs), starts.cost.size
-        share = np.where(self.random.random((count, 2)) < 0.5, options.nearly_fixed, 1.0)
-        share[share[:, 0] == share[:, 1]] = 1.0
-        noise = self.random.standard_t(3, size=(count, 2 * OWN)) * np.tile(options.perturbation, 2)
-        noise *= width * np.repeat(share, OWN, axis=1)
+        noise = width * self.random.standard_t(3, size=(count, 2 * OWN)) * np.tile(self.options.perturbation, 2)
         self.seeds += count
         return self.measured(chart.pairs_at(chart.start + noise), starts.drive, self.few, 2)
 
-    def relatives(self, new: Candidates, levels: Floats) -> Candidates | None:
-        """Return new basins as starting points of other drives, and once other seeds for drives without an answer.
-
-        A basin starts the search of other drives of its guides, and the search of circles in place of its rails.
-        """
-        found = self._relatives_of(new)
-        unanswered = np.flatnonzero(np.isinf(levels))
-        if self._second_seeds or not unanswered.size:
-            self._second_seeds = True
-            return found
-        self._second_seeds = True
-        seeds = self.seed_pairs(unanswered)
-        return seeds if found is None else found.joined(seeds)
-
-    def _relatives_of(self, new: Candidates) -> Candidates | None:
+    def relatives(self, new: Candidates) -> Candidates | None:
+        """Return new basins as starting points of other drives of their guides, and of circles in place of their rails."""
         kin = [(k, *row) for k, number in enumerate(new.drive) for row in self._kin[number]]
         if not kin:
             return None
@@ -581,7 +551,7 @@ class DrivenPairProblem(PairProblem):
         """Return no candidates: answers have converged."""
         return answers.take([])
 
-    def relatives(self, new: Candidates, levels: Floats) -> None:
+    def relatives(self, new: Candidates) -> None:
         """Return no further starting points."""
 
     def timed(self, starts: Candidates, stages: Sequence[Stage]) -> Candidates:

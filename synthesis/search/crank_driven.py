@@ -102,7 +102,7 @@ class CrankDriven:
         """Return whether the search satisfies the limits, or a candidate is exact."""
         return self.within_limits or pool.least <= self.tolerance
 
-    def relatives(self, new: Pool, levels: Floats) -> None:
+    def relatives(self, new: Pool) -> None:
         """Return no further starting points."""
 
     # -- refinement -------------------------------------------------------------------------------------------------

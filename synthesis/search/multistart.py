@@ -59,8 +59,8 @@ class SearchProblem(Protocol):
     def perturb(self, origins: Candidates, copies: int, width: float) -> Starts:
         """Return perturbed copies of basins."""
 
-    def relatives(self, new: Candidates, levels: Floats) -> Starts | None:
-        """Return further starting points that new basins suggest, given the smallest error of each group."""
+    def relatives(self, new: Candidates) -> Starts | None:
+        """Return further starting points that new basins suggest."""
 
     def signature(self, candidates: Candidates) -> tuple[Floats, Floats]:
         """Return numbers (n, m) that differ between basins, and the scale (n,) of their differences."""
@@ -188,7 +188,7 @@ class MultiStart(Generic[P]):
             return None
         width = options.widths[number // 2 % len(options.widths)]
         starts = self.perturbations(options.origins, options.copies, width)
-        more = None if self._new is None else self.problem.relatives(self._new, self.incumbents.levels[:, 0])
+        more = None if self._new is None else self.problem.relatives(self._new)
         return starts if more is None else starts.joined(more)
 
     def round(self, starts: Starts, schedule: Schedule) -> None:
