@@ -1,9 +1,9 @@
-"""What the search must reach, measured on every class: `python -m benchmarks.acceptance --cases 1000`.
+"""Acceptance of the search on every class of cases: `python -m benchmarks.acceptance --cases 1000`.
 
-Requests go through the service's own models to JSON and back; errors are recomputed from the JSON numbers by
-`tests.oracles.recompute`. Parts of the run may be measured one at a time (``--classes``): the result file keeps what it has of
-the others, each with its own number of cases and its own stamp. What was measured by this command at this commit is not measured
-again: the same command goes on where it stopped.
+Requests pass through the models of the service and JSON; errors are recomputed from the JSON numbers by
+`tests.oracles.recompute`. Parts of the run can be measured separately (``--classes``). The result file keeps the
+other parts, each with its own number of cases and its own stamp. A part that this command has measured at this
+commit is not measured again, so an interrupted run continues with the same command.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ EPSILON = float(np.finfo(float).eps)
 LIMITS = "limits"
 PARTS = (*CLASSES, LIMITS)
 WORSE = 1.001
-"""Times the J of the refined truth that the best solution among noise may have."""
+"""Largest ratio of the error of the best solution among noise to the error of the refined truth."""
 FEWER = {"noise": 200, LIMITS: 200}
-"""At most so many cases of what takes long."""
+"""Largest number of cases of slow parts."""
 TITLES = {
     "plain": "plain crank-rocker, 30..360 degrees",
     "any order": "any order, crank shortest",
@@ -42,25 +42,25 @@ TITLES = {
 
 
 def wanted_share(kind: str) -> float:
-    """The share of a class's cases that must reach the goal."""
+    """Return the fraction of the cases of a class that must reach the goal."""
     if kind in HARD:
         return 0.99
     return 1.0 if kind == "noise" else 0.999
 
 
 def measure_class(kind: str, cases: int, resources: ServiceResources) -> dict[str, Any]:
-    """One class: recomputed J of the best solution, agreement of reported errors, milliseconds."""
+    """Measure a class: recomputed error of the best solution, agreement with the reported error, milliseconds."""
     times, stops, compared, objective, goals, references, failures = Times(), Counter(), [], [], [], [], []
     for seed in range(cases):
         case = make_case(kind, seed)
         reply = answer(case.request, resources, times)
         solutions = reply["solutions"]
         best = np.inf
-        if solutions:  # the best one always, and of the others one in turn
+        if solutions:  # the best solution always, and one of the others in turn
             turn = seed % max(1, len(solutions) - 1) if kind in EXACT else 0
             both = [compare(case.request, solution) for solution in [solutions[0], *solutions[1:][turn:][:1]]]
-            # inexact ones of fair size come before one out of all proportion, which is then second
-            best = both[0].objective if kind in EXACT else min(one.objective for one in both)
+            # inexact solutions of moderate size precede an accurate solution of extreme size, which is then second
+            best = both[0].objective if kind in EXACT else min(comparison.objective for comparison in both)
             compared += both
         stops[reply["report"]["stopped_by"]] += 1
         if kind in EXACT:
@@ -78,8 +78,10 @@ def measure_class(kind: str, cases: int, resources: ServiceResources) -> dict[st
         "failures": failures,
         "median_objective": report.finite(np.median(objective)),
         "worst_objective": report.finite(max(objective)),
-        "worst_disagreement": max(one.gap for one in compared),
-        "worst_disagreement_in_roundings": max(one.gap / (EPSILON * one.size) for one in compared),
+        "worst_disagreement": max(comparison.gap for comparison in compared),
+        "worst_disagreement_in_roundings": max(
+            comparison.gap / (EPSILON * comparison.size) for comparison in compared
+        ),
         **times.summary(),
         "stopped_by": dict(stops),
         "short": float(np.mean(goals)) < wanted_share(kind),
@@ -90,13 +92,13 @@ def measure_class(kind: str, cases: int, resources: ServiceResources) -> dict[st
 
 
 def refined_truth(case: Case, resources: ServiceResources) -> float:
-    """J of the linkage whose motion was made noisy, refined on the noisy motion: of itself any fit is better."""
-    asked = case.request | {"start_from": [case.truth], "local": True, "top": 1}
-    return recompute(case.request, answer(asked, resources, Times())["solutions"][0]).objective
+    """Return the error of the exact linkage after its refinement on the noisy motion; every fit is better than no fit."""
+    request = case.request | {"start_from": [case.truth], "local": True, "top": 1}
+    return recompute(case.request, answer(request, resources, Times())["solutions"][0]).objective
 
 
 def measure_limits(cases: int, resources: ServiceResources) -> dict[str, Any]:
-    """Random limited requests: limits broken by a returned solution, and whether "infeasible" is true."""
+    """Measure random limited requests: limits that a solution violates, and false reports of infeasibility."""
     times, statuses, broken, wrong = Times(), Counter(), [], []
     for seed in range(cases):
         request = limited_case(seed).request
@@ -121,7 +123,7 @@ def measure_limits(cases: int, resources: ServiceResources) -> dict[str, Any]:
 
 
 def outcome(part: str, result: dict[str, Any]) -> str:
-    """In words what came out for a part that is no exact class."""
+    """Describe the result of a part that is not an exact class."""
     if part == "noise":
         return (
             f"J at most {result['worst_over_reference']:.3f} times that of the true linkage, refined (the first two)"
@@ -130,7 +132,7 @@ def outcome(part: str, result: dict[str, Any]) -> str:
 
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:
-    """The tables of section 10 of docs/method.md; each row with its own number of cases."""
+    """Return the tables of section 10 of docs/method.md."""
     parts = {part: results["parts"][part] for part in PARTS if part in results["parts"]}
     rows = [
         {
@@ -149,20 +151,20 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
 
 
 def measure(
-    cases: Annotated[int, "of each class"] = 1000,
-    classes: Annotated[str, "parts of the run; the others stay as they are", PARTS] = PARTS,
+    cases: Annotated[int, "number of cases of each class"] = 1000,
+    classes: Annotated[str, "parts to measure; the results of the others are kept", PARTS] = PARTS,
 ) -> Iterator[dict[str, Any]]:
-    """The classes in turn; exit code 1 where one is short of its goal."""
+    """Measure the classes in turn; exit with code 1 if a class misses its goal."""
     resources = prepared_service()
     answer(make_case("plain", 0).request, resources, Times())
     stamp = report.stamp()
     measured = report.load("acceptance")["parts"] if (report.RESULTS / "acceptance.json").exists() else {}
     for part in classes:
-        some = min(cases, FEWER.get(part, cases))
+        count = min(cases, FEWER.get(part, cases))
         if measured.get(part, {}).get("made") == stamp and not stamp["commit"].endswith("+changes"):
             yield {"made": stamp, "parts": measured}
             continue
-        found = measure_limits(some, resources) if part == LIMITS else measure_class(part, some, resources)
+        found = measure_limits(count, resources) if part == LIMITS else measure_class(part, count, resources)
         print(part, json.dumps(found | {"failures": found.get("failures", [])[:20]}), flush=True)
         measured[part] = {**found, "made": stamp}
         yield {"made": stamp, "parts": measured}

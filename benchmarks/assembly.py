@@ -1,4 +1,4 @@
-"""Layers of random linkages against shapely at many places of the motion, and how long they take (`make assembly`)."""
+"""Layers of random linkages, compared with shapely at many positions of the motion, and their times (`make assembly`)."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ KINDS = {
     "motors on cranks and rockers of four-bars": (six_bars, 2),
     "motors on couplers, and on bodies on rails and slots": (motors_elsewhere, 2),
 }
-"""Random machines of each kind, and the part of the cases that is taken of it."""
-ASKED = (
+"""Random machines of each kind, and the fraction of the cases for each kind."""
+REQUESTS = (
     StackRequest("below"),
     StackRequest("both"),
     StackRequest("bar"),
@@ -30,14 +30,14 @@ ASKED = (
 
 
 def measure(cases: Annotated[int, "linkages of each kind"] = 400) -> Iterator[dict[str, Any]]:
-    """Each kind, with a board below, on both sides, a bar, and heads in turn."""
+    """Measure each kind with a board below, boards on both sides, a bar, and heads in turn."""
     rows: list[dict[str, Any]] = []
     for kind, (machines, part) in KINDS.items():
         times, proved = Times(), Times()
         counts = dict.fromkeys(("pairs", "places", "wrong", "free", "touching", "blocked", "stacks"), 0)
-        least = np.inf
+        smallest = np.inf
         for number, machine in enumerate(machines(cases // part)):
-            question = ASKED[number % len(ASKED)]
+            question = REQUESTS[number % len(REQUESTS)]
             search = proved.run(StackSearch, machine, question, Work())
             found = times.run(lambda: StackSearch(machine, question, Work()).solve())  # noqa: B023
             for name, value in zip(("pairs", "places", "wrong"), disagreements(machine, search)):
@@ -45,13 +45,13 @@ def measure(cases: Annotated[int, "linkages of each kind"] = 400) -> Iterator[di
             counts[found.status] += 1
             if found.status == "free":
                 counts["stacks"] += 1
-                least = min(least, nearest(machine, found))
+                smallest = min(smallest, nearest(machine, found))
         rows.append(
             {
                 "kind": kind,
                 "cases": cases // part,
                 **counts,
-                "least": report.finite(least),
+                "least": report.finite(smallest),
                 "ms": 1000 * times.median.processor,
                 "p99": 1000 * times.percentile(99).processor,
                 "proof": 1000 * proved.median.processor,
@@ -61,15 +61,15 @@ def measure(cases: Annotated[int, "linkages of each kind"] = 400) -> Iterator[di
 
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:
-    """The comparison, and what it takes."""
-    told = []
+    """Return the comparison and the kinds of machines."""
+    sentences = []
     for row in results["kinds"]:
         times = " and ".join(report.significant(row[name]) for name in ("ms", "p99"))
-        told.append(
+        sentences.append(
             f"{row['pairs']:,} pairs of parts of {row['cases']:,} {row['kind']} at {row['places']:,} places: {row['wrong']} "
             f"disagree; {row['free']} have free layers, in {times} ms at the median and 99 %"
         )
-    return {"kinds": "; ".join(told)}
+    return {"kinds": "; ".join(sentences)}
 
 
 if __name__ == "__main__":

@@ -1,7 +1,4 @@
-"""Other ways to an answer, for comparison in the same run.
-
-scipy's differential evolution and pylinkage's motion generation.
-"""
+"""Baselines for comparison in the same run: differential evolution of scipy and motion generation of pylinkage."""
 
 from __future__ import annotations
 
@@ -21,27 +18,27 @@ _EVOLUTION_BOUNDS = [(-6.0, 6.0), (-12.0, 3.0), (-6.0, 6.0), (0.0, product.TURN)
 _EVOLUTION_POPULATION = 10
 _EVOLUTION_SPREAD = 1e-8
 _GAPS = 2.5
-"""Largest natural logarithm of a gap between crank angles, before all are scaled to the span."""
+"""Largest natural logarithm of a gap between crank angles before all gaps are scaled to the span."""
 POSE_SUBSETS = (1, 3, 9)
 POSE_SECONDS = 3.0
-"""No further subset is begun after this much time of the processor."""
+"""Processor time in seconds after which no further subset is started."""
 _POSES = (3, 4, 5)
 _UNTIMED_CRANK = np.linspace(0, product.TURN, 720, endpoint=False)
 
 
 def need() -> None:
-    """Ends the program, before it measures anything, where pylinkage is not installed."""
+    """Exit before the measurement if pylinkage is not installed."""
     if not importlib.util.find_spec("pylinkage"):
         raise SystemExit("pylinkage is not installed: pip install -e '.[baselines]'")
 
 
 def evolve(target: product.Target, generations: int, seed: int) -> float:
-    """Least J by differential evolution over the same four unknowns as the search, with everything linear projected out.
+    """Minimize the error by differential evolution over the unknowns of the search, with the linear unknowns projected out.
 
-    One run a branch. A run ends after so many generations, or where the best J is below the search's own tolerance, or where
-    the population has drawn together: its costs deviate by less than 1e-8 of their mean, or by less than the square of the
-    tolerance. scipy's own polishing (L-BFGS-B) follows. Within the tolerance no second branch is tried. The crank must turn
-    counter-clockwise.
+    There is a run for each branch. A run ends after a fixed number of generations, if the error is below the
+    tolerance of the search, or if the population has converged: the standard deviation of its costs is less than
+    1e-8 of their mean or less than the square of the tolerance. The polishing of scipy (L-BFGS-B) follows. If an
+    error is within the tolerance, no second branch is tried. The crank must turn counter-clockwise.
     """
     problem = product.GivenProblem(target, product.FullCrankChart())
     best, goal = np.inf, product.DEFAULT_TOLERANCE**2
@@ -62,20 +59,21 @@ def evolve(target: product.Target, generations: int, seed: int) -> float:
 
 
 def evolve_poses(position: np.ndarray, rotation: np.ndarray, generations: int, seed: int) -> float:
-    """Least J of poses without crank angles by differential evolution over shape, start and the gaps between crank angles.
+    """Minimize the error of poses without crank angles by differential evolution over shape, start and crank gaps.
 
-    One run a branch and direction; pose and offset are projected out, order is kept by positive gaps. A run ends as in `evolve`.
+    There is a run for each branch and direction. Pose and offset are projected out; positive gaps preserve the
+    order. A run ends as in `evolve`.
     """
     problem = product.JointProblem(product.make_poses(rotation, position), product.FullCrankChart())
     bounds = [*_EVOLUTION_BOUNDS, (0.05, 0.999 * product.TURN)] + [(-_GAPS, _GAPS)] * (position.size - 1)
     best, goal = np.inf, product.DEFAULT_TOLERANCE**2
-    for branch, way in itertools.product((1.0, -1.0), (1.0, -1.0)):
+    for branch, direction in itertools.product((1.0, -1.0), (1.0, -1.0)):
 
-        def cost(unknowns: np.ndarray, branch: float = branch, way: float = way) -> np.ndarray:
+        def cost(unknowns: np.ndarray, branch: float = branch, direction: float = direction) -> np.ndarray:
             points = np.atleast_2d(unknowns.T)
             gaps = np.exp(points[:, 5:])
             steps = np.cumsum(gaps / gaps.sum(axis=1, keepdims=True), axis=1) * points[:, 4:5]
-            angles = points[:, 3:4] + way * np.concatenate([np.zeros((len(points), 1)), steps], axis=1)
+            angles = points[:, 3:4] + direction * np.concatenate([np.zeros((len(points), 1)), steps], axis=1)
             pose, sides = np.zeros((len(points), 3), dtype=complex), np.full(len(points), branch)
             timed = product.Timed(points[:, :3], pose, np.zeros(len(points)), angles, sides)
             value = problem.measured(timed, facing=True).cost
@@ -92,7 +90,7 @@ def evolve_poses(position: np.ndarray, rotation: np.ndarray, generations: int, s
 def _evolved(
     cost: Any, bounds: Sequence[tuple[float, float]], generations: int, seed: int, polish: bool = True
 ) -> Any:
-    """scipy's answer for a cost of unknowns (k,) or (k, n), ended as `evolve` says."""
+    """Return the result of scipy for a cost of unknowns (k,) or (k, n), with the stopping criteria of `evolve`."""
     from scipy.optimize import differential_evolution
 
     goal = product.DEFAULT_TOLERANCE**2
@@ -112,7 +110,7 @@ def _evolved(
 
 
 def pose_subsets(samples: int, seed: int) -> Iterator[tuple[np.ndarray, ...]]:
-    """Samples to use as precision poses: for 3, 4 and 5 poses, evenly spaced first, then at random."""
+    """Yield samples to use as precision poses: subsets of 3, 4 and 5 poses, evenly spaced first, then random."""
     random = generator("poses", seed)
     yield tuple(np.round(np.linspace(0, samples - 1, count)).astype(int) for count in _POSES)
     while True:
@@ -120,26 +118,27 @@ def pose_subsets(samples: int, seed: int) -> Iterator[tuple[np.ndarray, ...]]:
 
 
 def generate_motion(target: product.Target, seed: int) -> Iterator[tuple[int, float, float, float]]:
-    """pylinkage's motion generation on more and more subsets of the poses, the best kept.
+    """Run the motion generation of pylinkage on an increasing number of subsets of the poses.
 
-    It is given the motion about the origin and with the size 1, as its tolerances expect.
+    The motion is centred at the origin and has size 1, as its tolerances require.
 
     Yields
     ------
     subsets : int
+        Number of subsets so far.
     seconds : float
-        Of the processor, of pylinkage's calls alone: choosing among its answers costs it nothing here.
+        Processor time of the calls of pylinkage; the selection of its best answer is not counted.
     timed : float
-        Least J of an answer whose crank starts where the answer puts it and turns as the request says; offset and pose are
-        fitted anew, in its favour.
+        Smallest error of an answer whose crank starts at the angle of the answer and turns as in the request;
+        offset and pose are fitted again, in its favour.
     untimed : float
-        The same measure where each requested pose counts by the nearest of the motion, whatever the crank angle: precision
-        poses say nothing about the crank.
+        Smallest error if each requested pose is compared with the nearest pose of the motion, since precision poses
+        do not prescribe crank angles.
     """
     from pylinkage.synthesis import Pose, motion_generation
 
-    place = (target.position - target.position.mean()) / target.length_scale
-    target = product.make_target(target.rotation, place, crank_angle=target.crank)
+    position = (target.position - target.position.mean()) / target.length_scale
+    target = product.make_target(target.rotation, position, crank_angle=target.crank)
     timed = untimed = np.inf
     times, subsets = Times(), pose_subsets(target.samples, seed)
     for number in range(1, max(POSE_SUBSETS) + 1):
@@ -154,27 +153,28 @@ def generate_motion(target: product.Target, seed: int) -> Iterator[tuple[int, fl
 
 
 def motion_through_poses(position: np.ndarray, rotation: np.ndarray) -> float:
-    """Least error of pylinkage's answers to a few poses, whatever their order and branch.
+    """Return the smallest error of the answers of pylinkage to a few poses, in any order and branch.
 
-    By how much crank and rocker would have to change their lengths from pose to pose: rms over the motion's size.
+    The error is the rms change of the lengths of crank and rocker that the poses require, relative to the size of
+    the motion.
     """
     from pylinkage.synthesis import Pose, motion_generation
 
     middle = position.mean()
-    place = (position - middle) / np.max(np.abs(position - middle))
-    poses = [Pose(p.real, p.imag, r) for p, r in zip(place, rotation)]
+    normalised = (position - middle) / np.max(np.abs(position - middle))
+    poses = [Pose(p.real, p.imag, r) for p, r in zip(normalised, rotation)]
     best = np.inf
     for answer in motion_generation(poses, max_solutions=50, require_grashof=False).raw_solutions:
         pivots = np.array([complex(*answer.ground_pivot_a), complex(*answer.ground_pivot_d)])
         pins = np.array([complex(*answer.crank_pivot_b), complex(*answer.coupler_pivot_c)])
-        moved = place[:, None] + np.exp(1j * (rotation - rotation[0]))[:, None] * (pins - place[0])
+        moved = normalised[:, None] + np.exp(1j * (rotation - rotation[0]))[:, None] * (pins - normalised[0])
         lengths = np.abs(moved - pivots)
         best = min(best, float(np.sqrt(np.mean((lengths - lengths.mean(axis=0)) ** 2))))
     return best
 
 
 def _judge(target: product.Target, first: int, answer: Any) -> tuple[float, float]:
-    """Timed and untimed error of an answer, either of its two pivoted links as the crank."""
+    """Return the timed and the untimed error of an answer, with either of its two pivoted links as the crank."""
     pivots = [complex(*answer.ground_pivot_a), complex(*answer.ground_pivot_d)]
     pins = [complex(*answer.crank_pivot_b), complex(*answer.coupler_pivot_c)]
     timed = untimed = np.inf

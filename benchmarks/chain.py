@@ -146,7 +146,7 @@ def measure_speed(crescent: chain.Crescent, slot: Slot) -> dict[str, Any]:
     differences = [np.abs(few_found - slot.pins(few)).max(), np.abs(halving() - slot.pins(phases)).max()]
 
     def milliseconds(work: Any, runs: int = 9) -> float:
-        return 1e3 * page.repeat(work, runs).least.processor
+        return 1e3 * page.repeat(work, runs).minimum.processor
 
     def row(task: str, by: str, ours: float, search: float) -> dict[str, Any]:
         return {"task": task, "by": by, "ours_ms": ours, "search_ms": search, "ratio": search / ours}
@@ -176,10 +176,10 @@ def measure_fits(slot: Slot) -> Iterator[dict[str, Any]]:
             evaluate = partial(fit.evaluate, phases)
             if kind == "polynomial":  # a polynomial is a function of x, not of the phase
                 evaluate = partial(chebyshev.chebval, np.linspace(-1, 1, PHASES), fit.data["coefficients"])
-            fit_seconds = page.repeat(partial(fit_slot, slot, kind, order), 7).least.processor
+            fit_seconds = page.repeat(partial(fit_slot, slot, kind, order), 7).minimum.processor
             times = {
                 "fit_ms": 1e3 * fit_seconds,
-                "evaluate_us": 1e9 * page.repeat(evaluate, 9).least.processor / PHASES,
+                "evaluate_us": 1e9 * page.repeat(evaluate, 9).minimum.processor / PHASES,
             }
             errors = {"normal": error.normal, "chord": error.chord, "condition": fit.condition}
             yield {"kind": kind, "order": order, "unknowns": fit.unknowns} | errors | times

@@ -1,4 +1,4 @@
-"""Ten machines with a drive that one would buy: what la.drives finds for each, its picture and its curve (`make drives`)."""
+"""Ten machines with commercial drives: the drives that la.drives finds, with pictures and curves (`make drives`)."""
 
 from __future__ import annotations
 
@@ -14,13 +14,15 @@ from benchmarks.figures import BLUE, GREEN, GREY, INK, ORANGE, RED, bare, figure
 from benchmarks.report import ROOT
 from linkage_atlas.drive_design.records import ActuatorDrive, MotorCurve, MotorDrive, ToggleCurve, ToggleDrive
 
-GALLERY = {one["name"]: one["request"] for one in json.loads((ROOT / "app/static/examples.json").read_text())}
+GALLERY = {
+    machine["name"]: machine["request"] for machine in json.loads((ROOT / "app/static/examples.json").read_text())
+}
 HYDRAULIC = "name,retracted,stroke,force,pull,rod\n" + "\n".join(
     f"hydraulic {bore} x {stroke},{stroke + 220},{stroke},{force},{pull},{rod}"
     for bore, rod, force, pull in ((32, 20, 14400, 8700), (40, 25, 22600, 13700), (50, 30, 35300, 22600))
     for stroke in (200, 300, 400, 500)
 )
-"""A catalogue of one's own: cylinders at 180 bar, of no maker."""
+"""Catalogue of hydraulic cylinders at 180 bar, not of a manufacturer."""
 COUNTER = "name,stiffness,free_length,preload,longest\n" + "\n".join(
     f"counter spring {rate} N/mm,{rate},{free},{preload},{longest}"
     for rate, free, preload, longest in ((1, 350, 40, 900), (2, 400, 60, 900), (3, 450, 80, 950), (5, 400, 100, 800))
@@ -29,18 +31,18 @@ LAMP = "name,stiffness,free_length,preload,longest\n" + "\n".join(
     f"lamp spring {rate} N/mm,{rate},{free},{preload},{longest}"
     for rate, free, preload, longest in ((0.2, 70, 2, 240), (0.4, 60, 3, 220), (0.8, 60, 5, 200), (1.2, 90, 8, 260))
 )
-"""Springs of one's own for a door and a lamp."""
+"""Catalogue of springs for a door and a lamp."""
 
 
 def solved(name: str) -> dict[str, Any]:
-    """The best linkage of a machine of the page's gallery, and its motion."""
+    """Return the best linkage of a machine of the page, and its motion."""
     request = GALLERY[name]
-    given = {key: request[key] for key in ("rotation", "position", "timing", "crank_span") if key in request}
-    return {"linkage": la.synthesize(**given, limits=request.get("limits"), top=1).best}
+    motion_fields = {key: request[key] for key in ("rotation", "position", "timing", "crank_span") if key in request}
+    return {"linkage": la.synthesize(**motion_fields, limits=request.get("limits"), top=1).best}
 
 
 def door() -> dict[str, Any]:
-    """A canopy door: rollers at its foot in upright rails, an arm from the frame to its middle; it opens outwards and up."""
+    """Return a canopy door with rollers at its foot in upright rails and an arm from the frame to its middle."""
     arm = {"guide": "circle", "pivot": [0, 1300], "radius": 520, "body_point": [0, 800]}
     rail = {"guide": "rail", "point": [0, 0], "direction": 90, "body_point": [0, 0]}
     return {"linkage": la.Linkage([arm, rail], "crank", 1, -88.0), "crank_angle": [0, 150]}
@@ -160,50 +162,51 @@ MACHINES: dict[str, dict[str, Any]] = {
 
 
 def found_for(name: str) -> tuple[Mapping[str, Any], la.Drives]:
-    """The machine, and what drives it."""
+    """Return the machine and its drives."""
     machine = MACHINES[name]["of"]()
-    asked = {"drives": [], **MACHINES[name]["asked"]}
-    return machine, la.drives(**machine, **asked, top=1)
+    request = {"drives": [], **MACHINES[name]["asked"]}
+    return machine, la.drives(**machine, **request, top=1)
 
 
 def words(found: la.Drives) -> dict[str, str]:
-    """What was found, in the columns of the table."""
+    """Describe the drives in the columns of the table."""
     if found.springs:
         spring = found.springs[0]
         before, after = spring.torque.before.rms, spring.torque.after.rms
         return {
             "drive": f"{spring.name}, {' to '.join(spring.between)}",
             "needs": f"torque left {100 * after / before:.1f} % (rms)",
-            "place": " to ".join(_pair(place) for place in spring.points),
+            "place": " to ".join(_pair(point) for point in spring.points),
         }
-    one = found.drives[0]
-    place = f"{_pair(one.motor if isinstance(one, MotorDrive) else one.ground_point)} to {_pair(one.pin)}"
-    if isinstance(one, MotorDrive):
+    drive = found.drives[0]
+    position = f"{_pair(drive.motor if isinstance(drive, MotorDrive) else drive.ground_point)} to {_pair(drive.pin)}"
+    if isinstance(drive, MotorDrive):
         return {
-            "drive": f"motor, crank {one.six_bar.crank:.4g}, rod {one.six_bar.coupler:.4g}, on the {one.link}",
-            "needs": f"{one.six_bar.motor_torque_max / 1000:.3g} N m, rod at {one.six_bar.transmission_angle_min:.3g}° or more",
-            "place": place,
+            "drive": f"motor, crank {drive.six_bar.crank:.4g}, rod {drive.six_bar.coupler:.4g}, on the {drive.link}",
+            "needs": f"{drive.six_bar.motor_torque_max / 1000:.3g} N m, "
+            f"rod at {drive.six_bar.transmission_angle_min:.3g}° or more",
+            "place": position,
         }
-    if isinstance(one, ToggleDrive):
-        holds = "holds" if one.lock.holds else "does not hold"
+    if isinstance(drive, ToggleDrive):
+        holds = "holds" if drive.lock.holds else "does not hold"
         return {
-            "drive": f"knee, handle {one.lock.handle:.4g}, strut {one.lock.strut:.4g}, on the {one.link}",
-            "needs": f"{holds} {abs(one.holding[0 if one.lock.at == 'first' else 1]):.4g} N at its {one.lock.at} pose",
-            "place": place,
+            "drive": f"knee, handle {drive.lock.handle:.4g}, strut {drive.lock.strut:.4g}, on the {drive.link}",
+            "needs": f"{holds} {abs(drive.holding[0 if drive.lock.at == 'first' else 1]):.4g} N at its {drive.lock.at} pose",
+            "place": position,
         }
     return {
-        "drive": f"{one.name}, on the {one.link}",
-        "needs": f"{one.peak_force:.4g} N, {one.peak_force_ratio:.3f} of the least",
-        "place": place,
+        "drive": f"{drive.name}, on the {drive.link}",
+        "needs": f"{drive.peak_force:.4g} N, {drive.peak_force_ratio:.3f} of the least",
+        "place": position,
     }
 
 
-def _pair(place: Any) -> str:
-    return f"({place[0]:.0f}, {place[1]:.0f})"
+def _pair(point: Any) -> str:
+    return f"({point[0]:.0f}, {point[1]:.0f})"
 
 
 def measure() -> Iterator[dict[str, Any]]:
-    """A row a machine."""
+    """Measure each machine."""
     rows = []
     for name in MACHINES:
         _, found = found_for(name)
@@ -213,16 +216,16 @@ def measure() -> Iterator[dict[str, Any]]:
 
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:
-    """The table of docs/drives.md."""
+    """Return the table of docs/drives.md."""
     return report.tables("drive_machines", results["tables"])
 
 
 def draw(results: dict[str, Any]) -> None:
-    """Each machine at both ends and between, with its curve: five to a picture."""
+    """Draw each machine in both end positions and an intermediate position with its curve, five to a picture."""
     names = list(MACHINES)
-    for number, some in enumerate((names[:5], names[5:]), 1):
+    for number, page in enumerate((names[:5], names[5:]), 1):
         with figure(f"drives_{number}.png", 2, 5, (17, 6.4)) as (_, panels):
-            for k, name in enumerate(some):
+            for k, name in enumerate(page):
                 machine, found = found_for(name)
                 _machine(panels[k], name, machine, found)
                 _curve(panels[5 + k], found)
@@ -245,18 +248,18 @@ def _machine(axes: Any, name: str, machine: Mapping[str, Any], found: la.Drives)
 
 
 def _lines(machine: Mapping[str, Any], found: la.Drives, k: int) -> list[Any]:
-    """The links at one position."""
+    """Draw the links in a position."""
     links, body = found.machine.links, found.machine.body
     point = [] if body is None else [body.origin[k]]
     if "rocker" in links and len(links) == 1:
-        pins = [one.curve.pin[k] for one in found.drives] + [one.curve.ends[k][1] for one in found.springs]
+        pins = [drive.curve.pin[k] for drive in found.drives] + [spring.curve.ends[k][1] for spring in found.springs]
         arms = [np.array([links["rocker"].origin[k], complex(*pin)]) for pin in pins]
         return [np.array([links["rocker"].origin[k], *point]), *arms]
     if "slider" in links:
         top = links["coupler"].place(2000j)[k]
         pin = links["crank"].place(520.0)[k]
         return [np.array([links["crank"].origin[k], pin]), np.array([links["slider"].origin[k], top])]
-    crank, coupler, rocker = (links[one] for one in ("crank", "coupler", "rocker"))
+    crank, coupler, rocker = (links[name] for name in ("crank", "coupler", "rocker"))
     plain = machine["linkage"]
     plain = getattr(plain, "linkage", plain)
     c = rocker.place(plain.rocker)[k]
@@ -265,9 +268,9 @@ def _lines(machine: Mapping[str, Any], found: la.Drives, k: int) -> list[Any]:
 
 
 def _driving(found: la.Drives, k: int) -> list[Any]:
-    """What drives it at one position."""
+    """Return the ends of the drives in a position."""
     if found.springs:
-        return [one.curve.ends[k] @ np.array([1, 1j]) for one in found.springs]
+        return [spring.curve.ends[k] @ np.array([1, 1j]) for spring in found.springs]
     curve = found.drives[0].curve
     joints = [
         curve.ground[k],
@@ -284,14 +287,14 @@ def _curve(axes: Any, found: la.Drives) -> None:
         axes.plot(x, found.springs[0].curve.torque / 1000, color=GREEN)
         axes.set_title("torque without and with spring, N m", fontsize=9)
         return
-    one = found.drives[0]
-    if isinstance(one, MotorDrive):
-        turn = np.abs(one.six_bar.motor_angle - one.six_bar.motor_angle[0])
-        axes.plot(turn, one.six_bar.motor_torque / 1000, color=GREEN)
+    drive = found.drives[0]
+    if isinstance(drive, MotorDrive):
+        turn = np.abs(drive.six_bar.motor_angle - drive.six_bar.motor_angle[0])
+        axes.plot(turn, drive.six_bar.motor_torque / 1000, color=GREEN)
         axes.set_title("motor torque over its turn, N m", fontsize=9)
         return
-    axes.plot(x, np.abs(one.curve.force), color=GREEN)
-    bound = one.bound if isinstance(one, ActuatorDrive) else None
+    axes.plot(x, np.abs(drive.curve.force), color=GREEN)
+    bound = drive.bound if isinstance(drive, ActuatorDrive) else None
     if bound is not None:
         axes.axhline(bound, color=RED, ls="--", lw=1.2)
     axes.set_ylim(0, None)

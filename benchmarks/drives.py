@@ -1,4 +1,4 @@
-"""Drives of random linkages of all kinds: optima against finer grids, motors turned round, forces by Newton and Euler, times."""
+"""Drives of random linkages of all kinds: optima against finer grids, full motor turns, Newton-Euler forces, times."""
 
 from __future__ import annotations
 
@@ -24,53 +24,53 @@ from tests.oracles.newton_euler import bodies
 from tests.oracles.turned_motor import turned
 
 FINE = 240
-"""Points of the finer grid, either way: four times as many as the search's."""
+"""Number of points of the finer grid in each direction, four times the number of the search."""
 ANGLES = 20_001
-"""Angles of the motor at which its links are looked at."""
+"""Number of angles of the motor at which its links are evaluated."""
 BETTER = 1e-6
 
 
 def equilibrium(case: Case, found: Placement) -> float:
-    """The largest difference of the actuator's force from that of three bodies, over the largest force.
+    """Return the largest difference between the force of the actuator and a model of three bodies, relative to the largest force.
 
-    The bodies are followed at every place, for near a dead centre larger steps lead to the other circuit.
+    The bodies are tracked at every position, because larger steps near a dead centre lead to the other circuit.
     """
-    other = found.ground if case.on == GROUND else case.machine.links[case.on].point_at(found.ground)
-    three, some = bodies(case.linkage), slice(None, None, 12)
-    states = three.along(case.machine.at)[some]
-    wanted = [three.force(one, case.load, case.name, found.pin, case.on, other) for one in states]
-    return float(np.abs(found.force[some] - wanted).max()) / found.peak
+    end = found.ground if case.on == GROUND else case.machine.links[case.on].point_at(found.ground)
+    three, every_twelfth = bodies(case.linkage), slice(None, None, 12)
+    states = three.along(case.machine.at)[every_twelfth]
+    expected = [three.force(state, case.load, case.name, found.pin, case.on, end) for state in states]
+    return float(np.abs(found.force[every_twelfth] - expected).max()) / found.peak
 
 
 def actuators(cases: int) -> list[dict[str, Any]]:
-    """Optima against the finer grid, and why there are none; a row a kind."""
+    """Compare optima with the finer grid; return a row for each kind."""
     rows: dict[str, dict[str, Any]] = {kind.value: _empty() for kind in Kind}
     for seed in range(cases):
-        one = Case(seed)
-        row = rows[one.kind]
+        case = Case(seed)
+        row = rows[case.kind]
         times: Times = row["times"]
-        asked, actuator = one.question(), one.actuator
-        found = times.run(lambda asked=asked, actuator=actuator: asked.best(actuator))
-        fine = one.question(FINE)
-        again = fine.best(actuator)
-        # the grid's own best, also on links with a pivot, where the search needs none
+        question, actuator = case.question(), case.actuator
+        found = times.run(lambda question=question, actuator=actuator: question.best(actuator))
+        fine = case.question(FINE)
+        best_of_grid = fine.best(actuator)
+        # the optimum of the grid itself, also on links with a pivot, for which the search does not need a grid
         fine.link = replace(fine.link, pivot=None)
         grid = fine.screen([actuator])
         row["cases"] += 1
-        row["clockwise"] += int(one.interval.last < 0)
+        row["clockwise"] += int(case.interval.last < 0)
         if isinstance(found, Refusal):
             row["refused"] += 1
-            row["missed"] += not isinstance(again, Refusal) or (
+            row["missed"] += not isinstance(best_of_grid, Refusal) or (
                 not isinstance(grid, Refusal) and grid.shortfall is None
             )
             continue
         best = found.worst
-        if not isinstance(again, Refusal):
-            row["gap"] = float(max(row["gap"], best / again.worst - 1))
-            row["worse"] += int(best > again.worst * (1 + BETTER))
+        if not isinstance(best_of_grid, Refusal):
+            row["gap"] = float(max(row["gap"], best / best_of_grid.worst - 1))
+            row["worse"] += int(best > best_of_grid.worst * (1 + BETTER))
         if not isinstance(grid, Refusal) and grid.shortfall is None:
-            row["worse_than_grid"] += int(best > asked.torque_scale / grid.best_value * (1 + BETTER))
-        row["equilibrium"] = float(max(row["equilibrium"], equilibrium(one, found)))
+            row["worse_than_grid"] += int(best > question.torque_scale / grid.best_value * (1 + BETTER))
+        row["equilibrium"] = float(max(row["equilibrium"], equilibrium(case, found)))
     return [
         {"link": kind.replace("_", " "), **{key: value for key, value in row.items() if key != "times"}}
         | {"ms": 1000 * row["times"].median.processor, "p99": 1000 * row["times"].percentile(99).processor}
@@ -85,22 +85,24 @@ def _empty() -> dict[str, Any]:
 
 
 def motors(cases: int) -> list[dict[str, Any]]:
-    """Motors on links with a fixed pivot and on others, turned all the way round."""
+    """Check motors on links with and without a fixed pivot over a full turn."""
     rows = []
     for what in ("with a fixed pivot", "without one"):
-        times, gaps, lost, angles, refused, looked = Times(), [0.0], 0, [0.0], 0, 0
+        times, gaps, lost, angles, refused, count = Times(), [0.0], 0, [0.0], 0, 0
         for seed in range(cases):
             linkage, interval = any_linkage(seed)
             machine = motions_of(linkage, interval)
-            some = [
-                one for one in machine.links.values() if (one.pivot is not None) == (what == "with a fixed pivot")
+            candidates = [
+                candidate
+                for candidate in machine.links.values()
+                if (candidate.pivot is not None) == (what == "with a fixed pivot")
             ]
-            if not some or seed // 4 % 2 != (what == "without one"):
+            if not candidates or seed // 4 % 2 != (what == "without one"):
                 continue
-            link, rng = some[seed % len(some)], np.random.default_rng([seed, 3])
+            link, rng = candidates[seed % len(candidates)], np.random.default_rng([seed, 3])
             ratio = [None, 1.0 + rng.uniform(0.02, 0.5)][seed // 8 % 2]
             torque = np.ones(machine.at.size)
-            looked += 1
+            count += 1
             if link.pivot is None:
                 middle = complex(np.mean(link.origin))
                 box = (middle.real - 4, middle.imag - 4, middle.real + 4, middle.imag + 4)
@@ -117,7 +119,7 @@ def motors(cases: int) -> list[dict[str, Any]]:
         rows.append(
             {
                 "link": what,
-                "cases": looked,
+                "cases": count,
                 "refused": refused,
                 "worst": float(np.max([gap for gap in gaps if np.isfinite(gap)])),
                 "lost": lost,
@@ -132,7 +134,7 @@ def motors(cases: int) -> list[dict[str, Any]]:
 def _turned(
     linkage: Linkage | Linkage, interval: Interval, name: str, found: MotorCycle, ratio: float | None
 ) -> tuple[float, float]:
-    """The largest error of swing, times and rod, infinite where it turns back; degrees by which the angle is less in between."""
+    """Return the largest error of swing, time ratio and rod (infinite if the link turns back), and the decrease of the angle."""
 
     def pin(at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         link = motions_at(linkage, at).links[name]
@@ -140,25 +142,29 @@ def _turned(
 
     start = float(found.motor_angle[0, 0])
     with np.errstate(all="ignore"):
-        one = turned(pin, interval.first, found.motor, start, found.crank, found.rod, ANGLES)
-    if not one.swings:
+        motion = turned(pin, interval.first, found.motor, start, found.crank, found.rod, ANGLES)
+    if not motion.swings:
         return np.inf, np.nan
     fine = motions_of(linkage, interval, FINE_WAY).links[name]
-    told = evaluate_motor(fine, np.ones(FINE_WAY), found.motor, found.pin, found.crank, found.rod, found.extends)
-    assert told is not None
+    evaluation = evaluate_motor(
+        fine, np.ones(FINE_WAY), found.motor, found.pin, found.crank, found.rod, found.extends
+    )
+    assert evaluation is not None
     span = abs(interval.last - interval.first)
-    swing = float(np.abs(one.ends - np.sort([interval.first, interval.last])).max()) / span
-    times = abs(one.time_ratio / (found.time_ratio if ratio is None else ratio) - 1)
-    return max(swing, times, one.rod), float(np.rad2deg(told.transmission_angle_min - one.transmission_angle))
+    swing = float(np.abs(motion.ends - np.sort([interval.first, interval.last])).max()) / span
+    times = abs(motion.time_ratio / (found.time_ratio if ratio is None else ratio) - 1)
+    return max(swing, times, motion.rod), float(
+        np.rad2deg(evaluation.transmission_angle_min - motion.transmission_angle)
+    )
 
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:
-    """The tables of docs/drives.md."""
+    """Return the tables of docs/drives.md."""
     return report.tables("drives", results["tables"])
 
 
 def measure(cases: Annotated[int, "linkages"] = 600) -> Iterator[dict[str, Any]]:
-    """Every table."""
+    """Measure all tables."""
     import scipy.optimize  # noqa: F401 - its import is no part of the first time
 
     tables = {"actuators": actuators(cases)}

@@ -1,7 +1,8 @@
-"""Error against run time: the service, its parts and its baselines, on the same seeded cases in the same run (`make report`).
+"""Error against run time of the service, its parts and its baselines, on the same seeded cases (`make report`).
 
-Measured is processor time of one core, so that other work on the machine does not count. Every method sees the same
-objective J of the mounted linkage; preparation that a service does once at its start is not counted.
+The processor time of a single core is measured, so that other work on the machine does not count. Every method has
+the same objective, the error J of the mounted linkage. Preparation that a service does once at its start is not
+counted.
 """
 
 from __future__ import annotations
@@ -36,15 +37,15 @@ LOOK = {
     EVOLUTION: (PURPLE, "D", "scipy differential evolution"),
     PYLINKAGE: (GREY, "v", "pylinkage motion generation"),
 }
-"""Colour, marker and words of each method that is drawn."""
+"""Colour, marker and label of each method in the pictures."""
 GRIDS = (ROWS, REFINED)
 
 PERIMETERS, STARTS = (24, 40, 64, 100), (18, 36, 72)
 SEEDS, STEPS = (1, 8, 64), 60
-"""Seeds a branch of the refined rows, and steps of their refinement."""
+"""Numbers of seeds per branch of the refined rows, and number of steps of their refinement."""
 BUDGETS_MS = (2, 5, 10, 20, 50, 100, 300, 1000)
 STRONGEST = REFINED, "perimeter 24, step 20 deg, 8 seeds a branch"
-"""The baseline that leads for short times."""
+"""Baseline that is best for short times."""
 HEADLINE = (
     *((SERVICE, f"budget {budget} ms") for budget in (10, 100, 1000)),
     STRONGEST,
@@ -52,16 +53,16 @@ HEADLINE = (
     (EVOLUTION, "at most 1280 generations"),
     (PYLINKAGE, "9 subsets of poses"),
 )
-"""What README.md tells."""
+"""Values for README.md."""
 FLOOR = 1e-16
-"""Below this a J is rounding: it is drawn here."""
+"""Smallest J in the pictures; smaller values are rounding errors."""
 
 Measured = tuple[str, str, float, float]
-"""Method, setting, seconds of the processor, J."""
+"""Method, setting, processor time in seconds, J."""
 
 
 class Grid:
-    """A coarse atlas of all full-crank four-bars of a perimeter, screened at evenly spaced starts."""
+    """Coarse atlas of all full-crank four-bars of a perimeter, screened at evenly spaced starts."""
 
     def __init__(self, perimeter: int, starts: int) -> None:
         self.name = f"perimeter {perimeter}, step {360 // starts} deg"
@@ -70,16 +71,16 @@ class Grid:
         self.unknowns = product.FullCrankChart().unknowns(self.scan.lengths)
 
     def rows(self, target: product.Target) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Types, branches and starts, the best start of each type and branch, by approximate error."""
+        """Return types, branches and starts: the best start of each type and branch, in order of the approximate error."""
         error = self.scan.squared(target)
         start = error.argmin(axis=2)
-        least = np.take_along_axis(error, start[:, :, None], 2)[:, :, 0]
-        row, side = np.divmod(np.argsort(least, axis=None, kind="stable"), 2)
+        smallest = np.take_along_axis(error, start[:, :, None], 2)[:, :, 0]
+        row, side = np.divmod(np.argsort(smallest, axis=None, kind="stable"), 2)
         return row, 1.0 - 2.0 * side, start[row, side] * (product.TURN / self.scan.starts)
 
 
 def spread_out(unknowns: np.ndarray, count: int) -> np.ndarray:
-    """The first ``count`` places, in the given order, that lie in different cells of the chart."""
+    """Return the first ``count`` indices, in the given order, that lie in different cells of the chart."""
     cells = np.floor(unknowns / np.array([0.7, 1.0, 1.0, 0.6]))
     _, first = np.unique(cells, axis=0, return_index=True)
     return np.sort(first)[:count]
@@ -88,7 +89,7 @@ def spread_out(unknowns: np.ndarray, count: int) -> np.ndarray:
 def as_they_are(
     grid: Grid, target: product.Target, row: np.ndarray, branch: np.ndarray, start: np.ndarray
 ) -> list[product.Solution]:
-    """The best row of a grid, found exactly among the first of the screened ones."""
+    """Return the best row of a grid, computed exactly among the first screened rows."""
     lengths = grid.scan.lengths[row[:128]]
     angle = product.coupler_angle(lengths, branch[:128], start[:128, None] + target.crank)
     best = np.argmin(product.objective(target, angle), keepdims=True)
@@ -98,11 +99,11 @@ def as_they_are(
 def refined(
     grid: Grid, target: product.Target, row: np.ndarray, branch: np.ndarray, start: np.ndarray, seeds: int
 ) -> list[product.Solution]:
-    """The best of so many seeds a branch, refined."""
+    """Refine the best seeds of each branch."""
     chart = product.FullCrankChart()
     unknowns = np.column_stack([grid.unknowns[row], start])
     sides = [np.flatnonzero(branch == side) for side in (1.0, -1.0)]
-    seed = np.concatenate([places[spread_out(unknowns[places], seeds)] for places in sides])
+    seed = np.concatenate([side_rows[spread_out(unknowns[side_rows], seeds)] for side_rows in sides])
     problem, tolerance = product.GivenProblem(target, chart), 0.3 * product.DEFAULT_TOLERANCE
     done = product.refine(
         problem, product.given(grid.unknowns[row[seed]], branch[seed], start[seed]), STEPS, tolerance
@@ -115,7 +116,7 @@ def refined(
 
 
 def clocked(method: str, setting: str, solve: Callable[..., Any], *arguments: Any, before: float = 0.0) -> Measured:
-    """One call, with what it took before; what it returns is a J, solutions, or solutions and a report."""
+    """Time a call that returns a J, solutions, or solutions and a report; add the time of its preparation."""
     times = Times()
     found = times.run(solve, *arguments)
     found = found[0] if isinstance(found, tuple) else found
@@ -127,12 +128,12 @@ def clocked(method: str, setting: str, solve: Callable[..., Any], *arguments: An
 def fast_methods(
     tables: product.SeedTables, published: product.Scan, grids: Sequence[Grid], target: product.Target
 ) -> Iterator[Measured]:
-    """The search under budgets of processor time, the paper's atlas, and the grids; screening is part of a grid's time."""
+    """Run the search with budgets of processor time, the atlas of the paper, and the grids, whose time includes the screening."""
     limits = product.Limits()
     for budget in BUDGETS_MS:
         work = product.Work(budget / 1000, clock=time.process_time)
-        asked = tables, target, limits, 1, product.DEFAULT_TOLERANCE, work
-        yield clocked(SERVICE, f"budget {budget} ms", product.search, *asked)
+        arguments = tables, target, limits, 1, product.DEFAULT_TOLERANCE, work
+        yield clocked(SERVICE, f"budget {budget} ms", product.search, *arguments)
     yield clocked(PUBLISHED, "perimeter 400, step 1 deg", product.best_rows, published, target, limits, 1)
     for grid in grids:
         times = Times()
@@ -144,7 +145,7 @@ def fast_methods(
 
 
 def slow_methods(target: product.Target, seed: int) -> Iterator[Measured]:
-    """The baselines of other libraries."""
+    """Run the baselines of other libraries."""
     for generations in baselines.EVOLUTION_GENERATIONS:
         setting = f"at most {generations} generations"
         yield clocked(EVOLUTION, setting, baselines.evolve, target, generations, seed)
@@ -155,7 +156,7 @@ def slow_methods(target: product.Target, seed: int) -> Iterator[Measured]:
 
 
 def summarise(runs: dict[str, Any], kinds: Sequence[str]) -> list[dict[str, Any]]:
-    """A row a method and setting over all cases of some classes, in order of effort."""
+    """Return a row for each method and setting over all cases of some classes, in order of effort."""
     lists: dict[tuple[str, str], dict[str, list[Any]]] = {}
     for kind in kinds:
         for method, settings in runs[kind].items():
@@ -166,27 +167,30 @@ def summarise(runs: dict[str, Any], kinds: Sequence[str]) -> list[dict[str, Any]
     rows = []
     for (method, setting), both in lists.items():
         found = np.sort([np.inf if value is None else max(value, FLOOR) for value in both["J"]])
-        # by rank, not interpolated: a case without an answer counts as infinitely bad
+        # by rank, without interpolation: a case without an answer is infinitely bad
         low, median, high = (float(found[int(share * (len(found) - 1))]) for share in (0.25, 0.5, 0.75))
         fast, ms, slow = np.percentile(both["ms"], [25, 50, 95]).tolist()
         share = 100 * float(np.mean(found < REACHED))
         row = {"method": method, "setting": setting, "cases": len(found), "share": share}
         rows.append(row | {"fast": fast, "ms": ms, "slow": slow, "low": low, "median": median, "high": high})
-    order = (*LOOK, UNTIMED)  # the settings of the grids by time; of the others they are in order of effort already
+    order = (
+        *LOOK,
+        UNTIMED,
+    )  # the settings of the grids by time; the settings of the other methods are already in order of effort
     return sorted(rows, key=lambda row: (order.index(row["method"]), row["ms"] if row["method"] in GRIDS else 0.0))
 
 
 def frontier(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Settings that no other setting of the method beats in both time and median error."""
-    kept: list[dict[str, Any]] = []
+    """Return the settings that no setting of the same method surpasses in both time and median error."""
+    best_rows: list[dict[str, Any]] = []
     for row in sorted(rows, key=lambda row: (row["ms"], row["median"])):
-        if not kept or row["median"] < kept[-1]["median"]:
-            kept.append(row)
-    return kept
+        if not best_rows or row["median"] < best_rows[-1]["median"]:
+            best_rows.append(row)
+    return best_rows
 
 
 def solved_within(runs: dict[str, Any], method: str, setting: str, within_ms: np.ndarray) -> np.ndarray:
-    """Share of the exact cases that a setting has brought below 1e-9 within each time, percent."""
+    """Return the percentage of the exact cases that a setting has brought below 1e-9 within each time."""
     cases = [settings[setting] for kind in EXACT if setting in (settings := runs[kind].get(method, {}))]
     ms = np.array([value for case in cases for value in case["ms"]])
     found = np.array([np.inf if value is None else value for case in cases for value in case["J"]])
@@ -194,9 +198,11 @@ def solved_within(runs: dict[str, Any], method: str, setting: str, within_ms: np
 
 
 def lead(runs: dict[str, Any]) -> str:
-    """In words until when our strongest baseline has solved more cases than the service."""
+    """Describe the time until which the strongest baseline has solved more cases than the service."""
     at = np.arange(1, 301)
-    service, rows = (solved_within(runs, *one, at) for one in ((SERVICE, f"budget {BUDGETS_MS[-1]} ms"), STRONGEST))
+    service, rows = (
+        solved_within(runs, *setting, at) for setting in ((SERVICE, f"budget {BUDGETS_MS[-1]} ms"), STRONGEST)
+    )
     if not np.any(rows > service):
         return "it is never ahead of the service"
     until, widest = int(np.max(np.flatnonzero(rows > service))), int(np.argmax(rows - service))
@@ -208,25 +214,25 @@ def lead(runs: dict[str, Any]) -> str:
 
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:
-    """The tables of docs/error_vs_runtime.md and README.md."""
+    """Return the tables of docs/error_vs_runtime.md and README.md."""
     runs = results["runs"]
     exact, columns = summarise(runs, EXACT), report.TABLES["error_vs_runtime"]["runs"]
     best = []
     for kind in NAMES:
         rows = sorted(summarise(runs, [kind]), key=lambda row: (-row["median"], -row["ms"]))
-        least = {row["method"]: row for row in rows}  # the best is written last
+        best_rows = {row["method"]: row for row in rows}  # the best row is written last
         cells = {"class": kind, **dict.fromkeys(LOOK, "-")}
-        for method, row in least.items():
-            times = significant(row["ms"] / least[SERVICE]["ms"], 2)
+        for method, row in best_rows.items():
+            times = significant(row["ms"] / best_rows[SERVICE]["ms"], 2)
             cells[method] = power(row["median"]) + ("" if method == SERVICE else f" in {times}")
         best.append(cells)
-    points = sum(len(one["J"]) for kind in runs.values() for settings in kind.values() for one in settings.values())
+    points = sum(len(run["J"]) for kind in runs.values() for settings in kind.values() for run in settings.values())
     heads = ["class", *(method for method in LOOK if method != "atlas rows as they are")]
     tables = {
         "classes": report.table(best, "\n".join(f"{head}: {{{head}}}" for head in heads)),
         "headline": report.table([row for row in exact if (row["method"], row["setting"]) in HEADLINE], **columns),
     }
-    # its matching is ours
+    # the assignment of its answers to the samples is ours
     tables = {name: text.replace(PUBLISHED, "published table") for name, text in tables.items()}
     return tables | {
         "cases": f"{results['cases']} seeded cases of each of {len(runs)} classes, {points:,} measurements in "
@@ -236,7 +242,7 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
 
 
 def look(method: str, small: bool = False) -> dict[str, Any]:
-    """How a method's curve is drawn: the service's over the others', the published table as a star."""
+    """Return the line style of a method: the service on top of the others, the published table as a star."""
     colour, marker, _ = LOOK[method]
     first = method == SERVICE
     marks = {"marker": marker, "markersize": (11 if method == PUBLISHED else 5) * (0.75 if small else 1)}
@@ -244,7 +250,7 @@ def look(method: str, small: bool = False) -> dict[str, Any]:
 
 
 def draw_curves(axes: Any, rows: Sequence[dict[str, Any]], small: bool) -> None:
-    """One curve a method through its best settings: median, and the band between the quartiles."""
+    """Draw a curve for each method through its best settings: the median, and the band between the quartiles."""
     for method, (colour, _, label) in reversed(LOOK.items()):
         own = [row for row in rows if row["method"] == method]
         curve = [row for row in (own if method == PYLINKAGE else frontier(own)) if np.isfinite(row["median"])]
@@ -258,7 +264,7 @@ def draw_curves(axes: Any, rows: Sequence[dict[str, Any]], small: bool) -> None:
             axes.fill_between(x, low, np.minimum(high, 10.0), color=colour, alpha=0.13, linewidth=0)
         else:
             axes.vlines(x, low, np.minimum(high, 10.0), color=colour, alpha=0.5)
-        if method == SERVICE:  # its time is its own choice: from the quartile to the 95th percentile
+        if method == SERVICE:  # the service chooses its time: from the quartile to the 95th percentile
             axes.hlines(median[-1], curve[-1]["fast"], curve[-1]["slow"], color=colour, linewidth=1.2, zorder=4)
         if method in GRIDS:
             dots = zip(*((row["ms"], row["median"]) for row in own if np.isfinite(row["median"])))
@@ -269,24 +275,24 @@ def draw_curves(axes: Any, rows: Sequence[dict[str, Any]], small: bool) -> None:
 
 
 def draw_shares(axes: Any, runs: dict[str, Any], rows: Sequence[dict[str, Any]]) -> None:
-    """Share of cases below 1e-9 within each time that they took, one curve a method: of its strongest setting."""
+    """Draw the fraction of cases below 1e-9 within each time, a curve for each method with its strongest setting."""
     within, strongest = np.geomspace(0.4, 5000, 200), dict([STRONGEST])
     for method in reversed(LOOK):
-        some = {row["setting"]: row["share"] for row in rows if row["method"] == method}
-        if some:
-            setting = strongest.get(method) or max(some, key=lambda one: some[one])
+        shares = {row["setting"]: row["share"] for row in rows if row["method"] == method}
+        if shares:
+            setting = strongest.get(method) or max(shares, key=lambda key: shares[key])
             axes.plot(within, solved_within(runs, method, setting, within), **{**look(method), "marker": ""})
     axes.set(xscale="log", ylim=(-4, 104), xlim=(0.4, 5000), ylabel="cases brought below J = 1e-9 (%)")
     axes.minorticks_off()
 
 
 def curves_of(axes: Any) -> Iterator[list[Any]]:
-    """Lines and words of a legend, the service's first: it is drawn last."""
+    """Return the lines and labels of a legend with the service first, although it is drawn last."""
     return (part[::-1] for part in axes.get_legend_handles_labels())
 
 
 def draw(results: dict[str, Any]) -> None:
-    """All exact classes together, and every class for itself."""
+    """Draw all exact classes together, and each class separately."""
     runs, clock = results["runs"], "processor time of a request, one core (ms)"
     rows = summarise(runs, EXACT)
     with figure("error_vs_runtime.png", 1, 2, (11.5, 5.8), width_ratios=(1.7, 1)) as (drawing, (axes, shares)):
@@ -303,7 +309,7 @@ def draw(results: dict[str, Any]) -> None:
     with figure("error_vs_runtime_classes.png", 4, 4, (11, 10), sharex=True) as (drawing, grid):
         for axes, kind in zip(grid, NAMES):
             draw_curves(axes, summarise(runs, [kind]), small=True)
-            if kind not in EXACT:  # nothing falls below the noise: look closer
+            if kind not in EXACT:  # no error falls below the noise, so enlarge this range
                 axes.set_ylim(*((8e-4, 0.3) if kind == "noise" else (0.05, 3.0)))
             note = {"noise": " of 1e-3", UNREACHABLE: "  (no exact answer)"}.get(kind, "")
             axes.set_title(kind + note, fontsize=10)
@@ -313,7 +319,7 @@ def draw(results: dict[str, Any]) -> None:
 
 
 def measure(cases: Annotated[int, "of each class"] = 30) -> Iterator[dict[str, Any]]:
-    """All methods on one core: of each class, method and setting the milliseconds and the J of its cases, by their seeds."""
+    """Run all methods on a single core; return milliseconds and J of the cases of each class, method and setting."""
     threadpool_limits(1, "blas")
     baselines.need()
     begin = time.perf_counter()

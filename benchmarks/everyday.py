@@ -1,6 +1,6 @@
 """Everyday questions, nearly all without an exact answer, sent to the service with its defaults: errors, times, what must hold.
 
-``python -m benchmarks.everyday`` asks all rows of `tests.everyday.battery`; ``--every 10`` each tenth. For each row and kind of
+``python -m benchmarks.everyday`` asks all rows of `tests.everyday.battery`; ``--step 10`` each tenth. For each row and kind of
 limits the budgets are asked one after the other, and the replies are held against what must hold whatever the machine: no
 server error, more time never worse, a larger family never worse than its part, and nothing lost that was known.
 """
@@ -59,61 +59,63 @@ def ask(service: Service, row: Row, kind: str, budget: int | None) -> Reply:
     answer = client.ask("POST", f"/v2/{row.route}", json.dumps(request).encode())
     seconds = time.perf_counter() - begin
     client.connection.close()
-    told = answer.json() if answer.status == 200 else {}
-    best = next(iter(told.get("solutions", ())), None)
+    content = answer.json() if answer.status == 200 else {}
+    best = next(iter(content.get("solutions", ())), None)
     objective = None if best is None else best["errors"]["objective"]
     strays = best is not None and (best.get("excursion") or 0.0) > LEAVES_SAMPLES
-    return Reply(row.name, kind, budget, answer.status, told.get("status", ""), objective, seconds, strays)
+    return Reply(row.name, kind, budget, answer.status, content.get("status", ""), objective, seconds, strays)
 
 
 def faults(replies: Sequence[Reply]) -> list[str]:
     """A sentence for everything that must not be among the replies to one row, whatever the machine's speed."""
     found = []
-    for one in replies:
-        where = f"{one.name}, {one.kind}, {one.budget or 'no'} ms"
-        if one.code != 200:
-            found.append(f"{where}: answered with {one.code}")
-        elif one.objective is None and one.status not in ("infeasible", "unknown"):
-            found.append(f"{where}: {one.status} without a linkage")
-        for other in replies:
-            if other.strays and not one.strays:
+    for reply in replies:
+        where = f"{reply.name}, {reply.kind}, {reply.budget or 'no'} ms"
+        if reply.code != 200:
+            found.append(f"{where}: answered with {reply.code}")
+        elif reply.objective is None and reply.status not in ("infeasible", "unknown"):
+            found.append(f"{where}: {reply.status} without a linkage")
+        for rival in replies:
+            if rival.strays and not reply.strays:
                 continue
-            more = other.kind == one.kind and (other.budget or 1e9) < (one.budget or 1e9)
-            if more and one.error > WORSE * other.error:
-                found.append(f"{where}: {one.error:.3g}, but {other.error:.3g} with {other.budget} ms")
-            larger = (other.kind, one.kind) == ("preset", "any") and other.budget == one.budget
-            if larger and one.error > WORSE * other.error:
-                found.append(f"{where}: {one.error:.3g}, but {other.error:.3g} among full cranks")
+            more = rival.kind == reply.kind and (rival.budget or 1e9) < (reply.budget or 1e9)
+            if more and reply.error > WORSE * rival.error:
+                found.append(f"{where}: {reply.error:.3g}, but {rival.error:.3g} with {rival.budget} ms")
+            larger = (rival.kind, reply.kind) == ("preset", "any") and rival.budget == reply.budget
+            if larger and reply.error > WORSE * rival.error:
+                found.append(f"{where}: {reply.error:.3g}, but {rival.error:.3g} among full cranks")
     return found
 
 
 def late(replies: Iterable[Reply]) -> list[str]:
     """The replies that took longer than their budget allows."""
-    over = [one for one in replies if one.budget is not None and one.seconds > LONGER * one.budget / 1000]
-    return [f"{one.name}, {one.kind}, {one.budget} ms: {1000 * one.seconds:.0f} ms" for one in over]
+    over = [reply for reply in replies if reply.budget is not None and reply.seconds > LONGER * reply.budget / 1000]
+    return [f"{reply.name}, {reply.kind}, {reply.budget} ms: {1000 * reply.seconds:.0f} ms" for reply in over]
 
 
-def asked(service: Service, row: Row, kinds: Sequence[str] = KINDS, budgets: Sequence[Any] = BUDGETS) -> list[Reply]:
+def replies_to(
+    service: Service, row: Row, kinds: Sequence[str] = KINDS, budgets: Sequence[Any] = BUDGETS
+) -> list[Reply]:
     """The replies to one row, within each kind of limits and with each budget."""
     return [ask(service, row, kind, budget) for kind in kinds for budget in budgets]
 
 
 def measure(
-    every: Annotated[int, "each so many-th row"] = 1, clients: Annotated[int, "asked by so many at a time"] = 1
+    step: Annotated[int, "each so many-th row"] = 1, clients: Annotated[int, "asked by so many at a time"] = 1
 ) -> Iterator[dict[str, Any]]:
     """All rows; results by group of rows and kind of limits."""
     with running(serve_command) as service, ThreadPoolExecutor(clients) as pool:
         for row in rows()[:3]:
             ask(service, row, "any", 100)  # what the first request of a kind makes is made
-        replies = list(pool.map(lambda row: asked(service, row), rows()[::every]))
+        replies = list(pool.map(lambda row: replies_to(service, row), rows()[::step]))
     yield {
         "requests": sum(map(len, replies)),
-        "faults": [sentence for some in replies for sentence in faults(some)],
-        "late": [sentence for some in replies for sentence in late(some)],
+        "faults": [sentence for group in replies for sentence in faults(group)],
+        "late": [sentence for group in replies for sentence in late(group)],
         "rows": [summary(group, kind, replies) for group in GROUPS for kind in KINDS],
         "errors": {
-            some[0].name: {one.kind: report.finite(one.error) for one in some if one.budget is None}
-            for some in replies
+            group[0].name: {reply.kind: report.finite(reply.error) for reply in group if reply.budget is None}
+            for group in replies
         },
     }
 
@@ -123,15 +125,15 @@ GROUPS = ("drawn", "drawn by hand", "poses", "poses, angles missing", "points", 
 
 def summary(group: str, kind: str, replies: Sequence[Sequence[Reply]]) -> dict[str, Any]:
     """Times and errors of one group of rows within one kind of limits."""
-    own = [[one for one in some if one.kind == kind] for some in replies if group_of(some[0].name) == group]
+    own = [[reply for reply in row if reply.kind == kind] for row in replies if group_of(row[0].name) == group]
     out: dict[str, Any] = {"group": group, "limits": kind, "cases": len(own)}
     for budget in BUDGETS[:-1]:
-        pairs = [({one.budget: one for one in some}[budget], some[-1]) for some in own]
+        pairs = [({reply.budget: reply for reply in row}[budget], row[-1]) for row in own]
         out[f"near_{budget}"] = float(np.mean([a.error <= WORSE * b.error for a, b in pairs])) if pairs else None
-    last = [some[-1] for some in own]
-    out["exact"] = float(np.mean([one.error <= EXACT for one in last])) if last else None
-    out["median_ms"] = 1000 * float(np.median([one.seconds for one in last])) if last else None
-    out["longest_ms"] = 1000 * max((one.seconds for one in last), default=0.0)
+    last = [row[-1] for row in own]
+    out["exact"] = float(np.mean([reply.error <= EXACT for reply in last])) if last else None
+    out["median_ms"] = 1000 * float(np.median([reply.seconds for reply in last])) if last else None
+    out["longest_ms"] = 1000 * max((reply.seconds for reply in last), default=0.0)
     return out
 
 

@@ -1,10 +1,10 @@
-"""The figures of the documents: one style, the colours, and what several of them draw.
+"""Figures of the documents: common style, colours, and elements that several of them use.
 
-In short::
+Example::
 
     with figure("name.png", 1, 2) as (drawing, (left, right)):
-        curve(left, rows, "types", "ms", color=BLUE)     # of rows that have both numbers
-        note(left, "here", (x, y), (5, 5))               # words, five points to the right and up
+        curve(left, rows, "types", "ms", color=BLUE)     # rows with both numbers
+        note(left, "here", (x, y), (5, 5))               # text, five points to the right and up
         arrow(right, start, end)
 """
 
@@ -42,15 +42,16 @@ STYLE = {
 def figure(
     name: str, rows: int = 1, columns: int = 1, size: tuple[float, float] = (11, 4.6), **options: Any
 ) -> Iterator[tuple[Any, Any]]:
-    """A figure of the documents in the common style, saved as ``docs/img/NAME`` where the block ends without an error.
+    """Provide a figure in the common style, saved as ``docs/img/NAME`` if the block ends without an error.
 
-    Law: the same drawing gives the same bytes.
+    Equal drawings give equal bytes.
 
     Yields
     ------
     drawing : matplotlib Figure
-        With constrained layout.
+        Figure with constrained layout.
     panels : ndarray of Axes, shape (rows * columns,)
+        Axes of the panels.
     """
     import matplotlib as mpl
 
@@ -58,8 +59,8 @@ def figure(
     import matplotlib.pyplot as plt
 
     with mpl.rc_context(STYLE):
-        made = {"figsize": size, "layout": "constrained", "squeeze": False, **options}
-        drawing, panels = plt.subplots(rows, columns, **made)
+        settings = {"figsize": size, "layout": "constrained", "squeeze": False, **options}
+        drawing, panels = plt.subplots(rows, columns, **settings)
         try:
             yield drawing, panels.ravel()
             IMAGES.mkdir(parents=True, exist_ok=True)
@@ -69,23 +70,23 @@ def figure(
 
 
 def note(axes: Any, text: str, at: tuple[float, float], offset: tuple[float, float] = (0, 0), **style: Any) -> None:
-    """Words at a place of the axes, moved by an offset in points."""
+    """Write text at a point of the axes, moved by an offset in points."""
     axes.annotate(text, at, offset, textcoords="offset points", **style)
 
 
 def bare(axes: Any, **limits: Any) -> None:
-    """Axes for the drawing of a mechanism: equal scales, nothing of the frame."""
+    """Prepare axes for the drawing of a mechanism: equal scales, no frame."""
     axes.set(aspect="equal", **limits)
     axes.set_axis_off()
 
 
 def curve(axes: Any, rows: Sequence[Mapping[str, Any]], x: str, y: str, *marks: str, **style: Any) -> None:
-    """One line through two finite numbers of each row; rows that lack one are left out."""
+    """Draw a line through two numbers of each row; rows without finite numbers are omitted."""
     pairs = [(row[x], row[y]) for row in rows if None not in (row[x], row[y])]
     axes.plot(*zip(*(pair for pair in pairs if all(map(math.isfinite, pair)))), *marks, **style)
 
 
 def arrow(axes: Any, start: Any, end: Any, text: str = "", shape: str = "-|>", color: str = INK, **line: Any) -> None:
-    """An arrow between two places of the axes, with words where it starts."""
+    """Draw an arrow between two points of the axes, with text at its start."""
     line = {"arrowstyle": shape, "color": color, "lw": 0.8} | line
-    axes.annotate(text, end, start, arrowprops=line, fontsize=9 if text else None)  # the head grows with the words
+    axes.annotate(text, end, start, arrowprops=line, fontsize=9 if text else None)  # the head grows with the text

@@ -1,6 +1,7 @@
-"""First answers to everyday questions with free crank angles: balanced ones of any family, beside the least error of full cranks.
+"""First answers to everyday requests with free crank angles: balanced answers of any family and smallest errors of full cranks.
 
-The second was the default before. Random lids and flaps, straight lines, drawn paths, and questions that people asked.
+The second was the former default. The requests are random lids and flaps, straight lines, drawn paths, and user
+requests.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from synthesis.ranking import CRITERIA, PREFERENCES
 from tests.everyday.battery import drawn
 
 BEFORE = {"prefer": "error", "limits": {"family": "full_crank"}}
-ASKED = {
+USER_REQUESTS = {
     "line of 10 points": {"position": [[k, k] for k in range(10)]},
     "shelf in a cabinet": {
         "rotation": [0, 0, 0],
@@ -37,7 +38,7 @@ ASKED = {
         "limits": {"pivot_box": [0, 0, 15, 10]},
     },
 }
-"""Requests of single questions, without their timing."""
+"""User requests without their timing."""
 
 
 def lid(seed: int) -> dict[str, Any]:
@@ -67,17 +68,17 @@ GROUPS = {"lids and flaps": lid, "straight lines": line, "drawn paths": path}
 
 
 def first_answer(request: dict[str, Any], options: dict[str, Any]) -> dict[str, Any]:
-    """Solve a request; return the measures of the first answer, and the error of the least one over the extent."""
+    """Solve a request; return the measures of the first answer, and the error of the most accurate answer over the extent."""
     limits = request.get("limits", {}) | options.get("limits", {})
     start = time.process_time()
     found = la.synthesize(**request | options | {"timing": "free", "limits": limits})
     seconds = time.process_time() - start
-    least = min(found, key=lambda solution: solution.errors.objective)
+    most_accurate = min(found, key=lambda solution: solution.errors.objective)
     return {
         "size": found.best.size,
         "transmission": found.best.transmission_angle_min,
         "error": found.best.errors.objective,
-        "least": least.errors.objective,
+        "least": most_accurate.errors.objective,
         "ms": 1000 * seconds,
     }
 
@@ -98,14 +99,14 @@ def summary(group: str, options: str, answers: list[dict[str, Any]]) -> dict[str
     }
 
 
-def measure(cases: Annotated[int, "of each group"] = 20) -> Iterator[dict[str, Any]]:
+def measure(cases: Annotated[int, "number of cases of each group"] = 20) -> Iterator[dict[str, Any]]:
     """Measure all groups with both options, one after the other."""
     la.prepare()
-    la.synthesize([0, 10], [[0, 0], [1, 1]], timing="free")  # what the first request makes is not timed
+    la.synthesize([0, 10], [[0, 0], [1, 1]], timing="free")  # the work of the first request is not timed
     rows, points = [], []
     with threadpool_limits(1):
         tasks = {group: [draw_task(seed) for seed in range(cases)] for group, draw_task in GROUPS.items()}
-        for group, requests in (tasks | {name: [request] for name, request in ASKED.items()}).items():
+        for group, requests in (tasks | {name: [request] for name, request in USER_REQUESTS.items()}).items():
             pairs = [(first_answer(request, BEFORE), first_answer(request, {})) for request in requests]
             before, now = (list(column) for column in zip(*pairs))
             rows += [summary(group, "least error of full cranks", before), summary(group, "balanced", now)]
@@ -117,7 +118,7 @@ def measure(cases: Annotated[int, "of each group"] = 20) -> Iterator[dict[str, A
 
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:
-    """Return the table of the document, and that of the rule."""
+    """Return the table of the document and the table of the rule."""
     criteria = [*CRITERIA.items(), *((f"`{name}`", criterion) for name, criterion in PREFERENCES.items())]
     rule = [{"criterion": name, "rule": criterion.rule} for name, criterion in criteria]
     return report.tables("first_answers", {"rows": results["rows"], "rule": rule})

@@ -1,7 +1,8 @@
-"""Poses without crank angles: what noise costs, and other programs on exact ones.
+"""Poses without crank angles: the effect of noise, and other programs on exact poses.
 
-J is recomputed from the reply's numbers by `tests.oracles.free_classes`; times are those of `linkage_atlas.synthesize`, ten
-solutions with all that is told of them. Exact requests, random poses and published cases: `benchmarks.engine`.
+J is recomputed from the numbers of the reply by `tests.oracles.free_classes`; times are those of
+`linkage_atlas.synthesize` with ten solutions. Exact requests, random poses and published cases are measured by
+`benchmarks.engine`.
 """
 
 from __future__ import annotations
@@ -24,20 +25,22 @@ GENERATIONS = 300
 
 
 def measure_noise(samples: int, cases: int) -> dict[str, Any]:
-    """J of the best solution over that of the linkages of the exact poses, refined on the noisy ones; and milliseconds."""
+    """Return J of the best solution relative to the refined exact linkages on noisy poses, and milliseconds."""
     times, ratio = Times(), []
     for seed in range(cases):
         exact = free_case(seed, samples)
         case, request = free_request(exact, "noise", seed)
         found = times.run(la.synthesize, **request)
         best = recompute_free(case.position, case.rotation, found.best.to_dict())
-        least = np.inf
-        for one in la.synthesize(**free_request(exact, "motion", seed)[1]).solutions:
-            links = one.linkage.links
+        smallest = np.inf
+        for solution in la.synthesize(**free_request(exact, "motion", seed)[1]).solutions:
+            links = solution.linkage.links
             if links.max() < 1e5 * links.min():
-                polished = la.synthesize(**request, start_from=[one.to_dict()], local=True)
-                least = min(least, recompute_free(case.position, case.rotation, polished.best.to_dict()).objective)
-        ratio.append(best.objective / least if best.one_way else np.inf)
+                polished = la.synthesize(**request, start_from=[solution.to_dict()], local=True)
+                smallest = min(
+                    smallest, recompute_free(case.position, case.rotation, polished.best.to_dict()).objective
+                )
+        ratio.append(best.objective / smallest if best.one_way else np.inf)
     return {
         "samples": samples,
         "cases": cases,
@@ -48,9 +51,9 @@ def measure_noise(samples: int, cases: int) -> dict[str, Any]:
 
 
 def measure_baselines() -> list[dict[str, Any]]:
-    """Differential evolution and pylinkage beside ours on the same poses: how many fit, of how many cases, in which time.
+    """Run differential evolution and pylinkage on the same poses; return fitting cases and times.
 
-    Of pylinkage all answers to three to five poses count; evolution is also given more poses.
+    All answers of pylinkage to three to five poses count; evolution also gets larger numbers of poses.
     """
     rows = []
     for samples in BASELINE_POSES:
@@ -68,8 +71,8 @@ def measure_baselines() -> list[dict[str, Any]]:
                     best.append(times.run(baselines.evolve_poses, *poses, GENERATIONS, seed))
                 else:
                     reply = times.run(la.synthesize, **request)
-                    told = [recompute_free(*poses, one.to_dict()) for one in reply.solutions]
-                    best.append(min((one.objective for one in told if one.one_way), default=np.inf))
+                    recomputed = [recompute_free(*poses, solution.to_dict()) for solution in reply.solutions]
+                    best.append(min((result.objective for result in recomputed if result.one_way), default=np.inf))
         for name, (times, best) in found.items():
             rows.append({"method": name, "samples": samples, "cases": len(best), **times.summary()})
             rows[-1] |= {
@@ -80,7 +83,7 @@ def measure_baselines() -> list[dict[str, Any]]:
 
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:
-    """The tables of docs/free_timing.md."""
+    """Return the tables of docs/free_timing.md."""
     noise = [
         row | {"times": ", ".join(report.significant(row[f"{which}_processor_ms"]) for which in ("median", "p99"))}
         for row in results["noise"]
@@ -89,9 +92,9 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
 
 
 def measure(
-    cases: Annotated[int, "among noise, of each number of samples"] = 30,
+    cases: Annotated[int, "number of noisy cases for each number of samples"] = 30,
 ) -> Iterator[dict[str, Any]]:
-    """Noise, then the baselines."""
+    """Measure the noise, then the baselines."""
     baselines.need()
     threadpool_limits(1, "blas")
     la.prepare()

@@ -1,8 +1,9 @@
-"""Function generation: least largest errors of named functions, and baselines.
+"""Function generation: smallest largest errors of named functions, and baselines.
 
-Largest errors are those at 2,001 even places, recomputed from the reply's numbers by `tests.oracles.function_cases`. Baselines:
-scipy's differential evolution over the same five unknowns, and pylinkage's function generation through 3 to 5 precision points at
-every pair of dial zeros of a grid, its best answer. Exact functions: `benchmarks.engine`.
+Largest errors are evaluated at 2,001 evenly spaced points and recomputed from the numbers of the reply by
+`tests.oracles.function_cases`. Baselines are the differential evolution of scipy over the same five unknowns, and
+the function generation of pylinkage through 3 to 5 precision points at every pair of dial zeros of a grid. Exact
+functions are measured by `benchmarks.engine`.
 """
 
 from __future__ import annotations
@@ -28,17 +29,17 @@ from tests.oracles.function_cases import SAMPLES, largest_error, wanted_output
 RUNS = 10
 RATIO = 20.0
 ZERO_STEP = 10.0
-"""Degrees between two zeros of a dial that pylinkage is asked at."""
+"""Step between two zeros of a dial for pylinkage, degrees."""
 
 
-class Asked(NamedTuple):
-    """A named function on its dials, and what is known of it."""
+class NamedFunction(NamedTuple):
+    """A named function on its dials, and its best known error."""
 
     name: str
     function: dict[str, Any]
     crank_span: float
     known: float | None = None
-    """Least largest error known before, in degrees."""
+    """Smallest largest error known before, degrees."""
     limits: Mapping[str, Any] = MappingProxyType({})
 
 
@@ -47,61 +48,63 @@ def _named(name: str, first: float, last: float, span: float, **more: Any) -> di
 
 
 FUNCTIONS = (
-    Asked("log10 x, 1..2", _named("log10", 1, 2, 90), 60, 0.0469, {"transmission_angle_min": 30}),
-    Asked("log10 x, 1..2", _named("log10", 1, 2, 90), 60, 0.00697),
-    Asked("sin x, 0..90", _named("sin", 0, 90, 60), 120, 0.0402),
-    Asked("sin x, 0..90", _named("sin", 0, 90, 90), 90, 0.190),
-    Asked("x^2, 0..1", _named("power", 0, 1, 90, exponent=2), 90, 0.0590),
-    Asked("x^1.5, 1..4", _named("power", 1, 4, 90, exponent=1.5), 90, 0.00485),
-    Asked("ln x, 1..3", _named("ln", 1, 3, 90), 90),
-    Asked("exp x, 0..1", _named("exp", 0, 1, 90), 90),
-    Asked("tan x, 0..45", _named("tan", 0, 45, 90), 90),
-    Asked("1/x, 1..2", _named("reciprocal", 1, 2, -90), 90),
-    Asked("x^0.5, 0..1", _named("power", 0, 1, 90, exponent=0.5), 90),
-    Asked("x^0.5, 1..4", _named("power", 1, 4, 90, exponent=0.5), 90),
-    Asked("x^3, 0..1", _named("power", 0, 1, 90, exponent=3), 90),
-    Asked("cos x, 0..90", _named("cos", 0, 90, -90), 90),
-    Asked("cos x, 0..60", _named("cos", 0, 60, -60), 90),
-    Asked("sin x, 0..180", _named("sin", 0, 180, 60), 120),
-    Asked("exp x, 0..2", _named("exp", 0, 2, 90), 120, None, {"transmission_angle_min": 40}),
-    Asked("ln x, 1..3", _named("ln", 1, 3, 90), 90, None, {"transmission_angle_min": 30, "link_ratio_max": 5}),
-    Asked("1/x, 1..2", _named("reciprocal", 1, 2, 90), 90, None, {"family": "full_crank"}),
+    NamedFunction("log10 x, 1..2", _named("log10", 1, 2, 90), 60, 0.0469, {"transmission_angle_min": 30}),
+    NamedFunction("log10 x, 1..2", _named("log10", 1, 2, 90), 60, 0.00697),
+    NamedFunction("sin x, 0..90", _named("sin", 0, 90, 60), 120, 0.0402),
+    NamedFunction("sin x, 0..90", _named("sin", 0, 90, 90), 90, 0.190),
+    NamedFunction("x^2, 0..1", _named("power", 0, 1, 90, exponent=2), 90, 0.0590),
+    NamedFunction("x^1.5, 1..4", _named("power", 1, 4, 90, exponent=1.5), 90, 0.00485),
+    NamedFunction("ln x, 1..3", _named("ln", 1, 3, 90), 90),
+    NamedFunction("exp x, 0..1", _named("exp", 0, 1, 90), 90),
+    NamedFunction("tan x, 0..45", _named("tan", 0, 45, 90), 90),
+    NamedFunction("1/x, 1..2", _named("reciprocal", 1, 2, -90), 90),
+    NamedFunction("x^0.5, 0..1", _named("power", 0, 1, 90, exponent=0.5), 90),
+    NamedFunction("x^0.5, 1..4", _named("power", 1, 4, 90, exponent=0.5), 90),
+    NamedFunction("x^3, 0..1", _named("power", 0, 1, 90, exponent=3), 90),
+    NamedFunction("cos x, 0..90", _named("cos", 0, 90, -90), 90),
+    NamedFunction("cos x, 0..60", _named("cos", 0, 60, -60), 90),
+    NamedFunction("sin x, 0..180", _named("sin", 0, 180, 60), 120),
+    NamedFunction("exp x, 0..2", _named("exp", 0, 2, 90), 120, None, {"transmission_angle_min": 40}),
+    NamedFunction(
+        "ln x, 1..3", _named("ln", 1, 3, 90), 90, None, {"transmission_angle_min": 30, "link_ratio_max": 5}
+    ),
+    NamedFunction("1/x, 1..2", _named("reciprocal", 1, 2, 90), 90, None, {"family": "full_crank"}),
 )
 
 
 def answer(request: dict[str, Any]) -> la.FunctionResult:
-    """What the front door answers."""
+    """Return the reply of `linkage_atlas`."""
     return la.function(**request)
 
 
 # -- least largest errors ---------------------------------------------------------------------------------------------
 
 
-def made(links: np.ndarray, branch: int, crank: np.ndarray) -> np.ndarray:
-    """theta3 at crank angles, continuous, by intersecting circles; NaN where it opens."""
+def rocker_angle(links: np.ndarray, branch: int, crank: np.ndarray) -> np.ndarray:
+    """Return theta3 at crank angles, continuous, by intersecting circles; NaN if the loop is open."""
     _, pin = close(links, branch, crank)
     with np.errstate(invalid="ignore"):
         return np.unwrap(np.angle(pin - links[3]))
 
 
-def dense(asked: Asked) -> tuple[np.ndarray, np.ndarray]:
-    """Crank angles and outputs in radians at even places of the interval."""
-    return np.deg2rad(np.linspace(0, asked.crank_span, SAMPLES)), np.deg2rad(wanted_output(asked.function))
+def dense(case: NamedFunction) -> tuple[np.ndarray, np.ndarray]:
+    """Return crank angles and outputs in radians at evenly spaced points of the interval."""
+    return np.deg2rad(np.linspace(0, case.crank_span, SAMPLES)), np.deg2rad(wanted_output(case.function))
 
 
-def measure_function(asked: Asked) -> dict[str, Any]:
-    """Our answer: largest error, alternations, linkage, and time; and whether `RUNS` runs give the same bytes."""
-    request: dict[str, Any] = {"function": asked.function, "crank_span": asked.crank_span, "objective": "max"}
+def measure_function(case: NamedFunction) -> dict[str, Any]:
+    """Measure our answer: largest error, alternations, linkage and time, and equality of the bytes of `RUNS` runs."""
+    request: dict[str, Any] = {"function": case.function, "crank_span": case.crank_span, "objective": "max"}
     times, replies = Times(), []
     for _ in range(RUNS):
-        found = times.run(answer, {**request, "limits": dict(asked.limits)})
+        found = times.run(answer, {**request, "limits": dict(case.limits)})
         replies.append(json.dumps(found.to_dict()["solutions"]))
     best = found.solutions[0].to_dict()
     return {
-        "name": asked.name,
-        "spans": f"{asked.crank_span:g}/{asked.function['output_span']:g}",
-        "limits": ", ".join(f"{name} {value}" for name, value in asked.limits.items()) or "none",
-        "known": asked.known,
+        "name": case.name,
+        "spans": f"{case.crank_span:g}/{case.function['output_span']:g}",
+        "limits": ", ".join(f"{name} {value}" for name, value in case.limits.items()) or "none",
+        "known": case.known,
         "error": largest_error(request, best),
         "told": best["errors"]["max"],
         "error_y": best["errors"]["max_y"],
@@ -115,17 +118,17 @@ def measure_function(asked: Asked) -> dict[str, Any]:
     }
 
 
-def measure_evolution(asked: Asked, seeds: int = 1) -> dict[str, Any]:
-    """scipy's differential evolution: the best of both branches; the offset is the middle of the gap's range."""
+def measure_evolution(case: NamedFunction, seeds: int = 1) -> dict[str, Any]:
+    """Run the differential evolution of scipy on both branches; the offset is the middle of the range of the gap."""
     from scipy.optimize import differential_evolution
 
     from linkage_atlas.limits import read_function_limits
 
-    crank, output = dense(asked)
+    crank, output = dense(case)
     target = Target(output, None, crank=crank)
-    limits = read_function_limits(asked.limits, target, True).over(1.0)
-    some = slice(None, None, 10)
-    few, aims = crank[some], output[some]
+    limits = read_function_limits(case.limits, target, True).over(1.0)
+    coarse = slice(None, None, 10)
+    few, aims = crank[coarse], output[coarse]
     best, times = (np.inf, None), Times()
 
     def errors(unknowns: np.ndarray, branch: int) -> np.ndarray:
@@ -136,8 +139,8 @@ def measure_evolution(asked: Asked, seeds: int = 1) -> dict[str, Any]:
             gap = aims - np.unwrap(np.angle(pin - 1), axis=1)
         size = (gap.max(axis=1) - gap.min(axis=1)) / 2
         shapes = Placed(links[:, :, 0].T, np.full(start.shape, float(branch)), target.interval.after(start))
-        kept = keeps(target, limits, shapes)
-        return np.where(np.isfinite(size) & kept, size, 10.0)
+        within = keeps(target, limits, shapes)
+        return np.where(np.isfinite(size) & within, size, 10.0)
 
     box = [(-np.log(RATIO), np.log(RATIO))] * 3 + [(0, 2 * np.pi)]
     for branch in (1, -1):
@@ -159,16 +162,16 @@ def measure_evolution(asked: Asked, seeds: int = 1) -> dict[str, Any]:
     if best[1] is None or best[0] >= 10:
         return {"evolution": None, "evolution_s": sum(times.processor)}
     (x, branch) = best[1]
-    angle = made(np.append(np.exp(x[:3]), 1.0), branch, x[3] + crank)
+    angle = rocker_angle(np.append(np.exp(x[:3]), 1.0), branch, x[3] + crank)
     gap = np.rad2deg(output - angle)
     return {"evolution": float(np.ptp(gap) / 2), "evolution_s": sum(times.processor)}
 
 
-def measure_pylinkage(asked: Asked) -> dict[str, Any]:
-    """pylinkage's function generation through 3, 4 and 5 Chebyshev points at a grid of zeros: the best over the interval."""
+def measure_pylinkage(case: NamedFunction) -> dict[str, Any]:
+    """Run the function generation of pylinkage through 3, 4 and 5 Chebyshev points at a grid of zeros."""
     from pylinkage.synthesis import function_generation
 
-    crank, output = dense(asked)
+    crank, output = dense(case)
     zeros = np.deg2rad(np.arange(0.0, 360.0, ZERO_STEP))
     found: dict[str, Any] = {}
     for points in (3, 4, 5):
@@ -181,11 +184,11 @@ def measure_pylinkage(asked: Asked) -> dict[str, Any]:
                 with warnings.catch_warnings():
                     warnings.simplefilter("ignore")
                     result = times.run(function_generation, pairs, require_grashof=False)
-                for one in result.raw_solutions:
+                for raw in result.raw_solutions:
                     answers += 1
-                    links = np.array([one.crank_length, one.coupler_length, one.rocker_length, one.ground_length])
+                    links = np.array([raw.crank_length, raw.coupler_length, raw.rocker_length, raw.ground_length])
                     for branch in (1, -1):
-                        gap = output + first - made(links, branch, start + crank)
+                        gap = output + first - rocker_angle(links, branch, start + crank)
                         size = np.abs(gap - 2 * np.pi * np.round(gap[0] / (2 * np.pi))).max()
                         best = min(best, np.rad2deg(size)) if np.isfinite(size) else best
         found |= {
@@ -200,7 +203,7 @@ def measure_pylinkage(asked: Asked) -> dict[str, Any]:
 
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:
-    """The tables of docs/function.md."""
+    """Return the tables of docs/function.md."""
     functions = [
         row
         | {
@@ -221,14 +224,14 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
 
 
 def measure() -> Iterator[dict[str, Any]]:
-    """Each function, and its baselines."""
+    """Measure each function and its baselines."""
     baselines.need()
     threadpool_limits(1, "blas")
     la.prepare()
     la.function([0, 1, 3], 30)
     rows = []
-    for asked in FUNCTIONS:
-        rows.append(measure_function(asked) | measure_evolution(asked) | measure_pylinkage(asked))
+    for case in FUNCTIONS:
+        rows.append(measure_function(case) | measure_evolution(case) | measure_pylinkage(case))
         print(json.dumps(rows[-1]), flush=True)
     yield {"functions": rows}
 

@@ -1,4 +1,4 @@
-"""Verdicts on linkages on two guides against following them step by step: all pairs of guides, all drives."""
+"""Verdicts on linkages on two guides, compared with a step-by-step simulation: all pairs of guides, all drives."""
 
 from __future__ import annotations
 
@@ -14,9 +14,10 @@ from tests.oracles.guided_tracker import follow
 
 
 def measure(
-    cases: Annotated[int, "of each pair of guides and drive"] = 170, seed: Annotated[int, "of the cases"] = 2
+    cases: Annotated[int, "number of cases of each pair of guides and drive"] = 170,
+    seed: Annotated[int, "seed of the cases"] = 2,
 ) -> Iterator[dict[str, Any]]:
-    """Of each drive beside each guide: cases, those near a dead position, those that pass, and disagreements."""
+    """Count, for each pair of guides and drive, all cases, cases near a dead position, accepted cases and disagreements."""
     rows = []
     for name, drive in zip(NAMES, DRIVES):
         random = np.random.default_rng(seed)
@@ -43,7 +44,7 @@ def measure(
 
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:
-    """The table, and the totals in words."""
+    """Return the table, and a sentence with the totals."""
     total = results["total"]
     compared = total["cases"] - total["near"]
     return {

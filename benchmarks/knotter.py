@@ -195,7 +195,7 @@ def event_errors() -> list[dict]:
     methods["grid of 5 deg and Brent, 900 pairs at once"] = brent_entries
     methods["grid of 5 deg and Brent, one pair at a time"] = partial(pair_by_pair, entries=brent_entries)
     times = {
-        name: repeat(lambda method=method: method(many, count), 1 if "one pair" in name else 5).least.processor
+        name: repeat(lambda method=method: method(many, count), 1 if "one pair" in name else 5).minimum.processor
         for name, method in methods.items()
     }
     return [

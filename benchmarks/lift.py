@@ -79,8 +79,8 @@ def measure_integration() -> Iterator[dict[str, Any]]:
             clock.run(run, design, *options)
         error, residual = oracle.integration_error(design, CYLINDER, times, states)
         reached = times[times <= stroke(design, CYLINDER).duration]
-        closed = repeat(partial(motion, design, CYLINDER, reached)).least.processor
-        seconds, diverged = clock.least.processor, np.isnan(error)
+        closed = repeat(partial(motion, design, CYLINDER, reached)).minimum.processor
+        seconds, diverged = clock.minimum.processor, np.isnan(error)
         row = {"design": name, "method": method, "setting": setting, "times": len(reached), "seconds": seconds}
         row |= {"height_error": None if diverged else error, "loop_residual": None if diverged else residual}
         yield {**row, "ratio": seconds / closed, "stopped_at": times[-1] if diverged else None}
@@ -100,8 +100,8 @@ def measure_closed_form() -> Iterator[dict[str, Any]]:
         samples = zip(trajectory.cylinder_length[::1144].tolist(), trajectory.pose.height[::1144].tolist())
         error = max(abs(float(exact.height_at_length(length) - height)) for length, height in samples)
         row = {"design": name, "largest_residual": largest_residual(trajectory), "height_error": error}
-        row["by_turn_ms"] = 1e3 * repeat(partial(closed_form_rates, design, turns)).least.processor
-        row["from_time_ms"] = 1e3 * repeat(partial(motion, design, CYLINDER, samples=POSES)).least.processor
+        row["by_turn_ms"] = 1e3 * repeat(partial(closed_form_rates, design, turns)).minimum.processor
+        row["from_time_ms"] = 1e3 * repeat(partial(motion, design, CYLINDER, samples=POSES)).minimum.processor
         yield row
 
 

@@ -1,6 +1,6 @@
-"""Requests within limits, and such that no linkage meets: error against run time, beside general optimisers on the same problem.
+"""Requests within limits that no linkage satisfies exactly: error against run time, beside general optimisers.
 
-The best known J of a request is the least of all methods and of a heavy search (`heavy`).
+The best known J of a request is the smallest J of all methods and of a heavy search (`heavy`).
 """
 
 from __future__ import annotations
@@ -21,22 +21,23 @@ from tests.oracles.recompute import REACHED, broken_limits, recompute
 
 KINDS = ("broken", "boxed", "machine", UNREACHABLE)
 BUDGETS = (50, 100, 300)
-NEAR, FAR = 1.01, 1.05
+CLOSE, LOOSE = 1.01, 1.05
 SLSQP_STARTS = 20
 GENERATIONS, POPULATION = 300, 60
 
 
 class General:
-    """A request as general optimisers take it: J squared and its gradient, constraints and theirs, of one or many points.
+    """A request in the form of general optimisers: J squared, constraints and their gradients, at a point or many points.
 
-    Unknowns are those of the chart, the start, and where limits concern the pose, pivot A, the ground angle and z2.
+    The unknowns are those of the chart, the start and, if limits concern the pose, pivot A, the ground angle and
+    z2.
     """
 
     def __init__(self, target: product.Target, limits: product.Limits) -> None:
         self.target, self.limits = target, limits
-        way = product.FOURBAR.bounded(target, limits)[0]
-        self.problem, self.constraints = product.problem_of(target, way), way.constraints
-        self.posed = way.boxes is not None
+        bounded = product.FOURBAR.bounded(target, limits)[0]
+        self.problem, self.constraints = product.problem_of(target, bounded), bounded.constraints
+        self.posed = bounded.boxes is not None
         size = 10 if self.posed else 5
         low, high = np.full(size, -3.0), np.full(size, 3.0)
         low[:4], high[:4] = 1e-6, 4.0 if self.posed else 1.0
@@ -44,7 +45,7 @@ class General:
         self.bounds = np.column_stack([low, high])
 
     def timed(self, points: np.ndarray, branch: np.ndarray) -> product.Timed:
-        """Candidates at points; a rotation's offset is the best."""
+        """Return candidates at points; the offset of a rotation is optimal."""
         pose = None
         if self.posed:
             crank = self.problem.chart.shape(points[:, :4]).lengths[:, 0]
@@ -54,19 +55,19 @@ class General:
         return self.problem.descended(timed, [product.Stage(0)]).timed
 
     def constrained(self, points: np.ndarray, branch: np.ndarray) -> Any:
-        """The constraints at points."""
+        """Return the constraints at points."""
         lengths = self.problem.chart.shape(points[:, :4]).lengths
         used, pose = self.target.interval.after(points[:, 4]), points[:, 5:].T
-        place = (pose[0] + 1j * pose[1], pose[2], pose[3] + 1j * pose[4]) if self.posed else ()
-        return self.constraints(product.Placed(lengths, branch, used, *place))
+        pose_parts = (pose[0] + 1j * pose[1], pose[2], pose[3] + 1j * pose[4]) if self.posed else ()
+        return self.constraints(product.Placed(lengths, branch, used, *pose_parts))
 
     def cost(self, point: np.ndarray, branch: float, family: int) -> tuple[float, np.ndarray]:
-        """J squared and its gradient at one point."""
+        """Return J squared and its gradient at a point."""
         at = point[None] * np.concatenate([[family], np.ones(point.size - 1)])
-        told = self.problem.linearised(self.timed(at, np.array([branch])), 1.0)[0]
-        if told is None:
+        linearised = self.problem.linearised(self.timed(at, np.array([branch])), 1.0)[0]
+        if linearised is None:
             return 1e6, np.zeros(point.size)
-        rows = told["rows"][:, : told["turn"].size]
+        rows = linearised["rows"][:, : linearised["turn"].size]
         slope, residual = 2 * rows[:-1] @ rows[-1], rows[-1]
         gradient = slope[-5:]
         if self.posed:  # z1 = L1 e^{i turned}
@@ -79,7 +80,7 @@ class General:
         return float(residual @ residual), gradient
 
     def slack(self, point: np.ndarray, branch: float, family: int) -> tuple[np.ndarray, np.ndarray]:
-        """Constraints and their derivatives at one point."""
+        """Return the constraints and their derivatives at a point."""
         at = point[None] * np.concatenate([[family], np.ones(point.size - 1)])
         found, by = self.constrained(at, np.array([branch])), self.problem.chart.shape(at[:, :4]).jacobian[0]
         slopes = found.slopes[0]
@@ -89,7 +90,7 @@ class General:
         return found.values[0] - 1e-7, slopes
 
     def penalised(self, points: np.ndarray) -> np.ndarray:
-        """J squared and 10 times what is broken, at many points whose last two entries choose branch and family."""
+        """Return J squared plus 10 times the violations, at points whose last two entries select branch and family."""
         at, branch = points[:-2].T.copy(), np.where(points[-2] > 0, 1.0, -1.0)
         at[:, 0] *= np.where(points[-1] > 0, 1.0, -1.0)
         cost = self.problem.measured(self.timed(at, branch), posed=not self.posed).cost
@@ -97,7 +98,7 @@ class General:
         return np.where(np.isfinite(cost), cost + 10 * np.sum(lacking, axis=1), 1e6)
 
     def objective(self, point: np.ndarray, branch: float, family: int) -> float:
-        """J of the linkage at a point, infinite outside of the limits."""
+        """Return J of the linkage at a point; infinite outside the limits."""
         at = point[None] * np.concatenate([[family], np.ones(point.size - 1)])
         pool = self.problem.measured(self.timed(at, np.array([branch])), posed=not self.posed)
         linkages = self.problem.linkages(product.FOURBAR, pool)
@@ -106,7 +107,7 @@ class General:
 
 
 def slsqp(target: product.Target, limits: product.Limits) -> float:
-    """The least J of scipy's SLSQP from many starts at random, with exact derivatives."""
+    """Return the smallest J of scipy's SLSQP from random starts, with exact derivatives."""
     general, random, best = General(target, limits), np.random.default_rng(3), np.inf
     low, high = general.bounds.T
     for _ in range(SLSQP_STARTS):
@@ -135,7 +136,7 @@ def slsqp(target: product.Target, limits: product.Limits) -> float:
 
 
 def evolution(target: product.Target, limits: product.Limits) -> float:
-    """The least J of scipy's differential evolution, limits as penalties."""
+    """Return the smallest J of scipy's differential evolution, with limits as penalties."""
     general = General(target, limits)
     bounds = np.vstack([general.bounds, [[-1, 1], [-1, 1]]])
     found = differential_evolution(
@@ -153,7 +154,7 @@ def evolution(target: product.Target, limits: product.Limits) -> float:
 
 
 def measure_kind(kind: str, cases: int) -> list[dict[str, Any]]:
-    """Rows of one kind: each method's share near the best known, and its times."""
+    """Return the rows of a kind: fraction near the best known J and times of each method."""
     tables = product.SeedTables(product.FOURBAR)
     tables.windows("full_crank")
     methods: dict[str, tuple[list[float], Times]] = {}
@@ -169,11 +170,11 @@ def measure_kind(kind: str, cases: int) -> list[dict[str, Any]]:
         target, limits = product.counter_clockwise(product.target_of(request), product.limits_of(request))
         for name, budget in (*((f"linkage-atlas, {ms} ms", ms / 1000) for ms in BUDGETS), ("linkage-atlas", None)):
             _, times = methods.setdefault(name, ([], Times()))
-            solutions, went = times.run(
+            solutions, search_report = times.run(
                 product.search, tables, target, limits, 10, 1e-10, product.ProcessorWork(budget)
             )
             note(name, solutions[0].errors.objective if solutions else np.inf)
-        first.append(1000 * went.trace[0][0] if went.trace else np.inf)
+        first.append(1000 * search_report.trace[0][0] if search_report.trace else np.inf)
         reply = product.la.synthesize(**request, top=3).to_dict()
         broken += any(broken_limits(request, solution) for solution in reply["solutions"])
         for name, method in (
@@ -190,8 +191,8 @@ def measure_kind(kind: str, cases: int) -> list[dict[str, Any]]:
         over = np.maximum(values, REACHED) / best
         rows.append({"kind": kind, "method": name, "cases": cases, **times.summary()})
         rows[-1] |= {
-            "near": float(np.mean(over < NEAR)),
-            "not_far": float(np.mean(over < FAR)),
+            "near": float(np.mean(over < CLOSE)),
+            "not_far": float(np.mean(over < LOOSE)),
             "worst": report.finite(over.max()),
             "none": int(np.sum(~np.isfinite(values))),
         }
@@ -200,26 +201,26 @@ def measure_kind(kind: str, cases: int) -> list[dict[str, Any]]:
 
 
 def measure_kept(cases: int) -> dict[str, Any]:
-    """Motions of linkages that just keep their limits: how many are found exactly."""
+    """Measure motions of linkages that satisfy their limits narrowly; count exact answers."""
     times, reached = Times(), 0
     for seed in range(cases):
         request = make_limited("kept", seed).request
         reply = times.run(product.la.synthesize, **request, top=1).to_dict()
-        kept = reply["solutions"] and not broken_limits(request, reply["solutions"][0])
-        reached += bool(kept and recompute(request, reply["solutions"][0]).objective < REACHED)
+        within = reply["solutions"] and not broken_limits(request, reply["solutions"][0])
+        reached += bool(within and recompute(request, reply["solutions"][0]).objective < REACHED)
     return {"cases": cases, "reached": reached / cases, **times.summary()}
 
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:
-    """The tables of docs/limits.md."""
+    """Return the tables of docs/limits.md."""
     rows = [row for part in results["parts"].values() for row in part]
-    told, kept = [row for row in rows if "first_ms" in row], results["kept"]
+    first_rows, exact = [row for row in rows if "first_ms" in row], results["kept"]
     shown = [row for row in rows if not row["method"].endswith(" ms")]
     return report.tables("limited", {"methods": shown}) | {
-        "ours": f"{report.ends([row['first_ms'] for row in told])} ms at the median of each kind; of "
-        f"{sum(row['cases'] for row in told)} replies {sum(row['broken'] for row in told)} broke a limit",
-        "kept": f"{report.percent(kept['reached'], 3)} of {kept['cases']} below 1e-9, "
-        f"{report.significant(kept['median_processor_ms'])} ms at the median",
+        "ours": f"{report.ends([row['first_ms'] for row in first_rows])} ms at the median of each kind; of "
+        f"{sum(row['cases'] for row in first_rows)} replies {sum(row['broken'] for row in first_rows)} broke a limit",
+        "kept": f"{report.percent(exact['reached'], 3)} of {exact['cases']} below 1e-9, "
+        f"{report.significant(exact['median_processor_ms'])} ms at the median",
     }
 
 
@@ -227,15 +228,15 @@ def measure(
     cases: Annotated[int, "of each kind"] = 60,
     kept: Annotated[int, "exact cases that just keep their limits"] = 200,
 ) -> Iterator[dict[str, Any]]:
-    """The exact cases, then the kinds in turn."""
+    """Measure the exact cases, then the kinds in turn."""
     threadpool_limits(1, "blas")
     product.la.prepare()
-    stamp, parts, told = report.stamp(), {}, measure_kept(kept)
+    stamp, parts, exact_result = report.stamp(), {}, measure_kept(kept)
     for kind in KINDS:
         parts[kind] = measure_kind(kind, cases)
         for row in parts[kind]:
             print(row, flush=True)
-        yield {"made": stamp, "parts": parts, "kept": told}
+        yield {"made": stamp, "parts": parts, "kept": exact_result}
 
 
 if __name__ == "__main__":

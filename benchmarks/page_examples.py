@@ -32,18 +32,18 @@ REPORTED = ("elapsed_ms", "trace", "stopped_by", "length_scale", "notes")
 PRACTICAL = {"preset": "practical", "family": "any"}
 
 
-def motion(place: Any, angle: Any = None, **more: Any) -> dict[str, Any]:
+def motion(position: Any, angle: Any = None, **more: Any) -> dict[str, Any]:
     """A request for positions in the complex plane and angles in degrees, rounded to three digits."""
-    place = np.asarray(place, dtype=complex)
-    request = {"position": (np.round(np.c_[place.real, place.imag], 3) + 0.0).tolist()}
+    position = np.asarray(position, dtype=complex)
+    request = {"position": (np.round(np.c_[position.real, position.imag], 3) + 0.0).tolist()}
     if angle is not None:
         request = {"rotation": (np.round(angle, 3) + 0.0).tolist()} | request
     return {**request, **more}
 
 
-def free(place: Any, angle: Any = None, limits: dict[str, Any] | None = None, **more: Any) -> dict[str, Any]:
+def free(position: Any, angle: Any = None, limits: dict[str, Any] | None = None, **more: Any) -> dict[str, Any]:
     """A motion with free crank angles within practical limits, and such of its own; answers are to be different mechanisms."""
-    return motion(place, angle, timing="free", **more, limits={**PRACTICAL, **(limits or {})}, diverse=True, top=8)
+    return motion(position, angle, timing="free", **more, limits={**PRACTICAL, **(limits or {})}, diverse=True, top=8)
 
 
 # -- machines ---------------------------------------------------------------------------------------------------------
@@ -51,9 +51,9 @@ def free(place: Any, angle: Any = None, limits: dict[str, Any] | None = None, **
 
 def casement() -> dict[str, Any]:
     """A sash opens by 85° and moves aside on the way. Both pivots lie in the frame's box, links are 60 to 500 mm."""
-    place = [300, 296 - 43j, 287 - 87j, 271 - 133j, 247 - 178j, 212 - 222j, 165 - 263j, 104 - 297j]
+    position = [300, 296 - 43j, 287 - 87j, 271 - 133j, 247 - 178j, 212 - 222j, 165 - 263j, 104 - 297j]
     angle = [0, -8.3, -17.8, -28.4, -40.3, -53.5, -68.2, -85]
-    return free(place, angle, {"pivot_box": [-100, -250, 400, 150], "link_min": 60, "link_max": 500})
+    return free(position, angle, {"pivot_box": [-100, -250, 400, 150], "link_min": 60, "link_max": 500})
 
 
 def wiper() -> dict[str, Any]:
@@ -73,8 +73,8 @@ def bucket() -> dict[str, Any]:
 def hood() -> dict[str, Any]:
     """A car's hood opens by 58°, while its rear edge rises by 90 mm to clear the windscreen; pivots lie behind it."""
     u = np.linspace(0, 1, 7)
-    place = -40 * u + 90j * u + 450 * np.exp(1j * np.deg2rad(180 - 58 * u))
-    return free(place, -58 * u, {"pivot_box": [-250, -350, 250, 60]})
+    position = -40 * u + 90j * u + 450 * np.exp(1j * np.deg2rad(180 - 58 * u))
+    return free(position, -58 * u, {"pivot_box": [-250, -350, 250, 60]})
 
 
 def film() -> dict[str, Any]:
@@ -99,8 +99,8 @@ def flap() -> dict[str, Any]:
 
 def pick() -> dict[str, Any]:
     """A gripper lifts a part off a belt, turns it by 90° and sets it down 390 mm further on."""
-    place = [0, 30 + 80j, 150 + 160j, 300 + 150j, 380 + 60j, 390]
-    return free(place, [0, 8, 35, 65, 85, 90], {"pivot_box": [-100, -400, 500, 400]})
+    position = [0, 30 + 80j, 150 + 160j, 300 + 150j, 380 + 60j, 390]
+    return free(position, [0, 8, 35, 65, 85, 90], {"pivot_box": [-100, -400, 500, 400]})
 
 
 # -- motions with crank angles, to compare with -------------------------------------------------------------------------
@@ -122,9 +122,9 @@ def landing_gear() -> dict[str, Any]:
     """The leg swings 88° inboard and lays its wheel into the bay; both pivots must lie within the wing's root."""
     u = np.linspace(0, 1, 12)
     turn = np.deg2rad(88 * u)
-    place = 1250 * np.sin(turn) + 60 * u + 1j * (-1250 * np.cos(turn) - 40 * np.sin(np.pi * u))
+    position = 1250 * np.sin(turn) + 60 * u + 1j * (-1250 * np.cos(turn) - 40 * np.sin(np.pi * u))
     limits = {"family": "any", "transmission_angle_min": 30, "pivot_box": [-700, -500, 900, 500], "link_min": 120}
-    return motion(place, 88 * u, crank_span=100, limits=limits)
+    return motion(position, 88 * u, crank_span=100, limits=limits)
 
 
 def carton_folder() -> dict[str, Any]:
@@ -145,7 +145,7 @@ MACHINES = {
     "flap": ("Wing flap", flap),
     "pick": ("Pick and place", pick),
 }
-OTHERS = {
+OTHER_MOTIONS = {
     "worked": ("Worked example", worked),
     "line": ("Straight line, constant angle", straight_line),
     "gear": ("Landing gear", landing_gear),
@@ -158,7 +158,7 @@ def examples() -> list[dict[str, Any]]:
     """Name, title, word and request of each, and whether it is one of the machines."""
     return [
         {"name": name, "title": title, "word": request.__doc__, "machine": name in MACHINES, "request": request()}
-        for name, (title, request) in (MACHINES | OTHERS).items()
+        for name, (title, request) in (MACHINES | OTHER_MOTIONS).items()
     ]
 
 
@@ -177,11 +177,11 @@ def rounded(value: Any) -> Any:
 
 def stored(reply: dict[str, Any]) -> dict[str, Any]:
     """The parts of a reply that the page shows."""
-    solutions = [{name: one.get(name) for name in SHOWN} for one in reply["solutions"][:STORED]]
-    for one in solutions:
-        one["determination"] = {name: one["determination"][name] for name in ("ill_posed", "active_limits")}
+    solutions = [{name: solution.get(name) for name in SHOWN} for solution in reply["solutions"][:STORED]]
+    for solution in solutions:
+        solution["determination"] = {name: solution["determination"][name] for name in ("ill_posed", "active_limits")}
         for part, names in UNUSED.items():
-            one[part] = {name: value for name, value in one[part].items() if name not in names}
+            solution[part] = {name: value for name, value in solution[part].items() if name not in names}
     report = {name: reply["report"][name] for name in REPORTED}
     report["elapsed_ms"] = {"total": round(report["elapsed_ms"]["total"])}
     report["trace"] = [[round(ms), float(f"{objective:.4g}")] for ms, objective in report["trace"]]
@@ -190,17 +190,17 @@ def stored(reply: dict[str, Any]) -> dict[str, Any]:
 
 def text(found: dict[str, Any]) -> str:
     """The file's content, with replies by the example's name."""
-    rows = [one | {"reply": found.get(one["name"])} for one in examples()]
-    return "[\n" + ",\n".join(json.dumps(one, ensure_ascii=False, separators=(",", ":")) for one in rows) + "\n]\n"
+    rows = [example | {"reply": found.get(example["name"])} for example in examples()]
+    return "[\n" + ",\n".join(json.dumps(row, ensure_ascii=False, separators=(",", ":")) for row in rows) + "\n]\n"
 
 
 def stored_replies() -> dict[str, Any]:
     """Those in the file, of requests that are still the same."""
-    requests = {one["name"]: one["request"] for one in examples()}
+    requests = {example["name"]: example["request"] for example in examples()}
     return {
-        one["name"]: one.get("reply")
-        for one in json.loads(FILE.read_text())
-        if requests.get(one["name"]) == one["request"]
+        row["name"]: row.get("reply")
+        for row in json.loads(FILE.read_text())
+        if requests.get(row["name"]) == row["request"]
     }
 
 
@@ -212,14 +212,14 @@ def main() -> None:
     found = stored_replies()
     if names is not None:
         resources, times = prepared_service(), Times()
-        for one in examples():
-            if names and one["name"] not in names:
+        for example in examples():
+            if names and example["name"] not in names:
                 continue
-            reply = answer({"top": 8, **one["request"], "budget_ms": BUDGET_MS}, resources, times)
-            found[one["name"]] = stored(reply)
+            reply = answer({"top": 8, **example["request"], "budget_ms": BUDGET_MS}, resources, times)
+            found[example["name"]] = stored(reply)
             report = reply["report"]
             print(
-                f"{one['name']}: {reply['status']} by {report['stopped_by']}, {report['elapsed_ms']['total']:.0f} ms"
+                f"{example['name']}: {reply['status']} by {report['stopped_by']}, {report['elapsed_ms']['total']:.0f} ms"
             )
             for solution in reply["solutions"][:STORED]:
                 lengths = " ".join(f"{value:.4g}" for value in solution["links"].values())

@@ -79,7 +79,7 @@ def limits_of(request: dict[str, Any]) -> Limits:
 def counter_clockwise(motion: Target, *limits: Limits) -> Any:
     """The same motion, and its limits if given, mirrored where the crank turns clockwise."""
     both = (motion, *limits)
-    both = tuple(one.mirrored() for one in both) if motion.clockwise else both
+    both = tuple(search_space.mirrored() for search_space in both) if motion.clockwise else both
     return both if limits else both[0]
 
 

@@ -31,7 +31,7 @@ TIMED, FREE, LIMITED = "crank angles given", "poses alone", "within limits"
 CLASSES = ("plain", "any order", "double-crank", "uneven crank angles", "tiny crank", "change point")
 FREE_POSES = (5, 6, 8, 12)
 LIMITED_KINDS = ("broken", "boxed", "machine")
-REACHED, NEAR = 1e-9, 1.01
+REACHED, CLOSE = 1e-9, 1.01
 FACTORS = (1, 2, 5, 10, 100)
 RANDOM_STARTS, POLISH_STEPS, POLISHED_ANSWERS, SUBSETS = 20, 10, 3, 9
 GENERATIONS, FREE_GENERATIONS = 1280, 300
@@ -46,8 +46,8 @@ class Motion(NamedTuple):
 
     @classmethod
     def of(cls, rotation: np.ndarray, position: np.ndarray, crank: np.ndarray | None) -> Motion:
-        place = position - position.mean()
-        return cls(rotation, place / np.max(np.abs(place)), crank)
+        centred = position - position.mean()
+        return cls(rotation, centred / np.max(np.abs(centred)), crank)
 
     def residual(self, x: np.ndarray, branch: float) -> np.ndarray:
         """Errors whose squares add up to J^2; x: logarithms of the lengths, offset, ground angle, pivot A, arm, crank angles."""
@@ -78,8 +78,8 @@ def from_random_starts(motion: Motion, seed: int) -> float:
     """Least J of least squares from so many random linkages, until one is exact."""
     random, best, count = np.random.default_rng([5, seed]), np.inf, len(motion.rotation)
     for _ in range(RANDOM_STARTS):
-        first, way = random.uniform(0, product.TURN), random.choice([-1.0, 1.0])
-        angles = first + way * np.linspace(0, random.uniform(0.7, product.TURN), count)
+        first, sense = random.uniform(0, product.TURN), random.choice([-1.0, 1.0])
+        angles = first + sense * np.linspace(0, random.uniform(0.7, product.TURN), count)
         x = np.concatenate(
             [
                 random.uniform(np.log(0.3), np.log(5), 4),
@@ -111,7 +111,7 @@ def pylinkage_answers(motion: Motion, seed: int) -> list[tuple[float, np.ndarray
                     x, branch = _unknowns(motion, int(chosen[0]), (pivots[a], pivots[b]), (pins[a], pins[b]))
                     if np.all(np.isfinite(x)):
                         found.append((motion.cost(x, branch), x, branch))
-    return sorted(found, key=lambda one: one[0])
+    return sorted(found, key=lambda pair: pair[0])
 
 
 def _unknowns(
@@ -212,11 +212,11 @@ def measure_free(cases: int) -> Runs:
             runs.cases.append(f"{samples} poses, seed {seed}")
 
             def ours(case: Any = case, request: dict[str, Any] = request) -> float:
-                told = [
-                    recompute_free(case.position, case.rotation, one.to_dict())
-                    for one in product.la.synthesize(**request, top=1).solutions
+                evaluations = [
+                    recompute_free(case.position, case.rotation, solution.to_dict())
+                    for solution in product.la.synthesize(**request, top=1).solutions
                 ]
-                return min((one.objective for one in told if one.one_way), default=np.inf)
+                return min((evaluation.objective for evaluation in evaluations if evaluation.one_way), default=np.inf)
 
             runs.take(OURS, ours)
             runs.take(STARTS, partial(from_random_starts, motion, seed))
@@ -236,7 +236,7 @@ def measure_limited(cases: int, tables: product.SeedTables, published: product.S
             target, limits = product.counter_clockwise(product.target_of(request), product.limits_of(request))
             runs.cases.append(f"{kind} {500 + seed}")
             runs.take(OURS, searched(tables, target, limits))
-            runs.take(PUBLISHED, lambda t=target, some=limits: best_of(product.best_rows(published, t, some, 1)))
+            runs.take(PUBLISHED, lambda t=target, bounds=limits: best_of(product.best_rows(published, t, bounds, 1)))
             runs.take(STARTS, partial(limited.slsqp, target, limits))
             runs.take(EVOLUTION, partial(limited.evolution, target, limits))
     return runs
@@ -263,11 +263,11 @@ def measure(cases: Annotated[int, "of each kind of request"] = 48) -> Iterator[d
 def solved(name: str, part: dict[str, Any]) -> dict[str, np.ndarray]:
     """Which cases each method solves."""
     found = {
-        method: np.array([np.inf if one is None else one for one in lists["J"]])
+        method: np.array([np.inf if error is None else error for error in lists["J"]])
         for method, lists in part["methods"].items()
     }
-    least = np.min(list(found.values()), axis=0)
-    bound = np.maximum(NEAR * least, REACHED) if name == LIMITED else np.full(len(least), REACHED)
+    smallest = np.min(list(found.values()), axis=0)
+    bound = np.maximum(CLOSE * smallest, REACHED) if name == LIMITED else np.full(len(smallest), REACHED)
     return {method: np.isfinite(values) & (values <= bound) for method, values in found.items()}
 
 
@@ -302,7 +302,7 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
                 if not ok
             ]
             if missed:
-                worst = sorted(missed, key=lambda one: -one[0])[:2]
+                worst = sorted(missed, key=lambda pair: -pair[0])[:2]
                 said = "; ".join(f"{case}: {report.power(J)}" for J, case in worst)
                 failures.append({"requests": name, "method": method, "missed": len(missed), "worst": said})
     failures.sort(key=lambda row: -row["missed"])

@@ -71,13 +71,13 @@ def meanwhile(*work: Callable[[], Any]) -> Iterator[None]:
     """Repeat pieces of work, each in a thread, until the end of the block."""
     over = threading.Event()
 
-    def repeat(one: Callable[[], Any]) -> None:
+    def repeat(job: Callable[[], Any]) -> None:
         while not over.is_set():
-            one()
+            job()
 
     with ThreadPoolExecutor(len(work)) as pool:
-        for one in work:
-            pool.submit(repeat, one)
+        for job in work:
+            pool.submit(repeat, job)
         try:
             yield
         finally:
@@ -88,11 +88,11 @@ def milliseconds(values: list[float], *shares: float) -> str:
     return " / ".join(significant(1000 * quantile(values, share)) for share in shares)
 
 
-def figures(one: Service, matches: list[bytes]) -> dict[str, str]:
+def figures(server: Service, matches: list[bytes]) -> dict[str, str]:
     """The figures of a running service that both versions have."""
-    found = {"seconds until ready": significant(one.ready_seconds)}
-    port, example = one.port, json.dumps(worked_example()).encode()
-    idle = one.shared_out()
+    found = {"seconds until ready": significant(server.ready_seconds)}
+    port, example = server.port, json.dumps(worked_example()).encode()
+    idle = server.shared_out()
     for name, path, bodies in (
         ("`/livez`", "/livez", [None]),
         ("match", "/v2/match", matches),
@@ -115,13 +115,13 @@ def figures(one: Service, matches: list[bytes]) -> dict[str, str]:
     found["the same: `/livez` beside the searches, ms, 99 %"] = milliseconds(beats, 0.99)
     found["the same: longest search, times its budget"] = f"{max(seen) / BUDGET_MS:.2f}"
     found["from a client's leaving to the next search: ms, median / largest"] = milliseconds(left(port), 0.5, 1.0)
-    one.connection.close()  # the service may have closed it meanwhile
+    server.connection.close()  # the service may have closed it meanwhile
     for body in itertools.islice(itertools.cycle(matches), AFTER):
-        one.ask("POST", "/v2/match", body)
+        server.ask("POST", "/v2/match", body)
     found[f"memory of all processes: MB, at first / after {AFTER:,} requests"] = (
-        f"{idle / 1e6:.0f} / {one.shared_out() / 1e6:.0f}"
+        f"{idle / 1e6:.0f} / {server.shared_out() / 1e6:.0f}"
     )
-    found[f"{LARGEST} of the largest requests at once: MB, peak"] = f"{largest(one) / 1e6:.0f}"
+    found[f"{LARGEST} of the largest requests at once: MB, peak"] = f"{largest(server) / 1e6:.0f}"
     return found
 
 
@@ -137,27 +137,27 @@ def left(port: int) -> list[float]:
     return found
 
 
-def largest(one: Service) -> int:
+def largest(service: Service) -> int:
     """Peak bytes of all processes while the largest requests are asked at the same time."""
     peak = 0
 
     def look() -> None:
         nonlocal peak
-        peak = max(peak, one.shared_out())
+        peak = max(peak, service.shared_out())
         time.sleep(0.1)
 
-    some = sorted(requests().values(), key=lambda request: -len(request.content))[:LARGEST]
+    selected = sorted(requests().values(), key=lambda request: -len(request.content))[:LARGEST]
     with meanwhile(look), ThreadPoolExecutor(LARGEST) as pool:
-        list(pool.map(lambda request: ask(one.port, request.path, request.content), some))
+        list(pool.map(lambda request: ask(service.port, request.path, request.content), selected))
     return peak
 
 
-def killed(one: Service, matches: list[bytes]) -> dict[str, str]:
+def killed(service: Service, matches: list[bytes]) -> dict[str, str]:
     """Kill a worker; return the number of requests that fail and the time until the worker is replaced."""
-    workers = lambda: set(one.processes()[3:])  # noqa: E731 - after the service, the tracker and the fork server
+    workers = lambda: set(service.processes()[3:])  # noqa: E731 - after the service, the tracker and the fork server
     before, seen = workers(), list[int]()
     bodies = itertools.cycle(matches)
-    with meanwhile(*[lambda: seen.append(ask(one.port, "/v2/match", next(bodies))[0])] * 16):
+    with meanwhile(*[lambda: seen.append(ask(service.port, "/v2/match", next(bodies))[0])] * 16):
         time.sleep(1.0)
         os.kill(min(before), signal.SIGKILL)
         begin = time.perf_counter()
@@ -171,15 +171,15 @@ def killed(one: Service, matches: list[bytes]) -> dict[str, str]:
     }
 
 
-def ended(one: Service) -> dict[str, str]:
+def ended(service: Service) -> dict[str, str]:
     """End the service while it searches; return the time that this takes."""
     with ThreadPoolExecutor(2) as pool:
         for _ in range(2):
-            pool.submit(ask, one.port, "/v2/synthesize", noise(25_000))
+            pool.submit(ask, service.port, "/v2/synthesize", noise(25_000))
         time.sleep(1.0)
         begin = time.perf_counter()
-        one.process.send_signal(signal.SIGTERM)
-        one.process.wait(60)
+        service.process.send_signal(signal.SIGTERM)
+        service.process.wait(60)
     return {"SIGTERM with 2 searches under way: seconds until it has ended": f"{time.perf_counter() - begin:.1f}"}
 
 
@@ -191,12 +191,12 @@ def measured(root: Path, atlas: Path, also_killed: bool) -> dict[str, str]:
     def command(port: int) -> list[str]:
         return [python, "-m", "app.start", "serve", "--port", str(port), "--workers", "2"]
 
-    with service.running(command, root, atlas=atlas.resolve()) as one:
-        one.need_ready()
-        found = figures(one, matches)
+    with service.running(command, root, atlas=atlas.resolve()) as server:
+        server.need_ready()
+        found = figures(server, matches)
         if also_killed:
-            found |= killed(one, matches)
-        return found | ended(one)
+            found |= killed(server, matches)
+        return found | ended(server)
 
 
 def measure(

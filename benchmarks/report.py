@@ -21,7 +21,7 @@ depends on, run its command again: nothing else watches its age.
 
 In short::
 
-    times = repeat(work, runs=9)                         # Times: times.median.wall, times.least.processor (seconds)
+    times = repeat(work, runs=9)                         # Times: times.median.wall, times.minimum.processor (seconds)
     result = times.run(work, argument)                   # one more run, and its result
     ours, theirs = paired([ours, theirs], rounds=9)      # one after the other, in alternating order
     ratio(theirs, ours)["median"]                        # of the pairs: min, median, p99, max
@@ -80,10 +80,10 @@ class Times:
 
     def percentile(self, percent: float) -> Seconds:
         """Percentile of each clock, interpolated."""
-        return Seconds(*(float(np.percentile(some, percent)) for some in (self.wall, self.processor)))
+        return Seconds(*(float(np.percentile(seconds, percent)) for seconds in (self.wall, self.processor)))
 
     @property
-    def least(self) -> Seconds:
+    def minimum(self) -> Seconds:
         return self.percentile(0)
 
     @property
@@ -109,18 +109,18 @@ def repeat(function: Callable[[], Any], runs: int = 5, warm_up: int = 1) -> Time
     return times
 
 
-def in_turn(some: Iterable[Any], rounds: int) -> Iterator[Any]:
+def in_turn(items: Iterable[Any], rounds: int) -> Iterator[Any]:
     """All in each round, every other round in reverse, so that a drift meets all alike."""
-    some = list(some)
+    items = list(items)
     for number in range(rounds):
-        yield from some[:: -1 if number % 2 else 1]
+        yield from items[:: -1 if number % 2 else 1]
 
 
 def paired(functions: Sequence[Callable[[], Any]], rounds: int = 5, warm_up: int = 1) -> list[Times]:
     """Times of things to compare, `in_turn`."""
     times = [repeat(function, 0, warm_up) for function in functions]
-    for one, function in in_turn(zip(times, functions), rounds):
-        one.run(function)
+    for clock, function in in_turn(zip(times, functions), rounds):
+        clock.run(function)
     return times
 
 
@@ -147,8 +147,8 @@ def significant(value: float | None, digits: int = 3) -> str:
         return "-"
     if value == 0:
         return "0"
-    places = digits - 1 - math.floor(math.log10(abs(value)))
-    return f"{round(value, places):,.{max(places, 0)}f}"
+    decimals = digits - 1 - math.floor(math.log10(abs(value)))
+    return f"{round(value, decimals):,.{max(decimals, 0)}f}"
 
 
 def finite(value: float) -> float | None:
@@ -173,7 +173,7 @@ def size(value: float | None) -> str:
 def duration(seconds: float) -> str:
     """Seconds as ms, s, minutes or hours."""
     units = ((7200, 3600, "hours"), (120, 60, "minutes"), (1, 1, "s"), (0, 1e-3, "ms"))
-    unit, name = next((unit, name) for least, unit, name in units if not seconds < least)
+    unit, name = next((unit, name) for smallest, unit, name in units if not seconds < smallest)
     return f"{significant(seconds / unit)} {name}"
 
 
@@ -231,8 +231,8 @@ def table(rows: Sequence[Mapping[str, Any]], columns: str, text_columns: int = 1
 
 def machine() -> dict[str, Any]:
     """What times depend on: processor, cores, memory, Python and numpy."""
-    told = Path("/proc/cpuinfo")
-    model = re.search(r"^model name\s*:\s*(.*)$", told.read_text() if told.exists() else "", re.MULTILINE)
+    cpu_info = Path("/proc/cpuinfo")
+    model = re.search(r"^model name\s*:\s*(.*)$", cpu_info.read_text() if cpu_info.exists() else "", re.MULTILINE)
     return {
         "processor": model[1] if model else platform.processor() or platform.machine(),
         "cores": os.cpu_count(),
@@ -295,13 +295,13 @@ def made_text(stamps: Sequence[Mapping[str, Any]]) -> str:
     """Describe where numbers come from: each machine, commit and command once, and of more than two runs only the commits."""
     words = {"processor": lambda name: re.sub(r"\(R\)| Processor", "", name), "cores": "{} cores".format}
     machines = dict.fromkeys(
-        ", ".join(say(one["machine"][name]) for name, say in words.items() if name in one["machine"])
-        for one in stamps
+        ", ".join(say(entry["machine"][name]) for name, say in words.items() if name in entry["machine"])
+        for entry in stamps
     )
     runs: dict[str, None] = {}
-    for one in stamps:
-        found = re.sub("(?<=^[0-9a-f]{9})[0-9a-f]*", "", one["commit"])
-        shown = re.sub("(?<=')(?: '[^']*')+ ('[^']*')", r" ... \1", one["command"])  # long lists by their ends
+    for entry in stamps:
+        found = re.sub("(?<=^[0-9a-f]{9})[0-9a-f]*", "", entry["commit"])
+        shown = re.sub("(?<=')(?: '[^']*')+ ('[^']*')", r" ... \1", entry["command"])  # long lists by their ends
         shown = shown.removeprefix("OMP_NUM_THREADS=1 ")
         runs[f"`{shown}` at commit {found}"] = None
     if len(runs) > 2:
@@ -360,14 +360,14 @@ def parts(name: str) -> dict[str, str]:
     return {"made": made_text([results["made"]]), **module.blocks(results)}
 
 
-def render(some: Sequence[str] | None = None, pictures: bool = True) -> None:
+def render(chosen: Sequence[str] | None = None, pictures: bool = True) -> None:
     """Draw the pictures and fill the markers of some results, or of all, from their files."""
-    some = names() if some is None else some
-    for name in some:
+    chosen = names() if chosen is None else chosen
+    for name in chosen:
         module = importlib.import_module(f"benchmarks.{name}")
         if pictures and hasattr(module, "draw"):
             module.draw(load(name))
-    found = {name: parts(name) for name in some}
+    found = {name: parts(name) for name in chosen}
     for path in DOCUMENTS:
         path.write_text(fill(path.read_text(), found))
 
@@ -397,18 +397,18 @@ def run(measure: Callable[..., Iterator[Mapping[str, Any]]], arguments: Sequence
     trial = options.pop("trial")
     if not trial and commit().endswith("+changes"):
         parser.exit(1, "the tree has changes that are not committed: commit them, or measure with --try\n")
-    made = stamp()  # of the code as it is read now, whatever is committed meanwhile
+    code_stamp = stamp()  # of the code as it is read now, whatever is committed meanwhile
     short: SystemExit | None = None
 
     def measured() -> Iterator[Mapping[str, Any]]:
         nonlocal short
         try:
             yield from measure(**options)
-        except SystemExit as told:  # all was measured, and some of it is not as it should be
-            short = told
+        except SystemExit as error:  # all was measured, and some of it is not as it should be
+            short = error
 
     for results in measured():
-        results = {"made": made, **results}
+        results = {"made": code_stamp, **results}
         if trial:
             blocks = importlib.import_module(f"benchmarks.{name}").blocks(results)
             print(*(f"{block}:\n{text}\n" for block, text in blocks.items()), sep="\n")

@@ -102,27 +102,27 @@ def measure(
     """Both atlases, the plain product and the earlier version, one after the other."""
     with tempfile.TemporaryDirectory() as folder, threadpool_limits(1):
         path = Path(folder) / "atlas.h5"
-        made = built(path)
-        atlases = [measure_atlas(path, requests) | made]
+        build = built(path)
+        atlases = [measure_atlas(path, requests) | build]
         plain = measure_plain(la.load_atlas(path).lengths)
         earlier = []
         if base.is_dir():
             earlier = times_of(str(base.absolute() / ".venv/bin/python"), base.absolute() / "atlas.h5", requests)
         if large:
             larger = Path(folder) / "large.h5"
-            made = built(larger, "--perimeter", str(large), "--samples", str(LARGE_SAMPLES))
-            atlases.append(measure_atlas(larger, requests) | made)
+            build = built(larger, "--perimeter", str(large), "--samples", str(LARGE_SAMPLES))
+            atlases.append(measure_atlas(larger, requests) | build)
     yield {"atlases": atlases, "plain_ms": plain, "earlier": earlier}
 
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:
     """Return the tables of docs/scaling.md."""
-    default, *others = results["atlases"]
+    default, *larger_atlases = results["atlases"]
     rows = []
     for number, row in enumerate(default["classes"]):
         plain = results["plain_ms"][number]
         earlier = f"{results['earlier'][number]['ms']:.1f}" if results["earlier"] else "-"
-        larger = [f"{other['classes'][number]['ms']:.1f}" for other in others]
+        larger = [f"{atlas['classes'][number]['ms']:.1f}" for atlas in larger_atlases]
         rows.append(
             [
                 str(row["samples"]),
@@ -137,7 +137,7 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
             ]
         )
     heads = ["samples", "span", "ms", "largest", "earlier version", "plain product", "plain / ours", "evaluated"]
-    heads += [f"{other['types']:,} types, ms" for other in others]
+    heads += [f"{atlas['types']:,} types, ms" for atlas in larger_atlases]
     size = report.size
     facts = [
         [

@@ -194,10 +194,10 @@ def environment(**settings: Any) -> dict[str, str]:
 
     Compiled modules are kept, as an installation has them: otherwise each start would compile all of them anew.
     """
-    other = ("LINKAGE_ATLAS_", "PYTHONDONTWRITEBYTECODE")
-    inherited = {name: value for name, value in os.environ.items() if not name.startswith(other)}
-    given = {f"LINKAGE_ATLAS_{name.upper()}": str(value) for name, value in settings.items()}
-    return {**inherited, "OMP_NUM_THREADS": "1", **given}
+    excluded = ("LINKAGE_ATLAS_", "PYTHONDONTWRITEBYTECODE")
+    inherited = {name: value for name, value in os.environ.items() if not name.startswith(excluded)}
+    variables = {f"LINKAGE_ATLAS_{name.upper()}": str(value) for name, value in settings.items()}
+    return {**inherited, "OMP_NUM_THREADS": "1", **variables}
 
 
 @contextmanager
@@ -223,9 +223,12 @@ def running(command: Callable[[int], list[str]], root: Path = ROOT, **settings: 
         with socket.socket() as probe:
             probe.bind(("127.0.0.1", 0))  # a port that nothing listens on
             port = probe.getsockname()[1]
-        begin, told = time.perf_counter(), {"cwd": root, "env": environment(**settings), "stderr": subprocess.STDOUT}
+        begin, options = (
+            time.perf_counter(),
+            {"cwd": root, "env": environment(**settings), "stderr": subprocess.STDOUT},
+        )
         with log.open("wb") as file:
-            process = subprocess.Popen(command(port), stdout=file, **told)
+            process = subprocess.Popen(command(port), stdout=file, **options)
         service = Service(process, port, log, http.client.HTTPConnection("127.0.0.1", port))
         try:
             service.ready = _first_answer(service, begin)

@@ -32,7 +32,7 @@ def measure(
     rows = [_exact(kind, poses, cases) for kind in KINDS for poses in (4, 5, 6, 10, 30)]
     yield {
         "exact": [row for row in rows if row["cases"]],
-        "given": [_given(kind, given) for kind in KINDS],
+        "given": [_given_drive(kind, given) for kind in KINDS],
     }
 
 
@@ -43,25 +43,25 @@ def _exact(kind: str, poses: int, cases: int) -> dict[str, Any]:
         cases = 0
     for _ in range(cases):
         rotation, position, _ = random_motion(random, kind, poses)
-        asked = make_poses(rotation, position)
-        solutions, _ = times.run(search_guided, asked, _ANY, [Kind(kind)], _DRIVERS[kind])
-        least = min((one.errors.objective for one in solutions), default=np.inf)
-        found += least < _EXACT
-        worst = max(worst, least if np.isfinite(least) else 1.0)
+        target = make_poses(rotation, position)
+        solutions, _ = times.run(search_guided, target, _ANY, [Kind(kind)], _DRIVERS[kind])
+        smallest = min((solution.errors.objective for solution in solutions), default=np.inf)
+        found += smallest < _EXACT
+        worst = max(worst, smallest if np.isfinite(smallest) else 1.0)
     row: dict[str, Any] = {"kind": kind, "poses": poses, "cases": cases}
     if cases:
         row |= {"share": found / cases, "worst": worst} | times.summary()
     return row
 
 
-def _given(kind: str, cases: int) -> dict[str, Any]:
+def _given_drive(kind: str, cases: int) -> dict[str, Any]:
     """Twelve poses at a given drive: exact, and with noise of 1e-3 compared with the descent from the linkage they are of."""
-    random, times, exact, near = np.random.default_rng(KINDS.index(kind)), Times(), 0, 0
-    ways = drives([Kind(kind)], _DRIVERS[kind])
+    random, times, exact, close = np.random.default_rng(KINDS.index(kind)), Times(), 0, 0
+    drive_types = drives([Kind(kind)], _DRIVERS[kind])
     for _ in range(cases):
         rotation, position, drive = random_motion(random, kind, 12)
         poses = make_poses(rotation, position)
-        truth = PairSearch(poses, _ANY, ways, 1e-10, Work(), drive)
+        truth = PairSearch(poses, _ANY, drive_types, 1e-10, Work(), drive)
         times.run(truth.run)
         exact += truth.incumbents.smallest < _EXACT
         off = 1e-3 * random.normal(size=(3, 12))
@@ -70,19 +70,19 @@ def _given(kind: str, cases: int) -> dict[str, Any]:
             position + poses.length_scale * (off[1] + 1j * off[2]),
             length_scale=poses.length_scale,
         )
-        search = PairSearch(noisy, _ANY, ways, 1e-10, Work(), drive)
+        search = PairSearch(noisy, _ANY, drive_types, 1e-10, Work(), drive)
         search.run()
         if np.isfinite(truth.incumbents.smallest):
             assert isinstance(search.problem, DrivenPairProblem)
             stages = (Stage(60, 1.0, 8, 1e-6, 1e-3),)
             descended = np.sqrt(search.problem.timed(truth.incumbents.pools[None], stages).cost.min())
-            near += bool(search.incumbents.smallest <= 1.01 * descended)
+            close += bool(search.incumbents.smallest <= 1.01 * descended)
     return {
         "kind": kind,
         "driver": _DRIVERS[kind].value,
         "cases": cases,
         "exact": exact / cases,
-        "near": near / cases,
+        "near": close / cases,
     } | times.summary()
 
 
@@ -92,7 +92,7 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
     kinds = []
     for kind in KINDS:
         own = [row for row in rows if row["kind"] == kind]
-        least = {name: [row[f"{name}_processor_ms"] for row in own] for name in ("median", "p99")}
+        minima = {name: [row[f"{name}_processor_ms"] for row in own] for name in ("median", "p99")}
         kinds.append(
             {
                 "kind": kind,
@@ -100,13 +100,13 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
                 "cases": sum(row["cases"] for row in own),
                 "share": sum(row["share"] * row["cases"] for row in own) / sum(row["cases"] for row in own),
                 "worst": max(row["worst"] for row in own),
-                **{name: f"{min(values):.2g} to {max(values):.2g}" for name, values in least.items()},
+                **{name: f"{min(values):.2g} to {max(values):.2g}" for name, values in minima.items()},
             }
         )
     drives = results["given"]
-    exact, near = (sum(round(row[name] * row["cases"]) for row in drives) for name in ("exact", "near"))
+    exact, close = (sum(round(row[name] * row["cases"]) for row in drives) for name in ("exact", "near"))
     return report.tables("slider_search", {"exact": kinds}) | {
-        "given": f"{exact:,} of {sum(row['cases'] for row in drives):,} below 1e-9; with noise of a thousandth {near:,} "
+        "given": f"{exact:,} of {sum(row['cases'] for row in drives):,} below 1e-9; with noise of a thousandth {close:,} "
         "within 1 % of the descent from the linkage that made them, in "
         f"{report.ends([row['median_processor_ms'] for row in drives])} ms at the median of each kind",
     }

@@ -18,7 +18,7 @@ MOTION = ("rotation", "position", "crank_span", "crank_angle", "timing", "order"
 KINDS = ("step", "3mf", "stl", "urdf", "sdf")
 
 
-MADE: dict[str, Any] = {"boards": "both", "fit": "print"}
+PRINTED: dict[str, Any] = {"boards": "both", "fit": "print"}
 CIRCLE = {"guide": "circle", "pivot": [3, -4], "radius": 20, "body_point": [5, 2]}
 RAIL = {"guide": "rail", "point": [0, 6], "direction": 10, "body_point": [50, 8]}
 SLOT = {"guide": "slot", "pin": [60, 5], "body_point": [3, 1], "body_direction": 4}
@@ -36,25 +36,25 @@ def machines() -> Iterator[tuple[str, SolidParts]]:
     """Parts of all machines, made to be printed, boards on both sides."""
     yield from gallery()
     for title, (guides, driver, start, travel) in ON_GUIDES.items():
-        one = la.Linkage(guides, driver, start=start)
-        motion = la.Motion(position=one.joints(travel).body_point, timing="free")
-        yield title, one.solids(motion, travel, **MADE)
+        linkage = la.Linkage(guides, driver, start=start)
+        motion = la.Motion(position=linkage.joints(travel).body_point, timing="free")
+        yield title, linkage.solids(motion, travel, **PRINTED)
     four_bar = la.FourBar(30, 60, 70, 50, start_angle=40, coupler_point_polar=(40, 30))
     for link in ("crank", "coupler"):
-        asked = [{"kind": "dyad", "links": [link]}]
-        driven = la.drives(four_bar, asked, crank_angle=[0, 60]).drives[0].linkage
-        yield f"Motor and rod on the {link}", driven.solids(**MADE)
+        dyad = [{"kind": "dyad", "links": [link]}]
+        driven = la.drives(four_bar, dyad, crank_angle=[0, 60]).drives[0].linkage
+        yield f"Motor and rod on the {link}", driven.solids(**PRINTED)
 
 
 def gallery() -> Iterator[tuple[str, SolidParts]]:
     """The parts of the first solution of each machine that has layers."""
-    for one in json.loads(GALLERY.read_text()):
-        asked = {name: one["request"][name] for name in MOTION if name in one["request"]}
-        motion = la.Motion(**asked, degrees=one["request"].get("angle_unit", "deg") == "deg")
-        for solution in one["reply"]["solutions"]:
+    for example in json.loads(GALLERY.read_text()):
+        fields = {name: example["request"][name] for name in MOTION if name in example["request"]}
+        motion = la.Motion(**fields, degrees=example["request"].get("angle_unit", "deg") == "deg")
+        for solution in example["reply"]["solutions"]:
             linkage = la.Linkage.from_dict(solution, motion.degrees)
             try:
-                yield one["title"], linkage.solids(motion, solution["crank_angle"], **MADE)
+                yield example["title"], linkage.solids(motion, solution["crank_angle"], **PRINTED)
             except la.FieldError:
                 continue
             break

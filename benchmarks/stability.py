@@ -22,9 +22,9 @@ Request = dict[str, Any]
 EXTREMES = tomllib.loads((report.ROOT / "benchmarks" / "extremes.toml").read_text())
 
 
-def row(name: str, cases: int, worst: str, numbers: dict[str, Any], **place: Any) -> dict[str, Any]:
+def row(name: str, cases: int, worst: str, numbers: dict[str, Any], **columns: Any) -> dict[str, Any]:
     """A line of the report: one of `EXTREMES`, on how many cases, and the worst that came out, a format of the numbers."""
-    words = {key: text.format(**place) for key, text in EXTREMES[name].items()}
+    words = {key: text.format(**columns) for key, text in EXTREMES[name].items()}
     words["worst"] = worst.format(**numbers) if numbers else worst
     print("{tried}: {worst}".format(**words), flush=True)
     return {**words, "cases": cases, "numbers": numbers}
@@ -32,8 +32,10 @@ def row(name: str, cases: int, worst: str, numbers: dict[str, Any], **place: Any
 
 def folding_angles(random: np.random.Generator, count: int) -> np.ndarray:
     """Crank angles, most of them near where the linkage folds flat: 0 and pi."""
-    near = random.choice([0.0, np.pi], count) + 10.0 ** random.uniform(-12, 0, count) * random.choice([-1, 1], count)
-    return np.where(random.random(count) < 0.8, near, random.uniform(0, 6.28, count))
+    angles = random.choice([0.0, np.pi], count) + 10.0 ** random.uniform(-12, 0, count) * random.choice(
+        [-1, 1], count
+    )
+    return np.where(random.random(count) < 0.8, angles, random.uniform(0, 6.28, count))
 
 
 def theta2_error(lengths: np.ndarray, branch: int, crank: np.ndarray) -> float:
@@ -105,8 +107,8 @@ def kinematics() -> Iterator[dict[str, Any]]:
     unknowns = random.uniform((-5, -30, -12, 0), (5, 3, 12, 6.28), (count, 4))
     seeds = product.given(unknowns[:, :3], random.choice([-1.0, 1.0], count), unknowns[:, 3])
     seeds = problem.measured(seeds)
-    told = [one for one in problem.linearised(seeds.timed, 1e-3) if one is not None]
-    finite = len(told) == count and all(np.all(np.isfinite(one["rows"])) for one in told)
+    systems = [system for system in problem.linearised(seeds.timed, 1e-3) if system is not None]
+    finite = len(systems) == count and all(np.all(np.isfinite(system["rows"])) for system in systems)
     worse = int(np.sum(product.refine(problem, seeds.timed, 60).cost > seeds.cost))
     text = f"{worse} worse than their seed; numbers {'all finite' if finite else 'NOT all finite'}"
     yield row("chart-ends", count, text, {"worse": worse, "finite": finite})
@@ -114,8 +116,8 @@ def kinematics() -> Iterator[dict[str, Any]]:
 
 def drawn(kind: str, cases: int, samples: int = 32) -> list[tuple[Request, dict[str, Any]]]:
     """Requests of a class and their truths."""
-    made = [make_case(kind, 20_000 + seed, samples) for seed in range(cases)]
-    return [(case.request, case.truth) for case in made]
+    drawn_cases = [make_case(kind, 20_000 + seed, samples) for seed in range(cases)]
+    return [(case.request, case.truth) for case in drawn_cases]
 
 
 def rescaled(request: Request, truth: dict[str, Any], scale: float) -> tuple[Request, dict[str, Any]]:
@@ -149,7 +151,7 @@ def extremes(cases: int) -> Iterator[tuple[str, dict[str, Any], list[tuple[Reque
 
 def length_gap(solution: dict[str, Any], truth: dict[str, Any], with_position: bool) -> np.ndarray:
     """How far the four lengths are from those the motion was made with, as logarithms of ratios."""
-    mine, true = (np.array([one["links"][name] for name in LINKS]) for one in (solution, truth))
+    mine, true = (np.array([linkage["links"][name] for name in LINKS]) for linkage in (solution, truth))
     if not with_position:
         mine, true = mine / mine[3], true / true[3]
     return np.abs(np.log(mine / true))
@@ -157,7 +159,7 @@ def length_gap(solution: dict[str, Any], truth: dict[str, Any], with_position: b
 
 def synthesis(resources: product.ServiceResources, cases: int) -> Iterator[dict[str, Any]]:
     """Recomputed J, agreement of what is reported, and how well the lengths are determined and said to be."""
-    for name, place, requests in extremes(cases):
+    for name, columns, requests in extremes(cases):
         times, compared, gaps, ill_posed, covered = Times(), [], [], 0, 0
         for request, truth in requests:
             best = product.answer(request, resources, times)["solutions"][0]
@@ -171,10 +173,10 @@ def synthesis(resources: product.ServiceResources, cases: int) -> Iterator[dict[
                 # ten times: the uncertainty is of first order, at the resolution of the motion
                 covered += bool(np.all(away <= 10 * said + 1e-9))
         numbers = {
-            "objective": max(one.objective for one in compared),
-            "reached": sum(one.objective < REACHED for one in compared),
-            "disagreement": max(one.gap for one in compared),
-            "roundings": max(one.gap / (EPSILON * one.size) for one in compared),
+            "objective": max(comparison.objective for comparison in compared),
+            "reached": sum(comparison.objective < REACHED for comparison in compared),
+            "disagreement": max(comparison.gap for comparison in compared),
+            "roundings": max(comparison.gap / (EPSILON * comparison.size) for comparison in compared),
             "length_gap": max(gaps, default=0.0),
             "within_said": covered,
             "ill_posed": ill_posed,
@@ -185,7 +187,7 @@ def synthesis(resources: product.ServiceResources, cases: int) -> Iterator[dict[
         if gaps:
             text += f"; lengths off by up to {{length_gap:.1e}}, {{within_said}} of {len(gaps)} within ten times what the "
             text += "reply says; called ill-posed {ill_posed} times"
-        yield row(name, len(compared), text, numbers, **place)
+        yield row(name, len(compared), text, numbers, **columns)
 
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:
@@ -194,11 +196,11 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
     for part in ("kinematics", "synthesis"):
         for found in results["parts"][part]:
             known = bool(found["numbers"].get("length_gap"))  # the linkage that the motion was made with
-            told = found["numbers"] | {
+            numbers = found["numbers"] | {
                 "gap": report.power(found["numbers"]["length_gap"]) if known else "-",
                 "said": f"{found['numbers']['within_said']} of {found['cases']}" if known else "-",
             }
-            tables.setdefault(part, []).append(found | told)
+            tables.setdefault(part, []).append(found | numbers)
     return report.tables("stability", tables)
 
 

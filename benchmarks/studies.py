@@ -27,10 +27,10 @@ def cases(count: int) -> Iterator[tuple[dict[str, Any], la.Result]]:
     for seed in range(count):
         request = make_case(CLASS, seed).request
         names = ("rotation", "position", "crank_span", "crank_angle")
-        given = {name: request[name] for name in names if name in request}
-        found = la.synthesize(**given, top=1, degrees=request.get("angle_unit", "deg") == "deg")
+        motion = {name: request[name] for name in names if name in request}
+        found = la.synthesize(**motion, top=1, degrees=request.get("angle_unit", "deg") == "deg")
         if found.solutions:
-            yield given, found
+            yield motion, found
 
 
 def forces(count: int) -> list[dict[str, Any]]:
@@ -44,9 +44,9 @@ def forces(count: int) -> list[dict[str, Any]]:
         )
         # half of the places near where coupler and rocker lie on a line
         reach = (lengths[0] ** 2 + lengths[3] ** 2 - (lengths[1] + lengths[2]) ** 2) / (2 * lengths[0] * lengths[3])
-        near = np.arccos(reach) - 10.0 ** random.uniform(-12, 0, 50) if abs(reach) < 1 else np.empty(0)
+        toggle_angles = np.arccos(reach) - 10.0 ** random.uniform(-12, 0, 50) if abs(reach) < 1 else np.empty(0)
         force, torque = random.normal(size=2) * 100, float(random.normal() * 1000)
-        crank = np.concatenate([random.uniform(0, 2 * np.pi, 50), near])
+        crank = np.concatenate([random.uniform(0, 2 * np.pi, 50), toggle_angles])
         found = linkage.analysis(1.0, {"force": force, "torque": torque}, crank)
         assert found.velocity is not None and found.drive_load is not None
         parts = np.column_stack([found.velocity * force, found.angular_velocity.coupler * torque])
@@ -55,8 +55,8 @@ def forces(count: int) -> list[dict[str, Any]]:
             inside = np.rad2deg(found.transmission_angle)
             gaps[low, high] += gap[(inside > low) & (inside <= high)].tolist()
     return [
-        {"low": low, "high": high, "places": len(some), "median": float(np.median(some)), "worst": max(some)}
-        for (low, high), some in gaps.items()
+        {"low": low, "high": high, "places": len(values), "median": float(np.median(values)), "worst": max(values)}
+        for (low, high), values in gaps.items()
     ]
 
 
@@ -65,9 +65,9 @@ def tolerances(solved: list[tuple[dict[str, Any], la.Result]]) -> list[dict[str,
     rows = []
     for size in SIZES:
         times, ratios, unclosed = Times(), [], []
-        for given, found in solved:
-            places = np.array(given["position"])
-            extent = float(np.linalg.norm(places - places.mean(axis=0), axis=1).max())
+        for motion, found in solved:
+            position = np.array(motion["position"])
+            extent = float(np.linalg.norm(position - position.mean(axis=0), axis=1).max())
             sizes = {name: size * extent for name in ("links", "pivots", "clearance")}
             study = times.run(found.linkage.tolerance_study, **sizes)
             unclosed.append(study.open_share)
@@ -92,22 +92,22 @@ def stock(solved: list[tuple[dict[str, Any], la.Result]]) -> list[dict[str, Any]
     """The best of the combinations that are tried first, against the best of all."""
     errors: dict[int, list[float]] = {tries: [] for tries in (*TRIES, len(STOCK) ** 4)}
     times = {tries: Times() for tries in errors}
-    for given, found in solved:
+    for motion, found in solved:
         links = found.linkage.links
         # a stock that spans the lengths of this linkage
         lengths = np.geomspace(links.min(), links.max(), 3)[1] * np.array(STOCK) / 20.0
-        target = product.target_of(given)
+        target = product.target_of(motion)
         exact = product.solution_of(found.linkage, target)
         for tries in errors:
             best = times[tries].run(
                 product.best_from_stock, target, exact, lengths, product.Limits(), tries, product.Work()
             )
             errors[tries].append(np.inf if best.solution is None else best.solution.errors.objective)
-    least = np.array(errors[len(STOCK) ** 4])
-    known = np.isfinite(least)
+    smallest = np.array(errors[len(STOCK) ** 4])
+    known = np.isfinite(smallest)
     rows = []
-    for tries, some in errors.items():
-        ratio = np.array(some)[known] / least[known]
+    for tries, values in errors.items():
+        ratio = np.array(values)[known] / smallest[known]
         rows.append(
             {
                 "tries": tries,

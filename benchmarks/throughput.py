@@ -17,8 +17,8 @@ from typing import Annotated, Any
 from benchmarks import report, service
 from benchmarks.report import significant
 
-ONE, TWO = "`--workers 1`", "`--workers 2`"
-ARRANGEMENTS = {ONE: (1, 1), TWO: (2, 1)}
+ONE_WORKER, TWO = "`--workers 1`", "`--workers 2`"
+ARRANGEMENTS = {ONE_WORKER: (1, 1), TWO: (2, 1)}
 """Workers, and how many times the service is started."""
 CLIENTS = (1, 8, 64)
 COMPARED = CLIENTS[1:]
@@ -54,15 +54,15 @@ def measure_load(
     """One run of clients: `summarise`, the processor time of all services per second, and the busiest process's share of it."""
 
     def spent() -> dict[int, float]:
-        return {process: seconds for one in services for process, seconds in one.cpu_seconds().items()}
+        return {process: seconds for server in services for process, seconds in server.cpu_seconds().items()}
 
     before = spent()
-    found, beats = service.drive([one.port for one in services], path, *load, clients=clients, **options)
+    found, beats = service.drive([server.port for server in services], path, *load, clients=clients, **options)
     used = [seconds - before.get(process, 0.0) for process, seconds in spent().items()]
     row = {"path": path, "clients": clients} | summarise(found, beats)
     if used:  # none without /proc
         row |= {"service_cores": sum(used) / found.elapsed, "busiest_share": max(used) / max(sum(used), 1e-9)}
-        fronts = {one.processes()[1] for one in services}
+        fronts = {server.processes()[1] for server in services}
         in_front = sum(
             seconds - before.get(process, 0.0) for process, seconds in spent().items() if process in fronts
         )
@@ -84,18 +84,18 @@ def run(
             stack.enter_context(service.running(service.serve_command, atlas=atlas.resolve(), workers=workers))
             for _ in range(times)
         ]
-        for one in services:
-            one.need_ready()
-        for path, some in bodies.items():  # what the first requests prepare is not to be measured
-            service.drive([one.port for one in services], path, some, 4, seconds / 5)
+        for server in services:
+            server.need_ready()
+        for path, contents in bodies.items():  # what the first requests prepare is not to be measured
+            service.drive([server.port for server in services], path, contents, 4, seconds / 5)
         row: dict[str, Any] = {"livez": measure_load(services, "/livez", [None], clients=8, seconds=seconds / 5)}
         row["loads"] = [
-            measure_load(services, path, some, clients=clients, seconds=seconds)
-            for path, some in bodies.items()
+            measure_load(services, path, contents, clients=clients, seconds=seconds)
+            for path, contents in bodies.items()
             for clients in CLIENTS
         ]
-        row["bytes"] = sum(one.shared_out() for one in services) or None
-        row["worker_bytes"] = max((own for one in services for own in one.own()[2:]), default=None)
+        row["bytes"] = sum(server.shared_out() for server in services) or None
+        row["worker_bytes"] = max((own for server in services for own in server.own()[2:]), default=None)
     return row
 
 
@@ -107,17 +107,17 @@ def compare(atlas: Path, bodies: dict[str, list], seconds: float) -> list[dict[s
             stack.enter_context(service.running(service.serve_command, atlas=atlas.resolve(), workers=workers))
             for workers in (1, 2)
         ]
-        for one in both:
-            one.need_ready()
-        for path, some in bodies.items():
-            for one in both:  # what the first requests prepare is not to be measured
-                service.drive([one.port], path, some, 4, seconds / 5)
+        for server in both:
+            server.need_ready()
+        for path, contents in bodies.items():
+            for server in both:  # what the first requests prepare is not to be measured
+                service.drive([server.port], path, contents, 4, seconds / 5)
             for clients in COMPARED:
                 rates: tuple[list[float], list[float]] = [], []
-                for rate, one in report.in_turn(zip(rates, both), ROUNDS):
-                    found = measure_load([one], path, some, clients=clients, seconds=seconds / ROUNDS)
+                for rate, server in report.in_turn(zip(rates, both), ROUNDS):
+                    found = measure_load([server], path, contents, clients=clients, seconds=seconds / ROUNDS)
                     rate.append(found["per_second"])
-                ratios = [two / one for one, two in zip(*rates)]
+                ratios = [two / first for first, two in zip(*rates)]
                 rows.append({"path": path, "clients": clients, "ratio": report.spread(ratios)})
     return rows
 
@@ -126,7 +126,7 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
     """The table of requests in docs/scaling.md."""
     services = results["services"]
 
-    rows = [UNKNOWN | {"service": one["service"], **load} for one in services for load in one["loads"]]
+    rows = [UNKNOWN | {"service": entry["service"], **load} for entry in services for load in entry["loads"]]
     rows.sort(key=lambda row: row["path"])  # stable: the order of services stays
     return report.tables("throughput", {"loads": rows}) | {"ratios": ratios_text(results)}
 

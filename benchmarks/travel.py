@@ -20,7 +20,7 @@ from benchmarks.report import Times
 from synthesis.arrays import Floats
 
 PRINTED_K1, PRINTED_CRANK = 96.4, 48.2
-PLACES = 2001
+POINTS = 2001
 CASES: tuple[
     tuple[str, dict[str, Any], Callable[[Floats], Floats], float, float, tuple[float, float] | None], ...
 ] = (
@@ -62,31 +62,31 @@ def three_points(curve: Callable[[Floats], Floats], crank: float, travel: float,
     square = size**2 + offset**2 - k[2]
     if not square > 0:
         return None
-    rod, every = np.sqrt(square), np.linspace(0.0, 1.0, PLACES)
-    t, wanted = np.deg2rad(zeros[0] + crank * every), zeros[1] + travel * curve(every)
+    rod, fractions = np.sqrt(square), np.linspace(0.0, 1.0, POINTS)
+    t, target = np.deg2rad(zeros[0] + crank * fractions), zeros[1] + travel * curve(fractions)
     across = offset - size * np.sin(t)
     if np.any(np.abs(across) >= rod):
         return None
-    side = 1.0 if np.interp(share[0], every, wanted - size * np.cos(t)) > 0 else -1.0
-    gap = np.abs(size * np.cos(t) + side * np.sqrt(rod**2 - across**2) - wanted).max()
+    side = 1.0 if np.interp(share[0], fractions, target - size * np.cos(t)) > 0 else -1.0
+    gap = np.abs(size * np.cos(t) + side * np.sqrt(rod**2 - across**2) - target).max()
     return [float(abs(size)), float(rod), float(offset)], float(gap)
 
 
 def best_of_zeros(curve: Callable[[Floats], Floats], crank: float, travel: float) -> Any:
     """The best such design over starts of whole tens of degrees and places of the slider up to six travels away."""
     found = [
-        three_points(curve, crank, travel, (start, place * abs(travel)))
+        three_points(curve, crank, travel, (start, zero * abs(travel)))
         for start in range(0, 360, 10)
-        for place in np.linspace(-6, 6, 49)
+        for zero in np.linspace(-6, 6, 49)
     ]
-    return min((one for one in found if one is not None), key=lambda one: one[1])
+    return min((result for result in found if result is not None), key=lambda result: result[1])
 
 
 def measure() -> Iterator[dict[str, Any]]:
     """All functions."""
     rows = []
     for name, function, curve, crank, travel, zeros in CASES:
-        asked: dict[str, Any] = {
+        request: dict[str, Any] = {
             "function": {**function, "output_span": travel},
             "crank_span": crank,
             "output_unit": "length",
@@ -94,8 +94,8 @@ def measure() -> Iterator[dict[str, Any]]:
             "top": 1,
         }
         times = Times()
-        free = times.run(lambda asked=asked: la.function(**asked)).best
-        practical = la.function(**asked, limits={"preset": "practical"}).best
+        free = times.run(lambda request=request: la.function(**request)).best
+        practical = la.function(**request, limits={"preset": "practical"}).best
         design, error = (
             best_of_zeros(curve, crank, travel) if zeros is None else three_points(curve, crank, travel, zeros)
         )
@@ -103,7 +103,7 @@ def measure() -> Iterator[dict[str, Any]]:
         if zeros is not None:
             if abs(design[0] - PRINTED_CRANK) > 0.05:
                 raise SystemExit(f"the printed crank is {PRINTED_CRANK}, recomputed {design[0]}")
-            same = la.function(**asked, input_zero=zeros[0], output_zero=zeros[1]).best
+            same = la.function(**request, input_zero=zeros[0], output_zero=zeros[1]).best
             row |= {"same_zeros": same.errors.max}
         row |= {
             "free": free.errors.max,
