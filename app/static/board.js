@@ -44,17 +44,13 @@ export class Board {
   #resize() {
     const { clientWidth: width, clientHeight: height } = this.svg;
     if (!width || !height) return;
-    const wider = width !== this.view.width;
     Object.assign(this.view, { width, height });
     this.svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
-    // a change of height alone, as when the table beside the canvas grows, must not move the drawing
-    if (wider && this.fitted && this.motion) this.fit();
+    if (this.fitted && !this.moved && this.motion) this.fit(this.beside);
     else this.draw();
   }
 
-  /** A wheel with Ctrl zooms; without it the page scrolls, and the canvas says how to zoom. */
   #wheel(event) {
-    if (!event.ctrlKey && !event.metaKey) { this.tell("Ctrl and the wheel zoom"); return; }
     event.preventDefault();
     this.zoom(Math.exp(-event.deltaY / 300), ...this.#pixel(event));
   }
@@ -136,7 +132,7 @@ export class Board {
       Object.assign(this.view, { width, height });
       this.svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
     }
-    Object.assign(this, { fitted: true, moved: false });
+    Object.assign(this, { fitted: true, moved: false, beside: more });
     const points = this.places;
     const box = this.motion?.limits.box;
     if (box && this.hasPlaces) points.push([box[0], box[1]], [box[2], box[3]]);
@@ -194,7 +190,7 @@ export class Board {
 
   #press(event) {
     if (event.button !== 0) return;
-    const [px, py] = this.#pixel(event), { target, pointerType } = event;
+    const [px, py] = this.#pixel(event), { target } = event;
     const held = target.closest(".pose"), joint = target.getAttribute("data-joint"), corner = target.getAttribute("data-corner");
     if (this.mode === "path") this.#trace(event, px, py);
     else if (this.mode === "outline") this.#click(event, px, py, () => this.#addCorner(px, py));
@@ -205,16 +201,16 @@ export class Board {
       this.#dragBox(event, [box[i === 0 ? 2 : 0], box[j === 1 ? 3 : 1]]);
     } else if (this.mode === "box" && this.hasPlaces) this.#dragBox(event, this.place(px, py));
     else if (this.mode === "add" && this.hasPlaces) this.#click(event, px, py, () => { this.fitted = false; this.actions.add(this.place(px, py)); });
-    else if (pointerType !== "touch") this.#click(event, px, py, () => {});
+    else this.#click(event, px, py, () => {});
   }
 
-  /** A press that stays is a click; one that moves drags the view, except by a finger, which scrolls the page. */
+  /** A press that stays is a click; one that moves drags the view. */
   #click(event, px, py, clicked) {
-    const { cx, cy, scale } = this.view, drags = event.pointerType !== "touch";
+    const { cx, cy, scale } = this.view;
     let moved = false;
     this.follow(event, (qx, qy) => {
       moved ||= Math.hypot(qx - px, qy - py) > CLICK;
-      if (!moved || !drags) return;
+      if (!moved) return;
       Object.assign(this.view, { cx: cx - (qx - px) / scale, cy: cy + (qy - py) / scale });
       Object.assign(this, { fitted: false, moved: true });
       this.draw();

@@ -19,7 +19,8 @@ import { fillSheet } from "./sheet.js";
 import { $, copy, markEarlier, say, startScenes, startTheme } from "./shell.js";
 import { Sources } from "./sources.js";
 import { startStage } from "./extras.js";
-import { explainTerms, startTour } from "./tour.js";
+import { fold, focusOn, openStep, startSteps } from "./steps.js";
+import { explainTerms } from "./terms.js";
 import { defects } from "./verdict.js";
 import { Visits, readdress } from "./visits.js";
 
@@ -173,7 +174,12 @@ function useMotion(motion, { mode = null, fit = true, reply = null, card = null 
     results.show(null);
   });
   say("");
-  if (!reply) return;
+  if (!reply) {
+    openStep("motion");
+    fold(Boolean(mode) && !motion.poses.length);
+    return;
+  }
+  openStep("choose");
   answer = { request: toRequest(motion), reply, motion: structuredClone(motion), stored: true };
   visit();
   results.show(answer);
@@ -202,20 +208,13 @@ function startProgress(begin) {
   return () => clearInterval(timer);
 }
 
-/** On a narrow screen the canvas is out of sight when Solve is pressed. */
-function showCanvas() {
-  const { top, bottom } = $("canvas").getBoundingClientRect();
-  if (matchMedia("(max-width: 900px)").matches && (bottom < 120 || top > innerHeight - 120)) $("canvas").scrollIntoView({ block: "start" });
-}
-
 /** The motion as it is, or null after saying what is wrong with it. */
 function soundMotion() {
   const motion = structuredClone(editor.motion), wrong = editor.fault ?? fault(motion);
   if (!wrong) return motion;
   const [sentence, id] = wrong;
   say(sentence, true);
-  $(id)?.closest("details")?.setAttribute("open", "");
-  $(id)?.focus?.();
+  focusOn($(id));
   return null;
 }
 
@@ -266,7 +265,7 @@ async function startSearch(near = null) {
       results.show(answer, further);
       if (reply.solutions.length && !further) {
         results.player.run();
-        showCanvas();
+        openStep("choose");
       }
       if (!further) performance.measure("first result", { start: begin, end: performance.now() });
       further ||= reply.solutions.length > 0;
@@ -369,7 +368,7 @@ async function start() {
   startScenes();
   bindButtons();
   explainTerms();
-  startTour();
+  startSteps();
   startEntry(() => editor.motion.unit, showEntered);
   startStage(editor.board, (change) => editor.history.change((motion) => { change(motion); }), (mode) => editor.setMode(mode));
   editor.refresh();

@@ -180,7 +180,7 @@ export class Player {
   }
 
   drawCurves() {
-    if (!this.shown || $("curves-card").hidden) return;
+    if (!this.shown || !$("curves").clientWidth) return;
     const { linkage, motion, places, turns: miss, worst, solution, pass: { sense, turns: angles } } = this.shown, [low, high] = this.#range;
     const even = Array.from({ length: CURVE_STEPS + 1 }, (_, k) => low + ((high - low) * k) / CURVE_STEPS);
     // travels in the crank's sense: a clockwise crank, too, is plotted from left to right

@@ -17,7 +17,7 @@ import { studyRows } from "./studies.js";
 import { passing } from "./timing.js";
 import { judged, limitName, mark, plainNote, reasons } from "./verdict.js";
 
-const CARDS = ["results", "trace-card", "curves-card", "numbers-card", "player"];
+const CARDS = ["results", "trace-card", "curves-card", "numbers-card", "files-card", "player"];
 const LINKS = ["crank", "coupler", "rocker", "ground"];
 const ENDINGS = { mjcf: "xml", plates: "plates.dxf", pylinkage: "pylinkage.json", stl: "stl.zip", parts: "parts.csv" };
 const OF_PARTS = ["step", "3mf", "stl", "urdf", "sdf", "parts"];
@@ -288,14 +288,14 @@ export class Results {
 
   #drawTrace() {
     const box = $("trace");
-    if (!this.answer || $("trace-card").hidden) return;
+    if (!this.answer || !box.clientWidth) return;
     const { report } = this.answer.reply;
     const trace = report.trace.map(([ms, objective]) => [ms, Math.max(objective, 1e-17)]);
     if (!trace.length) { box.replaceChildren(); return; }
     trace.push([Math.max(report.elapsed_ms.total, trace.at(-1)[0] * 1.001), trace.at(-1)[1]]);
     box.setAttribute("aria-label", `Best error after each round: ${report.trace.slice(-6).map(([ms, objective]) => `${text(objective, 2)} after ${text(ms, 3)} ms`).join(", ")}`);
     chart(box, {
-      x: trace.map(([ms]) => ms), height: innerWidth <= 900 ? 170 : Math.max(170, Math.min(box.clientHeight, 360)), degreesX: false, logY: true, xName: " ms",
+      x: trace.map(([ms]) => ms), height: 170, degreesX: false, logY: true, xName: " ms",
       series: [{ values: trace.map(([, objective]) => objective), colour: "accent", steps: true, size: 5 }],
     });
   }

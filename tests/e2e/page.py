@@ -31,12 +31,17 @@ WATCH = (
     "if (met || performance.now() > end) done(met); else setTimeout(look, 20) })()"
 )
 """Looks for a condition within the page for a second: to ask the browser each time costs more than what is waited for."""
-IN_SIGHT = (
-    "const e = document.querySelector(arguments[0]), b = document.querySelector('.solve');"
+OPEN = (
+    "const e = document.querySelector(arguments[0]), step = e?.closest('.step');"
+    "if (step?.hidden || (step && document.body.matches('.folded'))) document.getElementById(`tab-${step.id}`).click();"
+)
+"""Finds an element, and opens the step of the panel in which it lies, as a user does."""
+IN_SIGHT = OPEN + (
+    "const b = document.querySelector('.scene .solve');"
     "if (e && b && !b.contains(e) && e.getBoundingClientRect().bottom > b.getBoundingClientRect().top)"
     "e.scrollIntoView({block: 'center'}); return e"
 )
-"""An element, scrolled out from under the bar with Solve, which stays in sight; found and scrolled by one call of the browser."""
+"""An element in the open step; on the other pages scrolled out from under the bar with Solve. By one call of the browser."""
 SERIOUS = (
     "const rules = Object.fromEntries(axe._audit.rules.filter((one) => ['minor', 'moderate'].includes(one.impact))"
     ".map((one) => [one.id, {enabled: false}]));"
@@ -136,7 +141,7 @@ class Page:
 
     def read(self, selector: str) -> str:
         """Text of a part as it is shown: none of a part that is hidden. By one call: the page may put another in its place."""
-        script = "const e = document.querySelector(arguments[0]); return e.checkVisibility() ? e.innerText : ''"
+        script = f"{OPEN} return e.checkVisibility() ? e.innerText : ''"
         return re.sub("[ \t]+", " ", self.run(script, selector)).strip()
 
     def text(self, name: str) -> str:
@@ -157,8 +162,7 @@ class Page:
         return self.run("return document.getElementById(arguments[0]).value", name)
 
     def shown(self, name: str) -> bool:
-        script = "return document.getElementById(arguments[0]).checkVisibility({visibilityProperty: true})"
-        return self.run(script, name)
+        return self.run(f"{OPEN} return e.checkVisibility({{visibilityProperty: true}})", f"#{name}")
 
     def ticked(self, name: str) -> bool:
         return self.run("return document.getElementById(arguments[0]).checked", name)
@@ -235,7 +239,8 @@ class Page:
         Select(self.find(name)).select_by_value(value)
 
     def unfold(self, *names: str) -> None:
-        self.run("for (const name of arguments[0]) document.getElementById(name).open = true", names)
+        for name in names:
+            self.run(f"{OPEN} e.open = true", f"#{name}")
 
     def type_into(self, name: str, entry: str) -> None:
         """What a user does: go to the field, select all, type."""
@@ -481,6 +486,7 @@ class MotionPage(Page):
     def earlier(self) -> bool | None:
         """Whether each card that is shown says that it is of an earlier request; they all do, or none."""
         script = (
+            "document.getElementById('tab-choose').click();"
             "return [...document.querySelectorAll('[data-earlier]')].filter((one) => one.closest('.card').checkVisibility())"
             ".map((one) => one.checkVisibility())"
         )

@@ -70,6 +70,7 @@ def test_a_linkage_is_refined_from_there_by_keys_alone(edited) -> None:
     assert float(re.search(r"off by ([\d.]+) mm", said)[1]) < by_hand
     assert not page.card().startswith("By hand") and GOOD.search(page.card())
     assert page.count("#solutions li") in (cards, cards + 1)
+    page.unfold("charts")
     assert "may be better" in page.text("trace-note") and "Descent ended" in page.text("trace-note")
 
 

@@ -117,7 +117,8 @@ def test_the_first_result_is_there_soon(page) -> None:
 def test_formats_are_exported_and_a_pivot_box_is_kept_to(standing) -> None:
     standing.choose("worked")
     standing.solve()
-    for button in standing.all("#numbers-card [data-format]"):
+    standing.find("exports")
+    for button in standing.all("#files-card [data-format]"):
         standing.centre(button).click()
         standing.wait("document.getElementById('export-note').textContent.startsWith('Saved')")
     whole = json.loads(standing.saved("linkage-1.json"))
@@ -157,6 +158,7 @@ def test_what_a_designer_asks_next_is_shown_and_taken_away(page) -> None:
     page.solve()
     for name, entry in {"layer-hole": "4", "layer-width": "9"}.items():
         page.type_into(name, entry + Keys.TAB)
+    page.unfold("charts")
     titles = page.texts("#curves h3")
     for name in ("Velocity", "Acceleration", "Angular velocity", "Torque of the drive", "Transmission"):
         assert any(title.startswith(name) for title in titles), name
@@ -177,8 +179,8 @@ def test_what_a_designer_asks_next_is_shown_and_taken_away(page) -> None:
     page.slide(30)
     page.select("range", "turn")
     page.wait("document.querySelectorAll('#curves canvas').length >= 8")
-    plates = page.saved("linkage-1.plates.dxf", "#numbers-card [data-format=plates]").decode()
-    links = page.saved("linkage-1.pylinkage.json", "#numbers-card [data-format=pylinkage]").decode()
+    plates = page.saved("linkage-1.plates.dxf", "#files-card [data-format=plates]").decode()
+    links = page.saved("linkage-1.pylinkage.json", "#files-card [data-format=pylinkage]").decode()
     circles = ezdxf.read(io.StringIO(plates)).modelspace().query("CIRCLE")
     assert {circle.dxf.radius for circle in circles} == {2.0}
     assert {link["id"] for link in json.loads(links)["links"]} == {"ground", "crank", "coupler", "rocker"}
@@ -654,7 +656,9 @@ def test_a_path_is_solved_and_its_samples_are_passed(standing) -> None:
     assert "different branches" in details and "dead position" in details
     standing.pick("#numbers summary").click()
     assert "-160°" in standing.text("numbers")
-    assert "ample" not in standing.run("return document.body.innerText"), "a row has one name throughout"
+    assert "ample" not in standing.run("return document.querySelector('main').innerText"), (
+        "a row has one name throughout"
+    )
     assert standing.read("[data-mode=add]") == "Add points" and "Page Up" in standing.text("canvas-help")
     assert "pose" not in standing.text("canvas-help")
 

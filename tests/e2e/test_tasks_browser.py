@@ -32,12 +32,10 @@ def test_a_practical_machine_moves_on_load(moving, page) -> None:
     page.wait(f"document.querySelector('#canvas .crank').getAttribute('d') !== {json.dumps(before)}")
     assert GOOD.fullmatch(page.read("#solutions .verdict"))
     assert re.search(r"off by 0\.\d+ mm \(pose \d\) and 0\.\d+° \(pose \d\)", page.text("status"))
-    lead = page.find("lead").rect
-    assert lead["y"] + lead["height"] < 160 and page.shown("new-path")
+    assert page.shown("new-path")
 
 
-def test_nothing_is_cut_off_and_cards_come_in_one_order_at_any_size(opened) -> None:
-    # The canvas becomes lower as legend and help below it take more lines.
+def test_nothing_is_cut_off_at_any_size(opened) -> None:
     page = opened
     cut = (
         "const frame = document.getElementById('canvas').getBoundingClientRect();"
@@ -54,15 +52,9 @@ def test_nothing_is_cut_off_and_cards_come_in_one_order_at_any_size(opened) -> N
     page.choose("casement")
     longest = "return Math.max(...[...document.querySelectorAll('#canvas .miss')].map((one) => one.getTotalLength()))"
     assert 10 < page.run(longest) < 35, "errors are seen, and hide neither poses nor linkage"
-    opened.renew("casement")
-    order = "return ['results', 'layers', 'drive', 'curves'].map((one) => document.querySelector(`.card.${one}`).offsetTop)"
-    for width in (1366, 390):
-        opened.resize(width)
-        tops = opened.run(order)
-        assert 0 < tops[0] and tops == sorted(set(tops)), width
 
 
-def test_the_gallery_the_tour_and_explained_terms(standing) -> None:
+def test_the_gallery_and_explained_terms(standing) -> None:
     standing.click("open-gallery")
     machines = standing.all("#machines button")
     assert len(machines) == 8 and all("off by at most" in one.text for one in machines)
@@ -71,12 +63,6 @@ def test_the_gallery_the_tour_and_explained_terms(standing) -> None:
     assert "Film advance" in standing.text("example-note") and not standing.shown("gallery")
     assert "off by" in standing.text("status") and "Searched beforehand" in standing.text("status")
     standing.renew()
-    standing.click("start-tour")
-    for k in range(5):
-        assert standing.text("tour-count") == f"{k + 1} of 5"
-        standing.active.send_keys(Keys.ENTER)
-    assert not standing.shown("tour")
-    assert standing.focus == "start-tour"
     standing.unfold("limits")
     for button in standing.all("#limits .explain"):
         standing.centre(button).click()
@@ -560,9 +546,9 @@ def test_a_drag_adds_no_pose_and_cards_leave_the_scale(opened) -> None:
     after = opened.table()
     assert len(after) == len(before) and after[3] != before[3]
     middle = opened.view()
-    opened.drag(opened.find("canvas"), 40, 0, (220, 120))
+    opened.drag(opened.find("canvas"), 40, 0, (300, 160))
     assert len(opened.table()) == len(before) and opened.view() != middle, "a drag beside the poses moves the view"
-    opened.click_canvas((220, 140))
+    opened.click_canvas((300, 180))
     assert len(opened.table()) == len(before) + 1
 
 

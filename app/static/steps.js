@@ -1,0 +1,50 @@
+// The steps of the panel beside the canvas, one of them open; on a narrow screen the panel is a sheet that can be folded.
+
+import { $ } from "./shell.js";
+
+const narrow = matchMedia("(max-width: 900px)");
+const tabs = () => [...$("steps").children];
+
+/** Hides the body of the sheet of a narrow screen, or shows it. */
+export function fold(folded) {
+  document.body.classList.toggle("folded", folded && narrow.matches);
+}
+
+/** Opens the step whose tab is "tab-" and `name`. */
+export function openStep(name) {
+  fold(false);
+  for (const tab of tabs()) {
+    const open = tab.id === `tab-${name}`, panel = $(tab.getAttribute("aria-controls"));
+    if (open && panel.hidden) $("steps-body").scrollTop = 0;
+    tab.setAttribute("aria-selected", String(open));
+    tab.tabIndex = open ? 0 : -1;
+    panel.hidden = !open;
+  }
+}
+
+/** Opens the step and the fold in which an element lies, and moves the focus to it. */
+export function focusOn(element) {
+  const step = element?.closest(".step");
+  if (step) openStep(step.id);
+  element?.closest("details")?.setAttribute("open", "");
+  element?.focus?.();
+}
+
+/** Binds the tabs; arrow keys lead from one to the next. On a narrow screen a press on the open one folds the sheet. */
+export function startSteps() {
+  $("steps").addEventListener("click", ({ target }) => {
+    const tab = target.closest("[role=tab]");
+    if (!tab) return;
+    const folds = narrow.matches && tab.getAttribute("aria-selected") === "true" && !document.body.classList.contains("folded");
+    openStep(tab.getAttribute("aria-controls"));
+    fold(folds);
+  });
+  $("steps").addEventListener("keydown", ({ key }) => {
+    const step = { ArrowRight: 1, ArrowLeft: -1 }[key], all = tabs();
+    if (!step) return;
+    const next = all[(all.indexOf(document.activeElement) + step + all.length) % all.length];
+    next.focus();
+    openStep(next.getAttribute("aria-controls"));
+  });
+  $("modes").addEventListener("click", ({ target }) => { if (target.closest("[data-mode]")) fold(true); });
+}
