@@ -104,20 +104,22 @@ class Circuits:
         conditions = linkage.conditions
         self._angle = linkage.driver.turns
         at_extremes = [
-            (place, float(one.value(np.array([place]))[0]), one.size) for one in conditions for place in one.extremes
+            (extreme, float(condition.value(np.array([extreme]))[0]), condition.size)
+            for condition in conditions
+            for extreme in condition.extremes
         ]
-        cuts = [place for place, value, _ in at_extremes if value < 0]
+        cuts = [extreme for extreme, value, _ in at_extremes if value < 0]
         self.uncertain = any(abs(value) < NEAR_CHANGE_POINT * size for _, value, size in at_extremes)
         if linkage.is_four_bar:  # of the three pairings of the links s + l against p + q is the nearest to equality
             excess = float(np.min(np.abs(grashof_excesses(linkage.links))))
             self.uncertain = excess < NEAR_CHANGE_POINT * sum(linkage.links)
-        other = linkage.local_guides[1]
-        endless = linkage.driver is Driver.HINGE and isinstance(other, Rail)
-        self.meet = not endless and (bool(cuts) or any(one.bounded for one in conditions))
+        second = linkage.local_guides[1]
+        endless = linkage.driver is Driver.HINGE and isinstance(second, Rail)
+        self.meet = not endless and (bool(cuts) or any(condition.bounded for condition in conditions))
         if endless:
-            assert isinstance(other, Rail)
-            cuts = [other.direction, other.direction + math.pi]
-        self._cuts = sorted(place % TURN for place in cuts) if self._angle else sorted(cuts)
+            assert isinstance(second, Rail)
+            cuts = [second.direction, second.direction + math.pi]
+        self._cuts = sorted(cut % TURN for cut in cuts) if self._angle else sorted(cuts)
         self.turns = self._angle and not cuts
 
     def part(self, coordinate: Floats) -> tuple[Floats, Ints]:
@@ -169,10 +171,10 @@ def one_way(steps: Floats) -> tuple[Floats, Floats]:
 
     It is the way of fewer turns in total; where they are equal, that of most steps. Ties may lie just behind, not a turn ahead.
     """
-    ahead, back = ((way * steps + TIE) % TURN - TIE for way in (1.0, -1.0))
-    fewer = [np.ceil(np.sum(one, axis=-1, keepdims=True) / TURN - TIE) for one in (ahead, back)]
-    most = np.sum(np.sign(back - ahead), axis=-1, keepdims=True) >= 0
-    forward = (fewer[0] < fewer[1]) | ((fewer[0] == fewer[1]) & most)
+    ahead, back = ((sign * steps + TIE) % TURN - TIE for sign in (1.0, -1.0))
+    fewer = [np.ceil(np.sum(steps_on, axis=-1, keepdims=True) / TURN - TIE) for steps_on in (ahead, back)]
+    mostly_forward = np.sum(np.sign(back - ahead), axis=-1, keepdims=True) >= 0
+    forward = (fewer[0] < fewer[1]) | ((fewer[0] == fewer[1]) & mostly_forward)
     return np.where(forward, ahead, back), np.where(forward, 1.0, -1.0)
 
 
@@ -211,7 +213,7 @@ def passage(
     """
     q, side = np.asarray(coordinate, dtype=float), np.asarray(side)
     where = Circuits(linkage)
-    closes = np.all([one.value(q) >= 0 for one in linkage.conditions] or [np.isfinite(q)], axis=0)
+    closes = np.all([condition.value(q) >= 0 for condition in linkage.conditions] or [np.isfinite(q)], axis=0)
     if np.any(side != side[0]):
         angle = np.nan_to_num(linkage.body(q).transmission_angle)
         side = np.where(angle < DEAD, side[np.argmax(angle)], side)
@@ -270,38 +272,38 @@ def verdict(
     q = np.asarray(coordinate, dtype=float)
     side = np.full(q.shape, linkage.branch) if side is None else np.asarray(side)
     passed = passage(linkage, q, side, ordered=ordered, closed=closed, timed=timed)
-    drive, others = linkage.driver.value, other_drives(linkage)
+    drive, alternatives = linkage.driver.value, other_drives(linkage)
     driver = drive if passed.driven else None
     if passed.circuit and not passed.driven:
-        poses = [linkage.body(q, way) for way in (1, -1)]
+        poses = [linkage.body(q, sense) for sense in (1, -1)]
         rotation, position = (np.where(side > 0, *pair) for pair in zip(*((p.rotation, p.position) for p in poses)))
-        for name, (place, other) in others.items():
-            guides = linkage.guides[::-1] if place else linkage.guides
-            redriven = through(guides, other, float(rotation[0]), complex(position[0]))
+        for name, (index, driver_kind) in alternatives.items():
+            guides = linkage.guides[::-1] if index else linkage.guides
+            redriven = through(guides, driver_kind, float(rotation[0]), complex(position[0]))
             found, sine = redriven.configuration(rotation, position)
             if passage(redriven, found, np.where(sine >= 0, 1, -1), ordered=ordered, closed=closed).driven:
                 driver = name
                 break
     reasons: tuple[str, ...] = ()
     if passed.uncertain or not passed.driven:
-        reasons = _reasons_of(passed, driver, drive, list(others), linkage.driver.turns)
+        reasons = _reasons_of(passed, driver, drive, list(alternatives), linkage.driver.turns)
     return Verdict(passed.order, passed.branch, passed.circuit, driver, passed.uncertain, reasons)
 
 
 def other_drives(linkage: Linkage) -> dict[str, tuple[int, Driver]]:
     """Return every other drive of the guides by its name, with the guide that it moves (0 or 1)."""
     found: dict[str, tuple[int, Driver]] = {}
-    for place, guide in enumerate(linkage.guides):
+    for index, guide in enumerate(linkage.guides):
         for driver in DRIVERS[type(guide)]:
-            if (place, driver) != (0, linkage.driver):
+            if (index, driver) != (0, linkage.driver):
                 taken = driver.value == linkage.driver.value or driver.value in found
                 name = "rocker" if taken and driver is Driver.CRANK else f"second {driver}" if taken else driver.value
-                found[name] = (place, driver)
+                found[name] = (index, driver)
     return found
 
 
 def _reasons_of(
-    passed: Passage, driver: str | None, drive: str, others: Sequence[str], turns: bool = True
+    passed: Passage, driver: str | None, drive: str, alternatives: Sequence[str], turns: bool = True
 ) -> tuple[str, ...]:
     """Return a sentence for each defect of a passage by ``drive``, which turns, or moves on a line.
 
@@ -310,7 +312,7 @@ def _reasons_of(
     moves, moving = ("turns", "turning") if turns else ("moves", "moving")
     reasons = []
     if not np.all(passed.closes):
-        numbers = [str(place + 1) for place in np.flatnonzero(~passed.closes)]
+        numbers = [str(index + 1) for index in np.flatnonzero(~passed.closes)]
         reasons.append(f"the linkage does not close at {_listed(numbers)}")
     if np.any(flags := passed.open_between):
         reasons.append(f"the linkage does not close everywhere between {_named(flags)}")
@@ -329,11 +331,11 @@ def _reasons_of(
     if driver is not None and driver != drive:
         reasons.append(f"only the {driver} can drive the linkage through the samples, not the {drive}")
     elif driver is None:
-        every = [drive, *others]
-        named = f"{', '.join(every[:-1])} nor {every[-1]}"
+        drives = [drive, *alternatives]
+        named = f"{', '.join(drives[:-1])} nor {drives[-1]}"
         reasons.append(
             f"neither {named} can drive the linkage through the samples, {moving} one way"
-            if others
+            if alternatives
             else f"the {drive} cannot drive the linkage through the samples, {moving} one way"
         )
     if passed.uncertain:
@@ -348,26 +350,30 @@ def shared_positions(motion: Target, turns: bool = True) -> list[str]:
 
     ``motion``: with the drive's positions. ``turns``: these are angles, and count modulo a turn.
     """
-    least = _ONE_POSITION * np.ptp(motion.crank)
-    place = motion.crank % TURN if turns else motion.crank
-    order = np.argsort(place, kind="stable")
-    step = np.diff(place[order], append=place[order[0]] + TURN if turns else np.inf)
-    pairs = np.sort(np.stack([order, np.roll(order, -1)]), axis=0)[:, step <= least]
+    resolution = _ONE_POSITION * np.ptp(motion.crank)
+    drive = motion.crank % TURN if turns else motion.crank
+    order = np.argsort(drive, kind="stable")
+    step = np.diff(drive[order], append=drive[order[0]] + TURN if turns else np.inf)
+    pairs = np.sort(np.stack([order, np.roll(order, -1)]), axis=0)[:, step <= resolution]
     differ = np.zeros(pairs.shape[1], dtype=bool)
-    for asked, weights, same in (
+    for samples, weights, same in (
         (motion.position, motion.position_weights, _ALIKE * motion.extent if motion.position is not None else 0.0),
         (None if motion.rotation is None else np.exp(1j * motion.rotation), motion.rotation_weights, _ALIKE),
     ):
-        if asked is not None:
+        if samples is not None:
             first, second = pairs
             both = True if weights is None else (weights[first] > 0) & (weights[second] > 0)
-            differ |= (np.abs(asked[first] - asked[second]) > same) & both
+            differ |= (np.abs(samples[first] - samples[second]) > same) & both
     if not differ.any():
         return []
     named = sorted((pairs[:, differ] + 1).T.tolist())
-    names = [str(one) for one in named[0]] if len(named) == 1 else [f"{one}/{other}" for one, other in named]
-    what, near = ("crank position", "rounding or a whole turn") if turns else ("position of the drive", "rounding")
-    return [f"{_listed(names)} share one {what}, to {near}, though they differ"]
+    names = (
+        [str(first) for first in named[0]] if len(named) == 1 else [f"{first}/{second}" for first, second in named]
+    )
+    what, closeness = (
+        ("crank position", "rounding or a whole turn") if turns else ("position of the drive", "rounding")
+    )
+    return [f"{_listed(names)} share one {what}, to {closeness}, though they differ"]
 
 
 def _named(flags: Flags) -> str:
@@ -380,8 +386,8 @@ def _listed(names: list[str]) -> str:
     """Samples by name, the first few: "sample 2", "samples 2 and 3", "samples 2, 3, 4 and 5 more"."""
     if len(names) == 1:
         return f"sample {names[0]}"
-    rest = len(names) - NAMED
-    named, last = (names[:NAMED], f"{rest} more") if rest > 0 else (names[:-1], names[-1])
+    remaining = len(names) - NAMED
+    named, last = (names[:NAMED], f"{remaining} more") if remaining > 0 else (names[:-1], names[-1])
     return f"samples {', '.join(named)} and {last}"
 
 
@@ -405,8 +411,10 @@ def practical_faults(
     """Return `faults_of` a solution and of its cylinder; ``interval`` is the travel that the motion uses."""
     linkage = solution.linkage
     turn = solution.transmission_angle_min_turn if linkage.driver is Driver.CRANK else None
-    pivots = {name: one[0] for name, one in zip(("pivot_a", "pivot_b"), linkage.guides) if not isinstance(one, Rail)}
-    arm = max((abs(one.body_point) for one in linkage.guides if not isinstance(one, Slot)), default=0.0)
+    pivots = {
+        name: guide[0] for name, guide in zip(("pivot_a", "pivot_b"), linkage.guides) if not isinstance(guide, Rail)
+    }
+    arm = max((abs(guide.body_point) for guide in linkage.guides if not isinstance(guide, Slot)), default=0.0)
     links = linkage.links if linkage.is_four_bar else [*linkage.lengths.values()]
     angles = solution.transmission_angle_min, turn
     faults = faults_of(angles, links, pivots, samples, limits, excursion, arm)
@@ -446,18 +454,22 @@ def faults_of(
         Largest distance of the body point from a joint of the body, which is bounded like a link.
     """
     faults = []
-    least = limits.transmission_angle_min or TRANSMISSION_ANGLE
-    rows = [(angles[0], least, "over the used interval")]
+    smallest = limits.transmission_angle_min or TRANSMISSION_ANGLE
+    rows = [(angles[0], smallest, "over the used interval")]
     if angles[1] is not None:
         rows.append((angles[1], limits.transmission_angle_min_turn or TRANSMISSION_ANGLE_TURN, "over the whole turn"))
-    for found, wanted, where in rows:
-        if found < wanted - _ROUNDED:
-            degrees = np.rad2deg([found, wanted])
+    for found, required, where in rows:
+        if found < required - _ROUNDED:
+            degrees = np.rad2deg([found, required])
             faults.append(f"transmission angle {degrees[0]:.3g} degrees {where}, below {degrees[1]:.3g}")
-    longest, shortest, most = max(links, default=0.0), min(links, default=0.0), limits.link_ratio_max or LINK_RATIO
-    if longest > most * shortest * (1 + _ROUNDED):
+    longest, shortest, largest_ratio = (
+        max(links, default=0.0),
+        min(links, default=0.0),
+        limits.link_ratio_max or LINK_RATIO,
+    )
+    if longest > largest_ratio * shortest * (1 + _ROUNDED):
         ratio = longest / shortest if shortest > 0 else np.inf
-        faults.append(f"longest link {ratio:.3g} times the shortest, above {most:g}")
+        faults.append(f"longest link {ratio:.3g} times the shortest, above {largest_ratio:g}")
     if samples is not None and samples.position is not None:
         extent, middle = samples.extent, complex(samples.position_mean(samples.position))
         reach = max(REACH, ROOM * (limits.link_min or 0.0) / extent)
@@ -473,9 +485,9 @@ def faults_of(
             faults.append(
                 f"shortest link {shortest / extent:.3g} times the motion's extent, below {link_min / extent:.3g}"
             )
-        far = [abs(place - middle) / extent for name, place in pivots.items() if not placed_by(limits, name)]
-        if far and max(far) > reach * (1 + _ROUNDED):
-            faults.append(f"a fixed pivot {max(far):.3g} extents from the motion's middle, above {reach:.4g}")
+        distances = [abs(pivot - middle) / extent for name, pivot in pivots.items() if not placed_by(limits, name)]
+        if distances and max(distances) > reach * (1 + _ROUNDED):
+            faults.append(f"a fixed pivot {max(distances):.3g} extents from the motion's middle, above {reach:.4g}")
     if excursion is not None and excursion > LEAVES_SAMPLES:
         faults.append(
             f"the body point goes {excursion:.3g} times as far between two samples as they are apart, above {LEAVES_SAMPLES:g}"

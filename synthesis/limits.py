@@ -1,6 +1,6 @@
-"""The limits of a request: `Limits` states each limit once, with its default, its form in a request (`Form`) and its text.
+"""Limits of a request: `Limits` has a field for each limit, with its default, its form in a request (`Form`) and its text.
 
-`synthesis.constraints` holds them as functions.
+`synthesis.constraints` evaluates limits as functions.
 """
 
 from __future__ import annotations
@@ -21,24 +21,24 @@ from synthesis.target import MIN_LENGTH, Samples
 FAMILIES = ("full_crank", "crank_rocker", "double_crank", "any")
 LINKS = ("crank", "coupler", "rocker", "ground")
 PIVOTS = "pivot_a", "pivot_b"
-# the practical limits: where a request says so, and what a verdict calls practical
+# the practical limits, which a request can select and which a verdict checks
 TRANSMISSION_ANGLE = np.deg2rad(35.0)
-"""Least over the used interval: below it friction grows, and play in the pins shows."""
+"""Smallest practical transmission angle over the used interval: below it friction and the effect of play increase."""
 TRANSMISSION_ANGLE_TURN = np.deg2rad(15.0)
-"""Least over the whole turn, where the crank turns fully."""
+"""Smallest practical transmission angle over the whole turn, if the crank turns fully."""
 LINK_RATIO = 10.0
-"""Most of the longest link over the shortest."""
+"""Largest practical ratio of the longest link to the shortest."""
 REACH = 10.0
-"""No link, and no distance of a pivot from the motion's middle, is longer than this many extents of the motion."""
+"""Largest length of a link, and largest distance of a pivot from the motion's centre, in extents of the motion."""
 SHORTEST = 0.05
-"""No link is shorter than this fraction of the motion's extent: a tiny link hardly holds a body that reaches far out."""
+"""Shortest length of a link as a fraction of the motion's extent: a tiny link cannot guide a distant body accurately."""
 ROOM = 2.0
-"""So many times a shortest length that is given links may be long, and pivots be away, at least."""
+"""Lower bound of the largest length and the largest distance of a pivot, as a multiple of a given shortest length."""
 BETWEEN_LENGTHS = "the least and the greatest link length (`limits.link_min`, `limits.link_max`)"
 
 
 def in_family(family: str, lengths: Floats) -> Flags:
-    """Which linkages (n, 4) are of one of `FAMILIES`, whatever their interval, shape (n,)."""
+    """Return flags (n,) of linkages with lengths (n, 4) that belong to a family of `FAMILIES`, for any interval."""
     a, b, c = grashof_excesses(lengths)
     crank_rocker = (a > 0) & (b > 0) & (c > 0)
     double_crank = (a < 0) & (b < 0) & (c > 0)
@@ -50,7 +50,7 @@ def in_family(family: str, lengths: Floats) -> Flags:
     }[family]
 
 
-# -- what is asked ----------------------------------------------------------------------------------------------------
+# -- limits of a request ----------------------------------------------------------------------------------------------
 
 
 class Reach(NamedTuple):
@@ -63,16 +63,16 @@ class Reach(NamedTuple):
 
 
 class Form(NamedTuple):
-    """How a limit is given, and what it says."""
+    """Form of a limit in a request, and its description."""
 
     kind: Literal["family", "angle", "length", "ratio", "links", "point", "box", "boxes", "reach"]
-    """``reach`` is none that a request gives: the practical limits set it."""
+    """Form of the value; a request cannot contain ``reach``, which is set by the practical limits."""
     concerns: Literal["shape", "lengths", "place", "sliders"]
-    """Length ratios and the start alone; actual lengths; where the linkage stands; or what only rails and slots have."""
+    """Subject: length ratios and the start only, actual lengths, position of the linkage, or rails and slots."""
     says: str
-    """Its description in a request."""
+    """Description in a request."""
     least: bool = False
-    """Whether a length is the least and not the largest; angles are the least."""
+    """True for a smallest length; a limit of an angle is always the smallest angle."""
 
 
 @dataclass(frozen=True)
@@ -175,9 +175,9 @@ class Limits:
         for name, length in zip(LINKS, self.links):
             if length is not None and not low <= length <= high:
                 raise FieldError(f"/limits/links/{name}", f"{length:g} is not within {BETWEEN_LENGTHS}")
-        given = [length for length in self.links if length is not None]
-        if self.link_ratio_max is not None and given and max(given) > self.link_ratio_max * min(given):
-            ratio = max(given) / min(given)
+        lengths = [length for length in self.links if length is not None]
+        if self.link_ratio_max is not None and lengths and max(lengths) > self.link_ratio_max * min(lengths):
+            ratio = max(lengths) / min(lengths)
             raise FieldError(
                 "/limits/link_ratio_max",
                 f"the longest given length is {ratio:.4g} times the shortest (`limits.links`)",
@@ -212,7 +212,7 @@ class Limits:
                     raise FieldError(f"/limits/keep_out/{number}", f"covers the whole box of {pivot}")
 
     def box(self, name: str) -> Box | None:
-        """Where a pivot may lie by all boxes that concern it; ``name`` is its own: pivot_a_box or pivot_b_box."""
+        """Return the intersection of all boxes of a pivot; ``name`` is pivot_a_box or pivot_b_box."""
         return _common([self.pivot_box, getattr(self, name), self.envelope])
 
     def rail_box_of(self, pivot: str) -> Box | None:
@@ -220,8 +220,8 @@ class Limits:
         return _common([self.rail_box, self.pivot_box, getattr(self, f"{pivot}_box")])
 
     def check_against(self, samples: Samples) -> None:
-        """FieldError for limits that have no meaning for these samples, or that no linkage keeps."""
-        if None not in self.links and 2 * max(given := [length or 0.0 for length in self.links]) >= sum(given):
+        """Raise FieldError for a limit that does not apply to these samples or that no linkage can satisfy."""
+        if None not in self.links and 2 * max(lengths := [length or 0.0 for length in self.links]) >= sum(lengths):
             raise FieldError("/limits/links", "the given lengths do not close: one is as long as the others together")
         for name in PIVOTS if self.rail_box is not None else ():
             rails = self.rail_box_of(name)
@@ -238,7 +238,7 @@ class Limits:
             raise FieldError("/limits/links/ground", "without `position` the ground is 1")
 
     def mirrored(self) -> Limits:
-        """The same limits for a target mirrored in the x axis."""
+        """Return the limits for a target that is mirrored in the x axis."""
         mirror: dict[str, Callable[[Any], Any]] = {
             "point": lambda point: point.conjugate(),
             "box": _flipped,
@@ -253,56 +253,58 @@ class Limits:
         return replace(self, **changed)
 
     def exchanged(self) -> Limits:
-        """The same limits for linkages with coupler and rocker exchanged."""
+        """Return the limits for linkages with coupler and rocker exchanged."""
         crank, coupler, rocker, ground = self.links
         return replace(self, links=(crank, rocker, coupler, ground))
 
     def over(self, ground: float) -> Limits:
-        """The limits of shape and lengths, lengths over that of a ground, which is then 1."""
+        """Return the limits of shape and lengths for a ground of length 1, with all lengths divided by ``ground``."""
         links = [None if length is None else length / ground for length in self.links[:3]]
-        kept: dict[str, Any] = {
+        values: dict[str, Any] = {
             name: value / ground if FORMS[name].kind == "length" else value
             for name in self.given
             if FORMS[name].concerns not in ("place", "sliders") and (value := getattr(self, name)) is not None
         }
-        return Limits(**kept | {"links": (*links, None)})
+        return Limits(**values | {"links": (*links, None)})
 
     @property
     def given(self) -> list[str]:
-        """Names of the limits that are given: those of shape, of lengths, of places, and the family last."""
+        """Names of the limits that are set, in the order shape, lengths, positions, sliders, and the family last."""
         order = ("shape", "lengths", "place", "sliders")
         names = [name for name in FORMS if getattr(self, name) != _FREE[name]]
         return sorted(names, key=lambda name: (name == "family", order.index(FORMS[name].concerns)))
 
     @property
     def practical(self) -> bool:
-        """Whether they are, beside others, the practical ones of `practical_limits`."""
+        """True if the limits include the practical limits of `practical_limits`."""
         return self.pivot_reach is not None
 
     @property
     def dead_length(self) -> float | None:
         """Smallest length of a driving cylinder; 0 if only the largest length, or practical limits, are given."""
-        given = self.cylinder_dead_length
-        return 0.0 if given is None and (self.practical or self.cylinder_extended_max is not None) else given
+        dead_length = self.cylinder_dead_length
+        return (
+            0.0 if dead_length is None and (self.practical or self.cylinder_extended_max is not None) else dead_length
+        )
 
     @property
     def swings(self) -> bool:
-        """Whether all lengths are given, and the crank does not turn fully: at a change point rounding alone would say so."""
+        """True if all lengths are given and the crank does not turn fully; at a change point rounding decides."""
         return None not in self.links and family(np.array(self.links, dtype=float)).item() not in FULL_CRANK
 
     @cached_property
     def only_family(self) -> bool:
-        """Whether nothing but the family is limited."""
+        """True if no limit except the family is set."""
         return set(self.given) <= {"family"}
 
     @cached_property
     def of_shape(self) -> Limits:
-        """Those of the limits that concern length ratios and the start alone."""
+        """The limits that concern only length ratios and the start."""
         return Limits(**{name: getattr(self, name) for name, form in FORMS.items() if form.concerns == "shape"})
 
     @cached_property
     def on_shape(self) -> bool:
-        """Whether there are no others, so that a shape's best pose is as good as any."""
+        """True if all limits concern only the shape, so that the best pose of a shape satisfies them too."""
         return self == self.of_shape
 
 
@@ -310,59 +312,64 @@ FORMS: dict[str, Form] = {
     name: hint.__metadata__[0] for name, hint in get_type_hints(Limits, include_extras=True).items()
 }
 """The form of each limit."""
-_FREE = {one.name: one.default for one in fields(Limits)}
+_FREE = {item.name: item.default for item in fields(Limits)}
 
 
 def of_kind(kind: str) -> list[str]:
-    """Names of the limits of a kind, see `Form`."""
+    """Return the names of the limits of a kind, see `Form`."""
     return [name for name, form in FORMS.items() if form.kind == kind]
 
 
 def _common(boxes: Sequence[Box | None]) -> Box | None:
-    """Return what boxes have in common, which may be empty; None without boxes."""
-    given = [box for box in boxes if box is not None]
-    return (*np.max(given, axis=0)[:2].tolist(), *np.min(given, axis=0)[2:].tolist()) if given else None
+    """Return the intersection of boxes, which may be empty; None without boxes."""
+    present = [box for box in boxes if box is not None]
+    return (*np.max(present, axis=0)[:2].tolist(), *np.min(present, axis=0)[2:].tolist()) if present else None
 
 
 def _flipped(box: Box) -> Box:
     return box[0], -box[3], box[2], -box[1]
 
 
-def practical_limits(samples: Samples, given: dict[str, Any]) -> dict[str, Any]:
-    """The practical limits as arguments of `Limits`; one that is given replaces them where it says the same.
+def practical_limits(samples: Samples, arguments: dict[str, Any]) -> dict[str, Any]:
+    """Complete the arguments of `Limits` with the practical limits; a limit of the request replaces the practical limit.
 
     Parameters
     ----------
     samples : Samples
-        The motion, whose extent limits lengths and distances.
-    given : dict
-        Arguments of `Limits` that a request gives.
+        Motion, whose extent limits lengths and distances.
+    arguments : dict
+        Arguments of `Limits` in the request.
     """
-    asked: dict[str, Any] = {
+    practical: dict[str, Any] = {
         "transmission_angle_min": TRANSMISSION_ANGLE,
         "transmission_angle_min_turn": TRANSMISSION_ANGLE_TURN,
         "link_ratio_max": LINK_RATIO,
     }
     if samples.position is not None:
-        far, middle = REACH * samples.extent, complex(samples.position_mean(samples.position))
-        far = max(far, ROOM * given.get("link_min", 0.0))
-        asked["link_max"] = max(far, *(one or 0.0 for one in given.get("links", ())), 0.0)
-        asked["link_min"] = min(SHORTEST * samples.extent, *_possible_lengths(given))
-        arm = None if "coupler_radius_max" in given else given.get("link_max", asked["link_max"])
-        places = [None if given.keys() & {name, f"{name}_box", "pivot_box", "envelope"} else far for name in PIVOTS]
-        asked["pivot_reach"] = Reach(middle, places[0], places[1], arm)
-    lengths = [one for one in given.get("links", ()) if one is not None]
+        reach, middle = REACH * samples.extent, complex(samples.position_mean(samples.position))
+        reach = max(reach, ROOM * arguments.get("link_min", 0.0))
+        practical["link_max"] = max(reach, *(length or 0.0 for length in arguments.get("links", ())), 0.0)
+        practical["link_min"] = min(SHORTEST * samples.extent, *_possible_lengths(arguments))
+        arm = None if "coupler_radius_max" in arguments else arguments.get("link_max", practical["link_max"])
+        distances = [
+            None if arguments.keys() & {name, f"{name}_box", "pivot_box", "envelope"} else reach for name in PIVOTS
+        ]
+        practical["pivot_reach"] = Reach(middle, distances[0], distances[1], arm)
+    lengths = [length for length in arguments.get("links", ()) if length is not None]
     if lengths:
-        asked["link_ratio_max"] = max(LINK_RATIO, max(lengths) / min(lengths))
-    return asked | given
+        practical["link_ratio_max"] = max(LINK_RATIO, max(lengths) / min(lengths))
+    return practical | arguments
 
 
-def _possible_lengths(given: dict[str, Any]) -> list[float]:
-    """Return lengths that the limits of a request require of its links: the practical shortest length is no longer."""
-    found = [given.get("link_max", np.inf) / LINK_RATIO, *(one for one in given.get("links", ()) if one is not None)]
-    if "pivot_a" in given and "pivot_b" in given:
-        found.append(abs(given["pivot_b"] - given["pivot_a"]))
-    if box := _common([given.get("pivot_box"), given.get("envelope")]):
+def _possible_lengths(arguments: dict[str, Any]) -> list[float]:
+    """Return link lengths that the limits of a request imply; the practical shortest length does not exceed them."""
+    found = [
+        arguments.get("link_max", np.inf) / LINK_RATIO,
+        *(length for length in arguments.get("links", ()) if length is not None),
+    ]
+    if "pivot_a" in arguments and "pivot_b" in arguments:
+        found.append(abs(arguments["pivot_b"] - arguments["pivot_a"]))
+    if box := _common([arguments.get("pivot_box"), arguments.get("envelope")]):
         left, low, right, high = box
         # half of the longest ground that the box allows leaves a search room
         found.append(max(float(np.hypot(right - left, high - low)) / 2, MIN_LENGTH))
@@ -370,5 +377,5 @@ def _possible_lengths(given: dict[str, Any]) -> list[float]:
 
 
 def placed_by(limits: Limits, pivot: str) -> bool:
-    """Whether limits themselves say where a fixed pivot, ``pivot_a`` or ``pivot_b``, lies."""
+    """Return True if a limit restricts the position of a fixed pivot, ``pivot_a`` or ``pivot_b``."""
     return any(getattr(limits, name) is not None for name in (pivot, f"{pivot}_box", "pivot_box", "envelope"))

@@ -1,25 +1,25 @@
-"""A given four-bar led to its nearest optimum: the searches' own descents, from just there.
+"""Refinement of a given four-bar to its nearest optimum by the descents of the searches.
 
 **Crank angles given**::
 
-    linkage --(clockwise: mirrored)--> as it is, in a chart of its family
-      -> descent without limits, everything linear projected out: to machine precision
-      -> descents under the limits, with the pose where they concern it, moved onto the limits that are still broken
-      -> from there once more without limits
-      -> the best of these and of the linkage itself that keeps the limits; where none does, the same from a full crank near it
+    linkage --(clockwise: mirrored)--> unchanged, in a chart of its family
+      -> descent without limits, with the linear unknowns projected out, to machine precision
+      -> descents within the limits (with the pose if they concern it), then projection onto limits that are still violated
+      -> a second descent without limits from there
+      -> best result within the limits, including the given linkage; if there is none, repeat from a full crank close to it
 
 **Crank angles free**::
 
-    linkage, and its crank angles at the poses or else those at which it comes nearest to them in their order
-      -> joint descent without limits -> descents in which limits gain weight, moved onto those still broken
-      -> the best of these and of the linkage itself that keeps the limits; where none does, the same from a full crank near it
+    linkage with its crank angles at the poses, or with the crank angles at which it is closest to the poses in their order
+      -> joint descent without limits -> descents with increasing weight of the limits, then projection onto the limits
+      -> best result within the limits, including the given linkage; if there is none, repeat from a full crank close to it
 
 **Moved no farther than needed**: a single descent within the limits begins with short steps and ends as soon as a step lowers the
 error only slightly. A compact linkage thus stays compact if its nearest optimum lies far along a flat valley.
 
-The crank angles of a linkage whose own are not given: a grid over the turn, and over it the least sum of squared errors by
-dynamic programming (the best sum up to a sample at an angle is its own error there plus the least sum up to the sample before
-at or before that angle), once from each angle of the grid, both ways round; it passes no angle at which the loop is open.
+Unknown crank angles of a linkage are found on a grid over the turn. Dynamic programming minimizes the sum of squared errors:
+the best sum up to a sample at an angle is its error there plus the smallest sum up to the previous sample at or before this
+angle. This is done from each angle of the grid in both directions, and never passes an angle at which the loop is open.
 """
 
 from __future__ import annotations
@@ -55,22 +55,25 @@ from synthesis.work import Work
 
 Ints = NDArray[np.intp]
 
-# -- the beginning -------------------------------------------------------------------------------------------------
+# -- starting linkages ---------------------------------------------------------------------------------------------
 
 _EXCESS = 1e-2
-"""Least Grashof excess over the sum of the lengths of a linkage made to turn fully: next to a change point a descent sticks."""
+"""Smallest Grashof excess, relative to the sum of the lengths, of a linkage that is changed to turn fully.
+
+A descent stagnates close to a change point.
+"""
 _APART = 1e-3
-"""Part by which crank and ground are then moved apart where they stand in the wrong order."""
+"""Relative difference of crank and ground after their exchange, if their order does not suit the family."""
 
 
 def turning_fully(linkage: Linkage, family: str) -> Linkage:
-    """The linkage where it is of a family of full cranks; else one near it that is, in the same place.
+    """Return the linkage if it belongs to a family of full cranks, otherwise a similar linkage that does, mounted alike.
 
     Parameters
     ----------
     linkage : Linkage
     family : str
-        One of `limits.FAMILIES`; of ``any`` the full cranks.
+        Family of `limits.FAMILIES`; ``any`` stands for the full cranks.
     """
     family = "full_crank" if family == "any" else family
     if in_family(family, np.array([linkage.links]))[0]:
@@ -82,8 +85,8 @@ def turning_fully(linkage: Linkage, family: str) -> Linkage:
     if fourth < (1 + 2 * _APART) * shortest:
         middle = (shortest + fourth) / 2
         shortest, fourth = (1 - _APART) * middle, (1 + _APART) * middle
-    least = _EXCESS * (shortest + first + second + fourth)
-    a, b, c = (max(float(one), least) for one in grashof_excesses([shortest, first, second, fourth]))
+    smallest_excess = _EXCESS * (shortest + first + second + fourth)
+    a, b, c = (max(float(excess), smallest_excess) for excess in grashof_excesses([shortest, first, second, fourth]))
     first, second, fourth = shortest + (a + c) / 2, shortest + (b + c) / 2, shortest + (a + b) / 2
     links = (shortest, first, second, fourth) if rocks else (fourth, second, first, shortest)
     return with_links(linkage, links)
@@ -97,8 +100,8 @@ def _of_family(linkage: Linkage, limits: Limits) -> Linkage:
 def report_of(
     found: Sequence[Answer], begin: Sequence[Answer], seconds: float, tolerance: float, work: Work
 ) -> SearchReport:
-    """How a refinement went: from the error of the given linkage, where it keeps the limits, to that of what was found."""
-    trace = [(seconds, min(one.errors.objective for one in begin))] if begin else []
+    """Return the report of a refinement: the error of the given linkage, if it satisfies the limits, and of the result."""
+    trace = [(seconds, min(answer.errors.objective for answer in begin))] if begin else []
     if found and (not trace or found[0].errors.objective < trace[-1][1]):
         trace.append((work.elapsed, found[0].errors.objective))
     return SearchReport(stopped_by(found, tolerance, work), trace, 0.0, 1)
@@ -120,7 +123,7 @@ class NearbyOptions:
 _STEPS = 400
 _WEIGHTS = (10.0, 30.0, 100.0, 300.0, 1000.0)
 _PLANS = (
-    # a linkage that breaks no limit must not be led out of its valley first; one that breaks many must find a way in
+    # the first plan does not leave the basin of a linkage within the limits; the second one approaches distant limits slowly
     (*(Stage(4, weight=rho**0.5) for rho in _WEIGHTS), Stage(80, weight=1000.0**0.5)),
     (*(Stage(5, weight=rho**0.5) for rho in (0.1, 0.3, 1.0, 3.0, *_WEIGHTS)), Stage(55, weight=1000.0**0.5)),
 )
@@ -129,29 +132,29 @@ _PLANS = (
 def refine_motion(
     target: Target, limits: Limits, linkage: Linkage, tolerance: float, work: Work
 ) -> tuple[list[Solution], SearchReport]:
-    """The best linkage that descents from a given one lead to.
+    """Refine a linkage by descents and return the best result.
 
     Parameters
     ----------
     target : Target
     limits : Limits
     linkage : Linkage
-        Mounted, or else it begins in its best pose.
+        Initial linkage; if it is not mounted, it starts in its best pose.
     tolerance : float
-        The descents end when the objective is below it.
+        Objective below which the descents end.
     work : Work
-        Once it has expired the best found so far is returned.
+        When it has expired, the best result so far is returned.
 
     Returns
     -------
     solutions : list of Solution
-        One, within the limits; none where no descent led into them. Law: where the linkage keeps the limits itself, what is
-        returned is no worse.
+        A single linkage within the limits; empty if no descent leads into them. If the given linkage satisfies the limits,
+        the result is not worse.
     report : SearchReport
     """
     if target.clockwise:
         found, report = refine_motion(target.mirrored(), limits.mirrored(), linkage.mirrored(), tolerance, work)
-        return [one.mirrored() for one in found], report
+        return [solution.mirrored() for solution in found], report
     run = _Descents(target, limits, tolerance, work)
     closing = run.assessed([linkage])
     begin, seconds = run.kept(closing), work.elapsed
@@ -188,13 +191,13 @@ def nearby_motion(
     closing = run.assessed([linkage])
     run.found = run.kept(closing)
     if closing and not run.done:
-        way = FOURBAR.bounded(target, limits)[-1 if limits.family == "any" else 0]
-        run.lead_within(way, linkage, options.stages, options.damping)
+        space = FOURBAR.bounded(target, limits)[-1 if limits.family == "any" else 0]
+        run.lead_within(space, linkage, options.stages, options.damping)
     return run.best[:1]
 
 
 class _Descents:
-    """One request, and what its descents have found within the limits."""
+    """Descents for a request, and their results within the limits."""
 
     def __init__(self, target: Target, limits: Limits, tolerance: float, work: Work) -> None:
         self.target, self.limits, self.tolerance, self.work = target, limits, tolerance, work
@@ -202,59 +205,65 @@ class _Descents:
 
     @property
     def done(self) -> bool:
-        """Whether the tolerance is reached or the time is up."""
+        """True if the tolerance is reached or the work has expired."""
         return Status.of(self.best, self.tolerance) is Status.REACHED or self.work.expired()
 
     @property
     def best(self) -> list[Solution]:
-        """What was found, best first."""
-        return sorted(self.found, key=lambda one: one.errors.objective)
+        """Results, best first."""
+        return sorted(self.found, key=lambda solution: solution.errors.objective)
 
     def assessed(self, linkages: list[Linkage]) -> list[Solution]:
-        """Linkages with their errors, in their best pose where they have none; without those that do not close."""
-        closing = [one for one in linkages if np.isfinite(one.body(one.start + self.target.crank).rotation).all()]
+        """Compute the errors of linkages, in their best pose if they are not mounted; omit linkages that do not close."""
+        closing = [
+            linkage
+            for linkage in linkages
+            if np.isfinite(linkage.body(linkage.start + self.target.crank).rotation).all()
+        ]
         if self.target.position is None:
-            closing = [replace(one, pivot_a=0j, ground_angle=0.0, coupler_point_polar=None) for one in closing]
-            closing = [one.scaled(1 / one.links[3]) for one in closing]
-        elif not all(one.mounted for one in closing):
-            closing = [self._mounted(one) for one in closing]
-        return [one for one in assess(self.target, closing) if np.isfinite(one.errors.objective)]
+            closing = [
+                replace(linkage, pivot_a=0j, ground_angle=0.0, coupler_point_polar=None) for linkage in closing
+            ]
+            closing = [linkage.scaled(1 / linkage.links[3]) for linkage in closing]
+        elif not all(linkage.mounted for linkage in closing):
+            closing = [self._mounted(linkage) for linkage in closing]
+        return [solution for solution in assess(self.target, closing) if np.isfinite(solution.errors.objective)]
 
     def _mounted(self, linkage: Linkage) -> Linkage:
         return mounted(self.target, [linkage.links], [linkage.branch], [linkage.start])[0]
 
     def kept(self, solutions: list[Solution]) -> list[Solution]:
-        """Those within the limits."""
+        """Return the solutions within the limits."""
         return within(self.target, self.limits, solutions)
 
     def lead(self, linkage: Linkage, full_crank: bool = False) -> None:
-        """Descents from a linkage, which closes at every sample where its crank turns fully."""
+        """Run descents from a linkage; a full crank closes at every sample."""
         sheet = {"crank_rocker": -1, "double_crank": 1}.get(self.limits.family, 0)
         chart = FullCrankChart(sheet) if full_crank else AnyChart()
-        way = FOURBAR.bounded(self.target, self.limits)[0 if full_crank else -1]
+        space = FOURBAR.bounded(self.target, self.limits)[0 if full_crank else -1]
         self._freely(chart, [linkage])
         if not self.done:
-            self._freely(chart, [one for plan in _PLANS for one in self.lead_within(way, linkage, plan)])
+            self._freely(chart, [end for plan in _PLANS for end in self.lead_within(space, linkage, plan)])
 
     def _freely(self, chart: FullCrankChart | AnyChart, linkages: list[Linkage]) -> None:
-        """Descents without limits from linkages: those that end within them are found."""
+        """Run descents without limits, and add the results that satisfy the limits."""
         if not linkages or self.work.expired():
             return
         problem = GivenProblem(self.target, chart)
-        shape = chart.unknowns(np.array([one.links for one in linkages]))
-        branch = np.array([float(one.branch) for one in linkages])
-        begun = given(shape, branch, np.array([one.start for one in linkages]))
-        found = problem.descended(begun, [Stage(_STEPS)], 0.0, self.work)
+        shape = chart.unknowns(np.array([linkage.links for linkage in linkages]))
+        branch = np.array([float(linkage.branch) for linkage in linkages])
+        candidates = given(shape, branch, np.array([linkage.start for linkage in linkages]))
+        found = problem.descended(candidates, [Stage(_STEPS)], 0.0, self.work)
         ends = problem.linkages(FOURBAR, found.take(np.isfinite(found.cost)))
         self.found += self.kept(assess(self.target, ends))
 
     def lead_within(
-        self, way: Bounded, linkage: Linkage, plan: Sequence[Stage], damping: float = 1e-3
+        self, space: Bounded, linkage: Linkage, plan: Sequence[Stage], damping: float = 1e-3
     ) -> list[Linkage]:
-        """Where a descent under the limits ends, moved onto those that it still breaks."""
+        """Run a descent within the limits, project its end onto violated limits, and return the linkage."""
         if self.work.expired():
             return []
-        problem = problem_of(self.target, way)
+        problem = problem_of(self.target, space)
         found = problem.descended(self._placed(problem, linkage), plan, 0.0, self.work, damping)
         found, _ = problem.moved_onto(found.timed)
         if not np.isfinite(found.cost).all():
@@ -264,7 +273,7 @@ class _Descents:
         return linkages
 
     def _placed(self, problem: GivenProblem, linkage: Linkage) -> Timed:
-        """The linkage as a candidate of a problem within limits."""
+        """Return the linkage as a candidate of a problem within limits."""
         if problem.posed and not linkage.mounted:
             linkage = self._mounted(linkage)
         pose = None
@@ -282,34 +291,34 @@ class _Descents:
 
 
 _GRID = 120
-"""Crank angles at which a linkage is compared with the poses."""
+"""Number of crank angles at which a linkage is compared with the poses."""
 _JOINT_STEPS = 1000
 _SHARPER = 3
-"""Steps from the grid to the crank angles between."""
+"""Number of refinement steps from the grid to crank angles in between."""
 _GAP = 1e-4
-"""By which crank angles that coincide are pushed apart."""
+"""Distance to which coinciding crank angles are separated."""
 
 
 def refine_poses(
     poses: Poses, limits: Limits, linkage: Linkage, crank: Floats | None, tolerance: float, work: Work
 ) -> tuple[list[Solution], SearchReport]:
-    """The best linkage that descents from a given one lead to; parameters and what is returned as of `refine_motion`.
+    """Refine a linkage for poses without crank angles; see `refine_motion` for the parameters and the result.
 
-    ``crank`` (N,): its crank angles at the samples from the first one, of all samples that were asked for; None: unknown.
+    ``crank`` (N,): crank angles of the linkage at all requested samples from the first sample; None if unknown.
     """
     begins = [linkage] if limits.family == "any" else []
     begins.append(turning_fully(linkage, limits.family))
     found: list[Solution] = []
-    given: list[Solution] = []
+    unchanged: list[Solution] = []
     seconds = work.elapsed
-    for one in begins:
-        timed = None if found else _begun(poses, limits, one, crank)
+    for start in begins:
+        timed = None if found else _candidates_of(poses, limits, start, crank)
         if timed is None:
             continue
         problem = JointProblem(poses, chart_of(limits.family))
         pool, chart = _as_it_is(problem, timed), problem.chart
-        if one is linkage:
-            given, seconds = (
+        if start is linkage:
+            unchanged, seconds = (
                 solutions_of(poses, pool, chart, Limits(family=limits.family), 1, tolerance),
                 work.elapsed,
             )
@@ -318,7 +327,7 @@ def refine_poses(
         if not (limits.only_family or Status.of(found, tolerance) is Status.REACHED or work.expired()):
             inside = refined_within(poses, limits, pool.timed, work)
             found = solutions_of(poses, inside.joined(pool), chart, limits, 1, tolerance)
-    return found, report_of(found, given, seconds, tolerance, work)
+    return found, report_of(found, unchanged, seconds, tolerance, work)
 
 
 def nearby_poses(
@@ -332,7 +341,7 @@ def nearby_poses(
 ) -> list[Solution]:
     """Return a linkage moved no farther than needed; see `refine_poses` for the parameters."""
     options = options or NearbyOptions()
-    timed = _begun(poses, limits, _of_family(linkage, limits), crank)
+    timed = _candidates_of(poses, limits, _of_family(linkage, limits), crank)
     if timed is None:
         return []
     chart = chart_of(limits.family)
@@ -345,26 +354,26 @@ def nearby_poses(
     return solutions_of(poses, pool.joined(unmoved), chart, limits, 1, tolerance)
 
 
-def refined_in_place(poses: Poses, limits: Limits, one: Solution, crank: Floats, work: Work) -> Solution:
-    """The same links mounted anew, at the crank angles (N,) that fit best; as it is where that is no better."""
-    held = replace(limits, links=one.linkage.links)
-    found, _ = refine_poses(poses, held, one.linkage, crank, 0.0, work)
+def refined_in_place(poses: Poses, limits: Limits, solution: Solution, crank: Floats, work: Work) -> Solution:
+    """Optimize mounting and crank angles of a linkage with its links unchanged; return the better of both solutions."""
+    held = replace(limits, links=solution.linkage.links)
+    found, _ = refine_poses(poses, held, solution.linkage, crank, 0.0, work)
     for better in found:
-        if better.errors.objective < one.errors.objective:
-            same = with_links(better.linkage, one.linkage.links)
+        if better.errors.objective < solution.errors.objective:
+            same = with_links(better.linkage, solution.linkage.links)
             return assess(target_of(poses, same, better.travel), [same])[0]
-    return one
+    return solution
 
 
 def _as_it_is(problem: JointProblem, timed: Timed) -> Pool:
-    """Candidates in their own pose."""
+    """Evaluate candidates in their own pose."""
     return problem.measured(timed, posed=False)
 
 
-def _begun(poses: Poses, limits: Limits, linkage: Linkage, crank: Floats | None) -> Timed | None:
-    """The linkage as candidates: at the crank angles given, where it closes there, else at those at which it fits best.
+def _candidates_of(poses: Poses, limits: Limits, linkage: Linkage, crank: Floats | None) -> Timed | None:
+    """Return the linkage as candidates: at the given crank angles if it closes there, otherwise at its best crank angles.
 
-    None where it closes at no crank angle.
+    Return None if it does not close at any crank angle.
     """
     problem = JointProblem(poses, chart_of(limits.family))
     assert linkage.coupler_point_polar is not None
@@ -382,28 +391,28 @@ def _begun(poses: Poses, limits: Limits, linkage: Linkage, crank: Floats | None)
 
     def at(angles: Floats) -> Timed:
         arcs = _in_order(poses, angles)[None] if poses.ordered else _arcs(angles, poses.span_max)
-        ways = own.take(np.zeros(len(arcs), dtype=int))._replace(angles=arcs)
-        ways = ways if attached else problem.facing(ways)
+        candidates = own.take(np.zeros(len(arcs), dtype=int))._replace(angles=arcs)
+        candidates = candidates if attached else problem.facing(candidates)
         if poses.ordered:
-            return ways
-        # in any order all arcs carry the samples alike, but on one of them limits may be broken that another keeps
-        kept = within_limits(poses, limits, _as_it_is(problem, ways), problem.chart)
-        return ways.take([int(kept.argmax())])
+            return candidates
+        # in any order all arcs contain the samples, but an arc may violate limits that another arc satisfies
+        accepted = within_limits(poses, limits, _as_it_is(problem, candidates), problem.chart)
+        return candidates.take([int(accepted.argmax())])
 
     if crank is not None:
-        begun = at(linkage.start + crank[: poses.samples])
-        if np.isfinite(_as_it_is(problem, begun).cost).all():
-            return begun
+        candidates = at(linkage.start + crank[: poses.samples])
+        if np.isfinite(_as_it_is(problem, candidates).cost).all():
+            return candidates
     placed = problem if attached else JointProblem(replace(poses, rotation=None), problem.chart)
     begins = [at(angles) for angles in _fitting(placed, own)]
     if not begins:
         return None
-    every = begins[0].joined(*begins[1:])
-    return every.joined(problem.nearest(every, _SHARPER))
+    joined = begins[0].joined(*begins[1:])
+    return joined.joined(problem.nearest(joined, _SHARPER))
 
 
 def _in_order(poses: Poses, angles: Floats) -> Floats:
-    """Crank angles (N,) as they are where they keep what is asked of them; else pushed apart and together until they do."""
+    """Return crank angles (N,) in increasing or decreasing order within the largest span, changed as little as needed."""
     sense = 1.0 if angles[-1] >= angles[0] else -1.0
     along = sense * (angles - angles[0])
     gap = min(_GAP, 0.01 * poses.span_max / len(along))
@@ -415,7 +424,7 @@ def _in_order(poses: Poses, angles: Floats) -> Floats:
 
 
 def _arcs(angles: Floats, span_max: float) -> Floats:
-    """Crank angles (n, N) on each arc of a turn that holds them all, the shortest first, and others of at most ``span_max``."""
+    """Return crank angles (n, N) on the shortest arc that contains all of them, then on other arcs within ``span_max``."""
     within = angles % TURN
     begin = within[:, None]
     along = begin + (within - begin) % TURN
@@ -426,7 +435,7 @@ def _arcs(angles: Floats, span_max: float) -> Floats:
 
 
 def _fitting(problem: JointProblem, own: Timed) -> list[Floats]:
-    """Crank angles (N,) at which one linkage comes nearest to the samples, in their order for each sense of the crank."""
+    """Return crank angles (N,) at which a linkage is closest to the samples; for ordered samples in both directions."""
     poses = problem.poses
     grid = np.linspace(0.0, TURN, _GRID, endpoint=False)
     costs = problem.errors_at(own, grid[None])[0]
@@ -435,31 +444,31 @@ def _fitting(problem: JointProblem, own: Timed) -> list[Floats]:
         return []
     if not poses.ordered:
         return [grid[costs.argmin(axis=1)]]
-    most = min(_GRID, int(poses.span_max / (TURN / _GRID)) + 1)
+    width = min(_GRID, int(poses.span_max / (TURN / _GRID)) + 1)
     found = []
     for sense in (1, -1):
-        way = np.roll(np.arange(_GRID)[::sense], 1 if sense < 0 else 0)
-        begin, steps = _one_way(costs[:, way], closes[way], most)
+        ring = np.roll(np.arange(_GRID)[::sense], 1 if sense < 0 else 0)
+        begin, steps = _one_way(costs[:, ring], closes[ring], width)
         found.append(sense * (grid[begin] + steps * grid[1]))
     return found
 
 
-def _one_way(costs: Floats, closes: NDArray[np.bool_], most: int) -> tuple[int, Ints]:
-    """The place on the ring to begin at, and steps (N,) from there that never go back, of the least sum of costs (N, G)."""
+def _one_way(costs: Floats, closes: NDArray[np.bool_], width: int) -> tuple[int, Ints]:
+    """Minimize the sum of costs (N, G) over a start on the ring and non-decreasing steps (N,) from it; return both."""
     size = len(closes)
-    place = (np.arange(size)[:, None] + np.arange(most)) % size
-    # behind the first angle at which the loop is open there is nothing
-    place = np.where(np.logical_and.accumulate(closes[place], axis=1), place, size)
+    index = (np.arange(size)[:, None] + np.arange(width)) % size
+    # positions beyond the first angle at which the loop is open are excluded
+    index = np.where(np.logical_and.accumulate(closes[index], axis=1), index, size)
     padded = np.pad(costs, ((0, 0), (0, 1)), constant_values=np.inf)
-    least = np.zeros(place.shape)
+    sums = np.zeros(index.shape)
     for row in padded:
-        least = np.minimum.accumulate(least, axis=1) + row[place]
-    begin = int(least.min(axis=1).argmin())
-    rows = padded[:, place[begin]]
-    best, trail = np.zeros(most), []
+        sums = np.minimum.accumulate(sums, axis=1) + row[index]
+    begin = int(sums.min(axis=1).argmin())
+    rows = padded[:, index[begin]]
+    best, trail = np.zeros(width), []
     for row in rows:
         lowest = np.minimum.accumulate(best)
-        trail.append(np.maximum.accumulate(np.where(best <= lowest, np.arange(most), 0)))
+        trail.append(np.maximum.accumulate(np.where(best <= lowest, np.arange(width), 0)))
         best = lowest + row
     steps, at = [], int(best.argmin())
     for where in reversed(trail):
@@ -480,43 +489,43 @@ def refine_function(
     tolerance: float,
     work: Work,
 ) -> tuple[list[Generator], SearchReport]:
-    """The best generator that descents from a given one lead to.
+    """Refine a function generator by descents and return the best result.
 
     Parameters
     ----------
     wanted : Wanted
     limits : Limits
-        Lengths that are given replace those of the linkage, and zeros that are given its own.
+        Given lengths and zeros replace the lengths and zeros of the linkage.
     largest : bool
-        As of `function.search.generate`.
+        True to minimize the largest error, see `function.search.generate`.
     linkage : Linkage
     offset : float or None
-        output = theta3 + offset, theta3 in (-pi, pi] at the first sample; None: the best for the root of the mean square.
+        output = theta3 + offset with theta3 in (-pi, pi] at the first sample; None: the offset with the smallest rms error.
     tolerance : float
     work : Work
 
     Returns
     -------
     generators : list of Generator
-        One, within the limits; none where no descent led into them. Law: where the linkage keeps the limits itself, what is
-        returned is no worse.
+        A single generator within the limits; empty if no descent leads into them. If the given linkage satisfies the limits,
+        the result is not worse.
     report : SearchReport
     """
     if wanted.clockwise:
-        other = None if offset is None else -offset
-        mirrored = wanted.mirrored(), limits, largest, linkage.mirrored(), other
-        made, report = refine_function(*mirrored, tolerance, work)
-        return [one.mirrored() for one in made], report
+        mirrored_offset = None if offset is None else -offset
+        mirrored = wanted.mirrored(), limits, largest, linkage.mirrored(), mirrored_offset
+        generators, report = refine_function(*mirrored, tolerance, work)
+        return [generator.mirrored() for generator in generators], report
     run = FunctionSearch(wanted, limits, largest, 1, tolerance, work)
-    given: list[Generator] = []
+    unchanged: list[Generator] = []
     found: list[Generator] = []
     seconds = work.elapsed
-    for one in (linkage, turning_fully(linkage, limits.family)):
+    for start in (linkage, turning_fully(linkage, limits.family)):
         if found:
             break
-        begin = run.candidate(one, offset)
+        begin = run.candidate(start, offset)
         as_it_is = run.kept(*begin)
-        if one is linkage:
-            given, seconds = as_it_is, work.elapsed
+        if start is linkage:
+            unchanged, seconds = as_it_is, work.elapsed
         found = sorted(run.led(*begin) + as_it_is, key=lambda each: each.errors.objective)[:1]
-    return found, report_of(found, given, seconds, tolerance, work)
+    return found, report_of(found, unchanged, seconds, tolerance, work)

@@ -1,4 +1,4 @@
-"""Samples of a motion without crank angles: what is asked for, and the request with angles once they are known."""
+"""Samples of a motion without crank angles, and their conversion to a target once the crank angles are known."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ MIN_POSES = 2
 _STARTS = 32
 """Largest number of samples from which shorter ways through all samples begin."""
 HALF = np.pi * (1 + 1e-9)
-"""Half a turn: angles that differ by no more are taken as they are."""
+"""Half a turn with a margin for rounding: angles that differ by less are not unwrapped."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,14 +28,14 @@ class Poses(Samples):
     Attributes
     ----------
     ordered : bool
-        Whether the crank passes the samples in the order given, turning one way, either way.
+        True if the crank has to pass the samples in the given order while it turns in a single direction.
     closed : bool
-        Whether the way leads from the last sample on to the first.
+        True if the path continues from the last sample to the first.
     span_max : float
-        The crank turns by no more than this from the first sample to the last, in radians; at most a turn.
+        Largest rotation of the crank from the first sample to the last, in radians; at most a turn.
     asked : Samples or None
-        The request with its last sample, where that repeats the first of a closed way: it is left out here, and the first
-        counts for both.
+        Samples of the request including the last sample, if it repeats the first sample of a closed path. The search omits
+        this last sample; the first sample has the weights of both.
     """
 
     ordered: bool = True
@@ -44,60 +44,65 @@ class Poses(Samples):
     asked: Samples | None = None
 
     def whole(self, crank: Floats) -> Floats:
-        """Crank angles (..., N) of all samples that were asked for: a last one that repeats the first comes a turn later."""
+        """Return crank angles (..., N) of all requested samples; a repeated first sample follows a turn later."""
         return crank if self.asked is None else _round(crank)
 
     def there_and_back(self, crank: Floats) -> Floats:
-        """Crank angles (..., N) of all samples that were asked for, of a closed way with the first once more at its end."""
+        """Return crank angles (..., N) of all requested samples; on a closed path the first sample is repeated at the end."""
         return _round(crank) if self.closed and crank.shape[-1] == self.samples else crank
 
     def spins(self, rotation: Floats) -> tuple[NDArray[np.intp], Floats, Floats]:
-        """By how much a body turns from each sample with an angle to the next, where that is not what was asked for.
+        """Compare the rotation of a body between neighbouring samples with the requested rotation.
 
-        Asked for is the difference of both angles; one of more than half a turn may be an angle that was wrapped, and less
-        whole turns it is as good. Law: a body that turns as its angles say, or as they say unwrapped, spins nowhere.
+        The requested rotation is the difference of the angles of both samples. If it exceeds half a turn, an angle may have
+        been wrapped, so the difference without whole turns is accepted too.
 
-        ``rotation`` (..., M): continuous, at the crank angles of `there_and_back`, with any offset.
+        Parameters
+        ----------
+        rotation : ndarray, shape (..., M)
+            Continuous rotation at the crank angles of `there_and_back`, with any offset.
 
         Returns
         -------
-        given : ndarray, shape (G,)
-            Samples with an angle, of all that were asked for; G is 0 where the order does not count.
-        asked : ndarray, shape (G - 1,)
-            In radians.
+        indices : ndarray, shape (G,)
+            Requested samples with an angle; G is 0 if the order of the samples is free.
+        prescribed : ndarray, shape (G - 1,)
+            Requested rotations in radians.
         turned : ndarray, shape (..., G - 1)
-            NaN where the body turns as it should.
+            Rotations of the body; NaN if they are as requested.
         """
-        one = self.asked if self.asked is not None and rotation.shape[-1] > self.samples else self
-        if one.rotation is None or not self.ordered:
+        samples = self.asked if self.asked is not None and rotation.shape[-1] > self.samples else self
+        if samples.rotation is None or not self.ordered:
             return np.zeros(0, dtype=np.intp), np.zeros(0), np.zeros((*rotation.shape[:-1], 0))
-        given = np.flatnonzero(np.ones(one.samples) if one.rotation_weights is None else one.rotation_weights)
-        wanted, places = one.rotation[given], given
-        if rotation.shape[-1] > one.samples and 0 in given:  # and on to the first
-            places, wanted = np.append(given, one.samples), np.append(wanted, wanted[0])
-        asked, turned = np.diff(wanted), np.diff(rotation[..., places], axis=-1)
-        extra = np.round((turned - asked) / TURN)
-        wrapped = np.where(np.abs(asked) > HALF, -np.round(asked / TURN), 0.0)
-        return places, asked, np.where((extra == 0) | (extra == wrapped), np.nan, turned)
+        with_angle = np.flatnonzero(
+            np.ones(samples.samples) if samples.rotation_weights is None else samples.rotation_weights
+        )
+        target, indices = samples.rotation[with_angle], with_angle
+        if rotation.shape[-1] > samples.samples and 0 in with_angle:  # then from the last sample to the first
+            indices, target = np.append(with_angle, samples.samples), np.append(target, target[0])
+        prescribed, turned = np.diff(target), np.diff(rotation[..., indices], axis=-1)
+        extra = np.round((turned - prescribed) / TURN)
+        wrapped = np.where(np.abs(prescribed) > HALF, -np.round(prescribed / TURN), 0.0)
+        return indices, prescribed, np.where((extra == 0) | (extra == wrapped), np.nan, turned)
 
     def turned_otherwise(self, rotation: Floats) -> Flags:
-        """Whether a body turns otherwise than asked for between two samples, (...); ``rotation`` as of `spins`."""
+        """Return flags (...) of bodies that turn between two samples by another angle than requested, see `spins`."""
         return np.asarray(~np.all(np.isnan(self.spins(rotation)[2]), axis=-1))
 
-    def at(self, kept: NDArray[np.intp]) -> Poses:
-        """The poses at some samples; their length scale stays."""
+    def at(self, indices: NDArray[np.intp]) -> Poses:
+        """Select samples; the length scale does not change."""
         names = ("rotation", "position", "rotation_weights", "position_weights")
         part: dict[str, Any] = {
-            name: None if (given := getattr(self, name)) is None else given[kept] for name in names
+            name: None if (values := getattr(self, name)) is None else values[indices] for name in names
         }
         return replace(self, **part)
 
     @cached_property
     def detour(self) -> float:
-        """Ratio of the way through the samples in their order to the shortest way that is known.
+        """Ratio of the path length through the samples in their order to the shortest path length that is known.
 
-        Distances combine positions over the length scale and rotations, as the objective does. Each shorter way leads from one of
-        the samples to the nearest that is left. The ratio is 1 if a rotation or a position is missing.
+        Distances combine rotations with positions over the length scale, as the objective does. Shorter paths are built by
+        starting at a sample and visiting the nearest remaining sample. The ratio is 1 if a rotation or a position is missing.
         """
         if self.rotation is None or self.full.size < self.samples or self.samples < 3:
             return 1.0
@@ -114,43 +119,43 @@ class Poses(Samples):
 
     @cached_property
     def turned(self) -> Complexes:
-        """e^{i gamma}; ones without rotations."""
+        """Rotations as unit complex numbers e^{i gamma}; 1 without rotations."""
         return np.ones(self.samples, dtype=complex) if self.rotation is None else np.exp(1j * self.rotation)
 
     @cached_property
     def full(self) -> NDArray[np.intp]:
         """Samples that have both a rotation and a position."""
-        given = np.ones(self.samples, dtype=bool)
+        complete = np.ones(self.samples, dtype=bool)
         for part, weights in ((self.rotation, self.rotation_weights), (self.position, self.position_weights)):
-            given &= part is not None if weights is None else weights > 0
-        return np.flatnonzero(given)
+            complete &= part is not None if weights is None else weights > 0
+        return np.flatnonzero(complete)
 
     def used(self, crank: Floats) -> Target:
-        """Crank angles (n, N) and length scale alone: all that limits need to know of the request."""
+        """Return a target with crank angles (n, N) and length scale only, which is sufficient to evaluate limits."""
         return Target(None, None, self.length_scale, crank=crank, found=True, closed=self.closed)
 
     def timed(self, crank: Floats, rotation: Floats | None) -> Target:
-        """The request with crank angles from the first sample, of one linkage or of several.
+        """Return the request as a target with known crank angles, for one or several linkages.
 
         Parameters
         ----------
         crank : ndarray, shape (..., N)
-            Of all samples that were asked for.
+            Crank angles of all requested samples from the first sample.
         rotation : ndarray, shape (..., N), or None
-            The body's rotation there: those asked for are moved by whole turns to lie nearest to it.
+            Rotation of the body at these samples. Requested rotations are shifted by whole turns to be closest to it.
         """
-        asked = self if self.asked is None else self.asked
-        turns, moved = asked.rotation, np.zeros(1)
+        complete = self if self.asked is None else self.asked
+        turns, moved = complete.rotation, np.zeros(1)
         if turns is not None:
             assert rotation is not None
             moved = TURN * np.round((rotation - turns) / TURN)
             turns = turns + moved
         return Target(
             turns,
-            asked.position,
-            asked.length_scale,
-            asked.rotation_weights,
-            asked.position_weights,
+            complete.position,
+            complete.length_scale,
+            complete.rotation_weights,
+            complete.position_weights,
             crank=crank,
             found=True,
             closed=self.closed,
@@ -159,20 +164,20 @@ class Poses(Samples):
 
 
 def _round(crank: Floats) -> Floats:
-    """Crank angles (..., N), and that of the first sample once more, a turn later."""
-    way = np.where(crank[..., -1:] >= crank[..., :1], 1.0, -1.0)
-    return np.concatenate([crank, crank[..., :1] + way * TURN], axis=-1)
+    """Append the crank angle of the first sample, a turn later."""
+    sense = np.where(crank[..., -1:] >= crank[..., :1], 1.0, -1.0)
+    return np.concatenate([crank, crank[..., :1] + sense * TURN], axis=-1)
 
 
 def spin_faults(poses: Poses, rotation: Floats) -> list[str]:
-    """A sentence for the first two samples between which a body turns otherwise than asked for; arguments of `Poses.spins`."""
-    places, asked, turned = poses.spins(rotation)
+    """Describe the first two samples between which a body turns by another angle than requested, see `Poses.spins`."""
+    indices, prescribed, turned = poses.spins(rotation)
     wrong = np.flatnonzero(~np.isnan(turned))
     if not wrong.size:
         return []
     k = int(wrong[0])
-    first, last = (int(place) % (poses.asked or poses).samples + 1 for place in places[k : k + 2])
-    degrees = np.rad2deg([turned[k], asked[k]])
+    first, last = (int(index) % (poses.asked or poses).samples + 1 for index in indices[k : k + 2])
+    degrees = np.rad2deg([turned[k], prescribed[k]])
     return [f"the body turns by {degrees[0]:.4g} degrees from sample {first} to {last}, not by {degrees[1]:.4g}"]
 
 
@@ -186,14 +191,14 @@ def make_poses(
     closed: bool = False,
     span_max: float | None = None,
 ) -> Poses:
-    """Checked `Poses`; arguments as of `target.make_target`.
+    """Check the fields of a request and return `Poses`; the arguments are described in `target.make_target`.
 
-    Of a closed way whose last sample repeats the first only the first is searched for, and counts for both.
+    If the last sample of a closed path repeats the first, it is omitted, and the first sample gets its weights.
 
     Raises
     ------
     FieldError
-        Naming the field and the sample.
+        If a field is invalid; the error names the field and the sample.
     """
     if position is None:
         raise FieldError(
@@ -206,18 +211,18 @@ def make_poses(
     if span_max is not None and not MIN_SPAN <= span_max <= TURN * (1 + 1e-12):
         low, high = np.rad2deg([MIN_SPAN, TURN])
         raise FieldError("/crank_span_max", f"wanted {low:g} to {high:g} degrees, found {np.rad2deg(span_max):g}")
-    way: dict[str, Any] = {
+    options: dict[str, Any] = {
         "ordered": ordered,
         "closed": closed,
         "span_max": TURN if span_max is None else min(span_max, TURN),
     }
     if closed and len(part["position"]) > MIN_POSES and _returns(Samples(**part)):
-        return _without_the_last(Samples(**part), way)
-    return Poses(**part, **way)
+        return _without_the_last(Samples(**part), options)
+    return Poses(**part, **options)
 
 
 def _returns(samples: Samples) -> bool:
-    """Whether the last sample repeats the first, to rounding."""
+    """Return True if the last sample repeats the first, except for rounding."""
     for weights in (samples.rotation_weights, samples.position_weights):
         if weights is not None and min(weights[0], weights[-1]) == 0:
             return False
@@ -227,12 +232,12 @@ def _returns(samples: Samples) -> bool:
     return samples.rotation is None or abs(np.exp(1j * (samples.rotation[-1] - samples.rotation[0])) - 1) < 1e-9
 
 
-def _without_the_last(samples: Samples, way: dict[str, Any]) -> Poses:
-    """The same request without its last sample, whose weight the first takes over."""
+def _without_the_last(samples: Samples, options: dict[str, Any]) -> Poses:
+    """Remove the last sample of a request and add its weights to the first sample."""
 
     def weights(own: Floats | None) -> Floats:
-        every = np.ones(samples.samples) if own is None else own
-        return np.concatenate([[every[0] + every[-1]], every[1:-1]])
+        weight = np.ones(samples.samples) if own is None else own
+        return np.concatenate([[weight[0] + weight[-1]], weight[1:-1]])
 
     assert samples.position is not None
     return Poses(
@@ -242,5 +247,5 @@ def _without_the_last(samples: Samples, way: dict[str, Any]) -> Poses:
         rotation_weights=None if samples.rotation is None else weights(samples.rotation_weights),
         position_weights=weights(samples.position_weights),
         asked=samples,
-        **way,
+        **options,
     )
