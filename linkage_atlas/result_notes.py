@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -25,6 +26,7 @@ from synthesis.limits import Limits
 from synthesis.poses import Poses
 from synthesis.ranking import NEAR
 from synthesis.search.report import SearchReport
+from synthesis.simple_motions import hinge_of
 from synthesis.target import TURN
 from synthesis.work import Work
 
@@ -48,6 +50,7 @@ FEW_POSES = (
     "Infinitely many four-bars pass {0} poses exactly: those listed differ clearly from one another, and the first are compact "
     "with a good transmission angle. Add a pose, or limits, to narrow the choice."
 )
+SINGLE_HINGE = "A single hinge at ({:.9g}, {:.9g}) takes the body from one pose to the other too, without a linkage."
 SAME_LENGTHS = "{0} of {1} linkages are listed: the others have the same lengths once rounded, and a larger error."
 LOCAL = (
     "Each given linkage was refined to the nearest optimum that its descent reached: linkages elsewhere were not searched and "
@@ -139,8 +142,20 @@ def _determination_notes(task: Task, solutions: Sequence[Solution]) -> list[str]
     best, samples = solutions[0], task.motion.samples
     exact = best.errors.objective < max(task.tolerance, _EXACT)
     if isinstance(samples, Poses) and is_few(samples) and exact:
-        return [FEW_POSES.format(NUMERALS[samples.samples])]
+        return [FEW_POSES.format(NUMERALS[samples.samples]), *_single_hinge_notes(samples, task.limits)]
     return [ILL_POSED.format(in_percent(determination.length_uncertainty))]
+
+
+def _single_hinge_notes(samples: Poses, limits: Limits) -> list[str]:
+    """Return the point of a hinge that joins two poses by itself, if the limits allow a pivot there."""
+    hinge = hinge_of(samples, min_poses=2) if samples.samples == 2 else None
+    if hinge is None:
+        return []
+    for left, low, right, high in filter(None, (limits.box("pivot_a_box"), limits.box("pivot_b_box"))):
+        if not (left <= hinge.centre.real <= right and low <= hinge.centre.imag <= high):
+            return []
+    digits = 4 - math.floor(math.log10(max(abs(hinge.centre), samples.extent)))
+    return [SINGLE_HINGE.format(*(round(value, digits) + 0.0 for value in (hinge.centre.real, hinge.centre.imag)))]
 
 
 def _hopeless_notes(solutions: Sequence[Solution], motion: Motion) -> list[str]:

@@ -28,7 +28,9 @@ _AS_GOOD, _ALIKE = 0.02, 0.25
 NEAR, STANDS_BACK = 0.02, 2.0
 """A linkage out of proportion, and in a search one that strays, counts with twice its error, and with at least 0.02."""
 COMFORTABLE_TRANSMISSION = np.deg2rad(40.0)
-"""Transmission angle above which a larger one matters little."""
+"""Transmission angle below which the merit rises steeply."""
+LONG_SWING = np.deg2rad(120.0)
+"""Swing of the crank above which the merit rises steeply: neither a cylinder nor a gas spring acts on it all along."""
 PROPORTION = 100.0
 """Ratio of the longest part to the extent of the motion, or to the shortest link, above which nobody builds a linkage."""
 FAIR = 30.0
@@ -229,9 +231,9 @@ def counted_error(error: float, proportion: float, longest: float) -> float:
 def merit(size: Floats, transmission: Floats, swing: Floats, ratio: Floats) -> Floats:
     """Rate exact linkages by what one would build: lower is better.
 
-    The merit is the size, raised by four factors: below a transmission angle of 40 degrees steeply, above it slightly; for a
-    crank that swings by more than half a turn; and for links of very different lengths, since play in the pins of a short link
-    turns the body by much.
+    The merit is the size, raised by four factors: below a transmission angle of 40 degrees steeply, above it gently; for a
+    crank that swings by more than about 100 degrees; and for links of very different lengths, since play in the pins of a short
+    link turns the body by much.
 
     Parameters
     ----------
@@ -245,13 +247,13 @@ def merit(size: Floats, transmission: Floats, swing: Floats, ratio: Floats) -> F
     Returns
     -------
     ndarray
-        size * (1 + 4 max(0, 1 - sin t / sin 40)) * (1.5 - sin t / 2) * sqrt(max(1, swing / 180)) * (1 + max(0, ratio - 4) / 8),
-        with the transmission angle t.
+        size * (1 + 4 max(0, 1 - sin t / sin 40)) * (2.5 - 1.5 sin t) * sqrt(1 + (swing / 120)^4)
+        * (1 + max(0, ratio - 4) / 8), with the transmission angle t.
     """
     sine = np.sin(transmission)
     below = 1 + 4 * np.maximum(0.0, 1 - sine / np.sin(COMFORTABLE_TRANSMISSION))
-    turned = np.sqrt(np.maximum(1.0, swing / np.pi))
-    return np.asarray(size * below * (1.5 - sine / 2) * turned * (1 + np.maximum(0.0, ratio - 4) / 8))
+    turned = np.sqrt(1 + (swing / LONG_SWING) ** 4)
+    return np.asarray(size * below * (2.5 - 1.5 * sine) * turned * (1 + np.maximum(0.0, ratio - 4) / 8))
 
 
 class Criterion(NamedTuple):

@@ -28,7 +28,7 @@ class Hinge(NamedTuple):
     error: float
 
 
-def hinge_of(samples: Samples, allowed: float | None = None) -> Hinge | None:
+def hinge_of(samples: Samples, allowed: float | None = None, min_poses: int = _POSES) -> Hinge | None:
     """Find the hinge that makes a motion by itself.
 
     With rotations the positions belong to a point of the body, ``p = centre + arm e^{i rotation}``: linear in centre and arm.
@@ -40,6 +40,8 @@ def hinge_of(samples: Samples, allowed: float | None = None) -> Hinge | None:
         The motion; samples without a position, or without a rotation where the motion has some, are left out.
     allowed : float, optional
         Largest distance of a position from the hinge's motion. Default: `WITHIN` of the extent.
+    min_poses : int, optional
+        Smallest number of poses for which a hinge is returned. Default: 3, since two poses always fit a hinge.
 
     Returns
     -------
@@ -49,7 +51,7 @@ def hinge_of(samples: Samples, allowed: float | None = None) -> Hinge | None:
     if samples.position is None:
         return None
     position, rotation = _complete_samples(samples)
-    found = _circle(position) if rotation is None else _turning(position, rotation)
+    found = _circle(position) if rotation is None else _turning(position, rotation, min_poses)
     if found is None or found.error > (WITHIN * samples.extent if allowed is None else allowed):
         return None
     return found if abs(found.centre - samples.middle) <= REACH * samples.extent else None
@@ -94,8 +96,8 @@ def _complete_samples(samples: Samples) -> tuple[Complexes, Floats | None]:
     return samples.position[given], None if samples.rotation is None else samples.rotation[given]
 
 
-def _turning(position: Complexes, rotation: Floats) -> Hinge | None:
-    if position.size < _POSES or np.ptp(rotation) < _TURN:
+def _turning(position: Complexes, rotation: Floats, min_poses: int) -> Hinge | None:
+    if position.size < min_poses or np.ptp(rotation) < _TURN:
         return None
     turn = np.exp(1j * rotation)
     rows = np.column_stack([np.ones(turn.size), turn])

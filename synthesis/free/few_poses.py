@@ -88,6 +88,8 @@ class FewPosesOptions:
     """Largest crank angle between the ends of a chord of the path, in radians."""
     tilt: float = 1.4
     """Largest angle at c_1 between the chord c_1 c_2 and m, in radians, for two poses."""
+    equal_rotation: float = 1e-9
+    """Largest difference of two rotations that count as equal, in radians."""
 
 
 NONE_CLEAR = "No linkage was found that passes the poses and whose links stay out of the boxes (`assembly.keep_out`)."
@@ -172,6 +174,8 @@ class ExactFamily:
         self._constraints = Constraints(limits, poses.middle, poses.length_scale, exact=False)
         self._problem = JointProblem(poses, AnyChart())
         self._boxes = [self._box(name) for name in ("pivot_a", "pivot_b")]
+        self.level = self.number == 2 and abs(self.body.turned[1] - self.body.turned[0]) < options.equal_rotation
+        """Only parallelograms are drawn, which hold a body level between two poses of equal rotation."""
         self.count = options.pairs_on_curves if self.number == 4 else options.pairs
         if self.number > 2 and limits.pivot_a is not None and limits.pivot_b is not None:
             self.count = 1  # both pivots are given, and nothing else is free
@@ -251,7 +255,8 @@ class ExactFamily:
         """Return the four-bars of parameters that have no defect and keep the limits."""
         with np.errstate(all="ignore"):
             crank = self.dyads(parameters.crank_pivot, parameters.crank_tilt)
-            rocker = self.dyads(parameters.rocker_pivot, parameters.rocker_tilt)
+            tilt = parameters.crank_tilt if self.level else parameters.rocker_tilt
+            rocker = self.dyads(parameters.rocker_pivot, tilt)
             pairs, origin = paired(self.body, crank, rocker)
         usable = np.flatnonzero(pairs.one_branch & in_family(self.limits.family, pairs.lengths))
         pairs, origin = pairs.take(usable), origin[usable]
@@ -372,6 +377,9 @@ def exact_four_bars(
     work, options = work or Work(), options or FewPosesOptions()
     family = ExactFamily(poses, limits, options, obstacles)
     sampled = family.evaluate(family.sample())
+    if family.level and not sampled.merit.size:
+        family.level = False
+        sampled = family.evaluate(family.sample())
     for _ in range((options.batches if obstacles is None else options.batches_around_obstacles) - 1):
         if sampled.merit.size >= options.enough or work.expired():
             break

@@ -64,7 +64,7 @@ def test_a_lid_of_90_degrees_is_no_larger_than_the_linkage_that_was_drawn(start:
     joints = built.joints(crank)
     rotation, position = np.round(joints.rotation - joints.rotation[0], 1), np.round(joints.body_point, 1)
     found = la.synthesize(rotation, position, timing="free")
-    assert max(found.best.links) < 1.2 * 84 and found.best.transmission_angle_min > 50
+    assert max(found.best.links) < 1.2 * 84 and found.best.transmission_angle_min > 45
     assert found.best.errors.position_max <= 1e-3 * extent(position) and found.best.errors.rotation_max <= 0.1
 
 

@@ -125,3 +125,24 @@ def test_a_floor_that_no_linkage_stays_above_is_named_in_a_note() -> None:
     found = la.synthesize(angle, np.stack([x, y], axis=1), timing="free", **asked)
     assert found.status == "reached"
     assert any("stay out of the boxes" in note for note in found.report.notes)
+
+
+@pytest.mark.parametrize("box", [None, (-300, -50, -20, 300)])
+def test_a_body_that_turns_nowhere_between_two_poses_hangs_on_a_parallelogram(box) -> None:
+    # once on linkages that tilted it in between
+    found = solve([(0, 0, 0), (60, 200, 0)], **({} if box is None else {"pivot_box": box}))
+    assert_exact(found)
+    for solution in found:
+        crank, coupler, rocker, ground = solution.linkage.links
+        assert (crank, coupler) == pytest.approx((rocker, ground), rel=1e-9)
+    assert {solution.family for solution in solve([(0, 0, 0), (60, 200, 0)], family="crank_rocker")} == {
+        "crank_rocker"
+    }
+
+
+def test_the_hinge_that_joins_two_poses_is_named_if_a_pivot_may_lie_there() -> None:
+    poses = [(100, 0, 0), (0, 100, 90)]
+    assert any("single hinge at (0, 0) " in note for note in solve(poses).report.notes)
+    assert not any("single hinge" in note for note in solve(poses, pivot_box=(20, 20, 90, 90)).report.notes)
+    level = solve([(0, 0, 0), (60, 200, 0)])
+    assert not any("single hinge" in note for note in level.report.notes)
