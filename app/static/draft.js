@@ -8,15 +8,16 @@ const when = (at) => new Date(at).toLocaleString("en-GB", { day: "numeric", mont
 export class Draft {
   /** A page has one under its own `name`; `open(content)` shows it or throws, `leave()` shows something else. */
   constructor(name, open, leave) {
-    Object.assign(this, { name, open, leave, kept: null, text: null, shown: false });
+    Object.assign(this, { name, open, leave, kept: null, text: null, shown: false, resumes: false });
     try {
-      const { at, content } = JSON.parse(sessionStorage.getItem(name) ?? localStorage.getItem(name));
+      const own = sessionStorage.getItem(name), { at, content } = JSON.parse(own ?? localStorage.getItem(name));
       if (Number.isFinite(new Date(at).getTime())) this.#take(at, content);
+      this.resumes = own !== null;
     } catch { /* none, none that can be read, or the store is blocked */ }
     $("draft-open").addEventListener("click", () => { this.restore(); $("solve").focus(); });
     $("draft-discard").addEventListener("click", () => {
       const { shown } = this;
-      this.#drop();
+      this.drop();
       if (shown) leave();
       $("solve").focus();
     });
@@ -24,7 +25,8 @@ export class Draft {
 
   #take(at, content) { Object.assign(this, { kept: { at, content }, text: JSON.stringify(content) }); }
 
-  #drop() {
+  /** Forgets the draft. */
+  drop() {
     const { name, kept } = this;
     Object.assign(this, { kept: null, text: null, shown: false });
     try {
@@ -34,6 +36,9 @@ export class Draft {
     this.#say();
   }
 
+  /** When the draft was stored. */
+  get date() { return when(this.kept.at); }
+
   /** Shows the draft; false if there is none that can be read. */
   restore() {
     if (!this.kept) return false;
@@ -41,7 +46,7 @@ export class Draft {
       this.open(this.kept.content);
       return true;
     } catch {
-      this.#drop();
+      this.drop();
       return false;
     }
   }
@@ -65,6 +70,6 @@ export class Draft {
     $("draft").hidden = !this.kept;
     if (!this.kept) return;
     $("draft-open").hidden = this.shown;
-    $("draft-text").textContent = this.shown ? `Draft, kept in this browser (${when(this.kept.at)}).` : `A draft of ${when(this.kept.at)} is kept in this browser; it is replaced once you change what is shown here.`;
+    $("draft-text").textContent = this.shown ? `Draft, kept in this browser (${this.date}).` : `A draft of ${this.date} is kept in this browser; it is replaced once you change what is shown here.`;
   }
 }

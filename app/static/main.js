@@ -22,6 +22,7 @@ import { startStage } from "./extras.js";
 import { fold, focusOn, openStep, startSteps } from "./steps.js";
 import { explainTerms } from "./terms.js";
 import { defects } from "./verdict.js";
+import { leaveWelcome, showWelcome, startWelcome } from "./welcome.js";
 import { Visits, readdress } from "./visits.js";
 
 let answer = null; // the last answer: {request, reply, motion, stored}
@@ -32,7 +33,7 @@ let linkedCard = null; // the card that a link chose, until the search for it ha
 const editor = new Editor(motionChanged, pathDrawn, jointDragged, { get: asShown, put: putBack });
 const results = new Results(editor.board, (kind) => editor.keep(kind), () => { if (!running) sayAnswer(); });
 const sources = new Sources(() => editor.motion, useMotion);
-const draft = new Draft("linkage-atlas-motion", (content) => sources.openDraft(content), () => sources.useExample(sources.examples[0]?.name));
+const draft = new Draft("linkage-atlas-motion", (content) => sources.openDraft(content), beginAnew);
 const gallery = new Gallery((name) => sources.useExample(name));
 const follower = new Live({ isDragged: dragged, shown: () => ({ answer, solution: results.solution }), fits, show: (shown, solution) => { if (!running) display(shown, solution); } });
 const visits = new Visits(showAgain, (question) => {
@@ -166,6 +167,7 @@ function display(shown, solution) {
 
 function useMotion(motion, { mode = null, fit = true, reply = null, card = null }) {
   linkedCard = card;
+  const first = leaveWelcome();
   stopSearch();
   $("suggestions").hidden = true;
   if (mode) editor.setMode(mode);
@@ -173,6 +175,7 @@ function useMotion(motion, { mode = null, fit = true, reply = null, card = null 
     [answer, passed] = [null, false];
     results.show(null);
   });
+  if (first) editor.forgetPast();
   say("");
   if (!reply) {
     openStep("motion");
@@ -353,13 +356,19 @@ function bindButtons() {
 async function addressChanged() {
   try {
     if (await sources.openLink()) startSearch();
-    else if (!location.hash && sources.linked) showFirst();
+    else if (!location.hash && sources.linked && !history.state?.visit) beginAnew();
   } catch (error) { say(error.message, true); }
 }
 
-/** What the page shows without a link: the draft, or an example. */
+/** Leaves an empty workspace for the first screen. */
+function beginAnew() {
+  sources.begin("both");
+  showWelcome(draft);
+}
+
+/** Shows the draft of this tab, or else the first screen. */
 function showFirst() {
-  if (!draft.restore()) sources.useExample(sources.examples[0]?.name);
+  if (!draft.resumes || !draft.restore()) showWelcome(draft);
 }
 
 async function start() {
@@ -376,7 +385,8 @@ async function start() {
   gallery.show(sources.examples);
   let linked = false, damage = null;
   try { linked = await sources.openLink(); } catch (error) { damage = error.message; }
-  if (!linked && location.hash !== "#path" && !editor.motion.poses.length) showFirst();
+  startWelcome(draft);
+  if (!linked && !damage && location.hash !== "#path" && !editor.motion.poses.length) showFirst();
   editor.forgetPast();
   if (!answer) editor.board.fit();
   if (damage) say(damage, true);

@@ -313,6 +313,12 @@ class Page:
 class MotionPage(Page):
     """The page of motions and paths."""
 
+    def load(self, path: str = "", width: int = 1280) -> None:
+        """Load the page as if for the first time, and without a path open the first machine of the gallery, which is solved."""
+        super().load(path, width)
+        if not path:
+            self.choose("casement")
+
     def choose(self, name: str) -> None:
         """Open a machine of the gallery, which need not be drawn for it; what the machine does is at rest."""
         self.run(f"document.querySelector('#gallery [data-example={name}]').click()")

@@ -26,7 +26,14 @@ def good_dxf(content: bytes) -> set[str]:
 # -- the first ten seconds ---------------------------------------------------------------------------------------------
 
 
-def test_a_practical_machine_moves_on_load(moving, page) -> None:
+def test_the_first_screen_has_four_entries_and_a_machine_moves(moving, page) -> None:
+    page.reload()
+    assert page.text("lead") == "Draw the motion you need. Get linkages that make it."
+    assert len(page.all(".entries > *")) == 4 and not page.shown("last-project")
+    assert page.faults() == []
+    page.press("[data-begin=open-gallery]")
+    page.press("[data-example=casement]")
+    assert not page.shown("welcome")
     assert page.find("play").get_attribute("aria-label") == "Pause"
     before = page.run("return document.querySelector('#canvas .crank').getAttribute('d')")
     page.wait(f"document.querySelector('#canvas .crank').getAttribute('d') !== {json.dumps(before)}")

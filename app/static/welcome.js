@@ -1,0 +1,32 @@
+// The first screen: four entries with pictures and the last project.
+
+import { $, counted } from "./shell.js";
+
+/** Hides the first screen; false if it was not there. */
+export function leaveWelcome() {
+  if ($("welcome").hidden) return false;
+  $("welcome").hidden = true;
+  for (const part of document.querySelectorAll(".board, .side-column")) part.inert = false;
+  return true;
+}
+
+/** Shows the first screen, with the `draft` as the last project; the workspace behind it cannot be used meanwhile. */
+export function showWelcome(draft) {
+  const { position, rotation } = draft.kept?.content?.request ?? {}, rows = position ?? rotation;
+  $("welcome").hidden = false;
+  for (const part of document.querySelectorAll(".board, .side-column")) part.inert = true;
+  $("last-project").hidden = !Array.isArray(rows);
+  if (!Array.isArray(rows)) draft.drop();
+  else $("last-project").textContent = `Continue the last project: ${counted(rows.length, rotation ? "pose" : "point")}, ${draft.date}`;
+}
+
+/** Binds the entries to the buttons of the workspace. */
+export function startWelcome(draft) {
+  for (const entry of document.querySelectorAll("[data-begin]")) {
+    entry.addEventListener("click", () => {
+      if (entry.dataset.begin === "paste") leaveWelcome();
+      $(entry.dataset.begin).click();
+    });
+  }
+  $("last-project").addEventListener("click", () => { if (!draft.restore()) showWelcome(draft); });
+}
