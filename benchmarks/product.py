@@ -85,7 +85,7 @@ def counter_clockwise(motion: Target, *limits: Limits) -> Any:
 
 def refine(problem: GivenProblem, seeds: Timed, steps: int, tolerance: float = 0.0) -> Pool:
     """Seeds refined one after the other, until one is below the tolerance."""
-    return problem.descended(seeds, [Stage(steps)], tolerance, others=0.0)
+    return problem.descended(seeds, [Stage(steps)], tolerance, steps_after_first=0.0)
 
 
 def solved(target: Target, lengths: Any, branch: Any, start: Any) -> list[Solution]:

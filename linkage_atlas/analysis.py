@@ -141,7 +141,7 @@ def read_load(
     values: Any,
     links: Sequence[str],
     mounted: bool,
-    most: int,
+    max_parts: int,
     *also: str,
     link: str | None = None,
     middles: Mapping[str, complex] | None = None,
@@ -175,8 +175,8 @@ def read_load(
     torque = bounded(f"{field}/torque", values.get("torque", 0))
     gravity = pair(f"{field}/gravity", values.get("gravity", GRAVITY), words="[gx, gy]")
     masses = values.get("masses", ())
-    if not isinstance(masses, Sequence) or isinstance(masses, str) or len(masses) > most:
-        raise FieldError(f"/{field}/masses", f"wanted a list of at most {most} masses")
+    if not isinstance(masses, Sequence) or isinstance(masses, str) or len(masses) > max_parts:
+        raise FieldError(f"/{field}/masses", f"wanted a list of at most {max_parts} masses")
     read = tuple(
         _mass(f"{field}/masses/{k}", mass, links, mounted, link, middles or {}) for k, mass in enumerate(masses)
     )
@@ -245,7 +245,8 @@ def check_rows(solutions: int, interval: Interval | None) -> None:
     """Raise FieldError if the curves of the solutions make too large a reply; None: an interval of at most a turn."""
     rows = solutions * (Interval(0.0, TURN) if interval is None else interval).by_degrees().size
     if rows > MOST_ROWS:
-        most = MOST_ROWS * solutions // rows
+        max_solutions = MOST_ROWS * solutions // rows
         raise FieldError(
-            "/top", f"with `analysis` over this interval wanted at most {counted(most, 'linkage')}, found {solutions}"
+            "/top",
+            f"with `analysis` over this interval wanted at most {counted(max_solutions, 'linkage')}, found {solutions}",
         )

@@ -106,9 +106,9 @@ def column(name: str, values: object) -> Floats:
         raise FieldError(f"/{name}", "wanted numbers") from None
 
 
-def check_names(where: str, given: Iterable[str], known: Sequence[str], what: str = "field") -> None:
+def check_names(where: str, names: Iterable[str], known: Sequence[str], what: str = "field") -> None:
     """Raise FieldError for a name that is not known; the error lists similar names."""
-    for name in given:
+    for name in names:
         if name not in known:
             raise FieldError.no_such(where, name, known, what)
 

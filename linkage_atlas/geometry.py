@@ -242,12 +242,12 @@ def read_four_bar(
         if not number(name, length) > 0:
             raise FieldError(f"/{name}", f"wanted a length above 0, found {length}")
     longest = max(lengths, key=lambda name: lengths[name])
-    others = [name for name in lengths if name != longest]
-    if lengths[longest] > (together := sum(lengths[name] for name in others)) * (1 + 1e-12):
+    shorter = [name for name in lengths if name != longest]
+    if lengths[longest] > (together := sum(lengths[name] for name in shorter)) * (1 + 1e-12):
         raise FieldError(
             f"/{longest}",
-            f"the linkage cannot be assembled: {longest} {lengths[longest]:g} is longer than {others[0]}, {others[1]} and "
-            f"{others[2]} together, {together:g}",
+            f"the linkage cannot be assembled: {longest} {lengths[longest]:g} is longer than {shorter[0]}, {shorter[1]} and "
+            f"{shorter[2]} together, {together:g}",
         )
     if branch not in (-1, 1):
         raise FieldError("/branch", f"wanted 1 or -1, found {branch}")

@@ -693,14 +693,14 @@ class Linkage:
         target = self.target_of(motion, crank_angle if travel is None else travel)
         assembly, drive = with_drive(kind, assembly, drive)
         arranged = bool(assembly or solids)
-        made = read_solids(solids or {})
+        settings = read_solids(solids or {})
         unit = self.unit_for(motion, length_unit)
         if analysis is not None and unit is not None:
             analysis = {"length_unit": unit, **analysis}
         read_assembly(assembly or {})  # errors of the assembly are reported even if masses are left out
 
         def parts(allow_collisions: bool) -> SolidParts:
-            request = made._replace(allow_collisions=True) if allow_collisions else made
+            request = settings._replace(allow_collisions=True) if allow_collisions else settings
             return self._solids(target, assembly or {}, request, unit or "mm", work or Work())
 
         return content_of(self._linkage, target, self._radian, kind, unit, analysis, drive, parts, arranged)

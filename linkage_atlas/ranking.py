@@ -188,7 +188,9 @@ class Ranking:
         apart.sort(key=lambda solution: rank[id(solution)])
         first = {_group(solution): solution for solution in reversed(apart)}
         shown = sorted(first.values(), key=lambda solution: rank[id(solution)])[:top]
-        shown += [solution for solution in apart if all(solution is not other for other in shown)][: top - len(shown)]
+        shown += [solution for solution in apart if all(solution is not chosen for chosen in shown)][
+            : top - len(shown)
+        ]
         return self._with_smallest_error(sorted(shown, key=lambda solution: rank[id(solution)]), found, top)
 
     def smallest_error(self, found: Sequence[Solution]) -> Solution | None:

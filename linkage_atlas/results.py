@@ -16,7 +16,7 @@ from linkage_atlas.records import PYTHON_ONLY, Record
 from linkage_atlas.solutions import Solution
 from synthesis.ranking import Status
 
-One = TypeVar("One")
+SolutionT = TypeVar("SolutionT")
 StatusName = Annotated[str, Literal["reached", "closest", "infeasible", "unknown"]]
 StoppedBy = Annotated[str, Literal["tolerance", "converged", "budget"]]
 
@@ -43,22 +43,22 @@ class Report(Record):
     """With `start_from`: the rank of the solution to which each of its linkages led, null if there is none."""
 
 
-class Ranked(Sequence[One]):
+class Ranked(Sequence[SolutionT]):
     """Base of replies that are indexed, counted and iterated as the list of their results, best first; false without results."""
 
     @property
-    def _results(self) -> Sequence[One]:
+    def _results(self) -> Sequence[SolutionT]:
         raise NotImplementedError
 
     @overload
-    def __getitem__(self, index: int) -> One: ...
+    def __getitem__(self, index: int) -> SolutionT: ...
 
     @overload
-    def __getitem__(self, index: slice) -> list[One]: ...
+    def __getitem__(self, index: slice) -> list[SolutionT]: ...
 
-    def __getitem__(self, index: int | slice) -> One | list[One]:
+    def __getitem__(self, index: int | slice) -> SolutionT | list[SolutionT]:
         found = self._results[index]
-        return list(cast("Sequence[One]", found)) if isinstance(index, slice) else cast("One", found)
+        return list(cast("Sequence[SolutionT]", found)) if isinstance(index, slice) else cast("SolutionT", found)
 
     def __len__(self) -> int:
         return len(self._results)

@@ -341,8 +341,8 @@ def _determinations(
     else:
         resolution = tolerance if allowed is None else max(tolerance, allowed.objective(samples))
         fixed = determination.determinations_within(target, linkages, resolution, limits)
-    for k, one in zip(rows, fixed):
-        determinations[k] = one
+    for k, found_determination in zip(rows, fixed):
+        determinations[k] = found_determination
     return determinations
 
 
@@ -420,13 +420,15 @@ def _rounded(solution: Solution, studies: Studies, solutions: int, work: Work) -
     )
     if found.solution is None:
         return rounded
-    again, radian = found.solution, motion.radian
-    target = target_of(samples, again.linkage, again.travel)
-    dimensions = dimensions_of(again.linkage, radian, target.interval)
-    crank_angle, travel = _travel(samples, again, radian)
+    refitted, radian = found.solution, motion.radian
+    target = target_of(samples, refitted.linkage, refitted.travel)
+    dimensions = dimensions_of(refitted.linkage, radian, target.interval)
+    crank_angle, travel = _travel(samples, refitted, radian)
     return replace(
         rounded,
-        lengths=dict(zip(LINKS, again.linkage.links)) if again.linkage.is_four_bar else again.linkage.lengths,
+        lengths=dict(zip(LINKS, refitted.linkage.links))
+        if refitted.linkage.is_four_bar
+        else refitted.linkage.lengths,
         guides=dimensions.guides,
         branch=dimensions.branch,
         start=dimensions.start,
@@ -436,9 +438,9 @@ def _rounded(solution: Solution, studies: Studies, solutions: int, work: Work) -
         mount=dimensions.mount,
         crank_angle=crank_angle,
         travel=travel,
-        errors=in_unit(again.errors, radian),
-        transmission_angle_min=again.transmission_angle_min / radian,
-        linkage=Linkage.of(again.linkage, radian, target, motion.length_unit),
+        errors=in_unit(refitted.errors, radian),
+        transmission_angle_min=refitted.transmission_angle_min / radian,
+        linkage=Linkage.of(refitted.linkage, radian, target, motion.length_unit),
     )
 
 

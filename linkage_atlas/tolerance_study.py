@@ -43,7 +43,7 @@ class Worst(NamedTuple):
     p95: Annotated[float, float | None]
 
 
-class Made(NamedTuple):
+class DeviationQuantiles(NamedTuple):
     """Quantiles of the difference between the body as made and as designed, at n positions of the drive."""
 
     p5: Values
@@ -96,9 +96,9 @@ class ToleranceStudy(Record):
     seed: int
     open_share: float
     """Fraction of them that does not close at every sample."""
-    position: Made | None
+    position: DeviationQuantiles | None
     """Distance of the body point from its position as designed."""
-    rotation: Made
+    rotation: DeviationQuantiles
     """Absolute difference of the rotation from the designed rotation."""
     largest: Largest
     """Source that contributes most; null if nothing contributes."""
@@ -186,8 +186,8 @@ def described_study(
         found.count,
         manufacture.seed,
         found.open_share,
-        None if found.position is None else _made(found.position, samples, 1.0),
-        _made(found.rotation, samples, radian),
+        None if found.position is None else _quantiles(found.position, samples, 1.0),
+        _quantiles(found.rotation, samples, radian),
         Largest(position=largest["position"], rotation=largest["rotation"]),
         sorted(contributions, key=lambda source: -round(max(source.position or 0.0, source.rotation), 12)),
         Band(
@@ -199,7 +199,7 @@ def described_study(
     )
 
 
-def _made(spread: Spread, samples: int, unit: float) -> Made:
+def _quantiles(spread: Spread, samples: int, unit: float) -> DeviationQuantiles:
     p5, p50, p95 = (spread.simulated[:samples] / unit).T
     linear = Quantiles(*(spread.linear[:samples] / unit).T)
-    return Made(p5, p50, p95, linear, Worst(*(spread.worst / unit).tolist()))
+    return DeviationQuantiles(p5, p50, p95, linear, Worst(*(spread.worst / unit).tolist()))

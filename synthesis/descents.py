@@ -59,13 +59,13 @@ class Timed(NamedTuple):
     branch: Floats
     """(n,)"""
 
-    def take(self, places: Any) -> Timed:
+    def take(self, indices: Any) -> Timed:
         """Some of them."""
-        return Timed(*(column[places] for column in self))
+        return Timed(*(column[indices] for column in self))
 
-    def joined(self, *others: Timed) -> Timed:
+    def joined(self, *following: Timed) -> Timed:
         """These and others after them."""
-        return Timed(*(np.concatenate(columns) for columns in zip(self, *others)))
+        return Timed(*(np.concatenate(columns) for columns in zip(self, *following)))
 
 
 class Pool(NamedTuple):
@@ -74,32 +74,32 @@ class Pool(NamedTuple):
     timed: Timed
     cost: Floats
 
-    def take(self, places: Any) -> Pool:
+    def take(self, indices: Any) -> Pool:
         """Some of the candidates."""
-        return Pool(self.timed.take(places), self.cost[places])
+        return Pool(self.timed.take(indices), self.cost[indices])
 
-    def joined(self, other: Pool) -> Pool:
+    def joined(self, following: Pool) -> Pool:
         """These candidates and others after them."""
-        return Pool(self.timed.joined(other.timed), np.concatenate([self.cost, other.cost]))
+        return Pool(self.timed.joined(following.timed), np.concatenate([self.cost, following.cost]))
 
     @property
     def least(self) -> float:
         """The square root of the least cost; infinite where there is no candidate."""
         return float(np.sqrt(self.cost.min())) if self.cost.size else np.inf
 
-    def best(self, most: int, cell: float = 0.02) -> Pool:
+    def best(self, max_count: int, cell: float = 0.02) -> Pool:
         """The best candidates, best first, at most one a cell of shape and place; those that do not close left out."""
         timed = self.timed
         order = np.argsort(self.cost, kind="stable")
         order = order[np.isfinite(self.cost[order])]
         first = timed.angles[:, 0]
-        place = [timed.shape, np.cos(first)[:, None], np.sin(first)[:, None], timed.branch[:, None]]
-        place += [timed.pose.real, timed.pose.imag]
-        numbers = np.concatenate(place, axis=1)[order]
+        columns = [timed.shape, np.cos(first)[:, None], np.sin(first)[:, None], timed.branch[:, None]]
+        columns += [timed.pose.real, timed.pose.imag]
+        numbers = np.concatenate(columns, axis=1)[order]
         size = np.maximum(1.0, np.abs(numbers))
         keys = np.round(np.sign(numbers) * (1 + np.log(size)) * np.minimum(1.0, np.abs(numbers)) / cell)
-        _, kept = np.unique(np.nan_to_num(keys), axis=0, return_index=True)
-        return self.take(order[np.sort(kept)[:most]])
+        _, unique = np.unique(np.nan_to_num(keys), axis=0, return_index=True)
+        return self.take(order[np.sort(unique)[:max_count]])
 
 
 # -- what descends -------------------------------------------------------------------------------------------------
@@ -224,8 +224,8 @@ class Problem:
         ``shortest``: a distance that counts at least, over the length scale. ``panel``: that a chord spans at most, radians.
         """
         self._begin(timed)
-        most, angle = self._kernel.excursions(shortest, panel)
-        return most, angle
+        largest, angle = self._kernel.excursions(shortest, panel)
+        return largest, angle
 
     def moved_onto(self, timed: Timed, rounds: int = 12) -> tuple[Pool, Floats]:
         """Candidates moved onto the limits that they break, at their crank angles, and by how much they still break one.
@@ -242,7 +242,7 @@ class Problem:
         tolerance: float = 0.0,
         work: Work | None = None,
         damping: float = 1e-3,
-        others: float = 1.0,
+        steps_after_first: float = 1.0,
         between: Callable[[Pool], None] | None = None,
     ) -> Pool:
         """Candidates after Levenberg-Marquardt steps over shape, pose and all crank angles.
@@ -258,8 +258,8 @@ class Problem:
             Once it has expired the descent stops where it is.
         damping : float
             Of each stage's first step, relative to the squares of the derivatives.
-        others : float
-            Once one candidate came below the tolerance, the others take at most so many times its steps.
+        steps_after_first : float
+            Largest number of steps of the other candidates after the first one is below the tolerance, relative to its steps.
         between : callable, optional
             Told what each stage but the last led to.
 
@@ -271,13 +271,15 @@ class Problem:
         """
         work = work or Work()
         pool = self._begin(timed, stages[0].weight)
-        most = max(1, _BETWEEN_LOOKS // self.samples)
+        max_steps = max(1, _BETWEEN_LOOKS // self.samples)
         self._kernel.evaluate_candidates(not self.limited, False)
         for number, stage in enumerate(stages):
             if number and between is not None:
                 between(pool.take(np.arange(pool.cost.size)))
-            self._kernel.configure(stage.steps, damping, stage.stall, tolerance**2, others, stage.weight**2)
-            while not work.expired() and not self._kernel.run(most):
+            self._kernel.configure(
+                stage.steps, damping, stage.stall, tolerance**2, steps_after_first, stage.weight**2
+            )
+            while not work.expired() and not self._kernel.run(max_steps):
                 pass
         return pool
 

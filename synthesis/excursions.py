@@ -62,8 +62,8 @@ class Circuits:
         """Return, for each linkage (n,), True if one circuit carries all samples (n, N)."""
         changes = np.diff(self.swing(angle)[1], axis=-1)
         mirrored = ~(self.at_zero | self.at_pi) & (changes % 2 != 0)
-        other = np.where(self.turns, np.diff(side, axis=-1) != 0, mirrored | (timed & (changes != 0)))
-        return np.asarray(np.all(close_loop(lengths, angle).closed, axis=-1) & ~np.any(other, axis=-1))
+        changed = np.where(self.turns, np.diff(side, axis=-1) != 0, mirrored | (timed & (changes != 0)))
+        return np.asarray(np.all(close_loop(lengths, angle).closed, axis=-1) & ~np.any(changed, axis=-1))
 
     def swing(self, angle: Floats) -> tuple[Floats, Floats]:
         """Angles (n, N) less whole turns, cut where the crank cannot be, and the number of the swing: one more after each cut."""
@@ -110,18 +110,18 @@ class RoundCircuit:
         """Those of some linkages, also repeated."""
         return RoundCircuit(self.lengths[row], self.turns[row], self.low[row], self.width[row], self.side[row])
 
-    def closure(self, place: Floats) -> tuple[Closure, Floats, Floats]:
+    def closure(self, parameter: Floats) -> tuple[Closure, Floats, Floats]:
         """The loop at places (n, m), the sides, and theta2."""
-        angle = np.where(self.turns, place, self.low + self.width * np.sin(place / 2) ** 2)
-        side = np.where(self.turns, self.side, np.where(np.sin(place) >= 0, 1.0, -1.0))
+        angle = np.where(self.turns, parameter, self.low + self.width * np.sin(parameter / 2) ** 2)
+        side = np.where(self.turns, self.side, np.where(np.sin(parameter) >= 0, 1.0, -1.0))
         closure = close_loop(self.lengths, angle)
         return closure, side, closure.diagonal_angle + side * 2 * np.arctan2(*closure.coupler_half_angle)
 
-    def speed(self, place: Floats, point: Complexes) -> Floats:
+    def speed(self, parameter: Floats, point: Complexes) -> Floats:
         """|dP/dt| at places (n, m); ``point`` (n, 1) is P - D in the coupler's frame."""
-        closure, side, theta2 = self.closure(place)
+        closure, side, theta2 = self.closure(parameter)
         angle = closure.crank_angle
-        rate = np.where(self.turns, 1.0, self.width / 2 * np.sin(place))
+        rate = np.where(self.turns, 1.0, self.width / 2 * np.sin(parameter))
         l1, l2, _, l4 = (closure.lengths[..., k] for k in range(4))
         # the loop's derivative, times e^{-i theta3}: theta2' = -L1 sin(t1 - t3) / (L2 sin(t2 - t3)), both over L3
         root = np.sqrt(closure.excess_x * closure.excess_y)
@@ -130,9 +130,9 @@ class RoundCircuit:
         # at the very end of a swing 0 / 0 in double precision; the panel's other nodes stand for it
         return np.nan_to_num(np.abs(rate * (crank + point * slope * np.exp(1j * theta2))))
 
-    def body_point(self, place: Floats, point: Complexes) -> Complexes:
+    def body_point(self, parameter: Floats, point: Complexes) -> Complexes:
         """P at places (n, m), in the ground frame."""
-        closure, _, theta2 = self.closure(place)
+        closure, _, theta2 = self.closure(parameter)
         return self.lengths[:, :1] * np.exp(1j * closure.crank_angle) + point * np.exp(1j * theta2)
 
 
@@ -164,7 +164,7 @@ def excursions(
     """
     found: list[float | None] = [None] * len(linkages)
     crank_angle, side = np.asarray(crank_angle, dtype=float), np.asarray(side)
-    mounted = [k for k, one in enumerate(linkages) if one.mounted]
+    mounted = [k for k, linkage in enumerate(linkages) if linkage.mounted]
     if not mounted:
         return found
     lengths = np.array([linkages[k].links for k in mounted])
@@ -179,8 +179,8 @@ def excursions(
     lengths, angle, side = lengths[carried], angle[carried], side[carried]
     radius, direction = np.array([linkages[k].coupler_point_polar for k in rows]).T
     point = (radius * np.exp(1j * direction))[:, None]
-    circuit, place = RoundCircuit.through(lengths, angle, side)
-    first, step = _ways(place, circuit.turns, ordered, closed, timed)
+    circuit, parameter = RoundCircuit.through(lengths, angle, side)
+    first, step = _paths(parameter, circuit.turns, ordered, closed, timed)
     arc = _arcs(circuit, point, first, step)
     ends = circuit.body_point(np.concatenate([first, first + step], axis=-1), point)
     chord = np.abs(np.subtract(*np.split(ends, 2, axis=-1)))
@@ -216,8 +216,8 @@ def _excursion(solution: Solution, poses: Poses) -> float | None:
     if poses.closed and solution.linkage.driver.turns:
         travel = np.append(travel, travel[0] + np.copysign(TURN, travel[-1] - travel[0]))
     parts = np.linspace(0.0, 1.0, CHORDS + 1)
-    places = travel[:-1, None] + np.diff(travel)[:, None] * parts
-    points = solution.linkage.body(solution.linkage.start + places.ravel()).position.reshape(places.shape)
+    positions = travel[:-1, None] + np.diff(travel)[:, None] * parts
+    points = solution.linkage.body(solution.linkage.start + positions.ravel()).position.reshape(positions.shape)
     arcs = np.abs(np.diff(points, axis=1)).sum(axis=1)
     chords = np.abs(points[:, -1] - points[:, 0])
     largest = float(np.max(arcs / np.maximum(chords, SHORTEST_CHORD * poses.extent)))
@@ -237,7 +237,7 @@ def _arcs(circuit: RoundCircuit, point: Complexes, first: Floats, step: Floats) 
     begin = first.ravel()[gap] + (np.arange(gap.size) - (np.cumsum(panels) - panels)[gap]) * width
     arc: Floats = np.zeros(step.size)
     allowed: Floats = np.zeros(step.size)
-    most = _GROWN * gap.size
+    max_size = _GROWN * gap.size
     for halved in range(HALVINGS + 1):
         row = gap // step.shape[1]
         nodes = begin[:, None] + width[:, None] * ((NODES + 1) / 2)
@@ -248,7 +248,7 @@ def _arcs(circuit: RoundCircuit, point: Complexes, first: Floats, step: Floats) 
             allowed[:] = ACCURACY * np.bincount(gap, part, minlength=arc.size)
         tail = np.max(np.abs(speed @ TAIL), axis=-1) / np.where(mean > 0, mean, 1.0)
         rough = part * tail ** (16 / 7) > allowed[gap]
-        if halved == HALVINGS or 2 * np.count_nonzero(rough) > most:
+        if halved == HALVINGS or 2 * np.count_nonzero(rough) > max_size:
             rough[:] = False
         arc += np.bincount(gap[~rough], part[~rough], minlength=arc.size)
         gap, begin, width = gap[rough].repeat(2), begin[rough].repeat(2), width[rough].repeat(2) / 2
@@ -258,20 +258,22 @@ def _arcs(circuit: RoundCircuit, point: Complexes, first: Floats, step: Floats) 
     return arc.reshape(step.shape)
 
 
-def _ways(place: Floats, turns: NDArray[np.bool_], ordered: bool, closed: bool, timed: bool) -> tuple[Floats, Floats]:
+def _paths(
+    parameter: Floats, turns: NDArray[np.bool_], ordered: bool, closed: bool, timed: bool
+) -> tuple[Floats, Floats]:
     """Where the ways between neighbours begin, and how far they lead, (n, N - 1), or (n, N) where closed."""
     if not ordered:
-        place = np.sort(place % TURN, axis=-1)
-        step = np.diff(place, axis=-1, append=place[:, :1] + TURN)
+        parameter = np.sort(parameter % TURN, axis=-1)
+        step = np.diff(parameter, axis=-1, append=parameter[:, :1] + TURN)
         if not closed:
             widest = np.argmax(step, axis=-1)[:, None]
-            rest = (widest + 1 + np.arange(place.shape[-1] - 1)) % place.shape[-1]
-            place, step = np.take_along_axis(place, rest, axis=-1), np.take_along_axis(step, rest, axis=-1)
-        return place, step
-    steps, way = one_way(np.diff(place, axis=-1))
-    step = way * steps
+            order = (widest + 1 + np.arange(parameter.shape[-1] - 1)) % parameter.shape[-1]
+            parameter, step = np.take_along_axis(parameter, order, axis=-1), np.take_along_axis(step, order, axis=-1)
+        return parameter, step
+    steps, sign = one_way(np.diff(parameter, axis=-1))
+    step = sign * steps
     if timed:
-        step = np.where(turns, np.diff(place, axis=-1), step)
+        step = np.where(turns, np.diff(parameter, axis=-1), step)
     if not closed:
-        return place[:, :-1], step
-    return place, np.concatenate([step, way * ((way * (place[:, :1] - place[:, -1:])) % TURN)], axis=-1)
+        return parameter[:, :-1], step
+    return parameter, np.concatenate([step, sign * ((sign * (parameter[:, :1] - parameter[:, -1:])) % TURN)], axis=-1)

@@ -58,7 +58,7 @@ from synthesis.guides import (
 )
 from synthesis.target import TURN, Interval
 
-_PLACES = 181
+_POINTS = 181
 """Over an interval, at least."""
 _LOOKS, _NODES = 4, 33
 """Looks, each between two nodes of the one before, at where a travel turns back: to 2e-8 radians, its end to all digits."""
@@ -147,9 +147,9 @@ class LinkMotion:
         length = np.abs(v)
         return length, dot(v, self.speed(point)) / length
 
-    def point_at(self, place: complex) -> complex:
+    def point_at(self, point: complex) -> complex:
         """The point of the link that lies at a place of the plane at the first sample."""
-        return complex(np.conj(self.direction[0]) * (place - self.origin[0]))
+        return complex(np.conj(self.direction[0]) * (point - self.origin[0]))
 
     def at(self, samples: Ints) -> LinkMotion:
         """The motion at some of the values only."""
@@ -161,18 +161,18 @@ class LinkMotion:
         turned = np.unwrap(self.angle)
         return float(turned[-1] - turned[0])
 
-    def seen_from(self, other: LinkMotion) -> LinkMotion:
+    def seen_from(self, observer: LinkMotion) -> LinkMotion:
         """The motion as an observer on another link has it, whose frame lies as the world does at the first sample."""
-        level = other.angle - other.angle[0]
-        back, rate, change = np.exp(-1j * level), other.rate, other.rate_change
-        reach, speed = self.origin - other.origin, self.velocity - other.velocity
+        level = observer.angle - observer.angle[0]
+        back, rate, change = np.exp(-1j * level), observer.rate, observer.rate_change
+        reach, speed = self.origin - observer.origin, self.velocity - observer.velocity
         velocity = back * (speed - 1j * rate * reach)
         acceleration = back * (
-            self.acceleration - other.acceleration - 2j * rate * speed - (1j * change + rate**2) * reach
+            self.acceleration - observer.acceleration - 2j * rate * speed - (1j * change + rate**2) * reach
         )
         return replace(
             self,
-            origin=other.origin[0] + back * reach,
+            origin=observer.origin[0] + back * reach,
             angle=self.angle - level,
             velocity=velocity,
             rate=self.rate - rate,
@@ -229,8 +229,10 @@ class _Triangle(NamedTuple):
     @property
     def at_x(self) -> Floats:
         """The acute angle between the lines XZ and XC."""
-        one, other = self.total * self.beyond, self.less_arm * self.less_radius
-        return 2 * np.arctan2(np.sqrt(np.minimum(one, other)), np.sqrt(np.maximum(one, other)))
+        sine_squared, cosine_squared = self.total * self.beyond, self.less_arm * self.less_radius
+        return 2 * np.arctan2(
+            np.sqrt(np.minimum(sine_squared, cosine_squared)), np.sqrt(np.maximum(sine_squared, cosine_squared))
+        )
 
 
 @dataclass(frozen=True)
@@ -282,7 +284,7 @@ class Linkage:
     @property
     def kind(self) -> Kind:
         """Which guides it has, in either order."""
-        types = {type(one) for one in self.local_guides}
+        types = {type(guide) for guide in self.local_guides}
         return next(kind for kind, guides in GUIDES.items() if set(guides) == types)
 
     @property
@@ -335,7 +337,7 @@ class Linkage:
     @property
     def link_names(self) -> tuple[str, ...]:
         """Names of the moving links: that of the driven guide, the body, that of the other guide."""
-        first, second = (_LINK_OF[type(one)] for one in self.local_guides)
+        first, second = (_LINK_OF[type(guide)] for guide in self.local_guides)
         if first == second:
             second = "rocker" if first == "crank" else f"second_{second}"
         return first, BODY, second
@@ -349,15 +351,15 @@ class Linkage:
     def reach(self) -> float:
         """A length of its size, wherever it stands: the largest radius, or distance of its body points or fixed places."""
         first, second = self.local_guides
-        radii = [one.radius for one in self.local_guides if isinstance(one, Circle)]
+        radii = [guide.radius for guide in self.local_guides if isinstance(guide, Circle)]
         return max(*radii, abs(first.body_point - second.body_point), abs(first[0] - second[0]), 1e-300)
 
     @property
     def lengths(self) -> dict[str, float]:
         """Of cranks and rockers by name, and of the coupler, where both guides lead a point of the body."""
         names = self.link_names[::2]
-        found = {name: one.radius for name, one in zip(names, self.local_guides) if isinstance(one, Circle)}
-        points = [one.body_point for one in self.local_guides if not isinstance(one, Slot)]
+        found = {name: guide.radius for name, guide in zip(names, self.local_guides) if isinstance(guide, Circle)}
+        points = [guide.body_point for guide in self.local_guides if not isinstance(guide, Slot)]
         return found | ({"coupler": abs(points[1] - points[0])} if len(points) == 2 else {})
 
     # -- a four-bar's own ---------------------------------------------------------------------------------------------
@@ -389,7 +391,9 @@ class Linkage:
 
     def scaled(self, scale: float) -> Linkage:
         """The linkage with all lengths times a scale, about the origin."""
-        first, second = (_mapped(one, lambda z: z * scale, lambda z: z * scale, scale) for one in self.local_guides)
+        first, second = (
+            _mapped(guide, lambda z: z * scale, lambda z: z * scale, scale) for guide in self.local_guides
+        )
         point = self.coupler_point_polar
         return replace(
             self,
@@ -413,7 +417,9 @@ class Linkage:
 
     def mirrored(self) -> Linkage:
         """The linkage in a mirror (the x axis): places, directions and rotations change their sign of y."""
-        first, second = (_mapped(one, complex.conjugate, complex.conjugate, way=-1.0) for one in self.local_guides)
+        first, second = (
+            _mapped(guide, complex.conjugate, complex.conjugate, sense=-1.0) for guide in self.local_guides
+        )
         # a cross product changes its sign in a mirror, and so does a normal
         flips = (self.driver is Driver.HINGE) != isinstance(second, Circle)
         start = -self.start if self.driver.turns else self.start
@@ -436,7 +442,7 @@ class Linkage:
         angle -= TURN * round(angle / TURN)
         factor = complex(np.exp(-1j * angle))
         first, second = (
-            _mapped(one, lambda z: z, lambda z: z * factor, turn_in_body=-angle) for one in self.local_guides
+            _mapped(guide, lambda z: z, lambda z: z * factor, turn_in_body=-angle) for guide in self.local_guides
         )
         return replace(self, local_guides=(first, second))
 
@@ -469,8 +475,8 @@ class Linkage:
     @cached_property
     def _arm(self) -> Vector:
         """From Z to the other guide's body point, in the body's frame."""
-        driven, other = self.local_guides
-        vector = other.body_point - driven.body_point
+        driven, second = self.local_guides
+        vector = second.body_point - driven.body_point
         if isinstance(driven, Slot):
             return Straight(vector, driven.body_direction)
         return Vector(vector)
@@ -478,36 +484,36 @@ class Linkage:
     @cached_property
     def _pushed(self) -> Round:
         """Of a hinge with a circle: its part across the line from pivot to pin is how far the pivot lies beside the slide."""
-        driven, other = self.local_guides
+        driven, second = self.local_guides
         assert isinstance(driven, Slot)
-        between = driven.pin - _fixed_point(other)
-        beside = _turned(other.body_point - driven.body_point, -driven.body_direction).imag
+        between = driven.pin - _fixed_point(second)
+        beside = _turned(second.body_point - driven.body_point, -driven.body_direction).imag
         return Round(_turned(1j * beside, float(np.angle(between))), abs(between))
 
     @cached_property
     def conditions(self) -> tuple[Condition, ...]:
         """What must not be negative for the loop to close; where one vanishes both branches meet."""
-        driven, other = self.local_guides
+        driven, second = self.local_guides
         if self.driver is Driver.HINGE:
-            if not isinstance(other, Circle):
+            if not isinstance(second, Circle):
                 return ()
             assert isinstance(driven, Slot)
-            towards = float(np.angle(driven.pin - other.pivot))
-            return tuple(self._pushed.across(towards, other.radius, sign) for sign in (1, -1))
+            towards = float(np.angle(driven.pin - second.pivot))
+            return tuple(self._pushed.across(towards, second.radius, sign) for sign in (1, -1))
         cylinder = self.driver is Driver.CYLINDER
         varying, still = (self._arm, self._spread) if cylinder else (self._spread, self._arm)
         assert isinstance(varying, Round | Straight)
         length = abs(still.middle)
-        if isinstance(other, Circle):
-            return varying.shorter_than(length, other.radius), varying.longer_than(length, other.radius)
-        direction = other.direction if isinstance(other, Rail) else other.body_direction
-        if cylinder == isinstance(other, Slot):  # the vector that varies is the one that is projected
+        if isinstance(second, Circle):
+            return varying.shorter_than(length, second.radius), varying.longer_than(length, second.radius)
+        direction = second.direction if isinstance(second, Rail) else second.body_direction
+        if cylinder == isinstance(second, Slot):  # the vector that varies is the one that is projected
             return tuple(varying.across(direction, length, sign) for sign in (1, -1))
         return (varying.longer_than(abs(_turned(still.middle, -direction).imag)),)
 
     def _closed(self, q: Floats) -> list[Floats]:
         """The conditions' values; NaN where the loop does not close."""
-        values = [one.value(q) for one in self.conditions]
+        values = [condition.value(q) for condition in self.conditions]
         closed = np.ones(np.shape(q), dtype=bool)
         for value in values:
             closed &= value >= 0
@@ -542,22 +548,22 @@ class Linkage:
 
     def _by_pin(self, q: Floats, side: int) -> BodyPoses:
         """The body turns about the pin Z until the other guide holds it."""
-        other = self.local_guides[1]
+        second = self.local_guides[1]
         spread, arm = self._spread, self._arm
-        if isinstance(other, Circle):
+        if isinstance(second, Circle):
             triangle, length = self._triangle(q), np.abs(arm.at(q))
             rotation = spread.direction(q) + side * triangle.at_z - arm.direction(q)
-            push = triangle.root / other.radius
+            push = triangle.root / second.radius
             sine, angle = push / length, triangle.at_x
         else:
             root = np.prod([np.sqrt(value) for value in self._closed(q)], axis=0)
             projected, direction = (
-                (spread, other.direction) if isinstance(other, Rail) else (arm, other.body_direction)
+                (spread, second.direction) if isinstance(second, Rail) else (arm, second.body_direction)
             )
             beside = np.imag(projected.at(q) * np.exp(-1j * direction))
             turned = np.arctan2(beside, root)
             turned = turned if side > 0 else math.pi - turned
-            if isinstance(other, Rail):
+            if isinstance(second, Rail):
                 rotation = direction + turned - arm.direction(q)
                 length = np.abs(arm.at(q))
             else:
@@ -571,12 +577,12 @@ class Linkage:
 
     def _triangle(self, q: Floats) -> _Triangle:
         """Of the pin Z, the other guide's pivot and its body point."""
-        other = self.local_guides[1]
-        assert isinstance(other, Circle)
+        second = self.local_guides[1]
+        assert isinstance(second, Circle)
         distance, length = np.abs(self._spread.at(q)), np.abs(self._arm.at(q))
         if self.driver is not Driver.CYLINDER:
-            return _Triangle.of(distance, length, other.radius, *self._closed(q))
-        found = _Triangle.of(length, distance, other.radius, *self._closed(q))
+            return _Triangle.of(distance, length, second.radius, *self._closed(q))
+        found = _Triangle.of(length, distance, second.radius, *self._closed(q))
         return found._replace(beyond=found.less_arm, less_arm=found.beyond)
 
     def _on_body(self, q: Floats) -> Complexes:
@@ -600,22 +606,22 @@ class Linkage:
 
     def _extension(self, q: Floats, side: int) -> tuple[Floats, Floats, Floats]:
         """With a hinge: place of the pin along the slot, and sine and cosine of the other guide's push against it."""
-        driven, other = self.local_guides
+        driven, second = self.local_guides
         assert isinstance(driven, Slot)
         along = np.exp(1j * q)
-        arm = _turned(other.body_point - driven.body_point, -driven.body_direction)
-        between = driven.pin - _fixed_point(other)
-        if isinstance(other, Circle):
+        arm = _turned(second.body_point - driven.body_point, -driven.body_direction)
+        between = driven.pin - _fixed_point(second)
+        if isinstance(second, Circle):
             upper, lower = self._closed(q)
             root = np.sqrt(upper) * np.sqrt(lower)
             free = np.conj(along) * between + arm
-            return free.real - side * root, side * root / other.radius, free.imag / other.radius
-        if isinstance(other, Rail):
-            slope = np.sin(q - other.direction)
-            beside = np.imag((between + arm * along) * np.exp(-1j * other.direction))
+            return free.real - side * root, side * root / second.radius, free.imag / second.radius
+        if isinstance(second, Rail):
+            slope = np.sin(q - second.direction)
+            beside = np.imag((between + arm * along) * np.exp(-1j * second.direction))
             sine = np.where(np.sign(slope) == side, slope, np.nan)
-            return beside / sine, sine, np.cos(q - other.direction)
-        tilt = other.body_direction - driven.body_direction
+            return beside / sine, sine, np.cos(q - second.direction)
+        tilt = second.body_direction - driven.body_direction
         turned = np.conj(along) * between + arm
         sine = np.full(q.shape, -math.sin(tilt))
         return np.imag(turned * np.exp(-1j * tilt)) / -math.sin(tilt), sine, np.full(q.shape, math.cos(tilt))
@@ -638,11 +644,11 @@ class Linkage:
                     position=along * (turning.position + 1j * first * arm),
                     position_second=along * (turning.position_second + (1j * second - first**2) * arm),
                 )
-        return BodyRates(*(np.where(np.isfinite(one), one, np.nan) for one in turning))
+        return BodyRates(*(np.where(np.isfinite(rate), rate, np.nan) for rate in turning))
 
     def _rates_by_pin(self, q: Floats, found: BodyPoses) -> BodyRates:
         """From g(gamma, q) = 0 of the other guide, differentiated twice; the factor of the unknown is the arm with its sign."""
-        driven, other = self.local_guides
+        driven, second_guide = self.local_guides
         turned = np.exp(1j * found.rotation)
         pin, pin_second, on_body = 0j * q, 0j * q, 0j
         if isinstance(driven, Circle):
@@ -656,19 +662,19 @@ class Linkage:
         lever = np.where(lever != 0, lever, np.nan)
         spread, arm = self._spread.at(q), turned * self._arm.at(q)
         sliding = -turned * on_body  # of the arm, as the body has it
-        if isinstance(other, Slot):
-            slot = turned * np.exp(1j * other.body_direction)
+        if isinstance(second_guide, Slot):
+            slot = turned * np.exp(1j * second_guide.body_direction)
             rotation = -(cross(slot, pin) + cross(slot, sliding)) / lever
             second = -cross(slot, pin_second + 2j * rotation * -pin + rotation**2 * spread) / lever
         else:
-            if isinstance(other, Circle):
-                normal = (arm - spread) / other.radius
+            if isinstance(second_guide, Circle):
+                normal = (arm - spread) / second_guide.radius
             else:
-                normal = np.full(q.shape, 1j * np.exp(1j * other.direction))
+                normal = np.full(q.shape, 1j * np.exp(1j * second_guide.direction))
             rotation = -dot(normal, pin + sliding) / lever
             velocity = pin + sliding + 1j * rotation * arm
             pulled = pin_second + 2j * rotation * sliding - rotation**2 * arm
-            curved = np.abs(velocity) ** 2 / other.radius if isinstance(other, Circle) else 0.0
+            curved = np.abs(velocity) ** 2 / second_guide.radius if isinstance(second_guide, Circle) else 0.0
             second = -(dot(normal, pulled) + curved) / lever
         point = turned * self._on_body(q)
         along = turned * on_body
@@ -677,34 +683,34 @@ class Linkage:
         return BodyRates(position, rotation, position_second, second)
 
     def _rates_by_hinge(self, q: Floats) -> BodyRates:
-        driven, other = self.local_guides
+        driven, second_guide = self.local_guides
         assert isinstance(driven, Slot)
         extension, sine, _ = self._extension(q, self.branch)
         along = np.exp(1j * q)
-        one, none = np.ones(q.shape), np.zeros(q.shape)
+        unity, none = np.ones(q.shape), np.zeros(q.shape)
         turned = along * np.exp(-1j * driven.body_direction)
-        arm = turned * (other.body_point - driven.body_point)
-        if isinstance(other, Slot):
-            between = np.conj(along) * (driven.pin - other.pin)
-            tilt = other.body_direction - driven.body_direction
+        arm = turned * (second_guide.body_point - driven.body_point)
+        if isinstance(second_guide, Slot):
+            between = np.conj(along) * (driven.pin - second_guide.pin)
+            tilt = second_guide.body_direction - driven.body_direction
             across = between * np.exp(-1j * tilt) / -math.sin(tilt)
             first, second = np.imag(-1j * across), np.imag(-across)
         else:
-            if isinstance(other, Circle):
-                normal = (driven.pin + arm - extension * along - other.pivot) / other.radius
+            if isinstance(second_guide, Circle):
+                normal = (driven.pin + arm - extension * along - second_guide.pivot) / second_guide.radius
             else:
-                normal = np.full(q.shape, 1j * np.exp(1j * other.direction))
+                normal = np.full(q.shape, 1j * np.exp(1j * second_guide.direction))
             reach = arm - extension * along  # from the fixed pin to the other body point
             push = np.where(sine != 0, sine, np.nan)
             first = dot(normal, 1j * reach) / push
             velocity = 1j * reach - first * along
-            curved = np.abs(velocity) ** 2 / other.radius if isinstance(other, Circle) else none
+            curved = np.abs(velocity) ** 2 / second_guide.radius if isinstance(second_guide, Circle) else none
             second = (dot(normal, -reach - 2j * first * along) + curved) / push
         body_point = turned * driven.body_point + extension * along
         velocity = -1j * body_point - first * along
         change = body_point - 2j * first * along - second * along
         known = np.isfinite(sine)
-        return BodyRates(velocity, np.where(known, one, np.nan), change, np.where(known, none, np.nan))
+        return BodyRates(velocity, np.where(known, unity, np.nan), change, np.where(known, none, np.nan))
 
     def motions(self, travel: ArrayLike) -> tuple[LinkMotion, ...]:
         """The moving links, named as in `link_names`, over travel (n,) of the drive from the first sample.
@@ -731,9 +737,9 @@ class Linkage:
         with np.errstate(invalid="ignore", over="ignore"):
             return self._link(0, names[0], q, body), body, self._link(1, names[2], q, body)
 
-    def _link(self, place: int, name: str, q: Floats, body: LinkMotion) -> LinkMotion:
+    def _link(self, index: int, name: str, q: Floats, body: LinkMotion) -> LinkMotion:
         """The link of one of the guides."""
-        guide = self.guides[place]
+        guide = self.guides[index]
         closed = np.where(np.isfinite(body.angle), 1.0, np.nan)
         still = 0j * closed
         if isinstance(guide, Slot):
@@ -746,7 +752,7 @@ class Linkage:
             none = 0.0 * closed
             return LinkMotion(name, point, guide.direction * closed, velocity, none, change, none)
         pivot = guide.pivot * closed
-        if place == 0:
+        if index == 0:
             return LinkMotion(
                 name, pivot, (q + self.ground_angle) * closed, still, closed, still, 0.0 * closed, guide.pivot
             )
@@ -758,8 +764,8 @@ class Linkage:
 
     def _rocker_direction(self, q: Floats) -> Floats:
         """Direction of the other guide's radius, continuous in the drive's coordinate."""
-        other = self.local_guides[1]
-        assert isinstance(other, Circle)
+        second = self.local_guides[1]
+        assert isinstance(second, Circle)
         with np.errstate(invalid="ignore", divide="ignore"):
             if self.driver is Driver.HINGE:
                 _, sine, cosine = self._extension(q, self.branch)
@@ -773,16 +779,16 @@ class Linkage:
 
         Directions are in (-pi, pi].
         """
-        driven, other = self.guides
+        driven, second = self.guides
         turned, level = np.exp(1j * rotation), np.exp(-1j * self.ground_angle)
-        on_other = position + turned * other.body_point
+        on_other = position + turned * second.body_point
         with np.errstate(invalid="ignore", divide="ignore"):
-            if isinstance(other, Circle):
-                push = (on_other - other.pivot) / np.abs(on_other - other.pivot)
-            elif isinstance(other, Rail):
-                push = np.full(turned.shape, 1j * np.exp(1j * other.direction))
+            if isinstance(second, Circle):
+                push = (on_other - second.pivot) / np.abs(on_other - second.pivot)
+            elif isinstance(second, Rail):
+                push = np.full(turned.shape, 1j * np.exp(1j * second.direction))
             else:
-                push, on_other = 1j * turned * np.exp(1j * other.body_direction), np.full(turned.shape, other.pin)
+                push, on_other = 1j * turned * np.exp(1j * second.body_direction), np.full(turned.shape, second.pin)
             on_driven = position + turned * driven.body_point
             if isinstance(driven, Slot):
                 along = turned * np.exp(1j * driven.body_direction)
@@ -802,19 +808,19 @@ class Linkage:
         first, last = float(interval.first), float(interval.last)
         if self._apart(first, last):
             return False
-        for one in self.conditions:
-            inner = places_within(one.extremes, first, last, self.period)
-            if not np.all(one.value(np.array([first, last, *inner])) >= 0):
+        for condition in self.conditions:
+            inner = places_within(condition.extremes, first, last, self.period)
+            if not np.all(condition.value(np.array([first, last, *inner])) >= 0):
                 return False
         return True
 
     def _apart(self, first: float, last: float) -> bool:
         """Whether a hinge's slot lies along the other guide's rail in between: the body would be infinitely far."""
-        other = self.local_guides[1]
-        if self.driver is not Driver.HINGE or not isinstance(other, Rail):
+        second = self.local_guides[1]
+        if self.driver is not Driver.HINGE or not isinstance(second, Rail):
             return False
-        ends = np.sin(np.array([first, last]) - other.direction)
-        between = places_within([other.direction, other.direction + math.pi], first, last, TURN)
+        ends = np.sin(np.array([first, last]) - second.direction)
+        between = places_within([second.direction, second.direction + math.pi], first, last, TURN)
         return bool(between) or bool(np.any(np.sign(ends) != self.branch))
 
     def transmission_angle_over(self, interval: Interval) -> float:
@@ -838,15 +844,15 @@ class Linkage:
         if not self.closes_over(interval):
             return math.nan
         first, last = float(interval.first), float(interval.last)
-        places = [*self.travel_over(Interval(first, last)), *self._worst_places(first, last)]
-        return float(np.min(self.body(places).arm))
+        positions = [*self.travel_over(Interval(first, last)), *self._worst_places(first, last)]
+        return float(np.min(self.body(positions).arm))
 
     def _worst_places(self, first: float, last: float) -> list[float]:
         """Where between two coordinates the transmission angle, or the arm, may be smallest."""
-        places = [place for one in self.conditions for place in one.extremes]
+        positions = [extreme for condition in self.conditions for extreme in condition.extremes]
         if self.driver is not Driver.HINGE:
-            places += [*self._spread.turning_points, *self._arm.turning_points]
-        return places_within(places, first, last, self.period)
+            positions += [*self._spread.turning_points, *self._arm.turning_points]
+        return places_within(positions, first, last, self.period)
 
     @cached_property
     def turns_fully(self) -> bool:
@@ -858,19 +864,19 @@ class Linkage:
     def travel_over(self, interval: Interval) -> Floats:
         """Travel over an interval from the first sample, in even steps, of at most a degree for angles."""
         first, last = interval
-        steps = _PLACES
+        steps = _POINTS
         if self.driver.turns:
             steps = min(max(steps, int(np.ceil(np.rad2deg(abs(last - first)))) + 1), 7201)
         return np.linspace(first, last, steps)
 
-    def along(self, place: int, travel: ArrayLike) -> Floats:
+    def along(self, index: int, travel: ArrayLike) -> Floats:
         """The coordinate of a rail or slot (the first or second guide) over travel (n,) of the drive.
 
         Where the body point lies on the rail, from the rail's point; where the pin lies in the slot, from the body point.
         """
-        guide = self.guides[place]
+        guide = self.guides[index]
         q = self.start + np.atleast_1d(np.asarray(travel, dtype=float))
-        if place == 0 and not self.driver.turns:
+        if index == 0 and not self.driver.turns:
             return q
         found = self.body(q)
         on_body = found.position + np.exp(1j * found.rotation) * guide.body_point
@@ -879,29 +885,29 @@ class Linkage:
         assert isinstance(guide, Slot)
         return dot(np.exp(1j * (found.rotation + guide.body_direction)), guide.pin - on_body)
 
-    def used(self, place: int, interval: Interval) -> tuple[float, float]:
+    def used(self, index: int, interval: Interval) -> tuple[float, float]:
         """The least and the largest coordinate of a rail or slot over an interval of travel of the drive.
 
         Where it turns back in between is found from its derivative, between steps of at most a degree.
         """
         travel = self.travel_over(interval)
         at = np.array([float(interval.first), float(interval.last)])
-        if place == 1 or self.driver.turns:
-            rate = self.along_rate(place, travel)
+        if index == 1 or self.driver.turns:
+            rate = self.along_rate(index, travel)
             turns = np.flatnonzero(rate[:-1] * rate[1:] < 0)
             low, high, sign = travel[turns], travel[turns + 1], np.sign(rate[turns])
             for _ in range(_LOOKS if turns.size else 0):
                 looks = np.linspace(low, high, _NODES)
-                before = self.along_rate(place, looks.ravel()).reshape(looks.shape) * sign > 0
+                before = self.along_rate(index, looks.ravel()).reshape(looks.shape) * sign > 0
                 last = np.clip(np.argmin(before, axis=0) - 1, 0, _NODES - 2)
                 low, high = (np.take_along_axis(looks, (last + k)[None], 0)[0] for k in (0, 1))
             at = np.concatenate([at, low])
-        values = self.along(place, at)
+        values = self.along(index, at)
         return float(np.min(values)), float(np.max(values))
 
-    def along_rate(self, place: int, travel: Floats) -> Floats:
+    def along_rate(self, index: int, travel: Floats) -> Floats:
         """Derivative of `along`; its sign is right at a dead position's neighbours too."""
-        guide = self.guides[place]
+        guide = self.guides[index]
         body = self.motions(travel)[1]
         velocity = body.speed(guide.body_point)
         if isinstance(guide, Rail):
@@ -928,7 +934,7 @@ def _mapped(
     ground: Callable[[complex], complex],
     body: Callable[[complex], complex],
     scale: float = 1.0,
-    way: float = 1.0,
+    sense: float = 1.0,
     turn: float = 0.0,
     turn_in_body: float = 0.0,
 ) -> Guide:
@@ -937,8 +943,8 @@ def _mapped(
     if isinstance(guide, Circle):
         return Circle(fixed, guide.radius * scale, point)
     if isinstance(guide, Rail):
-        return Rail(fixed, guide.direction * way + turn, point)
-    return Slot(fixed, point, guide.body_direction * way + turn_in_body)
+        return Rail(fixed, guide.direction * sense + turn, point)
+    return Slot(fixed, point, guide.body_direction * sense + turn_in_body)
 
 
 def on_guides(guides: tuple[Guide, Guide], driver: Driver, branch: int = 1, start: float = 0.0) -> Linkage:
@@ -991,6 +997,6 @@ def with_links(linkage: Linkage, links: Lengths) -> Linkage:
 
 def through(guides: tuple[Guide, Guide], driver: Driver, rotation: float, position: complex) -> Linkage:
     """Return the linkage on guides whose start and branch are those of a pose of the body."""
-    one = on_guides(guides, driver)
-    q, sine = one.configuration(np.array([rotation]), np.array([position]))
-    return replace(one, branch=1 if sine[0] >= 0 else -1, start=float(q[0]))
+    linkage = on_guides(guides, driver)
+    q, sine = linkage.configuration(np.array([rotation]), np.array([position]))
+    return replace(linkage, branch=1 if sine[0] >= 0 else -1, start=float(q[0]))

@@ -70,9 +70,9 @@ class _Motion:
     """Derivatives of the motions of linkages for one target, batched over the linkages."""
 
     def __init__(self, target: Target, linkages: list[Linkage]) -> None:
-        self.links = np.array([one.links for one in linkages])
-        branch = np.array([one.branch for one in linkages])
-        crank = np.array([one.start for one in linkages])[:, None] + target.crank
+        self.links = np.array([linkage.links for linkage in linkages])
+        branch = np.array([linkage.branch for linkage in linkages])
+        crank = np.array([linkage.start for linkage in linkages])[:, None] + target.crank
         closure = close_loop(self.links, crank)
         slope = closure.coupler_angle_gradient(branch)
         self.rotation = slope if target.rotation is not None else None
@@ -81,8 +81,8 @@ class _Motion:
         """(n, N, 5), the pose held."""
         if target.position is None:
             return
-        ground_angle = np.array([one.ground_angle for one in linkages])[:, None]
-        coupler = np.array([[one.arm] for one in linkages])
+        ground_angle = np.array([linkage.ground_angle for linkage in linkages])[:, None]
+        coupler = np.array([[linkage.arm] for linkage in linkages])
         turned = np.exp(1j * (crank + ground_angle))
         self.arm = np.exp(1j * (closure.coupler_angle(branch) + ground_angle))
         """e^{i(theta2 + theta4)}."""
@@ -95,7 +95,7 @@ class _Motion:
 
 
 def determinations(
-    target: Target, linkages: list[Linkage], resolutions: list[float], given: Sequence[int] = ()
+    target: Target, linkages: list[Linkage], resolutions: list[float], fixed: Sequence[int] = ()
 ) -> list[Determination]:
     """Return how well the motion fixes each linkage; see `Determination`.
 
@@ -105,13 +105,13 @@ def determinations(
     linkages : list of Linkage
     resolutions : list of float
         Error of the motion, in the objective's measure, that is considered for each.
-    given : sequence of int
-        Links whose lengths are given, so that the motion need not fix them.
+    fixed : sequence of int
+        Links with given lengths, which the motion does not have to determine.
     """
     if not linkages:
         return []
     matrix, free = derivative_matrix(target, linkages)
-    matrix, lengths = np.delete(matrix, list(given), axis=2), [k for k in range(free) if k not in given]
+    matrix, lengths = np.delete(matrix, list(fixed), axis=2), [k for k in range(free) if k not in fixed]
     if not matrix.shape[2]:  # nothing is left to be fixed
         return [Determination(1.0, np.zeros(4), resolution) for resolution in resolutions]
     _, singular, vectors = np.linalg.svd(matrix, full_matrices=False)
@@ -129,14 +129,16 @@ def determinations(
     return [Determination(float(c), row, r) for c, row, r in zip(condition, uncertainty, resolutions)]
 
 
-def derivative_matrix(target: Target, linkages: list[Linkage], kept: Sequence[int] = ()) -> tuple[Floats, int]:
+def derivative_matrix(
+    target: Target, linkages: list[Linkage], not_eliminated: Sequence[int] = ()
+) -> tuple[Floats, int]:
     """Return derivatives of the objective's residual (n, rows, unknowns), and how many first unknowns are logarithms of lengths.
 
-    ``kept``: samples whose crank angles, if these were found, remain unknowns, as last columns; the others are eliminated.
+    ``not_eliminated``: samples whose crank angles, if they were found, remain unknowns in the last columns.
     """
     matrix, free = _derivatives(target, linkages)
     if target.found:
-        matrix = _angles_eliminated(matrix, target.samples, free, kept)
+        matrix = _angles_eliminated(matrix, target.samples, free, not_eliminated)
     if (missing := matrix.shape[2] - matrix.shape[1]) > 0:
         matrix = np.concatenate([matrix, np.zeros((len(linkages), missing, matrix.shape[2]))], axis=1)
     return matrix, free
@@ -154,20 +156,21 @@ def _derivatives(target: Target, linkages: list[Linkage]) -> tuple[Floats, int]:
         turn = motion.rotation[:, :, [*range(free), 4]] * by_unknown
         turn = np.concatenate([turn, ones[:, :, None]], axis=2) * np.asarray(target.rotation_mean.root)[..., None]
     if motion.position is not None:
-        place = motion.position * by_unknown / target.length_scale
+        position_rows = motion.position * by_unknown / target.length_scale
         pose = [1j * motion.point / target.length_scale, ones, 1j * ones, motion.arm, 1j * motion.arm]
-        place = (
-            np.stack([*np.moveaxis(place, -1, 0), *pose], axis=-1) * np.asarray(target.position_mean.root)[..., None]
+        position_rows = (
+            np.stack([*np.moveaxis(position_rows, -1, 0), *pose], axis=-1)
+            * np.asarray(target.position_mean.root)[..., None]
         )
-        place = np.concatenate([place.real, place.imag], axis=1)
+        position_rows = np.concatenate([position_rows.real, position_rows.imag], axis=1)
         if turn is None:
-            matrix = place
+            matrix = position_rows
         else:
             # unknowns: lengths and start of both; then the offset of the rotation; then the pose of the position
-            matrix = np.zeros((count, 3 * samples, place.shape[2] + 1))
+            matrix = np.zeros((count, 3 * samples, position_rows.shape[2] + 1))
             matrix[:, :samples, : free + 2] = turn
-            matrix[:, samples:, : free + 1] = place[:, :, : free + 1]
-            matrix[:, samples:, free + 2 :] = place[:, :, free + 1 :]
+            matrix[:, samples:, : free + 1] = position_rows[:, :, : free + 1]
+            matrix[:, samples:, free + 2 :] = position_rows[:, :, free + 1 :]
     else:
         assert turn is not None
         matrix = turn
@@ -175,20 +178,22 @@ def _derivatives(target: Target, linkages: list[Linkage]) -> tuple[Floats, int]:
     return np.nan_to_num(np.delete(matrix, held, axis=2), posinf=0.0, neginf=0.0), free
 
 
-def _angles_eliminated(matrix: Floats, samples: int, start: int, kept: Sequence[int]) -> Floats:
+def _angles_eliminated(matrix: Floats, samples: int, start: int, not_eliminated: Sequence[int]) -> Floats:
     """Return the matrix with crank angles that are free at each sample: their directions are projected out, sample by sample.
 
-    The column ``start`` holds each sample's derivative by its own crank angle and is removed. The samples ``kept`` are not
-    projected; their derivatives by their own crank angles are appended as columns.
+    The column ``start`` holds each sample's derivative by its own crank angle and is removed. The samples ``not_eliminated`` are
+    not projected; their derivatives by their own crank angles are appended as columns.
     """
     rows = matrix.reshape(len(matrix), -1, samples, matrix.shape[2])
     turn = rows[..., start]
     square = np.einsum("nrk,nrk->nk", turn, turn)
     along = np.einsum("nrk,nrkc->nkc", turn, rows) / np.where(square > 0, square, 1.0)[..., None]
-    along[:, list(kept)] = 0.0
-    rest = np.delete(rows - turn[..., None] * along[:, None], start, axis=3)
-    own = turn[..., None] * (np.arange(samples)[:, None] == np.array(kept, dtype=int))
-    return np.concatenate([rest, own], axis=3).reshape(len(matrix), -1, matrix.shape[2] - 1 + len(kept))
+    along[:, list(not_eliminated)] = 0.0
+    remaining = np.delete(rows - turn[..., None] * along[:, None], start, axis=3)
+    own = turn[..., None] * (np.arange(samples)[:, None] == np.array(not_eliminated, dtype=int))
+    return np.concatenate([remaining, own], axis=3).reshape(
+        len(matrix), -1, matrix.shape[2] - 1 + len(not_eliminated)
+    )
 
 
 class _Rows(NamedTuple):
@@ -215,20 +220,20 @@ def determinations_within(
 
 def _determination(target: Target, linkage: Linkage, resolution: float, limits: Limits) -> Determination:
     by_unknown, free = _derivatives(target, [linkage])
-    rest = residuals(target, [linkage])[0]
-    gradient = -2 * by_unknown[0].T @ rest
+    residual = residuals(target, [linkage])[0]
+    gradient = -2 * by_unknown[0].T @ residual
     if target.found:
         gradient = np.delete(gradient, free)
     rows = _limit_rows(target, [linkage], limits, free, gradient.size)
     force = _multipliers(rows, gradient)
-    pushes = rows.touched[0] & (rows.equal | (force > _PUSHES * (rest @ rest)))
+    pushes = rows.touched[0] & (rows.equal | (force > _PUSHES * (residual @ residual)))
     names = tuple(dict.fromkeys(name for name, on in zip(rows.names, pushes) if on))
     slopes, ends = rows.slopes[0, pushes], rows.ends[0, pushes]
-    kept = _end_samples(target) if target.found and np.any(ends) else []
-    if kept:
-        at_ends, kept = kept, sorted(set(kept))
-        slopes = np.hstack([slopes, ends @ np.equal.outer(at_ends, kept)])
-    derivatives = derivative_matrix(target, [linkage], kept)[0][0]
+    end_samples = _end_samples(target) if target.found and np.any(ends) else []
+    if end_samples:
+        at_ends, end_samples = end_samples, sorted(set(end_samples))
+        slopes = np.hstack([slopes, ends @ np.equal.outer(at_ends, end_samples)])
+    derivatives = derivative_matrix(target, [linkage], end_samples)[0][0]
     unknowns = derivatives.shape[1]
     face = _null_space(slopes, unknowns)
     along = derivatives @ face
@@ -254,18 +259,21 @@ def _determination(target: Target, linkage: Linkage, resolution: float, limits: 
 
 def residuals(target: Target, linkages: list[Linkage]) -> Floats:
     """What the motions lack, in the rows of `derivative_matrix`, (n, rows)."""
-    links, branch = np.array([one.links for one in linkages]), np.array([one.branch for one in linkages])
-    crank = np.array([[one.start] for one in linkages]) + target.crank
-    turned = np.array([[one.ground_angle] for one in linkages])
+    links, branch = (
+        np.array([linkage.links for linkage in linkages]),
+        np.array([linkage.branch for linkage in linkages]),
+    )
+    crank = np.array([[linkage.start] for linkage in linkages]) + target.crank
+    turned = np.array([[linkage.ground_angle] for linkage in linkages])
     angle, parts = coupler_angle(links, branch, crank) + turned, []
     if target.rotation is not None:
-        offset = np.array([[one.body_offset or 0.0] for one in linkages])
+        offset = np.array([[linkage.body_offset or 0.0] for linkage in linkages])
         gap = target.rotation - angle - offset
         gap = gap - TURN * np.round(target.rotation_mean(gap) / TURN)[:, None]
         parts.append(gap * target.rotation_mean.root)
     if target.position is not None:
-        coupler = np.array([[one.arm] for one in linkages])
-        pivot = np.array([[one.pivot_a] for one in linkages])
+        coupler = np.array([[linkage.arm] for linkage in linkages])
+        pivot = np.array([[linkage.pivot_a] for linkage in linkages])
         points = pivot + links[:, :1] * np.exp(1j * (crank + turned)) + coupler * np.exp(1j * angle)
         gap = (target.position - points) / target.length_scale * target.position_mean.root
         parts += [gap.real, gap.imag]
@@ -282,7 +290,7 @@ def _limit_rows(target: Target, linkages: list[Linkage], limits: Limits, free: i
     found = Constraints(limits, middle, scale)(placed)
     slopes = found.slopes
     touched = np.where(np.array(found.names) == "envelope", _TOUCHED + 2 * SPARE, _TOUCHED)
-    near = found.equal | (found.values <= touched)
+    touched_rows = found.equal | (found.values <= touched)
     size = links.sum(axis=1)[:, None]
     excesses = np.stack(grashof_excesses(links), axis=1) / size
     edges = (np.abs(excesses) <= _CHANGE_POINT) & (limits.family != "any")
@@ -304,7 +312,7 @@ def _limit_rows(target: Target, linkages: list[Linkage], limits: Limits, free: i
         limited[:, :, at + 4] = -zx * ground.imag + zy * ground.real
     equal = np.concatenate([found.equal, np.zeros(3, dtype=bool)])
     at_ends = np.concatenate([slopes[:, :, 4:6], np.zeros((count, 3, 2))], axis=1)
-    return _Rows(rows, np.concatenate([near, edges], axis=1), equal, [*found.names, *["family"] * 3], at_ends)
+    return _Rows(rows, np.concatenate([touched_rows, edges], axis=1), equal, [*found.names, *["family"] * 3], at_ends)
 
 
 def _end_samples(target: Target) -> list[int]:
@@ -317,14 +325,14 @@ def _end_samples(target: Target) -> list[int]:
 def _multipliers(rows: _Rows, gradient: Floats) -> Floats:
     """Multipliers of the limits of one linkage, those of touched inequalities at least 0, of untouched ones 0, (C,)."""
     out = np.zeros(rows.touched.shape[1])
-    places = np.flatnonzero(rows.touched[0])
-    while places.size:
-        force, *_ = np.linalg.lstsq(rows.slopes[0, places].T, gradient, rcond=None)
-        wrong = np.where(rows.equal[places], 0.0, force)
+    indices = np.flatnonzero(rows.touched[0])
+    while indices.size:
+        force, *_ = np.linalg.lstsq(rows.slopes[0, indices].T, gradient, rcond=None)
+        wrong = np.where(rows.equal[indices], 0.0, force)
         if wrong.min() >= 0:
-            out[places] = force
+            out[indices] = force
             break
-        places = np.delete(places, wrong.argmin())
+        indices = np.delete(indices, wrong.argmin())
     return out
 
 
@@ -342,8 +350,8 @@ def _half_hessian(target: Target, linkage: Linkage, limits: Limits, free: int, f
     moved = [_moved(target, linkage, step, free) for step in _STEP * np.vstack([face.T, -face.T])]
     if not moved:
         return np.empty((0, 0))
-    matrices, rest = derivative_matrix(target, moved)[0], residuals(target, moved)
-    gradients = -(matrices[:, : rest.shape[1]].transpose(0, 2, 1) @ rest[:, :, None])[:, :, 0]
+    matrices, residual = derivative_matrix(target, moved)[0], residuals(target, moved)
+    gradients = -(matrices[:, : residual.shape[1]].transpose(0, 2, 1) @ residual[:, :, None])[:, :, 0]
     if force.any():
         gradients -= 0.5 * force @ _limit_rows(target, moved, limits, free, len(face)).slopes
     size = face.shape[1]

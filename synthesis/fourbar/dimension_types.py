@@ -72,9 +72,9 @@ def _orders(rule: TypeRule) -> list[tuple[int, ...]]:
     """Places of the sorted lengths a, b, c, d in (L1, L2, L3, L4), as lists of indices into them."""
     if rule.order is OrderRule.INCREASING:
         return [(0, 1, 2, 3)]
-    orders = [(0, *others) for others in permutations((1, 2, 3))]
+    orders = [(0, *permutation) for permutation in permutations((1, 2, 3))]
     if rule.order is OrderRule.FULL_CRANK:
-        orders += [(*others, 0) for others in permutations((1, 2, 3))]
+        orders += [(*permutation, 0) for permutation in permutations((1, 2, 3))]
     return orders
 
 
@@ -106,9 +106,9 @@ def _of_crank(rule: TypeRule, crank: int) -> NDArray[np.int32]:
     parts = []
     for order in _orders(rule):
         if order[0] < 2:
-            some = np.flatnonzero((a, b)[order[0]] == crank)
-            c, row = _ranges(first[some], count[some])
-            row = some[row]
+            selected = np.flatnonzero((a, b)[order[0]] == crank)
+            c, row = _ranges(first[selected], count[selected])
+            row = selected[row]
         else:
             c = np.full(a.size, crank) if order[0] == 2 else total - a - b - crank
             row = np.flatnonzero((c >= first) & (c < first + count))

@@ -151,7 +151,7 @@ _FREE = (0.05, 4.0), (1, 40, 12)
 _EVERYWHERE: Box = (-np.inf, -np.inf, np.inf, np.inf)
 
 
-def ways(target: Samples, limits: Limits, posed: bool | None = None) -> list[Bounded]:
+def search_spaces(target: Samples, limits: Limits, posed: bool | None = None) -> list[Bounded]:
     """How four-bars within limits are looked for: among full cranks, and then, where any family will do, among all.
 
     ``posed``: whether the pose is an unknown beside the shape; default: where limits concern it.
@@ -171,30 +171,33 @@ def ways(target: Samples, limits: Limits, posed: bool | None = None) -> list[Bou
     types = given_types(limits)
     families = ("full_crank" if limits.family == "any" else limits.family, "any")
     own = [types if family == "any" else types[in_family(family, types)] for family in families]
-    return [Bounded(chart, constraints, on_shape, boxes, some) for chart, some in zip(charts, own)]
+    return [Bounded(chart, constraints, on_shape, boxes, box_set) for chart, box_set in zip(charts, own)]
 
 
 def _boxes(limits: Limits, middle: complex, scale: float) -> Boxes:
     """Where the limits leave pivots and lengths: as far as boxes can say it."""
-    places = []
+    boxes = []
     for name in PIVOTS:
-        box, given, reach = limits.box(f"{name}_box") or _EVERYWHERE, getattr(limits, name), limits.pivot_reach
-        if given is not None:
-            box = (given.real, given.imag, given.real, given.imag)
-        elif reach is not None and (far := getattr(reach, name)) is not None:
+        box, point, reach = limits.box(f"{name}_box") or _EVERYWHERE, getattr(limits, name), limits.pivot_reach
+        if point is not None:
+            box = (point.real, point.imag, point.real, point.imag)
+        elif reach is not None and (distance := getattr(reach, name)) is not None:
             x, y = reach.middle.real, reach.middle.imag
-            low, high = np.maximum(box[:2], [x - far, y - far]), np.minimum(box[2:], [x + far, y + far])
+            low, high = (
+                np.maximum(box[:2], [x - distance, y - distance]),
+                np.minimum(box[2:], [x + distance, y + distance]),
+            )
             box = (*low.tolist(), *high.tolist())
         corner = np.array([middle.real, middle.imag])
         low, high = (np.array(box[:2]) - corner) / scale, (np.array(box[2:]) - corner) / scale
-        places.append((*low.tolist(), *high.tolist()))
+        boxes.append((*low.tolist(), *high.tolist()))
     shortest, longest = np.full(4, (limits.link_min or 0.0) / scale), np.full(4, (limits.link_max or np.inf) / scale)
     for k, length in enumerate(limits.links):
         if length is not None:
             shortest[k] = longest[k] = length / scale
     if limits.pivot_a is not None and limits.pivot_b is not None:
         shortest[3] = longest[3] = abs(limits.pivot_b - limits.pivot_a) / scale
-    return Boxes(places[0], places[1], shortest, longest)
+    return Boxes(boxes[0], boxes[1], shortest, longest)
 
 
 def given_types(limits: Limits) -> Floats:
@@ -216,18 +219,18 @@ def bounded_types(family: str) -> Floats:
     full = enumerate_types(TypeRule(_PERIMETER, 1, OrderRule.FULL_CRANK)).astype(float)
     chart = GrashofChart()
     edges = []
-    for least, share in product((0.04, 0.2, 0.4, 0.65), (0.15, 0.5, 0.85)):
-        rest = np.array([_EDGE, (1 - least) * share, (1 - least) * (1 - share)])
-        edges += [[side * least, *np.roll(rest, k)] for k in range(3) for side in (1, -1)]
-    for least in (0.03, 0.1, 0.25, 0.45, 0.65, 0.85):
-        rest = np.array([1 - least, _EDGE, _EDGE])
-        edges += [[side * least, *np.roll(rest, k)] for k in range(3) for side in (1, -1)]
+    for excess, share in product((0.04, 0.2, 0.4, 0.65), (0.15, 0.5, 0.85)):
+        remaining = np.array([_EDGE, (1 - excess) * share, (1 - excess) * (1 - share)])
+        edges += [[side * excess, *np.roll(remaining, k)] for k in range(3) for side in (1, -1)]
+    for excess in (0.03, 0.1, 0.25, 0.45, 0.65, 0.85):
+        remaining = np.array([1 - excess, _EDGE, _EDGE])
+        edges += [[side * excess, *np.roll(remaining, k)] for k in range(3) for side in (1, -1)]
     lengths = np.concatenate([full, chart.shape(chart.within(np.array(edges))).lengths])
     if family == "any":
-        others = np.array(list(product(_ANY, repeat=4)))
-        others = others[2 * others.max(axis=1) < others.sum(axis=1)]
-        others = np.unique(np.round(others / others.sum(axis=1, keepdims=True), 9), axis=0)
-        return np.concatenate([lengths, others[~in_family("full_crank", others)]])
+        triangles = np.array(list(product(_ANY, repeat=4)))
+        triangles = triangles[2 * triangles.max(axis=1) < triangles.sum(axis=1)]
+        triangles = np.unique(np.round(triangles / triangles.sum(axis=1, keepdims=True), 9), axis=0)
+        return np.concatenate([lengths, triangles[~in_family("full_crank", triangles)]])
     return lengths[in_family(family, lengths)]
 
 
@@ -259,7 +262,7 @@ class FourBar:
     kind = "four_bar"
     branches = (1, -1)
     body_angle = staticmethod(coupler_angle)
-    bounded = staticmethod(ways)
+    bounded = staticmethod(search_spaces)
     bounded_types = staticmethod(bounded_types)
     keeps = staticmethod(keeps)
     within = staticmethod(within)
@@ -302,8 +305,8 @@ class FourBar:
         if pose is None:
             return linkages
         return [
-            one.placed(complex(a), wrap(turn), (float(abs(z)), wrap(float(np.angle(z)) - turn)))
-            for one, a, turn, z in zip(linkages, *pose)
+            linkage.placed(complex(a), wrap(turn), (float(abs(z)), wrap(float(np.angle(z)) - turn)))
+            for linkage, a, turn, z in zip(linkages, *pose)
         ]
 
 

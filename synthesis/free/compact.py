@@ -159,7 +159,7 @@ def _moved(
 ) -> list[Solution]:
     """Return four-bars refined within other limits."""
     problem = limited_problem(poses, chart, limits)
-    pool = problem.descended(as_candidates(poses, chart, found), options.descent, 0.0, work, others=np.inf)
+    pool = problem.descended(as_candidates(poses, chart, found), options.descent, 0.0, work, steps_after_first=np.inf)
     inside, _ = problem.moved_onto(pool.timed)
     return solutions_of(poses, inside, chart, limits, len(found), tolerance)
 

@@ -59,13 +59,13 @@ class Dyads(NamedTuple):
     radius: Floats
     """(n,)"""
 
-    def take(self, places: Any) -> Dyads:
+    def take(self, indices: Any) -> Dyads:
         """Some of them."""
-        return Dyads(*(column[places] for column in self))
+        return Dyads(*(column[indices] for column in self))
 
-    def joined(self, other: Dyads) -> Dyads:
+    def joined(self, following: Dyads) -> Dyads:
         """These and others after them."""
-        return Dyads(*(np.concatenate(columns) for columns in zip(self, other)))
+        return Dyads(*(np.concatenate(columns) for columns in zip(self, following)))
 
 
 class Body:
@@ -184,14 +184,14 @@ def polished(
     return Dyads(x[:, 0] + 1j * x[:, 1], x[:, 2] + 1j * x[:, 3], x[:, 4]), np.sqrt(done.cost)
 
 
-def landscape(body: Body, steps: int = 20, most: int = 36, work: Work | None = None) -> tuple[Dyads, Floats]:
+def landscape(body: Body, steps: int = 20, max_count: int = 36, work: Work | None = None) -> tuple[Dyads, Floats]:
     """The best dyads from starts all over the body, different from one another, and their errors; best first.
 
     A dyad has only two hard unknowns: the point of the body. Centre and radius follow from a circle through its places.
     """
     radius, angle = np.meshgrid(_RADII, np.arange(_DIRECTIONS) * (2 * np.pi / _DIRECTIONS), indexing="ij")
     points = np.concatenate([[0j], (radius * np.exp(1j * angle)).ravel()])
-    return distinct_dyads(*polished(body, circles(body, points), steps, 1e-9, work), most)
+    return distinct_dyads(*polished(body, circles(body, points), steps, 1e-9, work), max_count)
 
 
 _RADII = (0.1, 0.25, 0.5, 1.0, 1.8, 3.2, 5.5, 9.0)
@@ -200,27 +200,27 @@ _DIRECTIONS = 14
 
 def circles(body: Body, points: Complexes) -> Dyads:
     """Dyads of points of the body (n,): the circle through the places of each by linear least squares (Kasa)."""
-    places = body.places(points)
-    middle = places.mean(axis=1, keepdims=True)
-    rest = places - middle
-    rows = np.stack([2 * rest.real, 2 * rest.imag, np.ones(rest.shape)], axis=2)
-    solution = np.einsum("nik,nk->ni", np.linalg.pinv(rows, rcond=1e-9), np.abs(rest) ** 2)
+    points_in_plane = body.places(points)
+    middle = points_in_plane.mean(axis=1, keepdims=True)
+    offsets = points_in_plane - middle
+    rows = np.stack([2 * offsets.real, 2 * offsets.imag, np.ones(offsets.shape)], axis=2)
+    solution = np.einsum("nik,nk->ni", np.linalg.pinv(rows, rcond=1e-9), np.abs(offsets) ** 2)
     centre = middle[:, 0] + solution[:, 0] + 1j * solution[:, 1]
     return body.with_radius(points, centre)
 
 
-def distinct_dyads(dyads: Dyads, error: Floats, most: int, apart: float = 0.03) -> tuple[Dyads, Floats]:
+def distinct_dyads(dyads: Dyads, error: Floats, max_count: int, apart: float = 0.03) -> tuple[Dyads, Floats]:
     """The best dyads, no two nearer than ``apart`` of their size, sliders left out."""
-    kept: list[int] = []
+    chosen: list[int] = []
     columns = np.stack([dyads.body, dyads.fixed])
     size = np.maximum(1.0, np.abs(columns).max(axis=0))
-    for place in np.argsort(error, kind="stable"):
-        if len(kept) == most or not np.isfinite(error[place]):
+    for index in np.argsort(error, kind="stable"):
+        if len(chosen) == max_count or not np.isfinite(error[index]):
             break
-        near = np.abs(columns[:, kept] - columns[:, place, None]).max(axis=0) < apart * size[place]
-        if size[place] < FARTHEST and not near.any():
-            kept.append(int(place))
-    return dyads.take(kept), error[kept]
+        close = np.abs(columns[:, chosen] - columns[:, index, None]).max(axis=0) < apart * size[index]
+        if size[index] < FARTHEST and not close.any():
+            chosen.append(int(index))
+    return dyads.take(chosen), error[chosen]
 
 
 # -- two, three and four poses -------------------------------------------------------------------------------------
@@ -234,8 +234,8 @@ def sampled_dyads(body: Body, count: int, random: np.random.Generator) -> Dyads:
     else:
         points = np.concatenate([_cloud(count - count // 2, random), _near_poles(body, count // 2, random)])
     points = points[np.abs(points) < FARTHEST]  # a pole is at infinity where two poses have the same rotation
-    places = body.places(points)
-    centre = _between(places, random) if poses == 2 else circumcentre(places[:, 0], places[:, 1], places[:, 2])
+    moved = body.places(points)
+    centre = _between(moved, random) if poses == 2 else circumcentre(moved[:, 0], moved[:, 1], moved[:, 2])
     proper = np.isfinite(centre) & (np.abs(centre) < FARTHEST)
     return body.with_radius(points[proper], centre[proper])
 
@@ -257,10 +257,10 @@ def _near_poles(body: Body, count: int, random: np.random.Generator) -> Complexe
     return pole + 10.0 ** random.uniform(-3, 0, count) * np.exp(2j * np.pi * random.uniform(0, 1, count))
 
 
-def _between(places: Complexes, random: np.random.Generator) -> Complexes:
+def _between(moved: Complexes, random: np.random.Generator) -> Complexes:
     """Centres at equal distance from two places, at random along their perpendicular bisector."""
-    chord = places[:, 1] - places[:, 0]
-    return (places[:, 0] + places[:, 1]) / 2 + 1j * chord * np.tan(random.uniform(-1.4, 1.4, len(places)))
+    chord = moved[:, 1] - moved[:, 0]
+    return (moved[:, 0] + moved[:, 1]) / 2 + 1j * chord * np.tan(random.uniform(-1.4, 1.4, len(moved)))
 
 
 def circumcentre(p: Complexes, q: Complexes, r: Complexes) -> Complexes:
@@ -335,9 +335,9 @@ class Pairs(NamedTuple):
     offset: Floats
     """(n,): of the rotation."""
 
-    def take(self, places: Any) -> Pairs:
+    def take(self, indices: Any) -> Pairs:
         """Some of them."""
-        columns: Any = (column[places] for column in self)
+        columns: Any = (column[indices] for column in self)
         return Pairs(*columns)
 
 
@@ -381,10 +381,10 @@ def in_order(angles: Floats, span_max: float = TURN, shorter: bool = True) -> tu
     ahead = steps % TURN
     back = -((-steps) % TURN)
     rising = (ahead.sum(axis=1) <= -back.sum(axis=1)) == shorter
-    way = np.where(rising[:, None], ahead, back)
-    total = np.abs(way.sum(axis=1))
-    straight = np.concatenate([angles[:, :1], angles[:, :1] + np.cumsum(way, axis=1)], axis=1)
-    return straight, np.all(way != 0, axis=1) & (total < min(span_max, TURN) * (1 + 1e-12))
+    path = np.where(rising[:, None], ahead, back)
+    total = np.abs(path.sum(axis=1))
+    straight = np.concatenate([angles[:, :1], angles[:, :1] + np.cumsum(path, axis=1)], axis=1)
+    return straight, np.all(path != 0, axis=1) & (total < min(span_max, TURN) * (1 + 1e-12))
 
 
 def in_any_order(angles: Floats, span_max: float) -> tuple[Floats, Flags]:
@@ -405,22 +405,22 @@ def put_in_order(angles: Floats, span_max: float = TURN) -> Floats:
     """
     steps = np.diff(angles, axis=1)
     steps -= TURN * np.round(steps / TURN)
-    way = np.where(steps.sum(axis=1, keepdims=True) >= 0, 1.0, -1.0)
-    along = np.concatenate([np.zeros((len(angles), 1)), np.cumsum(way * steps, axis=1)], axis=1)
+    sense = np.where(steps.sum(axis=1, keepdims=True) >= 0, 1.0, -1.0)
+    along = np.concatenate([np.zeros((len(angles), 1)), np.cumsum(sense * steps, axis=1)], axis=1)
     rising, falling = np.maximum.accumulate(along, axis=1), np.minimum.accumulate(along[:, ::-1], axis=1)[:, ::-1]
     along = (rising + falling) / 2
     # room between neighbours: an angle may move by less than the gap in a step
     even = np.linspace(0.0, 1.0, angles.shape[1]) * np.maximum(along[:, -1:] - along[:, :1], 1e-3)
     along += _EVEN * (along[:, :1] + even - along)
     along *= np.minimum(1.0, 0.98 * min(span_max, TURN) / (along[:, -1:] - along[:, :1]))
-    return angles[:, :1] + way * along
+    return angles[:, :1] + sense * along
 
 
 # -- samples that lack a part --------------------------------------------------------------------------------------
 
 
 _GRID, _NEAREST_STEPS = 120, 8
-_REST, _LEAST_STEP = 0.9, 1e-4
+_SHARE_OF_REMAINDER, _LEAST_STEP = 0.9, 1e-4
 """Part of what is left of the turn that is guessed for samples before and after the known ones; a step between them at least."""
 
 
@@ -441,12 +441,14 @@ def aligned(problem: JointProblem, timed: Timed, known: NDArray[np.intp]) -> Tim
     """
     poses, count = problem.poses, timed.branch.size
     if poses.ordered:
-        place, last = np.arange(poses.samples), known[-1]
-        between = np.array([np.interp(place, known, one) for one in np.eye(known.size)])
-        beyond = np.minimum(place - known[0], 0) + np.maximum(place - last, 0)
+        sample, last = np.arange(poses.samples), known[-1]
+        between = np.array([np.interp(sample, known, unit) for unit in np.eye(known.size)])
+        beyond = np.minimum(sample - known[0], 0) + np.maximum(sample - last, 0)
         span = timed.angles[:, -1:] - timed.angles[:, :1]
-        rest = _REST * (poses.span_max - np.abs(span)) / max(1, known[0] + poses.samples - 1 - last)
-        step = np.copysign(np.clip(np.abs(span) / (last - known[0]), 0.0, np.maximum(rest, _LEAST_STEP)), span)
+        remainder = (
+            _SHARE_OF_REMAINDER * (poses.span_max - np.abs(span)) / max(1, known[0] + poses.samples - 1 - last)
+        )
+        step = np.copysign(np.clip(np.abs(span) / (last - known[0]), 0.0, np.maximum(remainder, _LEAST_STEP)), span)
         angles = timed.angles @ between + step * beyond
     else:
         grid = np.broadcast_to(np.arange(_GRID) * (TURN / _GRID), (count, _GRID))
@@ -489,7 +491,7 @@ ROUNDS = (
     Round(8, 150, "narrow ones"),
     Round(4, 1000, "what still falls, to its end: only where an exact answer may lie there"),
 )
-_KEPT = 100
+_MAX_CANDIDATES = 100
 """Candidates that are handed on: limits may leave only a few of them."""
 _EXACT_BELOW = 1e-4
 """Where J is above this after the rounds before the last, an exact answer is not in sight."""
@@ -556,18 +558,20 @@ def search_motion(poses: Poses, family: str, tolerance: float, work: Work) -> It
     exact = 0.3 * tolerance
     if search.full <= FEW:
         pool = _few(search, work)
-        near = np.flatnonzero(pool.cost > exact**2)
-        if pool.cost.size - near.size < _ENOUGH:
+        inexact = np.flatnonzero(pool.cost > exact**2)
+        if pool.cost.size - inexact.size < _ENOUGH:
             # dyads of short links lie where places all but coincide: a few steps give back what rounding took
-            rest = pool.take(near).best(_ENOUGH)
-            rest = search.problem.descended(rest.timed, [Stage(60)], exact, work, others=np.inf)
-            pool = pool.take(np.flatnonzero(pool.cost <= exact**2)).joined(rest)
+            refined = pool.take(inexact).best(_ENOUGH)
+            refined = search.problem.descended(refined.timed, [Stage(60)], exact, work, steps_after_first=np.inf)
+            pool = pool.take(np.flatnonzero(pool.cost <= exact**2)).joined(refined)
         yield pool
         return
     dyads = linear_dyads(search.body)
     dyads, _ = polished(search.body, dyads) if dyads.radius.size else (dyads, None)
     five = search.full == FEW + 1 and not search.mixed
-    pool = search.problem.descended(search.four_bars(dyads), [Stage(25)], exact, work, others=np.inf if five else 1.0)
+    pool = search.problem.descended(
+        search.four_bars(dyads), [Stage(25)], exact, work, steps_after_first=np.inf if five else 1.0
+    )
     yield pool
     if pool.least < tolerance or (work.expired() and np.isfinite(pool.least)):
         return
@@ -582,11 +586,13 @@ def search_motion(poses: Poses, family: str, tolerance: float, work: Work) -> It
 
 def _rounds(search: _Motion, found: Pool, tolerance: float, work: Work) -> Iterator[Pool]:
     """A pool with its best refined, after each round."""
-    for one in ROUNDS:
-        if one is ROUNDS[-1] and found.least > _EXACT_BELOW:
+    for round_options in ROUNDS:
+        if round_options is ROUNDS[-1] and found.least > _EXACT_BELOW:
             break
-        going = found.best(one.most)
-        found = search.problem.descended(going.timed, [Stage(one.iterations)], 0.3 * tolerance, work).joined(found)
+        going = found.best(round_options.most)
+        found = search.problem.descended(
+            going.timed, [Stage(round_options.iterations)], 0.3 * tolerance, work
+        ).joined(found)
         yield found
         if found.least < tolerance or work.expired():
             break
@@ -600,7 +606,7 @@ def _sampled(search: _Motion, tolerance: float, work: Work) -> Iterator[Pool]:
     for _ in range(_SAMPLED_BATCHES):
         found = search.measured(sampled_dyads(search.body, _SAMPLED_DYADS, random))
         *_, found = _rounds(search, found, tolerance, work)
-        found = found.best(_KEPT)
+        found = found.best(_MAX_CANDIDATES)
         gained = best is None or found.least < (1 - _WORTH) * best.least
         best = found if best is None else best.joined(found)
         yield best
@@ -619,26 +625,28 @@ class _Motion:
         self.mixed = self.full < poses.samples
         self.problem = JointProblem(poses, chart_of(family))
 
-    def four_bars(self, dyads: Dyads, repair: bool = False, most: int = 150) -> Timed:
+    def four_bars(self, dyads: Dyads, repair: bool = False, max_count: int = 150) -> Timed:
         """The four-bars of pairs of dyads, with an angle at every sample; of many, those that fit the rest best."""
         timed = four_bars(self.poses, self.body, dyads, self.family, self.work, repair)
         if not self.mixed:
             return timed
         if not timed.branch.size:
             return timed._replace(angles=np.empty((0, self.poses.samples)))
-        best = self._best_aligned(timed, most)
+        best = self._best_aligned(timed, max_count)
         return aligned(self.problem, timed.take(best), self.poses.full)
 
-    def _best_aligned(self, timed: Timed, most: int) -> NDArray[np.intp]:
+    def _best_aligned(self, timed: Timed, max_count: int) -> NDArray[np.intp]:
         """Places of those that fit some of the samples best, full ones and others, some hundred candidates at a time."""
-        poses, place = self.poses, np.arange(timed.branch.size)
+        poses, index = self.poses, np.arange(timed.branch.size)
         if self.full > FEW:  # fewer are fitted exactly
             fitted = JointProblem(poses.at(poses.full), self.problem.chart).measured(timed)
-            place = np.argsort(fitted.cost, kind="stable")[:_FITTED]
-            timed = timed.take(place)
-        others = np.setdiff1d(np.arange(poses.samples), poses.full)
-        held, rest = (some[_evenly(some.size, _LOOKED_AT)] for some in (np.arange(poses.full.size), others))
-        few = np.sort(np.concatenate([poses.full[held], rest]))
+            index = np.argsort(fitted.cost, kind="stable")[:_FITTED]
+            timed = timed.take(index)
+        not_full = np.setdiff1d(np.arange(poses.samples), poses.full)
+        held, further = (
+            samples[_evenly(samples.size, _LOOKED_AT)] for samples in (np.arange(poses.full.size), not_full)
+        )
+        few = np.sort(np.concatenate([poses.full[held], further]))
         problem = JointProblem(poses.at(few), self.problem.chart)
         pose = timed.pose.copy()
         pose[:, 0] -= poses.off(problem.poses)
@@ -646,17 +654,17 @@ class _Motion:
         known = np.searchsorted(few, poses.full[held])
         parts = [slice(k, k + _REFINED_AT_ONCE) for k in range(0, timed.branch.size, _REFINED_AT_ONCE)]
         guessed = (aligned(problem, thin.take(part), known) for part in parts)
-        cost = np.concatenate([problem.measured(one, posed=False).cost for one in guessed])
-        return place[np.argsort(cost, kind="stable")[: min(most, max(_FEWEST, _ALIGNED // poses.samples))]]
+        cost = np.concatenate([problem.measured(candidates, posed=False).cost for candidates in guessed])
+        return index[np.argsort(cost, kind="stable")[: min(max_count, max(_FEWEST, _ALIGNED // poses.samples))]]
 
     def measured(self, dyads: Dyads, repair: bool = False) -> Pool:
         """The same with their J."""
         return self.problem.measured(self.four_bars(dyads, repair))
 
 
-def _evenly(count: int, most: int) -> NDArray[np.intp]:
+def _evenly(count: int, max_count: int) -> NDArray[np.intp]:
     """Places of at most so many of a count, both ends among them."""
-    return np.unique(np.round(np.linspace(0, count - 1, min(count, most))).astype(np.intp))
+    return np.unique(np.round(np.linspace(0, count - 1, min(count, max_count))).astype(np.intp))
 
 
 def _few(search: _Motion, work: Work) -> Pool:

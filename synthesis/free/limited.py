@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from synthesis.arrays import Complexes
 from synthesis.constraints import Constraints
 from synthesis.descents import Pool, Timed
-from synthesis.fourbar.mechanism import ways
+from synthesis.fourbar.mechanism import search_spaces
 from synthesis.free.dyads import chart_of
 from synthesis.free.joint import JointProblem
 from synthesis.limits import Limits
@@ -48,7 +48,7 @@ def limited_problem(poses: Poses, chart: Chart, limits: Limits) -> JointProblem:
 def refined_within(poses: Poses, limits: Limits, timed: Timed, work: Work) -> Pool:
     """Candidates refined within limits and moved onto those that they still break; their costs are J squared."""
     problem = limited_problem(poses, chart_of(limits.family), limits)
-    return problem.moved_onto(problem.descended(timed, _GO_IN, 0.0, work, others=np.inf).timed)[0]
+    return problem.moved_onto(problem.descended(timed, _GO_IN, 0.0, work, steps_after_first=np.inf).timed)[0]
 
 
 def placed_within(problem: JointProblem, timed: Timed, boxes: Boxes) -> tuple[Timed, NDArray[np.intp]]:
@@ -98,7 +98,7 @@ def _seeds(target: Target, limits: Limits, windows: Windows, chart: Chart, sense
     """The best windows of a target, for a crank that turns the other way in a mirror."""
     if sense < 0:
         target, limits = target.mirrored(), limits.mirrored()
-    way = ways(target, limits, posed=True)[0]
+    way = search_spaces(target, limits, posed=True)[0]
     problem = GivenProblem(target, way.chart, way.constraints, posed=True)
     found = windows.seeds(problem, way.on_shape, way.boxes, _SEEDS).take(slice(0, _SEEDS))
     shape = chart.unknowns(way.chart.shape(found.shape).lengths)

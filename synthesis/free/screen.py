@@ -66,9 +66,9 @@ class PathScreen:
     """
 
     def __init__(
-        self, mechanism: Mechanism, lengths: Floats, spread: Chart, timing: Timing = COARSE, most: int = 600
+        self, mechanism: Mechanism, lengths: Floats, spread: Chart, timing: Timing = COARSE, max_count: int = 600
     ) -> None:
-        self.lengths, self.timing, self.most = lengths, timing, most
+        self.lengths, self.timing, self.most = lengths, timing, max_count
         self.cells = spread.unknowns(lengths) / spread.cell[:-1]
         self.start_cell = float(spread.cell[-1])
         crank = np.linspace(0.0, TURN, _SAMPLES, endpoint=False)
@@ -79,7 +79,7 @@ class PathScreen:
         start = np.arange(_STARTS) * (TURN / _STARTS)
         shift = np.exp(1j * start[:, None] * self.harmonics)
         # branch -1 turns like the mirror image of branch +1: conjugate coefficients
-        windows = np.stack([one[:, None, :] * shift for one in (series, np.conj(series))], axis=1)
+        windows = np.stack([window[:, None, :] * shift for window in (series, np.conj(series))], axis=1)
         self.start: Floats = start.astype(float)
         self.windows = np.concatenate([windows.real, windows.imag], axis=-1).reshape(-1, 2 * self.harmonics.size)
         self.windows = np.ascontiguousarray(self.windows, dtype=np.float32)
@@ -146,16 +146,16 @@ class PathScreen:
             short: Floats = missing(self.lengths[:, None], self.start, self.start + spans[:, None, None])
             error += (_MISSED * short**2).astype(np.float32)[which][:, :, None]
         best = error.argmin(axis=3)
-        least = np.take_along_axis(error, best[..., None], 3)[..., 0].reshape(len(guesses), -1)
-        each = min(_EACH, least.shape[1] - 1)
+        smallest = np.take_along_axis(error, best[..., None], 3)[..., 0].reshape(len(guesses), -1)
+        each = min(_EACH, smallest.shape[1] - 1)
         guess = np.repeat(np.arange(len(guesses)), each)
-        window = np.argpartition(least, each, axis=1)[:, :each].ravel()
-        rank = np.argsort(least[guess, window], kind="stable")
+        window = np.argpartition(smallest, each, axis=1)[:, :each].ravel()
+        rank = np.argsort(smallest[guess, window], kind="stable")
         guess, window = guess[rank], window[rank]
         kind, side = np.divmod(window, 2)
         start, span = self.start[best[guess, kind, side]], guesses[guess, -1]
-        place = np.column_stack([self.cells[kind], start / self.start_cell, span / _SPAN_CELL, side])
-        cells = np.floor(place).astype(np.int64)
+        coordinates = np.column_stack([self.cells[kind], start / self.start_cell, span / _SPAN_CELL, side])
+        cells = np.floor(coordinates).astype(np.int64)
         # one number a cell: many times faster to sort than rows
         _, first = np.unique((cells + 64) @ (1 << 8 * np.arange(cells.shape[1])), return_index=True)
         pick = np.sort(first)[: self.most]
@@ -172,9 +172,17 @@ class PathScreen:
         widest = _WITHIN_SPAN * poses.span_max
         spans = {TURN} if poses.closed else {min(span, widest) for span in self.timing.spans}
         powers = _CLOSED_POWERS if poses.closed else self.timing.powers
-        ways = (way_along(poses, power) for power in powers)
+        progressions = (way_along(poses, power) for power in powers)
         return _within(
-            np.array([sign * span * way for way in ways for span in sorted(spans) for sign in (1.0, -1.0)]), widest
+            np.array(
+                [
+                    sign * span * progression
+                    for progression in progressions
+                    for span in sorted(spans)
+                    for sign in (1.0, -1.0)
+                ]
+            ),
+            widest,
         )
 
 
@@ -192,8 +200,8 @@ def way_along(poses: Poses, power: float) -> Floats:
     power : float
         Of the distance between neighbouring samples.
     """
-    way = np.cumsum(_steps(poses) ** power)
-    return np.concatenate([[0.0], way[: poses.samples - 1]]) / way[-1]
+    progress = np.cumsum(_steps(poses) ** power)
+    return np.concatenate([[0.0], progress[: poses.samples - 1]]) / progress[-1]
 
 
 def _steps(poses: Poses) -> Floats:

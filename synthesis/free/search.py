@@ -30,7 +30,7 @@ from synthesis.descents import Pool, Stage, Timed
 from synthesis.errors import FieldError
 from synthesis.four_bar import coupler_angle, transmission_angle_over, wrap
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule, enumerate_types
-from synthesis.fourbar.mechanism import FOURBAR, AnyChart, FullCrankChart, ways
+from synthesis.fourbar.mechanism import FOURBAR, AnyChart, FullCrankChart, search_spaces
 from synthesis.free.dyads import FEW, chart_of, search_motion
 from synthesis.free.few_poses import NONE_CLEAR, Candidates, Obstacles, exact_four_bars, is_few
 from synthesis.free.free_timing import FreeTiming, FreeTimingOptions, free_timing
@@ -91,9 +91,9 @@ class _Mounted(NamedTuple):
             timed.offset,
         )
 
-    def take(self, places: Any) -> _Mounted:
+    def take(self, indices: Any) -> _Mounted:
         """Some of them."""
-        return _Mounted(self.poses, *(column[places] for column in self[1:]))
+        return _Mounted(self.poses, *(column[indices] for column in self[1:]))
 
     @property
     def pivots(self) -> list[Complexes]:
@@ -149,14 +149,14 @@ def solutions_of(
     """
     if not pool.cost.size:
         return []
-    every = _Mounted.of(poses, pool.take(np.isfinite(pool.cost)), chart)
-    kept = keeps(poses, limits, every.placed)
-    kept &= np.all(np.isfinite(every.links) & (every.links > 0), axis=1)
+    mounted_pool = _Mounted.of(poses, pool.take(np.isfinite(pool.cost)), chart)
+    accepted = keeps(poses, limits, mounted_pool.placed)
+    accepted &= np.all(np.isfinite(mounted_pool.links) & (mounted_pool.links > 0), axis=1)
     if poses.ordered:
         used = np.abs(pool.timed.angles[np.isfinite(pool.cost)][:, [0, -1]] @ [-1.0, 1.0])
-        kept &= used <= poses.span_max * (1 + 1e-9)
-    every = every.take(np.flatnonzero(kept))
-    found = [solution for solution in every.solutions() if np.isfinite(solution.errors.objective)]
+        accepted &= used <= poses.span_max * (1 + 1e-9)
+    mounted_pool = mounted_pool.take(np.flatnonzero(accepted))
+    found = [solution for solution in mounted_pool.solutions() if np.isfinite(solution.errors.objective)]
     return _best(found, poses, top, tolerance)
 
 
@@ -337,9 +337,9 @@ def search_free(
     work = work or Work()
     trace: list[tuple[float, float]] = []
 
-    def note(least: float) -> None:
-        if not trace or least < (1 - SearchOptions.gain) * trace[-1][1]:
-            trace.append((work.elapsed, least))
+    def note(objective: float) -> None:
+        if not trace or objective < (1 - SearchOptions.gain) * trace[-1][1]:
+            trace.append((work.elapsed, objective))
 
     if is_few(poses) and not poses.closed and not any(limits.links):
         candidates = exact_four_bars(poses, limits, work, obstacles=obstacles)
@@ -360,10 +360,10 @@ def search_free(
         solutions = _best(solutions, poses, top, tolerance)
     reached = Status.of(solutions, tolerance) is Status.REACHED
     if solutions:
-        least = min(one.errors.objective for one in solutions)
-        trace = [(seconds, max(objective, least)) for seconds, objective in trace]
-        if not trace or trace[-1][1] != least:
-            trace.append((work.elapsed, least))
+        smallest = min(solution.errors.objective for solution in solutions)
+        trace = [(seconds, max(objective, smallest)) for seconds, objective in trace]
+        if not trace or trace[-1][1] != smallest:
+            trace.append((work.elapsed, smallest))
     stopped = StoppedBy.TOLERANCE if reached else StoppedBy.CONVERGED if ended else StoppedBy.BUDGET
     return solutions, SearchReport(stopped, trace, 0.0, search.seeds)
 
@@ -493,8 +493,8 @@ class FreeSearch:
         run = self._run(chart, self.options.exact_samples, within_limits=False)
         problem = run.problem
         seeds: dict[int, Timed] = {}
-        for one in EXACT:
-            match one.source:
+        for method in EXACT:
+            match method.source:
                 case Fresh(screen, start, stop):
                     if screen not in seeds:
                         found = self.screens(family)[screen].seeds(problem.thin, problem.chart)
@@ -502,10 +502,10 @@ class FreeSearch:
                     starts = seeds[screen].take(slice(start, stop))
                 case Hops(origins, copies):
                     starts = run.perturbations(origins, copies)
-                case Best(most):
-                    starts = run.best(most)
+                case Best(count):
+                    starts = run.best(count)
             self.seeds += starts.branch.size
-            run.round(starts, Schedule((one.stage,)))
+            run.round(starts, Schedule((method.stage,)))
             yield run
             options = self.options
             if run.smallest > (options.exact_in_sight_within if problem.has_limits else options.exact_in_sight):
@@ -532,7 +532,7 @@ class FreeSearch:
                 return np.maximum(limits.transmission_angle_min - np.nan_to_num(smallest), 0.0)
 
         screen, search = self.screens(family)[0], problem.search
-        boxes = ways(problem.thin, limits, posed=True)[0].boxes if search.limited else None
+        boxes = search_spaces(problem.thin, limits, posed=True)[0].boxes if search.limited else None
         count = self.options.first_answers
 
         def placed(seeds: Timed) -> tuple[Timed, NDArray[np.intp]]:

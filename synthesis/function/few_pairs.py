@@ -111,11 +111,11 @@ class Candidates(NamedTuple):
             self.origin[indices],
         )
 
-    def joined(self, other: Candidates) -> Candidates:
+    def joined(self, following: Candidates) -> Candidates:
         """Return these candidates followed by others."""
         return Candidates(
-            Parameters(*(np.concatenate(columns) for columns in zip(self.parameters, other.parameters))),
-            *(np.concatenate(columns) for columns in zip(self[1:], other[1:])),
+            Parameters(*(np.concatenate(columns) for columns in zip(self.parameters, following.parameters))),
+            *(np.concatenate(columns) for columns in zip(self[1:], following[1:])),
         )
 
 
@@ -133,13 +133,13 @@ class ExactFamily:
     options : FewPairsOptions
     """
 
-    def __init__(self, wanted: Wanted, limits: Limits, sized: bool, options: FewPairsOptions) -> None:
-        self.wanted, self.limits, self.sized, self.options = wanted, limits, sized, options
-        self.pairs = wanted.crank.size
+    def __init__(self, target: Wanted, limits: Limits, sized: bool, options: FewPairsOptions) -> None:
+        self.wanted, self.limits, self.sized, self.options = target, limits, sized, options
+        self.pairs = target.crank.size
         self.random = np.random.default_rng(20)
         self._constraints = Constraints(replace(limits, links=(None,) * 4))
         crank, _, rocker, _ = limits.links
-        directions = np.sign(np.diff(wanted.output))
+        directions = np.sign(np.diff(target.output))
         self._direction = float(directions[0]) if np.all(directions == directions[0]) else 0.0
         """Direction in which the output goes all the way; 0 if it turns back."""
         self._held = crank if crank is not None else rocker
@@ -150,28 +150,28 @@ class ExactFamily:
 
     def sample(self) -> Parameters:
         """Draw members of the family evenly over its free numbers."""
-        options, wanted = self.options, self.wanted
+        options, target = self.options, self.wanted
         if self.pairs > 3:
             return self._sample_on_curve()
         ratio_is_free = self.pairs == 2 and self._held is None
-        count = options.samples if ratio_is_free or wanted.start is None or wanted.offset is None else 1
+        count = options.samples if ratio_is_free or target.start is None or target.offset is None else 1
         start, offset = (
-            self.random.uniform(-np.pi, np.pi, count) if given is None else np.full(count, given)
-            for given in (wanted.start, wanted.offset)
+            self.random.uniform(-np.pi, np.pi, count) if zero is None else np.full(count, zero)
+            for zero in (target.start, target.offset)
         )
         ratio = self.random.uniform(-options.farthest, options.farthest, count)
         return Parameters(start, offset, ratio if self._held is None else np.full(count, np.log(self._held)))
 
     def _sample_on_curve(self) -> Parameters:
         """Return both roots for zeros all around, or for the given zero; the few four-bars of five pairs."""
-        options, wanted = self.options, self.wanted
+        options, target = self.options, self.wanted
         if self.pairs == 5:
-            start, offset = zeros_of_five_pairs(wanted.crank, wanted.output)
+            start, offset = zeros_of_five_pairs(target.crank, target.output)
             return Parameters(start, offset, np.zeros_like(start))
-        given = [zero for zero in (wanted.start, wanted.offset) if zero is not None]
-        zeros = np.array(given or np.arange(options.samples_on_curve) * (np.pi / options.samples_on_curve))
+        prescribed = [zero for zero in (target.start, target.offset) if zero is not None]
+        zeros = np.array(prescribed or np.arange(options.samples_on_curve) * (np.pi / options.samples_on_curve))
         pairs = np.repeat(zeros, 2), self._other_zeros(zeros).ravel()
-        start, offset = pairs if wanted.offset is None else pairs[::-1]
+        start, offset = pairs if target.offset is None else pairs[::-1]
         return Parameters(start, offset, np.zeros_like(start))
 
     def _other_zeros(self, zeros: Floats) -> Floats:
@@ -184,12 +184,12 @@ class ExactFamily:
     def _on_curve(self, parameters: Parameters) -> Parameters:
         """Return parameters of four pairs with the nearest zero for which the equations are dependent."""
         free = "offset" if self.wanted.offset is None else "start"
-        near = getattr(parameters, free)
+        initial = getattr(parameters, free)
         roots = self._other_zeros(parameters.start if free == "offset" else parameters.offset)
-        away = roots - near[:, None]
+        away = roots - initial[:, None]
         away -= np.pi * np.round(away / np.pi)
         nearest = np.argmin(np.abs(np.nan_to_num(away, nan=np.inf)), axis=1)
-        return parameters._replace(**{free: near + away[np.arange(near.size), nearest]})
+        return parameters._replace(**{free: initial + away[np.arange(initial.size), nearest]})
 
     def moved(self, parameters: Parameters, step: float) -> Parameters:
         """Return random neighbours of parameters, by changes of very different sizes."""
@@ -216,15 +216,15 @@ class ExactFamily:
         rocker = self.wanted.output[pairs] - parameters.offset[:, None]
         columns = [np.cos(rocker), -np.cos(crank), np.ones_like(crank)]
         right = np.cos(crank - rocker)
-        given = np.exp(-parameters.ratio)
+        ratio = np.exp(-parameters.ratio)
         if self.pairs == 2:
-            right = right - columns.pop(0 if self._by_crank else 1) * given[:, None]
+            right = right - columns.pop(0 if self._by_crank else 1) * ratio[:, None]
         matrix = np.stack(columns, axis=2)
         # a pair of dials at which the equations are dependent has no neighbour that is exact in rounded numbers
         with np.errstate(all="ignore"):
             found = _solved(matrix, right)
             if self.pairs == 2:
-                found = np.insert(found, 0 if self._by_crank else 1, given, axis=1)
+                found = np.insert(found, 0 if self._by_crank else 1, ratio, axis=1)
             first, second, third = found.T
             start = parameters.start + np.where((first < 0) & (self.wanted.start is None), np.pi, 0.0)
             offset = parameters.offset - np.where((second < 0) & (self.wanted.offset is None), np.pi, 0.0)
@@ -240,18 +240,18 @@ class ExactFamily:
 
     def parallelograms(self) -> Candidates:
         """Return the parallelograms that turn the output as far as the input, for which the equations are dependent."""
-        options, wanted, (crank, _, rocker, _) = self.options, self.wanted, self.limits.links
-        gap = wanted.output - wanted.crank
-        starts = [] if wanted.start is None else [wanted.start]
-        starts += [] if wanted.offset is None else [float(wanted.output[0] - wanted.offset)]
+        options, target, (crank, _, rocker, _) = self.options, self.wanted, self.limits.links
+        gap = target.output - target.crank
+        starts = [] if target.start is None else [target.start]
+        starts += [] if target.offset is None else [float(target.output[0] - target.offset)]
         same = bool(np.ptp(gap) <= _EQUAL) and (len(starts) < 2 or abs(np.sin((starts[1] - starts[0]) / 2)) <= _EQUAL)
-        given = {length for length in (crank, rocker) if length is not None}
-        count = options.parallelograms if same and len(given) < 2 else 0
+        prescribed = {length for length in (crank, rocker) if length is not None}
+        count = options.parallelograms if same and len(prescribed) < 2 else 0
         start = np.full(count, starts[0]) if starts else self.random.uniform(-np.pi, np.pi, count)
         ratio = self.random.uniform(-options.farthest, options.farthest, count)
-        length = np.full(count, given.pop()) if given else np.exp(ratio)
+        length = np.full(count, prescribed.pop()) if prescribed else np.exp(ratio)
         lengths = np.stack([length, np.ones(count), length, np.ones(count)], axis=1)
-        return self.rated(Parameters(start, gap[0] - start + wanted.crank[0], np.log(length)), lengths)
+        return self.rated(Parameters(start, gap[0] - start + target.crank[0], np.log(length)), lengths)
 
     def evaluate(self, parameters: Parameters) -> Candidates:
         """Return the four-bars of parameters that stay on one branch over the interval and keep the limits."""
@@ -318,23 +318,23 @@ def _solved(matrix: Floats, right: Floats) -> Floats:
             return parts[0][:, 0] * parts[1][:, 1] - parts[0][:, 1] * parts[1][:, 0]
         return np.einsum("ni,ni->n", parts[0], np.cross(parts[1], parts[2]))
 
-    whole = determinant(columns)
+    denominator = determinant(columns)
     replaced = ([*columns[:k], right, *columns[k + 1 :]] for k in range(len(columns)))
-    return np.stack([determinant(parts) / whole for parts in replaced], axis=1)
+    return np.stack([determinant(parts) / denominator for parts in replaced], axis=1)
 
 
-def is_few(wanted: Wanted, limits: Limits) -> bool:
+def is_few(target: Wanted, limits: Limits) -> bool:
     """Check that the lengths of four-bars through two to five pairs follow from the zeros, and perhaps one ratio."""
     crank, coupler, rocker, _ = limits.links
-    pairs, free = wanted.crank.size, (crank is None) + (rocker is None) + 1
-    if coupler is not None or (wanted.weights is not None and not np.all(wanted.weights > 0)):
+    pairs, free = target.crank.size, (crank is None) + (rocker is None) + 1
+    if coupler is not None or (target.weights is not None and not np.all(target.weights > 0)):
         return False
-    zeros = (wanted.start is None) + (wanted.offset is None)
+    zeros = (target.start is None) + (target.offset is None)
     return pairs <= free or (free == 3 and pairs <= MOST_PAIRS and pairs <= free + zeros)
 
 
 def exact_functions(
-    wanted: Wanted, limits: Limits, sized: bool, work: Work, options: FewPairsOptions | None = None
+    target: Wanted, limits: Limits, sized: bool, work: Work, options: FewPairsOptions | None = None
 ) -> tuple[list[Linkage], Floats]:
     """Search for good four-bars that meet two to five pairs exactly.
 
@@ -357,7 +357,7 @@ def exact_functions(
     offsets : ndarray, shape (n,)
     """
     options = options or FewPairsOptions()
-    family = ExactFamily(wanted, limits, sized, options)
+    family = ExactFamily(target, limits, sized, options)
     sampled = family.evaluate(family.sample()).joined(family.parallelograms())
     sampled = _following(family, sampled.take(np.lexsort((sampled.merit, ~sampled.forward))[: options.examined]))
     improved = _improved(family, sampled.take(_regions(sampled, options, options.regions)), work)
@@ -400,10 +400,10 @@ def _improved(family: ExactFamily, candidates: Candidates, work: Work) -> Candid
         parents = np.repeat(np.arange(candidates.merit.size), options.trials)
         trials = family.evaluate(family.moved(candidates.parameters.take(parents), step))
         trials = _following(family, trials)
-        every = candidates._replace(origin=np.arange(candidates.merit.size)).joined(
+        combined = candidates._replace(origin=np.arange(candidates.merit.size)).joined(
             trials._replace(origin=parents[trials.origin])
         )
-        order = np.lexsort((every.merit, ~every.forward, every.origin))
-        candidates = every.take(order[np.flatnonzero(np.diff(every.origin[order], prepend=-1))])
+        order = np.lexsort((combined.merit, ~combined.forward, combined.origin))
+        candidates = combined.take(order[np.flatnonzero(np.diff(combined.origin[order], prepend=-1))])
         step *= options.step_ratio
     return candidates

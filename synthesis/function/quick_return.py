@@ -37,7 +37,7 @@ from synthesis.work import Work
 
 _ROUNDING = 1e-9
 """Part by which rounding may violate a limit that an answer meets exactly."""
-_NEAR = 1e-6
+_EXACT = 1e-6
 """Error of a crank-rocker in radians below which it is exact but for rounding."""
 _SAMPLES = 1500
 """Number of members of a family that are rated."""
@@ -74,17 +74,17 @@ def excess_angle(time_ratio: float) -> float:
     return np.pi * (time_ratio - 1) / (time_ratio + 1)
 
 
-def slider_cranks(alpha: float, near: Floats) -> SliderCranks:
+def slider_cranks(alpha: float, near_end: Floats) -> SliderCranks:
     """Return the slider-cranks of given distances q (n,) of the near end over the stroke; 0 < q < cot(alpha)."""
     sine, cosine = np.sin(alpha), np.cos(alpha)
-    far = near * cosine + np.sqrt(1 - (near * sine) ** 2)
-    offset = 0.0 - far * near * sine
-    along = np.sqrt((near - offset) * (near + offset))
-    lengths = np.stack([(far - near) / 2, (far + near) / 2, offset], axis=1)
+    far_end = near_end * cosine + np.sqrt(1 - (near_end * sine) ** 2)
+    offset = 0.0 - far_end * near_end * sine
+    along = np.sqrt((near_end - offset) * (near_end + offset))
+    lengths = np.stack([(far_end - near_end) / 2, (far_end + near_end) / 2, offset], axis=1)
     return SliderCranks(lengths, np.arctan2(offset, along) + np.pi, along)
 
 
-def all_slider_cranks(alpha: float, given: Sequence[tuple[int, float]] = ()) -> SliderCranks:
+def all_slider_cranks(alpha: float, prescribed: Sequence[tuple[int, float]] = ()) -> SliderCranks:
     """Return slider-cranks of the whole family, or those in which a length (index, value over the stroke) is given.
 
     There are none from alpha = 90 degrees on, a time ratio of 3: the crank could not turn fully.
@@ -92,29 +92,31 @@ def all_slider_cranks(alpha: float, given: Sequence[tuple[int, float]] = ()) -> 
     if alpha >= np.pi / 2:
         return slider_cranks(alpha, np.empty(0))
     last = 1 / np.tan(alpha) if alpha > 0 else np.inf
-    near = np.geomspace(_NEAREST, _FARTHEST, _SAMPLES) if last > _FARTHEST else last * _between(_SAMPLES)
-    for index, value in given:
-        near = _roots(lambda q: np.abs(slider_cranks(alpha, q).lengths), index, abs(value), near)
-    return slider_cranks(alpha, near)
+    near_ends = np.geomspace(_NEAREST, _FARTHEST, _SAMPLES) if last > _FARTHEST else last * _between(_SAMPLES)
+    for index, value in prescribed:
+        near_ends = _roots(lambda q: np.abs(slider_cranks(alpha, q).lengths), index, abs(value), near_ends)
+    return slider_cranks(alpha, near_ends)
 
 
-def all_crank_rockers(alpha: float, swing: float, given: Sequence[tuple[int, float]] = ()) -> CrankRockers:
+def all_crank_rockers(alpha: float, swing: float, prescribed: Sequence[tuple[int, float]] = ()) -> CrankRockers:
     """Return the candidates for crank-rockers of a swing in radians, or those in which a length over the ground is given.
 
     The rocker turns counter-clockwise while the crank turns by half a turn and alpha.
     """
     last = min(_FARTHEST, 1 / np.sin(alpha)) if alpha > 0 else _FARTHEST
-    near = np.geomspace(_NEAREST, last * (1 - 1e-9), _SAMPLES)
+    near_ends = np.geomspace(_NEAREST, last * (1 - 1e-9), _SAMPLES)
     found = []
     for first, side in itertools.product((-1, 1), (-1, 1)):
         at = partial(_crank_rockers, alpha, swing, first, side)
-        chosen = near
-        for index, value in given:
+        chosen = near_ends
+        for index, value in prescribed:
             chosen = _roots(lambda q, at=at: at(q).lengths, index, value, chosen)  # type: ignore[misc]
         found.append(at(chosen))
-    whole = CrankRockers(*(np.concatenate(columns) for columns in zip(*found)))
-    good = np.isfinite(whole.lengths).all(axis=1) & (whole.lengths.min(axis=1) > 0) & (whole.branch != 0)
-    return CrankRockers(*(column[good] for column in whole))
+    candidates = CrankRockers(*(np.concatenate(columns) for columns in zip(*found)))
+    good = (
+        np.isfinite(candidates.lengths).all(axis=1) & (candidates.lengths.min(axis=1) > 0) & (candidates.branch != 0)
+    )
+    return CrankRockers(*(column[good] for column in candidates))
 
 
 def _crank_rockers(alpha: float, swing: float, first: int, side: int, q: Floats) -> CrankRockers:
@@ -126,11 +128,11 @@ def _crank_rockers(alpha: float, swing: float, first: int, side: int, q: Floats)
     chord, sine = 2 * np.sin(swing / 2), np.sin(alpha)
     q = q * chord
     begin, end = np.exp(-0.5j * swing), np.exp(0.5j * swing)
-    far, near = (begin, end) if first > 0 else (end, begin)
+    far_end, near_end = (begin, end) if first > 0 else (end, begin)
     p = q * np.cos(alpha) + np.sqrt(np.maximum(chord**2 - (q * sine) ** 2, 0.0))
     along = (q * q - p * p + chord**2) / (2 * chord)
     beside = np.sqrt(np.maximum((q - along) * (q + along), 0.0))
-    pivot = near + (far - near) / chord * (along + 1j * side * beside)
+    pivot = near_end + (far_end - near_end) / chord * (along + 1j * side * beside)
     ground = np.abs(pivot)
     lengths = np.stack([(p - q) / 2, (p + q) / 2, np.ones_like(q), ground], axis=1) / ground[:, None]
     pin = begin - pivot
@@ -142,29 +144,32 @@ def _crank_rockers(alpha: float, swing: float, first: int, side: int, q: Floats)
 
 
 def slider_crank_answers(
-    wanted: Wanted, alpha: float, limits: TravelLimits, top: int, tolerance: float, work: Work
+    target: Wanted, alpha: float, limits: TravelLimits, top: int, tolerance: float, work: Work
 ) -> list[TravelGenerator]:
     """Return slider-cranks within limits, different from one another, the best to build first; lengths over the stroke."""
     law = next(law for law in LAWS if (law.kind, law.input) == (Kind.SLIDER_CRANK, ANGLE))
-    given = [(law.lengths.index(name), value) for name, value in limits.given.items()]
-    family = all_slider_cranks(alpha, given)
+    prescribed = [(law.lengths.index(name), value) for name, value in limits.given.items()]
+    family = all_slider_cranks(alpha, prescribed)
     crank, rod, _ = family.lengths.T
     transmission = slider_crank_transmission(family)
     merits = merit(rod, transmission, np.zeros_like(rod), rod / crank)
-    search = TravelSearch(wanted, law, limits, False, top, tolerance, work)
+    search = TravelSearch(target, law, limits, False, top, tolerance, work)
     found: list[TravelGenerator] = []
     for k in np.argsort(merits, kind="stable").tolist():
         shape = family.lengths[k].copy()
-        for index, value in given:  # as it was given, to the last bit
+        for index, value in prescribed:  # as it was given, to the last bit
             shape[index] = np.copysign(value, shape[index])
         if len(found) == top or work.expired():
             break
         if not transmission[k] >= limits.limits.transmission_angle_min * (1 - _ROUNDING):
             continue
-        if all(np.abs(one.lengths - shape).max() > _APART * max(shape[1], one.lengths[1]) for one in found):
+        if all(
+            np.abs(generator.lengths - shape).max() > _APART * max(shape[1], generator.lengths[1])
+            for generator in found
+        ):
             unknowns = np.array([*np.log(shape[:2]), shape[2], family.start[k], -family.near[k]])
-            one = search.generator(unknowns, shape, 1)
-            found += [] if one is None else [one]
+            generator = search.generator(unknowns, shape, 1)
+            found += [] if generator is None else [generator]
     return found
 
 
@@ -175,18 +180,18 @@ def slider_crank_transmission(family: SliderCranks) -> Floats:
     return np.arcsin(np.minimum(sine, 1.0))
 
 
-def crank_rocker_answers(wanted: Wanted, alpha: float, limits: Limits, top: int, tolerance: float) -> list[Generator]:
+def crank_rocker_answers(target: Wanted, alpha: float, limits: Limits, top: int, tolerance: float) -> list[Generator]:
     """Return crank-rockers within limits, different from one another, the best to build first."""
     ground = limits.links[3] or 1.0
     over = replace(limits.over(ground), family="crank_rocker" if limits.family == "any" else limits.family)
-    given = [(k, length) for k, length in enumerate(over.links[:3]) if length is not None]
-    lengths, branch, start = all_crank_rockers(alpha, float(np.ptp(wanted.output)), given)
+    prescribed = [(k, length) for k, length in enumerate(over.links[:3]) if length is not None]
+    lengths, branch, start = all_crank_rockers(alpha, float(np.ptp(target.output)), prescribed)
     # of the candidates some turn faster than wanted on the way, or pass to the other branch
-    made = close_loop(lengths, start[:, None] + wanted.crank).rocker_angle(branch)
-    exact = np.all(np.abs(made - made[:, :1] - wanted.output) < _NEAR, axis=1)
+    output = close_loop(lengths, start[:, None] + target.crank).rocker_angle(branch)
+    exact = np.all(np.abs(output - output[:, :1] - target.output) < _EXACT, axis=1)
     lengths, branch, start = lengths[exact], branch[exact], start[exact]
     used = Interval(start, start + TURN)
-    inside = keeps(wanted.target, over, Placed(lengths, branch, used), _ROUNDING)
+    inside = keeps(target.target, over, Placed(lengths, branch, used), _ROUNDING)
     lengths, branch, start = lengths[inside], branch[inside], start[inside]
     transmission = transmission_angle_over(lengths, Interval(start * 0, start * 0 + TURN))
     order = np.argsort(function_merit(lengths, transmission, limits.links[3] is not None), kind="stable")
@@ -195,12 +200,17 @@ def crank_rocker_answers(wanted: Wanted, alpha: float, limits: Limits, top: int,
         if len(found) == top:
             break
         shape = lengths[k] / lengths[k].max()
-        if all(np.abs(np.array(one.linkage.links) / max(one.linkage.links) - shape).max() > _APART for one in found):
+        if all(
+            np.abs(np.array(solution.linkage.links) / max(solution.linkage.links) - shape).max() > _APART
+            for solution in found
+        ):
             links = lengths[k] * ground
-            for index, _ in given:  # as it was given, to the last bit
+            for index, _ in prescribed:  # as it was given, to the last bit
                 links[index] = limits.links[index]
             linkage = four_bar(as_lengths(links), int(branch[k]), float(start[k]))
-            found += [one for one in finished(wanted, [linkage], False) if one.errors.objective < tolerance]
+            found += [
+                solution for solution in finished(target, [linkage], False) if solution.errors.objective < tolerance
+            ]
     return found
 
 
@@ -209,15 +219,17 @@ def _between(count: int) -> Floats:
     return (1 - np.cos(np.linspace(0.0, np.pi, count + 2)[1:-1])) / 2
 
 
-def _roots(lengths: Callable[[Floats], Floats], index: int, wanted: float, places: Floats) -> Floats:
+def _roots(lengths: Callable[[Floats], Floats], index: int, target: float, parameters: Floats) -> Floats:
     """Return the places at which a length of a family has a wanted value, to rounding."""
     from scipy.optimize import brentq
 
     def gap(q: Floats) -> Floats:
-        return lengths(q)[:, index] - wanted
+        return lengths(q)[:, index] - target
 
     with np.errstate(all="ignore"):
-        value = gap(places)
+        value = gap(parameters)
     changes = np.flatnonzero(np.isfinite(value[1:] * value[:-1]) & (np.sign(value[1:]) != np.sign(value[:-1])))
-    roots = [brentq(lambda q: float(gap(np.array([q]))[0]), places[k], places[k + 1], xtol=1e-15) for k in changes]
+    roots = [
+        brentq(lambda q: float(gap(np.array([q]))[0]), parameters[k], parameters[k + 1], xtol=1e-15) for k in changes
+    ]
     return np.array(roots)

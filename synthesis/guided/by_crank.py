@@ -75,11 +75,11 @@ class CrankGuided(SliderTurning):
     def within(self, target: Target, limits: Any, solutions: list[Solution]) -> list[Solution]:
         """The solutions of the family that close over the interval."""
         return [
-            one
-            for one in solutions
-            if np.isfinite(one.errors.objective)
-            and one.transmission_angle_min > 0
-            and (limits.family == "any" or one.linkage.turns_fully)
+            solution
+            for solution in solutions
+            if np.isfinite(solution.errors.objective)
+            and solution.transmission_angle_min > 0
+            and (limits.family == "any" or solution.linkage.turns_fully)
         ]
 
     # -- linkages -----------------------------------------------------------------------------------------------------
@@ -116,12 +116,12 @@ class CrankGuided(SliderTurning):
         """``arm``: from the crank pin to the body point, in the frame of rod or slot."""
         crank, long, offset = lengths
         along = complex(np.exp(1j * turn))
-        other: Rail | Slot
+        second: Rail | Slot
         if self.guide == RAIL:
-            other = Rail(pivot + 1j * offset * along, turn, long - arm)
+            second = Rail(pivot + 1j * offset * along, turn, long - arm)
         else:
-            other = Slot(pivot + long * along, 1j * offset - arm, 0.0)
-        return on_guides((Circle(pivot, crank, -arm), other), Driver.CRANK, 1, start + turn)
+            second = Slot(pivot + long * along, 1j * offset - arm, 0.0)
+        return on_guides((Circle(pivot, crank, -arm), second), Driver.CRANK, 1, start + turn)
 
     def assess(
         self, target: Target, linkages: Sequence[Linkage], /, *, rows: Sequence[int] | None = None

@@ -59,8 +59,8 @@ def refine_guided(
     turned = None
     if poses.rotation is None or poses.rotation_weights is not None:
         turned = linkage.body(linkage.start + travel).rotation
-    way = Drive(linkage.kind, type(linkage.guides[0]), type(linkage.guides[1]), linkage.driver)
-    search = PairSearch(poses, limits, [way], tolerance, work, drive, turned)
+    driven_pair = Drive(linkage.kind, type(linkage.guides[0]), type(linkage.guides[1]), linkage.driver)
+    search = PairSearch(poses, limits, [driven_pair], tolerance, work, drive, turned)
     search.refine(linkage)
     found = sorted([*begin, *search.solutions()], key=lambda solution: solution.errors.objective)[:1]
     trace = [(work.elapsed, found[0].errors.objective)] if found else []
@@ -82,15 +82,15 @@ def fitting_travel(poses: Poses, linkage: Linkage) -> Floats | None:
     return np.unwrap(travel) if turns else travel
 
 
-def _assessed(poses: Poses, limits: Limits, linkage: Linkage, travel: Floats, given: bool) -> list[Solution]:
+def _assessed(poses: Poses, limits: Limits, linkage: Linkage, travel: Floats, is_given: bool) -> list[Solution]:
     """Return the linkage as it is, if it passes the samples in their order within the limits."""
     steps = np.diff(travel)
-    if poses.ordered and not given and not (np.all(steps > 0) or np.all(steps < 0)):
+    if poses.ordered and not is_given and not (np.all(steps > 0) or np.all(steps < 0)):
         return []
     if poses.closed and not linkage.turns_fully:
         return []
-    whole = poses.whole(travel) if linkage.driver.turns else travel
-    (solution,) = assess(poses, [replace(linkage)], whole)
+    complete = poses.whole(travel) if linkage.driver.turns else travel
+    (solution,) = assess(poses, [replace(linkage)], complete)
     if not np.isfinite(solution.errors.objective) or not solution.transmission_angle_min > 0:
         return []
     return [] if broken_limits(solution, poses, limits) else [solution]

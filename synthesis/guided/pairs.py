@@ -70,13 +70,13 @@ class Guides(NamedTuple):
     inverse: Flags
     """Whether it is a slot."""
 
-    def take(self, places: Any) -> Guides:
+    def take(self, indices: Any) -> Guides:
         """Some of them."""
-        return Guides(*(column[places] for column in self))
+        return Guides(*(column[indices] for column in self))
 
-    def joined(self, *others: Guides) -> Guides:
+    def joined(self, *following: Guides) -> Guides:
         """These and others after them."""
-        return Guides(*(np.concatenate(columns) for columns in zip(self, *others)))
+        return Guides(*(np.concatenate(columns) for columns in zip(self, *following)))
 
     @property
     def straight(self) -> Flags:
@@ -129,19 +129,19 @@ class Straight:
 
     def __init__(self, motion: Motion) -> None:
         self.motion, root = motion, motion.root
-        place, turned = motion.position, motion.turned
+        position, turned = motion.position, motion.turned
         self._mean = complex(np.sum(root**2 * turned) / np.sum(root**2))
         off = turned - self._mean
         # small rotations: {1, R} have a condition of one over the span squared, so never normal equations
-        columns = np.stack([off.real, off.imag, -np.ones(place.size)], axis=1) * root[:, None]
+        columns = np.stack([off.real, off.imag, -np.ones(position.size)], axis=1) * root[:, None]
         self._scale = np.linalg.norm(columns, axis=0)
         self._scale[self._scale == 0] = 1.0
         self._columns = columns / self._scale
         basis: Any = np.linalg.qr(self._columns)[0]
-        rest = np.stack([place.real, place.imag], axis=1) * root[:, None]
+        residual = np.stack([position.real, position.imag], axis=1) * root[:, None]
         for _ in range(2):
-            rest = rest - basis @ (basis.T @ rest)
-        self._rest = rest
+            residual = residual - basis @ (basis.T @ residual)
+        self._rest = residual
 
     def stationary(self) -> tuple[Guides, Floats]:
         """The best line and, square to it, the worst of its kind; and their rms distances (2,)."""
@@ -165,11 +165,11 @@ class Straight:
 
 def lines_of(motion: Motion, points: Complexes) -> Guides:
     """The line that each point (n,) comes nearest to, by the least rms distance of its places."""
-    places = motion.places(points)
+    moved = motion.places(points)
     weight = motion.root**2 / np.sum(motion.root**2)
-    middle = places @ weight
-    rest = places - middle[:, None]
-    along = np.angle((rest**2) @ weight) / 2  # the direction of the largest spread
+    middle = moved @ weight
+    offsets = moved - middle[:, None]
+    along = np.angle((offsets**2) @ weight) / 2  # the direction of the largest spread
     return motion.lines(points, middle, along + np.pi / 2)
 
 
@@ -206,16 +206,16 @@ class Pairs(NamedTuple):
         """Both."""
         return self.first, self.second
 
-    def take(self, places: Any) -> Pairs:
+    def take(self, indices: Any) -> Pairs:
         """Some of them."""
-        return Pairs(self.first.take(places), self.second.take(places), self.hinge[places])
+        return Pairs(self.first.take(indices), self.second.take(indices), self.hinge[indices])
 
-    def joined(self, *others: Pairs) -> Pairs:
+    def joined(self, *following: Pairs) -> Pairs:
         """These and others after them."""
         return Pairs(
-            self.first.joined(*(one.first for one in others)),
-            self.second.joined(*(one.second for one in others)),
-            np.concatenate([self.hinge, *(one.hinge for one in others)]),
+            self.first.joined(*(pairs.first for pairs in following)),
+            self.second.joined(*(pairs.second for pairs in following)),
+            np.concatenate([self.hinge, *(pairs.hinge for pairs in following)]),
         )
 
     @property
@@ -251,9 +251,9 @@ class Samples(NamedTuple):
             np.where(gone, _UNKNOWN, 1 / np.where(gone, 1.0, root) ** 2) for gone, root in zip(missing, roots)
         ]
         position = (poses.position - poses.middle) / poses.length_scale
-        given = np.zeros(poses.samples) if drive is None else drive
+        travel = np.zeros(poses.samples) if drive is None else drive
         return cls(
-            np.asarray(rotation, dtype=float), position, variances[0], variances[1], missing[0], missing[1], given
+            np.asarray(rotation, dtype=float), position, variances[0], variances[1], missing[0], missing[1], travel
         )
 
     @property
@@ -267,33 +267,39 @@ class Chart:
 
     def __init__(self, pairs: Pairs) -> None:
         self.pairs = pairs
-        self.bent = [np.maximum(1.0, np.abs(one.curvature)) for one in pairs[:2]]
+        self.bent = [np.maximum(1.0, np.abs(pair.curvature)) for pair in pairs[:2]]
         """Unit of each curvature."""
 
     @property
     def start(self) -> Floats:
         """The unknowns of the pairs themselves."""
         columns = []
-        for one, unit in zip(self.pairs[:2], self.bent):
-            columns += [one.point.real, one.point.imag, one.normal, np.zeros(one.normal.size), one.curvature / unit]
+        for pair, unit in zip(self.pairs[:2], self.bent):
+            columns += [
+                pair.point.real,
+                pair.point.imag,
+                pair.normal,
+                np.zeros(pair.normal.size),
+                pair.curvature / unit,
+            ]
         return np.stack(columns, axis=1)
 
     @property
     def labels(self) -> Floats:
         """What belongs to each candidate beside its unknowns, (n, 11)."""
         columns: list[Any] = [self.pairs.hinge]
-        for one, unit in zip(self.pairs[:2], self.bent):
-            columns += [one.foot.real, one.foot.imag, unit, one.inverse, one.straight]
+        for pair, unit in zip(self.pairs[:2], self.bent):
+            columns += [pair.foot.real, pair.foot.imag, unit, pair.inverse, pair.straight]
         return np.stack([np.asarray(column, dtype=float) for column in columns], axis=1)
 
     def pairs_at(self, unknowns: Floats) -> Pairs:
         """Pairs of unknowns."""
         guides = []
-        for k, (one, unit) in enumerate(zip(self.pairs[:2], self.bent)):
+        for k, (pair, unit) in enumerate(zip(self.pairs[:2], self.bent)):
             x = unknowns[:, OWN * k : OWN * (k + 1)]
-            foot = one.foot + x[:, 3] * np.exp(1j * x[:, 2])
-            curvature = np.where(one.straight, 0.0, x[:, 4] * unit)
-            guides.append(Guides(x[:, 0] + 1j * x[:, 1], foot, x[:, 2], curvature, one.inverse))
+            foot = pair.foot + x[:, 3] * np.exp(1j * x[:, 2])
+            curvature = np.where(pair.straight, 0.0, x[:, 4] * unit)
+            guides.append(Guides(x[:, 0] + 1j * x[:, 1], foot, x[:, 2], curvature, pair.inverse))
         return Pairs(guides[0], guides[1], self.pairs.hinge)
 
 
@@ -352,10 +358,10 @@ def numbers_of(limits: Limits, poses: Poses, timed: bool) -> dict[str, Any]:
         return None if value is None else value / scale
 
     def box(sides: Box | None) -> Floats:
-        near, far = middle.real, middle.imag
-        return (np.array(none if sides is None else sides) - (near, far, near, far)) / scale
+        x, y = middle.real, middle.imag
+        return (np.array(none if sides is None else sides) - (x, y, x, y)) / scale
 
-    def place(point: complex | None) -> tuple[float, float]:
+    def scaled(point: complex | None) -> tuple[float, float]:
         off = complex(np.nan, np.nan) if point is None else (point - middle) / scale
         return off.real, off.imag
 
@@ -371,10 +377,10 @@ def numbers_of(limits: Limits, poses: Poses, timed: bool) -> dict[str, Any]:
         "link_ratio_max": limits.link_ratio_max,
         **{name: length(getattr(limits, name)) for name in _LENGTHS},
         "cylinder_dead_length": length(limits.dead_length),
-        "pivots": np.array([place(limits.pivot_a), place(limits.pivot_b)]),
+        "pivots": np.array([scaled(limits.pivot_a), scaled(limits.pivot_b)]),
         "pivot_boxes": np.stack([box(limits.box("pivot_a_box")), box(limits.box("pivot_b_box"))]),
-        "reach_middle": 0j if reach is None else complex(*place(reach.middle)),
-        "reaches": np.array([np.nan if far is None else far / scale for far in reaches]),
+        "reach_middle": 0j if reach is None else complex(*scaled(reach.middle)),
+        "reaches": np.array([np.nan if reach is None else reach / scale for reach in reaches]),
         "rail_boxes": np.stack([box(limits.rail_box_of("pivot_a")), box(limits.rail_box_of("pivot_b"))]),
         "far": None if reach is None else REACH * poses.extent / scale,
         "envelope": box(limits.envelope),

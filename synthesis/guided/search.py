@@ -39,8 +39,8 @@ _SLIDER = "the body makes a full turn, which it cannot if a crank drives a slide
 _ROUND = "No linkage of these kinds passes this closed path: "
 _LEADS = "No linkage of these kinds was found for this closed path. Only rotations of the best four-bars were tried, with which "
 NOTHING_ROUND = {
-    (led, turns): words + why
-    for led, words in ((False, _ROUND), (True, _LEADS))
+    (from_other_drive, turns): words + why
+    for from_other_drive, words in ((False, _ROUND), (True, _LEADS))
     for turns, why in ((False, _HINGE), (True, _SLIDER))
 }
 """Reason why there is none, by whether the rotations are those of a four-bar, and whether the body makes full turns."""
@@ -94,16 +94,16 @@ def search_guided(
     report : SearchReport
     """
     work = work or Work()
-    ways = drives(kinds, driver)
+    candidates_of_drives = drives(kinds, driver)
     if prescribed is not None and driver is None:
-        ways = [way for way in ways if not way.driver.turns]
+        candidates_of_drives = [drive for drive in candidates_of_drives if not drive.driver.turns]
     round_once = _comes_round_turned(poses, turned) if poses.closed else None
     if poses.closed:  # round and round goes only what turns
-        ways = [way for way in ways if _goes_round(way, round_once)]
-    if not ways:
+        candidates_of_drives = [drive for drive in candidates_of_drives if _goes_round(drive, round_once)]
+    if not candidates_of_drives:
         notes = [] if round_once is None else [NOTHING_ROUND[turned is not None, round_once]]
         return [], SearchReport(StoppedBy.CONVERGED, [], seeds=0, notes=notes)
-    search = PairSearch(poses, limits, ways, tolerance, work, prescribed, turned, rounds, soon)
+    search = PairSearch(poses, limits, candidates_of_drives, tolerance, work, prescribed, turned, rounds, soon)
     complete = search.run(leads)
     solutions = search.solutions()
     reached = search.incumbents.reached or (soon and search.incumbents.smallest < tolerance)
@@ -121,7 +121,7 @@ class PairSearch:
         self,
         poses: Poses,
         limits: Limits,
-        ways: Sequence[Drive],
+        drive_list: Sequence[Drive],
         tolerance: float,
         work: Work,
         prescribed: Floats | None = None,
@@ -131,13 +131,13 @@ class PairSearch:
         options: PairOptions | None = None,
     ) -> None:
         self.work, self.soon, self.trace = work, soon, list[tuple[float, float]]()
-        self.incumbents = Incumbents(tolerance, self._note, len(ways))
+        self.incumbents = Incumbents(tolerance, self._note, len(drive_list))
         if options is None:
             options = DrivenOptions() if prescribed is not None else PairOptions()
             options = options if turned is None else replace(options, idle_rounds=options.idle_rounds_led)
         self.max_rounds = options.max_rounds if rounds is None else rounds
         problem = PairProblem if prescribed is None else DrivenPairProblem
-        self.problem = problem(poses, limits, ways, self.incumbents, work, options, turned, prescribed)
+        self.problem = problem(poses, limits, drive_list, self.incumbents, work, options, turned, prescribed)
         self.multistart = MultiStart(self.problem, self.incumbents, work, options)
 
     def _note(self, smallest: float) -> None:
@@ -217,10 +217,10 @@ def _comes_round_turned(poses: Poses, turned: Floats | None) -> bool | None:
     return bool(round(float(np.sum(steps - TURN * np.round(steps / TURN))) / TURN))
 
 
-def _goes_round(way: Drive, turned: bool | None) -> bool:
+def _goes_round(drive: Drive, turned: bool | None) -> bool:
     """Whether a drive may turn fully, the body turning round with it or not."""
-    if way.kind is Kind.RAIL_SLOT or not way.driver.turns:  # its slot never passes the rail's direction
+    if drive.kind is Kind.RAIL_SLOT or not drive.driver.turns:  # its slot never passes the rail's direction
         return False
     if turned is None:
         return True
-    return turned if way.driver is Driver.HINGE else not turned or way.kind is not Kind.SLIDER_CRANK
+    return turned if drive.driver is Driver.HINGE else not turned or drive.kind is not Kind.SLIDER_CRANK

@@ -136,7 +136,7 @@ class _Search:
                 0.3 * self.tolerance,
                 self.work,
                 1e-3 if plan.fresh else _CONTINUED,
-                others=np.inf if plan.every else 0.0,
+                steps_after_first=np.inf if plan.every else 0.0,
             )
             self.pool = self.pool.joined(found)
             if self.limits.only_family:
@@ -167,7 +167,7 @@ class _Search:
         if not best.branch.size:
             return []
         problem = self.problem if self.thin_target is self.target else GivenProblem(self.target, self.chart)
-        found = problem.descended(best, [Stage(iterations)], 0.0, self.work, others=np.inf)
+        found = problem.descended(best, [Stage(iterations)], 0.0, self.work, steps_after_first=np.inf)
         linkages = problem.linkages(self.mechanism, found)
         return self.mechanism.within(self.target, self.limits, self.mechanism.assess(self.target, linkages))
 

@@ -88,7 +88,7 @@ def forces(linkage: Linkage, travel: Floats, load: Load, pulls: Sequence[Pull] =
     links = linkage.motions(travel)
     found = linkage.body(linkage.start + travel)
     body = links[1]
-    driven, other = linkage.guides
+    driven, second = linkage.guides
     turned = body.direction
     with np.errstate(all="ignore"):
         acting = {link.name: _acting(link, load, pulls) for link in links}
@@ -96,17 +96,17 @@ def forces(linkage: Linkage, travel: Floats, load: Load, pulls: Sequence[Pull] =
         on_body = on_body + load.force
         about_place = about_place + load.torque
         # where the other guide pushes, which way, and what its link's own mass adds
-        at = other.pin + 0j * turned if isinstance(other, Slot) else body.place(other.body_point)
+        at = second.pin + 0j * turned if isinstance(second, Slot) else body.place(second.body_point)
         extra, couple = 0j * turned, np.zeros(turned.shape)
         own, turning = acting[links[2].name]
-        if isinstance(other, Circle):
-            push = (at - other.pivot) / other.radius
-            extra = turning / other.radius * 1j * push
-        elif isinstance(other, Rail):
-            along = np.exp(1j * other.direction)
+        if isinstance(second, Circle):
+            push = (at - second.pivot) / second.radius
+            extra = turning / second.radius * 1j * push
+        elif isinstance(second, Rail):
+            along = np.exp(1j * second.direction)
             push, extra = 1j * along + 0j * turned, np.real(np.conj(along) * own) * along
         else:
-            push, couple = 1j * turned * np.exp(1j * other.body_direction), turning
+            push, couple = 1j * turned * np.exp(1j * second.body_direction), turning
         own_other = own
         own, turning = acting[links[0].name]
 

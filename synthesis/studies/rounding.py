@@ -149,14 +149,14 @@ def on_grid(grid: float) -> Callable[[float], Sequence[float]]:
 
     def nearest(length: float) -> list[float]:
         low = max(1, int(np.floor(length / grid)))
-        return sorted({low * grid, (low + 1) * grid}, key=lambda one: abs(one - length))
+        return sorted({low * grid, (low + 1) * grid}, key=lambda choice: abs(choice - length))
 
     return nearest
 
 
 def from_stock(stock: Sequence[float]) -> Callable[[float], Sequence[float]]:
     """The nearest of a list of lengths."""
-    return lambda length: sorted(set(stock), key=lambda one: abs(one - length))
+    return lambda length: sorted(set(stock), key=lambda choice: abs(choice - length))
 
 
 # -- a linkage of given lengths ---------------------------------------------------------------------------------------
@@ -175,25 +175,25 @@ class _Chart:
     def at(self, x: Floats) -> Linkage:
         """The linkage at changes x of the one that it began with."""
         guides: list[Guide] = []
-        for place, (name, one) in enumerate(self.linkage.named_guides):
-            own = x[4 * place : 4 * place + 4]
-            fixed = one[0] + self.size * complex(own[0], own[1])
-            point = one.body_point + self.size * complex(own[2], own[3])
-            if place and "coupler" in self.lengths:
+        for index, (name, guide) in enumerate(self.linkage.named_guides):
+            own = x[4 * index : 4 * index + 4]
+            fixed = guide[0] + self.size * complex(own[0], own[1])
+            point = guide.body_point + self.size * complex(own[2], own[3])
+            if index and "coupler" in self.lengths:
                 # the second body point goes round the first; what would lengthen the coupler does nothing
                 turn = self.along + float(own[2])
                 point = complex(guides[0].body_point + self.lengths["coupler"] * np.exp(1j * turn))
-            if isinstance(one, Circle):
-                guides.append(Circle(fixed, self.lengths.get(name, one.radius), point))
-            elif isinstance(one, Rail):
+            if isinstance(guide, Circle):
+                guides.append(Circle(fixed, self.lengths.get(name, guide.radius), point))
+            elif isinstance(guide, Rail):
                 # one change shifts the line, the other turns it
-                normal = 1j * np.exp(1j * one.direction)
-                shifted = complex(one.point + self.size * own[0] * normal)
-                guides.append(Rail(shifted, one.direction + float(own[1]), point))
+                normal = 1j * np.exp(1j * guide.direction)
+                shifted = complex(guide.point + self.size * own[0] * normal)
+                guides.append(Rail(shifted, guide.direction + float(own[1]), point))
             else:
-                normal = 1j * np.exp(1j * one.body_direction)
-                moved = complex(one.body_point + self.size * own[2] * normal)
-                guides.append(Slot(fixed, moved, one.body_direction + float(own[3])))
+                normal = 1j * np.exp(1j * guide.body_direction)
+                moved = complex(guide.body_point + self.size * own[2] * normal)
+                guides.append(Slot(fixed, moved, guide.body_direction + float(own[3])))
         unit = 1.0 if self.linkage.driver.turns else self.size
         start = self.linkage.start + self.linkage.ground_angle + (unit * float(x[8]) if self.timed else 0.0)
         return on_guides((guides[0], guides[1]), self.linkage.driver, self.linkage.branch, start)
@@ -221,11 +221,11 @@ def fitted(samples: Poses | Target, solution: Solution, lengths: dict[str, float
     linkage = chart.at(found.unknowns[0])
     if timed:
         return assess(samples, [linkage], begin)[0]
-    travel = _whole(samples, linkage, nearest_travel(samples, linkage, begin))
+    travel = _complete_travel(samples, linkage, nearest_travel(samples, linkage, begin))
     return assess(samples, [linkage], travel)[0]
 
 
-def _whole(samples: Poses | Target, linkage: Linkage, travel: Floats) -> Floats:
+def _complete_travel(samples: Poses | Target, linkage: Linkage, travel: Floats) -> Floats:
     """Travel at all samples that were asked for: of a closed way whose last sample repeats the first a turn on, or back there."""
     if not isinstance(samples, Poses) or samples.asked is None:
         return travel
@@ -248,11 +248,11 @@ def _evaluated(samples: Poses | Target, chart: _Chart, x: Floats, travel: Floats
         jacobian = np.array(columns)
         if not chart.timed:
             step = _STEP * (1.0 if linkage.driver.turns else chart.size)
-            way = (_rows(samples, linkage, travel + step) - _rows(samples, linkage, travel - step)) / (2 * step)
+            slope = (_rows(samples, linkage, travel + step) - _rows(samples, linkage, travel - step)) / (2 * step)
             # what the drive could do at a sample is no error of the linkage
-            square = np.sum(way**2, axis=0)
-            part = np.einsum("rn,krn->kn", way, jacobian) / np.where(square > 0, square, 1.0)
-            jacobian = jacobian - way * part[:, None]
+            square = np.sum(slope**2, axis=0)
+            part = np.einsum("rn,krn->kn", slope, jacobian) / np.where(square > 0, square, 1.0)
+            jacobian = jacobian - slope * part[:, None]
     stack = np.concatenate([jacobian, rows[None]]).reshape(chart.count + 1, -1)
     return stack if np.isfinite(stack).all() else None
 

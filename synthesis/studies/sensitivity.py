@@ -121,13 +121,13 @@ def derivatives(linkage: Linkage, coordinate: Floats, changes: Sequence[Deviatio
     poses = linkage.body(coordinate)
     drive = coordinate + linkage.ground_angle if linkage.driver.turns else coordinate
     turned = np.exp(1j * poses.rotation)
-    driven, other = linkage.guides
+    driven, second_guide = linkage.guides
     positions, rotations = [], []
     with np.errstate(all="ignore"):
-        on_driven, on_other = (poses.position + turned * guide.body_point for guide in (driven, other))
+        on_driven, on_other = (poses.position + turned * guide.body_point for guide in (driven, second_guide))
         pin = np.full(turned.shape, driven.pin) if isinstance(driven, Slot) else on_driven
-        contact = np.full(turned.shape, other.pin) if isinstance(other, Slot) else on_other
-        push, slid = _push_of(other, turned, on_other)
+        contact = np.full(turned.shape, second_guide.pin) if isinstance(second_guide, Slot) else on_other
+        push, slid = _push_of(second_guide, turned, on_other)
         slot = turned * np.exp(1j * direction_of(driven))
         for first, second in changes:
             shift = first.fixed - turned * first.body_point
@@ -137,13 +137,13 @@ def derivatives(linkage: Linkage, coordinate: Floats, changes: Sequence[Deviatio
                 shift = shift + 1j * drive * np.exp(1j * driven.direction) * first.direction
             else:
                 shift = shift - 1j * (pin - on_driven) * first.direction
-            wanted = second.radius + dot(push, second.fixed - turned * second.body_point) + slid * second.direction
+            defect = second.radius + dot(push, second.fixed - turned * second.body_point) + slid * second.direction
             if linkage.driver is Driver.HINGE:
                 turn = np.full(turned.shape, -first.direction)
-                slide = dot(push, shift + 1j * turn * (contact - pin)) - wanted
+                slide = dot(push, shift + 1j * turn * (contact - pin)) - defect
                 shift = shift - slot * slide / _clear(poses.sine)
             else:
-                turn = (wanted - dot(push, shift)) / _clear(np.copysign(poses.arm, poses.sine))
+                turn = (defect - dot(push, shift)) / _clear(np.copysign(poses.arm, poses.sine))
             positions.append(shift - 1j * turn * (pin - poses.position))
             rotations.append(turn)
     return np.array(positions), np.array(rotations)

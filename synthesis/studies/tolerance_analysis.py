@@ -285,14 +285,14 @@ def manufactured(
     first, second : Deviation
         Changes of both guides.
     """
-    driven, other = _Guide(linkage.guides[0], first), _Guide(linkage.guides[1], second)
+    driven, second_guide = _Guide(linkage.guides[0], first), _Guide(linkage.guides[1], second)
     drive = coordinate + linkage.ground_angle if linkage.driver.turns else coordinate
     with np.errstate(all="ignore"):
         if linkage.is_four_bar:
-            return _by_closed_loop(linkage, drive, driven, other)
+            return _by_closed_loop(linkage, drive, driven, second_guide)
         nominal = linkage.body(coordinate)
         if linkage.driver is Driver.HINGE:
-            return _by_hinge(linkage, coordinate, driven, other, linkage.reach)
+            return _by_hinge(linkage, coordinate, driven, second_guide, linkage.reach)
         if driven.sort is Circle:
             pin = driven.fixed + driven.radius * np.exp(1j * drive)
         elif driven.sort is Rail:
@@ -303,7 +303,7 @@ def manufactured(
         if driven.sort is Slot:
             held = held + drive * np.exp(1j * driven.direction)
         begin = nominal.rotation + 0 * np.real(pin)
-        rotation, value, slope = _met(lambda turn: _beyond(other, pin, np.exp(1j * turn), held), begin, 1.0)
+        rotation, value, slope = _met(lambda turn: _beyond(second_guide, pin, np.exp(1j * turn), held), begin, 1.0)
         turned = np.exp(1j * rotation)
         good = (np.abs(value) < _CLOSED * linkage.reach) & (np.sign(slope) == linkage.branch)
         position = pin - turned * held
@@ -339,26 +339,26 @@ def _met(off: Callable[[Floats], tuple[Floats, Floats]], begin: Floats, size: fl
     return at, *off(at)
 
 
-def _off(other: _Guide, at: Complexes, turned: Complexes) -> tuple[Floats, Complexes]:
+def _off(second_guide: _Guide, at: Complexes, turned: Complexes) -> tuple[Floats, Complexes]:
     """Return the error of the other guide with its body point at a position, and the direction of its push."""
-    spoke = at - other.fixed
-    if other.sort is Circle:
+    spoke = at - second_guide.fixed
+    if second_guide.sort is Circle:
         push = spoke / np.abs(spoke)
-        return np.abs(spoke) - other.radius, push
-    push = 1j * np.exp(1j * other.direction) * (turned if other.sort is Slot else 1.0)
+        return np.abs(spoke) - second_guide.radius, push
+    push = 1j * np.exp(1j * second_guide.direction) * (turned if second_guide.sort is Slot else 1.0)
     return dot(push, spoke), push
 
 
-def _beyond(other: _Guide, pin: Complexes, turned: Complexes, held: Complexes) -> tuple[Floats, Floats]:
+def _beyond(second_guide: _Guide, pin: Complexes, turned: Complexes, held: Complexes) -> tuple[Floats, Floats]:
     """Return the error of the other guide with the body turned about the pin, and its derivative by the rotation."""
-    arm = turned * (other.body_point - held)
-    value, push = _off(other, pin + arm, turned)
+    arm = turned * (second_guide.body_point - held)
+    value, push = _off(second_guide, pin + arm, turned)
     # a slot turns with the body: its fixed pin is what moves in it
-    return value, dot(push, 1j * (other.fixed - pin if other.sort is Slot else arm))
+    return value, dot(push, 1j * (second_guide.fixed - pin if second_guide.sort is Slot else arm))
 
 
 def _by_hinge(
-    linkage: Linkage, coordinate: Floats, driven: _Guide, other: _Guide, size: float
+    linkage: Linkage, coordinate: Floats, driven: _Guide, second_guide: _Guide, size: float
 ) -> tuple[Complexes, Floats]:
     """Slide the body along the slot of the hinge until it meets the other guide."""
     drive = coordinate + linkage.ground_angle
@@ -368,15 +368,17 @@ def _by_hinge(
     origin = driven.fixed - turned * driven.body_point
     nominal = linkage.body(coordinate)
     begin = np.real(np.conj(along) * (origin - nominal.position)) + 0 * np.real(origin)
-    extension, value, slope = _met(lambda far: _slid(other, origin - far * along, turned, along), begin, size)
+    extension, value, slope = _met(
+        lambda extension: _slid(second_guide, origin - extension * along, turned, along), begin, size
+    )
     position = origin - extension * along
     good = (np.abs(value) < _CLOSED * size) & (np.sign(-slope) == np.sign(nominal.sine)) & np.isfinite(nominal.sine)
     return np.where(good, position, np.nan), np.where(good, rotation + 0 * np.real(position), np.nan)
 
 
-def _slid(other: _Guide, position: Complexes, turned: Complexes, along: Complexes) -> tuple[Floats, Floats]:
+def _slid(second_guide: _Guide, position: Complexes, turned: Complexes, along: Complexes) -> tuple[Floats, Floats]:
     """Return the error of the other guide, and its derivative by the extension of the slot."""
-    value, push = _off(other, position + turned * other.body_point, turned)
+    value, push = _off(second_guide, position + turned * second_guide.body_point, turned)
     return value, -dot(push, along)
 
 
@@ -385,8 +387,8 @@ def _slid(other: _Guide, position: Complexes, turned: Complexes, along: Complexe
 
 def _quantiles_of(values: Floats) -> Floats:
     """Return the quantiles (n, 3) of values (count, n) for each of `SHARES`."""
-    places = [max(0, int(np.ceil(share * len(values))) - 1) for share in SHARES]
-    return np.partition(values, places, axis=0)[places].T
+    indices = [max(0, int(np.ceil(share * len(values))) - 1) for share in SHARES]
+    return np.partition(values, indices, axis=0)[indices].T
 
 
 def linear_quantiles(derivatives: Floats, variances: Floats) -> Floats:
@@ -404,13 +406,13 @@ def linear_quantiles(derivatives: Floats, variances: Floats) -> Floats:
     ratio = second / np.where(largest > 0, largest, 1.0)
     square = _DIRECTIONS.real**2 + ratio[:, None, None] ** 2 * _DIRECTIONS.imag**2
     # log P is convex in the square of R: Newton's method from beyond the root lands before it and then rises to it
-    wanted = np.log(1 - np.array(SHARES))
-    beyond = np.broadcast_to(-2 * wanted, (len(size), len(SHARES)))
+    logarithms = np.log(1 - np.array(SHARES))
+    beyond = np.broadcast_to(-2 * logarithms, (len(size), len(SHARES)))
     for _ in range(_QUANTILE_STEPS):
         parts = np.exp(-beyond[..., None] / (2 * square))
         total = parts.sum(axis=-1)
         beyond = np.maximum(
-            beyond + (np.log(total / _DIRECTIONS.size) - wanted) * 2 * total / (parts / square).sum(axis=-1), 0.0
+            beyond + (np.log(total / _DIRECTIONS.size) - logarithms) * 2 * total / (parts / square).sum(axis=-1), 0.0
         )
     return np.where(known[:, None], np.sqrt(beyond) * largest[:, None], np.nan)
 
