@@ -29,11 +29,13 @@ if TYPE_CHECKING:
     from linkage_atlas.linkages import Linkage, assembly
     from linkage_atlas.matching import match
     from linkage_atlas.motions import Motion
+    from linkage_atlas.objective import objective, residuals
     from linkage_atlas.results import Match, Matches, Result
     from linkage_atlas.solids import SolidParts
     from linkage_atlas.solutions import Solution
     from linkage_atlas.synthesize import synthesize
     from linkage_atlas.task import prepare
+    from synthesis.atlas import haar
     from synthesis.errors import AtlasError, AtlasFault, FieldError
     from synthesis.work import Cancelled, OutOfTime, Work
 
@@ -59,6 +61,8 @@ _HOMES = {
     "linkage_atlas.constructors": ("FourBar", "SliderCrank"),
     "linkage_atlas.geometry": ("Joints",),
     "linkage_atlas.motions": ("Motion",),
+    "linkage_atlas.objective": ("objective", "residuals"),
+    "synthesis.atlas": ("haar",),
     "linkage_atlas.drive_design.six_bars": ("SixBarLinkage", "SixBarJoints"),
     "linkage_atlas.solids": ("SolidParts",),
     "linkage_atlas.assemblies": ("Assembly",),
@@ -103,9 +107,12 @@ __all__ = [
     "build_atlas",
     "drives",
     "function",
+    "haar",
     "load_atlas",
     "match",
+    "objective",
     "prepare",
+    "residuals",
     "run_batch",
     "study",
     "synthesize",
@@ -146,7 +153,7 @@ def add_batch_commands(commands: _SubParsersAction[ArgumentParser]) -> None:
 def __getattr__(name: str) -> object:
     if name not in _HOME_OF:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(import_module(_HOME_OF[name]), name)
+    value = import_module("synthesis.atlas.haar") if name == "haar" else getattr(import_module(_HOME_OF[name]), name)
     if hasattr(value, "__dataclass_fields__") or hasattr(value, "_fields"):  # a record, whose module imports numpy
         import_module("linkage_atlas.records").describe_fields(value)
     globals()[name] = value

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import cache, cached_property, lru_cache
 from importlib.metadata import version
 from pathlib import Path
@@ -38,6 +38,13 @@ class Atlas:
         Contents of a file; default: everything is computed from the rule when it is first needed.
     path : Path, optional
         The file.
+
+    Examples
+    --------
+    >>> from synthesis.atlas.table import AtlasRule
+    >>> atlas = Atlas(AtlasRule.of("four_bar", 40))
+    >>> len(atlas), atlas[1].lengths, sum(dimension_type.lengths[0] == 2 for dimension_type in atlas)
+    (38, [2, 5, 16, 17], 14)
     """
 
     def __init__(self, rule: AtlasRule, stored: StoredAtlas | None = None, path: Path | None = None) -> None:
@@ -48,6 +55,15 @@ class Atlas:
 
     def __len__(self) -> int:
         return len(self.lengths)
+
+    def __getitem__(self, number: int) -> AtlasType:
+        """Return a type by its number, from 1 as in the source. Raises `IndexError` if there is none of this number."""
+        if not 1 <= number <= len(self):
+            raise IndexError(f"there is no type {number}: the atlas has types 1 to {len(self):,}")
+        return self.type_of(number - 1)
+
+    def __iter__(self) -> Iterator[AtlasType]:
+        return map(self.type_of, range(len(self)))
 
     @property
     def kind(self) -> str:
@@ -134,13 +150,13 @@ class Atlas:
         return f"Atlas({counted(len(self), 'type')}: {rule})"
 
 
-def load_atlas(path: str | Path, max_bytes: int | None = None, max_types: int | None = None) -> Atlas:
+def load_atlas(path: str | Path | None = None, max_bytes: int | None = None, max_types: int | None = None) -> Atlas:
     """Open and verify the atlas of a file, which is then ready to be matched.
 
     Parameters
     ----------
-    path : str or Path
-        Path of the atlas file.
+    path : str or Path, optional
+        Path of the atlas file. Default: the atlas that `match` uses.
     max_bytes, max_types : int, optional
         Largest size of the file, and largest number of types; a larger file is refused before its arrays are read.
 
@@ -156,7 +172,7 @@ def load_atlas(path: str | Path, max_bytes: int | None = None, max_types: int | 
     """
     from synthesis.atlas import file
 
-    path = Path(path)
+    path = find_atlas(jobs=1) if path is None else Path(path)
     stored = file.load_atlas(path, max_bytes, file.MAX_TYPES if max_types is None else max_types)
     return Atlas(stored.rule, stored, path)
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, TypedDict, TypeVar
+from typing import IO, TYPE_CHECKING, TypedDict, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -37,6 +37,7 @@ from synthesis.target import (
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from pandas import DataFrame
 
 __all__ = [
     "MAX_LENGTH",
@@ -272,14 +273,19 @@ class Motion:
         return motion
 
     @classmethod
-    def read(
-        cls, path: str | Path, unwrap: bool = False, columns: Mapping[str, str] | None = None, **arguments: object
+    def from_table(
+        cls,
+        table: str | Path | IO[str] | IO[bytes] | DataFrame,
+        unwrap: bool = False,
+        columns: Mapping[str, str] | None = None,
+        **arguments: object,
     ) -> Motion:
-        """Read the motion in a table of samples: CSV, or pasted from a spreadsheet.
+        r"""Read the motion in a table of samples: CSV, cells pasted from a spreadsheet, or a pandas table.
 
         Parameters
         ----------
-        path : str or Path
+        table : str, Path, file object or pandas.DataFrame
+            Path of a file, an open file or buffer of text or bytes, or a table whose columns are named as in a file.
         unwrap : bool
             Move each angle by whole turns to within half a turn of the angle before: 350, 10, 30 becomes 350, 370, 390.
         columns : mapping, optional
@@ -288,14 +294,25 @@ class Motion:
         **arguments
             Further arguments of `Motion`, which take precedence over the table. Angles and lengths are converted to the units
             of these: ``degrees`` (True) and ``length_unit`` (that of the table). Without crank angles the timing is free.
+
+        Raises
+        ------
+        FieldError
+            If the table cannot be read; the error names the line.
+
+        Examples
+        --------
+        >>> import io, linkage_atlas as la
+        >>> motion = la.Motion.from_table(io.StringIO("x [mm],y [mm],phi\n0,0,0\n40,8,15\n75,30,40"))
+        >>> motion, motion.length_unit
+        (Motion(3 samples of rotation and position, free crank angles), 'mm')
         """
         unit = {"angle_unit": "deg" if arguments.get("degrees", True) else "rad"}
         length_unit = read_length_unit(arguments.pop("length_unit", None))
-        text = decoded(Path(path).read_bytes())
-        table = read_table(text, POSES, arguments | unit, unwrap, columns, length_unit)
-        fields = {name: value for name, value in table.fields.items() if name != "angle_unit"}
-        motion = build(cls, {**fields, "length_unit": table.length_unit})
-        motion._table_notes = [table.note]
+        read = read_table(_text_of(table), POSES, arguments | unit, unwrap, columns, length_unit)
+        fields = {name: value for name, value in read.fields.items() if name != "angle_unit"}
+        motion = build(cls, {**fields, "length_unit": read.length_unit})
+        motion._table_notes = [read.note]
         return motion
 
     def __len__(self) -> int:
@@ -417,6 +434,14 @@ class Motion:
             f"rotation jumps by more than half a turn from sample {index + 1} to {index + 2}; it is taken as continuous, "
             "so if that is a wrap at 180 or 360 degrees, write it without: 350, 10, 30 as 350, 370, 390"
         ]
+
+
+def _text_of(table: str | Path | IO[str] | IO[bytes] | DataFrame) -> str:
+    """Return the text of a table in a file, in a buffer or of pandas."""
+    if isinstance(table, str | Path):
+        return decoded(Path(table).read_bytes())
+    content: str | bytes = table.to_csv(index=False) if hasattr(table, "to_csv") else table.read()
+    return decoded(content) if isinstance(content, bytes) else content
 
 
 def unit_notes(what: str, values: Floats, degrees: bool) -> list[str]:

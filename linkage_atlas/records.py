@@ -9,17 +9,22 @@ from __future__ import annotations
 import ast
 import inspect
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from functools import cache
 from itertools import pairwise
 from math import isfinite
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Generic, TypeVar, cast, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from synthesis.arrays import Flags, Floats
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+Item = TypeVar("Item")
 
 Values = Annotated[Floats, list[float | None]]
 """(n,): null where a value is not finite."""
@@ -66,6 +71,66 @@ def _printed(value: Any) -> str:
     if isinstance(value, dict):
         return f"{{{', '.join(f'{key!r}: {_printed(item)}' for key, item in value.items())}}}"
     return repr(value)
+
+
+class Ranked(Sequence[Item], Generic[Item]):
+    """Base of replies that are indexed, counted and iterated as the list of their results, best first; false without results."""
+
+    @property
+    def _results(self) -> Sequence[Item]:
+        raise NotImplementedError
+
+    @overload
+    def __getitem__(self, index: int) -> Item: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> list[Item]: ...
+
+    def __getitem__(self, index: int | slice) -> Item | list[Item]:
+        found = self._results[index]
+        return list(cast("Sequence[Item]", found)) if isinstance(index, slice) else cast("Item", found)
+
+    def __len__(self) -> int:
+        return len(self._results)
+
+    def to_dataframe(self) -> DataFrame:
+        """Return a pandas table with a row for each result.
+
+        Returns
+        -------
+        pandas.DataFrame
+            A column for each number and word, named by its path in the result, such as ``errors.position_max`` and
+            ``mount.pivot_a.0``. Lists of more than four values, such as curves, are left out.
+
+        Raises
+        ------
+        ImportError
+            If pandas is missing; the message names the extra that installs it.
+        """
+        try:
+            from pandas import DataFrame
+        except ImportError as error:
+            raise ImportError(
+                "A table needs pandas: install it with `pip install 'linkage-atlas[pandas]'`."
+            ) from error
+        return DataFrame([dict(_cells(plain(result))) for result in self])
+
+
+MAX_CELLS = 4
+"""Longest list whose values have columns of their own in a table of results."""
+
+
+def _cells(value: object, path: str = "") -> Iterator[tuple[str, object]]:
+    """Yield the path and value of each number and word in plain values, without long lists."""
+    if isinstance(value, Mapping):
+        parts = list(value.items())
+    elif not isinstance(value, list):
+        yield path, value
+        return
+    else:
+        parts = list(enumerate(value)) if len(value) <= MAX_CELLS else []
+    for name, part in parts:
+        yield from _cells(part, f"{path}.{name}" if path else str(name))
 
 
 @cache

@@ -7,16 +7,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Annotated, Literal, TypeVar, cast, overload
+from typing import Annotated, Literal
 
 from linkage_atlas.geometry import AtlasType
 from linkage_atlas.linkages import Linkage
 from linkage_atlas.notes import counted
-from linkage_atlas.records import PYTHON_ONLY, Record
+from linkage_atlas.records import PYTHON_ONLY, Ranked, Record
 from linkage_atlas.solutions import Solution
 from synthesis.ranking import Status
 
-SolutionT = TypeVar("SolutionT")
 StatusName = Annotated[str, Literal["reached", "closest", "infeasible", "unknown"]]
 StoppedBy = Annotated[str, Literal["tolerance", "converged", "budget"]]
 
@@ -41,27 +40,6 @@ class Report(Record):
     notes: list[str]
     start_from_ranks: list[int | None] | None = None
     """With `start_from`: the rank of the solution to which each of its linkages led, null if there is none."""
-
-
-class Ranked(Sequence[SolutionT]):
-    """Base of replies that are indexed, counted and iterated as the list of their results, best first; false without results."""
-
-    @property
-    def _results(self) -> Sequence[SolutionT]:
-        raise NotImplementedError
-
-    @overload
-    def __getitem__(self, index: int) -> SolutionT: ...
-
-    @overload
-    def __getitem__(self, index: slice) -> list[SolutionT]: ...
-
-    def __getitem__(self, index: int | slice) -> SolutionT | list[SolutionT]:
-        found = self._results[index]
-        return list(cast("Sequence[SolutionT]", found)) if isinstance(index, slice) else cast("SolutionT", found)
-
-    def __len__(self) -> int:
-        return len(self._results)
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ import matplotlib.pyplot as plt
 
 import linkage_atlas as la
 
-motion = la.Motion.read("../../app/examples/casement.csv", length_unit="mm")
+motion = la.Motion.from_table("../../app/examples/casement.csv", length_unit="mm")
 limits = la.Limits(pivot_box=[-100, -250, 400, 150], link_min=60, link_max=500)
 result = la.synthesize(motion, limits, top=3)
 print(result)

@@ -13,7 +13,7 @@ import matplotlib.pyplot as plt
 
 import linkage_atlas as la
 
-motion = la.Motion.read("../../app/examples/casement.csv", length_unit="mm")
+motion = la.Motion.from_table("../../app/examples/casement.csv", length_unit="mm")
 result = la.synthesize(motion, la.Limits(pivot_box=[-100, -250, 400, 150], link_min=60, link_max=500), top=1)
 assembly = result.linkage.assembly()
 print(assembly)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple, get_args, over
 
 from linkage_atlas.linkages import Linkage
 from linkage_atlas.plotting import plot_curves
-from linkage_atlas.records import PYTHON_ONLY, Record, Values, Vectors
+from linkage_atlas.records import PYTHON_ONLY, Ranked, Record, Values, Vectors
 from synthesis.arrays import Floats
 from synthesis.drives.links import GROUND, LinkMotions
 
@@ -488,8 +488,11 @@ class TorqueCurve(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Drives(Record):
-    """Answer of `linkage_atlas.drives`: drives, the best first within each kind, springs, and reasons for what is missing."""
+class Drives(Record, Ranked[Drive]):
+    """Answer of `linkage_atlas.drives`: drives, the best first within each kind, springs, and reasons for what is missing.
+
+    It is indexed and iterated as ``drives``.
+    """
 
     drives: list[Drive]
     refused: list[Refusal]
@@ -497,6 +500,10 @@ class Drives(Record):
     torque: TorqueCurve
     notes: list[str]
     machine: LinkMotions = field(metadata=PYTHON_ONLY, repr=False)
+
+    @property
+    def _results(self) -> list[Drive]:
+        return self.drives
 
     @overload
     def best(self, kind: Literal["rotary"]) -> RotaryDrive | None: ...

@@ -14,8 +14,8 @@ from linkage_atlas.functions.question import Dial, Scales
 from linkage_atlas.geometry import AnyGuide, DriverName, KindName, Links
 from linkage_atlas.linkages import Linkage
 from linkage_atlas.notes import counted
-from linkage_atlas.records import PYTHON_ONLY, Record, Values
-from linkage_atlas.results import Ranked, StatusName, StoppedBy
+from linkage_atlas.records import PYTHON_ONLY, Ranked, Record, Values
+from linkage_atlas.results import StatusName, StoppedBy
 from linkage_atlas.solutions import Verdict
 from synthesis.arrays import Floats
 from synthesis.errors import FieldError

@@ -16,23 +16,40 @@ from synthesis.arrays import Floats
 
 
 def levels(samples: int) -> int:
-    """j for 2^j samples; ValueError where the number is no power of two (or below 2)."""
+    """Return j for 2^j samples; raise ValueError if the number is no power of two or below 2."""
     if samples < 2 or samples & (samples - 1):
         raise ValueError(f"samples: wanted a power of two of at least 2, found {samples}")
     return samples.bit_length() - 1
 
 
 def block_roots(samples: int) -> Floats:
-    """sqrt(block length) of every flat detail."""
+    """Return the square root of the block length of each flat detail, (2^j - 1,)."""
     j = levels(samples)
     return np.repeat(np.sqrt(samples / 2.0 ** np.arange(j)), 2 ** np.arange(j))
 
 
 def features(curve: ArrayLike) -> tuple[Floats, Floats]:
-    """Average (...) and details (..., 2^j - 1) of curves (..., 2^j) in any unit.
+    """Return the Haar features of curves.
 
     Law: with r the block roots, ``sum((r * details)**2) = sum((curve - average)**2)``. A constant added to the curve leaves the
-    details.
+    details unchanged.
+
+    Parameters
+    ----------
+    curve : array_like, shape (..., 2^j)
+        Samples in any unit.
+
+    Returns
+    -------
+    average : ndarray, shape (...)
+    details : ndarray, shape (..., 2^j - 1)
+        From coarse to fine.
+
+    Examples
+    --------
+    >>> from synthesis.atlas import haar
+    >>> haar.features([1.0, 3.0, 6.0, 10.0])
+    (np.float64(5.0), array([-3., -1., -2.]))
     """
     curve = np.asarray(curve, dtype=float)
     roots = block_roots(curve.shape[-1])
@@ -41,7 +58,23 @@ def features(curve: ArrayLike) -> tuple[Floats, Floats]:
 
 
 def curve_from_features(average: ArrayLike, details: ArrayLike) -> Floats:
-    """Curves, shape (..., 2^j), from their average and details: the inverse of `features`."""
+    """Return curves from their average and details: the inverse of `features`.
+
+    Parameters
+    ----------
+    average : array_like, shape (...)
+    details : array_like, shape (..., 2^j - 1)
+
+    Returns
+    -------
+    ndarray, shape (..., 2^j)
+
+    Examples
+    --------
+    >>> from synthesis.atlas import haar
+    >>> haar.curve_from_features(5.0, [-3, -1, -2])
+    array([ 1.,  3.,  6., 10.])
+    """
     average, details = np.asarray(average, dtype=float), np.asarray(details, dtype=float)
     samples = details.shape[-1] + 1
     curve = np.empty((*details.shape[:-1], samples))
@@ -55,15 +88,19 @@ def curve_from_features(average: ArrayLike, details: ArrayLike) -> Floats:
 
 
 def resample(crank_angle: ArrayLike, curve: ArrayLike) -> tuple[Floats, Floats]:
-    """A curve at evenly spaced crank angles, as many as the next power of two.
+    """Return a curve at evenly spaced crank angles, whose number is the next power of two.
 
-    ``crank_angle`` (N,): strictly monotonic. ``curve`` (..., N), N >= 3.
+    Parameters
+    ----------
+    crank_angle : array_like, shape (N,)
+        Strictly monotonic, N >= 3.
+    curve : array_like, shape (..., N)
 
     Returns
     -------
     crank_angle, curve : ndarray, shape (2^j,) and (..., 2^j)
-        Both ends included, 2^j >= N. Unchanged where the samples are even and their number is a power of two, otherwise
-        a cubic spline through the samples (not-a-knot ends). Law: cubics are kept exactly.
+        Both ends included, 2^j >= N. Unchanged if the samples are even and their number is a power of two, otherwise
+        a cubic spline through the samples (not-a-knot ends). Law: cubics are reproduced exactly.
     """
     angle, curve = np.asarray(crank_angle, dtype=float), np.asarray(curve, dtype=float)
     samples = 1 << (angle.size - 1).bit_length()

@@ -349,9 +349,9 @@ def test_the_fields_of_limits_are_described_and_checked_by_name() -> None:
 def test_a_table_is_a_motion(tmp_path) -> None:
     table = tmp_path / "poses.csv"
     table.write_text("x,y,angle\n0,0,350\n6,2,10\n12,2,30\n")
-    motion = la.Motion.read(table, unwrap=True)
+    motion = la.Motion.from_table(table, unwrap=True)
     assert motion.free and np.rad2deg(motion.samples.rotation).tolist() == pytest.approx([350, 370, 390])
-    assert not la.Motion.read(table, crank_span=80).free
+    assert not la.Motion.from_table(table, crank_span=80).free
 
 
 TURNED, POSITIONS = [0, 10, 25, 45, 70, 90], [[0, 0], [20, 10], [40, 25], [60, 50], [70, 80], [70, 110]]

@@ -22,7 +22,7 @@ UNITS = {"in": 25.4, "um": 0.001}
 
 def solved(path, unit: str, **more):
     path.write_text(TABLE.format(unit))
-    motion = la.Motion.read(path, **more)
+    motion = la.Motion.from_table(path, **more)
     return motion, la.synthesize(motion, top=1, budget=5).best
 
 
@@ -80,16 +80,16 @@ def test_a_drawing_has_the_size_that_the_table_says(tmp_path, unit) -> None:
 def test_the_table_converts_to_the_units_that_are_asked_for(tmp_path) -> None:
     path = tmp_path / "poses.csv"
     path.write_text("x [cm],y [cm],theta [rad]\n0,0,0\n1,2,1\n3,4,2\n")
-    motion = la.Motion.read(path, length_unit="mm", tolerances={"rotation": 1.0})
+    motion = la.Motion.from_table(path, length_unit="mm", tolerances={"rotation": 1.0})
     assert motion.asked.position.tolist() == pytest.approx([0, 10 + 20j, 30 + 40j])
     assert motion.length_unit == "mm" and motion.degrees
     assert motion.tolerances.rotation[0] == pytest.approx(0.0174533), (
         "an option is in degrees whatever the table is in"
     )
-    radians = la.Motion.read(path, degrees=False)
+    radians = la.Motion.from_table(path, degrees=False)
     assert radians.asked.rotation.tolist() == pytest.approx([0, 1, 2]) and not radians.degrees
     with pytest.raises(la.FieldError, match="length_unit"):
-        la.Motion.read(path, length_unit="furlong")
+        la.Motion.from_table(path, length_unit="furlong")
 
 
 @pytest.mark.parametrize(
@@ -105,9 +105,9 @@ def test_a_unit_that_is_unknown_is_answered_with_the_allowed_units_and_the_neare
 def test_notes_say_how_the_table_was_read(tmp_path) -> None:
     path = tmp_path / "poses.csv"
     path.write_text("Frame,TX,TY,TZ,RX,RZ\n1,0,0,0,0,0\n2,10,2,0,0,5\n3,22,5,0,0,12\n")
-    notes = la.synthesize(la.Motion.read(path), top=1, budget=1).report.notes
+    notes = la.synthesize(la.Motion.from_table(path), top=1, budget=1).report.notes
     assert sum("Columns read" in note for note in notes) == 1
-    motion = la.Motion.read(path, columns={"x": "TX", "y": "TY", "angle": "RX"})
+    motion = la.Motion.from_table(path, columns={"x": "TX", "y": "TY", "angle": "RX"})
     assert motion.asked.rotation.tolist() == [0, 0, 0]
 
 
