@@ -177,7 +177,10 @@ export class LinkageShape {
   }
 }
 
-/** A small picture of a linkage where it first closes, with the path of its body point between two travels in radians. */
+/**
+ * A small picture of a linkage where it first closes, with the path of its body point between two travels in radians; its `move(share)`
+ * shows the linkage at a share of them, from 0 to 1.
+ */
 export function thumbnail(linkage, [first, last], targets, width = 160, height = 112) {
   const svg = make("svg", { viewBox: `0 0 ${width} ${height}`, "aria-hidden": "true" });
   const view = new View(width, height);
@@ -186,6 +189,8 @@ export function thumbnail(linkage, [first, last], targets, width = 160, height =
   if (!start) return svg;
   view.fit([start.a, start.b, ...used.flatMap((j) => (j ? [j.d, j.c, j.p] : [])), ...targets], 12);
   make("path", { class: "curve", d: pathData(used.map((j) => j && (j.p ?? j.c)), view) }, svg);
-  new LinkageShape(svg, false).show(start, view);
+  const shape = new LinkageShape(svg, false);
+  shape.show(start, view);
+  svg.move = (share) => shape.show(linkage.at(first + share * (last - first)) ?? start, view);
   return svg;
 }

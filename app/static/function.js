@@ -136,7 +136,7 @@ function changed() {
   try { request = toRequest(); } catch { /* it cannot be asked as it is */ }
   const earlier = JSON.stringify(request) !== JSON.stringify(answer.request);
   markEarlier(earlier);
-  if (earlier) say("The question has changed since it was answered.");
+  if (earlier) say("Inputs changed. Solve again.");
   else sayStatus();
 }
 

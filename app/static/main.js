@@ -102,7 +102,7 @@ function suggest({ reply: { report, solutions }, request }) {
 function sayAnswer() {
   const { reply, reply: { solutions }, motion } = answer, { solution } = results;
   if (editor.board.stale || solution?.source === "hand") {
-    say(editor.board.stale ? "The question has changed since it was answered." : `Changed by hand: ${howNear({ reply: { ...reply, solutions: [solution] }, motion })}.`);
+    say(editor.board.stale ? "Inputs changed. Solve again." : `Changed by hand: ${howNear({ reply: { ...reply, solutions: [solution] }, motion })}.`);
     return;
   }
   say(sentenceOf(answer), !solutions.length || defects(solutions[0].verdict).length > 0);

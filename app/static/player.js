@@ -63,6 +63,13 @@ export class Player {
   /** Where the slider stands, in degrees of crank from the first sample, with sign. */
   get travel() { return this.shown ? this.shown.pass.sense * Number($("slider").value) : 0; }
 
+  /** The share of the used interval at which the slider stands, from 0 to 1. */
+  get share() {
+    if (!this.shown) return 0;
+    const { low, high } = this.shown.pass;
+    return Math.min(1, Math.max(0, (Number($("slider").value) - low) / (high - low || 1)));
+  }
+
   /** Lets the shown linkage run, unless the reader's system asks for little motion. */
   run() {
     if (this.frame === null && !matchMedia("(prefers-reduced-motion: reduce)").matches) this.#play();

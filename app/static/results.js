@@ -1,6 +1,6 @@
 // The solutions of an answer: the list, the search's error over time, and the numbers and files of the selected one.
 
-import { card, sign, sorted } from "./cards.js";
+import { card, grouped, nameOf, sign, sorted } from "./cards.js";
 import { chart, redrawOn } from "./charts.js";
 import { button, element, namedRows, signed, text } from "./drawing.js";
 import { Driving } from "./driving.js";
@@ -21,6 +21,7 @@ const CARDS = ["results", "trace-card", "curves-card", "numbers-card", "files-ca
 const LINKS = ["crank", "coupler", "rocker", "ground"];
 const ENDINGS = { mjcf: "xml", plates: "plates.dxf", pylinkage: "pylinkage.json", stl: "stl.zip", parts: "parts.csv" };
 const OF_PARTS = ["step", "3mf", "stl", "urdf", "sdf", "parts"];
+const DIGITS = 4; // of numbers that are shown; their titles and copies have more
 const ENDS = { tolerance: "tolerance reached", converged: "no further improvement found", budget: "the time was up" };
 const REST_MS = 120; // without a further drag, after which the curves are drawn anew
 const NEAR = 2.5; // views of the motion, or of the selected linkage if that needs more, that further solutions may widen the view to
@@ -44,12 +45,12 @@ function numberRows(solution, { motion, size }, digits) {
   if (solution.errors.rotation_rms !== null) rows.push(["Angle error, rms", errorText(solution.errors.rotation_rms, 57, "°")]);
   if (solution.errors.position_rms !== null) rows.push(["Position error, rms", errorText(solution.errors.position_rms, size, ` ${unit}`)]);
   if (Number.isFinite(solution.size)) rows.push(["Size", `${number(solution.size)} × motion`]);
-  if (Number.isFinite(solution.excursion)) rows.push([`Way between ${itemOf(motion)}s`, `${text(solution.excursion, 3)} × distance`]);
-  rows.push(["Transmission", `${text(solution.transmission_angle_min, 5)}°`]);
+  if (Number.isFinite(solution.excursion)) rows.push([`Detour between ${itemOf(motion)}s`, `${text(solution.excursion, 3)} × distance`]);
+  rows.push(["Transmission", `${text(solution.transmission_angle_min, DIGITS)}°`]);
   if (Number.isFinite(solution.arm_min)) rows.push(["Moment arm, least", length(solution.arm_min)]);
-  if (Number.isFinite(solution.transmission_angle_min_turn)) rows.push(["Transmission, whole turn", `${text(solution.transmission_angle_min_turn, 5)}°`]);
+  if (Number.isFinite(solution.transmission_angle_min_turn)) rows.push(["Transmission, whole turn", `${text(solution.transmission_angle_min_turn, DIGITS)}°`]);
   const held = solution.determination?.active_limits ?? [];
-  if (held.length) rows.push(["Held by", held.map(limitName).join(", ")]);
+  if (held.length) rows.push(["Limited by", held.map(limitName).join(", ")]);
   const error = roundedText(solution, size, ` ${unit}`);
   if (error && rounded.closes) rows.push(["Rounded links", `${roundedLinks(rounded).map(([name, one]) => `${name} ${number(one)}`).join(", ")} ${unit}`]);
   if (error) rows.push(["Error when rounded", error]);
@@ -78,7 +79,7 @@ function verdictBlock(solution, motion) {
 /** The crank angles that a solution brings along, in the order in which the samples are passed. */
 function crankBlock(solution, motion) {
   const block = document.createElement("details"), { order } = passing(solution, motion, false);
-  const table = namedRows(order.map((k) => [`${capital(itemOf(motion))} ${k + 1}`, `${text(drivePlaces(solution)[k], 8)}${driveTurns(solution) ? "°" : ` ${motion.unit}`}`]));
+  const table = namedRows(order.map((k) => [`${capital(itemOf(motion))} ${k + 1}`, `${text(drivePlaces(solution)[k], DIGITS)}${driveTurns(solution) ? "°" : ` ${motion.unit}`}`]));
   block.append(element("summary", "", driveTurns(solution) ? `Crank angles at the ${itemOf(motion)}s` : `Travel of the ${solution.driver} at the ${itemOf(motion)}s`), table);
   return block;
 }
@@ -101,7 +102,7 @@ const isHand = (solution) => solution.source === "hand";
 export class Results {
   /** `keep(kind)` makes what there is before a joint is moved a step of undo; `changed()` is called when the user has moved one or picked a card. */
   constructor(board, keep, changed) {
-    Object.assign(this, { keep, changed, answer: null, solution: null, board, player: new Player(board), picked: false });
+    Object.assign(this, { keep, changed, answer: null, solution: null, board, player: new Player(board), picked: false, pinned: [] });
     this.layers = new Layers(board, (degrees) => { this.player.stop(); this.player.goto(degrees); }, (solution) => this.#judgedAnew(solution));
     this.driving = new Driving(board, this.player);
     this.fields = new JointFields(board, (name, place) => this.drag(name, place, null), () => this.player.stop());
@@ -109,6 +110,7 @@ export class Results {
     for (const one of document.querySelectorAll("[data-format]")) one.addEventListener("click", () => this.#save(one.dataset.format));
     $("sort").addEventListener("change", () => this.#list());
     $("overlay").addEventListener("change", () => this.#showOthers());
+    board.seen.push(() => this.#movePictures());
     redrawOn($("trace"), () => this.#drawTrace());
     redrawOn($("solutions"), () => this.answer && this.#list());
   }
@@ -129,6 +131,7 @@ export class Results {
       }
       this.solution = null;
       $("solutions").replaceChildren();
+      this.pinned = [];
       this.board.showOthers([]);
       this.player.clear();
       return;
@@ -212,17 +215,57 @@ export class Results {
 
   #list() {
     const { motion, reply, size } = this.answer, active = $("solutions").contains(document.activeElement);
-    const shown = sorted(reply.solutions, $("sort").value);
-    $("solutions").replaceChildren(...shown.map((solution) => card(solution, motion, size, () => { this.picked = true; this.#select(solution); this.changed(); })));
-    this.cards = shown;
+    const groups = grouped(sorted(reply.solutions, $("sort").value)), choose = (solution) => { this.picked = true; this.#select(solution); this.changed(); };
+    this.pinned = this.pinned.map((one) => reply.solutions.find((other) => alike(one, other))).filter(Boolean);
+    $("solutions").replaceChildren(...groups.flatMap(([kind, solutions]) => {
+      const list = document.createElement("ol");
+      list.append(...solutions.map((solution) => card(solution, motion, size, this.pinned.includes(solution), () => choose(solution), (on) => this.#compare(solution, on))));
+      return groups.length > 1 ? [element("h3", "", kind), list] : [list];
+    }));
+    this.cards = groups.flatMap(([, solutions]) => solutions);
+    this.share = null;
+    this.#movePictures();
+    this.#showCompared();
     this.#press();
     if (active) $("solutions").querySelector("[aria-pressed=true]")?.focus({ preventScroll: true });
+  }
+
+  /** Moves the linkages of the cards with the one on the canvas. */
+  #movePictures() {
+    const { share } = this.player;
+    if (share === this.share || $("choose").hidden) return;
+    this.share = share;
+    for (const picture of $("solutions").querySelectorAll("svg")) picture.move?.(share);
+  }
+
+  /** Adds a solution to the two that are compared, or takes it away. */
+  #compare(solution, on) {
+    this.pinned = [...this.pinned.filter((one) => one !== solution), ...(on ? [solution] : [])].slice(-2);
+    this.#list();
+    this.#showOthers();
+  }
+
+  /** Two solutions side by side, in a row for each number that both have. */
+  #showCompared() {
+    const { pinned, answer } = this, host = $("compare");
+    host.hidden = !pinned.length;
+    if (pinned.length < 2) {
+      host.replaceChildren(element("p", "note", "Choose a second linkage to compare."));
+      return;
+    }
+    const columns = pinned.map((one) => new Map([...numberRows(one, answer, DIGITS), ["Verdict", mark(one.verdict, itemOf(answer.motion))?.text ?? "not judged"]]));
+    const table = document.createElement("table"), head = table.createTHead().insertRow(), body = table.createTBody();
+    head.append(element("td", ""), ...pinned.map((one) => Object.assign(element("th", "", nameOf(one)), { scope: "col" })));
+    for (const name of columns[0].keys()) {
+      if (columns[1].has(name)) body.insertRow().append(Object.assign(element("th", "", name), { scope: "row" }), ...columns.map((rows) => element("td", "", rows.get(name))));
+    }
+    host.replaceChildren(element("h3", "", "Compared"), table);
   }
 
   /** The verdict of a solution has its layers: its card and, where it is selected, its numbers say so. */
   #judgedAnew(solution) {
     const place = this.cards?.indexOf(solution) ?? -1;
-    const shown = $("solutions").children[place]?.querySelector(".verdict"), { className, childNodes } = sign(solution.verdict, this.answer.motion);
+    const shown = $("solutions").querySelectorAll("li")[place]?.querySelector(".verdict"), { className, childNodes } = sign(solution.verdict, this.answer.motion);
     if (shown) {
       shown.className = className;
       shown.replaceChildren(...childNodes);
@@ -231,7 +274,7 @@ export class Results {
   }
 
   #press() {
-    [...$("solutions").children].forEach((item, k) => item.firstChild.setAttribute("aria-pressed", String(this.cards[k] === this.solution)));
+    [...$("solutions").querySelectorAll("li")].forEach((item, k) => item.firstChild.setAttribute("aria-pressed", String(this.cards[k] === this.solution)));
   }
 
   /** `fit` the view: "all" solutions, or "holds", where parts of this one lie outside and the user has not moved it. */
@@ -268,14 +311,16 @@ export class Results {
 
   #showOthers() {
     const { motion, reply } = this.answer ?? {};
-    this.board.showOthers($("overlay").checked && reply ? reply.solutions.filter((one) => one !== this.solution).map((one) => trajectory(one, motion)) : []);
+    const faint = $("overlay").checked && reply ? reply.solutions : this.pinned;
+    this.board.showOthers(faint.filter((one) => one !== this.solution).map((one) => trajectory(one, motion)));
   }
 
   /** `again`: the same solution, so that what the last export said stays. */
   #showNumbers(again = false) {
     const rows = worstRows(fitOf(this.solution, this.answer.motion), this.answer.motion, this.answer.size);
     $("joints-note").textContent = rows.length ? `Off by at most ${worstWords(rows, this.answer.motion)}.` : "";
-    const { verdict, source } = this.solution, { motion } = this.answer, parts = [namedRows(numberRows(this.solution, this.answer, 8))];
+    const { verdict, source } = this.solution, { motion } = this.answer, table = namedRows(numberRows(this.solution, this.answer, DIGITS)), parts = [table];
+    numberRows(this.solution, this.answer, 8).forEach(([, value], k) => { table.rows[k].cells[1].title = value; });
     if (verdict) parts.unshift(verdictBlock(this.solution, motion));
     else if (source === "hand") parts.unshift(handBlock(this.solution));
     if (drivePlaces(this.solution)) parts.push(crankBlock(this.solution, motion));

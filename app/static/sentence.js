@@ -23,7 +23,7 @@ export function sentenceOf({ reply: { status, solutions, report }, request, moti
     return [proved, why || "Loosen a limit, allow any family, or let the pivots lie elsewhere.", ""].join(" ").trim();
   }
   const held = solutions[0].determination?.active_limits ?? [], near = howNear({ reply: { solutions, report }, motion });
-  const limited = held.length && status !== "reached" ? `, held by ${new Intl.ListFormat("en-GB").format(held.map(limitName))}` : "";
+  const limited = held.length && status !== "reached" ? `, limited by ${new Intl.ListFormat("en-GB").format(held.map(limitName))}` : "";
   const kept = status === "reached" && request.tolerances ? `Within the allowed errors at every ${itemOf(motion)}` : !request.tolerances && request.prefer && "Near the least error", first = FIRST[preferred(request)];
   const parts = [`${kept && first ? `${kept}, ${first}` : kept || "Best found"}: ${near}${limited}.`];
   const rounded = roundedText(solutions[0], report.length_scale, ` ${motion.unit}`);

@@ -95,7 +95,7 @@ export function fillSheet(answer, solution, drive, parts = null) {
   if (mount?.coupler_point_polar) rows.push(["P from D", `${number(mount.coupler_point_polar.radius)} ${unit} at ${number(mount.coupler_point_polar.angle, 5)}° from DC`]);
   rows.push(["branch", solution.branch > 0 ? "+1" : "−1"], links ? [`crank at ${item} 1`, `${number(solution.start_angle)}° from AB`] : [`drive at ${item} 1`, `${place(solution.start)}${fit.pass.turns ? "°" : ` ${unit}`}`], ["transmission angle", `${number(solution.transmission_angle_min, 4)}° or more`]);
   const held = solution.determination?.active_limits ?? [];
-  if (held.length) rows.push(["held by", held.map(limitName).join(", ")]);
+  if (held.length) rows.push(["limited by", held.map(limitName).join(", ")]);
   for (const reason of solution.verdict ? reasons(solution.verdict, item) : []) rows.push(["", reason]);
   if (request.limits?.pivot_box) rows.push(["pivot box", request.limits.pivot_box.map((v) => number(v)).join(", ")]);
   const poses = motion.poses.map((pose, k) => [

@@ -29,7 +29,7 @@ const sentence = (reason, item = "sample") => {
 };
 
 /** A reason as short as a card has room for. */
-const brief = (reason, item) => sentence(reason, item).replace(/\.$/, "").replace(/^The body point goes (\S+) times as far (between two \w+) .*/, "goes $1 times the way $2");
+const brief = (reason, item) => sentence(reason, item).replace(/\.$/, "").replace(/^The body point goes (\S+) times as far (between two \w+) .*/, "long detour $2 ($1 times their distance)");
 
 /** The names of what keeps a linkage from making its motion as a machine: "order", "branch", "circuit". */
 export const defects = (verdict) => DEFECTS.filter((name) => verdict && verdict[name] === false);

@@ -481,7 +481,7 @@ class MotionPage(Page):
 
     def links(self) -> list[float]:
         """Lengths of the four links of the selected solution, from the table of numbers."""
-        rows = "[...document.querySelectorAll('#numbers tr')].map((row) => [...row.children].map((cell) => cell.textContent))"
+        rows = "[...document.querySelectorAll('#numbers tr')].map((row) => [row.cells[0].textContent, row.cells[1].title])"
         found = dict(self.run(f"return {rows}"))
         return [float(found[name].split()[0]) for name in ("Crank", "Coupler", "Rocker", "Ground")]
 

@@ -173,7 +173,7 @@ def test_bad_numbers_and_refusals_are_answered_in_words(opened) -> None:
         "tension spring, two springs: no spring of 12 fits.",
         "drive in a hinge on the crank: it does not turn.",
     ]
-    opened.reload()
+    opened.load()
 
 
 def test_a_cylinder_between_given_ends_is_evaluated(opened) -> None:

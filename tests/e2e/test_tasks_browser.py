@@ -427,7 +427,7 @@ def test_texts_are_free_of_jargon(standing) -> None:
         [reason],
     )
     posed = reason.replace("samples", "poses")
-    assert said == ["goes 2.94 times the way between two poses", f"{posed[0].upper()}{posed[1:]}."]
+    assert said == ["long detour between two poses (2.94 times their distance)", f"{posed[0].upper()}{posed[1:]}."]
     assert "determination" not in standing.run("return document.body.innerText")
     marked = standing.later(
         "import('/static/verdict.js').then(v => arguments[0]([1, 2].map((count) => v.mark({order: true, branch: true,"
@@ -440,7 +440,9 @@ def test_a_broken_limit_is_red_and_rows_of_a_path_are_called_points(standing) ->
     request = path_request([0, 60, 120])
     standing.answered(request, [0, 60, 120])
     cards = standing.cards()  # of a stub, whose layers never come
-    assert "broken" in cards[1].get_attribute("class") and "transmission angle 21.9° over" in cards[1].text
+    assert "broken" in cards[2].get_attribute("class") and "transmission angle 21.9° over" in cards[2].text, (
+        "after usable ones"
+    )
     assert "broken" not in cards[0].get_attribute("class")
     assert "Position error, largest" in standing.text("numbers") and "mm at point" in standing.text("numbers")
     assert standing.count("#canvas .worst") == 1
@@ -557,6 +559,25 @@ def test_a_drag_adds_no_pose_and_cards_leave_the_scale(opened) -> None:
     assert len(opened.table()) == len(before) and opened.view() != middle, "a drag beside the poses moves the view"
     opened.click_canvas((300, 180))
     assert len(opened.table()) == len(before) + 1
+
+
+def test_two_linkages_are_compared_and_cards_move_with_the_slider(opened) -> None:
+    pins = "#solutions li:nth-child({}) [type=checkbox]"
+    opened.press(pins.format(1))
+    assert opened.text("compare") == "Choose a second linkage to compare."
+    opened.press(pins.format(2))
+    opened.press(pins.format(3))
+    assert opened.count("#solutions :checked") == 2, "the first gives way"
+    rows = opened.run("return [...document.querySelectorAll('#compare tr')].map((row) => row.cells.length)")
+    assert len(rows) > 15 and set(rows) == {3}
+    assert opened.count("[data-layer=overlay] .small") == 2 and opened.faults("#choose") == []
+    crank = "return document.querySelector('#solutions li:nth-child(2) .crank').getAttribute('d')"
+    before = opened.run(crank)
+    opened.slide(50)
+    assert opened.run(crank) != before
+    opened.press(pins.format(2))
+    opened.press(pins.format(3))
+    assert not opened.shown("compare")
 
 
 CODES = "0 SECTION 2 ENTITIES 0 LWPOLYLINE 70 1 90 4 10 0 20 0 10 40 20 0 42 1 10 40 20 20 10 0 20 20 0 ENDSEC 0 EOF"

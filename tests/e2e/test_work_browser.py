@@ -251,7 +251,7 @@ def test_back_and_forward_and_late_answers_belong_to_their_motions(page) -> None
     page.click("any-order")
     page.run("window.go()")
     page.wait(f"{CARDS} === 4 && {IDLE}")
-    assert page.earlier() is True and "has changed since" in page.text("status")
+    assert page.earlier() is True and "Inputs changed" in page.text("status")
     page.undo()
     assert page.earlier() is False and "off by" in page.text("status")
     page.load()
@@ -280,7 +280,7 @@ def test_notes_belong_to_their_motion(opened) -> None:
     assert "Casement" in opened.text("example-note") and not opened.shown("unwrap")
     opened.renew("casement")
     opened.click("any-order")
-    assert not opened.text("example-note") and "The question has changed" in opened.text("status")
+    assert not opened.text("example-note") and "Inputs changed" in opened.text("status")
     opened.undo()
     assert "Casement" in opened.text("example-note") and "off by" in opened.text("status")
 
