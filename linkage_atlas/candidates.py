@@ -17,7 +17,6 @@ from linkage_atlas.studies import Studies
 from linkage_atlas.task import Fair, Task, screens, seed_tables
 from linkage_atlas.warm_start import FOR_STARTS, Start, pointing_to_start
 from synthesis.atlas.scan import Scan
-from synthesis.constraints import within
 from synthesis.four_bar import Family, wrap
 from synthesis.free.few_poses import Obstacles
 from synthesis.free.search import search_free
@@ -33,6 +32,7 @@ from synthesis.search.report import SearchReport, StoppedBy
 from synthesis.search.search import search
 from synthesis.search.seeds import SeedTables
 from synthesis.solution import Solution, assess, target_of
+from synthesis.violations import within
 from synthesis.work import Work
 
 OUT_OF_PROPORTION = (

@@ -10,7 +10,6 @@ import numpy as np
 from linkage_atlas.mechanism_types import Kinds, as_poses, has_poses, is_closed, is_path
 from linkage_atlas.motions import Motion
 from synthesis.arrays import Floats
-from synthesis.constraints import broken_limits
 from synthesis.guided.by_crank import linkages_by_crank
 from synthesis.guided.search import NOTHING_ROUND, search_guided
 from synthesis.guides import Driver
@@ -20,6 +19,7 @@ from synthesis.poses import Poses
 from synthesis.search.report import SearchReport, StoppedBy, fallen, smallest
 from synthesis.solution import Solution
 from synthesis.target import Target
+from synthesis.violations import within
 from synthesis.work import Work
 
 NO_ROTATION = "Only four-bars were searched: linkages with sliders need positions without rotations, or with two of them or more."
@@ -152,7 +152,7 @@ def _search_by_crank(
     beginnings: list[Linkage] = []
     for kind in kinds.by_crank:
         solutions, report = linkages_by_crank(kind, target, tolerance=tolerance, work=work)
-        inside = [found for found in solutions if not broken_limits(found, target, limits)]
+        inside = within(target, limits, solutions)
         beginnings += [found.linkage for found in solutions]
         best = min((found.errors.objective for found in inside), default=np.inf)
         progress.add(inside, [(work.elapsed, best)] if inside else [])

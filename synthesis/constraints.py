@@ -1,28 +1,23 @@
-"""The limits of a request as functions: along which a search descends, and by which a finished linkage is checked.
+"""The limits of a request as functions of four-bars, along which a search descends.
 
-`Constraints` holds the limits of four-bars as smooth functions of placed linkages. They are at least 0 if a limit is satisfied,
-over the length scale and of order one; equations, such as a given pivot, are 0 if they are satisfied. `within` chooses the
-four-bars that satisfy their limits, and `broken_limits` measures by how much a linkage of another kind violates them.
-
-A limit concerns the parts that a kind has: a rail has no pivot, and a linkage with one crank has no rocker. Links are the cranks,
-the distance of two pins of the body (coupler) and that of two pins of the ground (ground). `family` concerns four-bars only.
+`Constraints` holds them as smooth functions of placed linkages. They are at least 0 if a limit is satisfied, over the length
+scale and of order one; equations, such as a given pivot, are 0 if they are satisfied. Finished linkages of
+all kinds are checked in `synthesis/violations.py`, and a test compares both.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
-from synthesis.arrays import Complexes, Flags, Floats
+from synthesis.arrays import Flags
 from synthesis.four_bar import transmission_angle_over
-from synthesis.guides import Circle, Driver, Guide, Rail, Slot
 from synthesis.kernels import codes, four_bar_limits
-from synthesis.limits import LINKS, PIVOTS, REACH, Limits, in_family
+from synthesis.limits import LINKS, PIVOTS, Limits, in_family
 from synthesis.linkage import Linkage
-from synthesis.mechanism import Box, Constrained, Placed, outside
+from synthesis.mechanism import Box, Constrained, Placed
 from synthesis.pose import DEGENERATE
-from synthesis.solution import Solution
 from synthesis.target import Samples, Target
 
 _TRACED = {True: (257, 3), False: (25, 1)}
@@ -31,10 +26,6 @@ SPARE = 1e-4
 """Fraction of the length scale by which the envelope of a search is smaller."""
 _EXACT = 1e-12
 """Largest violation of an equation, as a fraction of the largest number involved."""
-_ROUNDING = 1e-9
-"""Largest violation of a limit that is rounding, as a fraction of the motion's extent or in radians; searches add a margin."""
-_FEW_PLACES, _MORE = 41, 0.3
-"""Number of travels that estimate the used part of a guide from above, and the fraction of the longest step added for it."""
 
 BEGIN, END, PIVOT, TURNED, COUPLER = 4, 5, 6, 8, 9
 """Columns of the derivatives of `mechanism.Constrained` behind those by the lengths."""
@@ -219,172 +210,3 @@ def placed_linkages(target: Target, linkages: Sequence[Linkage]) -> Placed:
         return placed
     pivot, arm = np.array([(linkage.pivot_a, linkage.arm) for linkage in linkages]).T
     return placed._replace(pivot=pivot, turned=turned, coupler=arm * np.exp(1j * turned))
-
-
-def within(target: Target, limits: Limits, solutions: Sequence[Solution]) -> list[Solution]:
-    """Return the four-bars that satisfy limits by their own numbers."""
-    if not solutions:
-        return []
-    inside = keeps(target, limits, placed_linkages(target, [solution.linkage for solution in solutions]))
-    inside &= np.isfinite([solution.errors.objective for solution in solutions])
-    return [solution for solution, holds in zip(solutions, inside) if holds]
-
-
-# -- checks of other linkages -------------------------------------------------------------------------------------------
-
-_BY_ENDS = {"stroke_max", "rail_box", "pivot_reach", "link_max", "cylinder_dead_length", "cylinder_extended_max"}
-"""Limits of the used parts of rails and slots."""
-Used = tuple[float, float] | None
-"""Smallest and largest used coordinate of a rail or slot; None for a circle."""
-Violations = Iterator[tuple[str, float]]
-"""Names of limits, and by how much each is violated: negative if it is satisfied."""
-
-
-def broken_limits(solution: Solution, samples: Samples, limits: Limits) -> dict[str, float]:
-    """Return by how much a solution violates limits over its interval, by name.
-
-    The values are fractions of the motion's extent, radians, or for ratios relative.
-    """
-    broken = _broken(solution, samples, limits, _used_at_most(solution))
-    return _broken(solution, samples, limits, _used(solution)) if broken.keys() & _BY_ENDS else broken
-
-
-def _broken(solution: Solution, samples: Samples, limits: Limits, ends: tuple[Used, Used]) -> dict[str, float]:
-    broken: dict[str, float] = {}
-    for violations in (
-        _by_angles(solution, limits),
-        _by_pivots(solution, limits, samples.extent),
-        _by_travel(solution, limits, samples, ends),
-        _by_lengths(solution, limits, samples.extent, ends),
-        _by_envelope(solution, limits, samples.extent),
-    ):
-        for name, amount in violations:
-            if amount > _ROUNDING:
-                broken[name] = max(broken.get(name, 0.0), amount)
-    return broken
-
-
-def _by_angles(solution: Solution, limits: Limits) -> Violations:
-    yield "transmission_angle_min", limits.transmission_angle_min - solution.transmission_angle_min
-    if solution.transmission_angle_min == 0.0:
-        yield "transmission_angle_min", 1.0
-    turn = solution.transmission_angle_min_turn
-    if turn is not None and solution.linkage.driver is Driver.CRANK:
-        yield "transmission_angle_min_turn", limits.transmission_angle_min_turn - turn
-
-
-def _by_pivots(solution: Solution, limits: Limits, extent: float) -> Violations:
-    reach = limits.pivot_reach
-    for guide, name in zip(solution.linkage.guides, PIVOTS):
-        if isinstance(guide, Rail):
-            continue
-        pivot = guide[0]
-        if (given := getattr(limits, name)) is not None:
-            yield name, abs(pivot - given) / extent
-        elif (box := limits.box(f"{name}_box")) is not None:
-            yield "pivot_box", float(outside(pivot, box)) / extent
-        if reach is not None and (far := getattr(reach, name)) is not None:
-            yield "pivot_reach", (abs(pivot - reach.middle) - far) / extent
-        for box in limits.keep_out:
-            yield "keep_out", -float(outside(pivot, box)) / extent
-
-
-def _by_travel(solution: Solution, limits: Limits, samples: Samples, ends: tuple[Used, Used]) -> Violations:
-    linkage, extent = solution.linkage, samples.extent
-    for guide, used, name in zip(linkage.guides, ends, PIVOTS):
-        if used is None:
-            continue
-        if limits.stroke_max is not None:
-            yield "stroke_max", (used[1] - used[0] - limits.stroke_max) / extent
-        if isinstance(guide, Rail):
-            places = guide.point + np.array(used) * np.exp(1j * guide.direction)
-            if (box := limits.rail_box_of(name)) is not None:
-                yield "rail_box", float(outside(places, box).max()) / extent
-            if limits.pivot_reach is not None:
-                yield "pivot_reach", float(np.abs(places - samples.middle).max()) / extent - REACH
-    if linkage.driver is Driver.CYLINDER:
-        assert ends[0] is not None
-        first, last = ends[0]
-        low, high = sorted((abs(first), abs(last)))
-        dead_length = limits.dead_length
-        yield "cylinder_dead_length", ((dead_length or 0.0) - low) / extent
-        if first * last < 0 and dead_length is not None:  # the cylinder would pass its own pin
-            yield "cylinder_dead_length", low / extent
-        yield "cylinder_extended_max", (high - (limits.cylinder_extended_max or np.inf)) / extent
-    if limits.arm_min is not None and isinstance(linkage.guides[1], Slot) and linkage.driver is not Driver.HINGE:
-        arms = linkage.body(_coordinates(solution)).arm
-        yield "arm_min", (limits.arm_min - float(np.nan_to_num(np.min(arms)))) / extent
-
-
-def _by_lengths(solution: Solution, limits: Limits, extent: float, ends: tuple[Used, Used]) -> Violations:
-    linkage, lengths = solution.linkage, solution.linkage.lengths
-    pins = [guide[0] for guide in linkage.guides if not isinstance(guide, Rail)]
-    if len(pins) == 2:
-        lengths["ground"] = abs(pins[1] - pins[0])
-    link_max = limits.link_max or np.inf
-    for length in lengths.values():
-        yield "link_max", (length - link_max) / extent
-        yield "link_min", ((limits.link_min or 0.0) - length) / extent
-    for name, given in zip(LINKS, limits.links):
-        if given is not None and name in lengths:
-            yield f"links.{name}", abs(lengths[name] - given) / extent
-    if limits.link_ratio_max is not None and len(lengths) > 1:
-        yield "link_ratio_max", max(lengths.values()) / min(lengths.values()) / limits.link_ratio_max - 1
-    for guide, used in zip(linkage.guides, ends):
-        for point in _body_points(guide, used):
-            yield "link_max", (abs(point) - link_max) / extent
-    driven = linkage.guides[0]
-    if limits.coupler_radius_max is not None and not isinstance(driven, Slot):
-        yield "coupler_radius_max", (abs(driven.body_point) - limits.coupler_radius_max) / extent
-
-
-def _by_envelope(solution: Solution, limits: Limits, extent: float) -> Violations:
-    if limits.envelope is None:
-        return
-    linkage = solution.linkage
-    body = linkage.body(_coordinates(solution))
-    turned = np.exp(1j * body.rotation)
-    paths: list[Complexes] = [body.position]
-    for guide in linkage.guides:
-        if not isinstance(guide, Rail):
-            paths.append(np.array([guide[0]]))
-        if not isinstance(guide, Slot):
-            paths.append(body.position + turned * guide.body_point)
-    for path in paths:
-        yield "envelope", float(outside(path, limits.envelope).max()) / extent
-
-
-def _coordinates(solution: Solution) -> Floats:
-    """Return coordinates of the drive over the used interval."""
-    return solution.linkage.start + solution.linkage.travel_over(solution.interval)
-
-
-def _body_points(guide: Guide, used: Used) -> list[complex]:
-    """Return the guided point of the body, or both ends of the used part of a slot."""
-    if not isinstance(guide, Slot):
-        return [guide.body_point]
-    along = np.exp(1j * guide.body_direction)
-    return [] if used is None else [complex(guide.body_point + end * along) for end in used]
-
-
-def _used(solution: Solution) -> tuple[Used, Used]:
-    """Return the used coordinates of both guides, exactly."""
-    first, second = (
-        None if isinstance(guide, Circle) else solution.linkage.used(index, solution.interval)
-        for index, guide in enumerate(solution.linkage.guides)
-    )
-    return first, second
-
-
-def _used_at_most(solution: Solution) -> tuple[Used, Used]:
-    """Return slightly larger intervals than the used ones, from few travels and so in a hundredth of the time."""
-    travel = np.linspace(*solution.interval, _FEW_PLACES)
-    found: list[Used] = []
-    for index, guide in enumerate(solution.linkage.guides):
-        if isinstance(guide, Circle):
-            found.append(None)
-            continue
-        at = solution.linkage.along(index, travel)
-        spare = _MORE * float(np.max(np.abs(np.diff(at))))
-        found.append((float(np.min(at)) - spare, float(np.max(at)) + spare))
-    return found[0], found[1]

@@ -31,7 +31,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.arrays import Floats
-from synthesis.constraints import within
 from synthesis.descents import Pool, Stage, Timed
 from synthesis.four_bar import grashof_excesses
 from synthesis.fourbar.mechanism import FOURBAR, AnyChart, FullCrankChart, mounted
@@ -51,6 +50,7 @@ from synthesis.search.prescribed import GivenProblem, given, problem_of
 from synthesis.search.report import SearchReport, stopped_by
 from synthesis.solution import Solution, assess, target_of
 from synthesis.target import TURN, Target
+from synthesis.violations import within
 from synthesis.work import Work
 
 Ints = NDArray[np.intp]

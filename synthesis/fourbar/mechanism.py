@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from synthesis.arrays import Complexes, Floats
-from synthesis.constraints import Constraints, keeps, within
+from synthesis.constraints import Constraints, keeps
 from synthesis.four_bar import close_loop, coupler_angle, grashof_excesses, wrap
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule, enumerate_types
 from synthesis.kernels import codes
@@ -27,6 +27,7 @@ from synthesis.mechanism import Bounded, Box, Boxes, Chart
 from synthesis.pose import fit_positions
 from synthesis.solution import assess
 from synthesis.target import TURN, Samples, Target
+from synthesis.violations import within
 
 
 class FourBarChart(Chart):

@@ -18,7 +18,7 @@ from synthesis.linkage import Linkage, with_links
 from synthesis.pose import rotation_residual, whole_turns
 from synthesis.sheet import csv_text
 from synthesis.solution import looks_of
-from synthesis.target import Interval, Target
+from synthesis.target import Interval, Samples, Target
 
 _ROUNDING = 1e-13
 """A turn back between two places that is no more than rounding."""
@@ -270,7 +270,7 @@ class Generators(FourBar):
         """Return the linkages exchanged back, as generators with the errors of their rockers."""
         return finished(self.wanted, [exchanged(one).scaled(self.ground) for one in linkages], False)
 
-    def within(self, target: Target, limits: Limits, solutions: Sequence[Any]) -> list[Any]:
+    def within(self, samples: Samples, limits: Limits, solutions: Sequence[Any]) -> list[Any]:
         """Those of the family that close over the interval."""
         if not solutions:
             return []

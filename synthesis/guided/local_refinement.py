@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 
 from synthesis.arrays import Floats
-from synthesis.constraints import broken_limits
 from synthesis.guided.search import PairSearch
 from synthesis.guided.seeds import Drive
 from synthesis.limits import Limits
@@ -18,6 +17,7 @@ from synthesis.search.report import SearchReport, StoppedBy
 from synthesis.solution import Solution, assess
 from synthesis.studies.rounding import nearest_travel, squared_errors
 from synthesis.target import TURN
+from synthesis.violations import within
 from synthesis.work import Work
 
 GRID = 241
@@ -93,4 +93,4 @@ def _assessed(poses: Poses, limits: Limits, linkage: Linkage, travel: Floats, is
     (solution,) = assess(poses, [replace(linkage)], complete)
     if not np.isfinite(solution.errors.objective) or not solution.transmission_angle_min > 0:
         return []
-    return [] if broken_limits(solution, poses, limits) else [solution]
+    return within(poses, limits, [solution])

@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from synthesis.arrays import Flags, Floats, Ints
-from synthesis.constraints import broken_limits
 from synthesis.free.dyads import FEW, Body
 from synthesis.guided.answers import as_guides, linkage_of
 from synthesis.guided.pairs import OWN, Chart, Guides, Looked, Motion, Pairs, Problem, Samples, Stage
@@ -26,6 +25,7 @@ from synthesis.poses import Poses
 from synthesis.search.multistart import Incumbents
 from synthesis.search.options import Schedule, SearchOptions
 from synthesis.solution import Solution
+from synthesis.violations import violations_of
 from synthesis.work import Work
 
 _SEARCH = Stage(8, 0.1, 2), Stage(6, 1.0, 2), Stage(8, 10.0, 2)
@@ -359,7 +359,7 @@ class PairProblem:
         solution = self._linkage(candidate)
         if solution is None or solution.transmission_angle_min <= 0:
             return {"samples": np.inf}
-        missing = broken_limits(solution, self.poses, self.limits)
+        missing = violations_of(solution, self.poses, self.limits)
         if not missing:
             self._solutions[_key(candidate)] = solution
         return missing

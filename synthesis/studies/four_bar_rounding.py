@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.arrays import Complexes, Floats
-from synthesis.constraints import BEGIN, COUPLER, END, PIVOT, TURNED, Constraints, keeps, within
+from synthesis.constraints import BEGIN, COUPLER, END, PIVOT, TURNED, Constraints, keeps
 from synthesis.four_bar import close_loop, wrap
 from synthesis.fourbar.determination import derivative_matrix, residuals
 from synthesis.least_squares import Evaluation, Minima, minimise
@@ -38,6 +38,7 @@ from synthesis.mechanism import Placed
 from synthesis.pose import rotation_residual
 from synthesis.solution import Solution, assess
 from synthesis.target import TURN, Target
+from synthesis.violations import within
 from synthesis.work import Work
 
 # the choice of lengths

@@ -16,7 +16,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from synthesis.arrays import Complexes, Floats
-from synthesis.constraints import broken_limits
 from synthesis.guides import Circle, Guide, Rail, Slot
 from synthesis.least_squares import Evaluation, minimise
 from synthesis.limits import Limits
@@ -26,6 +25,7 @@ from synthesis.poses import Poses
 from synthesis.solution import Solution, assess, target_of
 from synthesis.studies.four_bar_rounding import NO_TIME, Rounding, best_from_stock, round_to_grid
 from synthesis.target import TURN, Samples, Target
+from synthesis.violations import violations_of
 from synthesis.work import Work
 
 AROUND = 2
@@ -95,7 +95,7 @@ def round_lengths(
         count = None if stock is None else len(set(stock)) ** len(solution.linkage.lengths)
         choices = from_stock(stock) if stock is not None else on_grid(grid or 0.0)
         return rounded(
-            samples, solution, choices, count, lambda found: not broken_limits(found, samples, limits), tries, work
+            samples, solution, choices, count, lambda found: not violations_of(found, samples, limits), tries, work
         )
     tries = max(options.min_four_bar_tries, options.four_bar_tries // solutions)
     target = target_of(samples, solution.linkage, solution.travel)

@@ -17,8 +17,11 @@ from synthesis.errors import FieldError
 from synthesis.four_bar import close_loop, transmission_angle_over
 from synthesis.fourbar.mechanism import GrashofChart
 from synthesis.limits import Limits, Reach
+from synthesis.linkage import as_lengths, four_bar
 from synthesis.mechanism import Placed
-from synthesis.target import Interval
+from synthesis.solution import assess
+from synthesis.target import Interval, Target
+from synthesis.violations import violations_of
 
 LAW = settings(max_examples=40, deadline=None)
 ALL_CASES = {
@@ -100,7 +103,8 @@ def test_they_say_what_a_dense_look_says(seed, name) -> None:
     pin = a + linkages.lengths[:, :1] * np.exp(1j * theta1) * turned
     b = a + linkages.lengths[:, 3:] * turned
     body = pin + linkages.coupler[:, None] * arm
-    joints = np.concatenate([a, b, pin, pin + linkages.lengths[:, 1:2] * arm * turned, body], axis=1)
+    moving = np.stack([pin, pin + linkages.lengths[:, 1:2] * arm * turned, body])
+    joints = np.concatenate([a, b, *moving], axis=1)
 
     def inside(positions: np.ndarray, box: tuple[float, float, float, float]) -> np.ndarray:
         x, y = positions.real, positions.imag
@@ -131,22 +135,39 @@ def test_they_say_what_a_dense_look_says(seed, name) -> None:
         "envelope": lambda: inside(joints, limits.envelope).min(axis=1),
     }[name]()
     smallest = np.where(found.equal, -np.abs(found.values), found.values).min(axis=1)
-    # between two of the 4001 angles a joint moves out by up to 1e-6 of a large linkage
-    np.testing.assert_allclose(smallest, dense, atol=5e-6 if name == "envelope" else 1e-9)
+    # between two of the angles a joint rises by an eighth of the second difference, and no farther
+    rise = np.abs(np.diff(moving, 2)).max(axis=(0, 2)) / 8 if name == "envelope" else 0.0
+    assert np.all(smallest <= dense + 1e-9) and np.all(smallest >= dense - 1.01 * rise - 1e-9)
 
 
-def test_the_envelope_is_not_left_between_the_angles_that_are_looked_at() -> None:
-    """The extremes of the constraints agree with a dense trace."""
-    linkages = placed(3, 40)
-    wide = Constraints(Limits(envelope=(-50.0, -50.0, 50.0, 50.0)))(linkages).values
-    theta1 = linkages.used.first[:, None] + np.linspace(0, 1, 20_001) * np.subtract(*linkages.used[::-1])[:, None]
-    arm = np.exp(1j * close_loop(linkages.lengths, theta1).coupler_angle(linkages.branch))
-    turned = np.exp(1j * linkages.turned)[:, None]
-    body = linkages.pivot[:, None] + linkages.lengths[:, :1] * np.exp(1j * theta1) * turned
-    body = body + linkages.coupler[:, None] * arm
-    own = np.stack([body.real.min(1), body.imag.min(1), body.real.max(1), body.imag.max(1)], axis=1)
-    sides = wide[:, -4:] * [1, 1, -1, -1] + [-50, -50, 50, 50]
-    assert np.max(np.abs(sides - own)) < 1e-7
+@LAW
+@given(st.integers(0, 10_000), st.sampled_from(sorted(ALL_CASES)))
+def test_a_finished_linkage_violates_what_its_search_avoids(seed, name) -> None:
+    """The check of finished linkages of all kinds agrees with the functions of the search for four-bars."""
+    limits, linkages = ALL_CASES[name], placed(seed, 20)
+    found = Constraints(limits)(linkages)
+    around = np.exp(2j * np.pi * np.arange(3) / 3)  # the middle is 0, and the extent is 1
+    for k, values in enumerate(found.values):
+        arm = linkages.coupler[k] * np.exp(-1j * linkages.turned[k])
+        linkage = four_bar(
+            as_lengths(linkages.lengths[k]),
+            int(linkages.branch[k]),
+            linkages.used.first[k],
+            linkages.pivot[k],
+            linkages.turned[k],
+            (abs(arm), float(np.angle(arm))),
+            0.0,
+        )
+        travel = (linkages.used.last[k] - linkages.used.first[k]) * np.array([0, 0.5, 1])
+        (solution,) = assess(Target(None, around, crank=travel), [linkage])
+        violations = violations_of(solution, Target(None, around, crank=travel), limits)
+        worst = np.where(found.equal, -np.abs(values), values).min()
+        if abs(worst) > 1e-9:
+            assert bool(violations) == (worst < 0), violations
+        if violations and name not in ("transmission_angle_min", "transmission_angle_min_turn", "link_ratio_max"):
+            # a given point differs in two coordinates
+            assert -worst <= max(violations.values()) * (1 + 1e-9) + 1e-9
+            assert max(violations.values()) <= -worst * (1.5 if found.equal.any() else 1 + 1e-9) + 1e-9
 
 
 @pytest.mark.parametrize(

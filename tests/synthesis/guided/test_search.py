@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from synthesis.constraints import broken_limits
 from synthesis.guided.search import search_guided
 from synthesis.guides import Driver, Kind, Rail, Slot
 from synthesis.limits import Limits
 from synthesis.poses import Poses, make_poses
 from synthesis.solution import Solution
+from synthesis.violations import violations_of
 from synthesis.work import Work
 from tests.conftest import some_of
 from tests.oracles.guided import KINDS, random_motion
@@ -67,7 +67,7 @@ def test_casement_window_has_the_errors_of_the_design():
     assert errors["swinging_block"] < 1.105e-3
     assert errors["rail_slot"] == pytest.approx(1.32881e-3, rel=1e-4)
     for found_solution in found:
-        assert not broken_limits(found_solution, poses, limits)
+        assert not violations_of(found_solution, poses, limits)
     # that rail, driven by a slider: 91.08 mm of travel at 68.7 degrees and more
     driven = [
         solution
@@ -101,7 +101,7 @@ def test_limits_of_rails_and_cylinders_are_kept():
     found, _ = search_guided(poses, limits, [Kind.RAIL_SLOT, Kind.SWINGING_BLOCK])
     assert {solution.linkage.driver for solution in found} >= {Driver.SLIDER, Driver.CYLINDER}
     for solution in found:
-        assert not broken_limits(solution, poses, limits)
+        assert not violations_of(solution, poses, limits)
         for index, guide in enumerate(solution.linkage.guides):
             if hasattr(guide, "direction"):  # both ends of the used travel, by the linkage's own motion
                 at = solution.linkage.along(index, np.linspace(*solution.interval, 400))

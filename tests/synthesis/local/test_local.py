@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from synthesis.constraints import keeps, within
+from synthesis.constraints import keeps
 from synthesis.function.answers import exchanged, finished, rocker_angles
 from synthesis.function.wanted import Wanted
 from synthesis.limits import Limits
@@ -20,6 +20,7 @@ from synthesis.mechanism import Placed
 from synthesis.poses import make_poses
 from synthesis.solution import assess
 from synthesis.target import make_target
+from synthesis.violations import within
 from synthesis.work import Work
 from tests.oracles.four_bar_joints import joints_at
 
