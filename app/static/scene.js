@@ -19,7 +19,13 @@ import { Visits } from "./visits.js";
 const MACHINES = { lift, chain, knotter };
 const HOSTS = ["picture", "facts", "curves", "tables"];
 
-const CHOSEN = "Press Answer to compute it.";
+const CHOSEN = "Press Calculate to see the result.";
+/** For each machine what it is for and what its result means, and the parts in its picture. */
+const CASES = {
+  lift: ["A pneumatic cylinder pushes a corner of a rigid triangle, and the triangle lifts a platform along a vertical slide. Change the lengths, the cylinder and the load; the result is the motion of the platform and its forces.", "A is the platform on its slide, B the end of the cylinder l₁ from the pivot O, and C the end of the link l₅ from the pivot D."],
+  chain: ["A chain of constant pitch runs around a crescent of two arcs with a wheel at each end. Its links are chords of the track, so that a shallow slot in the upper arc must take up the slack; the result is the shape of this slot.", "One pin hangs freely between its neighbours in the upper arc, and its path is the shape of the slot."],
+  knotter: ["The knotter of a baler ties a rope with a disc that holds it and a bill that turns it into a loop. Change the directions of both axes, alpha1 and alpha3; the result says whether the knot is tied, and with which margins.", "S₀ is the point of the disc that holds the rope, and S₁ the point where the needle lays it; the rope crosses the bill at E₁ and the edge S₈S₉ of the jaw at E₂."],
+};
 
 let scene = null, machine = null, query = null, form = null, answered = null, running = null, player = null, own = "", edited = false;
 
@@ -36,7 +42,7 @@ function fill(request) {
   form = buildForm($("fields"), query.schema, request);
 }
 
-/** Fills the form with an example; Answer asks it. */
+/** Fills the form with an example, which is not calculated yet. */
 function chooseExample(name) {
   $("example").value = name;
   fill(query.examples[name] ?? {});
@@ -92,10 +98,10 @@ async function answer(at = null) {
   }
   const question = { query: query.path, request }, begin = performance.now(), asked = query;
   if (running && JSON.stringify(question) === JSON.stringify(running.question)) return;
-  say("Computing…");
+  say("Calculating…");
   const complete = await run(question, async (get) => {
     const sent = machine.request?.(asked, request) ?? request, reply = await get(asked.path, sent);
-    answered = { query: asked, request, sent, reply, words: `Answered in ${Math.round(performance.now() - begin)} ms.` };
+    answered = { query: asked, request, sent, reply, words: `Calculated in ${Math.round(performance.now() - begin)} ms.` };
     await show(at, get);
   });
   const shown = answered, fragment = await toFragment(question);
@@ -168,6 +174,7 @@ async function start() {
   scene = await (await fetch(`/scenes/${name}/queries`)).json();
   document.title = `${scene.title} · linkage-atlas`;
   $("title").textContent = scene.title;
+  [$("purpose").textContent, $("caption").textContent] = CASES[name];
   $("query").replaceChildren(...scene.queries.map((one) => new Option(one.command.split(" ").slice(1).join(" "), one.path)));
   $("query").addEventListener("change", () => { chooseQuery($("query").value); chooseExample($("example").value); });
   $("example").addEventListener("change", () => chooseExample($("example").value));

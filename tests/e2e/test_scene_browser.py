@@ -18,7 +18,7 @@ FIRST_ANSWER_MS = 500
 FRAMES = 30
 """Least frames a second of a drawing that runs."""
 TRIALS = 5
-ANSWERED = "document.getElementById('status').textContent.startsWith('Answered')"
+ANSWERED = "document.getElementById('status').textContent.startsWith('Calculated')"
 
 
 CUT = """
@@ -133,7 +133,7 @@ def test_choosing_only_shows_a_double_click_asks_once_and_back_steps_through_ans
     first = page.run("return [document.getElementById('query').value, location.hash]")
     page.run("window.asked = 0; const own = fetch; window.fetch = (...a) => { window.asked++; return own(...a); }")
     page.select("query", "/v2/lift/batch")
-    assert page.run("return window.asked") == 0 and page.text("status") == "Press Answer to compute it."
+    assert page.run("return window.asked") == 0 and page.text("status") == "Press Calculate to see the result."
     assert "of an earlier request" in page.text("facts-title") and not page.shown("stop")
     page.run(
         "const own = fetch; window.fetch = (...a) => new Promise((go, stop) => { window.go = () => go(own(...a));"
@@ -142,7 +142,7 @@ def test_choosing_only_shows_a_double_click_asks_once_and_back_steps_through_ans
     button = page.find("run")
     page.actions().double_click(button).perform()
     page.wait("window.go")
-    assert button.text == "Answer" and page.shown("stop") and page.text("status") == "Computing…"
+    assert button.text == "Calculate" and page.shown("stop") and page.text("status") == "Calculating…"
     page.run("window.go()")
     page.wait(ANSWERED)
     assert page.run("return window.asked") == 1 and not page.shown("stop")
@@ -153,7 +153,7 @@ def test_choosing_only_shows_a_double_click_asks_once_and_back_steps_through_ans
     page.browser.back()
     page.wait(f"location.hash === {json.dumps(first[1])} && document.querySelector('.stage')")
     assert page.run("return document.getElementById('query').value") == first[0] and page.text("status").startswith(
-        "Answered"
+        "Calculated"
     )
     assert "of an earlier request" not in page.text("facts-title")
     page.browser.forward()
