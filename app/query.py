@@ -176,7 +176,9 @@ def invalid(error: ValidationError, model: type[BaseModel], quoting: bool = Fals
     for row in _of_fields(error.errors(include_url=False))[:MAX_ERRORS]:
         if row["type"] == "extra_forbidden":
             *path, name = row["loc"]
-            message = FieldError.no_such("", str(name), _fields_at(model, path), others=_field_paths(model)).message
+            message = FieldError.no_such(
+                "", str(name), _fields_at(model, path), elsewhere=_field_paths(model)
+            ).message
         else:
             message = sentence(row, quoting)
         rows.append({"loc": row["loc"], "type": row["type"], "msg": message})

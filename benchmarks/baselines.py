@@ -46,7 +46,7 @@ def evolve(target: product.Target, generations: int, seed: int) -> float:
 
         def cost(unknowns: np.ndarray, branch: float = branch) -> np.ndarray:
             points = np.atleast_2d(unknowns.T)
-            timed = product.given(points[:, :3], np.full(len(points), branch), points[:, 3])
+            timed = product.candidates_at(points[:, :3], np.full(len(points), branch), points[:, 3])
             value = problem.measured(timed).cost
             value = np.where(np.isfinite(value), value, 1e6)
             return value if unknowns.ndim == 2 else value[0]

@@ -106,7 +106,7 @@ def refined(
     seed = np.concatenate([side_rows[spread_out(unknowns[side_rows], seeds)] for side_rows in sides])
     problem, tolerance = product.GivenProblem(target, chart), 0.3 * product.DEFAULT_TOLERANCE
     done = product.refine(
-        problem, product.given(grid.unknowns[row[seed]], branch[seed], start[seed]), STEPS, tolerance
+        problem, product.candidates_at(grid.unknowns[row[seed]], branch[seed], start[seed]), STEPS, tolerance
     )
     best = done.take(np.argmin(done.cost, keepdims=True))
     if not np.isfinite(best.cost[0]):

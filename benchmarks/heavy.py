@@ -32,7 +32,7 @@ def heavy_within(
         lengths = lengths[:draws]
         start, branch = random.uniform(0, product.TURN, len(lengths)), random.choice([-1.0, 1.0], len(lengths))
         seeds = product.GivenProblem(target, bounded.chart).measured(
-            product.given(bounded.chart.unknowns(lengths), branch, start)
+            product.candidates_at(bounded.chart.unknowns(lengths), branch, start)
         )
         best = np.argsort(seeds.cost, kind="stable")[: np.isfinite(seeds.cost).sum()]
         chosen = np.concatenate([best[: starts // 2], random.permutation(best)[: starts // 2]])

@@ -51,7 +51,7 @@ class General:
             crank = self.problem.chart.shape(points[:, :4]).lengths[:, 0]
             a, turned, z2 = points[:, 5] + 1j * points[:, 6], points[:, 7], points[:, 8] + 1j * points[:, 9]
             pose = np.stack([a, crank * np.exp(1j * turned), z2], axis=1)
-        timed = product.given(points[:, :4], branch, points[:, 4], pose)
+        timed = product.candidates_at(points[:, :4], branch, points[:, 4], pose)
         return self.problem.descended(timed, [product.Stage(0)]).timed
 
     def constrained(self, points: np.ndarray, branch: np.ndarray) -> Any:

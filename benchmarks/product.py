@@ -33,7 +33,7 @@ from synthesis.pose import objective
 from synthesis.poses import make_poses
 from synthesis.search.atlas_rows import best_rows
 from synthesis.search.error_table import ErrorTable
-from synthesis.search.prescribed import GivenProblem, given, problem_of
+from synthesis.search.prescribed import GivenProblem, candidates_at, problem_of
 from synthesis.search.search import DEFAULT_TOLERANCE, search
 from synthesis.search.seeds import SeedTables
 from synthesis.solution import Solution, assess

@@ -105,7 +105,7 @@ def kinematics() -> Iterator[dict[str, Any]]:
     random, count = np.random.default_rng(2), 400
     problem = product.GivenProblem(product.target_of(make_case("any order", 3).request), product.FullCrankChart())
     unknowns = random.uniform((-5, -30, -12, 0), (5, 3, 12, 6.28), (count, 4))
-    seeds = product.given(unknowns[:, :3], random.choice([-1.0, 1.0], count), unknowns[:, 3])
+    seeds = product.candidates_at(unknowns[:, :3], random.choice([-1.0, 1.0], count), unknowns[:, 3])
     seeds = problem.measured(seeds)
     systems = [system for system in problem.linearised(seeds.timed, 1e-3) if system is not None]
     finite = len(systems) == count and all(np.all(np.isfinite(system["rows"])) for system in systems)

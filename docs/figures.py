@@ -63,7 +63,7 @@ class Figure:
     def text(
         self, words: str, z: complex, offset: tuple[float, float] = (0, 0), name: str = "", at: str = "middle"
     ) -> None:
-        x, y = (float(one) for one in self.sheet.at(z).split(","))
+        x, y = (float(coordinate) for coordinate in self.sheet.at(z).split(","))
         self.parts.append(
             f'<text class="{name}" x="{x + offset[0]:.5g}" y="{y - offset[1]:.5g}" text-anchor="{at}">{words}</text>'
         )
@@ -116,9 +116,9 @@ def notation() -> None:
     turn, start, radius, angle = np.deg2rad(10), np.deg2rad(52), 6.3, np.deg2rad(38)
     marked = np.deg2rad(62)
     linkage = four_bar((4.6, 9.2, 8.0, 12.2), 1, start, 0j, turn, (radius, angle), marked - np.deg2rad(30))
-    other = four_bar(linkage.links, -1, start, 0j, turn)
+    other_branch = four_bar(linkage.links, -1, start, 0j, turn)
     a, b = linkage.pivot_a, linkage.pivot_b
-    (d, c, p), (_, mirrored, _) = (np.array(joints(view, 0.0))[:, 0].tolist() for view in (linkage, other))
+    (d, c, p), (_, mirrored, _) = (np.array(joints(view, 0.0))[:, 0].tolist() for view in (linkage, other_branch))
     _, body, rocker = linkage.motions(0.0)
     theta3, gamma = float(rocker.angle[0]), float(body.angle[0])
     theta2 = gamma - (linkage.body_offset or 0.0)
@@ -127,9 +127,9 @@ def notation() -> None:
     ray = np.exp(1j * turn)
 
     # axes, and where pivot A lies
-    for way, word, offset in ((3.0, "x", (16, -8)), (2.6j, "y", (0, 10))):
-        figure.line([origin, origin + way], "thin")
-        figure.text(word, origin + way, offset)
+    for axis, word, offset in ((3.0, "x", (16, -8)), (2.6j, "y", (0, 10))):
+        figure.line([origin, origin + axis], "thin")
+        figure.text(word, origin + axis, offset)
     figure.line([origin, a], "dash")
     figure.text(sub("L", "B") + '<tspan dy="-6">, β</tspan>', (origin + a) / 2, (-40, 8))
     # the other branch
@@ -203,10 +203,10 @@ def limits() -> None:
     paths = joints(linkage, crank)
     d, c, p = np.array(joints(linkage, np.deg2rad(35)))[:, 0].tolist()
     figure = Figure([-8.6 - 7.2j, 19.5 + 12.2j], 1100)
-    every = np.concatenate([*paths, [a, b]])
+    points = np.concatenate([*paths, [a, b]])
     room = box(
-        complex(every.real.min() - 0.7, every.imag.min() - 0.7),
-        complex(every.real.max() + 0.7, every.imag.max() + 0.7),
+        complex(points.real.min() - 0.7, points.imag.min() - 0.7),
+        complex(points.real.max() + 0.7, points.imag.max() + 0.7),
     )
     figure.line(room, "dash", closed=True)
     figure.text("envelope", room[3], (6, 10), "word", "start")
@@ -231,10 +231,10 @@ def limits() -> None:
     toward_d, toward_b = float(np.angle(d - c)), float(np.angle(b - c))
     figure.arc(c, 62, toward_d + 2 * np.pi, toward_b + 2 * np.pi, "", 24)
     figure.text("transmission_angle_min", c, (100, -4), "word", "start")
-    for one in (a, b):
-        figure.pivot(one, -np.pi / 2)
-    for one in (d, c):
-        figure.dot(one, 8, "pin")
+    for point in (a, b):
+        figure.pivot(point, -np.pi / 2)
+    for point in (d, c):
+        figure.dot(point, 8, "pin")
     figure.dot(p, 8, "point")
     figure.text("body point", p, (16, 10), "word", "start")
     for word, z, offset, name in (
@@ -286,29 +286,31 @@ def kinds() -> None:
     for number, (kind, (first, second, driver)) in enumerate(KINDS.items()):
         shift = complex(wide * (number % 3), -high * (number // 3))
         linkage = next(
-            one
+            candidate
             for branch in (1, -1)
-            if np.isfinite((one := la.Linkage([first, second], driver, branch, starts[kind])).joints(0).rotation[0])
+            if np.isfinite(
+                (candidate := la.Linkage([first, second], driver, branch, starts[kind])).joints(0).rotation[0]
+            )
         )
         joints, guides = linkage.joints(0), linkage.plain.guides
-        place, turn = complex(joints.body_point[0] @ [1, 1j]), float(np.deg2rad(joints.rotation[0]))
-        held = [complex(one[0] @ [1, 1j]) for one in (joints.crank_pin, joints.coupler_pin)]
+        position, turn = complex(joints.body_point[0] @ [1, 1j]), float(np.deg2rad(joints.rotation[0]))
+        held = [complex(pin[0] @ [1, 1j]) for pin in (joints.crank_pin, joints.coupler_pin)]
         corners = []
         for one, at in zip(guides, held):
-            corners.append(at if not isinstance(one, Slot) else place + np.exp(1j * turn) * one.body_point)
-        figure.line([z + shift for z in (*corners, place)], "body", closed=True)
+            corners.append(at if not isinstance(one, Slot) else position + np.exp(1j * turn) * one.body_point)
+        figure.line([z + shift for z in (*corners, position)], "body", closed=True)
         for k, (one, at) in enumerate(zip(guides, held)):
-            _draw_guide(figure, one, at, place, turn, shift, k == 0)
-        figure.dot(place + shift, 8, "point")
-        figure.line([place + shift, place + shift + 0.8 * np.exp(1j * turn)], "mark")
-        figure.text("P", place + shift, (0, 16), "t-path")
+            _draw_guide(figure, one, at, position, turn, shift, k == 0)
+        figure.dot(position + shift, 8, "point")
+        figure.line([position + shift, position + shift + 0.8 * np.exp(1j * turn)], "mark")
+        figure.text("P", position + shift, (0, 16), "t-path")
         figure.text(kind, shift + complex(-2.4, 3.0), (0, 0), "big", "start")
         figure.text(f"driven by a {driver}", shift + complex(-2.4, 3.0), (0, -26), "word", "start")
     figure.save("kinds.svg", "The kinds of linkages of a body on two guides")
 
 
 def _draw_guide(
-    figure: Figure, guide: Guide, at: complex, place: complex, turn: float, shift: complex, driven: bool
+    figure: Figure, guide: Guide, at: complex, position: complex, turn: float, shift: complex, driven: bool
 ) -> None:
     """A guide with the names of its dimensions; ``at``: its body point, or its pin in a slot."""
     unit = 1 / figure.sheet.scale
@@ -328,27 +330,27 @@ def _draw_guide(
         figure.text("radius", (guide.pivot + at) / 2 + shift, (14, 0), "word", "start")
         figure.text("body_point", at + shift, (0, 18), "word")
     elif isinstance(guide, Rail):
-        way = np.exp(1j * guide.direction)
-        figure.line([at - 1.5 * way + shift, at + 1.5 * way + shift], "ground")
+        along = np.exp(1j * guide.direction)
+        figure.line([at - 1.5 * along + shift, at + 1.5 * along + shift], "ground")
         for k in range(-3, 4):
-            foot = at + 0.45 * k * way
-            figure.line([foot + shift, foot + shift + (-14 - 14j) * unit * way], "hatch")
+            foot = at + 0.45 * k * along
+            figure.line([foot + shift, foot + shift + (-14 - 14j) * unit * along], "hatch")
         block(at + shift, guide.direction)
         figure.dot(at + shift, 8, "pin")
-        steep = abs(way.imag) > abs(way.real)
+        steep = abs(along.imag) > abs(along.real)
         figure.text("body_point", at + shift, (-34, -4) if steep else (10, -48), "word", "end" if steep else "start")
-        figure.text("direction", at + 1.5 * way + shift, (8, 6), "word", "start")
-        figure.dot(at - 1.2 * way + shift, 5, "pivot")
-        figure.text("point", at - 1.2 * way + shift, (8, -26), "word", "start")
+        figure.text("direction", at + 1.5 * along + shift, (8, 6), "word", "start")
+        figure.dot(at - 1.2 * along + shift, 5, "pivot")
+        figure.text("point", at - 1.2 * along + shift, (8, -26), "word", "start")
     else:
-        way = np.exp(1j * (turn + guide.body_direction))
-        foot = place + np.exp(1j * turn) * guide.body_point
-        reach = float(np.real(np.conj(way) * (at - foot)))
+        along = np.exp(1j * (turn + guide.body_direction))
+        foot = position + np.exp(1j * turn) * guide.body_point
+        reach = float(np.real(np.conj(along) * (at - foot)))
         block(at + shift, turn + guide.body_direction)
-        figure.line([foot + shift, foot + (reach + np.copysign(0.9, reach)) * way + shift], "coupler")
+        figure.line([foot + shift, foot + (reach + np.copysign(0.9, reach)) * along + shift], "coupler")
         figure.dot(foot + shift, 6, "pin")
         figure.text("body_point", foot + shift, (0, -34), "word")
-        figure.text("body_direction", foot + 0.55 * reach * way + shift, (0, 16), "word")
+        figure.text("body_direction", foot + 0.55 * reach * along + shift, (0, 16), "word")
         figure.pivot(at + shift, -np.pi / 2)
         figure.text("pin", at + shift, (0, -62), "word")
 
@@ -368,17 +370,17 @@ def motion(seconds: float = 8.0, frames: int = 180) -> None:
     assert turn.body_point is not None and used.body_point is not None
     a, b = complex(plane(turn.pivot_a)), complex(plane(turn.pivot_b))
     pins, ends, points = plane(turn.crank_pin), plane(turn.coupler_pin), plane(turn.body_point)
-    wanted = plane(np.array(request["position"]))
+    positions = plane(np.array(request["position"]))
     figure = Figure([-34 - 20j, 166 + 108j], 1100)
     scale = figure.sheet.scale
 
     figure.line([a, b], "dash")
     figure.line(points, "turn", closed=True)
     figure.line(plane(used.body_point), "path")
-    for number, (place, angle) in enumerate(zip(wanted, np.deg2rad(request["rotation"]))):
+    for number, (position, angle) in enumerate(zip(positions, np.deg2rad(request["rotation"]))):
         if number % 3 == 0:
-            figure.line([place, place + 9 * np.exp(1j * angle)], "wanted")
-        figure.dot(place, 4.5, "pose")
+            figure.line([position, position + 9 * np.exp(1j * angle)], "wanted")
+        figure.dot(position, 4.5, "pose")
     figure.pivot(a, -np.pi / 2)
     figure.pivot(b, -np.pi / 2)
 
@@ -389,7 +391,7 @@ def motion(seconds: float = 8.0, frames: int = 180) -> None:
         )
 
     def shape(z: Any) -> str:
-        return " L".join(f"{scale * one.real:.5g},{-scale * one.imag:.5g}" for one in z)
+        return " L".join(f"{scale * point.real:.5g},{-scale * point.imag:.5g}" for point in z)
 
     def turns(direction: Any) -> list[str]:
         return [f"{-angle:.2f}" for angle in direction]
@@ -400,7 +402,7 @@ def motion(seconds: float = 8.0, frames: int = 180) -> None:
     # the body in the frame of its crank pin, at coupler direction 0
     back = np.exp(-1j * np.deg2rad(turn.coupler_direction[0]))
     c, p = (ends[0] - pins[0]) * back, (points[0] - pins[0]) * back
-    way = np.exp(1j * np.deg2rad(turn.rotation[0])) * back
+    direction = np.exp(1j * np.deg2rad(turn.rotation[0])) * back
     crank, rocker, still = abs(pins[0] - a), abs(ends[0] - b), turn.coupler_direction[0]
     figure.parts += [
         f'<g transform="translate({at(b)})"><g transform="rotate({-turn.rocker_direction[0]:.2f})">'
@@ -408,7 +410,7 @@ def motion(seconds: float = 8.0, frames: int = 180) -> None:
         f'<g transform="translate({at(pins[0])})">{moved("translate", [at(z) for z in pins])}'
         f'<g transform="rotate({-still:.2f})">{moved("rotate", turns(turn.coupler_direction))}'
         f'<path class="body" d="M0,0 L{shape([c, p])}Z"/><path class="coupler" d="M0,0 L{shape([c])}"/>'
-        f'<path class="mark" d="M{shape([p, p + 12 * way])}"/>'
+        f'<path class="mark" d="M{shape([p, p + 12 * direction])}"/>'
         f'<circle class="point" r="8" cx="{scale * p.real:.5g}" cy="{-scale * p.imag:.5g}"/>'
         f'<circle class="pin" r="8" cx="{scale * c.real:.5g}" cy="{-scale * c.imag:.5g}"/></g></g>',
         f'<g transform="translate({at(a)})"><g transform="rotate({-turn.crank_direction[0]:.2f})">'
@@ -420,7 +422,7 @@ def motion(seconds: float = 8.0, frames: int = 180) -> None:
     lengths = [f"{name} {getattr(linkage, name):.6g}" for name in ("crank", "coupler", "rocker", "ground")]
     for number, (words, name) in enumerate(
         (
-            (f"wanted: {len(wanted)} places and angles of a body", "big t-wanted"),
+            (f"wanted: {len(positions)} places and angles of a body", "big t-wanted"),
             (f"while a crank turns by {request['crank_span']}°", "big t-wanted"),
             (f"found: {', '.join(lengths[:2])},", "big"),
             (", ".join(lengths[2:]), "big"),

@@ -41,15 +41,18 @@ def imported(path: Path) -> frozenset[str]:
 def module_graph() -> dict[str, set[str]]:
     """Each module of the floors with the modules of the floors that it imports."""
     paths = {name_of(path): path for path in sources(*FLOORS)}
-    return {name: {one for one in imported(path) if one in paths} - {name} for name, path in paths.items()}
+    return {
+        name: {dependency for dependency in imported(path) if dependency in paths} - {name}
+        for name, path in paths.items()
+    }
 
 
 def package_graph() -> dict[str, set[str]]:
     """Each package with the packages that its modules import; a module that lies directly on a floor stands for itself."""
     graph: dict[str, set[str]] = {}
-    for module, others in module_graph().items():
-        graph.setdefault(_home(module), set()).update(map(_home, others))
-    return {home: others - {home} for home, others in graph.items()}
+    for module, dependencies in module_graph().items():
+        graph.setdefault(_home(module), set()).update(map(_home, dependencies))
+    return {home: dependencies - {home} for home, dependencies in graph.items()}
 
 
 def _home(module: str) -> str:
@@ -61,10 +64,12 @@ def faults() -> list[str]:
     """What breaks the order of the floors: arrows up, and circles of modules or packages."""
     found = []
     graph = module_graph()
-    for module, others in graph.items():
+    for module, dependencies in graph.items():
         floor = FLOORS.index(module.partition(".")[0])
         found += [
-            f"{module} imports {other}: up" for other in others if FLOORS.index(other.partition(".")[0]) < floor
+            f"{module} imports {dependency}: up"
+            for dependency in dependencies
+            if FLOORS.index(dependency.partition(".")[0]) < floor
         ]
     for what, arrows in (("modules", graph), ("packages", package_graph())):
         try:
@@ -80,17 +85,18 @@ def picture() -> str:
     for floor in FLOORS:
         homes = sorted(home for home in graph if home.partition(".")[0] == floor)
         packages = [home for home in homes if _is_package(home)]
-        alone = [home for home in homes if home not in packages]
-        below = sorted({one.partition(".")[0] for home in alone for one in graph[home]} - {floor})
+        modules = [home for home in homes if home not in packages]
+        below = sorted({dependency.partition(".")[0] for home in modules for dependency in graph[home]} - {floor})
         lines.append(f"{floor}{' -> ' + ', '.join(below) if below else ''}")
         lines += textwrap.wrap(
-            ", ".join(home.partition(".")[2] for home in alone if home != floor),
+            ", ".join(home.partition(".")[2] for home in modules if home != floor),
             100,
             initial_indent="    ",
             subsequent_indent="    ",
         )
         for package in packages:
-            arrows = {one if _is_package(one) else f"{one.partition('.')[0]}.*" for one in graph[package]}
+            targets = graph[package]
+            arrows = {name if _is_package(name) else f"{name.partition('.')[0]}.*" for name in targets}
             lines.append(f"    {package.partition('.')[2] + '/':<10} -> {', '.join(sorted(arrows)) or 'nothing'}")
         lines.append("")
     return "\n".join(lines)

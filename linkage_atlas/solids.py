@@ -14,7 +14,7 @@ from linkage_atlas.records import PYTHON_ONLY, Record
 from synthesis.errors import FieldError
 from synthesis.linkage import Linkage
 from synthesis.sheet import csv_text
-from synthesis.solids.solid import DENSITIES, FITS, Fit, Made, Solids, masses_of_links, parts_list, solids_of
+from synthesis.solids.solid import DENSITIES, FITS, Fit, Manufacture, Solids, masses_of_links, parts_list, solids_of
 from synthesis.target import Interval
 from synthesis.work import Work
 
@@ -200,7 +200,7 @@ def solids_in(assembly: Assembly, request: AskedSolids, length_unit: str) -> Sol
             f"wanted pins of at least {LEAST_MM:g} mm and plates of at most {LARGEST_MM:g} mm, "
             f"found {sizes[0]:g} and {sizes[1]:g}",
         )
-    materials = Made(
+    materials = Manufacture(
         request.fit,
         request.material,
         request.pins,

@@ -7,7 +7,7 @@ from synthesis.linkage import Lengths, Linkage
 Cognate = tuple[Lengths, tuple[complex, complex]]
 """Lengths crank, coupler, rocker, ground, and the fixed pivots of crank and rocker."""
 
-_NEAR = 1e-4
+_TOLERANCE = 1e-4
 """Relative difference of lengths and pivots below which two linkages are the same."""
 
 
@@ -29,16 +29,19 @@ def cognates(linkage: Linkage) -> list[Cognate]:
 
 def are_cognates(first: Linkage, second: Linkage) -> bool:
     """Check whether two mounted linkages are cognates of each other, to 1e-4 of their size."""
-    other = (second.links, (second.pivot_a, second.pivot_b))
+    second_shape = (second.links, (second.pivot_a, second.pivot_b))
     return any(
-        _alike(lengths, pivots, *other) or _alike(lengths[2::-1] + lengths[3:], pivots[::-1], *other)
+        _alike(lengths, pivots, *second_shape) or _alike(lengths[2::-1] + lengths[3:], pivots[::-1], *second_shape)
         for lengths, pivots in cognates(first)
     )
 
 
 def _alike(
-    lengths: tuple[float, ...], pivots: tuple[complex, ...], other: tuple[float, ...], others: tuple[complex, ...]
+    lengths: tuple[float, ...],
+    pivots: tuple[complex, ...],
+    second_lengths: tuple[float, ...],
+    second_pivots: tuple[complex, ...],
 ) -> bool:
-    size = max(other)
-    gaps = [abs(a - b) for a, b in zip(lengths + pivots, other + others)]
-    return max(gaps) < _NEAR * size
+    size = max(second_lengths)
+    gaps = [abs(a - b) for a, b in zip(lengths + pivots, second_lengths + second_pivots)]
+    return max(gaps) < _TOLERANCE * size

@@ -61,7 +61,12 @@ class FieldError(ValueError):
 
     @classmethod
     def no_such(
-        cls, where: str, name: str, known: Sequence[str], what: str = "field", others: Mapping[str, str] | None = None
+        cls,
+        where: str,
+        name: str,
+        known: Sequence[str],
+        what: str = "field",
+        elsewhere: Mapping[str, str] | None = None,
     ) -> FieldError:
         """Return the error of an unknown name, with similar names, or else all known names.
 
@@ -75,16 +80,16 @@ class FieldError(ValueError):
             Names that the object may have.
         what : str
             Kind of the name, for the sentence.
-        others : mapping of str to str, optional
+        elsewhere : mapping of str to str, optional
             Paths of the names in all objects; the path of an almost equal name is given if `known` has none that is closer.
         """
         from difflib import get_close_matches  # imported here because valid requests do not need it
 
-        short, others = str(name)[:_LONGEST_NAME], others or {}
-        nearest = next(iter(get_close_matches(short, [*known, *others], 1, _SAME_NAME)), None)
-        near = [others[nearest]] if nearest and nearest not in known else get_close_matches(short, known)
-        rest = f"near: {', '.join(near)}" if near else f"there are {', '.join(known)}"
-        return cls(f"{where}/{name}", f"there is no {what} {short!r}; {rest}")
+        short, elsewhere = str(name)[:_LONGEST_NAME], elsewhere or {}
+        nearest = next(iter(get_close_matches(short, [*known, *elsewhere], 1, _SAME_NAME)), None)
+        matches = [elsewhere[nearest]] if nearest and nearest not in known else get_close_matches(short, known)
+        hint = f"near: {', '.join(matches)}" if matches else f"there are {', '.join(known)}"
+        return cls(f"{where}/{name}", f"there is no {what} {short!r}; {hint}")
 
 
 def _field_error(kind: type[FieldError], field: str, message: str, details: dict[str, Any]) -> FieldError:

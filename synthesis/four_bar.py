@@ -101,10 +101,10 @@ def family(lengths: ArrayLike) -> NDArray[np.object_]:
     """
     scaled = _scaled(lengths)[0]
     a, b, c = grashof_excesses(scaled)
-    least = np.min(np.abs([a, b, c]), axis=0)
+    smallest = np.min(np.abs([a, b, c]), axis=0)
     signs = 4 * (a > 0) + 2 * (b > 0) + (c > 0)
     names = np.empty(np.shape(a), dtype=object)
-    names[...] = _BY_SIGNS[np.where(least <= _AT_CHANGE_POINT * scaled.max(axis=-1), _CHANGE_POINT, signs)]
+    names[...] = _BY_SIGNS[np.where(smallest <= _AT_CHANGE_POINT * scaled.max(axis=-1), _CHANGE_POINT, signs)]
     return names
 
 
@@ -159,16 +159,16 @@ class Closure:
         angle = np.arctan2(-small * sine * np.where(longer, -1.0, 1.0), (big - small) + 2 * small * half_sine**2)
         return np.where(longer, self.crank_angle - np.pi + angle, angle)
 
-    def _half_angle(self, near: Floats, far: Floats) -> tuple[Floats, Floats]:
-        """Square roots of numerator and denominator of tan^2 of half the triangle's angle beside side ``near``."""
+    def _half_angle(self, shorter: Floats, longer: Floats) -> tuple[Floats, Floats]:
+        """Square roots of numerator and denominator of tan^2 of half the triangle's angle beside ``shorter``."""
         r = self.diagonal
-        difference = far - near
+        difference = longer - shorter
         larger = r + np.abs(difference)
         safe = np.where(larger > 0, larger, 1.0)
         smaller = np.where(larger > 0, self.excess_y / safe, np.nan)
         ahead = np.where(difference >= 0, larger, smaller)
         behind = np.where(difference >= 0, smaller, larger)
-        total = r + near + far
+        total = r + shorter + longer
         return np.sqrt(ahead * self.excess_x / total), np.sqrt(behind * total)
 
     @cached_property

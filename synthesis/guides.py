@@ -155,9 +155,9 @@ class Round(Vector):
     def longer_than(self, first: float, second: float = 0.0) -> Condition:
         """Return its square less that of the difference of two lengths."""
         d, r, towards, length = self._distance, self.radius, self._towards, abs(first - second)
-        least = math.fsum((d, -r, first, -second)) * math.fsum((d, -r, -first, second))
+        minimum = math.fsum((d, -r, first, -second)) * math.fsum((d, -r, -first, second))
         return Condition(
-            lambda q: least + 4 * d * r * np.sin((q - towards) / 2) ** 2,
+            lambda q: minimum + 4 * d * r * np.sin((q - towards) / 2) ** 2,
             self.turning_points,
             (d + r + length) ** 2,
             False,
@@ -166,9 +166,9 @@ class Round(Vector):
     def shorter_than(self, first: float, second: float = 0.0) -> Condition:
         """Return the square of the sum of two lengths less its own."""
         d, r, towards, length = self._distance, self.radius, self._towards, first + second
-        least = math.fsum((first, second, -d, -r)) * (length + d + r)
+        minimum = math.fsum((first, second, -d, -r)) * (length + d + r)
         return Condition(
-            lambda q: least + 4 * d * r * np.cos((q - towards) / 2) ** 2,
+            lambda q: minimum + 4 * d * r * np.cos((q - towards) / 2) ** 2,
             self.turning_points,
             (d + r + length) ** 2,
             False,
@@ -177,11 +177,11 @@ class Round(Vector):
     def across(self, direction: float, length: float, sign: int) -> Condition:
         """Return a length less the part across a direction; see `Vector`."""
         r = self.radius
-        least = (length - r) - sign * float(np.imag(self.middle * np.exp(-1j * direction)))
+        minimum = (length - r) - sign * float(np.imag(self.middle * np.exp(-1j * direction)))
         size = length + r + abs(self.middle)
         lowest = direction - sign * math.pi / 2
         return Condition(
-            lambda q: least + 2 * r * np.sin((q - lowest) / 2) ** 2, (lowest, lowest + math.pi), size, False
+            lambda q: minimum + 2 * r * np.sin((q - lowest) / 2) ** 2, (lowest, lowest + math.pi), size, False
         )
 
     @property
@@ -213,8 +213,8 @@ class Straight(Vector):
     def longer_than(self, first: float, second: float = 0.0) -> Condition:
         """Return its square less that of the difference of two lengths."""
         foot, length = self._foot, abs(first - second)
-        least, size = (abs(foot.imag) - length) * (abs(foot.imag) + length), (abs(foot.imag) + length) ** 2
-        return Condition(lambda q: least + (foot.real - q) ** 2, (foot.real,), size, False)
+        minimum, size = (abs(foot.imag) - length) * (abs(foot.imag) + length), (abs(foot.imag) + length) ** 2
+        return Condition(lambda q: minimum + (foot.real - q) ** 2, (foot.real,), size, False)
 
     def shorter_than(self, first: float, second: float = 0.0) -> Condition:
         """Return the square of the sum of two lengths less its own."""
@@ -237,16 +237,16 @@ class Straight(Vector):
         return (self._foot.real,)
 
 
-def places_within(places: Iterable[float], first: float, last: float, period: float | None) -> list[float]:
+def places_within(positions: Iterable[float], first: float, last: float, period: float | None) -> list[float]:
     """The places, modulo a period where there is one, strictly between two coordinates in either order."""
     low, high = min(first, last), max(first, last)
     found: list[float] = []
-    for place in places:
+    for position in positions:
         if period is None:
-            found += [place] if low < place < high else []
+            found += [position] if low < position < high else []
             continue
-        number = math.floor((low - place) / TURN) + 1
-        while place + number * TURN < high:
-            found.append(place + number * TURN)
+        number = math.floor((low - position) / TURN) + 1
+        while position + number * TURN < high:
+            found.append(position + number * TURN)
             number += 1
     return found

@@ -40,13 +40,13 @@ from synthesis.free.limited import limited_problem, refined_within
 from synthesis.free.search import solutions_of, within_limits
 from synthesis.function.answers import Generator
 from synthesis.function.search import FunctionSearch
-from synthesis.function.wanted import Wanted
+from synthesis.function.wanted import TargetFunction
 from synthesis.limits import Limits, in_family
 from synthesis.linkage import Linkage, with_links
 from synthesis.mechanism import Bounded
 from synthesis.poses import Poses
 from synthesis.ranking import Answer, Status
-from synthesis.search.prescribed import GivenProblem, given, problem_of
+from synthesis.search.prescribed import GivenProblem, candidates_at, problem_of
 from synthesis.search.report import SearchReport, stopped_by
 from synthesis.solution import Solution, assess, target_of
 from synthesis.target import TURN, Target
@@ -157,7 +157,7 @@ def refine_motion(
         return [solution.mirrored() for solution in found], report
     run = _Descents(target, limits, tolerance, work)
     closing = run.assessed([linkage])
-    begin, seconds = run.kept(closing), work.elapsed
+    begin, seconds = run.within_limits(closing), work.elapsed
     if limits.family == "any" and (closing or linkage.mounted):
         run.lead(linkage)
     if not run.found:
@@ -189,7 +189,7 @@ def nearby_motion(
     run = _Descents(target, limits, tolerance, work)
     linkage = _of_family(linkage, limits)
     closing = run.assessed([linkage])
-    run.found = run.kept(closing)
+    run.found = run.within_limits(closing)
     if closing and not run.done:
         space = FOURBAR.bounded(target, limits)[-1 if limits.family == "any" else 0]
         run.lead_within(space, linkage, options.stages, options.damping)
@@ -232,7 +232,7 @@ class _Descents:
     def _mounted(self, linkage: Linkage) -> Linkage:
         return mounted(self.target, [linkage.links], [linkage.branch], [linkage.start])[0]
 
-    def kept(self, solutions: list[Solution]) -> list[Solution]:
+    def within_limits(self, solutions: list[Solution]) -> list[Solution]:
         """Return the solutions within the limits."""
         return within(self.target, self.limits, solutions)
 
@@ -252,10 +252,10 @@ class _Descents:
         problem = GivenProblem(self.target, chart)
         shape = chart.unknowns(np.array([linkage.links for linkage in linkages]))
         branch = np.array([float(linkage.branch) for linkage in linkages])
-        candidates = given(shape, branch, np.array([linkage.start for linkage in linkages]))
+        candidates = candidates_at(shape, branch, np.array([linkage.start for linkage in linkages]))
         found = problem.descended(candidates, [Stage(_STEPS)], 0.0, self.work)
         ends = problem.linkages(FOURBAR, found.take(np.isfinite(found.cost)))
-        self.found += self.kept(assess(self.target, ends))
+        self.found += self.within_limits(assess(self.target, ends))
 
     def lead_within(
         self, space: Bounded, linkage: Linkage, plan: Sequence[Stage], damping: float = 1e-3
@@ -269,7 +269,7 @@ class _Descents:
         if not np.isfinite(found.cost).all():
             return []
         linkages = problem.linkages(FOURBAR, found)
-        self.found += self.kept(self.assessed(linkages))
+        self.found += self.within_limits(self.assessed(linkages))
         return linkages
 
     def _placed(self, problem: GivenProblem, linkage: Linkage) -> Timed:
@@ -284,7 +284,7 @@ class _Descents:
             z2 = radius / scale * np.exp(1j * (angle + linkage.ground_angle))
             pose = np.array([[(linkage.pivot_a - self.target.middle) / scale, z1, z2]])
         shape = problem.chart.unknowns(np.array([linkage.links]))
-        return given(shape, np.array([float(linkage.branch)]), np.array([linkage.start]), pose)
+        return candidates_at(shape, np.array([float(linkage.branch)]), np.array([linkage.start]), pose)
 
 
 # -- crank angles free ---------------------------------------------------------------------------------------------
@@ -481,7 +481,7 @@ def _one_way(costs: Floats, closes: NDArray[np.bool_], width: int) -> tuple[int,
 
 
 def refine_function(
-    wanted: Wanted,
+    target: TargetFunction,
     limits: Limits,
     largest: bool,
     linkage: Linkage,
@@ -493,7 +493,7 @@ def refine_function(
 
     Parameters
     ----------
-    wanted : Wanted
+    target : TargetFunction
     limits : Limits
         Given lengths and zeros replace the lengths and zeros of the linkage.
     largest : bool
@@ -511,12 +511,12 @@ def refine_function(
         the result is not worse.
     report : SearchReport
     """
-    if wanted.clockwise:
+    if target.clockwise:
         mirrored_offset = None if offset is None else -offset
-        mirrored = wanted.mirrored(), limits, largest, linkage.mirrored(), mirrored_offset
+        mirrored = target.mirrored(), limits, largest, linkage.mirrored(), mirrored_offset
         generators, report = refine_function(*mirrored, tolerance, work)
         return [generator.mirrored() for generator in generators], report
-    run = FunctionSearch(wanted, limits, largest, 1, tolerance, work)
+    run = FunctionSearch(target, limits, largest, 1, tolerance, work)
     unchanged: list[Generator] = []
     found: list[Generator] = []
     seconds = work.elapsed
@@ -524,8 +524,8 @@ def refine_function(
         if found:
             break
         begin = run.candidate(start, offset)
-        as_it_is = run.kept(*begin)
+        as_it_is = run.within_limits(*begin)
         if start is linkage:
             unchanged, seconds = as_it_is, work.elapsed
-        found = sorted(run.led(*begin) + as_it_is, key=lambda each: each.errors.objective)[:1]
+        found = sorted(run.best_from(*begin) + as_it_is, key=lambda each: each.errors.objective)[:1]
     return found, report_of(found, unchanged, seconds, tolerance, work)

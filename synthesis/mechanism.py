@@ -28,9 +28,9 @@ Box = tuple[float, float, float, float]
 """xmin, ymin, xmax, ymax"""
 
 
-def outside(places: Any, box: Box) -> Floats:
+def outside(points: Any, box: Box) -> Floats:
     """How far places lie outside of a box; negative inside: how far from its nearest side."""
-    x, y = np.real(places), np.imag(places)
+    x, y = np.real(points), np.imag(points)
     return np.asarray(np.maximum(np.maximum(box[0] - x, x - box[2]), np.maximum(box[1] - y, y - box[3])))
 
 
@@ -164,13 +164,13 @@ class Boxes(NamedTuple):
     longest: Floats
     """(d,) largest lengths."""
 
-    def clip_a(self, place: Complexes) -> Complexes:
+    def clip_a(self, point: Complexes) -> Complexes:
         """The nearest places for pivot A."""
-        return _clipped(place, self.pivot_a)
+        return _clipped(point, self.pivot_a)
 
-    def clip_b(self, place: Complexes) -> Complexes:
+    def clip_b(self, point: Complexes) -> Complexes:
         """The nearest places for pivot B."""
-        return _clipped(place, self.pivot_b)
+        return _clipped(point, self.pivot_b)
 
     def reach(self, lengths: Floats) -> tuple[Floats, Floats]:
         """Least and largest ground of types (n, d) whose lengths are all allowed, (n,) each."""
@@ -178,8 +178,8 @@ class Boxes(NamedTuple):
         return np.max(self.shortest / ratio, axis=1), np.min(self.longest / ratio, axis=1)
 
 
-def _clipped(place: Complexes, box: Box) -> Complexes:
-    return np.clip(place.real, box[0], box[2]) + 1j * np.clip(place.imag, box[1], box[3])
+def _clipped(point: Complexes, box: Box) -> Complexes:
+    return np.clip(point.real, box[0], box[2]) + 1j * np.clip(point.imag, box[1], box[3])
 
 
 class Bounded(NamedTuple):

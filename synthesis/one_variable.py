@@ -92,19 +92,19 @@ def rising_root(
         step = np.divide(value, slope, out=np.full(x.shape, np.nan), where=slope > 0)
         newton = x - step
         following = np.where((newton >= low) & (newton <= high), newton, 0.5 * (low + high))
-        near = (np.abs(value) <= noise) | (np.abs(following - x) <= 2 * EPSILON * np.abs(x)) | np.isnan(value)
+        converged = (np.abs(value) <= noise) | (np.abs(following - x) <= 2 * EPSILON * np.abs(x)) | np.isnan(value)
         # the next error is about step^2 / distance to the zero of the slope, which lies outside the bracket
-        near |= np.abs(step) <= SMALL_STEP * np.minimum(x - first, last - x)
+        converged |= np.abs(step) <= SMALL_STEP * np.minimum(x - first, last - x)
         # converged members no longer change, so that a batch gives the same results as its members
         x = np.where(settled | (value == 0), x, following)
-        settled = settled | near
+        settled = settled | converged
         if settled.all():
             break
     return np.clip(x, first, last)
 
 
 def secant(
-    function: Callable[[Floats], Floats], place: float, value: float
+    function: Callable[[Floats], Floats], x_known: float, value: float
 ) -> Callable[[Floats], tuple[Floats, Floats]]:
     """Return a function with a secant slope, for `rising_root` with a function of one member without a derivative.
 
@@ -112,7 +112,7 @@ def secant(
     ----------
     function : callable
         ``function(x) -> value``, both of shape (1,).
-    place, value : float
+    x_known, value : float
         A point and the function value there. It must differ from the first point at which the result is evaluated.
 
     Returns
@@ -120,12 +120,12 @@ def secant(
     callable
         ``with_slope(x) -> (value, slope)``, where the slope is the secant from the previous point.
     """
-    before, known = np.array([place]), np.array([value])
+    before, known = np.array([x_known]), np.array([value])
 
     def with_slope(x: Floats) -> tuple[Floats, Floats]:
         nonlocal before, known
-        here, way = function(x), x - before
-        slope = np.divide(here - known, way, out=np.full(1, np.nan), where=way != 0)
+        here, change = function(x), x - before
+        slope = np.divide(here - known, change, out=np.full(1, np.nan), where=change != 0)
         before, known = x, here
         return here, slope
 
@@ -157,9 +157,9 @@ def closer_looks(
         looks = np.linspace(left, right, count, axis=1)
         values = function(looks)
         best = np.argmin(values, axis=1)
-        value, place = values[rows, best], looks[rows, best]
+        value, position = values[rows, best], looks[rows, best]
         left, right = looks[rows, np.maximum(best - 1, 0)], looks[rows, np.minimum(best + 1, count - 1)]
-    return value, place
+    return value, position
 
 
 def golden_section(
@@ -188,9 +188,9 @@ def golden_section(
     for _ in range(steps):
         lower = at_low <= at_high
         left, right = np.where(lower, left, low), np.where(lower, high, right)
-        kept, known = np.where(lower, low, high), np.where(lower, at_low, at_high)
+        inner, known = np.where(lower, low, high), np.where(lower, at_low, at_high)
         fresh = np.where(lower, right - GOLDEN * (right - left), left + GOLDEN * (right - left))
         value = function(fresh)
-        low, high = np.where(lower, fresh, kept), np.where(lower, kept, fresh)
+        low, high = np.where(lower, fresh, inner), np.where(lower, inner, fresh)
         at_low, at_high = np.where(lower, value, known), np.where(lower, known, value)
     return np.minimum(at_low, at_high), np.where(at_low <= at_high, low, high)

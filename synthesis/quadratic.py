@@ -37,7 +37,7 @@ def minimise_quadratics(
     count, rows, size = matrix.shape
     z, multiplier = np.array(inside, dtype=float, order="C"), np.empty((count, rows))
     program = QuadraticProgram(rows, size)
-    given = (np.ascontiguousarray(part, dtype=float) for part in (hessian, gradient, matrix, bound))
-    for one in zip(*given, np.broadcast_to(accuracy, count), z, multiplier):
-        program.minimise(*one)
+    arguments = (np.ascontiguousarray(part, dtype=float) for part in (hessian, gradient, matrix, bound))
+    for problem in zip(*arguments, np.broadcast_to(accuracy, count), z, multiplier):
+        program.minimise(*problem)
     return z, multiplier

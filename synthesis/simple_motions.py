@@ -86,14 +86,14 @@ def straight_guide_error(samples: Samples, allowed: float | None = None) -> floa
 def _complete_samples(samples: Samples) -> tuple[Complexes, Floats | None]:
     """Return positions and rotations of the samples that have both, or the positions alone if no rotation is given."""
     assert samples.position is not None
-    given = np.isfinite(samples.position)
+    known = np.isfinite(samples.position)
     for values, weights in (
         (samples.position, samples.position_weights),
         (samples.rotation, samples.rotation_weights),
     ):
         if values is not None:
-            given &= np.isfinite(values) & (True if weights is None else weights > 0)
-    return samples.position[given], None if samples.rotation is None else samples.rotation[given]
+            known &= np.isfinite(values) & (True if weights is None else weights > 0)
+    return samples.position[known], None if samples.rotation is None else samples.rotation[known]
 
 
 def _turning(position: Complexes, rotation: Floats, min_poses: int) -> Hinge | None:
@@ -112,11 +112,11 @@ def _circle(position: Complexes) -> Hinge | None:
     middle = position.mean()
     off = position - middle
     rows = np.column_stack([2 * off.real, 2 * off.imag, np.ones(off.size)])
-    (x, y, rest), *_, rank, _ = (*np.linalg.lstsq(rows, np.abs(off) ** 2, rcond=1e-9),)
+    (x, y, constant), *_, rank, _ = (*np.linalg.lstsq(rows, np.abs(off) ** 2, rcond=1e-9),)
     if rank < 3:
         return None
     centre = complex(x, y)
-    radius = float(np.sqrt(rest + abs(centre) ** 2))
+    radius = float(np.sqrt(constant + abs(centre) ** 2))
     steps = np.angle((off[1:] - centre) / (off[:-1] - centre))
     if not (np.all(steps > 0) or np.all(steps < 0)):
         return None

@@ -117,9 +117,9 @@ class AnySliderChart(SliderChart):
         return np.clip(np.nan_to_num(found), -self.LIMITS, self.LIMITS)
 
 
-def _logarithms(values: Floats, most: float) -> Floats:
+def _logarithms(values: Floats, largest: float) -> Floats:
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.clip(np.nan_to_num(np.log(values), nan=-most), -most, most)
+        return np.clip(np.nan_to_num(np.log(values), nan=-largest), -largest, largest)
 
 
 # -- dimension types ----------------------------------------------------------------------------------------------------
@@ -173,9 +173,9 @@ def enumerate_slider_types(rule: SliderTypeRule, begin: int = 0, end: int | None
     before = np.concatenate([[0], np.cumsum(count)])
     begin, end, _ = slice(begin, end).indices(int(before[-1]))
     rows = np.arange(begin, max(begin, end))
-    place = np.searchsorted(before, rows, side="right") - 1
-    offset = rows - before[place]
-    chosen = crank[place] if crank.size else rows
+    index = np.searchsorted(before, rows, side="right") - 1
+    offset = rows - before[index]
+    chosen = crank[index] if crank.size else rows
     return np.stack([chosen, rule.perimeter - chosen - offset, offset], axis=1).astype(np.int32)
 
 
@@ -197,8 +197,8 @@ class SliderTurning:
     def coarse_types(self) -> Floats:
         """Types whose crank turns fully, spread over the chart."""
         if self.guide == RAIL:
-            near = np.linspace(-4.0, 3.5, 16)
-            return self.full.shape(np.array(list(product(near, near)))).lengths
+            logarithms = np.linspace(-4.0, 3.5, 16)
+            return self.full.shape(np.array(list(product(logarithms, logarithms)))).lengths
         ratios = np.concatenate([-np.geomspace(0.05, 3.5, 10), np.geomspace(0.05, 3.5, 10)])
         return self.full.shape(np.array(list(product(ratios, np.linspace(-3.0, 3.0, 13))))).lengths
 
@@ -232,10 +232,10 @@ class SliderTurning:
         """Coarse types for that; of any family those whose crank does not turn fully as well."""
         if family != "any":
             return self.coarse_types
-        others = AnySliderChart(self.guide).shape(
+        shapes = AnySliderChart(self.guide).shape(
             np.array(list(product(np.linspace(-2, 2, 9), np.linspace(-2, 2, 9))))
         )
-        swinging = others.lengths[np.minimum(others.x0, others.y0) <= 0]
+        swinging = shapes.lengths[np.minimum(shapes.x0, shapes.y0) <= 0]
         return np.concatenate([self.coarse_types, swinging])
 
 

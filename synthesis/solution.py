@@ -105,11 +105,11 @@ def _identity(linkage: Linkage) -> Floats:
             numbers += [guide.radius / size, fixed.real, fixed.imag, body.real, body.imag]
             continue
         # the line itself, not the point that it is given by
-        direction, point, other = (
+        direction, point, second_point = (
             (guide.direction, fixed, body) if isinstance(guide, Rail) else (guide.body_direction, body, fixed)
         )
         height = np.real(np.conj(1j * np.exp(1j * direction)) * point)
-        numbers += [np.cos(2 * direction), np.sin(2 * direction), abs(height), other.real, other.imag]
+        numbers += [np.cos(2 * direction), np.sin(2 * direction), abs(height), second_point.real, second_point.imag]
     return np.array([*numbers, math.log(size)])
 
 
@@ -169,8 +169,8 @@ def assess(
     used = _used(own, turns & target.closed)
     smallest = np.nan_to_num(transmission_angles_over(linkages, used)).tolist()
     turning = np.flatnonzero(turns).tolist()
-    whole = Interval(np.zeros(len(turning)), np.full(len(turning), TURN))
-    over_turn = dict(zip(turning, transmission_angles_over([linkages[k] for k in turning], whole).tolist()))
+    full_turn = Interval(np.zeros(len(turning)), np.full(len(turning), TURN))
+    over_turn = dict(zip(turning, transmission_angles_over([linkages[k] for k in turning], full_turn).tolist()))
     return [
         Solution(
             linkage if offset is None or not math.isfinite(offset) else linkage.turned_body(offset),

@@ -190,7 +190,7 @@ class Samples:
         return self.position_mean.given((self.position - self.middle) / self.length_scale)
 
 
-class Asked(NamedTuple):
+class RequestedMotion(NamedTuple):
     """A motion as it was requested."""
 
     rotation: Floats | None
@@ -230,7 +230,7 @@ class Target(Samples):
         return self.crank.shape[-1]
 
     @property
-    def asked(self) -> Asked:
+    def asked(self) -> RequestedMotion:
         """The motion as it was requested."""
         rotation, position = self.rotation, self.position
         moved = np.broadcast_to(np.asarray(self.moved, dtype=float), (self.samples,))
@@ -244,7 +244,7 @@ class Target(Samples):
             rotation = np.where(present, rotation - moved, np.nan)
         if position is not None and self.position_weights is not None:
             position = np.where(self.position_weights > 0, position, complex(np.nan, np.nan))
-        return Asked(rotation, position, moved)
+        return RequestedMotion(rotation, position, moved)
 
     @property
     def interval(self) -> Interval:
@@ -507,9 +507,9 @@ def _crank(crank_span: float | None, crank_angle: Floats | None, samples: int) -
         field, crank = "/crank_angle", crank_angle.astype(float) - float(crank_angle[0])
     span = abs(crank[-1])
     if not MIN_SPAN <= span <= MAX_SPAN:
-        low, high, given = np.rad2deg([MIN_SPAN, MAX_SPAN, crank[-1]])
+        low, high, found = np.rad2deg([MIN_SPAN, MAX_SPAN, crank[-1]])
         raise FieldError(
-            field, f"the crank must turn by {low:g} to {high:g} degrees in either sense, not by {given:g}"
+            field, f"the crank must turn by {low:g} to {high:g} degrees in either sense, not by {found:g}"
         )
     steps = np.diff(crank) * np.sign(crank[-1])
     too_short = steps <= MIN_STEP * span

@@ -62,7 +62,9 @@ Mechanisms = Annotated[
     list[KindName],
     Field(min_length=1, max_length=8),
     BeforeValidator(
-        lambda given: list(MECHANISMS) if given == "all" else [given] if isinstance(given, str) else given
+        lambda prescribed: (
+            list(MECHANISMS) if prescribed == "all" else [prescribed] if isinstance(prescribed, str) else prescribed
+        )
     ),
     WithJsonSchema(
         {

@@ -23,7 +23,7 @@ from synthesis.function.quick_return import (
 from synthesis.function.travel_search import (
     ANGLE,
 )
-from synthesis.function.wanted import Wanted
+from synthesis.function.wanted import TargetFunction
 from synthesis.ranking import PROPORTION
 
 _STEEP = 8.0
@@ -123,7 +123,7 @@ def _proportion_notes(found: Sequence[Generator], tolerance: float) -> list[str]
     return [said + (FOUND_WITHIN[0].format(smallest) if smallest < np.inf else FOUND_WITHIN[1])]
 
 
-def _jump_notes(target: Wanted) -> list[str]:
+def _jump_notes(target: TargetFunction) -> list[str]:
     """Return a sentence on a jump of the wanted output."""
     slope = np.abs(np.diff(target.output) / np.diff(target.crank))
     if slope.size < 4:

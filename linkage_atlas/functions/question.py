@@ -41,7 +41,7 @@ from synthesis.function.travel_search import (
     Law,
     TravelLimits,
 )
-from synthesis.function.wanted import Wanted
+from synthesis.function.wanted import TargetFunction
 from synthesis.search.search import DEFAULT_TOLERANCE
 from synthesis.target import MAX_LENGTH, Target, make_target
 
@@ -170,7 +170,7 @@ def read_wanted(
     output_zero: float | None = None,
     weights: ArrayLike | None = None,
     degrees: bool = True,
-) -> tuple[Wanted, Dials | None, Scales]:
+) -> tuple[TargetFunction, Dials | None, Scales]:
     """Return a checked function in the unit of the search, its dials if it has a name, and the scales; see `function`."""
     if (output is None) == (function is None):
         raise FieldError("/output", "give either `output` or `function`")
@@ -203,7 +203,7 @@ def _in_radians(
     weights: ArrayLike | None,
     degrees: bool,
     scales: Scales,
-) -> tuple[Wanted, Dials | None]:
+) -> tuple[TargetFunction, Dials | None]:
     """Return a function whose input and output are both read as angles."""
     radian, (of_input, of_output) = radians_in(degrees), scales[1:]
     if np.ndim(crank_span):  # type: ignore[arg-type]
@@ -252,7 +252,7 @@ def _in_radians(
     offset = None
     if output_zero is not None:
         offset = float(target.rotation[0]) - number("output_zero", output_zero) * of_output
-    return Wanted(target.crank, target.rotation, target.rotation_weights, start, offset, exact), dials
+    return TargetFunction(target.crank, target.rotation, target.rotation_weights, start, offset, exact), dials
 
 
 def _finite(name: str, samples: ArrayLike | None) -> Floats:
@@ -263,7 +263,7 @@ def _finite(name: str, samples: ArrayLike | None) -> Floats:
     return values
 
 
-def _check_one_way(target: Wanted, where: str) -> None:
+def _check_one_way(target: TargetFunction, where: str) -> None:
     steps = np.diff(target.output)
     back = steps * np.sign(target.output[-1] - target.output[0]) <= 0
     if back.any():
@@ -279,7 +279,7 @@ def _check_one_way(target: Wanted, where: str) -> None:
 class FunctionQuestion:
     """A checked question for linkages that make a function."""
 
-    wanted: Wanted
+    wanted: TargetFunction
     """In radians, or lengths over `Scales.length`."""
     dials: Dials | None
     """Dials of a function by name, a table or a callable; None for other functions."""
@@ -435,7 +435,7 @@ class FunctionFields:
             notes = [*notes, *said]
         return replace(self, output=output, input=input), notes
 
-    def _function(self, dial: Dial, quick: QuickReturn | None) -> tuple[Wanted, Dials | None, Scales]:
+    def _function(self, dial: Dial, quick: QuickReturn | None) -> tuple[TargetFunction, Dials | None, Scales]:
         """Return the wanted function, its dials if it has a name, and what a unit is."""
         assert not callable(self.output)
         target, dials, scales = read_wanted(

@@ -24,7 +24,7 @@ from synthesis.function.travel_search import (
     ANGLE,
     LENGTH,
 )
-from synthesis.function.wanted import Wanted
+from synthesis.function.wanted import TargetFunction
 from synthesis.sheet import csv_text
 from synthesis.target import Target
 
@@ -173,7 +173,7 @@ class FunctionResult(Record, Ranked[FunctionSolution | TravelSolution]):
     """The samples' x and y, where a function was named."""
     y: Floats | None
     report: FunctionReport
-    wanted: Wanted = field(repr=False, metadata=PYTHON_ONLY)
+    wanted: TargetFunction = field(repr=False, metadata=PYTHON_ONLY)
     degrees: bool = field(default=True, metadata=PYTHON_ONLY)
     dial: Dial = field(default=Dial("angle", "angle"), repr=False, metadata=PYTHON_ONLY)
     scales: Scales = field(default=Scales(1.0, 1.0, 1.0), repr=False, metadata=PYTHON_ONLY)
@@ -214,7 +214,7 @@ class FunctionResult(Record, Ranked[FunctionSolution | TravelSolution]):
 
 
 def render(
-    target: Wanted,
+    target: TargetFunction,
     scales: Scales,
     dial: Dial,
     linkage: Linkage,

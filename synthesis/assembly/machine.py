@@ -15,7 +15,7 @@ from synthesis.target import TURN, Interval
 
 CLEARANCE = 0.5 / 165
 """Default clearance, as a fraction of the longest link."""
-WHOLE = 1e-9
+FULL_TURN_TOLERANCE = 1e-9
 """Largest amount in radians by which an interval may fall short of a turn and still count as one."""
 
 
@@ -118,7 +118,7 @@ class Machine:
     @property
     def whole_turn(self) -> bool:
         """True if the interval is a turn, so that its end coincides with its start."""
-        return self.turns and self.loop is None and self.used.last - self.used.first >= TURN - WHOLE
+        return self.turns and self.loop is None and self.used.last - self.used.first >= TURN - FULL_TURN_TOLERANCE
 
     def plate(self, name: str) -> Plate:
         """Return a plate by its name."""

@@ -20,7 +20,7 @@ from itertools import combinations, product
 from typing import NamedTuple
 
 from synthesis.assembly.gaps import CarriedShape, Gaps, MinimumGap, Proof, Run
-from synthesis.assembly.machine import WHOLE, Machine
+from synthesis.assembly.machine import FULL_TURN_TOLERANCE, Machine
 from synthesis.assembly.shapes import disc
 from synthesis.errors import FieldError
 from synthesis.target import TURN, Interval
@@ -460,7 +460,7 @@ class StackSearch:
         loop, turn = self.machine.loop, TURN
         ends = self.machine.slit_ends
         if loop is None and None in ends:
-            if free.last - free.first >= turn - WHOLE:
+            if free.last - free.first >= turn - FULL_TURN_TOLERANCE:
                 return None, None
             runs = self._runs(stack, Interval(free.last, free.first + turn))
             if not runs:
@@ -481,7 +481,7 @@ class StackSearch:
 
     def _runs(self, stack: Stack, interval: Interval) -> list[tuple[Pair, Run]]:
         """Return the collisions of a stack's pairs over another interval."""
-        if interval.last - interval.first < WHOLE or not stack.pairs:
+        if interval.last - interval.first < FULL_TURN_TOLERANCE or not stack.pairs:
             return []
         gaps = Gaps(
             self.machine.movement,

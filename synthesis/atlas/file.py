@@ -85,12 +85,12 @@ def _header(sha256: str, size: int) -> bytes:
 def _datasets(count: int, rule: AtlasRule) -> dict[str, tuple[str, tuple[int, ...]]]:
     """Return data type and shape of each dataset of an atlas."""
     *nodes, leaves = level_sizes(count)
-    every, above = sum(nodes) + leaves, sum(nodes)
+    combined, above = sum(nodes) + leaves, sum(nodes)
     found = {name: (FEATURES[name], shape) for name, shape in rule.shapes.items()}
     return found | {
         "tree_rows": ("<i4", (leaves,)),
-        "tree_series": ("<f4", (every, COLUMNS)),
-        "tree_errors": ("<f4", (every, 2)),
+        "tree_series": ("<f4", (combined, COLUMNS)),
+        "tree_errors": ("<f4", (combined, 2)),
         "tree_slopes": ("<f4", (above, PIECES)),
         "tree_bends": ("<f4", (above, PIECES)),
     }
@@ -261,8 +261,8 @@ def check_contents(path: Path, atlas: StoredAtlas) -> None:
         _refuse(AtlasFault.CONTENT, "the content hash differs")
     count, mechanism = len(atlas.lengths), atlas.rule.kind.mechanism
     chosen = np.random.default_rng(0).choice(count, min(_CHECKED_ROWS, count), replace=False)
-    again = compute_features(atlas.lengths[chosen], atlas.rule.samples, mechanism)
-    pairs: Any = zip(features, again)
+    solution = compute_features(atlas.lengths[chosen], atlas.rule.samples, mechanism)
+    pairs: Any = zip(features, solution)
     same = all(np.allclose(old[chosen], new, 0, 4e-6) for old, new in pairs)
     series, leaf = compute_series(atlas.lengths[chosen], mechanism), np.argsort(atlas.tree.rows, kind="stable")
     leaf = leaf[len(leaf) - count :][chosen]
@@ -309,9 +309,9 @@ def _check_datasets(file: h5py.File, datasets: dict[str, tuple[str, tuple[int, .
             )
         if dataset.chunks and math.prod(dataset.chunks) * dataset.dtype.itemsize > _MAX_CHUNK_BYTES:
             _refuse(AtlasFault.SCHEMA, f"{name} has chunks of {dataset.chunks}")
-        wanted = math.prod(-(-s // c) for s, c in zip(shape, dataset.chunks)) if dataset.chunks else 0
-        if dataset.chunks and dataset.id.get_num_chunks() != wanted:  # HDF5 would fill the gap silently
+        target = math.prod(-(-s // c) for s, c in zip(shape, dataset.chunks)) if dataset.chunks else 0
+        if dataset.chunks and dataset.id.get_num_chunks() != target:  # HDF5 would fill the gap silently
             _refuse(AtlasFault.CONTENT, f"{name} lacks a part of its data")
-    rest = size - sum(file[name].id.get_storage_size() for name in datasets)
-    if not 0 <= rest <= _MAX_REST_BYTES:
-        _refuse(AtlasFault.SCHEMA, f"it holds {rest:,} bytes beside its arrays")
+    remaining = size - sum(file[name].id.get_storage_size() for name in datasets)
+    if not 0 <= remaining <= _MAX_REST_BYTES:
+        _refuse(AtlasFault.SCHEMA, f"it holds {remaining:,} bytes beside its arrays")

@@ -36,13 +36,13 @@ class PositionRequest:
         found: list[Complexes] = [fixed.constant, fixed.crank]
         candidates = [fixed.remainder, np.exp(-1j * crank), np.exp(2j * crank)]
         for column in candidates:
-            rest = column.astype(complex)
-            before = mean(np.abs(rest) ** 2)
+            remaining = column.astype(complex)
+            before = mean(np.abs(remaining) ** 2)
             for _ in range(2):
                 for direction in found:
-                    rest = rest - direction * mean(np.conj(direction) * rest)
-            square = mean(np.abs(rest) ** 2)
-            found.append(rest / np.sqrt(square) if square > 1e-16 * before else np.zeros_like(rest))
+                    remaining = remaining - direction * mean(np.conj(direction) * remaining)
+            square = mean(np.abs(remaining) ** 2)
+            found.append(remaining / np.sqrt(square) if square > 1e-16 * before else np.zeros_like(remaining))
         order = np.arange(-_GRID // 2, _GRID // 2)
         waves = np.exp(1j * np.outer(crank, order))
         inner = np.stack([mean.weighted(np.conj(direction)) @ waves / mean.total for direction in found[2:]])

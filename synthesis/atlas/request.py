@@ -92,12 +92,12 @@ def _directions(line: Floats, target: Floats, crank: Floats, root: Floats) -> Fl
         columns += [root * np.cos(harmonic * wave), root * np.sin(harmonic * wave)]
     found: list[Floats] = []
     for column in [*columns[:DIRECTIONS], target]:
-        rest, size = column, np.linalg.norm(column)
+        remaining, size = column, np.linalg.norm(column)
         for _ in range(2):  # the second time removes the rounding of the first
             for direction in found:
-                rest = rest - direction * (direction @ rest)
-        if np.linalg.norm(rest) > _DEPENDENT * size and len(found) < samples:
-            found.append(rest / np.linalg.norm(rest))
+                remaining = remaining - direction * (direction @ remaining)
+        if np.linalg.norm(remaining) > _DEPENDENT * size and len(found) < samples:
+            found.append(remaining / np.linalg.norm(remaining))
     return np.array(found[1:]).reshape(-1, samples)
 
 

@@ -206,11 +206,11 @@ class Scan:
     ) -> Iterator[tuple[Ints, Floats]]:
         """Yield the windows of a target with positions whose bounds are at most the limit, with their bounds."""
         positions = PositionRequest(target, self.branches)
-        places = np.flatnonzero(self._rows >= 0)
+        indices = np.flatnonzero(self._rows >= 0)
         # some types from everywhere first, for the limit; then neighbours together, whose series are equally long
-        spread = places[:: max(1, places.size // _TYPES_AT_ONCE)]
-        others = np.setdiff1d(places, spread)
-        for part in [spread, *(others[k : k + _TYPES_AT_ONCE] for k in range(0, others.size, _TYPES_AT_ONCE))]:
+        spread = indices[:: max(1, indices.size // _TYPES_AT_ONCE)]
+        remaining = np.setdiff1d(indices, spread)
+        for part in [spread, *(remaining[k : k + _TYPES_AT_ONCE] for k in range(0, remaining.size, _TYPES_AT_ONCE))]:
             if found.stopped:
                 return
             series, errors = self._series_of(part)
@@ -283,9 +283,9 @@ class Scan:
         """
         work = work or Work()
         evaluate = exact or (lambda windows: self.errors(target, windows))
-        most = np.inf if max_windows is None else max(max_windows, 4 * top)
+        max_windows_checked = np.inf if max_windows is None else max(max_windows, 4 * top)
         at_once = max(FIRST_BATCH, _EXACT_SAMPLES // target.samples)
-        found = BestWindows(top, self.numbering, evaluate, at_once, work.expired, enough, most)
+        found = BestWindows(top, self.numbering, evaluate, at_once, work.expired, enough, max_windows_checked)
         if found.settled_in_order(self.types, self._alike(target)):
             return found.windows, ScanReport(self.windows, found.evaluated, not found.cut_short)
         request = None
@@ -321,11 +321,14 @@ class Scan:
                 if by_tree and positions is not None and ids.size > _FEW:
                     nearest = np.argpartition(bounds, _FEW // 4)[: _FEW // 4]
                     found.consider(ids[nearest], bounds[nearest])  # which lowers the limit for the others
-                    near = np.flatnonzero(bounds <= limit())
-                    looked_at += near.size
+                    candidates = np.flatnonzero(bounds <= limit())
+                    looked_at += candidates.size
                     if looked_at > _MAX_BY_TREE:
                         break
-                    ids, bounds = ids[near], self._with_positions(positions, ids[near], bounds[near])
+                    ids, bounds = (
+                        ids[candidates],
+                        self._with_positions(positions, ids[candidates], bounds[candidates]),
+                    )
                 found.consider(ids, bounds)
                 if found.stopped:
                     break
@@ -349,6 +352,6 @@ class Scan:
             return None
         winding = self.mechanism.winding(self.lengths)
         kinds, example = np.unique(winding, return_index=True)
-        one = np.zeros(kinds.size, dtype=np.int64)
-        error = self.errors(target, Windows(example, one, one + 1, np.zeros(kinds.size)))
+        zeros = np.zeros(kinds.size, dtype=np.int64)
+        error = self.errors(target, Windows(example, zeros, zeros + 1, np.zeros(kinds.size)))
         return error[np.searchsorted(kinds, winding)]

@@ -202,14 +202,14 @@ class AtlasRule:
         """Make the rule of a kind, with its own defaults for arguments that are None. Raises `FieldError`."""
         if kind not in KINDS:
             raise FieldError("/kind", f"must be one of {', '.join(KINDS)}, found {kind!r}")
-        given = {"perimeter": perimeter, "smallest": smallest, "order": order}
-        given = {name: value for name, value in given.items() if value is not None}
-        if foreign := given.keys() - set(KINDS[kind].own):
+        options = {"perimeter": perimeter, "smallest": smallest, "order": order}
+        options = {name: value for name, value in options.items() if value is not None}
+        if foreign := options.keys() - set(KINDS[kind].own):
             raise FieldError(f"/{min(foreign)}", f"belongs to an atlas of four-bars, not to one of kind {kind}")
         orders = [known.value for known in OrderRule]
         if order is not None and order not in orders:
             raise FieldError("/order", f"must be one of {', '.join(orders)}, found {order!r}")
-        types = KINDS[kind].rule(**given)
+        types = KINDS[kind].rule(**options)
         return cls(types) if samples is None else cls(types, samples)
 
     @property

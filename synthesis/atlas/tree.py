@@ -155,17 +155,17 @@ def _differences(children: Floats, means: Floats) -> tuple[Floats, Floats]:
     first, second = np.empty((len(children), PIECES)), np.empty((len(children), PIECES))
     for begin in range(0, len(children), _AT_ONCE):
         part = slice(begin, begin + _AT_ONCE)
-        rest = children[part] - np.repeat(means[begin // WIDTH : (begin + _AT_ONCE) // WIDTH], WIDTH, axis=0)
-        waving = rest[:, 2:].astype(np.float32)
+        differences = children[part] - np.repeat(means[begin // WIDTH : (begin + _AT_ONCE) // WIDTH], WIDTH, axis=0)
+        waving = differences[:, 2:].astype(np.float32)
         amplitude = np.hypot(waving[:, ::2], waving[:, 1::2])
         for result, own, curved, power, constant in (
-            (first, tables[0], tables[2], 5, rest[:, 0]),
+            (first, tables[0], tables[2], 5, differences[:, 0]),
             (second, tables[1], tables[3], 6, 0.0),
         ):
             values = np.abs(waving @ own + np.reshape(constant, (-1, 1)).astype(np.float32))
             curving = np.abs(waving @ curved) + step * (amplitude @ harmonic**power)[:, None]
             values += step * curving + _ROUNDING * (amplitude @ harmonic ** (power - 4))[:, None]
-            values = values.reshape(len(rest), PIECES, -1)
+            values = values.reshape(len(differences), PIECES, -1)
             ends = np.roll(values[:, :, 0], -1, axis=1)
             result[part] = np.maximum(values.max(axis=2), ends) * float(_ABOVE_SINGLE)
     return first, second

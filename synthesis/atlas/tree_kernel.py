@@ -46,10 +46,10 @@ def expand(
     pieces: Py_ssize_t = slopes.shape[1]
     directions: Py_ssize_t = rows.shape[1]
     covered: Py_ssize_t = weights.shape[2] if pieces > 0 else 0
-    children, kept = np.empty(8 * count, np.int32), np.empty(8 * count, np.int32)
+    children, survivors = np.empty(8 * count, np.int32), np.empty(8 * count, np.int32)
     bounds, estimates = np.empty(8 * count), np.empty(8 * count)
     child: cython.int[::1] = children
-    window_of: cython.int[::1] = kept
+    window_of: cython.int[::1] = survivors
     bound_of: cython.double[::1] = bounds
     estimate_of: cython.double[::1] = estimates
     line, bent, dot = declare(cython.float[8]), declare(cython.float[8]), declare(cython.float[8])
@@ -59,7 +59,7 @@ def expand(
     n, j, c, k = declare(Py_ssize_t), declare(Py_ssize_t), declare(Py_ssize_t), declare(Py_ssize_t)
     block, window, piece = declare(Py_ssize_t), declare(Py_ssize_t), declare(Py_ssize_t)
     factor, bend_factor = declare(cython.float), declare(cython.float)
-    value, rest, wanted = declare(cython.double), declare(cython.double), declare(cython.double)
+    value, remainder, target_bound = declare(cython.double), declare(cython.double), declare(cython.double)
     alive = declare(cython.int)
     found: Py_ssize_t = 0
     top: cython.double = limit * limit
@@ -90,7 +90,7 @@ def expand(
                 x -= 8
                 for j in range(8):
                     dot[j] += x[j] * factor
-            wanted = target[k]
+            target_bound = target[k]
             if k == 0:
                 for j in range(8):
                     value = errors[block, 1, j] * spread
@@ -100,14 +100,14 @@ def expand(
                     bend[j] = bent[j] + value + rounding[1]
                     if bend[j] > reach[j]:
                         bend[j] = reach[j]
-                    along[j] = fabs(wanted - dot[j])
+                    along[j] = fabs(target_bound - dot[j])
                     square[j] = 0
                     # the largest square of the other components for which both bounds allow the limit
                     value = along[j] - reach[j] if along[j] > reach[j] else 0
-                    rest = top - value * value
+                    remainder = top - value * value
                     room[j] = -1
-                    if rest >= 0:
-                        value = bend[j] + sqrt(rest)
+                    if remainder >= 0:
+                        value = bend[j] + sqrt(remainder)
                         room[j] = value * value
                         value = (limit + reach[j]) * (limit + reach[j]) - along[j] * along[j]
                         if value < room[j]:
@@ -117,7 +117,7 @@ def expand(
                         room[j] = -1
             else:
                 for j in range(8):
-                    value = wanted - dot[j]
+                    value = target_bound - dot[j]
                     square[j] += value * value
             alive = 0
             for j in range(8):
@@ -128,15 +128,15 @@ def expand(
             continue
         for j in range(8):
             if square[j] <= room[j]:
-                rest = sqrt(along[j] * along[j] + square[j])
-                estimate_of[found] = rest
-                rest = rest - reach[j] if rest > reach[j] else 0
+                remainder = sqrt(along[j] * along[j] + square[j])
+                estimate_of[found] = remainder
+                remainder = remainder - reach[j] if remainder > reach[j] else 0
                 value = along[j] - reach[j] if along[j] > reach[j] else 0
-                wanted = sqrt(square[j]) - bend[j]
-                if wanted > 0:
-                    value = sqrt(value * value + wanted * wanted)
+                target_bound = sqrt(square[j]) - bend[j]
+                if target_bound > 0:
+                    value = sqrt(value * value + target_bound * target_bound)
                 child[found] = 8 * block + j
                 window_of[found] = window
-                bound_of[found] = value if value > rest else rest
+                bound_of[found] = value if value > remainder else remainder
                 found += 1
-    return children[:found], kept[:found], bounds[:found], estimates[:found]
+    return children[:found], survivors[:found], bounds[:found], estimates[:found]

@@ -62,14 +62,14 @@ class ScanReport(NamedTuple):
     exhaustive: bool
 
 
-class Place(NamedTuple):
+class WindowRank(NamedTuple):
     """Place of a window: error in steps of `TIE`, and rank among windows of the same step."""
 
     step: float
     rank: float
 
 
-NOWHERE = Place(np.inf, np.inf)
+NOWHERE = WindowRank(np.inf, np.inf)
 
 
 def steps_of(errors: Floats) -> Floats:
@@ -141,10 +141,10 @@ class BestWindows:
         at_once: int,
         expired: Callable[[], bool],
         enough: float = -1.0,
-        most: float = np.inf,
+        max_windows: float = np.inf,
     ) -> None:
         self.windows, self.last, self.evaluated = NO_WINDOWS, NOWHERE, 0
-        self.numbering, self.top, self.enough, self.most = numbering, top, enough, most
+        self.numbering, self.top, self.enough, self.most = numbering, top, enough, max_windows
         self._exact, self._expired, self._at_once = exact, expired, max(1, at_once)
         self.cut_short = False
 
@@ -174,18 +174,20 @@ class BestWindows:
         if self.windows.row.size == self.top:
             last = self.windows.take(np.array([-1]))
             rank = self.numbering.ranks(self.numbering.ids(last))
-            self.last = Place(float(steps_of(last.error)[0]), float(rank[0]))
+            self.last = WindowRank(float(steps_of(last.error)[0]), float(rank[0]))
         return windows
 
     def consider(self, ids: Ints, bounds: Floats) -> None:
         """Evaluate all windows that their bounds allow among the best, except those that are already among them."""
         steps, ranks = lowest_steps(bounds), self.numbering.ranks(ids)
-        near = np.flatnonzero((steps < self.last.step) | ((steps == self.last.step) & (ranks < self.last.rank)))
-        near = near[np.isin(ids[near], self.numbering.ids(self.windows), invert=True)]
-        near = near[np.lexsort((ranks[near], steps[near]))]
+        close = np.flatnonzero((steps < self.last.step) | ((steps == self.last.step) & (ranks < self.last.rank)))
+        close = close[np.isin(ids[close], self.numbering.ids(self.windows), invert=True)]
+        close = close[np.lexsort((ranks[close], steps[close]))]
         done, batch = 0, min(self._at_once, max(FIRST_BATCH, 2 * self.top))
-        while done < near.size and Place(steps[near[done]], ranks[near[done]]) < self.last and not self.stopped:
-            self.evaluate(ids[near[done : done + batch]])
+        while (
+            done < close.size and WindowRank(steps[close[done]], ranks[close[done]]) < self.last and not self.stopped
+        ):
+            self.evaluate(ids[close[done : done + batch]])
             done, batch = done + batch, min(2 * batch, self._at_once)
 
     def settled_in_order(self, types: int, alike: Floats | None) -> bool:
@@ -205,7 +207,7 @@ class BestWindows:
             row = row if rows is None else rows[row]
             ids, known = self.numbering.at_ranks(row, within), None if alike is None else alike[row]
             step = 0.0 if known is None else float(steps_of(known[0]))
-            if not Place(step, float(self.numbering.ranks(ids[:1])[0])) < self.last:
+            if not WindowRank(step, float(self.numbering.ranks(ids[:1])[0])) < self.last:
                 return True
             if done and self.stopped:
                 return True

@@ -215,11 +215,11 @@ class _Model:
             self.rod(name, complex(start) * self.metre, complex(end) * self.metre, self.thick / 4, _GREY)
             for name, (start, end) in rails.items()
         ]
-        driven, (other, loop) = self.guide(0, self.coupler()), self.other()
+        driven, (second, loop) = self.guide(0, self.coupler()), self.other()
         span = abs(float(target.interval.last) - float(target.interval.first)) * (1.0 if turns else self.metre)
         pace = SPEED if turns else span / SECONDS
         signed = -pace if target.clockwise else pace
-        speeds = [signed * value for value in (*driven.speeds, *other.speeds)]
+        speeds = [signed * value for value in (*driven.speeds, *second.speeds)]
         moving = f' qvel="{" ".join(map(repr, speeds))}"' if np.all(np.isfinite(speeds)) else ""
         # the drive gains its speed within tenths of a second: a harder start would pull the loop's constraint apart
         gain = self.total * (self.size**2 if turns else 1.0) / 0.2
@@ -236,7 +236,7 @@ class _Model:
   <worldbody>
     <light pos="0 0 {4 * self.size!r}" dir="0 0 -1"/>
     {"".join(geom + chr(10) + "    " for geom in world if geom)}{driven.text}
-    {other.text}
+    {second.text}
   </worldbody>
   <equality>
     {loop}

@@ -65,16 +65,20 @@ def _motion_columns(
     target: Target, unit: float, rotation: Floats, position: Complexes | None
 ) -> dict[str, Iterable[Any]]:
     """Return columns of the requested and the actual motion, and of its errors."""
-    asked, rows = target.asked, target.samples
-    requested = None if asked.rotation is None else asked.rotation / unit
-    turned = rotation - asked.moved
-    if asked.rotation is not None:  # whole turns do not matter
-        turned = turned - TURN * np.round(np.nanmean(turned - asked.rotation) / TURN)
+    requested_motion, rows = target.asked, target.samples
+    requested = None if requested_motion.rotation is None else requested_motion.rotation / unit
+    turned = rotation - requested_motion.moved
+    if requested_motion.rotation is not None:  # whole turns do not matter
+        turned = turned - TURN * np.round(np.nanmean(turned - requested_motion.rotation) / TURN)
     turned = turned / unit
-    error = None if position is None or asked.position is None else np.abs(asked.position - position)
+    error = (
+        None
+        if position is None or requested_motion.position is None
+        else np.abs(requested_motion.position - position)
+    )
     return {
         "rotation_wanted": given_cells(requested, rows),
-        **_coordinates("{}_wanted", asked.position, rows),
+        **_coordinates("{}_wanted", requested_motion.position, rows),
         "rotation": turned,
         **_coordinates("{}", position, rows),
         "rotation_error": given_cells(None if requested is None else turned - requested, rows),

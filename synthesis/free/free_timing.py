@@ -124,8 +124,8 @@ class FreeTiming(CrankDriven):
         """Return candidates of the search with guessed crank angles at all samples (see `way_along`)."""
         if self.on_all_samples:
             return timed
-        way = way_along(self.poses, power)
-        angles = np.stack([np.interp(way, way[self._indices], own) for own in timed.angles])
+        direction = way_along(self.poses, power)
+        angles = np.stack([np.interp(direction, direction[self._indices], own) for own in timed.angles])
         return timed._replace(angles=angles, pose=self._shifted(timed, self._shift))
 
     def at_search_samples(self, timed: Timed) -> Timed:

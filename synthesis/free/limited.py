@@ -98,10 +98,10 @@ def _seeds(target: Target, limits: Limits, windows: Windows, chart: Chart, sense
     """The best windows of a target, for a crank that turns the other way in a mirror."""
     if sense < 0:
         target, limits = target.mirrored(), limits.mirrored()
-    way = search_spaces(target, limits, posed=True)[0]
-    problem = GivenProblem(target, way.chart, way.constraints, posed=True)
-    found = windows.seeds(problem, way.on_shape, way.boxes, _SEEDS).take(slice(0, _SEEDS))
-    shape = chart.unknowns(way.chart.shape(found.shape).lengths)
+    direction = search_spaces(target, limits, posed=True)[0]
+    problem = GivenProblem(target, direction.chart, direction.constraints, posed=True)
+    found = windows.seeds(problem, direction.on_shape, direction.boxes, _SEEDS).take(slice(0, _SEEDS))
+    shape = chart.unknowns(direction.chart.shape(found.shape).lengths)
     return found._replace(shape=shape, angles=found.angles + target.crank)
 
 

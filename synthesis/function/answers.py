@@ -12,7 +12,7 @@ from synthesis.arrays import Floats
 from synthesis.export.layout import closed_motions
 from synthesis.four_bar import FULL_CRANK, Family, close_loop, family, principal, transmission_angle_over
 from synthesis.fourbar.mechanism import FourBar
-from synthesis.function.wanted import Wanted
+from synthesis.function.wanted import TargetFunction
 from synthesis.limits import Limits, in_family
 from synthesis.linkage import Linkage, with_links
 from synthesis.pose import rotation_residual, whole_turns
@@ -121,7 +121,7 @@ def rocker_angles(linkages: Sequence[Linkage], travel: Floats) -> Floats:
     return principal(close_loop(links, crank).rocker_angle(branch))[:, 1:]
 
 
-def look(wanted: Wanted) -> Floats:
+def look(wanted: TargetFunction) -> Floats:
     """Crank angles at which an error curve is looked at before its extremes are refined.
 
     They are denser towards the ends, down to a thousand millionth of the interval: there x^p may begin with an infinite slope,
@@ -181,7 +181,7 @@ def alternations(found: Extremes) -> list[int]:
 
 
 def errors_of(
-    wanted: Wanted, gap: Callable[[Floats], Floats], count: int, largest: bool, residual: Floats
+    wanted: TargetFunction, gap: Callable[[Floats], Floats], count: int, largest: bool, residual: Floats
 ) -> list[FunctionErrors]:
     """Errors of ``count`` candidates from their gaps: at inputs (n, M) by ``gap``, at the samples ``residual`` (n, N).
 
@@ -224,13 +224,13 @@ def how_they_turn(links: Floats, used: Interval) -> list[tuple[Family, float, fl
 
 
 def finished(
-    wanted: Wanted, linkages: Sequence[Linkage], largest: bool, offsets: Floats | None = None
+    wanted: TargetFunction, linkages: Sequence[Linkage], largest: bool, offsets: Floats | None = None
 ) -> list[Generator]:
     """Generators with their errors.
 
     Parameters
     ----------
-    wanted : Wanted
+    wanted : TargetFunction
     linkages : sequence of Linkage
         Each closes over the interval.
     largest : bool
@@ -261,7 +261,7 @@ class Generators(FourBar):
     The search is for linkages with coupler and rocker exchanged.
     """
 
-    def __init__(self, wanted: Wanted, ground: float) -> None:
+    def __init__(self, wanted: TargetFunction, ground: float) -> None:
         self.wanted, self.ground = wanted, ground
 
     def assess(
@@ -278,7 +278,9 @@ class Generators(FourBar):
         return [one for one, keep in zip(solutions, kept) if keep and one.transmission_angle_min > 0]
 
 
-def turning_back(wanted: Wanted, output: Callable[[Floats], Floats], least: float) -> tuple[float, float] | None:
+def turning_back(
+    wanted: TargetFunction, output: Callable[[Floats], Floats], least: float
+) -> tuple[float, float] | None:
     """By how much an output turns back in all, and at which part of the interval most; None where it goes one way.
 
     ``least``: a turn back between two places that is no more is rounding. None too where the wanted output turns back itself.
@@ -293,13 +295,13 @@ def turning_back(wanted: Wanted, output: Callable[[Floats], Floats], least: floa
     return float(-made[made < 0].sum()), float(abs(places[int(np.argmin(made))] / wanted.crank[-1]))
 
 
-def fraction_back(wanted: Wanted, linkage: Linkage) -> float:
+def fraction_back(wanted: TargetFunction, linkage: Linkage) -> float:
     """Return the fraction of the output's range by which a rocker turns back on the way."""
     back = turning_back(wanted, lambda crank: rocker_angles([linkage], crank)[0], _ROUNDING)
     return 0.0 if back is None else back[0] / float(np.ptp(wanted.output))
 
 
-def turns_back(wanted: Wanted, linkages: Sequence[Linkage]) -> list[str | None]:
+def turns_back(wanted: TargetFunction, linkages: Sequence[Linkage]) -> list[str | None]:
     """A sentence for each linkage whose rocker turns back where the wanted output goes one way; None for the others."""
     found: list[str | None] = []
     for one in linkages:
@@ -309,7 +311,7 @@ def turns_back(wanted: Wanted, linkages: Sequence[Linkage]) -> list[str | None]:
     return found
 
 
-def to_csv(wanted: Wanted, linkage: Linkage, offset: float, unit: float) -> str:
+def to_csv(wanted: TargetFunction, linkage: Linkage, offset: float, unit: float) -> str:
     """Return the function at the samples as CSV; the error is output got minus output wanted.
 
     Angles are divided by ``unit`` (radians in one unit of angle).

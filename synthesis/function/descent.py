@@ -117,28 +117,28 @@ def descend(
     for _ in range(steps):
         if not active.size or work.expired():
             break
-        some = Linear(*(one[active] for one in here))
+        active_model = Linear(*(values[active] for values in here))
         low, high = (edge[free] - unknowns[active][:, free] for edge in box)
-        step, foretold = _program(some, radii[active], low, high, largest, accuracy)
+        step, foretold = _program(active_model, radii[active], low, high, largest, accuracy)
         trial = _moved(unknowns[active], free, step, box)
         there = linear(trial, active)
         new = _merit(there, largest)
         # along a curved valley the step leaves its floor: once more, with what the first step missed (Fletcher, Practical
         # Methods of Optimization, 14.4)
-        again = np.flatnonzero((merit[active] - new < 0.5 * (merit[active] - foretold)) & np.isfinite(new))
-        if again.size:
-            part = Linear(*(one[again] for one in some))
-            missed = there.error[again] - (part.slope @ step[again][:, :, None])[:, :, 0]
-            broke = there.condition[again] - (part.condition_slope @ step[again][:, :, None])[:, :, 0]
+        repeated = np.flatnonzero((merit[active] - new < 0.5 * (merit[active] - foretold)) & np.isfinite(new))
+        if repeated.size:
+            part = Linear(*(values[repeated] for values in active_model))
+            missed = there.error[repeated] - (part.slope @ step[repeated][:, :, None])[:, :, 0]
+            broke = there.condition[repeated] - (part.condition_slope @ step[repeated][:, :, None])[:, :, 0]
             part = part._replace(error=missed, condition=broke)
-            back = _program(part, radii[active[again]], low[again], high[again], largest, accuracy)[0]
-            corrected = _moved(unknowns[active[again]], free, back, box)
-            other = linear(corrected, active[again])
-            value = _merit(other, largest)
-            helped = value < new[again]
-            rows = again[helped]
+            back = _program(part, radii[active[repeated]], low[repeated], high[repeated], largest, accuracy)[0]
+            corrected = _moved(unknowns[active[repeated]], free, back, box)
+            corrected_model = linear(corrected, active[repeated])
+            value = _merit(corrected_model, largest)
+            helped = value < new[repeated]
+            rows = repeated[helped]
             trial[rows], new[rows], step[rows] = corrected[helped], value[helped], back[helped]
-            for column, found in zip(there, other):
+            for column, found in zip(there, corrected_model):
                 column[rows] = found[helped]
         expected = merit[active] - foretold
         ratio = (merit[active] - new) / np.maximum(expected, 1e-300)
@@ -173,24 +173,24 @@ def _broken(condition: Floats) -> Floats:
     return np.maximum(0.0, -condition.min(axis=1, initial=np.inf))
 
 
-def _merit(one: Linear, largest: bool) -> Floats:
-    merit = _size(one.error, largest) + PENALTY * _broken(one.condition)
+def _merit(model: Linear, largest: bool) -> Floats:
+    merit = _size(model.error, largest) + PENALTY * _broken(model.condition)
     return np.where(np.isnan(merit), np.inf, merit)
 
 
 def _program(
-    one: Linear, radius: Floats, low: Floats, high: Floats, largest: bool, accuracy: float
+    model: Linear, radius: Floats, low: Floats, high: Floats, largest: bool, accuracy: float
 ) -> tuple[Floats, Floats]:
     """Steps (n, k) of the programs, and the merits (n,) that they foretell."""
-    count, samples, size = one.slope.shape
-    conditions = one.condition.shape[1]
+    count, samples, size = model.slope.shape
+    conditions = model.condition.shape[1]
     low, high = np.maximum(low, -radius[:, None]), np.minimum(high, radius[:, None])
     # an unknown at its edge: a hair of room, so that the beginning lies inside
     room = 1e-12 * radius[:, None]
     low, high = np.minimum(low, -room), np.maximum(high, room)
     z = np.zeros((count, size + 2))
-    broken = _broken(one.condition)
-    height = np.abs(one.error).max(axis=1)
+    broken = _broken(model.condition)
+    height = np.abs(model.error).max(axis=1)
     z[:, size] = 1.1 * height + 1e-12
     scale = np.maximum(height, broken)
     z[:, size + 1] = broken + 0.1 * scale + 1e-12
@@ -200,12 +200,12 @@ def _program(
     if largest:
         for side in (-1.0, 1.0):
             part = slice(at, at + samples)
-            matrix[:, part, :size], matrix[:, part, size] = side * one.slope, 1.0
-            bound[:, part] = side * one.error
+            matrix[:, part, :size], matrix[:, part, size] = side * model.slope, 1.0
+            bound[:, part] = side * model.error
             at += samples
     part = slice(at, at + conditions)
-    matrix[:, part, :size], matrix[:, part, size + 1] = one.condition_slope, 1.0
-    bound[:, part] = one.condition
+    matrix[:, part, :size], matrix[:, part, size + 1] = model.condition_slope, 1.0
+    bound[:, part] = model.condition
     at += conditions
     for side, edge in ((1.0, -low), (-1.0, high)):
         part = slice(at, at + size)
@@ -215,16 +215,16 @@ def _program(
     matrix[:, at, size + 1] = 1.0
     hessian, gradient = np.zeros((count, size + 2, size + 2)), np.zeros((count, size + 2))
     gradient[:, size + 1] = PENALTY
-    norm = np.maximum(_size(one.error, False), 1e-300)[:, None]
+    norm = np.maximum(_size(model.error, False), 1e-300)[:, None]
     if largest:
         gradient[:, size] = 1.0
     else:
-        turned = one.slope.transpose(0, 2, 1)
-        hessian[:, :size, :size] = turned @ one.slope / norm[:, :, None]
+        turned = model.slope.transpose(0, 2, 1)
+        hessian[:, :size, :size] = turned @ model.slope / norm[:, :, None]
         hessian[:, size, size] = 1.0
-        gradient[:, :size] = (turned @ one.error[:, :, None])[:, :, 0] / norm
+        gradient[:, :size] = (turned @ model.error[:, :, None])[:, :, 0] / norm
     z, _ = minimise_quadratics(hessian, gradient, matrix, bound, z, accuracy * np.maximum(height, 1e-300))
     step = z[:, :size]
-    ahead = one.error + (one.slope @ step[:, :, None])[:, :, 0]
-    kept = one.condition + (one.condition_slope @ step[:, :, None])[:, :, 0]
-    return step, _size(ahead, largest) + PENALTY * _broken(kept)
+    ahead = model.error + (model.slope @ step[:, :, None])[:, :, 0]
+    linearised = model.condition + (model.condition_slope @ step[:, :, None])[:, :, 0]
+    return step, _size(ahead, largest) + PENALTY * _broken(linearised)

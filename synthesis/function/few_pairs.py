@@ -24,7 +24,7 @@ from synthesis.arrays import Floats
 from synthesis.constraints import Constraints
 from synthesis.four_bar import close_loop, transmission_angle_over
 from synthesis.function.dial_zeros import zeros_of_five_pairs, zeros_of_four_pairs
-from synthesis.function.wanted import Wanted
+from synthesis.function.wanted import TargetFunction
 from synthesis.limits import Limits, in_family
 from synthesis.linkage import Linkage, as_lengths, four_bar
 from synthesis.mechanism import Placed
@@ -63,7 +63,7 @@ class FewPairsOptions:
     """Ratio of the changes of two successive rounds."""
     farthest: float = 2.2
     """Largest logarithm of a sampled ratio of crank or rocker to the ground, either sign."""
-    places: int = 41
+    tracked_angles: int = 41
     """Number of crank angles at which the rocker is followed."""
     parallelograms: int = 50
     """Number of parallelograms among the samples if the output turns as far as the input."""
@@ -124,7 +124,7 @@ class ExactFamily:
 
     Parameters
     ----------
-    wanted : Wanted
+    wanted : TargetFunction
         Of two to five pairs, with a crank that turns counter-clockwise.
     limits : Limits
         Lengths over the ground.
@@ -133,7 +133,7 @@ class ExactFamily:
     options : FewPairsOptions
     """
 
-    def __init__(self, target: Wanted, limits: Limits, sized: bool, options: FewPairsOptions) -> None:
+    def __init__(self, target: TargetFunction, limits: Limits, sized: bool, options: FewPairsOptions) -> None:
         self.wanted, self.limits, self.sized, self.options = target, limits, sized, options
         self.pairs = target.crank.size
         self.random = np.random.default_rng(20)
@@ -287,7 +287,7 @@ class ExactFamily:
 
     def follows(self, candidates: Candidates) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Check that rockers turn as far as the output, not by whole turns more, and that they hardly turn back on the way."""
-        share = (1 - np.cos(np.linspace(0.0, np.pi, self.options.places))) / 2
+        share = (1 - np.cos(np.linspace(0.0, np.pi, self.options.tracked_angles))) / 2
         travel = np.concatenate([self.wanted.crank, share * self.wanted.crank[-1]])
         closure = close_loop(candidates.lengths, candidates.parameters.start[:, None] + travel)
         at_pairs, between = np.split(closure.rocker_angle(candidates.branch), [self.pairs], axis=1)
@@ -323,7 +323,7 @@ def _solved(matrix: Floats, right: Floats) -> Floats:
     return np.stack([determinant(parts) / denominator for parts in replaced], axis=1)
 
 
-def is_few(target: Wanted, limits: Limits) -> bool:
+def is_few(target: TargetFunction, limits: Limits) -> bool:
     """Check that the lengths of four-bars through two to five pairs follow from the zeros, and perhaps one ratio."""
     crank, coupler, rocker, _ = limits.links
     pairs, free = target.crank.size, (crank is None) + (rocker is None) + 1
@@ -334,13 +334,13 @@ def is_few(target: Wanted, limits: Limits) -> bool:
 
 
 def exact_functions(
-    target: Wanted, limits: Limits, sized: bool, work: Work, options: FewPairsOptions | None = None
+    target: TargetFunction, limits: Limits, sized: bool, work: Work, options: FewPairsOptions | None = None
 ) -> tuple[list[Linkage], Floats]:
     """Search for good four-bars that meet two to five pairs exactly.
 
     Parameters
     ----------
-    wanted : Wanted
+    wanted : TargetFunction
         See `is_few`; with a crank that turns counter-clockwise.
     limits : Limits
         Lengths over the ground.

@@ -26,7 +26,7 @@ from synthesis.four_bar import close_loop, transmission_angle_over
 from synthesis.function.answers import Generator, finished
 from synthesis.function.few_pairs import function_merit
 from synthesis.function.travel_search import ANGLE, LAWS, TravelGenerator, TravelLimits, TravelSearch
-from synthesis.function.wanted import Wanted
+from synthesis.function.wanted import TargetFunction
 from synthesis.guides import Kind
 from synthesis.limits import Limits
 from synthesis.linkage import as_lengths, four_bar
@@ -144,7 +144,7 @@ def _crank_rockers(alpha: float, swing: float, first: int, side: int, q: Floats)
 
 
 def slider_crank_answers(
-    target: Wanted, alpha: float, limits: TravelLimits, top: int, tolerance: float, work: Work
+    target: TargetFunction, alpha: float, limits: TravelLimits, top: int, tolerance: float, work: Work
 ) -> list[TravelGenerator]:
     """Return slider-cranks within limits, different from one another, the best to build first; lengths over the stroke."""
     law = next(law for law in LAWS if (law.kind, law.input) == (Kind.SLIDER_CRANK, ANGLE))
@@ -180,7 +180,9 @@ def slider_crank_transmission(family: SliderCranks) -> Floats:
     return np.arcsin(np.minimum(sine, 1.0))
 
 
-def crank_rocker_answers(target: Wanted, alpha: float, limits: Limits, top: int, tolerance: float) -> list[Generator]:
+def crank_rocker_answers(
+    target: TargetFunction, alpha: float, limits: Limits, top: int, tolerance: float
+) -> list[Generator]:
     """Return crank-rockers within limits, different from one another, the best to build first."""
     ground = limits.links[3] or 1.0
     over = replace(limits.over(ground), family="crank_rocker" if limits.family == "any" else limits.family)

@@ -45,7 +45,7 @@ from synthesis.function.descent import (
     descend,
 )
 from synthesis.function.few_pairs import HARDLY_BACK, MOST_PAIRS, exact_functions, function_merit, is_few
-from synthesis.function.wanted import Wanted
+from synthesis.function.wanted import TargetFunction
 from synthesis.least_squares import Evaluation, minimise
 from synthesis.limits import Limits
 from synthesis.linkage import Linkage, as_lengths, four_bar, with_links
@@ -86,9 +86,9 @@ _USABLE = np.deg2rad(20.0)
 """Transmission angle of the best four-bar through two to four pairs above which nothing else is searched."""
 _LOCKED = np.deg2rad(5.0)
 """Transmission angle below which a linkage nearly locks and cannot be used."""
-_FIRST_PLACES, _PLACES = 9, 33
+_FIRST_PLACES, _SAMPLES_LEAST_SQUARES = 9, 33
 _SEEDS, _VALLEYS, _CANDIDATES = 160, 48, 24
-_BEGUN = 8
+_FIRST_CANDIDATES = 8
 """Candidates that are looked at as answers at each stage."""
 _SOFT = 0.5
 """Weight of a broken condition beside errors in radians, while the descent finds its valley."""
@@ -102,7 +102,7 @@ _LEAST_RADIUS = 1e-5
 _EXCHANGES, _EXCHANGE_STEPS = 16, 8
 
 
-class Followed(NamedTuple):
+class OutputCurve(NamedTuple):
     """The output of candidates over their input."""
 
     value: Floats
@@ -113,18 +113,18 @@ class Followed(NamedTuple):
     """(n, M), or (n, 1): where it closes."""
 
 
-class WantedFunction:
+class FunctionProblem:
     """A wanted function and limits made ready for many evaluations: errors and conditions with derivatives, for any linkage.
 
     Unknowns are three of the shape, the zero and the offset.
     """
 
-    wanted: Wanted
+    wanted: TargetFunction
     free: NDArray[np.intp]
     """Unknowns that are not given."""
     moving: Sequence[int] = range(4)
     """Unknowns by which the output changes."""
-    places: Floats
+    rate_inputs: Floats
     """Inputs (q,) at which the output must go on, where it may not turn back."""
     offset: float | None
     """The unknown one, where it is given."""
@@ -133,7 +133,7 @@ class WantedFunction:
     wraps: bool
     """and whether outputs are known up to whole turns only."""
 
-    def at(self, unknowns: Floats, branch: Floats, crank: Floats, derivatives: bool = True) -> Followed:
+    def at(self, unknowns: Floats, branch: Floats, crank: Floats, derivatives: bool = True) -> OutputCurve:
         """Outputs at inputs (n, M) from the first sample, with slopes where they are wanted."""
         raise NotImplementedError
 
@@ -141,7 +141,7 @@ class WantedFunction:
         """The conditions at unknowns (n, 5), at least 0 where they are kept, (n, m), and derivatives (n, m, 5)."""
         raise NotImplementedError
 
-    def near(self, gap: Floats) -> Floats:
+    def wrapped_error(self, gap: Floats) -> Floats:
         """Errors as they count: to the nearest whole turn, where outputs are known up to whole turns."""
         return gap - whole_turns(gap) if self.wraps else gap
 
@@ -149,17 +149,17 @@ class WantedFunction:
         """Errors (n, M) at inputs (n, M) of the candidates' own; infinite where it does not close."""
         found = self.at(unknowns, branch, crank, derivatives=False)
         with np.errstate(invalid="ignore"):  # an output beyond all numbers
-            gap = self.near(self.wanted.curve(crank) - unknowns[:, 4:] - found.value)
+            gap = self.wrapped_error(self.wanted.curve(crank) - unknowns[:, 4:] - found.value)
         return np.where(found.possible, gap, np.inf)
 
     def with_offset(self, unknowns: Floats, branch: Floats, crank: Floats, root: Floats) -> Floats:
         """Candidates with the given offset, or the best over inputs (M,), whose errors count ``root`` (M,)."""
-        some, share = np.broadcast_to(crank, (len(unknowns), crank.size)), root**2 / np.sum(root**2)
-        found = self.at(unknowns, branch, some, derivatives=False)
-        gap = np.where(found.possible, self.wanted.curve(some) - found.value, 0.0)
+        angles, share = np.broadcast_to(crank, (len(unknowns), crank.size)), root**2 / np.sum(root**2)
+        found = self.at(unknowns, branch, angles, derivatives=False)
+        gap = np.where(found.possible, self.wanted.curve(angles) - found.value, 0.0)
         out = unknowns.copy()
         middle = np.angle(np.exp(1j * gap) @ share) if self.wraps else np.zeros(len(out))
-        best = middle + self.near(gap - middle[:, None]) @ share
+        best = middle + self.wrapped_error(gap - middle[:, None]) @ share
         if self.offset is not None:
             best = self.offset + (whole_turns(best - self.offset) if self.turns else np.zeros(len(out)))
         out[:, 4] = best
@@ -168,18 +168,18 @@ class WantedFunction:
     def _rates(self, unknowns: Floats, branch: Floats) -> tuple[Floats, Floats]:
         """How fast the output goes the wanted way, less a little, at some places (n, q), and derivatives (n, q, 5)."""
         rise = self.wanted.output[-1] - self.wanted.output[0]
-        way = np.sign(rise) * np.sign(self.wanted.crank[-1])
-        least = _LEAST_RATE * abs(rise / self.wanted.crank[-1])
-        places = np.broadcast_to(self.places, (len(unknowns), self.places.size))
+        sense = np.sign(rise) * np.sign(self.wanted.crank[-1])
+        smallest = _LEAST_RATE * abs(rise / self.wanted.crank[-1])
+        inputs = np.broadcast_to(self.rate_inputs, (len(unknowns), self.rate_inputs.size))
 
         def rate(at: Floats) -> Floats:
-            return way * np.clip(self.at(at, branch, places).slope[:, 3], -1e3, 1e3)
+            return sense * np.clip(self.at(at, branch, inputs).slope[:, 3], -1e3, 1e3)
 
-        by = np.zeros((*places.shape, 5))
+        by = np.zeros((*inputs.shape, 5))
         for k in self.moving:
             step = _DIFFERENCE * np.eye(5)[k]
             by[:, :, k] = (rate(unknowns + step) - rate(unknowns - step)) / (2 * _DIFFERENCE)
-        return rate(unknowns) - least, by
+        return rate(unknowns) - smallest, by
 
     def linear(self, branch: Floats, crank: Floats, root: Floats) -> Linearise:
         """The errors at inputs (n, M) times ``root`` (n, M), and the conditions, ready for `descent.descend`."""
@@ -188,7 +188,7 @@ class WantedFunction:
         def evaluate(unknowns: Floats, which: Ints) -> Linear:
             scale = root[which]
             found = self.at(unknowns, branch[which], crank[which])
-            error = self.near(curve[which] - unknowns[:, 4:] - found.value) * scale
+            error = self.wrapped_error(curve[which] - unknowns[:, 4:] - found.value) * scale
             error[~found.possible.all(axis=1)] = np.inf
             slope = np.empty((*error.shape, 5))
             slope[:, :, :4] = -found.slope.transpose(0, 2, 1) * scale[:, :, None]
@@ -202,14 +202,14 @@ class WantedFunction:
         return evaluate
 
 
-class Problem(WantedFunction):
+class Problem(FunctionProblem):
     """A wanted function and limits made ready for many evaluations, for linkages with coupler and rocker exchanged.
 
     Least and largest lengths, and lengths that are given, are edges of a box; all other limits are conditions on the unknowns.
 
     Parameters
     ----------
-    wanted : Wanted
+    target : TargetFunction
         With a crank that turns counter-clockwise.
     limits : Limits
         Of the exchanged linkages, lengths over the ground's.
@@ -219,22 +219,24 @@ class Problem(WantedFunction):
 
     turns, wraps = True, False
 
-    def __init__(self, wanted: Wanted, limits: Limits, largest: bool) -> None:
-        self.wanted, self.offset = wanted, wanted.target.offset
+    def __init__(self, target: TargetFunction, limits: Limits, largest: bool) -> None:
+        self.wanted, self.offset = target, target.target.offset
         self.chart = AnyChart()
-        least = max(limits.transmission_angle_min, _CLOSES)
-        in_box = replace(limits, transmission_angle_min=least, link_min=None, link_max=None, links=(None,) * 4)
+        smallest_angle = max(limits.transmission_angle_min, _CLOSES)
+        in_box = replace(
+            limits, transmission_angle_min=smallest_angle, link_min=None, link_max=None, links=(None,) * 4
+        )
         self.constraints = Constraints(in_box, smooth=True)
-        self.given = given = np.log([np.nan if one is None else one for one in limits.links[:3]])
+        self.given = prescribed = np.log([np.nan if length is None else length for length in limits.links[:3]])
         """ln of the ratios that are given, NaN of the others, (3,)."""
-        held = np.concatenate([~np.isnan(given), [wanted.start is not None, wanted.offset is not None]])
+        held = np.concatenate([~np.isnan(prescribed), [target.start is not None, target.offset is not None]])
         self.free = np.flatnonzero(~held)
         ratio = limits.link_ratio_max or (_RATIO if largest else _WIDE)
         low, high = np.log([limits.link_min or 1 / ratio, limits.link_max or ratio])
-        low, high = np.where(np.isnan(given), low, given), np.where(np.isnan(given), high, given)
+        low, high = np.where(np.isnan(prescribed), low, prescribed), np.where(np.isnan(prescribed), high, prescribed)
         wide = np.full(2, np.inf)
         self.box = np.concatenate([low, -wide]), np.concatenate([high, wide])
-        self.places = (1 - np.cos(np.linspace(0.0, np.pi, _RATES))) / 2 * wanted.crank[-1]
+        self.rate_inputs = (1 - np.cos(np.linspace(0.0, np.pi, _RATES))) / 2 * target.crank[-1]
 
     def conditions(self, unknowns: Floats) -> tuple[Floats, Floats]:
         """Of lengths, angles and family."""
@@ -246,10 +248,10 @@ class Problem(WantedFunction):
         slopes[:, :, 3] = found.slopes[:, :, BEGIN] + found.slopes[:, :, END]
         return found.values - _MARGIN * np.array([name != "link_ratio_max" for name in found.names]), slopes
 
-    def at(self, unknowns: Floats, branch: Floats, crank: Floats, derivatives: bool = True) -> Followed:
+    def at(self, unknowns: Floats, branch: Floats, crank: Floats, derivatives: bool = True) -> OutputCurve:
         """theta2 of the exchanged linkages."""
         found = self.chart.at(unknowns[:, :3], unknowns[:, 3:4] + crank, branch, derivatives)
-        return Followed(found.angle, found.slope, found.closes[:, None])
+        return OutputCurve(found.angle, found.slope, found.closes[:, None])
 
 
 # -- the search ---------------------------------------------------------------------------------------------------------
@@ -257,22 +259,24 @@ class Problem(WantedFunction):
 Ints = NDArray[np.intp]
 
 
-def first_of_cells(cells: Floats, cost: Floats, most: int) -> Ints:
+def first_of_cells(cells: Floats, cost: Floats, max_count: int) -> Ints:
     """Candidates, the best first: at most so many, one a cell, (n, m) whole numbers, and whose cost is finite."""
     order = np.argsort(cost, kind="stable")
     order = order[np.isfinite(cost[order])]
-    return order[np.sort(np.unique(cells[order], axis=0, return_index=True)[1])[:most]]
+    return order[np.sort(np.unique(cells[order], axis=0, return_index=True)[1])[:max_count]]
 
 
 class FunctionSearch:
     """One request that the search for motions does not serve."""
 
-    def __init__(self, wanted: Wanted, limits: Limits, largest: bool, top: int, tolerance: float, work: Work) -> None:
-        self.wanted, self.limits, self.largest = wanted, limits.exchanged(), largest
+    def __init__(
+        self, target: TargetFunction, limits: Limits, largest: bool, top: int, tolerance: float, work: Work
+    ) -> None:
+        self.wanted, self.limits, self.largest = target, limits.exchanged(), largest
         self.top, self.tolerance, self.work = top, tolerance, work
         self.ratios = self.limits.over(ground_of(limits))
         """The limits of the exchanged linkages, lengths over the ground's."""
-        self.begin_with(Problem(wanted, self.ratios, largest))
+        self.begin_with(Problem(target, self.ratios, largest))
 
     def begin_with(self, problem: Any) -> None:
         """Know nothing yet of a problem."""
@@ -287,13 +291,13 @@ class FunctionSearch:
         """Where candidates lie, in numbers of order one."""
         return np.column_stack([unknowns[:, :3], np.cos(unknowns[:, 3]), np.sin(unknowns[:, 3])])
 
-    def apart(self, unknowns: Floats, branch: Floats, cost: Floats, most: int) -> Ints:
-        """Places of the best ``most`` candidates of those that end in different valleys."""
-        return first_of_cells(np.round(np.column_stack([self.place(unknowns), branch]) / 0.02), cost, most)
+    def apart(self, unknowns: Floats, branch: Floats, cost: Floats, max_count: int) -> Ints:
+        """Return the indices of the best ``max_count`` candidates in different basins."""
+        return first_of_cells(np.round(np.column_stack([self.place(unknowns), branch]) / 0.02), cost, max_count)
 
     # -- places -------------------------------------------------------------------------------------------------------
 
-    def places(self, count: int) -> tuple[Floats, Floats]:
+    def error_samples(self, count: int) -> tuple[Floats, Floats]:
         """Crank angles at which errors count, and what each is multiplied with, (M,) each.
 
         For the least largest error places that are denser towards the ends; for least squares the samples themselves.
@@ -301,8 +305,8 @@ class FunctionSearch:
         if self.largest:
             crank = (1 - np.cos(np.linspace(0.0, np.pi, count))) / 2 * self.wanted.crank[-1]
             return crank, self.wanted.weight(crank)
-        some = self.wanted.target.thinned(count)
-        return some.crank, np.broadcast_to(some.rotation_mean.root, some.crank.shape)
+        thinned = self.wanted.target.thinned(count)
+        return thinned.crank, np.broadcast_to(thinned.rotation_mean.root, thinned.crank.shape)
 
     # -- beginnings ---------------------------------------------------------------------------------------------------
 
@@ -323,7 +327,7 @@ class FunctionSearch:
             starts = np.array([self.wanted.start])
         unknowns = np.zeros((len(shapes) * starts.size, 5))
         unknowns[:, :3], unknowns[:, 3] = np.repeat(shapes, starts.size, axis=0), np.tile(starts, len(shapes))
-        crank, root = self.places(_FIRST_PLACES)
+        crank, root = self.error_samples(_FIRST_PLACES)
         if within:
             unknowns = unknowns[(self.problem.conditions(unknowns)[0] >= 0).all(axis=1)]
         return self.screened_from(unknowns, crank, root, (1.0, -1.0), _SEEDS // 2, [0.5, 0.5, 0.5, 0.4])
@@ -333,19 +337,25 @@ class FunctionSearch:
 
         ``offset``: output = theta3 + offset, theta3 in (-pi, pi] at the first sample; default: the best.
         """
-        wanted, problem, one = self.wanted, self.problem, exchanged(linkage)
-        lengths, branch = np.array(one.links), np.array([float(one.branch)])
+        target, problem, exchanged_linkage = self.wanted, self.problem, exchanged(linkage)
+        lengths, branch = np.array(exchanged_linkage.links), np.array([float(exchanged_linkage.branch)])
         ratios = np.where(np.isnan(problem.given), np.log(lengths[:3] / lengths[3]), problem.given)
-        start = one.start if wanted.start is None else wanted.start
-        places, root = self.places(SEARCH_SAMPLES)
-        begin = problem.with_offset(np.array([[*ratios, start, 0.0]]), branch, places, root)
-        if offset is not None and wanted.offset is None:
+        start = exchanged_linkage.start if target.start is None else target.start
+        crank, root = self.error_samples(SEARCH_SAMPLES)
+        begin = problem.with_offset(np.array([[*ratios, start, 0.0]]), branch, crank, root)
+        if offset is not None and target.offset is None:
             own = offset + np.pi
             begin[:, 4] = own + whole_turns(begin[:, 4] - own)
         return begin, branch
 
     def screened_from(
-        self, unknowns: Floats, crank: Floats, root: Floats, branches: Sequence[float], most: int, cell: Any = None
+        self,
+        unknowns: Floats,
+        crank: Floats,
+        root: Floats,
+        branches: Sequence[float],
+        max_count: int,
+        cell: Any = None,
     ) -> tuple[Floats, Floats]:
         """The most promising of beginnings (n, 5) and their branches: of each branch at most so many, and one a cell.
 
@@ -354,26 +364,26 @@ class FunctionSearch:
         problem, found, sides = self.problem, [], []
         parts = np.array_split(unknowns, 1 + len(unknowns) // _TOGETHER)
         broken = np.concatenate([np.minimum(problem.conditions(part)[0], 0.0) for part in parts])
-        far = np.sum((_SOFT * broken) ** 2, axis=1)
+        penalty = np.sum((_SOFT * broken) ** 2, axis=1)
         for branch in branches:
             side = np.full(len(unknowns), float(branch))
             placed = problem.with_offset(unknowns, side, crank, root)
             gap = problem.gap(placed, side, np.broadcast_to(crank, (len(placed), crank.size)))
             # also infinite if a sample of weight 0 cannot be reached
             gap = np.multiply(root, gap, out=np.full_like(gap, np.inf), where=np.isfinite(gap))
-            cost = np.sum(gap * gap, axis=1) / np.sum(root * root) + far
+            cost = np.sum(gap * gap, axis=1) / np.sum(root * root) + penalty
             cells = self.place(placed) / 0.4 if cell is None else placed[:, :4] / cell
-            first = first_of_cells(np.floor(cells), cost, most)
+            first = first_of_cells(np.floor(cells), cost, max_count)
             found.append(placed[first])
             sides.append(side[first])
         return np.concatenate(found), np.concatenate(sides)
 
     # -- descents -----------------------------------------------------------------------------------------------------
 
-    def least_squares(self, unknowns: Floats, branch: Floats, places: int, steps: int) -> tuple[Floats, Floats]:
+    def least_squares(self, unknowns: Floats, branch: Floats, count: int, steps: int) -> tuple[Floats, Floats]:
         """Candidates after a descent to least squares, limits and box as penalties, and their costs."""
         problem, free = self.problem, self.problem.free
-        crank, root = self.places(places)
+        crank, root = self.error_samples(count)
         root = root / np.sqrt(np.sum(root * root))
         low, high = problem.box
         each = np.broadcast_to(crank, (len(unknowns), crank.size)), np.broadcast_to(root, (len(unknowns), crank.size))
@@ -382,13 +392,13 @@ class FunctionSearch:
             chosen = which.astype(np.intp)
             full = unknowns[chosen]
             full[:, free] = moving
-            one = problem.linear(branch, *each)(full, chosen)
+            model = problem.linear(branch, *each)(full, chosen)
             out = np.where(full < low, full - low, np.where(full > high, full - high, 0.0))[:, free]
             beyond = _SOFT * np.eye(len(free)) * (out != 0)[:, None, :]
-            broken = np.minimum(one.condition, 0.0)
-            slope = np.where(broken[:, :, None] < 0, one.condition_slope, 0.0)
-            derivative = np.concatenate([one.slope.transpose(0, 2, 1), _SOFT * slope.transpose(0, 2, 1), beyond], 2)
-            residual = np.concatenate([one.error, _SOFT * broken, _SOFT * out], axis=1)
+            broken = np.minimum(model.condition, 0.0)
+            slope = np.where(broken[:, :, None] < 0, model.condition_slope, 0.0)
+            derivative = np.concatenate([model.slope.transpose(0, 2, 1), _SOFT * slope.transpose(0, 2, 1), beyond], 2)
+            residual = np.concatenate([model.error, _SOFT * broken, _SOFT * out], axis=1)
             cost = np.sum(residual * residual, axis=1)
             stack = np.concatenate([derivative, residual[:, None, :]], axis=1)
             cost = np.where(np.isnan(cost), np.inf, cost)
@@ -428,37 +438,41 @@ class FunctionSearch:
         """The best candidates, different ones, within the limits."""
         unknowns, branch = self.grid()
         self.screened, self.seeds = self.work.elapsed, len(branch)
-        if not (self.led(unknowns, branch) or self.work.expired()):
-            self.led(*self.grid(within=True))  # all linkages near the function may violate the limits
+        if not (self.best_from(unknowns, branch) or self.work.expired()):
+            self.best_from(*self.grid(within=True))  # all linkages near the function may violate the limits
         return self.known
 
-    def led(self, unknowns: Floats, branch: Floats) -> list[Generator]:
+    def best_from(self, unknowns: Floats, branch: Floats) -> list[Generator]:
         """The best of what beginnings lead to."""
         if not len(branch):
             return self.known
-        self.add(unknowns[:_BEGUN], branch[:_BEGUN])
-        self.add(unknowns[-_BEGUN:], branch[-_BEGUN:])
+        self.add(unknowns[:_FIRST_CANDIDATES], branch[:_FIRST_CANDIDATES])
+        self.add(unknowns[-_FIRST_CANDIDATES:], branch[-_FIRST_CANDIDATES:])
         unknowns, cost = self.least_squares(unknowns, branch, 17, 12)
         best = self.apart(unknowns, branch, cost, _VALLEYS)
         unknowns, branch = unknowns[best], branch[best]
-        self.add(unknowns[:_BEGUN], branch[:_BEGUN])
-        unknowns, cost = self.least_squares(unknowns, branch, _PLACES if self.largest else SEARCH_SAMPLES, 80)
+        self.add(unknowns[:_FIRST_CANDIDATES], branch[:_FIRST_CANDIDATES])
+        unknowns, cost = self.least_squares(
+            unknowns, branch, _SAMPLES_LEAST_SQUARES if self.largest else SEARCH_SAMPLES, 80
+        )
         best = self.apart(unknowns, branch, cost, max(_CANDIDATES, self.top + 8))
         unknowns, branch = unknowns[best], branch[best]
-        self.add(unknowns[:_BEGUN], branch[:_BEGUN])
+        self.add(unknowns[:_FIRST_CANDIDATES], branch[:_FIRST_CANDIDATES])
         if Status.of(self.known, self.tolerance) is Status.REACHED:
             self.settled = True
-            return distinct(self.kept(unknowns, branch), self.top, APART)
+            return distinct(self.within_limits(unknowns, branch), self.top, APART)
         radii = np.full(len(branch), FIRST_RADIUS)
-        for count, steps, gain, most in (
+        for count, steps, gain, max_count in (
             (21, 12, 1e-2, self.top + 10),
-            (_PLACES, 25, 1e-4, self.top + 4),
+            (_SAMPLES_LEAST_SQUARES, 25, 1e-4, self.top + 4),
         ):
             if not branch.size or self.work.expired():
                 return self.known
-            crank, root = (np.broadcast_to(one, (len(branch), one.size)) for one in self.places(count))
+            crank, root = (
+                np.broadcast_to(values, (len(branch), values.size)) for values in self.error_samples(count)
+            )
             done = self.stepped(unknowns, branch, crank, root, steps, gain, radii)
-            best = self.apart(done.unknowns, branch, done.merit, most)
+            best = self.apart(done.unknowns, branch, done.merit, max_count)
             unknowns, branch, radii = (
                 done.unknowns[best],
                 branch[best],
@@ -475,45 +489,46 @@ class FunctionSearch:
         More time would lead them elsewhere, and an answer must not be lost by that.
         """
         if branch.size and not (self.known and self.work.expired()):
-            self.known = distinct(self.known + self.kept(unknowns, branch), self.top, APART)
+            self.known = distinct(self.known + self.within_limits(unknowns, branch), self.top, APART)
             self.note(self.known)
 
     def levelled(self, unknowns: Floats, branch: Floats, radii: Floats) -> Floats:
         """Candidates led on over the extremes of their own error curves, which are looked up again after each few steps."""
         if not self.largest:
             crank, root = (
-                np.broadcast_to(one, (len(branch), one.size)) for one in self.places(self.wanted.crank.size)
+                np.broadcast_to(values, (len(branch), values.size))
+                for values in self.error_samples(self.wanted.crank.size)
             )
             done = self.stepped(unknowns, branch, crank, root, 40, 1e-5, radii)
             self.settled = bool(done.ended[np.argmin(done.merit)])
             return done.unknowns
-        best, least = unknowns.copy(), np.full(len(branch), np.inf)
+        best, smallest = unknowns.copy(), np.full(len(branch), np.inf)
         rows = np.arange(len(branch))
-        looked, coarse = look(self.wanted), self.places(_FIRST_PLACES)[0]
+        grid, coarse = look(self.wanted), self.error_samples(_FIRST_PLACES)[0]
         peaks = np.broadcast_to(coarse, (len(rows), coarse.size))
         for turn in range(_EXCHANGES):
-            found = extremes(self.weighted_gap(unknowns[rows], branch[rows]), looked, PEAKS // 2)
+            found = extremes(self.weighted_gap(unknowns[rows], branch[rows]), grid, PEAKS // 2)
             broken = np.minimum(self.problem.conditions(unknowns[rows])[0], 0.0).min(axis=1)
             largest = found.size.max(axis=1)
             merit = largest - PENALTY * broken
-            better = merit < least[rows]
+            better = merit < smallest[rows]
             # no longer falling: the places that the steps saw were all the extremes that there are
-            first = rows == np.argmin(least)
+            first = rows == np.argmin(smallest)
             # those behind the best are alternatives: they may be a little short of level
-            level = merit >= least[rows] * (1 - np.where(first, LEVELLED, _NEARLY))
-            best[rows[better]], least[rows[better]] = unknowns[rows[better]], merit[better]
+            level = merit >= smallest[rows] * (1 - np.where(first, LEVELLED, _NEARLY))
+            best[rows[better]], smallest[rows[better]] = unknowns[rows[better]], merit[better]
             if turn and level.any():
                 self.settled = self.settled or bool(np.any(level & first))
                 keep = ~level
-                rows, peaks, found = rows[keep], peaks[keep], type(found)(*(one[keep] for one in found))
+                rows, peaks, found = rows[keep], peaks[keep], type(found)(*(values[keep] for values in found))
             if not rows.size or self.work.expired():
                 break
-            places = np.sort(
+            angles = np.sort(
                 np.concatenate([found.crank, peaks[:, -PEAKS:], np.broadcast_to(coarse, (len(rows), coarse.size))], 1)
             )
             peaks = found.crank
             done = self.stepped(
-                best[rows], branch[rows], places, self.wanted.weight(places), _EXCHANGE_STEPS, LEVELLED, radii[rows]
+                best[rows], branch[rows], angles, self.wanted.weight(angles), _EXCHANGE_STEPS, LEVELLED, radii[rows]
             )
             unknowns[rows], radii[rows] = done.unknowns, np.maximum(2 * done.radius, _LEAST_RADIUS)
         return best
@@ -529,14 +544,14 @@ class FunctionSearch:
 
     # -- answers ------------------------------------------------------------------------------------------------------
 
-    def kept(self, unknowns: Floats, branch: Floats) -> list[Generator]:
+    def within_limits(self, unknowns: Floats, branch: Floats) -> list[Generator]:
         """Candidates as generators, those outside of the limits left out; coupler and rocker exchanged back."""
         ratios = np.where(np.isnan(self.problem.given), unknowns[:, :3], self.problem.given)
         ground = ground_of(self.limits)
         lengths = ground * np.concatenate([np.exp(ratios), np.ones((len(ratios), 1))], axis=1)
-        for k, one in enumerate(self.limits.links):
-            if one is not None:  # as it was given, to the last bit
-                lengths[:, k] = one
+        for k, length in enumerate(self.limits.links):
+            if length is not None:  # as it was given, to the last bit
+                lengths[:, k] = length
         start = unknowns[:, 3] % TURN
         placed = Placed(lengths / ground, branch, self.wanted.interval.after(start))
         within = keeps(self.wanted.target, self.ratios, placed, _ROUNDING)
@@ -549,12 +564,12 @@ class FunctionSearch:
         found = finished(self.wanted, linkages, self.largest, offsets)
         if not self.wanted.one_way:
             return found
-        return [one for one, back in zip(found, turns_back(self.wanted, linkages)) if back is None]
+        return [generator for generator, back in zip(found, turns_back(self.wanted, linkages)) if back is None]
 
     def note(self, solutions: list[Generator]) -> None:
         """Add the best objective so far to the trace."""
         if solutions:
-            best = min(one.errors.objective for one in solutions)
+            best = min(generator.errors.objective for generator in solutions)
             self.trace.append((self.work.elapsed, best))
 
 
@@ -565,7 +580,7 @@ def ground_of(limits: Limits) -> float:
 
 def generate(
     tables: SeedTables,
-    wanted: Wanted,
+    target: TargetFunction,
     limits: Limits,
     largest: bool,
     top: int,
@@ -578,7 +593,7 @@ def generate(
     ----------
     tables : SeedTables
         Of the four-bar.
-    wanted : Wanted
+    target : TargetFunction
     limits : Limits
         Lengths in the unit of the ground's, see `ground_of`.
     largest : bool
@@ -597,50 +612,50 @@ def generate(
     report : SearchReport
     """
     work = work or Work()
-    if wanted.clockwise:
-        found, report = generate(tables, wanted.mirrored(), limits, largest, top, tolerance, work)
-        return [one.mirrored() for one in found], report
+    if target.clockwise:
+        found, report = generate(tables, target.mirrored(), limits, largest, top, tolerance, work)
+        return [generator.mirrored() for generator in found], report
     few, many = list[Generator](), max(top, _RANKED)
-    if not largest and is_few(wanted, limits):
-        few = exact_generators(wanted, limits, many, tolerance, work)
-        if few and few[0].transmission_angle_min > _USABLE and wanted.crank.size < MOST_PAIRS:
+    if not largest and is_few(target, limits):
+        few = exact_generators(target, limits, many, tolerance, work)
+        if few and few[0].transmission_angle_min > _USABLE and target.crank.size < MOST_PAIRS:
             trace = [(work.elapsed, few[0].errors.objective)]
             return few[:top], SearchReport(StoppedBy.TOLERANCE, trace, work.elapsed, len(few))
-    found, report = _generate_any(tables, wanted, limits, largest, many, tolerance, work)
+    found, report = _generate_any(tables, target, limits, largest, many, tolerance, work)
     found = distinct(few + found, many, APART) if few else found
-    if found and not is_usable(min(found, key=lambda one: one.errors.objective)) and not work.expired():
+    if found and not is_usable(min(found, key=lambda generator: generator.errors.objective)) and not work.expired():
         within = replace(limits, transmission_angle_min=_USABLE)
-        more, _ = _generate_any(tables, wanted, within, largest, many, tolerance, work)
+        more, _ = _generate_any(tables, target, within, largest, many, tolerance, work)
         found = distinct(found + more, 2 * many, APART)
-    return best_built(wanted, found, top, tolerance, limits.links[3] is not None), report
+    return best_built(target, found, top, tolerance, limits.links[3] is not None), report
 
 
 def _generate_any(
-    tables: SeedTables, wanted: Wanted, limits: Limits, largest: bool, many: int, tolerance: float, work: Work
+    tables: SeedTables, target: TargetFunction, limits: Limits, largest: bool, many: int, tolerance: float, work: Work
 ) -> tuple[list[Generator], SearchReport]:
     """Search for ``many`` linkages for any number of pairs; see `generate`."""
     ground = ground_of(limits)
-    if not largest and limits.over(ground).only_family and not wanted.one_way:
-        mechanism = Generators(wanted, ground)
-        found, report = search(tables, wanted.target, Limits(family=limits.family), many, tolerance, work, mechanism)
-        given = wanted.start is not None or wanted.offset is not None
+    if not largest and limits.over(ground).only_family and not target.one_way:
+        mechanism = Generators(target, ground)
+        found, report = search(tables, target.target, Limits(family=limits.family), many, tolerance, work, mechanism)
+        prescribed = target.start is not None or target.offset is not None
         lopsided = _is_lopsided(found, tolerance)
         reached = Status.of(found, tolerance) is Status.REACHED
-        if work.expired() or not (lopsided or (given and not reached)):
+        if work.expired() or not (lopsided or (prescribed and not reached)):
             return found, report
         # with given zeros the search for motions ends with full cranks; and where its answer is of lengths that nobody makes,
         # as for a parallelogram's function, others may do as well
-        within = replace(limits, link_ratio_max=_EVEN) if lopsided and not (given and not reached) else limits
-        run = FunctionSearch(wanted, within, False, many, tolerance, work)
+        within = replace(limits, link_ratio_max=_EVEN) if lopsided and not (prescribed and not reached) else limits
+        run = FunctionSearch(target, within, False, many, tolerance, work)
         found = best_built(
-            wanted, distinct(found + run.run(), 2 * many, APART), many, tolerance, limits.links[3] is not None
+            target, distinct(found + run.run(), 2 * many, APART), many, tolerance, limits.links[3] is not None
         )
         trace = report.trace + [
             (at, min(value, report.trace[-1][1]) if report.trace else value) for at, value in run.trace
         ]
         stopped = stopped_by(found, tolerance, work)
         return found, SearchReport(stopped, trace, report.screen_seconds, report.seeds + run.seeds, run.settled)
-    run = FunctionSearch(wanted, limits, largest, many, tolerance, work)
+    run = FunctionSearch(target, limits, largest, many, tolerance, work)
     found = run.run()
     stopped = stopped_by(found, tolerance, work)
     return found, SearchReport(stopped, run.trace, run.screened, run.seeds, run.settled or not found)
@@ -648,26 +663,33 @@ def _generate_any(
 
 def _is_lopsided(found: Sequence[Generator], tolerance: float) -> bool:
     """Check that all exact linkages are out of all proportion, or the one of least error if none is exact."""
-    exact = [one for one in found if one.errors.objective < tolerance]
-    best = exact or sorted(found, key=lambda one: one.errors.objective)[:1]
-    return all(one.linkage.link_ratio > PROPORTION for one in best)
+    exact = [generator for generator in found if generator.errors.objective < tolerance]
+    best = exact or sorted(found, key=lambda generator: generator.errors.objective)[:1]
+    return all(generator.linkage.link_ratio > PROPORTION for generator in best)
 
 
-def exact_generators(wanted: Wanted, limits: Limits, most: int, tolerance: float, work: Work) -> list[Generator]:
+def exact_generators(
+    target: TargetFunction, limits: Limits, max_count: int, tolerance: float, work: Work
+) -> list[Generator]:
     """Return linkages that meet two to five pairs, different from one another, the best to build first."""
     ground = ground_of(limits)
-    linkages, offsets = exact_functions(wanted, limits.over(ground), limits.links[3] is not None, work)
-    given = [(k, length) for k, length in enumerate(limits.links) if length is not None]
+    linkages, offsets = exact_functions(target, limits.over(ground), limits.links[3] is not None, work)
+    prescribed = [(k, length) for k, length in enumerate(limits.links) if length is not None]
     scaled = []
     for linkage in linkages:
         lengths = np.array(linkage.links) * ground
-        for k, length in given:  # as it was given, to the last bit
+        for k, length in prescribed:  # as it was given, to the last bit
             lengths[k] = length
         scaled.append(with_links(linkage, as_lengths(lengths)))
-    found = [one for one in finished(wanted, scaled, False, offsets) if one.errors.objective < tolerance]
-    places = {id(one): place for place, one in enumerate(found)}
-    found = distinct(found, most, APART, order=lambda one: places[id(one)], exact=tolerance)
-    return sorted(found, key=lambda one: (not is_usable(one), fraction_back(wanted, one.linkage) > HARDLY_BACK))
+    found = [
+        generator for generator in finished(target, scaled, False, offsets) if generator.errors.objective < tolerance
+    ]
+    ranks = {id(generator): rank for rank, generator in enumerate(found)}
+    found = distinct(found, max_count, APART, order=lambda generator: ranks[id(generator)], exact=tolerance)
+    return sorted(
+        found,
+        key=lambda generator: (not is_usable(generator), fraction_back(target, generator.linkage) > HARDLY_BACK),
+    )
 
 
 def is_usable(generator: Generator) -> bool:
@@ -676,7 +698,9 @@ def is_usable(generator: Generator) -> bool:
     return generator.transmission_angle_min >= (NEAR_CHANGE_POINT if change_point else _LOCKED)
 
 
-def best_built(wanted: Wanted, found: list[Generator], top: int, tolerance: float, sized: bool) -> list[Generator]:
+def best_built(
+    target: TargetFunction, found: list[Generator], top: int, tolerance: float, sized: bool
+) -> list[Generator]:
     """Return the first of answers: exact ones by merit, others by `counted_error`, the best at least second.
 
     Exact ones whose rocker turns back on the way come behind the other exact ones, and those that cannot be used behind all
@@ -684,13 +708,14 @@ def best_built(wanted: Wanted, found: list[Generator], top: int, tolerance: floa
     """
     if not found:
         return []
-    exact = [one for one in found if one.errors.objective < tolerance]
-    back = np.array([fraction_back(wanted, one.linkage) > HARDLY_BACK for one in exact], bool)
-    lengths = np.array([one.linkage.links for one in exact]).reshape(-1, 4)
-    merits = function_merit(lengths, np.array([one.transmission_angle_min for one in exact]), sized)
+    exact = [generator for generator in found if generator.errors.objective < tolerance]
+    back = np.array([fraction_back(target, generator.linkage) > HARDLY_BACK for generator in exact], bool)
+    lengths = np.array([generator.linkage.links for generator in exact]).reshape(-1, 4)
+    merits = function_merit(lengths, np.array([generator.transmission_angle_min for generator in exact]), sized)
     ranked = [exact[k] for k in np.lexsort((merits, back))]
     ranked += sorted(
-        (one for one in found if one.errors.objective >= tolerance), key=lambda one: one.errors.objective
+        (generator for generator in found if generator.errors.objective >= tolerance),
+        key=lambda generator: generator.errors.objective,
     )
 
     def key(generator: Generator) -> tuple[bool, float]:
@@ -698,27 +723,29 @@ def best_built(wanted: Wanted, found: list[Generator], top: int, tolerance: floa
         return not is_usable(generator), counted_error(own, generator.linkage.link_ratio, PROPORTION)
 
     ordered = sorted(ranked, key=key)
-    built = [one for one in ordered if one.linkage.link_ratio <= PROPORTION]
-    best = ranked[0] if exact else min(ranked, key=lambda one: one.errors.objective)
-    if built and all(one is not best for one in built):  # of those that nobody builds only the best is listed
+    built = [generator for generator in ordered if generator.linkage.link_ratio <= PROPORTION]
+    best = ranked[0] if exact else min(ranked, key=lambda generator: generator.errors.objective)
+    if built and all(
+        generator is not best for generator in built
+    ):  # of those that nobody builds only the best is listed
         built.insert(0 if best is ordered[0] else 1 if is_usable(best) else top - 1, best)
     return (built or ordered)[:top]
 
 
 def refit(
-    wanted: Wanted, generator: Generator, links: Floats, largest: bool, tolerance: float, work: Work
+    target: TargetFunction, generator: Generator, links: Floats, largest: bool, tolerance: float, work: Work
 ) -> Generator | None:
     """A generator with other lengths (4,) near its own, its zeros fitted anew; None where it does not close."""
-    if wanted.clockwise:
-        found = refit(wanted.mirrored(), generator.mirrored(), links, largest, tolerance, work)
+    if target.clockwise:
+        found = refit(target.mirrored(), generator.mirrored(), links, largest, tolerance, work)
         return None if found is None else found.mirrored()
-    wanted = replace(wanted, one_way=False)
-    run = FunctionSearch(wanted, Limits("any", links=as_lengths(links)), largest, 1, tolerance, work)
+    target = replace(target, one_way=False)
+    run = FunctionSearch(target, Limits("any", links=as_lengths(links)), largest, 1, tolerance, work)
     start = generator.linkage.start + _AROUND
-    if wanted.start is not None:
-        start = np.array([wanted.start])
+    if target.start is not None:
+        start = np.array([target.start])
     unknowns = np.zeros((start.size, 5))
     unknowns[:, :3], unknowns[:, 3] = run.problem.given, start
     branch = np.full(start.size, -float(generator.linkage.branch))
-    places, root = run.places(SEARCH_SAMPLES)
-    return next(iter(run.led(run.problem.with_offset(unknowns, branch, places, root), branch)), None)
+    crank, root = run.error_samples(SEARCH_SAMPLES)
+    return next(iter(run.best_from(run.problem.with_offset(unknowns, branch, crank, root), branch)), None)

@@ -15,7 +15,7 @@ from synthesis.arrays import Floats
 from synthesis.constraints import keeps
 from synthesis.four_bar import close_loop
 from synthesis.function.answers import Generator, finished
-from synthesis.function.wanted import Wanted
+from synthesis.function.wanted import TargetFunction
 from synthesis.limits import Limits
 from synthesis.linkage import as_lengths, four_bar
 from synthesis.mechanism import Placed
@@ -36,7 +36,7 @@ class SymmetricOptions:
     """Arms on the grid."""
     angles: int = 360
     """Angles on the grid."""
-    places: int = 65
+    error_samples: int = 65
     """Places at which the largest error is looked at."""
     cells: int = 12
     """Number of cells of the grid that are refined."""
@@ -51,7 +51,7 @@ class SymmetricProblem:
 
     Parameters
     ----------
-    wanted : Wanted
+    wanted : TargetFunction
     first : tuple of float
         Input and output at the first sample, from the symmetric position, in radians.
     limits : Limits
@@ -62,26 +62,31 @@ class SymmetricProblem:
     """
 
     def __init__(
-        self, wanted: Wanted, first: tuple[float, float], limits: Limits, largest: bool, options: SymmetricOptions
+        self,
+        target: TargetFunction,
+        first: tuple[float, float],
+        limits: Limits,
+        largest: bool,
+        options: SymmetricOptions,
     ) -> None:
-        self.wanted, self.first, self.limits, self.largest, self.options = wanted, first, limits, largest, options
+        self.wanted, self.first, self.limits, self.largest, self.options = target, first, limits, largest, options
         crank, _, rocker, _ = limits.links
-        given = crank if crank is not None else rocker
+        length = crank if crank is not None else rocker
         ratio = limits.link_ratio_max  # one that the arms within the usual range satisfy does not widen the range
         tight = ratio is not None and ratio * options.arm_max < 1 + 2 * options.arm_max
         bounded = limits.link_min is not None or limits.link_max is not None or tight
         self.arms = (
-            (given, given)
-            if given is not None
+            (length, length)
+            if length is not None
             else (limits.link_min or options.arm_min, limits.link_max or (1.0 if bounded else options.arm_max))
         )
         if largest:
-            self.crank = (1 - np.cos(np.linspace(0.0, np.pi, options.places))) / 2 * wanted.crank[-1]
-            self.weight = wanted.weight(self.crank)
+            self.crank = (1 - np.cos(np.linspace(0.0, np.pi, options.error_samples))) / 2 * target.crank[-1]
+            self.weight = target.weight(self.crank)
         else:
-            self.crank = wanted.crank
-            self.weight = np.broadcast_to(wanted.mean.root, wanted.crank.shape)
-        self.output = wanted.curve(self.crank)
+            self.crank = target.crank
+            self.weight = np.broadcast_to(target.mean.root, target.crank.shape)
+        self.output = target.curve(self.crank)
 
     def lengths(self, arm: Floats, angle: Floats) -> Floats:
         """Return the lengths (n, 4) over the ground; not above 0 where there is no coupler."""
@@ -103,9 +108,9 @@ class SymmetricProblem:
         used = self.wanted.interval.after(start[good])
         inside = keeps(self.wanted.target, self.limits, Placed(lengths[good], branch[good], used))
         good = good[inside]
-        made = close_loop(lengths[good], start[good, None] + self.crank).rocker_angle(branch[good])
+        output = close_loop(lengths[good], start[good, None] + self.crank).rocker_angle(branch[good])
         # the output from the symmetric position, where the right arm has the angle pi - t
-        gap = self.output - self.wanted.output[0] + self.first[1] - (made - (np.pi - angle[good])[:, None])
+        gap = self.output - self.wanted.output[0] + self.first[1] - (output - (np.pi - angle[good])[:, None])
         gap -= whole_turns(gap[:, :1])
         size = np.abs(gap) * self.weight
         cost[good] = size.max(axis=1) if self.largest else np.sqrt(np.sum(size * size, axis=1))
@@ -136,7 +141,7 @@ class SymmetricProblem:
 
 
 def symmetric_four_bars(
-    wanted: Wanted,
+    target: TargetFunction,
     first: tuple[float, float],
     limits: Limits,
     largest: bool,
@@ -150,16 +155,20 @@ def symmetric_four_bars(
     of the ground, which is 1 if it is not given.
     """
     ground = limits.links[3] or 1.0
-    problem = SymmetricProblem(wanted, first, limits.over(ground), largest, options or SymmetricOptions())
+    problem = SymmetricProblem(target, first, limits.over(ground), largest, options or SymmetricOptions())
     arms, angles = problem.search(work)
     lengths, branches = problem.lengths(arms, angles) * ground, problem.branch(arms, angles)
-    given = limits.links[0] if limits.links[0] is not None else limits.links[2]
-    if given is not None:  # as it was given, to the last bit
-        lengths[:, [0, 2]] = given
+    length = limits.links[0] if limits.links[0] is not None else limits.links[2]
+    if length is not None:  # as it was given, to the last bit
+        lengths[:, [0, 2]] = length
     linkages = [
         four_bar(as_lengths(row), int(branch), float(angle + first[0]))
         for row, branch, angle in zip(lengths, branches, angles)
     ]
-    offsets = wanted.output[0] - first[1] - (np.pi - angles)
-    found = [one for one in finished(wanted, linkages, largest, offsets) if one.transmission_angle_min > 0]
+    offsets = target.output[0] - first[1] - (np.pi - angles)
+    found = [
+        generator
+        for generator in finished(target, linkages, largest, offsets)
+        if generator.transmission_angle_min > 0
+    ]
     return distinct(found, top, APART)

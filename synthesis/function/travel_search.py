@@ -40,8 +40,8 @@ from numpy.typing import NDArray
 
 from synthesis.arrays import Floats
 from synthesis.function.answers import FunctionErrors, errors_of, turning_back
-from synthesis.function.search import Followed, FunctionSearch, WantedFunction
-from synthesis.function.wanted import Wanted
+from synthesis.function.search import FunctionProblem, FunctionSearch, OutputCurve
+from synthesis.function.wanted import TargetFunction
 from synthesis.guides import Circle, Driver, Guide, Kind, Rail, Slot
 from synthesis.limits import Limits
 from synthesis.linkage import Linkage, through
@@ -64,7 +64,7 @@ _ROUNDING = 1e-9
 """Part by which rounding may break a limit that an answer stands at."""
 _FARTHEST = 1e3
 """Lengths over the scale that are sought where no limit says otherwise."""
-_PLACES = 9
+_FEW_SAMPLES = 9
 _STEP = 1e-30
 """Imaginary, of derivatives of sines."""
 _BEGINNINGS, _SEEDS = 6000, 120
@@ -95,7 +95,7 @@ class Law(NamedTuple):
     positive: tuple[bool, ...]
     """Which of them are lengths above 0, and stand as logarithms."""
     branches: tuple[int, ...]
-    follow: Callable[[Floats, Floats, Floats, Floats], Followed]
+    follow: Callable[[Floats, Floats, Floats, Floats], OutputCurve]
     """``follow(lengths (n, 3, 1), branch (n, 1), place (n, M), zero)``: slopes by lengths, not logarithms."""
     sine: Callable[[Floats, Floats], Floats]
     """``sine(lengths (n, 3, 1), place (n, M))``: sine of the transmission angle; of complex numbers too."""
@@ -114,7 +114,7 @@ class Law(NamedTuple):
             out[:, k] = np.exp(unknowns[:, k]) if above else unknowns[:, k]
         return out
 
-    def at(self, unknowns: Floats, branch: Floats, travel: Floats) -> Followed:
+    def at(self, unknowns: Floats, branch: Floats, travel: Floats) -> OutputCurve:
         """The output at inputs (n, M) from the first sample on, and derivatives by the unknowns (n, 5), but the offset."""
         lengths = self.of(unknowns)
         with np.errstate(all="ignore"):
@@ -123,7 +123,7 @@ class Law(NamedTuple):
             for k, above in enumerate(self.positive):
                 if above:
                     slope[:, k] *= lengths[:, k, None]
-        return Followed(np.nan_to_num(found.value), slope, found.possible & np.isfinite(found.value))
+        return OutputCurve(np.nan_to_num(found.value), slope, found.possible & np.isfinite(found.value))
 
     def sines(self, unknowns: Floats, travel: Floats) -> Floats:
         """Sines of the transmission angle at inputs (n, M); 0 where it does not close."""
@@ -149,7 +149,7 @@ def _safe(value: Floats) -> Floats:
 # -- slider-crank ------------------------------------------------------------------------------------------------------
 
 
-def _crank_to_slider(lengths: Floats, branch: Floats, t: Floats, zero: Floats) -> Followed:
+def _crank_to_slider(lengths: Floats, branch: Floats, t: Floats, zero: Floats) -> OutputCurve:
     r, rod, e = _columns(lengths)
     sine, cosine = np.sin(t), np.cos(t)
     across = e - r * sine
@@ -165,7 +165,7 @@ def _crank_to_slider(lengths: Floats, branch: Floats, t: Floats, zero: Floats) -
         ],
         axis=1,
     )
-    return Followed(r * cosine + along, slope, square > 0)
+    return OutputCurve(r * cosine + along, slope, square > 0)
 
 
 def _sine_at_rail(lengths: Floats, t: Floats) -> Floats:
@@ -187,15 +187,15 @@ def _slider_crank(lengths: Floats, branch: int, t: float) -> tuple[tuple[Guide, 
     return _rod_and_crank(lengths, branch, t, p)
 
 
-def _triangle(one: Floats, other: Floats, opposite: Floats) -> tuple[Floats, Floats]:
+def _triangle(first: Floats, second: Floats, opposite: Floats) -> tuple[Floats, Floats]:
     """The angle between two sides of a triangle by all three, and 16 times its squared area; NaN where there is none."""
-    outer = (one + other - opposite) * (one + other + opposite)
-    inner = (opposite - (one - other)) * (opposite + (one - other))
+    outer = (first + second - opposite) * (first + second + opposite)
+    inner = (opposite - (first - second)) * (opposite + (first - second))
     square = outer * inner
     return 2 * np.arctan2(np.sqrt(inner), np.sqrt(outer)), square
 
 
-def _slider_to_crank(lengths: Floats, branch: Floats, p: Floats, zero: Floats) -> Followed:
+def _slider_to_crank(lengths: Floats, branch: Floats, p: Floats, zero: Floats) -> OutputCurve:
     r, rod, e = _columns(lengths)
     distance = np.hypot(p, e)
     opening, square = _triangle(distance, r, rod)
@@ -205,7 +205,7 @@ def _slider_to_crank(lengths: Floats, branch: Floats, p: Floats, zero: Floats) -
     # along dp + across de - (along cos y + across sin y) dr - r (across cos y - along sin y) dy = l dl
     rod = np.broadcast_to(rod, p.shape)
     slope = np.stack([-(along * np.cos(y) + across * np.sin(y)), -rod, across, along], axis=1)
-    return Followed(y, slope / lever[:, None], square > 0)
+    return OutputCurve(y, slope / lever[:, None], square > 0)
 
 
 def _sine_at_pin(lengths: Floats, p: Floats) -> Floats:
@@ -226,7 +226,7 @@ def _driven_crank(lengths: Floats, branch: int, p: float) -> tuple[tuple[Guide, 
 # -- swinging block: a cylinder between two pins ------------------------------------------------------------------------
 
 
-def _crank_to_cylinder(lengths: Floats, branch: Floats, t: Floats, zero: Floats) -> Followed:
+def _crank_to_cylinder(lengths: Floats, branch: Floats, t: Floats, zero: Floats) -> OutputCurve:
     r, d, _ = _columns(lengths)
     cosine = np.cos(t)
     square = (d - r) ** 2 + 4 * d * r * np.sin(t / 2) ** 2
@@ -234,11 +234,11 @@ def _crank_to_cylinder(lengths: Floats, branch: Floats, t: Floats, zero: Floats)
     lever = _safe(s)
     none = np.zeros_like(t)
     slope = np.stack([(r - d * cosine) / lever, (d - r * cosine) / lever, none, d * r * np.sin(t) / lever], axis=1)
-    return Followed(s, slope, square > 0)
+    return OutputCurve(s, slope, square > 0)
 
 
-def _no_angle(lengths: Floats, place: Floats) -> Floats:
-    return np.ones(np.broadcast_shapes(lengths[:, 0].shape, place.shape), dtype=place.dtype) + 0 * place
+def _no_angle(lengths: Floats, inputs: Floats) -> Floats:
+    return np.ones(np.broadcast_shapes(lengths[:, 0].shape, inputs.shape), dtype=inputs.dtype) + 0 * inputs
 
 
 def _block(lengths: Floats, branch: int, t: float) -> tuple[tuple[Guide, Guide], float, complex]:
@@ -247,14 +247,14 @@ def _block(lengths: Floats, branch: int, t: float) -> tuple[tuple[Guide, Guide],
     return (Circle(0j, r, 0j), Slot(complex(d), 0j, 0.0)), float(np.angle(d - pin)), pin
 
 
-def _cylinder_to_crank(lengths: Floats, branch: Floats, s: Floats, zero: Floats) -> Followed:
+def _cylinder_to_crank(lengths: Floats, branch: Floats, s: Floats, zero: Floats) -> OutputCurve:
     r, d, _ = _columns(lengths)
     opening, square = _triangle(d, r, s)
     y = branch * opening
     lever = _safe(d * r * np.sin(y))
     none = np.zeros_like(s)
     slope = np.stack([-(r - d * np.cos(y)) / lever, -(d - r * np.cos(y)) / lever, none, s / lever], axis=1)
-    return Followed(y, slope, (square > 0) & (s > 0))
+    return OutputCurve(y, slope, (square > 0) & (s > 0))
 
 
 def _sine_at_cylinder(lengths: Floats, s: Floats) -> Floats:
@@ -273,7 +273,7 @@ def _driven_block(lengths: Floats, branch: int, s: float) -> tuple[tuple[Guide, 
 # -- two sliders, and a slotted lever -----------------------------------------------------------------------------------
 
 
-def _slider_to_slider(lengths: Floats, branch: Floats, p: Floats, zero: Floats) -> Followed:
+def _slider_to_slider(lengths: Floats, branch: Floats, p: Floats, zero: Floats) -> OutputCurve:
     rod, delta, _ = _columns(lengths)
     cosine, sine = np.cos(delta), np.sin(delta)
     across = p * sine
@@ -283,7 +283,7 @@ def _slider_to_slider(lengths: Floats, branch: Floats, p: Floats, zero: Floats) 
     none = np.zeros_like(p)
     by_delta = -p * sine - across * p * cosine / lever
     slope = np.stack([rod / lever, by_delta, none, cosine - across * sine / lever], axis=1)
-    return Followed(p * cosine + along, slope, square > 0)
+    return OutputCurve(p * cosine + along, slope, square > 0)
 
 
 def _sine_at_second_rail(lengths: Floats, p: Floats) -> Floats:
@@ -300,7 +300,7 @@ def _two_rails(lengths: Floats, branch: int, p: float) -> tuple[tuple[Guide, Gui
     return guides, float(np.angle(q * np.exp(1j * delta) - p)), complex(p)
 
 
-def _slider_to_lever(lengths: Floats, branch: Floats, p: Floats, zero: Floats) -> Followed:
+def _slider_to_lever(lengths: Floats, branch: Floats, p: Floats, zero: Floats) -> OutputCurve:
     e, h, _ = _columns(lengths)
     square = p * p + (e - h) * (e + h)
     s = np.sqrt(square)
@@ -309,7 +309,7 @@ def _slider_to_lever(lengths: Floats, branch: Floats, p: Floats, zero: Floats) -
     y = np.sign(e) * (np.pi / 2 + np.arctan2(p, np.abs(e))) - np.arctan2(h, s)
     none = np.zeros_like(p)
     slope = np.stack([np.cos(y) / lever, -1 / lever, none, np.sin(y) / lever], axis=1)
-    return Followed(y, slope, (square > 0) & (np.abs(e) > 0))
+    return OutputCurve(y, slope, (square > 0) & (np.abs(e) > 0))
 
 
 def _sine_at_slot(lengths: Floats, p: Floats) -> Floats:
@@ -325,11 +325,11 @@ def _lever(lengths: Floats, branch: int, p: float) -> tuple[tuple[Guide, Guide],
     return (Rail(0j, 0.0, 0j), Slot(1j * e, 1j * h, 0.0)), float(found.value[0, 0]), complex(p)
 
 
-def _slider_to_cylinder(lengths: Floats, branch: Floats, p: Floats, zero: Floats) -> Followed:
+def _slider_to_cylinder(lengths: Floats, branch: Floats, p: Floats, zero: Floats) -> OutputCurve:
     e, _, _ = _columns(lengths)
     y = branch * np.hypot(p, e)
     lever, none = _safe(y), np.zeros_like(p)
-    return Followed(y, np.stack([e / lever, none, none, p / lever], axis=1), np.abs(y) > 0)
+    return OutputCurve(y, np.stack([e / lever, none, none, p / lever], axis=1), np.abs(y) > 0)
 
 
 def _cylinder_on_rail(lengths: Floats, branch: int, p: float) -> tuple[tuple[Guide, Guide], float, complex]:
@@ -338,12 +338,12 @@ def _cylinder_on_rail(lengths: Floats, branch: int, p: float) -> tuple[tuple[Gui
     return guides, float(np.angle(branch * (1j * e - p))), complex(p)
 
 
-def _cylinder_to_slider(lengths: Floats, branch: Floats, s: Floats, zero: Floats) -> Followed:
+def _cylinder_to_slider(lengths: Floats, branch: Floats, s: Floats, zero: Floats) -> OutputCurve:
     e, _, _ = _columns(lengths)
     square = (s - e) * (s + e)
     y = branch * np.sqrt(np.maximum(square, 0.0))
     lever, none = _safe(y), np.zeros_like(s)
-    return Followed(y, np.stack([-e / lever, none, none, s / lever], axis=1), (square > 0) & (s > 0))
+    return OutputCurve(y, np.stack([-e / lever, none, none, s / lever], axis=1), (square > 0) & (s > 0))
 
 
 def _sine_of_cylinder_and_rail(lengths: Floats, s: Floats) -> Floats:
@@ -472,57 +472,57 @@ class TravelLimits:
 
     def over(self, scale: float) -> TravelLimits:
         """The same with lengths over a scale."""
-        given = {name: value if name == "angle" else value / scale for name, value in self.given.items()}
-        return TravelLimits(self.limits.over(scale), given)
+        scaled = {name: value if name == "angle" else value / scale for name, value in self.given.items()}
+        return TravelLimits(self.limits.over(scale), scaled)
 
 
-class TravelProblem(WantedFunction):
+class TravelProblem(FunctionProblem):
     """A wanted function, a law and limits; unknowns that the law has not, or that are given, are held."""
 
-    def __init__(self, wanted: Wanted, law: Law, limits: TravelLimits, largest: bool) -> None:
-        self.wanted, self.law, self.limits = wanted, law, limits.limits
-        self.offset, self.turns, self.wraps = wanted.offset, law.output == ANGLE, law.output == ANGLE
+    def __init__(self, target: TargetFunction, law: Law, limits: TravelLimits, largest: bool) -> None:
+        self.wanted, self.law, self.limits = target, law, limits.limits
+        self.offset, self.turns, self.wraps = target.offset, law.output == ANGLE, law.output == ANGLE
         self.moving = [*range(law.size), 3]
         self.least_sine = max(np.sin(self.limits.transmission_angle_min), _CLOSES)
-        given = np.full(3, np.nan)
-        given[law.size :] = 0.0
+        prescribed = np.full(3, np.nan)
+        prescribed[law.size :] = 0.0
         for name, value in limits.given.items():
             if name in law.lengths:
-                place = law.lengths.index(name)
-                given[place] = np.log(value) if law.positive[place] else value
-        self.given = given
-        held = np.concatenate([~np.isnan(given), [wanted.start is not None, wanted.offset is not None]])
+                index = law.lengths.index(name)
+                prescribed[index] = np.log(value) if law.positive[index] else value
+        self.given = prescribed
+        held = np.concatenate([~np.isnan(prescribed), [target.start is not None, target.offset is not None]])
         self.free = np.flatnonzero(~held)
         low, high = np.full(5, -np.inf), np.full(5, np.inf)
-        least, most = self.limits.link_min or 1 / _FARTHEST, self.limits.link_max or _FARTHEST
+        smallest, max_count = self.limits.link_min or 1 / _FARTHEST, self.limits.link_max or _FARTHEST
         for k, above in enumerate(law.positive):
-            low[k], high[k] = (np.log(least), np.log(most)) if above else (-most, most)
+            low[k], high[k] = (np.log(smallest), np.log(max_count)) if above else (-max_count, max_count)
             if law.lengths[k] == "angle":
                 low[k], high[k] = -np.inf, np.inf
-        low[:3], high[:3] = np.where(np.isnan(given), [low[:3], high[:3]], given)
+        low[:3], high[:3] = np.where(np.isnan(prescribed), [low[:3], high[:3]], prescribed)
         if law.input != ANGLE:
             low[3], high[3] = -4 * _FARTHEST, 4 * _FARTHEST
         self.box = low, high
-        self.places = (1 - np.cos(np.linspace(0.0, np.pi, _PLACES))) / 2 * wanted.crank[-1]
+        self.rate_inputs = (1 - np.cos(np.linspace(0.0, np.pi, _FEW_SAMPLES))) / 2 * target.crank[-1]
 
     # -- conditions ---------------------------------------------------------------------------------------------------
 
     def conditions(self, unknowns: Floats) -> tuple[Floats, Floats]:
         """Of transmission angles, at some places and where they are least, and of the lengths' ratio."""
-        places = self.lowest(unknowns)
-        sines = self.law.sines(unknowns, places)
+        inputs = self.lowest(unknowns)
+        sines = self.law.sines(unknowns, inputs)
         value, slope = [sines - self.least_sine - _MARGIN], [np.zeros((*sines.shape, 5))]
         for k in self.moving:
             aside: Any = unknowns + 0j
             aside[:, k] += 1j * _STEP
-            by = self.law.sines(aside, places).imag / _STEP
+            by = self.law.sines(aside, inputs).imag / _STEP
             slope[0][:, :, k] = np.clip(np.nan_to_num(by), -1e6, 1e6)
         above = np.flatnonzero(self.law.positive)
         if self.limits.link_ratio_max is not None and above.size == 2:
             a, b = above
             apart = unknowns[:, a] - unknowns[:, b]
-            most = np.log(self.limits.link_ratio_max)
-            value.append(np.stack([most - apart, most + apart], axis=1))
+            largest_ratio = np.log(self.limits.link_ratio_max)
+            value.append(np.stack([largest_ratio - apart, largest_ratio + apart], axis=1))
             rows = np.zeros((len(unknowns), 2, 5))
             rows[:, 0, a], rows[:, 0, b], rows[:, 1, a], rows[:, 1, b] = -1.0, 1.0, 1.0, -1.0
             slope.append(rows)
@@ -530,15 +530,18 @@ class TravelProblem(WantedFunction):
 
     def lowest(self, unknowns: Floats) -> Floats:
         """The places, and that between them where the transmission angle is least, (n, q + 1)."""
-        fixed = np.broadcast_to(self.places, (len(unknowns), self.places.size))
+        fixed = np.broadcast_to(self.rate_inputs, (len(unknowns), self.rate_inputs.size))
         best = np.argmin(self.law.sines(unknowns, fixed), axis=1)
-        ends = self.places[np.maximum(best - 1, 0)], self.places[np.minimum(best + 1, self.places.size - 1)]
-        _, least = closer_looks(partial(self.law.sines, unknowns), *ends, _LOOKS)
-        return np.concatenate([fixed, least[:, None]], axis=1)
+        ends = (
+            self.rate_inputs[np.maximum(best - 1, 0)],
+            self.rate_inputs[np.minimum(best + 1, self.rate_inputs.size - 1)],
+        )
+        _, minima = closer_looks(partial(self.law.sines, unknowns), *ends, _LOOKS)
+        return np.concatenate([fixed, minima[:, None]], axis=1)
 
     # -- errors -------------------------------------------------------------------------------------------------------
 
-    def at(self, unknowns: Floats, branch: Floats, crank: Floats, derivatives: bool = True) -> Followed:
+    def at(self, unknowns: Floats, branch: Floats, crank: Floats, derivatives: bool = True) -> OutputCurve:
         """By the law."""
         return self.law.at(unknowns, branch, crank)
 
@@ -614,8 +617,8 @@ class TravelGenerator(NamedTuple):
             self.law.positive, np.log(np.where(self.law.positive, self.lengths, 1.0)), self.lengths
         )
         unknowns[0, 3] = self.zero
-        places = np.concatenate([[0.0], travel])
-        value = self.law.at(unknowns, np.array([float(self.branch)]), places[None]).value[0]
+        inputs = np.concatenate([[0.0], travel])
+        value = self.law.at(unknowns, np.array([float(self.branch)]), inputs[None]).value[0]
         if self.law.output == ANGLE:
             value = np.unwrap(value)
             value = value - whole_turns(value[0])
@@ -626,18 +629,25 @@ class TravelSearch(FunctionSearch):
     """One request to one law."""
 
     def __init__(
-        self, wanted: Wanted, law: Law, limits: TravelLimits, largest: bool, top: int, tolerance: float, work: Work
+        self,
+        target: TargetFunction,
+        law: Law,
+        limits: TravelLimits,
+        largest: bool,
+        top: int,
+        tolerance: float,
+        work: Work,
     ) -> None:
-        self.wanted, self.law, self.travel_limits, self.largest = wanted, law, limits, largest
+        self.wanted, self.law, self.travel_limits, self.largest = target, law, limits, largest
         self.top, self.tolerance, self.work = top, tolerance, work
-        self.begin_with(TravelProblem(wanted, law, limits, largest))
+        self.begin_with(TravelProblem(target, law, limits, largest))
 
-    def least_squares(self, unknowns: Floats, branch: Floats, places: int, steps: int) -> tuple[Floats, Floats]:
+    def least_squares(self, unknowns: Floats, branch: Floats, count: int, steps: int) -> tuple[Floats, Floats]:
         """As of four-bars; the best go on, as far as narrow valleys need: next to a dead position."""
-        unknowns, cost = super().least_squares(unknowns, branch, places, steps)
+        unknowns, cost = super().least_squares(unknowns, branch, count, steps)
         best = np.argsort(cost, kind="stable")[:_GO_ON]
         if steps > _FEW and best.size and cost[best[0]] > (0.3 * self.tolerance) ** 2:
-            unknowns[best], cost[best] = super().least_squares(unknowns[best], branch[best], places, _STEPS_ON)
+            unknowns[best], cost[best] = super().least_squares(unknowns[best], branch[best], count, _STEPS_ON)
         return unknowns, cost
 
     def weighted_gap(self, unknowns: Floats, branch: Floats) -> Callable[[Floats], Floats]:
@@ -655,46 +665,46 @@ class TravelSearch(FunctionSearch):
         """The best candidates, different ones, within the limits."""
         before, branches = self.work.elapsed, self.law.branches
         begin = self.problem.beginnings(_BEGINNINGS)
-        begin, every = self.screened_from(begin, *self.places(_PLACES), branches, _SEEDS // len(branches))
+        begin, root = self.screened_from(begin, *self.error_samples(_FEW_SAMPLES), branches, _SEEDS // len(branches))
         self.screened = self.work.elapsed - before
-        self.seeds = len(every)
+        self.seeds = len(root)
         if not self.problem.free.size:  # everything is given: nothing is left to search
             self.settled = True
-            self.add(begin, every)
+            self.add(begin, root)
             return self.known
-        return self.led(begin, every)
+        return self.best_from(begin, root)
 
-    def kept(self, unknowns: Floats, branch: Floats) -> list[Any]:
+    def within_limits(self, unknowns: Floats, branch: Floats) -> list[Any]:
         """Candidates as generators with errors recomputed from their own numbers, those outside of the limits left out."""
-        problem, wanted, law = self.problem, self.wanted, self.law
+        problem, target, law = self.problem, self.wanted, self.law
         if not self.largest:
-            root = np.broadcast_to(wanted.mean.root, wanted.crank.shape)
-            unknowns = problem.with_offset(unknowns, branch, wanted.crank, root)
+            root = np.broadcast_to(target.mean.root, target.crank.shape)
+            unknowns = problem.with_offset(unknowns, branch, target.crank, root)
         lengths = law.of(unknowns)[:, : law.size]
         for k, name in enumerate(law.lengths):
             if name in self.travel_limits.given:
                 lengths[:, k] = self.travel_limits.given[name]
-        crank = np.broadcast_to(wanted.crank, (len(branch), wanted.crank.size))
+        crank = np.broadcast_to(target.crank, (len(branch), target.crank.size))
         good = np.all(np.isfinite(problem.gap(unknowns, branch, crank)), axis=1)
         found = []
         for row, size, side in zip(unknowns[good], lengths[good], branch[good]):
-            one = self.generator(row, size, int(side))
-            if one is not None:
-                found.append(one)
+            generator = self.generator(row, size, int(side))
+            if generator is not None:
+                found.append(generator)
         return found
 
     def generator(self, unknowns: Floats, lengths: Floats, branch: int) -> TravelGenerator | None:
         """Return a linkage with its errors; None if it violates a limit."""
-        law, wanted, limits = self.law, self.wanted, self.travel_limits.limits
+        law, target, limits = self.law, self.wanted, self.travel_limits.limits
         zero = float(unknowns[3])
-        whole = np.zeros(3)
-        whole[: law.size] = lengths
+        all_lengths = np.zeros(3)
+        all_lengths[: law.size] = lengths
         if law.input == ANGLE:
             zero = zero % TURN
-        linkage = law.linkage(whole, branch, zero)
-        used = Interval(0.0, float(wanted.crank[-1]))
-        least = linkage.transmission_angle_over(used.after(linkage.start))
-        if not least >= limits.transmission_angle_min * (1 - _ROUNDING) or not least > 0:
+        linkage = law.linkage(all_lengths, branch, zero)
+        used = Interval(0.0, float(target.crank[-1]))
+        smallest_angle = linkage.transmission_angle_over(used.after(linkage.start))
+        if not smallest_angle >= limits.transmission_angle_min * (1 - _ROUNDING) or not smallest_angle > 0:
             return None
         sizes = np.abs(lengths[[name not in ("angle", "offset", "slot_offset") for name in law.lengths]])
         shortest, longest = sizes.min(), sizes.max()
@@ -709,21 +719,23 @@ class TravelSearch(FunctionSearch):
         def gap(crank: Floats) -> Floats:
             return np.asarray(self.problem.gap(unknowns[None], side, crank))
 
-        (errors,) = errors_of(wanted, gap, 1, self.largest, gap(wanted.crank[None]))
-        one = TravelGenerator(law, lengths, branch, zero, 0.0, errors, linkage, least)
-        own = float(one.output(np.zeros(1))[0])
+        (errors,) = errors_of(target, gap, 1, self.largest, gap(target.crank[None]))
+        generator = TravelGenerator(law, lengths, branch, zero, 0.0, errors, linkage, smallest_angle)
+        own = float(generator.output(np.zeros(1))[0])
         raw = float(law.at(unknowns[None], np.array([float(branch)]), np.zeros((1, 1))).value[0, 0])
-        one = one._replace(offset=offset + raw - own)
+        generator = generator._replace(offset=offset + raw - own)
         if law.output == ANGLE:  # the nearest to the wanted one by whole turns
-            one = one._replace(offset=one.offset + float(whole_turns(wanted.output[0] - own - one.offset)))
-        if wanted.one_way and travel_turns_back(wanted, one) is not None:
+            generator = generator._replace(
+                offset=generator.offset + float(whole_turns(target.output[0] - own - generator.offset))
+            )
+        if target.one_way and travel_turns_back(target, generator) is not None:
             return None
-        return one
+        return generator
 
 
-def travel_turns_back(wanted: Wanted, one: TravelGenerator) -> str | None:
+def travel_turns_back(target: TargetFunction, generator: TravelGenerator) -> str | None:
     """A sentence where the output turns back though the wanted one goes one way."""
-    back = turning_back(wanted, one.output, _TIE * abs(wanted.output[-1] - wanted.output[0]))
+    back = turning_back(target, generator.output, _TIE * abs(target.output[-1] - target.output[0]))
     return None if back is None else f"the output turns back at {100 * back[1]:.3g} % of the interval"
 
 
@@ -734,7 +746,7 @@ def laws_for(kinds: Sequence[str], input: str, output: str) -> list[Law]:
 
 def generate_travel(
     laws: Sequence[Law],
-    wanted: Wanted,
+    target: TargetFunction,
     limits: TravelLimits,
     largest: bool,
     top: int,
@@ -752,7 +764,7 @@ def generate_travel(
     for law in laws:
         if any(of_each) and work.expired():
             break
-        run = TravelSearch(wanted, law, limits, largest, top + _SPARE, tolerance, work)
+        run = TravelSearch(target, law, limits, largest, top + _SPARE, tolerance, work)
         of_each.append(distinct(run.run(), top, APART, exact=tolerance))
         seeds, screened, settled = (
             seeds + run.seeds,
@@ -761,10 +773,16 @@ def generate_travel(
         )
         best = trace[-1][1] if trace else np.inf
         trace += [(at, min(value, best)) for at, value in run.trace]
-    least = min((one[0].errors.objective for one in of_each if one), default=0.0)
-    of_each = [one for one in of_each if one and one[0].errors.objective <= max(_NO_ANSWER, _TIMES_LESS * least)]
-    best_of = [one[0] for one in of_each]
-    others = distinct([other for one in of_each for other in one[1:]], max(0, top - len(best_of)), APART)
-    found = sorted(best_of + others, key=lambda one: one.errors.objective)[:top]
+    smallest = min((solutions[0].errors.objective for solutions in of_each if solutions), default=0.0)
+    of_each = [
+        solutions
+        for solutions in of_each
+        if solutions and solutions[0].errors.objective <= max(_NO_ANSWER, _TIMES_LESS * smallest)
+    ]
+    best_of = [solutions[0] for solutions in of_each]
+    alternatives = distinct(
+        [solution for solutions in of_each for solution in solutions[1:]], max(0, top - len(best_of)), APART
+    )
+    found = sorted(best_of + alternatives, key=lambda generator: generator.errors.objective)[:top]
     stopped = stopped_by(found, tolerance, work)
     return found, SearchReport(stopped, trace, screened, seeds, settled)

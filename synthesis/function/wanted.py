@@ -13,7 +13,7 @@ from synthesis.target import Interval, Mean, Target
 
 
 @dataclass(frozen=True)
-class Wanted:
+class TargetFunction:
     """A function that a rocker's angle is to be of the crank's: output = theta3(start + crank) + offset, in radians.
 
     Attributes
@@ -90,7 +90,7 @@ class Wanted:
         side = -1.0 if self.clockwise else 1.0
         return np.interp(side * crank, side * self.crank, self.weights / self.weights.max())
 
-    def mirrored(self) -> Wanted:
+    def mirrored(self) -> TargetFunction:
         """The function in a mirror: crank and rocker turn the other way."""
         exact = self.exact
         return replace(

@@ -43,19 +43,19 @@ def best_rows(
 
     if not scan.has_family(limits.family):
         return [], ScanReport(scan.windows, 0, True)
-    most = MAX_LIMITED_WINDOWS
+    max_windows = MAX_LIMITED_WINDOWS
     if not limits.only_family:
-        most = min(most, MAX_LIMITED_SAMPLES // target.samples)
-    wanted = top
+        max_windows = min(max_windows, MAX_LIMITED_SAMPLES // target.samples)
+    count = top
     while True:
-        windows, report = scan.best(target, wanted, exact, most, work, tolerance)
+        windows, report = scan.best(target, count, exact, max_windows, work, tolerance)
         chosen = windows.take(_first_of_each(target, windows))
         linkages = scan.mechanism.mounted(target, scan.lengths[chosen.row], chosen.branch, scan.start_angles(chosen))
         solutions = distinct(scan.mechanism.assess(target, linkages, rows=chosen.row.tolist()), top)
-        complete = len(windows.row) < wanted or not report.exhaustive
+        complete = len(windows.row) < count or not report.exhaustive
         if len(solutions) == top or complete:
             return solutions, report
-        wanted *= 8
+        count *= 8
 
 
 def _first_of_each(target: Target, windows: Windows) -> NDArray[np.intp]:

@@ -129,9 +129,9 @@ class CrankDriven:
         best = np.argsort(merit, kind="stable")[: options.restored]
         moved, violation = within.moved_onto(pool.timed.take(best), steps)
         yield moved.take((violation <= options.equation_tolerance) & np.isfinite(moved.cost))
-        near = moved.take(moved.cost < options.nearly_exact**2)
-        if near.cost.size:
-            exact = plain.descended(near.timed, [Stage(30, 1e-2)], 0.3 * self.tolerance, self.work)
+        nearly_satisfied = moved.take(moved.cost < options.nearly_exact**2)
+        if nearly_satisfied.cost.size:
+            exact = plain.descended(nearly_satisfied.timed, [Stage(30, 1e-2)], 0.3 * self.tolerance, self.work)
             yield exact.take(within.lacking(exact.timed)[1] <= options.equation_tolerance)
 
     # -- perturbation -----------------------------------------------------------------------------------------------

@@ -188,6 +188,6 @@ class _Matrices:
             row = np.concatenate([behind[highest:0:-1], ahead[: highest + 1]])
             product = group.phasors @ self._both(turn * row).T
             squares.append(product.real**2 + product.imag**2)
-        whole = group.modulus_mean[:, None] + group.modulus @ self._average(mean, 2 * highest).T
-        square = np.maximum(whole - squares[0] - squares[1], _SMALLEST)
+        total = group.modulus_mean[:, None] + group.modulus @ self._average(mean, 2 * highest).T
+        square = np.maximum(total - squares[0] - squares[1], _SMALLEST)
         return size**2 * np.maximum(1.0 - squares[2] / square, 0.0)

@@ -256,12 +256,12 @@ class MultiStart(Generic[P]):
         known, options, problem = self._converged, self.options, self.problem
         if known is None:
             return np.ones(found.cost.size, dtype=bool)
-        (rows, scale), (others, _) = problem.signature(found), problem.signature(known)
+        (rows, scale), (known_rows, _) = problem.signature(found), problem.signature(known)
         group, other_group = problem.group(found), problem.group(known)
         unlike = np.ones(found.cost.size, dtype=bool)
         for number in range(problem.groups):
             own, others_own = np.flatnonzero(group == number), np.flatnonzero(other_group == number)
-            distance = np.abs(rows[own][:, None] - others[others_own]).max(axis=2, initial=0.0)
+            distance = np.abs(rows[own][:, None] - known_rows[others_own]).max(axis=2, initial=0.0)
             no_gain = found.cost[own][:, None] > (1 - options.gain) ** 2 * known.cost[others_own]
             unlike[own] = ~np.any(no_gain & (distance < options.pool_distance * scale[own][:, None]), axis=1)
         return unlike

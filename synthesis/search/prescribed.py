@@ -58,12 +58,12 @@ class GivenProblem(Problem):
         return mechanism.posed(lengths, timed.branch, start, (target.middle + scale * a, np.angle(z1), scale * z2))
 
 
-def problem_of(target: Target, way: Bounded) -> GivenProblem:
+def problem_of(target: Target, space: Bounded) -> GivenProblem:
     """The problem of a target within limits."""
-    return GivenProblem(target, way.chart, way.constraints, way.boxes is not None)
+    return GivenProblem(target, space.chart, space.constraints, space.boxes is not None)
 
 
-def given(shape: Floats, branch: Floats, start: Floats, pose: Complexes | None = None) -> Timed:
+def candidates_at(shape: Floats, branch: Floats, start: Floats, pose: Complexes | None = None) -> Timed:
     """Candidates of shapes (n, k) in a chart, branches and starts (n,), and poses (n, 3) where they are known."""
     count = len(branch)
     pose = np.zeros((count, 3), dtype=complex) if pose is None else pose

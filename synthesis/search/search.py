@@ -30,7 +30,7 @@ from synthesis.descents import Pool, Stage, Timed
 from synthesis.mechanism import Chart, Limits, Mechanism
 from synthesis.ranking import APART, Status, distinct
 from synthesis.search.multistart import Incumbents
-from synthesis.search.prescribed import GivenProblem, given
+from synthesis.search.prescribed import GivenProblem, candidates_at
 from synthesis.search.prescribed_timing import PrescribedTiming, prescribed_timing
 from synthesis.search.report import SearchReport, stopped_by
 from synthesis.search.seeds import FINER, SeedTables, Windows, thinned
@@ -68,7 +68,7 @@ SEARCH_SAMPLES = 64
 
 _EXACT_NEAR = 1e-6
 """J below which more rounds are of no use: what is left is to refine."""
-_NEAR, _NEARER, _FINISHED = 1e-2, 1e-5, 12
+_CLOSE, _NEARER, _FINISHED = 1e-2, 1e-5, 12
 """J from which on an exact answer may be near, and how many candidates are then refined to machine precision.
 From the second on it does, in a narrow valley."""
 
@@ -108,7 +108,7 @@ class _Search:
         self.chart = chart
         self.problem = GivenProblem(self.thin_target, chart)
         nothing = np.empty(0)
-        self.pool = Pool(given(np.empty((0, len(chart.cell) - 1)), nothing, nothing), nothing)
+        self.pool = Pool(candidates_at(np.empty((0, len(chart.cell) - 1)), nothing, nothing), nothing)
 
     # -- rounds without limits ----------------------------------------------------------------------------------------
 
@@ -177,75 +177,75 @@ class _Search:
         """Exact answers without limits, where a few rounds lead near them: those within the limits."""
         if not self.reached:
             self.free_search(*rounds)
-        near = self.pool.cost.min(initial=np.inf) < _NEAR**2
-        if not (near or self.limits.only_family):
+        is_close = self.pool.cost.min(initial=np.inf) < _CLOSE**2
+        if not (is_close or self.limits.only_family):
             return []
         if not self.reached and self.pool.cost.min() < _NEARER**2:
             self.free_search(TO_THE_END)
         # where the tolerance is reached, alternatives are worth a few steps, not a search of their own
-        return self.polished(max(top + 4, _FINISHED), 30 if near and not self.reached else _FEW_STEPS)
+        return self.polished(max(top + 4, _FINISHED), 30 if is_close and not self.reached else _FEW_STEPS)
 
     def bounded_search(self, windows: Callable[[str], Windows], solutions: list[Any], top: int) -> list[Any]:
         """Go on within the limits, in one chart after the other; what it finds, and of the solutions those that are better."""
-        charts, ways = self.mechanism.charts(self.limits.family), self.mechanism.bounded(self.target, self.limits)
+        charts, spaces = self.mechanism.charts(self.limits.family), self.mechanism.bounded(self.target, self.limits)
         if self.target.start is not None or self.target.offset is not None:
-            ways = []  # they find the start and the offset themselves
-        looked = self.limits.only_family
-        if not ways:
-            solutions = solutions if looked else self.look(FIRST_LOOK[:1], top)
+            spaces = []  # they find the start and the offset themselves
+        is_tested = self.limits.only_family
+        if not spaces:
+            solutions = solutions if is_tested else self.look(FIRST_LOOK[:1], top)
             self.free_search(TO_THE_END)
             return solutions + self.polished(_FINISHED, 30)
         first, solutions = solutions, []
-        found = Incumbents(self.tolerance, lambda least: self.note(np.array([least**2])))
-        for chart, way in zip(charts, ways):
+        found = Incumbents(self.tolerance, lambda objective: self.note(np.array([objective**2])))
+        for chart, space in zip(charts, spaces):
             # the first way is that of full cranks alone, so that the larger family is never worse
-            family = "full_crank" if self.limits.family == "any" and way is ways[0] else self.limits.family
-            run = prescribed_timing(self.target, way, found, self.work)
+            family = "full_crank" if self.limits.family == "any" and space is spaces[0] else self.limits.family
+            run = prescribed_timing(self.target, space, found, self.work)
             problem = run.problem
             seeds = problem.seeds(windows(family), run)
-            late = self.work.expired() and way.chart in found.pools
+            late = self.work.expired() and space.chart in found.pools
             begin = [] if late else list(islice(seeds, 1))
-            if not (begin or late) and len(way.types):
-                seeds = problem.seeds(Windows(self.mechanism, way.types, FINER), run)
+            if not (begin or late) and len(space.types):
+                seeds = problem.seeds(Windows(self.mechanism, space.types, FINER), run)
                 begin = list(islice(seeds, 1))
-            most = 0.0 if late else np.inf
-            if not (looked or late):  # one round tells whether an exact answer keeps the limits
-                first, looked = self.look(FIRST_LOOK[:1], top), True
-                self.note(np.array([one.errors.objective for one in first]) ** 2)
+            max_error = 0.0 if late else np.inf
+            if not (is_tested or late):  # one round tells whether an exact answer keeps the limits
+                first, is_tested = self.look(FIRST_LOOK[:1], top), True
+                self.note(np.array([solution.errors.objective for solution in first]) ** 2)
                 if Status.of(first, self.tolerance) is Status.REACHED:
                     if len(first) >= top:
                         return first
-                    most = 1  # for alternatives
-            every = chain(begin, seeds)
+                    max_error = 1  # for alternatives
+            all_seeds = chain(begin, seeds)
             for idle in (run.options.idle_rounds, _IDLE_IN_SIGHT):
                 run.options = replace(run.options, idle_rounds=idle)
-                for one in run.run(every, most):
-                    self.seeds += len(one.branch)
+                for round_seeds in run.run(all_seeds, max_error):
+                    self.seeds += len(round_seeds.branch)
                     if found.smallest < _EXACT_NEAR or self.work.expired():
                         break
-                if way.chart in found.pools:
-                    solutions = solutions + self._finished(problem, found.pools[way.chart], chart, top)
-                least = min((one.errors.objective for one in solutions), default=np.inf)
+                if space.chart in found.pools:
+                    solutions = solutions + self._finished(problem, found.pools[space.chart], chart, top)
+                smallest = min((solution.errors.objective for solution in solutions), default=np.inf)
                 # where J is so small, an exact answer may lie in another valley
-                if self.reached or self.work.expired() or not self.tolerance < least < _IN_SIGHT:
+                if self.reached or self.work.expired() or not self.tolerance < smallest < _IN_SIGHT:
                     break
-            if self.done(sorted(solutions, key=lambda one: one.errors.objective)):
+            if self.done(sorted(solutions, key=lambda solution: solution.errors.objective)):
                 break
-        best = min((one.errors.objective for one in solutions), default=np.inf)
+        best = min((solution.errors.objective for solution in solutions), default=np.inf)
         reached = Status.of(first, self.tolerance) is Status.REACHED
-        return solutions + [one for one in first if reached or one.errors.objective < best]
+        return solutions + [solution for solution in first if reached or solution.errors.objective < best]
 
     def _finished(self, problem: PrescribedTiming, pool: Pool, chart: Chart, top: int) -> list[Any]:
         """Solutions of a pool; near an exact answer in the chart without bounds too."""
         chosen = problem.within.linkages(self.mechanism, pool.take(slice(0, 8 * top + 20)))
         solutions = self.mechanism.within(self.target, self.limits, self.mechanism.assess(self.target, chosen))
-        near = pool.take(pool.cost < _NEAR**2)
-        if near.cost.size:
+        close = pool.take(pool.cost < _CLOSE**2)
+        if close.cost.size:
             self.use(chart)
-            shape = chart.unknowns(problem.chart.shape(near.timed.shape).lengths)
-            self.pool = near._replace(timed=near.timed._replace(shape=shape))
+            shape = chart.unknowns(problem.chart.shape(close.timed.shape).lengths)
+            self.pool = close._replace(timed=close.timed._replace(shape=shape))
             solutions = solutions + self.polished(_FINISHED, 100)
-            if not self.reached and near.cost.min() < _NEARER**2:
+            if not self.reached and close.cost.min() < _NEARER**2:
                 self.free_search(TO_THE_END)
                 solutions = solutions + self.polished(_FINISHED, 30)
         return list(solutions)

@@ -22,7 +22,7 @@ from synthesis.arrays import Complexes, Floats, Singles
 from synthesis.descents import Pool, Timed
 from synthesis.mechanism import Boxes, Chart, Constraints, Mechanism, Placed
 from synthesis.search.error_table import ErrorTable
-from synthesis.search.prescribed import GivenProblem, given
+from synthesis.search.prescribed import GivenProblem, candidates_at
 from synthesis.target import TURN, Mean, Target
 
 # -- windows within limits -----------------------------------------------------------------------------------------
@@ -34,7 +34,7 @@ _STEPS = 144
 _SAMPLES = 12
 _MISS = 0.2
 """Radians by which the transmission angle of a window may fall short before its pose is looked at."""
-_WANTED = 100
+_COUNT = 100
 _POSED, _CHECKED = 80, 25
 """Windows for each seed that is wanted: whose pose is fitted within boxes, and of those whose other limits are looked at."""
 _SWEEPS = 12
@@ -61,10 +61,10 @@ class Windows:
     def angles(self, side: int, crank: Floats, window: NDArray[np.intp]) -> Singles:
         """theta2 of windows (n,) of one branch at crank angles (N,) after their starts, (n, N)."""
         table, wound = self.tables[side], self.wound[side]
-        place = (np.arange(self.starts)[:, None] * (TURN / self.starts) + crank) * (self.steps / TURN)
-        turn, rest = np.divmod(place, self.steps)
-        low = np.minimum(rest.astype(np.intp), self.steps - 1)
-        part, turn = (rest - low).astype(np.float32), turn.astype(np.float32)
+        table_position = (np.arange(self.starts)[:, None] * (TURN / self.starts) + crank) * (self.steps / TURN)
+        turn, remainder = np.divmod(table_position, self.steps)
+        low = np.minimum(remainder.astype(np.intp), self.steps - 1)
+        part, turn = (remainder - low).astype(np.float32), turn.astype(np.float32)
         kind, start = np.divmod(window, self.starts)
         cell = low[start] + (kind * table.shape[1])[:, None]
         before = table.ravel()[cell]
@@ -73,7 +73,7 @@ class Windows:
         return before + (after - before) * part[start] + turn[start] * wound[kind][:, None]
 
     def seeds(
-        self, problem: GivenProblem, on_shape: Constraints, boxes: Boxes | None = None, wanted: int = _WANTED
+        self, problem: GivenProblem, on_shape: Constraints, boxes: Boxes | None = None, count: int = _COUNT
     ) -> Timed:
         """Windows by how well they move and keep the limits, best first, at most one a cell.
 
@@ -84,8 +84,8 @@ class Windows:
             The limits that concern shape and start alone: windows that break them by far are not looked at.
         boxes : Boxes, optional
             For limits that concern the pose.
-        wanted : int
-            About so many are of use: the fewer, the fewer windows are looked at closely.
+        count : int
+            Approximate number of useful seeds; a smaller number reduces the number of windows that are evaluated closely.
         """
         target = problem.target.condensed(_SAMPLES)
         types, starts = len(self.lengths), self.starts
@@ -94,15 +94,15 @@ class Windows:
         miss = _missed(on_shape, Placed(lengths, np.ones(len(start)), target.interval.after(start)))
         reach = None
         if boxes is not None:
-            least, largest = boxes.reach(self.lengths)
-            reach = np.repeat(least, starts), np.repeat(largest, starts)
+            shortest, largest = boxes.reach(self.lengths)
+            reach = np.repeat(shortest, starts), np.repeat(largest, starts)
             miss = np.where(reach[0] > _SPARE * reach[1], np.inf, miss)
         windows, sides, angles = [], [], []
         for side, sign in enumerate(self.mechanism.branches):
-            near = np.flatnonzero(miss < _MISS)
-            angle = self.angles(side, target.crank, near)
+            close = np.flatnonzero(miss < _MISS)
+            angle = self.angles(side, target.crank, close)
             closed = np.isfinite(angle).all(axis=1)
-            windows.append(near[closed])
+            windows.append(close[closed])
             sides.append(np.full(closed.sum(), float(sign)))
             angles.append(angle[closed])
         window, branch, angle = np.concatenate(windows), np.concatenate(sides), np.concatenate(angles)
@@ -110,7 +110,7 @@ class Windows:
         merit = fits.rotation + fits.least + 3 * miss[window] ** 2
         if problem.posed:
             assert boxes is not None and reach is not None
-            best = _least(merit, _POSED * wanted)
+            best = _smallest(merit, _POSED * count)
             window, branch, fits = window[best], branch[best], fits.take(best)
             chosen = lengths[window]
             turned: Complexes = np.exp(1j * start[window])
@@ -118,27 +118,27 @@ class Windows:
                 turned * (chosen[:, 0] / chosen[:, -1]), boxes, (reach[0][window], reach[1][window])
             )
             merit = error + fits.rotation + miss[window] ** 2
-            best = _least(merit, _CHECKED * wanted)
+            best = _smallest(merit, _CHECKED * count)
             window, branch, merit = window[best], branch[best], merit[best]
             pivot, ground, coupler = pivot[best], ground[best], coupler[best]
             chosen = lengths[window]
             pose = np.stack([pivot, ground * (chosen[:, 0] / chosen[:, -1]), coupler], axis=1)
-            timed = given(problem.chart.unknowns(chosen), branch, start[window], pose)
+            timed = candidates_at(problem.chart.unknowns(chosen), branch, start[window], pose)
             merit = merit + problem.lacking(timed)[0]
         else:
-            best = _least(merit, _CHECKED * wanted)
+            best = _smallest(merit, _CHECKED * count)
             window, branch, merit = window[best], branch[best], merit[best]
-            timed = given(problem.chart.unknowns(lengths[window]), branch, start[window])
+            timed = candidates_at(problem.chart.unknowns(lengths[window]), branch, start[window])
         order = np.argsort(merit, kind="stable")
         order = order[np.isfinite(merit[order])]
-        place = np.hstack([problem.chart.place(timed.shape), timed.angles / 0.6, timed.branch[:, None]])
-        cells = np.floor(place[order]).astype(np.int64)
+        coordinates = np.hstack([problem.chart.place(timed.shape), timed.angles / 0.6, timed.branch[:, None]])
+        cells = np.floor(coordinates[order]).astype(np.int64)
         # one number a cell: many times faster to sort than rows
         _, first = np.unique((cells + 64) @ (1 << 8 * np.arange(cells.shape[1])), return_index=True)
         return timed.take(order[np.sort(first)])
 
 
-def _least(merit: Floats, count: int) -> NDArray[np.intp]:
+def _smallest(merit: Floats, count: int) -> NDArray[np.intp]:
     """Places of the least values, in their order."""
     if len(merit) <= count:
         return np.arange(len(merit))
@@ -184,41 +184,41 @@ class Fits(NamedTuple):
             return cls(rotation, nothing, nothing, no, nothing, no, no, nothing, share)
         mean = target.position_mean
         turned = np.exp(1j * target.crank)
-        place = (target.position - mean(target.position)) / target.length_scale
-        columns = np.stack([mean.weighted(c) / mean.total for c in (turned**0, turned, place)], axis=1)
+        centred = (target.position - mean(target.position)) / target.length_scale
+        columns = np.stack([mean.weighted(c) / mean.total for c in (turned**0, turned, centred)], axis=1)
         back = np.empty(angle.shape, dtype=np.complex64)
         np.cos(angle, out=back.real)
         np.negative(np.sin(angle), out=back.imag)
         share = (back @ columns.astype(np.complex64)).astype(complex)
-        return cls._of(rotation, share, mean(turned), mean(np.conj(turned) * place), mean(np.abs(place) ** 2))
+        return cls._of(rotation, share, mean(turned), mean(np.conj(turned) * centred), mean(np.abs(centred) ** 2))
 
     @classmethod
-    def of_candidates(cls, mean: Mean, place: Complexes, crank: Complexes, body: Complexes) -> Fits:
+    def of_candidates(cls, mean: Mean, centred: Complexes, crank: Complexes, body: Complexes) -> Fits:
         """Of candidates with their own crank angles: positions over l (N,), e^{i crank angle} and e^{i theta2}, (n, N) each."""
         back = np.conj(body)
-        share = np.stack([mean(back), mean(back * crank), mean(back * place)], axis=1)
-        rotation, square = np.zeros(len(crank)), mean(np.abs(place) ** 2)
-        return cls._of(rotation, share, mean(crank), mean(np.conj(crank) * place), np.full(len(crank), square))
+        share = np.stack([mean(back), mean(back * crank), mean(back * centred)], axis=1)
+        rotation, square = np.zeros(len(crank)), mean(np.abs(centred) ** 2)
+        return cls._of(rotation, share, mean(crank), mean(np.conj(crank) * centred), np.full(len(crank), square))
 
     @classmethod
     def _of(cls, rotation: Floats, share: Complexes, along: Any, across: Any, square: Any) -> Fits:
-        one, own, held = share.T
-        one_one, turned_turned = 1 - np.abs(one) ** 2, 1 - np.abs(own) ** 2
-        one_turned = along - np.conj(one) * own
-        one_rest, turned_rest = -np.conj(one) * held, across - np.conj(own) * held
-        rest = square - np.abs(held) ** 2
+        mean_body, own, held = share.T
+        one_one, turned_turned = 1 - np.abs(mean_body) ** 2, 1 - np.abs(own) ** 2
+        one_turned = along - np.conj(mean_body) * own
+        one_rest, turned_rest = -np.conj(mean_body) * held, across - np.conj(own) * held
+        square_left = square - np.abs(held) ** 2
         determinant = np.maximum(one_one * turned_turned - np.abs(one_turned) ** 2, 1e-12)
         free = (
             turned_turned * np.abs(one_rest) ** 2
             + one_one * np.abs(turned_rest) ** 2
             - 2 * (np.conj(one_rest) * one_turned * turned_rest).real
         ) / determinant
-        least = np.clip(rest - free, 0.0, None)
-        return cls(rotation, least, one_one, one_turned, turned_turned, one_rest, turned_rest, rest, share)
+        smallest = np.clip(square_left - free, 0.0, None)
+        return cls(rotation, smallest, one_one, one_turned, turned_turned, one_rest, turned_rest, square_left, share)
 
-    def take(self, places: Any) -> Fits:
+    def take(self, indices: Any) -> Fits:
         """Some of them."""
-        return Fits(*(column[places] for column in self))
+        return Fits(*(column[indices] for column in self))
 
     def within(
         self, rho: Complexes, boxes: Boxes, reach: tuple[Floats, Floats]
@@ -239,16 +239,16 @@ class Fits(NamedTuple):
         ground = b - a
         length = np.abs(ground)
         direction = np.where(length > 0, ground, 1.0) / np.where(length > 0, length, 1.0)
-        wanted = direction * np.clip(length, np.minimum(*reach), np.maximum(reach[1], 1e-6))
-        a = boxes.clip_a(a + (ground - wanted) / 2)
-        b = boxes.clip_b(a + wanted)
-        a = boxes.clip_a(b - wanted)
-        ground = wanted
+        clipped = direction * np.clip(length, np.minimum(*reach), np.maximum(reach[1], 1e-6))
+        a = boxes.clip_a(a + (ground - clipped) / 2)
+        b = boxes.clip_b(a + clipped)
+        a = boxes.clip_a(b - clipped)
+        ground = clipped
         b = a + ground
         square = self.rest - 2 * (np.conj(a) * ha + np.conj(b) * hb).real
         square += aa * np.abs(a) ** 2 + bb * np.abs(b) ** 2 + 2 * (np.conj(a) * ab * b).real
-        one, own, held = self.share.T
-        return np.maximum(square, 0.0), a, ground, held - a * one - ground * rho * own
+        mean_body, own, held = self.share.T
+        return np.maximum(square, 0.0), a, ground, held - a * mean_body - ground * rho * own
 
 
 # -- candidates ----------------------------------------------------------------------------------------------------
@@ -266,8 +266,8 @@ def thinned(pool: Pool, count: int, cell: float = 0.05) -> Pool:
     best = pool.take(np.argsort(pool.cost, kind="stable"))
     best = best.take(np.isfinite(best.cost))
     timed, start = best.timed, best.timed.angles[:, :1]
-    place = np.hstack([timed.shape, np.cos(start), np.sin(start), timed.branch[:, None]])
-    _, first = np.unique(np.round(place / cell).astype(np.int64), axis=0, return_index=True)
+    coordinates = np.hstack([timed.shape, np.cos(start), np.sin(start), timed.branch[:, None]])
+    _, first = np.unique(np.round(coordinates / cell).astype(np.int64), axis=0, return_index=True)
     return best.take(np.sort(first)[:count])
 
 
@@ -288,7 +288,7 @@ class SeedTable(NamedTuple):
             starts = np.array([target.start % TURN])
         problem = GivenProblem(target.thinned(_GIVEN_SAMPLES), chart)
         shapes, start = np.repeat(self.unknowns, starts.size, axis=0), np.tile(starts, len(self.unknowns))
-        each = (given(shapes, np.full(start.size, float(branch)), start) for branch in mechanism.branches)
+        each = (candidates_at(shapes, np.full(start.size, float(branch)), start) for branch in mechanism.branches)
         cost = [problem.measured(timed).cost.reshape(-1, starts.size) for timed in each]
         return np.stack(cost, axis=1), starts
 
@@ -332,14 +332,14 @@ class SeedTables:
         chart, parts = self.mechanism.charts(family)[0], []
         for side, branch in enumerate(self.mechanism.branches):
             start = starts[best[:, side]]
-            parts.append(Pool(given(shapes, np.full(len(start), float(branch)), start), cost[:, side]))
+            parts.append(Pool(candidates_at(shapes, np.full(len(start), float(branch)), start), cost[:, side]))
         pool = Pool(
-            parts[0].timed.joined(*(one.timed for one in parts[1:])), np.concatenate([one.cost for one in parts])
+            parts[0].timed.joined(*(part.timed for part in parts[1:])), np.concatenate([part.cost for part in parts])
         )
         pool = pool.take(np.isfinite(pool.cost))
         pool = pool.take(np.argsort(pool.cost, kind="stable"))
-        place = np.hstack([pool.timed.shape, pool.timed.angles]) / chart.cell
-        cells = np.column_stack([np.floor(place), pool.timed.branch]).astype(np.int64)
+        coordinates = np.hstack([pool.timed.shape, pool.timed.angles]) / chart.cell
+        cells = np.column_stack([np.floor(coordinates), pool.timed.branch]).astype(np.int64)
         # one number a cell: many times faster to sort than rows
         _, first = np.unique((cells + 64) @ (1 << 8 * np.arange(cells.shape[1])), return_index=True)
         return pool.take(np.sort(first))

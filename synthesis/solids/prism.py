@@ -395,9 +395,9 @@ def filleted(corners: Sequence[complex], radius: float) -> Floats:
         back, on = corners[k - 1] - corner, corners[(k + 1) % count] - corner
         turn = float(np.angle(on / -back))
         # tangent length of a fillet: radius times tan(turn / 2)
-        most = 0.4 * min(abs(back), abs(on))
-        tangent = min(radius * abs(np.tan(turn / 2)), most)
-        if turn <= 0 or tangent <= 1e-9 * most:
+        longest = 0.4 * min(abs(back), abs(on))
+        tangent = min(radius * abs(np.tan(turn / 2)), longest)
+        if turn <= 0 or tangent <= 1e-9 * longest:
             vertices.append((corner.real, corner.imag, 0.0))
             continue
         first, last = corner + tangent * back / abs(back), corner + tangent * on / abs(on)

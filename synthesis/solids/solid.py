@@ -82,7 +82,7 @@ def tolerance(diameter: float, hole: bool) -> str:
     return ""
 
 
-class Made(NamedTuple):
+class Manufacture(NamedTuple):
     """Materials, fit and sizes of parts; lengths in the unit of the linkage."""
 
     fit: Fit
@@ -162,7 +162,7 @@ class Solids(NamedTuple):
         return min((part.prism.thinnest_wall, part.name) for part in self.parts)
 
 
-def solids_of(machine: Machine, stack: Stack, made: Made, unit_mm: float) -> Solids:
+def solids_of(machine: Machine, stack: Stack, manufacture: Manufacture, unit_mm: float) -> Solids:
     """Build the parts of a stack as solids, which do not overlap anywhere in the used interval if the stack is free.
 
     A pin is held by its first body and turns in the others. Each turning plate has a washer on either side. A washer between two
@@ -179,21 +179,21 @@ def solids_of(machine: Machine, stack: Stack, made: Made, unit_mm: float) -> Sol
     FieldError
         If a hole leaves no material.
     """
-    unit = unit_mm * made.scale
-    heights = _heights(machine, made, unit)
+    unit = unit_mm * manufacture.scale
+    heights = _heights(machine, manufacture, unit)
     thick = heights.thickness * unit
     parts = parts_of(machine, stack, heights)
     names = machine.movement.names
-    pin_radius = (machine.hole * unit - made.fit.turning) / 2
-    held = pin_radius + made.fit.held / 2
+    pin_radius = (machine.hole * unit - manufacture.fit.turning) / 2
+    held = pin_radius + manufacture.fit.held / 2
     turning = machine.hole * unit / 2
     if not pin_radius > 0:
         raise FieldError(
             "/assembly/hole",
-            f"wanted holes above {made.fit.turning:g} mm, the play of this fit, found {2 * turning:g}",
+            f"wanted holes above {manufacture.fit.turning:g} mm, the play of this fit, found {2 * turning:g}",
         )
     carriers = {pin.name: pin.points[0].body for pin in machine.pins}
-    washers = _Washers(machine, parts, heights, made, unit, pin_radius, held)
+    washers = _Washers(machine, parts, heights, manufacture, unit, pin_radius, held)
     found: list[Solid] = []
 
     def add(part: Part, prism: Prism, at: complex, low: float, material: str, colour: str, turns: str = "") -> None:
@@ -204,31 +204,35 @@ def solids_of(machine: Machine, stack: Stack, made: Made, unit_mm: float) -> Sol
         low = part.z[0] * unit
         if part.kind in ("plate", "board"):
             holes = _holes(part, unit, turning, held, carriers)
-            prism = Prism(_outline(part, made.fillet) * np.array([unit, unit, 1.0]), 0.0, thick, holes)
+            prism = Prism(_outline(part, manufacture.fillet) * np.array([unit, unit, 1.0]), 0.0, thick, holes)
             if not prism.thinnest_wall > 1e-9 * unit:
                 raise FieldError(
                     "/assembly/body" if part.name == "body" else "/assembly/hole",
                     f"leaves no material around a hole of {part.name}",
                 )
             colour = COLOURS.get(names[part.body], OTHER_BODY)
-            add(part, prism, 0j, low, made.material, OTHER_BODY if part.name == "body" else colour)
+            add(part, prism, 0j, low, manufacture.material, OTHER_BODY if part.name == "body" else colour)
         elif part.kind == "head":
             prism = Prism.disc(0j, part.shape.radius * unit, 0.0, thick, held)
-            add(part, prism, part.shape.core[0], low, made.pins, ROUND)
+            add(part, prism, part.shape.core[0], low, manufacture.pins, ROUND)
         else:
             low, high = washers.reach(part)
             prism = Prism.disc(0j, pin_radius, 0.0, high - low)
-            add(part, prism, part.shape.core[0], low, made.pins, ROUND, washers.turning_on(part))
+            add(part, prism, part.shape.core[0], low, manufacture.pins, ROUND, washers.turning_on(part))
     found += washers.solids()
     return Solids(machine, tuple(found), unit)
 
 
-def _heights(machine: Machine, made: Made, unit: float) -> Heights:
+def _heights(machine: Machine, manufacture: Manufacture, unit: float) -> Heights:
     """Return the thicknesses in the unit of the machine; a printer needs a minimum."""
-    usual = Heights.of(machine, made.thickness, made.washer)
-    thick = max(usual.thickness, made.fit.plate / unit) if made.thickness is None else made.thickness
-    usual = Heights.of(machine, thick, made.washer)
-    return Heights(thick, max(usual.washer, made.fit.washer / unit) if made.washer is None else made.washer)
+    usual = Heights.of(machine, manufacture.thickness, manufacture.washer)
+    thick = (
+        max(usual.thickness, manufacture.fit.plate / unit) if manufacture.thickness is None else manufacture.thickness
+    )
+    usual = Heights.of(machine, thick, manufacture.washer)
+    return Heights(
+        thick, max(usual.washer, manufacture.fit.washer / unit) if manufacture.washer is None else manufacture.washer
+    )
 
 
 def _outline(part: Part, fillet: float) -> Floats:
@@ -245,17 +249,17 @@ class _Washers:
         machine: Machine,
         parts: Sequence[Part],
         heights: Heights,
-        made: Made,
+        manufacture: Manufacture,
         unit: float,
         pin_radius: float,
         held: float,
     ) -> None:
-        self.made, self.unit, self.held = made, unit, held
+        self.made, self.unit, self.held = manufacture, unit, held
         self.turning = machine.hole * unit / 2
         self.names = machine.movement.names
         self.gap, self.pitch = heights.washer * unit, (heights.thickness + heights.washer) * unit
         self.thick = heights.thickness * unit
-        self.play = min(made.fit.axial, self.gap / 8)
+        self.play = min(manufacture.fit.axial, self.gap / 8)
         # a pin can be anywhere in its slit
         apart = [a.apart(b) for part in parts for a, b in combinations(_holes(part, 1.0, 0.0, 0.0, {}), 2)]
         self.radius = min(

@@ -23,14 +23,14 @@ OPTIONS += tuple(f"--disable-{name}" for name in WITHOUT)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """These come first, one process has them all; of a file those that share a page before those that load one each."""
 
-    def place(item: pytest.Item) -> tuple[Any, ...]:
+    def order(item: pytest.Item) -> tuple[Any, ...]:
         here = item.path.parent == Path(__file__).parent
         return (0, item.path, "standing" not in item.fixturenames) if here else (1,)
 
-    items.sort(key=place)
+    items.sort(key=order)
 
 
-def kept(app: Any) -> Any:
+def with_cache(app: Any) -> Any:
     """The service, whose modules of the page the browser need not ask for again; test_page.py looks at their headers.
 
     What a page has asked before, to the letter, gets the same reply: each one that opens has its machine's layers looked for.
@@ -44,10 +44,10 @@ def kept(app: Any) -> Any:
             while not body or body[-1].get("more_body"):
                 body.append(await receive())
         content = b"".join(message.get("body", b"") for message in body)
-        asked = scope.get("path"), scope.get("query_string"), tuple(scope.get("headers", ())), content
-        for message in replies.get(asked, ()):
+        key = scope.get("path"), scope.get("query_string"), tuple(scope.get("headers", ())), content
+        for message in replies.get(key, ()):
             await send(message)
-        if asked in replies:
+        if key in replies:
             return
 
         async def received() -> Any:
@@ -61,9 +61,9 @@ def kept(app: Any) -> Any:
             sent.append(message)
 
         await app(scope, received, answered)
-        whole = sent and sent[0]["status"] == 200 and not sent[-1].get("more_body")
-        if posted and whole and b'"start_from"' not in content:
-            replies[asked] = sent
+        is_complete = sent and sent[0]["status"] == 200 and not sent[-1].get("more_body")
+        if posted and is_complete and b'"start_from"' not in content:
+            replies[key] = sent
 
     return answer
 
@@ -71,7 +71,7 @@ def kept(app: Any) -> Any:
 @pytest.fixture(scope="session")
 def address():
     """The service on a free port, without an atlas, whatever lies in the working folder: the page needs none."""
-    with listening(kept(create_app(Settings(with_atlas=False)))) as (port, _):
+    with listening(with_cache(create_app(Settings(with_atlas=False)))) as (port, _):
         yield f"http://127.0.0.1:{port}"
 
 

@@ -116,8 +116,8 @@ def test_angle_pairs_are_asked_for_as_they_are(page) -> None:
     crank, rocker = page.text("where").split(", rocker ")
     error = float(page.text("solutions").split()[1].rstrip("°"))
     assert crank == "110°" and abs(float(rocker.rstrip("°")) - 84) <= error + 1e-3
-    whole = json.loads(page.saved("function-1.json", "#exports [data-format=json]"))
-    assert whole["request"]["output"] == [0, 11.5, 33, 61, 84]
+    saved = json.loads(page.saved("function-1.json", "#exports [data-format=json]"))
+    assert saved["request"]["output"] == [0, 11.5, 33, 61, 84]
     table = page.saved("function-1.csv", "#exports [data-format=csv]").decode().splitlines()[1:]
     rows = np.array([row.split(",")[:2] for row in table], float)
     assert np.allclose(rows, np.array([request["input"], request["output"]]).T)
@@ -132,8 +132,8 @@ def test_angle_pairs_keep_their_unit_and_their_zeros(page) -> None:
     solve(page)
     request = page.asked()
     assert "angle_unit" not in request, "the table is in radians, and its fields are in degrees"
-    asked = np.column_stack([request["input"], request["output"]])
-    assert np.allclose(asked, np.degrees(radians)) and request["limits"]["transmission_angle_min"] == 40
+    pairs = np.column_stack([request["input"], request["output"]])
+    assert np.allclose(pairs, np.degrees(radians)) and request["limits"]["transmission_angle_min"] == 40
     assert page.text("where").startswith(f"{np.degrees(0.5):.4g}°, rocker {np.degrees(1.0):.2g}")
     assert float(page.text("solutions").split()[1].rstrip("°")) < 20
     rows = dict(row.split(" ", 1) for row in page.text("numbers").splitlines() if row.startswith("Transmission "))
@@ -174,11 +174,11 @@ def test_rounded_links_need_a_length(page) -> None:
     page.type_into("ground", "120")
     solve(page)
     assert "Rounded links" in page.text("numbers")
-    told, listed = (
+    described, listed = (
         float(re.search(rf"{words} ([\d.]+)°", re.sub(r"\s+", " ", page.text(name)))[1])
         for words, name in (("With rounded links:", "status"), ("Largest error when rounded", "numbers"))
     )
-    assert told == pytest.approx(listed, rel=0.01)
+    assert described == pytest.approx(listed, rel=0.01)
 
 
 def test_rows_that_are_no_table_of_a_function_are_named(page) -> None:

@@ -41,7 +41,7 @@ def at(pages):
     pages.assert_no_errors()
 
 
-def asked(page: Page, act: Callable[[], None]) -> None:
+def answered(page: Page, act: Callable[[], None]) -> None:
     """Wait for the answer to what is done."""
     page.run("document.getElementById('status').textContent = ''")
     act()
@@ -56,7 +56,7 @@ def test_every_question_is_answered_and_no_part_sticks_out(at, scene, width) -> 
     for k in range(len(queries_of(scene))):
         if k:
             Select(page.find("query")).select_by_index(k)
-            asked(page, lambda: page.click("run"))
+            answered(page, lambda: page.click("run"))
         page.run("for (const fold of document.querySelectorAll('details')) fold.open = true")
         page.wait("document.getElementById('all').childElementCount")
         assert page.width <= width and page.run(CUT) == []
@@ -107,7 +107,7 @@ def test_a_link_restores_question_values_and_place(at) -> None:
     field = page.one("#fields input")
     field.clear()
     field.send_keys("310")
-    asked(page, lambda: page.click("run"))
+    answered(page, lambda: page.click("run"))
     slide(page, 2.5)
     page.cdp("Browser.grantPermissions", {"permissions": ["clipboardReadWrite", "clipboardSanitizedWrite"]})
     page.run("navigator.clipboard.writeText = (text) => { window.kept = text; return Promise.resolve(); }")
@@ -179,7 +179,7 @@ def test_a_double_click_asks_once_and_one_drawing_is_left_after_two_steps_back(a
         field = page.one("#fields input")
         field.clear()
         field.send_keys(length)
-        asked(page, lambda: page.click("run"))
+        answered(page, lambda: page.click("run"))
     page.run(HELD)
     second = "new MouseEvent('click', {detail: 2, bubbles: true, cancelable: true})"
     page.run(f"document.getElementById('run').dispatchEvent({second})")
@@ -214,7 +214,7 @@ def test_what_is_wrong_is_said_at_its_field_and_earlier_answers_are_marked(at) -
     at("lift").wait(ANSWERED)
     page = at("lift")
     page.select("query", "/v2/lift/batch")
-    asked(page, lambda: page.click("run"))
+    answered(page, lambda: page.click("run"))
     page.press("#fields .row .link")  # the first goes, and one is added behind
     page.press("#fields .rows + button")
     lengths = page.all("#fields .row fieldset .field:first-child input")
@@ -233,10 +233,10 @@ def test_what_is_wrong_is_said_at_its_field_and_earlier_answers_are_marked(at) -
     page.wait("document.getElementById('status').classList.contains('bad')")
     assert mark in page.text("facts-title")
     length.send_keys(Keys.HOME, Keys.DELETE)
-    asked(page, lambda: page.click("run"))
+    answered(page, lambda: page.click("run"))
     assert mark not in page.text("facts-title")
     page.select("query", "/v2/lift/batch")
-    asked(page, lambda: page.click("run"))
+    answered(page, lambda: page.click("run"))
     page.press("#fields .rows .link")  # a cylinder less
     assert mark in page.text("tables-title")
 
@@ -262,9 +262,9 @@ def test_a_drawing_runs_smoothly_and_stops(at, scene) -> None:
     )
     assert frames >= FRAMES and part.get_attribute("d") != before
     button.click()
-    stood = part.get_attribute("d")
+    path_at_rest = part.get_attribute("d")
     time.sleep(0.2)
-    assert part.get_attribute("d") == stood and button.get_attribute("aria-label") == "Play"
+    assert part.get_attribute("d") == path_at_rest and button.get_attribute("aria-label") == "Play"
 
 
 def field_of(page, label: str) -> str:
@@ -287,7 +287,7 @@ def test_the_chains_pins_wheels_and_slot_are_drawn_and_follow_the_phase(at) -> N
     chain, window = (f"#picture .stage:nth-of-type({k})" for k in (1, 2))
     assert page.count("#picture .stage") == 2
     assert page.count(f"{chain} circle.pin") == 15 and page.count(f"{chain} circle.wheel") == 2
-    labels = [one.text for one in page.all(f"{chain} .symbol")]
+    labels = [label.text for label in page.all(f"{chain} .symbol")]
     assert {"slot", "P1", "P14", "R0", "R1", "R2", "O1", "O2"} <= set(labels)
     lowest = {}
     for theta in (29.6, 74.6):
@@ -313,13 +313,13 @@ def test_a_chain_of_many_samples_or_links_is_drawn(at) -> None:
     for path, entries in (("slot", {"samples": "4000"}), ("track", {"links": "900", "pitch": "1", "samples": "99"})):
         if path == "track":
             page.select("query", "/v2/chain/track")
-            asked(page, lambda: page.click("run"))
+            answered(page, lambda: page.click("run"))
         page.run("document.querySelector('#fields > details').open = true")
         for name, entry in entries.items():
             field = page.find(field_of(page, name))
             field.clear()
             field.send_keys(entry)
-        asked(page, lambda: page.click("run"))
+        answered(page, lambda: page.click("run"))
         assert page.count("#picture .stage") == 2 and page.count("#curves .chart") == (2 if path == "slot" else 1)
     # The drawing takes fewer samples, and so fewer than a fit may need.
     for more in ({"include": ["outline"]}, {"fit": {"kind": "polynomial", "order": 95}}):
@@ -334,7 +334,7 @@ def test_a_chain_of_many_samples_or_links_is_drawn(at) -> None:
 CHAIN = {"pitch": 131, "links": 16, "upper_radius": 181.78, "phase_start": 50}
 
 
-NEAR = """
+SLIDER_STEPS = """
     const slider = document.querySelector('.player input'), met = new Set(), shown = [];
     for (let k = 0; k <= 40; k++) {
       slider.value = Number(slider.min) + (slider.max - slider.min) * k / 40;
@@ -357,7 +357,7 @@ NEAR = """
 )
 def test_names_do_not_lie_on_one_another(at, scene, width) -> None:
     page = at(scene, width)
-    shown, met = page.run(NEAR)
+    shown, met = page.run(SLIDER_STEPS)
     assert met == []
     if scene == "lift" and width > 400:
         assert shown == 12, "all find room"
@@ -365,8 +365,8 @@ def test_names_do_not_lie_on_one_another(at, scene, width) -> None:
 
 def test_the_lift_is_saved_and_named_as_asked(at) -> None:
     page = at("lift")
-    kept = json.loads(page.saved("lift-motion.json", "#exports [data-format=json]"))
-    assert len(kept["reply"]["time"]) == kept["request"]["samples"] and kept["request"]["include"] == ["points"]
+    saved = json.loads(page.saved("lift-motion.json", "#exports [data-format=json]"))
+    assert len(saved["reply"]["time"]) == saved["request"]["samples"] and saved["request"]["include"] == ["points"]
     assert len(page.saved("lift-motion.csv", "#exports [data-format=csv]").splitlines()) == 52  # as was asked for
     page = at("lift")
     slide(page, 99)
@@ -374,26 +374,26 @@ def test_the_lift_is_saved_and_named_as_asked(at) -> None:
     page = at("chain")
     page.run("document.querySelector('#fields > details').open = true")
     page.select(field_of(page, "angle unit"), '"rad"')
-    asked(page, lambda: page.click("run"))
+    answered(page, lambda: page.click("run"))
     assert page.read(".player output") == "θ1 0.5158rad"
     page = at("lift")
     Select(page.find("query")).select_by_index(1)
-    asked(page, lambda: page.click("run"))
+    answered(page, lambda: page.click("run"))
     assert "dead point at least, jerk at most" in page.text("facts")
 
 
 def test_a_lift_at_times_of_ones_own_is_drawn_over_its_whole_motion(at) -> None:
     page = at("lift")
-    way = page.one("#picture .curve.turn").get_attribute("d")
-    samples = next(one for one in page.all("#fields input") if one.get_attribute("value") == "51")
+    curve = page.one("#picture .curve.turn").get_attribute("d")
+    samples = next(field for field in page.all("#fields input") if field.get_attribute("value") == "51")
     samples.clear()
     page.run("document.querySelector('#fields > details').open = true")
     times = page.one("#fields > details input")
     for entry in ("2", "3 1 2"):
         times.clear()
         times.send_keys(entry)
-        asked(page, lambda: page.click("run"))
-        assert page.one("#picture .curve.turn").get_attribute("d") == way
+        answered(page, lambda: page.click("run"))
+        assert page.one("#picture .curve.turn").get_attribute("d") == curve
         page.run("const fold = document.getElementById('all-fold'); fold.open = false; fold.open = true")
         page.wait("document.getElementById('all').childElementCount")
         assert "cylinder length\n" + ("682.2" if entry == "2" else "782.2, 582.2, 682.2") in page.text("all")
@@ -437,17 +437,17 @@ def test_the_knotter_shows_entries_and_verdicts_and_can_be_turned(at) -> None:
 def test_ranges_and_long_lists_of_the_knotter_are_said_whole(at) -> None:
     page = at("knotter")
     page.select("query", "/v2/knotter/limit")
-    asked(page, lambda: page.click("run"))
+    answered(page, lambda: page.click("run"))
     page.select(field_of(page, "condition"), '"clearance"')
-    asked(page, lambda: page.click("run"))
+    answered(page, lambda: page.click("run"))
     assert "The clearance holds over the whole range of d5." in page.text("facts")
     page = at("knotter")
     page.select("query", "/v2/knotter/scan")
-    asked(page, lambda: page.click("run"))
+    answered(page, lambda: page.click("run"))
     page.run("for (const fold of document.querySelectorAll('#fields details')) fold.open = true")
     for field, values in zip(page.all("#fields .wide input"), (range(30), range(20, 61))):
         field.send_keys(", ".join(map(str, values)))
-    asked(page, lambda: page.click("run"))
+    answered(page, lambda: page.click("run"))
     assert "0 20 no -0.9707" in page.text("tables").replace("\t", " ")
     assert "The first 1000 of 1230 rows" in page.text("tables")
 
@@ -468,7 +468,7 @@ def test_lists_and_tables_are_read_as_rows_are_elsewhere(at) -> None:
     """A comma marks decimals where blanks or semicolons separate."""
     page = at("lift")
     bounded = {"type": "number", "minimum": -1e9, "maximum": 1e9}
-    for entry, wanted in ENTRIES:
+    for entry, expected in ENTRIES:
         for items in (bounded, {"type": "array", "items": bounded}):
             found = page.later(
                 """const [items, entry, done] = arguments;
@@ -481,4 +481,4 @@ def test_lists_and_tables_are_read_as_rows_are_elsewhere(at) -> None:
                 items,
                 entry,
             )
-            assert found == wanted or (isinstance(wanted, str) and wanted in found), (entry, found)
+            assert found == expected or (isinstance(expected, str) and expected in found), (entry, found)

@@ -124,8 +124,8 @@ def drawn_pairs(seed: int, count: int) -> tuple[la.FourBar, np.ndarray, np.ndarr
             drawn = maker.joints(np.linspace(0, travel[-1], 50))
         except la.FieldError:
             continue
-        way = np.diff(drawn.rocker_direction)
-        steady = abs(np.sign(way).sum()) == way.size and np.ptp(drawn.rocker_direction) > 15
+        steps = np.diff(drawn.rocker_direction)
+        steady = abs(np.sign(steps).sum()) == steps.size and np.ptp(drawn.rocker_direction) > 15
         if steady and np.all(drawn.transmission_angle > 40):
             return maker, travel, maker.joints(travel).rocker_direction
 
@@ -146,8 +146,8 @@ def test_the_linkage_that_drew_five_pairs_is_found_and_unusable_ones_come_last(s
     found = la.function(output, input=travel)
     assert_exact(la.function(output, input=travel, top=1), travel, output, 1)
     shapes = [np.array(solution.links) / solution.links[3] for solution in found if solution.errors.max < EXACT]
-    wanted = np.array(maker.links) / maker.links[3]
-    assert min(np.abs(shape / wanted - 1).max() for shape in shapes) < 1e-6
+    expected = np.array(maker.links) / maker.links[3]
+    assert min(np.abs(shape / expected - 1).max() for shape in shapes) < 1e-6
     usable = [solution.transmission_angle_min > 5 for solution in found]
     assert usable == sorted(usable, reverse=True)
 

@@ -106,26 +106,26 @@ BENDING = {"rotation": [0, 5, 11, 20, 30], "position": [[0, 0], [20, 5], [45, 8]
 )
 def test_every_kind_of_linkage_continues_while_the_motion_is_dragged(kind, timing) -> None:
     """The kinds of a request are those of its linkages unless it names others."""
-    asked = BENDING | timing
-    shown = plain(la.synthesize(**asked, mechanisms=[kind], top=1, budget=2.0, work=stepped).best)
-    places = [*asked["position"][:2], [45.5, 8], *asked["position"][3:]]
+    requested = BENDING | timing
+    shown = plain(la.synthesize(**requested, mechanisms=[kind], top=1, budget=2.0, work=stepped).best)
+    indices = [*requested["position"][:2], [45.5, 8], *requested["position"][3:]]
     for local in (True, False):
         found = la.synthesize(
-            **asked | {"position": places}, start_from=[shown], local=local, budget=1.0, work=stepped
+            **requested | {"position": indices}, start_from=[shown], local=local, budget=1.0, work=stepped
         )
-        near = found.solutions[found.report.start_from_ranks[0] - 1]
-        assert (near.kind, near.driver, near.branch) == (kind, shown["driver"], shown["branch"])
-        assert near.errors.objective < 1.1 * shown["errors"]["objective"]
-        guides = [np.array(one["guides"][0]["body_point"]) for one in (plain(near), shown)]
+        close = found.solutions[found.report.start_from_ranks[0] - 1]
+        assert (close.kind, close.driver, close.branch) == (kind, shown["driver"], shown["branch"])
+        assert close.errors.objective < 1.1 * shown["errors"]["objective"]
+        guides = [np.array(one["guides"][0]["body_point"]) for one in (plain(close), shown)]
         assert np.abs(guides[0] - guides[1]).max() < 15, "the same linkage, a little changed"
 
 
 def test_a_linkage_by_its_joints_is_refined() -> None:
-    asked = {key: TIMED[key] for key in ("rotation", "position", "crank_span")}
+    requested = {key: TIMED[key] for key in ("rotation", "position", "crank_span")}
     at = la.FourBar(19, 72, 144, 165, start_angle=30, coupler_point_polar=(20, 60)).joints(0)
     points = (at.pivot_a, at.crank_pin, at.coupler_pin, at.pivot_b, at.body_point)
     joints = {name: point.ravel().tolist() for name, point in zip("ADCBP", points)}
-    found = la.synthesize(**asked, start_from=[{"joints": joints}], local=True)
+    found = la.synthesize(**requested, start_from=[{"joints": joints}], local=True)
     assert found.status == "reached" and found.best.links.crank == pytest.approx(19, rel=1e-3)
 
 

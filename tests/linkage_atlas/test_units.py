@@ -95,10 +95,10 @@ def test_the_table_converts_to_the_units_that_are_asked_for(tmp_path) -> None:
 @pytest.mark.parametrize(
     ("unit", "near"), [("meter", "m"), ("Inch", "in"), ("MM", "mm"), ("milimeter", "mm"), ("xyz", None)]
 )
-def test_a_unit_that_is_unknown_is_answered_with_the_allowed_units_and_the_nearest(unit, near) -> None:
+def test_a_unit_that_is_unknown_is_answered_with_the_allowed_units_and_the_nearest(unit, close) -> None:
     with pytest.raises(la.FieldError) as error:
         la.Motion([0, 10, 30], crank_span=60, length_unit=unit)
-    suggestion = f"; did you mean {near}?" if near else ""
+    suggestion = f"; did you mean {close}?" if close else ""
     assert error.value.message == f"wanted one of um, mm, cm, m, in, ft, found {unit!r}{suggestion}"
 
 

@@ -16,7 +16,7 @@ from synthesis.assembly.shapes import distances
 from synthesis.assembly.stacks import Arrangement, StackRequest, arrange
 from synthesis.linkage import Linkage, four_bar
 from synthesis.solids.mesh import mesh_of, ring_of
-from synthesis.solids.solid import FITS, Made, Solid, Solids, solids_of
+from synthesis.solids.solid import FITS, Manufacture, Solid, Solids, solids_of
 from synthesis.target import Interval
 from synthesis.work import Work
 
@@ -41,7 +41,7 @@ def built(name: str, boards: str = "both", heads: bool = False, fit: str = "H7",
     """The parts of a worked linkage."""
     machine, found = arranged(name, boards, heads, body)
     assert found.status == "free", (name, boards, heads)
-    return solids_of(machine, found.stack, Made(FITS[fit], "aluminium", "steel", **built), 1.0)
+    return solids_of(machine, found.stack, Manufacture(FITS[fit], "aluminium", "steel", **built), 1.0)
 
 
 def arranged(name: str, boards: str = "both", heads: bool = False, body=()) -> tuple[Machine, Arrangement]:

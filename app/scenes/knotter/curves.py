@@ -110,7 +110,7 @@ class CurvesReply(Provenance):
 def answer_curves(request: CurvesRequest, resources: Resources) -> CurvesReply:
     """Compute crossings, paths and verdicts of a pair over a range of the angle of the bill."""
     work, angles = resources.work(), Angles(request.angle_unit, DECIMALS)
-    mechanism, conditions, pair, given = pair_of(request, angles)
+    mechanism, conditions, pair, prescribed = pair_of(request, angles)
     low, high = (
         (0.0, math.tau) if request.angle_range is None else (angles.inward(angle) for angle in request.angle_range)
     )
@@ -170,7 +170,7 @@ def answer_curves(request: CurvesRequest, resources: Resources) -> CurvesReply:
             point=None if before is None else before[1].tolist(),
         ),
         **verdicts,
-        **provenance(request, given),
+        **provenance(request, prescribed),
     )
 
 

@@ -319,21 +319,21 @@ def pair_of(request: Any, angles: Angles) -> tuple[Any, dict[str, Any], dict[str
         The three conditions by name.
     pair : dict
         alpha1 and alpha3 in radians; an angle that the request leaves out has its default, 10 or 25 degrees.
-    given : list of str
+    prescribed : list of str
         Names of the angles that the request gives.
     """
     mechanism, conditions = machine_of(request, angles)
-    given = {name: value for name in ("alpha1", "alpha3") if (value := getattr(request, name)) is not None}
+    prescribed = {name: value for name in ("alpha1", "alpha3") if (value := getattr(request, name)) is not None}
     pair = {"alpha1": math.radians(10.0), "alpha3": math.radians(25.0)}
-    pair |= {name: angles.inward(value) for name, value in given.items()}
-    return mechanism.with_parameters(**pair), conditions, pair, list(given)
+    pair |= {name: angles.inward(value) for name, value in prescribed.items()}
+    return mechanism.with_parameters(**pair), conditions, pair, list(prescribed)
 
 
 def provenance(request: MachineRequest, searched: list[str]) -> dict[str, Any]:
     """Return the fields of `Provenance`, with ``searched`` counted among the values of the request."""
-    given = [*given_fields(request.parameters), *given_fields(request.laws), *given_fields(request.points)]
-    given += [name for name in searched if name not in given]
-    given += [f"senses.{name}" for name in given_fields(request.senses)]
+    prescribed = [*given_fields(request.parameters), *given_fields(request.laws), *given_fields(request.points)]
+    prescribed += [name for name in searched if name not in prescribed]
+    prescribed += [f"senses.{name}" for name in given_fields(request.senses)]
     assumed = [*d_knotter.ASSUMED_PARAMETERS, "beta", "alpha4"]
     assumed += [f"senses.{name}" for name in d_knotter.SENSES]
     assumed += [name for name in d_knotter.POINTS if name not in d_knotter.PUBLISHED_POINTS]
@@ -343,10 +343,10 @@ def provenance(request: MachineRequest, searched: list[str]) -> dict[str, Any]:
         "S1": "The coordinates 22 along i and -39 along k are published; the j coordinate is assumed.",
     }
     return {
-        "assumed": [name for name in assumed if name not in given],
-        "published": [name for name in published if name not in given],
-        "given": given,
-        "partly_published": {name: text for name, text in partly.items() if name not in given},
+        "assumed": [name for name in assumed if name not in prescribed],
+        "published": [name for name in published if name not in prescribed],
+        "given": prescribed,
+        "partly_published": {name: text for name, text in partly.items() if name not in prescribed},
         "frames": {**d_knotter.POINT_FRAMES, "E1": "u4", "E2": "u5"},
     }
 

@@ -79,17 +79,17 @@ def answer_needle(request: NeedleRequest, _: Resources) -> NeedleReply:
     )
     clearance, length, best = float(needle.clearance(alpha2)), float(needle.d5(alpha2)), needle.best_angle()
     free = needle.free_range()
-    whole = needle.smallest_whole_degree()
+    complete = needle.smallest_whole_degree()
     for_length = needle.angles_for_d5(request.d5)
     nearest = min(for_length, key=lambda angle: abs(angle - alpha2), default=None)
     slope = 0.0 if nearest is None else float(needle.d5_slope(nearest)) * angles.inward(1.0)
     names = [name for name in NeedleRequest.model_fields if name != "angle_unit"]
-    given = [name for name in names if name in request.model_fields_set and getattr(request, name) is not None]
+    prescribed = [name for name in names if name in request.model_fields_set and getattr(request, name) is not None]
     return NeedleReply(
         status="free" if clearance > 0 else "blocked",
         clearance=clearance,
         alpha2_range=None if free is None else [angles.outward(angle) for angle in free],
-        alpha2_whole_degrees=whole,
+        alpha2_whole_degrees=complete,
         clearance_max=float(needle.clearance(best)),
         clearance_max_angle=angles.outward(best),
         d5=length,
@@ -101,8 +101,8 @@ def answer_needle(request: NeedleRequest, _: Resources) -> NeedleReply:
         else None,
         alpha2_for_d5_all=[angles.outward(angle) for angle in for_length],
         assumed=[],
-        published=[name for name in names if name not in given],
-        given=given,
+        published=[name for name in names if name not in prescribed],
+        given=prescribed,
     )
 
 

@@ -143,12 +143,12 @@ def answer_scan(request: ScanRequest, resources: Resources) -> ScanReply:
     """Check the conditions for all combinations of the grid."""
     work = resources.work()
     angles = Angles(request.angle_unit, DECIMALS)
-    given = given_fields(request.grid)
+    prescribed = given_fields(request.grid)
     grid = {
-        name: given.get(name) or [angles.outward(math.radians(x)) for x in values]
+        name: prescribed.get(name) or [angles.outward(math.radians(x)) for x in values]
         for name, values in d_knotter.GRID_DEGREES.items()
     }
-    grid |= {name: values for name, values in given.items() if name not in grid}
+    grid |= {name: values for name, values in prescribed.items() if name not in grid}
     if repeated := sorted(set(grid) & set(given_fields(request.parameters))):
         message = f"{repeated[0]} has values in the grid and in the parameters; remove one of the two"
         raise FieldError(f"/grid/{repeated[0]}", message)
@@ -188,7 +188,7 @@ def answer_scan(request: ScanRequest, resources: Resources) -> ScanReply:
         axes=list(grid),
         pairs=rows,
         feasible=feasible,
-        **provenance(request, list(given)),
+        **provenance(request, list(prescribed)),
         report=Report(pairs=pairs, elapsed_ms=1e3 * work.elapsed),
     )
 
@@ -196,12 +196,12 @@ def answer_scan(request: ScanRequest, resources: Resources) -> ScanReply:
 def answer_limit(request: LimitRequest, resources: Resources) -> LimitReply:
     """Find the values of a parameter at which the verdict of a condition changes."""
     angles = Angles(request.angle_unit, DECIMALS)
-    mechanism, conditions, _, given = pair_of(request, angles)
+    mechanism, conditions, _, prescribed = pair_of(request, angles)
     condition = conditions[request.condition]
     low, high = (inward(request.parameter, x, angles) for x in request.between)
     if not low < high:
         raise FieldError("/between", "the first value of the range must be smaller than the second")
-    if request.parameter in {*given, *given_fields(request.parameters)}:
+    if request.parameter in {*prescribed, *given_fields(request.parameters)}:
         message = f"{request.parameter} cannot have a value because its limits are searched for; remove the value"
         raise FieldError("/parameter", message)
     limits, holds = find_limits(
@@ -221,7 +221,7 @@ def answer_limit(request: LimitRequest, resources: Resources) -> LimitReply:
         status="limited" if limits else "always" if holds else "never",
         parameter=request.parameter,
         limits=rows,
-        **provenance(request, [*given, request.parameter]),
+        **provenance(request, [*prescribed, request.parameter]),
     )
 
 

@@ -61,7 +61,7 @@ class KnotterToleranceReply(Provenance):
 def answer_tolerance(request: KnotterToleranceRequest, resources: Resources) -> KnotterToleranceReply:
     """Check the conditions at the worse corners of the tolerances and in random samples."""
     work, angles = resources.work(), Angles(request.angle_unit, DECIMALS)
-    mechanism, conditions, pair, given = pair_of(request, angles)
+    mechanism, conditions, pair, prescribed = pair_of(request, angles)
     for condition in conditions.values():
         condition.check(mechanism)
     angular = math.radians(0.1) if request.angles is None else angles.inward(request.angles)
@@ -88,7 +88,7 @@ def answer_tolerance(request: KnotterToleranceRequest, resources: Resources) -> 
         dimensions=len(tolerances),
         samples=request.samples,
         **replies,
-        **provenance(request, given),
+        **provenance(request, prescribed),
     )
 
 

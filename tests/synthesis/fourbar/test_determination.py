@@ -20,5 +20,5 @@ def test_residuals_are_the_errors_of_a_double_crank(start) -> None:
     noise = np.random.default_rng(1).normal(size=(2, 9))
     target = make_target(body.angle + 0.02 * noise[0], body.origin + noise[1], crank_angle=crank)
     (solution,) = assess(target, [linkage])
-    rest = residuals(target, [solution.linkage])[0]
-    assert np.sqrt(rest @ rest) == pytest.approx(solution.errors.objective, rel=1e-9)
+    remaining = residuals(target, [solution.linkage])[0]
+    assert np.sqrt(remaining @ remaining) == pytest.approx(solution.errors.objective, rel=1e-9)

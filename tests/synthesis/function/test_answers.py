@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from synthesis.four_bar import close_loop
 from synthesis.function.answers import alternations, exchanged, extremes, finished, look, rocker_angles, turns_back
-from synthesis.function.wanted import Wanted
+from synthesis.function.wanted import TargetFunction
 from synthesis.linkage import four_bar
 
 LENGTH = st.floats(0.05, 20.0)
@@ -28,7 +28,7 @@ def test_a_rocker_turns_as_the_coupler_of_the_exchanged_linkage(a, b, c, d, bran
 
 
 def test_extremes_of_a_chebyshev_polynomial() -> None:
-    expected = Wanted(np.linspace(0, 2, 5), np.zeros(5))
+    expected = TargetFunction(np.linspace(0, 2, 5), np.zeros(5))
 
     def error(crank: np.ndarray) -> np.ndarray:
         return np.broadcast_to(0.3 * np.cos(5 * np.arccos(np.clip(crank - 1, -1, 1))), (1, crank.shape[-1]))
@@ -44,7 +44,7 @@ def test_extremes_of_a_chebyshev_polynomial() -> None:
 def test_weights_count_in_objective_and_not_in_the_largest_error() -> None:
     crank = np.linspace(0, 1.5, 21)
     weights = np.where(crank > 1, 0.0, 4.0)
-    expected = Wanted(crank, 0.8 * crank**2, weights)
+    expected = TargetFunction(crank, 0.8 * crank**2, weights)
     solution = finished(expected, [CRANK_ROCKER], True, np.array([0.25]))[0]
     inside = np.linspace(0, 1.0, 2001)
     gap = expected.curve(inside) - rocker_angles([CRANK_ROCKER], inside)[0] - solution.offset
@@ -54,8 +54,8 @@ def test_weights_count_in_objective_and_not_in_the_largest_error() -> None:
 
 def test_a_rocker_that_turns_back_is_told() -> None:
     travel = np.linspace(0, 2 * np.pi, 9)
-    expected = Wanted(travel, travel)
+    expected = TargetFunction(travel, travel)
     assert "turns back" in (turns_back(expected, [CRANK_ROCKER])[0] or "")
     built = rocker_angles([CRANK_ROCKER], np.linspace(0, 0.5, 9))[0]
-    assert turns_back(Wanted(np.linspace(0, 0.5, 9), built), [CRANK_ROCKER]) == [None]
-    assert turns_back(Wanted(travel, np.cos(travel)), [CRANK_ROCKER]) == [None]
+    assert turns_back(TargetFunction(np.linspace(0, 0.5, 9), built), [CRANK_ROCKER]) == [None]
+    assert turns_back(TargetFunction(travel, np.cos(travel)), [CRANK_ROCKER]) == [None]

@@ -10,7 +10,7 @@ import pytest
 
 from synthesis.constraints import keeps
 from synthesis.function.search import Problem
-from synthesis.function.wanted import Wanted
+from synthesis.function.wanted import TargetFunction
 from synthesis.limits import Limits
 from synthesis.mechanism import Placed
 
@@ -20,7 +20,7 @@ FAMILIES = ["any", "full_crank", "crank_rocker", "double_crank"]
 
 def problem(limits: Limits, span: float) -> Problem:
     crank = np.linspace(0.0, span, 5)
-    return Problem(Wanted(crank, crank), limits, True)
+    return Problem(TargetFunction(crank, crank), limits, True)
 
 
 def candidates(seed: int, count: int = 400) -> np.ndarray:

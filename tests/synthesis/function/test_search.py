@@ -9,7 +9,7 @@ import pytest
 import linkage_atlas as la
 from linkage_atlas.task import seed_tables
 from synthesis.function.search import Problem, generate
-from synthesis.function.wanted import Wanted
+from synthesis.function.wanted import TargetFunction
 from synthesis.limits import Limits
 from tests.conftest import some_of
 from tests.oracles.function_cases import CLASSES, function_case, recompute_rms, zeros_kept
@@ -18,7 +18,7 @@ LOGARITHM = {"name": "log10", "x": [1, 2], "output_span": 90}
 SQUARE = {"name": "power", "exponent": 2, "x": [0, 1], "output_span": 90}
 
 
-def wanted_of(function, first: float, last: float, crank: float, output: float, samples: int = 101) -> Wanted:
+def wanted_of(function, first: float, last: float, crank: float, output: float, samples: int = 101) -> TargetFunction:
     """y = f(x) on its dials, radians."""
     ends = function(np.array([first, last]))
     scale, span = np.deg2rad(output) / (ends[1] - ends[0]), np.deg2rad(crank)
@@ -27,7 +27,7 @@ def wanted_of(function, first: float, last: float, crank: float, output: float, 
         return scale * (function(first + (last - first) * t / span) - ends[0])
 
     positions = np.linspace(0, span, samples)
-    return Wanted(positions, exact(positions), exact=exact)
+    return TargetFunction(positions, exact(positions), exact=exact)
 
 
 @pytest.mark.parametrize("kind", CLASSES)

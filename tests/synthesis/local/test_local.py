@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from synthesis.constraints import keeps
 from synthesis.function.answers import exchanged, finished, rocker_angles
-from synthesis.function.wanted import Wanted
+from synthesis.function.wanted import TargetFunction
 from synthesis.limits import Limits
 from synthesis.linkage import Linkage, four_bar, with_links
 from synthesis.local_refinement import refine_function, refine_motion, refine_poses
@@ -128,7 +128,7 @@ def test_a_function_generator_is_refined(largest: bool, sense: int) -> None:
     true = TRUE["any"] if sense > 0 else TRUE["any"].mirrored()
     random, crank = np.random.default_rng(7), sense * np.linspace(0, 0.9, 12)
     output = rocker_angles([true], crank)[0]
-    expected = Wanted(crank, output)
+    expected = TargetFunction(crank, output)
     for limits in (Limits("any"), Limits("any", transmission_angle_min=0.5, link_ratio_max=8.0)):
         begin = moved(true, 0.01, random)
         (found,), _ = refine_function(expected, limits, largest, begin, None, 1e-10, Work())
@@ -149,7 +149,7 @@ def test_a_function_generator_is_refined(largest: bool, sense: int) -> None:
 @given(st.integers(0, 10**6))
 def test_no_refined_generator_is_worse_than_its_beginning(seed: int) -> None:
     random, crank = np.random.default_rng(seed), np.linspace(0, 0.9, 12)
-    expected = Wanted(crank, np.cumsum(np.abs(random.standard_normal(12))) * 0.1)
+    expected = TargetFunction(crank, np.cumsum(np.abs(random.standard_normal(12))) * 0.1)
     begins = (moved(TRUE["any"], size, random) for size in (0.3, 0.1, 0.03, 0.01, 0.0))
     begin = next(begin for begin in begins if begin.transmission_angle_min(expected.interval) >= 0.2)
     largest, offset = bool(seed % 2), float(random.standard_normal())

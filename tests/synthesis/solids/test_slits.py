@@ -16,7 +16,7 @@ from synthesis.errors import FieldError
 from synthesis.solids.mesh import mesh_of
 from synthesis.solids.plates import parts_to_plates
 from synthesis.solids.prism import Hole, Prism, rounded
-from synthesis.solids.solid import FITS, Made, parts_list, solids_of
+from synthesis.solids.solid import FITS, Manufacture, parts_list, solids_of
 from synthesis.solids.step import to_step
 from synthesis.work import Work
 from tests.conftest import some_of
@@ -36,7 +36,7 @@ def parts_of(machine, fit: str = "H7"):
             # models of a hand's size
             unit = 200.0 / machine.size
             with suppress(FieldError):
-                return solids_of(machine, found.stack, Made(FITS[fit], "aluminium", "steel"), unit)
+                return solids_of(machine, found.stack, Manufacture(FITS[fit], "aluminium", "steel"), unit)
     return None
 
 
