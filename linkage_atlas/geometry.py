@@ -298,10 +298,10 @@ def read_joints(
 def check_apart(linkage: Plain) -> None:
     """Raise FieldError for two guides that hold the body to one condition, or that never let it turn."""
     first, second = linkage.guides
-    both_points = not isinstance(first, Slot) and not isinstance(second, Slot)
+    both_points = first.holds_point and second.holds_point
     if both_points and first.body_point == second.body_point:
         raise FieldError("/guides/1/body_point", "both guides lead the same point of the body")
-    if not isinstance(first, Rail) and not isinstance(second, Rail) and first[0] == second[0]:
+    if first.has_pin and second.has_pin and first[0] == second[0]:
         raise FieldError("/guides/1", "both guides go by the same fixed place")
     if isinstance(first, Rail) and isinstance(second, Rail) and _parallel(first.direction, second.direction):
         raise FieldError("/guides/1/direction", "the rails are parallel: the body cannot turn")

@@ -47,7 +47,7 @@ from synthesis.assembly.linkage_machine import loop_of
 from synthesis.cognates import are_cognates
 from synthesis.errors import FieldError
 from synthesis.free.dyads import in_any_order
-from synthesis.guides import DRIVERS, Driver, Slot
+from synthesis.guides import DRIVERS, Driver
 from synthesis.linkage import Linkage as Plain
 from synthesis.linkage import on_guides
 from synthesis.poses import Poses
@@ -368,10 +368,7 @@ class Linkage:
         def shaped(values: Any) -> Any:
             return np.reshape(values, travel.shape)
 
-        pins = [
-            link.origin if isinstance(guide, Slot) else body.place(guide.body_point)
-            for guide, link in zip(linkage.guides, (first, second))
-        ]
+        pins = [guide.contact(body.origin, body.direction) for guide in linkage.guides]
         line = linkage.ground_angle if linkage.driver.turns else 0.0
         return Joints(
             pivot_a=self.pivot_a,

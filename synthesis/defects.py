@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike
 
 from synthesis.arrays import Flags, Floats, Ints
 from synthesis.four_bar import grashof_excesses
-from synthesis.guides import DRIVERS, Driver, Rail, Slot
+from synthesis.guides import DRIVERS, Driver, Rail
 from synthesis.limits import (
     LINK_RATIO,
     REACH,
@@ -411,10 +411,8 @@ def practical_faults(
     """Return `faults_of` a solution and of its cylinder; ``interval`` is the travel that the motion uses."""
     linkage = solution.linkage
     turn = solution.transmission_angle_min_turn if linkage.driver is Driver.CRANK else None
-    pivots = {
-        name: guide[0] for name, guide in zip(("pivot_a", "pivot_b"), linkage.guides) if not isinstance(guide, Rail)
-    }
-    arm = max((abs(guide.body_point) for guide in linkage.guides if not isinstance(guide, Slot)), default=0.0)
+    pivots = {name: guide[0] for name, guide in zip(("pivot_a", "pivot_b"), linkage.guides) if guide.has_pin}
+    arm = max((abs(guide.body_point) for guide in linkage.guides if guide.holds_point), default=0.0)
     links = linkage.links if linkage.is_four_bar else [*linkage.lengths.values()]
     angles = solution.transmission_angle_min, turn
     faults = faults_of(angles, links, pivots, samples, limits, excursion, arm)

@@ -10,35 +10,157 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from synthesis.arrays import Complexes, Floats
+from synthesis.arrays import Complexes, Floats, dot
 from synthesis.target import TURN
 
 
 class Circle(NamedTuple):
-    """A body point on a circle: a crank, or a rocker."""
+    """A body point on a circle: a crank, or a rocker. Its coordinate is the direction from the pivot to the body point."""
 
     pivot: complex
     radius: float
     body_point: complex
 
+    @property
+    def has_pin(self) -> bool:
+        """True: it has a fixed pin, the pivot."""
+        return True
+
+    @property
+    def holds_point(self) -> bool:
+        """True: it holds a point of the body."""
+        return True
+
+    @property
+    def slides(self) -> bool:
+        """False: it has no rail or slot with a used part."""
+        return False
+
+    def ground_at(self, coordinate: Floats) -> Complexes:
+        """Return the point of the ground at which the guide holds the body."""
+        return self.pivot + self.radius * np.exp(1j * coordinate)
+
+    def body_at(self, coordinate: Floats) -> Complexes:
+        """Return the point of the body, in its frame, at which the guide holds it."""
+        return np.full(np.shape(coordinate), self.body_point)
+
+    def coordinate_of(self, position: Complexes, turned: Complexes) -> Floats:
+        """Return the coordinate at poses of the body, which ``turned`` has as e^{i rotation}."""
+        return np.angle(self.contact(position, turned) - self.pivot)
+
+    def contact(self, position: Complexes, turned: Complexes) -> Complexes:
+        """Return the point in the plane at which the guide holds the body."""
+        return position + turned * self.body_point
+
+    def push(self, position: Complexes, turned: Complexes) -> Complexes:
+        """Return the direction in which the guide pushes the body, of modulus 1."""
+        spoke = self.contact(position, turned) - self.pivot
+        return spoke / np.abs(spoke)
+
+    def from_pin(self) -> Vector:
+        """Return the vector over the drive from its pin to the origin."""
+        return Round(-self.pivot, self.radius)
+
 
 class Rail(NamedTuple):
-    """A body point on a line of the ground through ``point``; ``direction`` in radians."""
+    """A body point on a line of the ground through ``point``; ``direction`` in radians. Its coordinate is that on the line."""
 
     point: complex
     direction: float
     body_point: complex
 
+    @property
+    def has_pin(self) -> bool:
+        """False: it has no fixed pin."""
+        return False
+
+    @property
+    def holds_point(self) -> bool:
+        """True: it holds a point of the body."""
+        return True
+
+    @property
+    def slides(self) -> bool:
+        """True: its coordinate has a used part."""
+        return True
+
+    def ground_at(self, coordinate: Floats) -> Complexes:
+        """Return the point of the ground at which the guide holds the body."""
+        return self.point + coordinate * np.exp(1j * self.direction)
+
+    def body_at(self, coordinate: Floats) -> Complexes:
+        """Return the point of the body, in its frame, at which the guide holds it."""
+        return np.full(np.shape(coordinate), self.body_point)
+
+    def coordinate_of(self, position: Complexes, turned: Complexes) -> Floats:
+        """Return the coordinate at poses of the body, which ``turned`` has as e^{i rotation}."""
+        return dot(np.exp(1j * self.direction), self.contact(position, turned) - self.point)
+
+    def contact(self, position: Complexes, turned: Complexes) -> Complexes:
+        """Return the point in the plane at which the guide holds the body."""
+        return position + turned * self.body_point
+
+    def push(self, position: Complexes, turned: Complexes) -> Complexes:
+        """Return the direction in which the guide pushes the body, of modulus 1."""
+        return np.full(turned.shape, 1j * np.exp(1j * self.direction))
+
+    def from_pin(self) -> Vector:
+        """Return the vector over the drive from its pin to the origin."""
+        return Straight(-self.point, self.direction)
+
 
 class Slot(NamedTuple):
-    """A line of the body, through ``body_point`` with ``body_direction`` in radians, through a fixed pin."""
+    """A line of the body, through ``body_point`` with ``body_direction`` in radians, through a fixed pin.
+
+    Its coordinate is the position of the pin along the line, from the body point.
+    """
 
     pin: complex
     body_point: complex
     body_direction: float
 
+    @property
+    def has_pin(self) -> bool:
+        """True: it has a fixed pin."""
+        return True
+
+    @property
+    def holds_point(self) -> bool:
+        """False: it holds a line of the body."""
+        return False
+
+    @property
+    def slides(self) -> bool:
+        """True: its coordinate has a used part."""
+        return True
+
+    def ground_at(self, coordinate: Floats) -> Complexes:
+        """Return the point of the ground at which the guide holds the body."""
+        return np.full(np.shape(coordinate), self.pin)
+
+    def body_at(self, coordinate: Floats) -> Complexes:
+        """Return the point of the body, in its frame, at which the guide holds it."""
+        return self.body_point + coordinate * np.exp(1j * self.body_direction)
+
+    def coordinate_of(self, position: Complexes, turned: Complexes) -> Floats:
+        """Return the coordinate at poses of the body, which ``turned`` has as e^{i rotation}."""
+        return dot(turned * np.exp(1j * self.body_direction), self.pin - position - turned * self.body_point)
+
+    def contact(self, position: Complexes, turned: Complexes) -> Complexes:
+        """Return the point in the plane at which the guide holds the body; NaN at positions that are NaN."""
+        return self.pin + 0.0 * position
+
+    def push(self, position: Complexes, turned: Complexes) -> Complexes:
+        """Return the direction in which the guide pushes the body, of modulus 1."""
+        return 1j * turned * np.exp(1j * self.body_direction)
+
+    def from_pin(self) -> Vector:
+        """Return the vector over the drive from its pin to the origin."""
+        return Vector(-self.pin)
+
 
 Guide = Circle | Rail | Slot
+"""Guides of all forms have the same methods; ``guide[0]`` is a point of the ground that the guide passes through."""
 
 
 class Kind(StrEnum):

@@ -359,7 +359,7 @@ class Linkage:
         """Of cranks and rockers by name, and of the coupler, where both guides lead a point of the body."""
         names = self.link_names[::2]
         found = {name: guide.radius for name, guide in zip(names, self.local_guides) if isinstance(guide, Circle)}
-        points = [guide.body_point for guide in self.local_guides if not isinstance(guide, Slot)]
+        points = [guide.body_point for guide in self.local_guides if guide.holds_point]
         return found | ({"coupler": abs(points[1] - points[0])} if len(points) == 2 else {})
 
     # -- a four-bar's own ---------------------------------------------------------------------------------------------
@@ -460,12 +460,7 @@ class Linkage:
     @cached_property
     def _pin(self) -> Vector:
         """From the pin Z, about which the body turns with the drive locked, to the origin; not for a hinge."""
-        driven = self.local_guides[0]
-        if isinstance(driven, Circle):
-            return Round(-driven.pivot, driven.radius)
-        if isinstance(driven, Rail):
-            return Straight(-driven.point, driven.direction)
-        return Vector(-driven.pin)
+        return self.local_guides[0].from_pin()
 
     @cached_property
     def _spread(self) -> Vector:
@@ -572,7 +567,7 @@ class Linkage:
             push = root
             sine, angle = root / length, np.arctan2(root, np.abs(beside))
         rotation = np.where(spread.at(q) != 0, rotation, np.nan)  # at a change point any direction would do
-        position = -self._pin.at(q) - np.exp(1j * rotation) * self._on_body(q)
+        position = -self._pin.at(q) - np.exp(1j * rotation) * self.local_guides[0].body_at(q)
         return BodyPoses(position, rotation, side * sine, push, angle)
 
     def _triangle(self, q: Floats) -> _Triangle:
@@ -585,22 +580,13 @@ class Linkage:
         found = _Triangle.of(length, distance, second.radius, *self._closed(q))
         return found._replace(beyond=found.less_arm, less_arm=found.beyond)
 
-    def _on_body(self, q: Floats) -> Complexes:
-        """The body point that lies on the pin Z."""
-        driven = self.local_guides[0]
-        if isinstance(driven, Slot):
-            return driven.body_point + q * np.exp(1j * driven.body_direction)
-        return np.full(q.shape, driven.body_point)
-
     def _by_hinge(self, q: Floats, side: int) -> BodyPoses:
         """The body slides along its slot until the other guide holds it."""
         driven = self.local_guides[0]
         assert isinstance(driven, Slot)
         rotation = q - driven.body_direction
         extension, sine, cosine = self._extension(q, side)
-        position = driven.pin - np.exp(1j * rotation) * (
-            driven.body_point + extension * np.exp(1j * driven.body_direction)
-        )
+        position = driven.pin - np.exp(1j * rotation) * driven.body_at(extension)
         rotation, push = np.where(np.isfinite(sine), rotation, np.nan), np.abs(sine)
         return BodyPoses(position, rotation, sine, push, np.arctan2(push, np.abs(cosine)))
 
@@ -676,7 +662,7 @@ class Linkage:
             pulled = pin_second + 2j * rotation * sliding - rotation**2 * arm
             curved = np.abs(velocity) ** 2 / second_guide.radius if isinstance(second_guide, Circle) else 0.0
             second = -(dot(normal, pulled) + curved) / lever
-        point = turned * self._on_body(q)
+        point = turned * driven.body_at(q)
         along = turned * on_body
         position = pin - along - 1j * rotation * point
         position_second = pin_second - 2j * rotation * along - 1j * second * point + rotation**2 * point
@@ -781,25 +767,16 @@ class Linkage:
         """
         driven, second = self.guides
         turned, level = np.exp(1j * rotation), np.exp(-1j * self.ground_angle)
-        on_other = position + turned * second.body_point
         with np.errstate(invalid="ignore", divide="ignore"):
-            if isinstance(second, Circle):
-                push = (on_other - second.pivot) / np.abs(on_other - second.pivot)
-            elif isinstance(second, Rail):
-                push = np.full(turned.shape, 1j * np.exp(1j * second.direction))
-            else:
-                push, on_other = 1j * turned * np.exp(1j * second.body_direction), np.full(turned.shape, second.pin)
-            on_driven = position + turned * driven.body_point
-            if isinstance(driven, Slot):
+            push, contact = second.push(position, turned), second.contact(position, turned)
+            if self.driver is Driver.HINGE:
+                assert isinstance(driven, Slot)
                 along = turned * np.exp(1j * driven.body_direction)
-                if self.driver is Driver.HINGE:
-                    return np.angle(level * along), dot(push, along)
-                coordinate, pin = dot(along, driven.pin - on_driven), np.full(turned.shape, driven.pin)
-            elif isinstance(driven, Rail):
-                coordinate, pin = dot(np.exp(1j * driven.direction), on_driven - driven.point), on_driven
-            else:
-                coordinate, pin = np.angle(level * (on_driven - driven.pivot)), on_driven
-            return coordinate, cross(on_other - pin, push) / np.abs(on_other - pin)
+                return np.angle(level * along), dot(push, along)
+            pin, coordinate = driven.contact(position, turned), driven.coordinate_of(position, turned)
+            if self.driver is Driver.CRANK:
+                coordinate = np.angle(level * (pin - driven[0]))
+            return coordinate, cross(contact - pin, push) / np.abs(contact - pin)
 
     # -- over an interval ---------------------------------------------------------------------------------------------
 
@@ -839,7 +816,7 @@ class Linkage:
 
         Between two points of the body it is exact, otherwise it is the smallest one at steps of at most a degree.
         """
-        if not any(isinstance(guide, Slot) for guide in self.local_guides):
+        if all(guide.holds_point for guide in self.local_guides):
             return abs(self._arm.middle) * math.sin(self.transmission_angle_over(interval))
         if not self.closes_over(interval):
             return math.nan
@@ -879,11 +856,7 @@ class Linkage:
         if index == 0 and not self.driver.turns:
             return q
         found = self.body(q)
-        on_body = found.position + np.exp(1j * found.rotation) * guide.body_point
-        if isinstance(guide, Rail):
-            return dot(np.exp(1j * guide.direction), on_body - guide.point)
-        assert isinstance(guide, Slot)
-        return dot(np.exp(1j * (found.rotation + guide.body_direction)), guide.pin - on_body)
+        return guide.coordinate_of(found.position, np.exp(1j * found.rotation))
 
     def used(self, index: int, interval: Interval) -> tuple[float, float]:
         """The least and the largest coordinate of a rail or slot over an interval of travel of the drive.

@@ -9,7 +9,7 @@ import numpy as np
 from synthesis.arrays import Flags, Floats
 from synthesis.defects import LEAVES_SAMPLES, shared_positions, verdict
 from synthesis.excursions import excursions_of
-from synthesis.guides import Circle, Rail
+from synthesis.guides import Circle
 from synthesis.linkage import Linkage
 from synthesis.linkages import body_motions
 from synthesis.poses import Poses
@@ -108,12 +108,7 @@ def size_of(linkage: Linkage, samples: Samples, interval: Interval | None = None
             continue
         ends = np.array(linkage.used(index, interval))
         lengths.append(float(np.ptp(ends)))
-        if isinstance(guide, Rail):
-            on_rail = guide.point + ends * np.exp(1j * guide.direction)
-            lengths += [float(np.max(np.abs(on_rail - middle))), abs(guide.body_point)]
-        else:
-            in_slot = guide.body_point + ends * np.exp(1j * guide.body_direction)
-            lengths += [float(np.max(np.abs(in_slot))), abs(guide.pin - middle)]
+        lengths += [float(np.max(np.abs(guide.ground_at(ends) - middle))), float(np.max(np.abs(guide.body_at(ends))))]
     return max(lengths) / samples.extent
 
 

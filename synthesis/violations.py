@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from synthesis.arrays import Complexes, Floats
-from synthesis.guides import Circle, Driver, Guide, Rail, Slot
+from synthesis.guides import Driver, Guide
 from synthesis.limits import LINKS, PIVOTS, REACH, Limits, in_family
 from synthesis.linkage import Linkage
 from synthesis.mechanism import Box, outside
@@ -78,7 +78,7 @@ def _violations(solution: Solution, samples: Samples, limits: Limits, ends: tupl
 
 def _by_equations(linkage: Linkage, lengths: dict[str, float], limits: Limits, extent: float) -> Violations:
     for guide, name in zip(linkage.guides, PIVOTS):
-        if (pivot := getattr(limits, name)) is not None and not isinstance(guide, Rail):
+        if (pivot := getattr(limits, name)) is not None and guide.has_pin:
             yield name, abs(guide[0] - pivot) / extent
     for name, length in zip(LINKS, limits.links):
         if length is not None and name in lengths:
@@ -100,7 +100,7 @@ def _by_angles(solution: Solution, limits: Limits) -> Violations:
 def _by_pivots(linkage: Linkage, limits: Limits, extent: float) -> Violations:
     reach = limits.pivot_reach
     for guide, name in zip(linkage.guides, PIVOTS):
-        if isinstance(guide, Rail) or getattr(limits, name) is not None:
+        if not guide.has_pin or getattr(limits, name) is not None:
             continue
         pivot = guide[0]
         if (box := limits.box(f"{name}_box")) is not None:
@@ -118,8 +118,8 @@ def _by_travel(solution: Solution, limits: Limits, samples: Samples, ends: tuple
             continue
         if limits.stroke_max is not None:
             yield "stroke_max", (used[1] - used[0] - limits.stroke_max) / extent
-        if isinstance(guide, Rail):
-            places = guide.point + np.array(used) * np.exp(1j * guide.direction)
+        if not guide.has_pin:
+            places = guide.ground_at(np.array(used))
             if (box := limits.rail_box_of(name)) is not None:
                 yield "rail_box", float(outside(places, box).max()) / extent
             if limits.pivot_reach is not None:
@@ -133,7 +133,7 @@ def _by_travel(solution: Solution, limits: Limits, samples: Samples, ends: tuple
         if first * last < 0 and dead_length is not None:  # the cylinder would pass its own pin
             yield "cylinder_dead_length", low / extent
         yield "cylinder_extended_max", (high - (limits.cylinder_extended_max or np.inf)) / extent
-    if limits.arm_min is not None and isinstance(linkage.guides[1], Slot) and linkage.driver is not Driver.HINGE:
+    if limits.arm_min is not None and not linkage.guides[1].holds_point and linkage.driver is not Driver.HINGE:
         arms = linkage.body(_coordinates(solution)).arm
         yield "arm_min", (limits.arm_min - float(np.nan_to_num(np.min(arms)))) / extent
 
@@ -143,7 +143,7 @@ def _lengths(linkage: Linkage) -> dict[str, float]:
     if linkage.is_four_bar:
         return dict(zip(LINKS, linkage.links))
     lengths = linkage.lengths
-    pins = [guide[0] for guide in linkage.guides if not isinstance(guide, Rail)]
+    pins = [guide[0] for guide in linkage.guides if guide.has_pin]
     return lengths | ({"ground": abs(pins[1] - pins[0])} if len(pins) == 2 else {})
 
 
@@ -169,7 +169,7 @@ def _by_lengths(
         for point in _body_points(guide, used):
             yield arm_name, (abs(point) - arm_max) / extent
     driven = linkage.guides[0]
-    if limits.coupler_radius_max is not None and not isinstance(driven, Slot):
+    if limits.coupler_radius_max is not None and driven.holds_point:
         yield "coupler_radius_max", (abs(driven.body_point) - limits.coupler_radius_max) / extent
 
 
@@ -178,9 +178,9 @@ def _by_envelope(solution: Solution, limits: Limits, extent: float) -> Violation
         return
     linkage = solution.linkage
     for guide in linkage.guides:
-        if not isinstance(guide, Rail):
+        if guide.has_pin:
             yield "envelope", float(outside(guide[0], limits.envelope)) / extent
-    points = [0j, *(guide.body_point for guide in linkage.guides if not isinstance(guide, Slot))]
+    points = [0j, *(guide.body_point for guide in linkage.guides if guide.holds_point)]
     yield "envelope", _farthest_out(linkage, np.array(points), limits.envelope, _coordinates(solution)) / extent
 
 
@@ -208,16 +208,13 @@ def _coordinates(solution: Solution) -> Floats:
 
 def _body_points(guide: Guide, used: Used) -> list[complex]:
     """Return the guided point of the body, or both ends of the used part of a slot."""
-    if not isinstance(guide, Slot):
-        return [guide.body_point]
-    along = np.exp(1j * guide.body_direction)
-    return [] if used is None else [complex(guide.body_point + end * along) for end in used]
+    return [guide.body_point] if used is None or guide.holds_point else guide.body_at(np.array(used)).tolist()
 
 
 def _used(solution: Solution) -> tuple[Used, Used]:
     """Return the used coordinates of both guides, exactly."""
     first, second = (
-        None if isinstance(guide, Circle) else solution.linkage.used(index, solution.interval)
+        solution.linkage.used(index, solution.interval) if guide.slides else None
         for index, guide in enumerate(solution.linkage.guides)
     )
     return first, second
@@ -228,7 +225,7 @@ def _used_at_most(solution: Solution) -> tuple[Used, Used]:
     travel = np.linspace(*solution.interval, _FEW_POSITIONS)
     found: list[Used] = []
     for index, guide in enumerate(solution.linkage.guides):
-        if isinstance(guide, Circle):
+        if not guide.slides:
             found.append(None)
             continue
         at = solution.linkage.along(index, travel)

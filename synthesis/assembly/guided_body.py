@@ -62,18 +62,9 @@ class GuidedBody:
         """Return the largest rotation over a cell, if the position of the drive's pin Z is known."""
         linkage = self.linkage
         driven, second = linkage.guides
-        slides = isinstance(driven, Slot)
+        slides = not driven.holds_point
         e = half if not isinstance(driven, Circle) else driven.radius * np.minimum(2.0, half)
-        if isinstance(driven, Circle):
-            z = driven.pivot + driven.radius * np.exp(1j * q)
-        elif isinstance(driven, Rail):
-            z = driven.point + q * np.exp(1j * driven.direction)
-        else:
-            z = np.full(q.shape, driven.pin)
-        on_body = np.full(q.shape, driven.body_point)
-        if isinstance(driven, Slot):
-            on_body = on_body + q * np.exp(1j * driven.body_direction)
-        arm = second.body_point - on_body
+        z, arm = driven.ground_at(q), second.body_point - driven.body_at(q)
         # what varies over the cell, by at most e, and what does not
         if isinstance(second, Circle):
             spread = np.abs(second.pivot - z)

@@ -70,9 +70,7 @@ def as_plates(
     four_bar, guided = linkage.is_four_bar, linkage.by_coupler
     loop = loop_of(linkage, Interval(first, last))
     spans = {
-        index: guided.used(index, Interval(first, last))
-        for index, guide in enumerate(guided.guides)
-        if not isinstance(guide, Circle)
+        index: guided.used(index, Interval(first, last)) for index, guide in enumerate(guided.guides) if guide.slides
     }
     driven, second_guide = guided.guides
     origin = driven[0]
@@ -87,7 +85,7 @@ def as_plates(
         lengths = [length for length in guided.lengths.values() if length > 0]
         lengths += [abs(high - low) for low, high in spans.values() if high > low]
         point, turn = -driven.body_point, 0.0
-        names = ["ground", BODY, *(name for name, guide in guided.named_guides if isinstance(guide, Circle))]
+        names = ["ground", BODY, *(name for name, guide in guided.named_guides if not guide.slides)]
     hole, width = plate_sizes(lengths, sizes.hole, sizes.width, sizes.hole_factor)
     size = max([*lengths, arm])
     carrier = names.index(BODY)

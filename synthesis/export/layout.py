@@ -10,7 +10,7 @@ import numpy as np
 
 from synthesis.arrays import Complexes, Floats
 from synthesis.errors import FieldError
-from synthesis.guides import Circle, Kind, Rail, Slot
+from synthesis.guides import Kind, Rail, Slot
 from synthesis.linkage import BODY, Linkage, LinkMotion
 from synthesis.target import TURN, Interval, Target
 
@@ -62,13 +62,13 @@ class Layout:
     def fixed(self) -> dict[str, complex]:
         """Return the fixed points by name: pivots of circles and pins of slots."""
         guides = zip("AB", self.linkage.guides)
-        return {name: guide[0] for name, guide in guides if not isinstance(guide, Rail)}
+        return {name: guide[0] for name, guide in guides if guide.has_pin}
 
     @cached_property
     def moving(self) -> dict[str, complex]:
         """Return the moving pins by name: body points on circles and rails."""
         guides = zip("DC", self.linkage.guides, self.pins)
-        return {name: pin for name, guide, pin in guides if not isinstance(guide, Slot)}
+        return {name: pin for name, guide, pin in guides if guide.holds_point}
 
     @cached_property
     def ground(self) -> tuple[float, complex, complex] | None:
@@ -94,13 +94,12 @@ class Layout:
     def track(self, index: int) -> Complexes | None:
         """Return both ends of a rail, or of a slot at the first sample; None for a circle."""
         guide, stroke = self.linkage.guides[index], self.strokes[index]
-        if stroke is None or isinstance(guide, Circle):
+        if stroke is None:
             return None
         ends = np.array([stroke[0] - _OVERHANG * self.size, stroke[1] + _OVERHANG * self.size])
-        if isinstance(guide, Rail):
-            return np.asarray(guide.point + ends * np.exp(1j * guide.direction))
-        start = self.body.place(guide.body_point)[0]
-        return np.asarray(start + ends * np.exp(1j * (self.body.angle[0] + guide.body_direction)))
+        if not guide.holds_point:
+            return self.body.place(0j)[0] + self.body.direction[0] * guide.body_at(ends)
+        return guide.ground_at(ends)
 
     def tracks(self, kind: type[Rail] | type[Slot]) -> list[Complexes]:
         """Return the ends of all rails, or of all slots."""
@@ -151,8 +150,7 @@ def layout_of(linkage: Linkage, interval: Interval) -> Layout:
     """
     links = closed_motions(linkage, interval)
     first, second = (
-        None if isinstance(guide, Circle) else linkage.used(index, interval)
-        for index, guide in enumerate(linkage.guides)
+        linkage.used(index, interval) if guide.slides else None for index, guide in enumerate(linkage.guides)
     )
     return Layout(linkage, links, linkage.motions(np.zeros(1)), (first, second))
 
@@ -180,10 +178,7 @@ def closed_motions(linkage: Linkage, interval: Interval) -> tuple[LinkMotion, ..
 
 def pins_of(linkage: Linkage, index: int, body: LinkMotion) -> Complexes:
     """Return the body point of a guide at each position (n,), or the fixed pin of a slot."""
-    guide = linkage.guides[index]
-    if isinstance(guide, Slot):
-        return np.full(body.origin.shape, guide.pin)
-    return body.place(guide.body_point)
+    return linkage.guides[index].contact(body.origin, body.direction)
 
 
 def turn_path(linkage: Linkage) -> Complexes | None:

@@ -96,7 +96,7 @@ class _Model:
         self.pins = [pin * metre for pin in layout.pins]
         # the coupler's frame begins at the pin about which it turns or along whose slot it slides
         first, second = self.linkage.guides
-        slides = isinstance(first, Slot) or isinstance(second, Slot)
+        slides = not (first.holds_point and second.holds_point)
         self.direction = float(layout.body.angle[0])
         self.direction += 0.0 if slides else float(np.angle(second.body_point - first.body_point))
 
@@ -144,7 +144,7 @@ class _Model:
             if isinstance(guide, Slot) and (track := self.layout.track(index)) is not None:
                 low, high = (self.local(complex(end) * self.metre) for end in track)
                 parts.append(self.rod(f"slot_{index + 1}", low, high, self.thick / 2, _COLOURS[BODY]))
-        if isinstance(first, Slot) or isinstance(second, Slot):
+        if not (first.holds_point and second.holds_point):
             mass = self.inertial(BODY, self.size / 2, (end + point) / 2)
         else:
             mass = self.inertial(BODY, abs(end))

@@ -9,7 +9,6 @@ import numpy as np
 
 from synthesis.arrays import Complexes, Floats
 from synthesis.export.layout import closed_motions, pins_of
-from synthesis.guides import Circle, Slot
 from synthesis.linkage import Linkage
 from synthesis.sheet import csv_text, given_cells
 from synthesis.target import TURN, Target
@@ -53,9 +52,9 @@ def to_csv(linkage: Linkage, target: Target, unit: float, more: Mapping[str, Ite
             columns[f"{link.name}_direction"] = link.angle / unit
     for index, guide in enumerate(linkage.guides):
         name = linkage.link_names[2 * index]
-        if not isinstance(guide, Circle):
+        if guide.slides:
             columns[f"{name}_travel"] = linkage.along(index, target.crank)
-        if not isinstance(guide, Slot):
+        if guide.holds_point:
             pin = "coupler" if name == "rocker" else name
             columns |= _coordinates(f"{pin}_pin_{{}}", pins_of(linkage, index, body), target.samples)
     return csv_text(columns | dict(more or {}))

@@ -76,7 +76,7 @@ def linkage_of(
     travel = drive - drive[0]
     if not in_turn or np.ptp(travel) < OPTIONS.travel_min * (1.0 if driver.turns else poses.length_scale):
         return None
-    straight = [index for index, guide in enumerate(guides) if not isinstance(guide, Circle)]
+    straight = [index for index, guide in enumerate(guides) if guide.slides]
     stroke_min = OPTIONS.stroke_min * poses.length_scale
     if any(np.ptp(linkage.along(index, travel)) < stroke_min for index in straight):
         return None

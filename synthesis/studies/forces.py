@@ -96,17 +96,16 @@ def forces(linkage: Linkage, travel: Floats, load: Load, pulls: Sequence[Pull] =
         on_body = on_body + load.force
         about_place = about_place + load.torque
         # where the other guide pushes, which way, and what its link's own mass adds
-        at = second.pin + 0j * turned if isinstance(second, Slot) else body.place(second.body_point)
+        at, push = second.contact(body.origin, turned), second.push(body.origin, turned)
         extra, couple = 0j * turned, np.zeros(turned.shape)
         own, turning = acting[links[2].name]
         if isinstance(second, Circle):
-            push = (at - second.pivot) / second.radius
             extra = turning / second.radius * 1j * push
         elif isinstance(second, Rail):
             along = np.exp(1j * second.direction)
-            push, extra = 1j * along + 0j * turned, np.real(np.conj(along) * own) * along
+            extra = np.real(np.conj(along) * own) * along
         else:
-            push, couple = 1j * turned * np.exp(1j * second.body_direction), turning
+            couple = turning
         own_other = own
         own, turning = acting[links[0].name]
 
@@ -120,10 +119,10 @@ def forces(linkage: Linkage, travel: Floats, load: Load, pulls: Sequence[Pull] =
             size = -dot(slot, on_body + extra) / _clear(found.sine)
             by_other = size * push + extra
             by_driven = -by_other - on_body
-            pin = driven.pin + 0j * turned
+            pin = driven.contact(body.origin, turned)
             held = cross(at - pin, by_other) + couple + cross(body.origin - pin, on_body) + about_place + turning
             return held_by(-held, by_driven, by_other)
-        pin = driven.pin + 0j * turned if isinstance(driven, Slot) else body.place(driven.body_point)
+        pin = driven.contact(body.origin, turned)
         moment = cross(at - pin, extra) + couple + cross(body.origin - pin, on_body) + about_place
         if isinstance(driven, Slot):
             moment = moment + turning

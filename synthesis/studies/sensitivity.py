@@ -124,10 +124,12 @@ def derivatives(linkage: Linkage, coordinate: Floats, changes: Sequence[Deviatio
     driven, second_guide = linkage.guides
     positions, rotations = [], []
     with np.errstate(all="ignore"):
-        on_driven, on_other = (poses.position + turned * guide.body_point for guide in (driven, second_guide))
-        pin = np.full(turned.shape, driven.pin) if isinstance(driven, Slot) else on_driven
-        contact = np.full(turned.shape, second_guide.pin) if isinstance(second_guide, Slot) else on_other
-        push, slid = _push_of(second_guide, turned, on_other)
+        at = poses.position, turned
+        on_driven = poses.position + turned * driven.body_point
+        pin, contact, push = driven.contact(*at), second_guide.contact(*at), second_guide.push(*at)
+        # turning a rail moves its contact along the push, turning a slot moves it against the push
+        sign = 0 if not second_guide.slides else 1 if second_guide.holds_point else -1
+        slid = sign * second_guide.coordinate_of(*at)
         slot = turned * np.exp(1j * direction_of(driven))
         for first, second in changes:
             shift = first.fixed - turned * first.body_point
@@ -147,17 +149,6 @@ def derivatives(linkage: Linkage, coordinate: Floats, changes: Sequence[Deviatio
             positions.append(shift - 1j * turn * (pin - poses.position))
             rotations.append(turn)
     return np.array(positions), np.array(rotations)
-
-
-def _push_of(guide: Guide, turned: Complexes, on_body: Complexes) -> tuple[Complexes, Floats]:
-    """Return the unit normal of a guide at its contact, and the change of its condition by its direction."""
-    if isinstance(guide, Circle):
-        return (on_body - guide.pivot) / guide.radius, np.zeros(turned.shape)
-    along = np.exp(1j * direction_of(guide))
-    if isinstance(guide, Rail):
-        return np.full(turned.shape, 1j * along), dot(along, on_body - guide.point)
-    along = turned * along
-    return 1j * along, -dot(along, guide.pin - on_body)
 
 
 def _clear(values: Floats) -> Floats:
