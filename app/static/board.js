@@ -21,12 +21,12 @@ const SMALL = 1e-9;
 
 /**
  * Changes the motion only through `actions`: `edit(change, kind)`, `settle()` at the end of a drag, `choose(k)`, `add(at)`,
- * `remove(k)`, `draw(places, closed)` for a path drawn by hand, `hand(joint, place)` for a joint of the linkage. `stale`: the linkage
- * belongs to an earlier motion. `moved`: the user has moved or zoomed the view since it was fitted.
+ * `remove(k)`, `draw(places, closed)` for a path drawn by hand, `hand(joint, place)` for a joint of the linkage, `pivot(joint, place)` for
+ * a fixed pivot that the rest of it follows. `stale`: the linkage belongs to an earlier motion. `held`: a pointer drags. `moved`: the user has moved or zoomed the view since it was fitted.
  */
 export class Board {
   constructor(svg, help, actions) {
-    Object.assign(this, { svg, help, actions, view: new View(600, 400), mode: "move", chosen: 0, fitted: false, moved: false, stale: false, others: [], corners: [], redrawn: [], seen: [] });
+    Object.assign(this, { svg, help, actions, view: new View(600, 400), mode: "move", chosen: 0, fitted: false, moved: false, stale: false, held: false, others: [], corners: [], redrawn: [], seen: [] });
     Object.assign(this, { motion: null, linkage: null, joints: null, ghosts: false, snap: false });
     for (const layer of LAYERS) this[`${layer}Layer`] = make("g", { "data-layer": layer }, svg);
     this.shape = new LinkageShape(this.linkageLayer);
@@ -186,6 +186,13 @@ export class Board {
     return this.view.world(px, py).map((value) => Number((Math.round(value / unit) * unit).toPrecision(12)));
   }
 
+  /** A point that was dragged from one pixel to another; back at the first pixel it is where it was. */
+  #dragged(point, [px, py], [qx, qy]) {
+    if (qx === px && qy === py) return point;
+    const [x, y] = this.view.at(point);
+    return this.place(x + qx - px, y + qy - py);
+  }
+
   // -- pointer --
 
   #press(event) {
@@ -196,11 +203,14 @@ export class Board {
     else if (this.mode === "outline") this.#click(event, px, py, () => this.#addCorner(px, py));
     else if (this.mode === "hand" && joint && this.joints) this.#dragJoint(event, joint, px, py);
     else if (held && (this.mode === "move" || this.mode === "add")) this.#dragPose(event, held, px, py);
+    else if (this.mode === "move" && this.#isPivot(joint) && !this.stale) this.#dragJoint(event, joint, px, py, this.actions.pivot);
     else if (corner && this.hasPlaces) {
       const [i, j] = corner.split(" ").map(Number), { box } = this.motion.limits;
-      this.#dragBox(event, [box[i === 0 ? 2 : 0], box[j === 1 ? 3 : 1]]);
-    } else if (this.mode === "box" && this.hasPlaces) this.#dragBox(event, this.place(px, py));
-    else if (this.mode === "add" && this.hasPlaces) this.#click(event, px, py, () => { this.fitted = false; this.actions.add(this.place(px, py)); });
+      this.#dragBox(event, [box[2 - i], box[4 - j]], [box[i], box[j]], [px, py]);
+    } else if (this.mode === "box" && this.hasPlaces) {
+      const first = this.place(px, py);
+      this.#dragBox(event, first, first, [px, py]);
+    } else if (this.mode === "add" && this.hasPlaces) this.#click(event, px, py, () => { this.fitted = false; this.actions.add(this.place(px, py)); });
     else this.#click(event, px, py, () => {});
   }
 
@@ -221,26 +231,28 @@ export class Board {
     const k = Number(held.dataset.pose), turning = event.target.hasAttribute("data-turner");
     this.actions.choose(k);
     held.focus({ preventScroll: true });
-    const pose = this.motion.poses[k], from = this.view.world(px, py), origin = [pose.x, pose.y];
-    this.follow(event, (qx, qy) => this.actions.edit((motion) => {
+    const pose = this.motion.poses[k], origin = [pose.x, pose.y], { angle } = pose;
+    this.follow(event, (...to) => this.actions.edit((motion) => {
       const moved = motion.poses[k];
       if (!moved) return;
-      if (turning) {
-        const [x, y] = this.view.at([moved.x, moved.y]);
-        const angle = (Math.atan2(y - qy, qx - x) * 180) / Math.PI;
-        // whole turns are kept: of the equal directions the one nearest to the present angle
-        const near = angle + 360 * Math.round((moved.angle - angle) / 360);
-        moved.angle = this.snap ? Math.round(near) : Number(near.toFixed(1));
-      } else {
-        const to = this.view.world(qx, qy);
-        [moved.x, moved.y] = this.place(...this.view.at([0, 1].map((i) => origin[i] + to[i] - from[i])));
-      }
+      if (turning) moved.angle = to[0] === px && to[1] === py ? angle : this.#angle(moved, to);
+      else [moved.x, moved.y] = this.#dragged(origin, [px, py], to);
     }, `drag ${k}`));
   }
 
-  #dragJoint(event, joint, px, py) {
-    const start = this.view.at(this.joints[joint]);
-    this.follow(event, (qx, qy) => this.actions.hand(joint, this.place(start[0] + qx - px, start[1] + qy - py)));
+  /** The angle of a pose whose arm is pulled to a pixel: of the equal directions the nearest to its angle, so that whole turns stay. */
+  #angle({ x, y, angle }, [qx, qy]) {
+    const [px, py] = this.view.at([x, y]), found = (Math.atan2(py - qy, qx - px) * 180) / Math.PI;
+    const near = found + 360 * Math.round((angle - found) / 360);
+    return this.snap ? Math.round(near) : Number(near.toFixed(1));
+  }
+
+  /** Whether a joint is a pivot of the linkage on the ground. */
+  #isPivot(joint) { return Boolean(this.joints?.[joint]) && this.joints.fixed[["a", "b"].indexOf(joint)]; }
+
+  #dragJoint(event, joint, px, py, move = this.actions.hand) {
+    const start = this.joints[joint];
+    this.follow(event, (...to) => move(joint, this.#dragged(start, [px, py], to)));
   }
 
   /** A drag draws a path, which begins a new motion; a tap adds a point to the path that there is. */
@@ -256,9 +268,10 @@ export class Board {
     });
   }
 
-  #dragBox(event, [x, y]) {
-    this.follow(event, (qx, qy) => this.actions.edit((motion) => {
-      const [u, v] = this.place(qx, qy);
+  /** Drags the corner of the pivot box that lies opposite to [x, y]. */
+  #dragBox(event, [x, y], corner, from) {
+    this.follow(event, (...to) => this.actions.edit((motion) => {
+      const [u, v] = this.#dragged(corner, from, to);
       motion.limits.box = [Math.min(x, u), Math.min(y, v), Math.max(x, u), Math.max(y, v)];
     }, "box"));
   }
@@ -268,11 +281,13 @@ export class Board {
     event.preventDefault();
     const { pointerId } = event;
     this.svg.setPointerCapture(pointerId);
+    this.held = true;
     const moved = (at) => { if (at.pointerId === pointerId) move(...this.#pixel(at)); };
     const done = (at) => {
       if (at.pointerId !== pointerId) return;
       for (const name of ["pointerup", "pointercancel"]) this.svg.removeEventListener(name, done);
       this.svg.removeEventListener("pointermove", moved);
+      this.held = false;
       end(at.type === "pointercancel");
     };
     this.svg.addEventListener("pointermove", moved);

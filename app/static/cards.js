@@ -37,7 +37,7 @@ export function grouped(solutions) {
 }
 
 /** What a card calls a solution. */
-export const nameOf = ({ rank, source, family, kind, driver, links }) => `${source === "hand" ? "By hand:" : source === "link" ? "From the link:" : `${rank}.`} ${links ? FAMILIES[family] ?? family : `${KINDS[kind] ?? kind}, ${driver}`}`;
+export const nameOf = ({ rank, source, family, kind, driver, links }) => `${source === "hand" ? "By hand:" : source === "moved" ? "Moved:" : source === "link" ? "From the link:" : `${rank}.`} ${links ? FAMILIES[family] ?? family : `${KINDS[kind] ?? kind}, ${driver}`}`;
 
 function facts(rows) {
   const list = document.createElement("dl");
@@ -60,7 +60,7 @@ export function card(solution, motion, size, pinned, choose, compare) {
   const rounded = roundedText(solution, size, ` ${unitOf(motion)}`);
   if (rounded && solution.rounded.closes) worst.push(["rounded", rounded]);
   if (Number.isFinite(solution.size)) figures.push(["size", `${text(solution.size, 3)} × motion`]);
-  one.append(element("span", "name", nameOf(solution) + (solution.has_smallest_error ? " · least error" : "")), facts([...worst, ...figures]), sign(solution.verdict, motion));
+  one.append(element("span", "name", nameOf(solution) + (solution.has_smallest_error ? " · least error" : "") + (solution.better ? " · better" : "")), facts([...worst, ...figures]), sign(solution.verdict, motion));
   one.classList.toggle("broken", unusable(solution));
   const pin = Object.assign(document.createElement("input"), { type: "checkbox", checked: pinned }), label = element("label", "check", " Compare");
   pin.setAttribute("aria-label", `Compare ${nameOf(solution)}`);

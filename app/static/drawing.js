@@ -12,7 +12,7 @@ export function make(name, attributes = {}, parent = null) {
 }
 
 export function put(made, attributes) {
-  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
+  for (const [key, value] of Object.entries(attributes)) if (made.getAttribute(key) !== String(value)) made.setAttribute(key, value);
 }
 
 /** An HTML element with a class and text. */

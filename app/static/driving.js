@@ -4,7 +4,7 @@ import { redrawOn, titledChart } from "./charts.js";
 import { numberIn } from "./decimal.js";
 import { button, element, make, namedRows, put, text } from "./drawing.js";
 import { driveTurns } from "./drive.js";
-import { fitOf, settled } from "./fit.js";
+import { alike, fitOf, settled } from "./fit.js";
 import { itemOf } from "./motion.js";
 import { RAD, add, less, turned } from "./plane.js";
 import { ask } from "./service.js";
@@ -19,7 +19,7 @@ const EARLIER = "What is shown was found for other entries: Find asks again.";
 const value = (id) => numberIn(`drive-${id}`);
 const given = (fields) => Object.fromEntries(Object.entries(fields).filter(([, one]) => one !== null && one !== ""));
 /** What the fields have asked, whatever the service has said of the linkage since. */
-const questionOf = ({ load, drives, springs }) => JSON.stringify([load, drives, springs]);
+const questionOf = ({ load, drives, springs }) => JSON.stringify({ load, drives, springs });
 /** The behaviour that springs of a catalogue are asked for. */
 function behaviour() {
   const open = $("drive-holds-open").checked, closed = $("drive-holds-closed").checked, first = value("wanted-first"), last = value("wanted-last");
@@ -69,7 +69,7 @@ function moved(drive, linkage, torque) {
 
 export class Driving {
   constructor(board, player) {
-    Object.assign(this, { board, player, answer: null, solution: null, reply: null, drive: null, control: null, charts: [], kept: new Map(), asked: new WeakMap() });
+    Object.assign(this, { board, player, answer: null, solution: null, reply: null, drive: null, control: null, charts: [], kept: new WeakMap(), asked: new WeakMap() });
     $("drive-find").addEventListener("click", () => this.#find());
     $("drive-kind").addEventListener("change", () => this.#offer());
     $("drive-catalogue").addEventListener("change", () => { this.#offer(); if ($("drive-catalogue").value === "own") $("drive-file").click(); });
@@ -83,17 +83,29 @@ export class Driving {
     this.#offer();
   }
 
+  /** A new answer; while a linkage like the one before stays selected, so does what was found for it. */
   show(answer) {
-    this.control?.abort();
     this.answer = answer;
-    this.kept = new Map();
     $("drive-card").hidden = !answer?.reply.solutions.length;
   }
 
-  /** The selected solution; what was found for it before is shown again. */
+  /**
+   * The selected solution; what was found for it before is shown again. A question that is under way goes on for a linkage like the one
+   * before; for one that has been moved from it, it is asked again.
+   */
   select(solution) {
-    this.control?.abort();
+    const before = this.solution, same = before === solution || (before && solution && solution.source !== "moved" && alike(before, solution)), asked = this.asked.get(this.reply) ?? this.pending;
     this.solution = solution;
+    if (same) {
+      if (this.kept.has(before)) this.kept.set(solution, this.kept.get(before));
+      this.#compare();
+      return;
+    }
+    this.control?.abort();
+    if (solution?.source === "moved" && asked && !this.kept.has(solution)) {
+      this.#find(JSON.parse(asked));
+      return;
+    }
     this.#use(this.kept.get(solution) ?? null);
     this.#say("");
     this.#compare();
@@ -127,8 +139,14 @@ export class Driving {
     $("drive-note").classList.toggle("bad", bad);
   }
 
+  /** The part of a question that says which linkage it is about. */
+  #about() {
+    const { solution, answer: { request, motion } } = this;
+    return { linkage: solution, request, length_unit: motion.unit, top: 6 };
+  }
+
   #request() {
-    const { solution, answer: { request, motion } } = this, kind = $("drive-kind").value, catalogue = $("drive-catalogue").value;
+    const kind = $("drive-kind").value, catalogue = $("drive-catalogue").value;
     const force = [value("force-x") ?? 0, value("force-y") ?? 0], mass = value("mass");
     const on = $("drive-on").value, acts = force.some(Boolean);
     const load = given({ force: acts && on === "body" ? force : null, forces: acts && on !== "body" ? [{ link: on, force }] : null, torque: value("torque"), masses: mass ? [{ link: "body", mass }] : null });
@@ -136,27 +154,39 @@ export class Driving {
     const sizes = catalogue === "" ? { retracted: value("retracted"), stroke: value("stroke") } : { catalogue: rows };
     const wish = { actuator: { ...sizes, ...givenEnds(), reach_max: value("reach"), count: value("count") }, dyad: { time_ratio: value("ratio"), reach_max: value("reach") }, toggle: { reach_max: value("reach") } }[kind] ?? {};
     const springs = { tension: [{ kind: "tension", catalogue: "tension_springs" }], ideal: [{ kind: "tension" }], gas: [{ kind: "gas" }], compression: [{ kind: "compression" }], torsion: [{ kind: "torsion" }] }[kind]?.map((one) => (kind === "ideal" ? one : { ...one, ...behaviour() }));
-    return { linkage: solution, request, load, length_unit: motion.unit, top: 6, ...(springs ? { drives: [], springs } : { drives: [{ kind, ...given(wish) }] }) };
+    return { ...this.#about(), load, ...(springs ? { drives: [], springs } : { drives: [{ kind, ...given(wish) }] }) };
   }
 
-  async #find() {
+  /** Asks what the fields say, or for a linkage that was moved `again` what was asked for the one before. */
+  async #find(again = null) {
     if (!this.solution) return;
     this.control?.abort();
-    const control = new AbortController(), { solution } = this;
+    const control = new AbortController(), by = again && this.drive?.byHand ? this.drive : null;
     this.control = control;
-    this.#say("Looking…");
+    this.#say(again ? "Looking again: what is shown is of the linkage before it was moved." : "Looking…");
     try {
-      const request = this.#request(), reply = await (await ask("/v2/drives", request, control.signal)).json();
+      const request = again ? { ...this.#about(), ...again } : this.#request();
+      this.pending = questionOf(request);
+      const reply = await (await ask("/v2/drives", request, control.signal)).json();
       if (control.signal.aborted) return;
-      this.kept.set(solution, reply);
-      this.asked.set(reply, questionOf(request));
+      this.kept.set(this.solution, reply);
+      this.asked.set(reply, this.pending);
       const found = reply.drives.length + reply.springs.length;
       this.#use(reply);
-      this.board.reveal(this.board.driven());
+      if (by && reply.drives.length) {
+        this.drive = { ...moved(by, fitOf(this.solution, this.answer.motion).linkage, reply.torque), from: reply.drives[0] };
+        this.#list();
+        this.#describe();
+      }
+      if (!again) this.board.reveal(this.board.driven());
       this.#say([found ? "" : "None was found.", ...reply.notes.map((one) => `${capital(one)}.`)].join(" ").trim(), !found);
       this.#compare();
     } catch (error) {
-      if (error.name !== "AbortError") this.#say(error.message, true);
+      if (error.name === "AbortError") return;
+      if (again) this.#use(null);
+      this.#say(error.message, true);
+    } finally {
+      if (this.control === control) this.pending = null;
     }
   }
 
@@ -262,7 +292,7 @@ export class Driving {
   /** The drive on the canvas at the crank's place: its parts, and handles at its ends. */
   #draw() {
     const { board, drive, solution } = this, { driveLayer: layer, joints } = board;
-    this.#mark();
+    if (solution === this.player.shown?.solution) this.#mark();
     // an end that has the keys keeps them when it is drawn anew
     this.focused = layer.contains(document.activeElement) ? document.activeElement.dataset.end : null;
     layer.replaceChildren();

@@ -17,16 +17,17 @@ const modeButtons = () => [...document.querySelectorAll("[data-mode]:not(svg)")]
 export class Editor {
   /**
    * `changed()` is called after every change of the motion, before it is drawn again; `drawn(places, closed)` gets a path drawn
-   * by hand, which begins a new motion; `hand` moves the joints of the selected linkage, which undo brings back `beside` the motion.
+   * by hand, which begins a new motion; `hand` moves the joints of the selected linkage and `pivot` its pivots, which undo brings back
+   * `beside` the motion. While a pointer drags, changes are drawn once a frame: then `changed(true)` is called.
    */
-  constructor(changed, drawn, hand, beside) {
+  constructor(changed, drawn, { hand, pivot }, beside) {
     this.changed = changed;
     this.chosen = 0;
     this.cellFaults = new Map();
-    this.history = new History(emptyMotion(), () => this.refresh(), beside);
-    const edit = (change, kind) => this.history.change((motion) => { change(motion); }, kind), settle = () => { this.history.settle(); document.dispatchEvent(new Event("settled")); };
+    this.history = new History(emptyMotion(), () => this.#soon(), beside);
+    const edit = (change, kind) => this.history.change((motion) => { change(motion); }, kind), settle = () => { if (this.waits) this.#soon(); this.history.settle(); document.dispatchEvent(new Event("settled")); };
     this.board = new Board($("canvas"), $("canvas-help"), {
-      edit, settle, hand,
+      edit, settle, hand, pivot,
       choose: (k) => this.#choose(k),
       add: (at) => this.#add(at),
       remove: (k) => this.#remove(k),
@@ -80,6 +81,19 @@ export class Editor {
   #showSteps() {
     $("undo").disabled = !this.history.past.length;
     $("redo").disabled = !this.history.future.length;
+  }
+
+  /** Draws the motion again at once; while a pointer drags, canvas and table alone, with the next frame. */
+  #soon() {
+    this.waits = this.board.held;
+    if (!this.waits) this.refresh();
+    else this.frame ??= requestAnimationFrame(() => {
+      this.frame = null;
+      if (!this.waits) return;
+      this.changed(true);
+      this.board.show(this.motion, this.chosen);
+      this.#showTable();
+    });
   }
 
   /** Draws the motion again everywhere. */

@@ -138,28 +138,30 @@ function crankAngles(solution, motion, scale) {
 const rms = (values) => { const given = values.filter((value) => value !== null); return given.length ? Math.sqrt(given.reduce((sum, value) => sum + value ** 2, 0) / given.length) : null; };
 const largest = (values) => { const given = values.filter((value) => value !== null); return given.length ? Math.max(...given.map(Math.abs)) : null; };
 
-/** A solution with crank angles, errors and transmission angle found anew in the browser. */
-export function assessed(solution, motion) {
-  const places = placesOf(motion), middle = [0, 1].map((i) => places.reduce((sum, place) => sum + place[i], 0) / (places.length || 1));
-  const scale = Math.max(...places.map((place) => size(less(place, middle))), Number.MIN_VALUE);
-  let [made, shift] = [solution, 0];
-  if (motion.timing === "free" && drivePlaces(solution)) {
-    const angles = crankAngles(solution, motion, scale), own = solution.crank_angle ? "crank_angle" : "travel", begin = solution.links ? "start_angle" : "start";
-    shift = angles[0];
-    made = { ...solution, [begin]: solution[begin] + shift, [own]: angles.map((angle) => angle - shift) };
-  }
-  const fit = fitOf(made, motion), { pass } = fit;
-  const used = fit.linkage.over((pass.sense * pass.low) / DEG, (pass.sense * pass.high) / DEG, 90);
-  if (!made.links) made = { ...made, guides: withUsed(fit.linkage, used) };
+const middleOf = (places) => [0, 1].map((i) => places.reduce((sum, place) => sum + place[i], 0) / (places.length || 1));
+const scaleOf = (places) => Math.max(...places.map((place) => size(less(place, middleOf(places)))), Number.MIN_VALUE);
+
+/** A solution with errors, transmission angle and size computed in the browser, and whether it `closes` all along; with its `fit`. */
+export function measured(solution, motion) {
+  const places = placesOf(motion), middle = middleOf(places), scale = scaleOf(places), fit = fitOf(solution, motion), { pass } = fit;
+  const used = fit.linkage.over((pass.sense * pass.low) / DEG, (pass.sense * pass.high) / DEG, 90), closes = used.every(Boolean) && fit.at.every(Boolean);
+  const made = solution.links ? solution : { ...solution, guides: withUsed(fit.linkage, used) };
   const { mount } = made, reach = mount && Math.max(...Object.values(made.links), mount.coupler_point_polar?.radius ?? 0, size(less(mount.pivot_a, middle)), size(less(mount.pivot_b, middle)));
   const squares = [rms(fit.places) === null ? 0 : (rms(fit.places) / scale) ** 2, rms(fit.turns) === null ? 0 : (rms(fit.turns) / DEG) ** 2];
   return {
-    shift, closes: used.every(Boolean) && fit.at.every(Boolean),
+    fit, closes,
     solution: {
       ...made, size: places.length && mount ? reach / scale : null, transmission_angle_min: used.every(Boolean) ? Math.min(...used.map((j) => j.transmission)) * DEG : 0,
       errors: { position_rms: rms(fit.places), position_max: largest(fit.places), rotation_rms: rms(fit.turns), rotation_max: largest(fit.turns), objective: Math.sqrt(squares[0] + squares[1]) },
     },
   };
+}
+
+/** The same with crank angles found anew where they are free, the start `shift` degrees further on. */
+export function assessed(solution, motion) {
+  if (motion.timing !== "free" || !drivePlaces(solution)) return { shift: 0, ...measured(solution, motion) };
+  const angles = crankAngles(solution, motion, scaleOf(placesOf(motion))), own = solution.crank_angle ? "crank_angle" : "travel", begin = solution.links ? "start_angle" : "start", [shift] = angles;
+  return { shift, ...measured({ ...solution, [begin]: solution[begin] + shift, [own]: angles.map((angle) => angle - shift) }, motion) };
 }
 
 /** A request to refine a solution from just there. */

@@ -7,6 +7,8 @@ import { RAD, add, along, cross, direction, less, size, times, turned } from "./
 const TURN = 2 * Math.PI;
 const BEYOND = 0.12; // length by which a rail or slot is drawn beyond its used ends, as a fraction of the linkage's size
 const CHANGE_POINT = 1e-12; // difference of two pairings of the links that counts as none, as a fraction of the longest link
+/** Signs of the three excesses of `family`. */
+export const SIGNS = { crank_rocker: "+++", double_crank: "--+", rocker_crank: "+--", double_rocker: "-+-" };
 const FULL_CRANK = ["crank_rocker", "double_crank"];
 const FIXED = { circle: "pivot", rail: "point", slot: "pin" };
 
@@ -28,7 +30,7 @@ export function family(lengths) {
   const excesses = [pairDifference(coupler, ground, crank, rocker), pairDifference(rocker, ground, crank, coupler), pairDifference(coupler, rocker, crank, ground)];
   if (Math.min(...excesses.map(Math.abs)) <= CHANGE_POINT * Math.max(...lengths)) return "change_point";
   const signs = excesses.map((excess) => (excess > 0 ? "+" : "-")).join("");
-  return { "+++": "crank_rocker", "--+": "double_crank", "+--": "rocker_crank", "-+-": "double_rocker" }[signs] ?? "triple_rocker";
+  return Object.keys(SIGNS).find((name) => SIGNS[name] === signs) ?? "triple_rocker";
 }
 
 /** A vector of the loop over the coordinate q of the drive; here a vector that stays as it is. */
@@ -144,18 +146,22 @@ export class Linkage {
     const lengths = this.guides.flatMap(({ used, radius }) => (used ? [used[1] - used[0]] : [radius ?? 0]));
     this.reach = Math.max(...lengths, size(less(driven.body, other.body)));
     if (links) {
-      this.turnsFully = FULL_CRANK.includes(family([links.crank, links.coupler, links.rocker, links.ground]));
-      const first = this.#pose(this.start)?.rotation ?? 0;
+      const first = this.pose(this.start)?.rotation ?? 0;
       this.#shift = TURN * Math.round((first - Math.atan2(Math.sin(first), Math.cos(first))) / TURN);
-    } else {
-      // a loop opens first where one of its vectors is longest or shortest, or reaches farthest across the other guide
-      const { towards } = this.#spread, across = [towards, other.angle];
-      this.turnsFully = this.turns && [0, 1, 2, 3].every((k) => across.every((from) => this.#pose(from + (k * Math.PI) / 2)));
     }
+    this.links = links;
   }
 
-  /** {rotation, place, transmission} of the body's own frame at the coordinate of the drive; null if the loop does not close. */
-  #pose(q) { return this.driver === "hinge" ? this.#byHinge(q) : this.#byPin(q); }
+  /** Whether the drive can turn fully. */
+  get turnsFully() {
+    if (this.links) return FULL_CRANK.includes(family(["crank", "coupler", "rocker", "ground"].map((name) => this.links[name])));
+    // a loop opens first where one of its vectors is longest or shortest, or reaches farthest across the other guide
+    const across = [this.#spread.towards, this.guides[1].angle];
+    return this.turns && [0, 1, 2, 3].every((k) => across.every((from) => this.pose(from + (k * Math.PI) / 2)));
+  }
+
+  /** {rotation, place, transmission} of the body's own frame, in the frame of the guides, at the coordinate of the drive; null if the loop does not close. */
+  pose(q) { return this.driver === "hinge" ? this.#byHinge(q) : this.#byPin(q); }
 
   #byPin(q) {
     const [driven, other] = this.guides, spread = this.#spread, arm = this.#arm, onBody = driven.guide === "slot", side = this.branch;
@@ -204,7 +210,7 @@ export class Linkage {
    * P is the body point; `frames` are {at, angle} of links by their names, `coupler` is the rotation of the body's own frame.
    */
   at(travel) {
-    const q = this.start + (this.turns ? travel : travel / RAD), pose = this.#pose(q);
+    const q = this.start + (this.turns ? travel : travel / RAD), pose = this.pose(q);
     if (!pose) return null;
     const coupler = pose.rotation - this.#shift + this.turn, ground = (point) => add(this.origin, turned(point, this.turn)), body = (point) => add(ground(pose.place), turned(point, coupler));
     const rails = [], slots = [], blocks = [], ends = this.guides.map((guide) => this.#ends(guide, ground, body, coupler, { rails, slots, blocks }));

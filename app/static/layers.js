@@ -71,6 +71,7 @@ export class Layers {
     this.answer = answer;
     this.wrong = new Map();
     this.asked = new Set();
+    if (!answer?.live) this.before = null;
     $("layers-card").hidden = !answer?.reply.solutions.length;
     if (!answer) return;
     this.control = new AbortController();
@@ -118,6 +119,7 @@ export class Layers {
   }
 
   select(solution) {
+    if (solution?.source === "moved" && !solution.verdict?.assembly) this.before = this.assembly ?? this.before;
     this.solution = solution;
     this.#describe();
     if (solution && this.answer && this.control) this.#ask(solution, this.answer, this.control.signal);
@@ -131,6 +133,11 @@ export class Layers {
   #describe() {
     const { assembly } = this, host = $("stack"), words = $("layers-note"), list = $("layers-reasons"), jumps = $("layers-jumps");
     $("layer-body").disabled = !polygonOf(this.outline);
+    if (!assembly && this.before && this.solution?.source === "moved" && !this.wrong.has(this.solution)) {
+      words.textContent = "Looking for layers again: what is shown is of the linkage before it was moved.";
+      this.#drawPlates();
+      return;
+    }
     for (const part of [host, list, jumps]) part.replaceChildren();
     host.setAttribute("hidden", "");
     this.#drawPlates();
@@ -162,7 +169,7 @@ export class Layers {
   #drawPlates() {
     const { board, assembly } = this, { platesLayer: layer, joints, view } = board;
     layer.replaceChildren();
-    board.svg.classList.toggle("plated", Boolean(assembly && $("layer-plates").checked && joints && board.linkage && !board.stale));
+    board.svg.classList.toggle("plated", Boolean(assembly && $("layer-plates").checked && joints && board.linkage?.solution === this.solution && !board.stale));
     if (!board.svg.classList.contains("plated")) return;
     const degrees = joints.travel / RAD, hit = new Set(assembly.collisions.filter((one) => within(one, degrees, driveTurns(this.solution))).flatMap(({ pair }) => pair));
     const flat = assembly.parts.filter(({ kind }) => kind !== "board").toSorted((a, b) => a.layers[1] - b.layers[1] || (a.kind === "plate" ? -1 : 1));

@@ -1,94 +1,155 @@
-// The answer that follows a drag: the linkage on show is refined for each motion, and the last motion is always answered.
+// The linkage on show follows what the user does to the motion, frame by frame; when that rests, the service looks for better ones.
 
+import { verdictOf } from "./bounds.js";
+import { alike } from "./fit.js";
+import { followed } from "./follow.js";
+import { toRequest } from "./formats.js";
+import { measured } from "./hand.js";
+import { fault } from "./motion.js";
+import { less, size } from "./plane.js";
 import { ask } from "./service.js";
+import { defects } from "./verdict.js";
 
-const TOP = 3;
-const BUDGETS_MS = [60, 500]; // of each answer, and of a second one to the last motion where the first did not continue the linkage
-const RETRY_MS = 300; // after a busy service has refused a request
-const RETRIES = 20;
-const NEAR = 0.4; // times the longest link: lengths and pivots of a linkage that continues another one differ by less
-const CLEARLY = 0.5; // times the error of the linkage on show: another one with less takes its place when the user lets go
+const SLICE_MS = 7; // of each frame: more of a descent waits for the next one
+const REST_MS = 250; // without a change by keys, after which a linkage has been moved
+const BUDGET_MS = 1000; // of the search for better ones
+const ROUNDING = 1e-10; // error that is none
+const BETTER = 0.8; // times the error of the linkage that was moved: another one with less is offered
 
-const start = ({ links, branch, start_angle, body_offset, mount, crank_angle }) => ({ links, branch, start_angle, body_offset, mount, crank_angle });
-const numbers = ({ links, mount }) => [...Object.values(links), ...(mount ? [...mount.pivot_a, ...mount.pivot_b] : [])];
-const better = (one, other) => (other && other.errors.objective <= one.errors.objective ? other : one);
+const FOLLOWED = ["drag", "key", "cell", "box", "box-0", "box-1", "box-2", "box-3"]; // kinds of changes, by their first words
 
-/** The best solution of a reply that continues the linkage on show, the last one of `starts`; null if there is none. */
-function continuation({ solutions, report }, starts) {
-  const shown = starts.at(-1), before = numbers(shown), most = NEAR * Math.max(...Object.values(shown.links));
-  const near = (one) => one.branch === shown.branch && numbers(one).every((value, k) => Math.abs(value - before[k]) < most);
-  return report.start_from_ranks.map((rank) => solutions[rank - 1]).filter((one) => one && near(one)).reduce((best, one) => better(one, best), null);
+/** Whether a linkage for one motion can follow another one: only poses, crank angles and limits may differ. */
+function followable(motion, before) {
+  const same = ["wanted", "timing", "direction", "anyOrder", "closed", "unit"].every((name) => motion[name] === before[name]);
+  return same && motion.poses.length === before.poses.length && !fault(motion);
 }
 
-/** `page` has `isDragged()`, `shown()`: {answer, solution}, `fits(answer)`, and `show(answer, solution)`. */
-export class Live {
-  #drag = null; // {kind, answer, solution}: what was on show when the drag began; each drag is an object of its own
-  #next = null; // the question that is sent next: {drag, request, motion, turn}
-  #latest = null; // the last answer that continues the linkage on show
-  #busy = false;
+/** The answer that a moved linkage makes to a motion, in place of the one `before`; errors and verdict are computed in the page. */
+function answerOf(solution, motion, before) {
+  const { solution: moved, fit } = measured(solution, motion), report = { ...before.reply.report, trace: [], notes: [] };
+  const reply = { status: "closest", solutions: [{ ...moved, verdict: verdictOf(moved, motion, fit) }], report };
+  return { request: toRequest(motion), motion, reply, last: true, live: true, seconds: 0 };
+}
 
-  constructor(page) {
-    this.page = page;
-    document.addEventListener("settled", () => { if (this.#latest && page.fits(this.#latest)) this.#show(); });
+/**
+ * The linkage moves from a `reference`, the last one that was not moved. `page` has `answer()`, `fits(answer)` to the motion,
+ * `display(answer, solution)`, `stop()` for a search that runs, and `say()`.
+ */
+export class Live {
+  #reference = null; // {answer, solution, motion}
+  #moved = null; // the linkage that was moved last
+  #run = null; // {motion, own, k, from, reached, steps, drawn, rests}; its limits are its `own` where a pivot is pulled
+  #searching = null; // AbortController
+
+  constructor(editor, results, page) {
+    Object.assign(this, { editor, results, page });
+    document.addEventListener("settled", () => this.#rest());
   }
 
-  /** Follows a drag, of a `kind`, to a motion; brings back what was on show where the drag returns to its beginning. */
-  follow(kind, request, motion) {
-    if (this.#drag?.kind !== kind) this.#drag = { kind, ...this.page.shown() };
-    const drag = this.#drag;
-    if (!this.page.fits(drag.answer)) {
-      this.#next = { drag, request, motion, turn: 0 };
-      this.#askAll();
+  /** The motion that the linkage follows, until it has been moved. */
+  get motion() { return this.#run?.motion ?? null; }
+
+  get #can() {
+    const { editor, results, page } = this;
+    return Boolean(results.solution) && !editor.fault && followable(editor.motion, page.answer().motion);
+  }
+
+  /** Follows a change of the motion if its `kind` moves poses or the pivot box; any other ends it. */
+  change(kind) {
+    const [first, ...more] = (kind ?? "").split(" "), { limits } = this.editor.motion;
+    if (FOLLOWED.includes(first) && this.#can) this.#follow(limits, first.startsWith("box") ? null : Number(more[0].match(/\d+/)[0]));
+    else this.forget();
+  }
+
+  /** Follows a fixed pivot that is dragged to a place. */
+  pull(joint, place) {
+    if (!this.#can) return;
+    const { limits } = this.editor.motion;
+    this.editor.keep(`pivot ${joint}`);
+    this.#follow({ ...limits, extra: { ...limits.extra, [`pivot_${joint}`]: place } }, null, (joints) => size(less(joints[joint], place)) === 0);
+  }
+
+  /** Follows the motion within `limits`, in which pose `k` is moved or null; where it is `back`, what was shown before is restored. */
+  #follow(limits, k, back = () => this.page.fits(this.#reference.answer)) {
+    const answer = this.page.answer(), { solution } = this.results, motion = structuredClone(this.editor.motion), before = this.#run;
+    this.page.stop();
+    this.#searching?.abort();
+    if (!before && solution !== this.#moved) this.#reference = { answer, solution, motion: answer.motion, joints: this.editor.board.joints };
+    if (back(this.#reference.joints)) {
+      this.forget();
+      this.page.display(this.#reference.answer, this.#reference.solution);
       return;
     }
-    this.#next = this.#latest = null;
-    if (this.page.shown().answer !== drag.answer) this.page.show(drag.answer, drag.solution);
+    const from = before?.reached ?? before?.from ?? solution;
+    this.#run = { motion, own: limits !== this.editor.motion.limits, k, from, reached: null, steps: followed({ ...motion, limits }, from, this.#reference), drawn: true };
+    this.#advance();
+    if (!before) requestAnimationFrame(() => this.#tick());
+    clearTimeout(this.timer);
+    this.timer = setTimeout(() => { if (!this.editor.board.held) this.#rest(); }, REST_MS);
   }
 
-  forget() { this.#drag = this.#next = this.#latest = null; }
-
-  /** Asks one question at a time, the latest; those in between are not asked. */
-  async #askAll() {
-    if (this.#busy) return;
-    this.#busy = true;
-    try {
-      for (let refusals = 0; this.#next && refusals < RETRIES;) {
-        const question = this.#next;
-        this.#next = null;
-        const { again, refused } = await this.#ask(question);
-        refusals = refused ? refusals + 1 : 0;
-        // only the drag that asked may ask again, unless it has moved on meanwhile
-        if (again && question.drag === this.#drag) this.#next ??= again;
-      }
-    } finally { this.#busy = false; }
+  /** Ends it all: something else is shown. */
+  forget() {
+    clearTimeout(this.timer);
+    this.#searching?.abort();
+    this.#run = null;
   }
 
-  /** Asks a question and shows its answer; returns the question to ask `again`, and whether the service has `refused` it. */
-  async #ask(question) {
-    const { drag, request: { mechanisms: _kinds, ...request }, motion, turn } = question;
-    const starts = [...new Set([drag.solution, this.page.shown().solution])].filter((one) => one?.links);
-    if (!starts.length) return {};
-    let reply = null;
-    try {
-      reply = await (await ask("/v2/synthesize", { ...request, ...(request.start_angle === undefined ? { start_from: starts.map(start) } : {}), budget_ms: BUDGETS_MS[turn], top: TOP })).json();
-    } catch (error) {
-      if (error.status !== 503) return {}; // Solve says what is wrong with a request
-      await new Promise((done) => { setTimeout(done, RETRY_MS); });
-      return { again: question, refused: true };
+  /** Goes on with the descent for a slice of a frame, and shows how far it has come. */
+  #advance() {
+    const run = this.#run, end = performance.now() + SLICE_MS;
+    let made = null;
+    while (run.steps && performance.now() < end) {
+      const { value, done } = run.steps.next();
+      if (done) run.steps = null;
+      else made = value ?? made;
     }
-    const found = continuation(reply, starts);
-    if (!found) return { again: turn + 1 < BUDGETS_MS.length ? { ...question, turn: turn + 1 } : null };
-    const late = drag !== this.#drag || this.page.fits(drag.answer);
-    if (late || !(this.page.isDragged() || this.page.fits(question))) return {};
-    this.#latest = { request: question.request, motion, reply, found };
-    this.#show();
-    return {};
+    if (!made) return;
+    run.reached = made();
+    this.results.track(run.reached, run.motion, run.k);
   }
 
-  /** Shows only the linkage that continues while the drag lasts, then also others, and first one that is clearly better. */
-  #show() {
-    const { request, motion, reply, found } = this.#latest, lasts = this.page.isDragged(), [best] = reply.solutions;
-    const answer = { request, reply: lasts ? { ...reply, solutions: [found] } : reply, motion, last: true, live: true, seconds: reply.report.elapsed_ms.total / 1000 };
-    this.page.show(answer, !lasts && best.errors.objective < CLEARLY * found.errors.objective ? best : found);
+  #tick() {
+    if (!this.#run) return;
+    // a change since the last frame is drawn by what brings it
+    if (this.#run.steps && !this.#run.drawn) {
+      this.#advance();
+      this.editor.board.draw();
+    }
+    this.#run.drawn = false;
+    if (!this.#run.steps && this.#run.rests) this.#land();
+    else requestAnimationFrame(() => this.#tick());
+  }
+
+  /** What the user does has come to rest: the linkage is where it ends once its descent is over. */
+  #rest() { if (this.#run) this.#run.rests = true; }
+
+  /** Shows the linkage that was moved as the answer. */
+  #land() {
+    const { motion, reached, from, k, own } = this.#run, { player } = this.results, answer = answerOf(reached ?? from, motion, this.page.answer()), [moved] = answer.reply.solutions;
+    this.#run = null;
+    this.page.display(answer, moved);
+    if (k !== null) player.goto(player.shown.pass.angles[k]);
+    // a pivot that was put by hand stays where it is: what follows begins there
+    this.#moved = own ? null : moved;
+    this.#search(answer, moved);
+  }
+
+  /** Searches for others; they are listed beside the linkage that was moved, which stays. */
+  async #search(answer, moved) {
+    const { request } = answer, control = new AbortController();
+    this.#searching = control;
+    const begin = request.start_angle === undefined ? { start_from: [moved] } : {};
+    try {
+      const { solutions, report } = await (await ask("/v2/synthesize", { ...request, ...begin, budget_ms: BUDGET_MS }, control.signal)).json();
+      const others = solutions.filter((one) => !alike(one, moved)).map((one, k) => ({ ...one, rank: k + 1 })), [first] = others;
+      if (control.signal.aborted || !first) return;
+      const { objective } = first.errors, { length_scale } = answer.reply.report;
+      first.better = objective < BETTER * moved.errors.objective && objective > ROUNDING && !defects(first.verdict).length;
+      answer.reply = { ...answer.reply, report: { ...report, length_scale }, solutions: [moved, ...others] };
+      if (answer !== this.page.answer()) return;
+      this.results.extend();
+      this.page.say();
+    } catch { /* Solve says what is wrong with a request */ }
   }
 }

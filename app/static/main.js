@@ -2,7 +2,6 @@
 
 import { startNumbers } from "./decimal.js";
 import { Draft } from "./draft.js";
-import { button } from "./drawing.js";
 import { Editor } from "./editor.js";
 import { startEntry } from "./entry.js";
 import { alike } from "./fit.js";
@@ -11,7 +10,7 @@ import { Gallery } from "./gallery.js";
 import { assessed, fromHere, nearby } from "./hand.js";
 import { Live } from "./live.js";
 import { fault, wantsAngles } from "./motion.js";
-import { offered } from "./offers.js";
+import { showOffers } from "./offers.js";
 import { Results, note } from "./results.js";
 import { howNear, sentenceOf } from "./sentence.js";
 import { STAGES, refine, solve, together } from "./service.js";
@@ -30,12 +29,12 @@ let running = null; // AbortController of the search that runs
 let passed = false; // a later search has not brought anything in the place of the last answer
 let linkedCard = null; // the card that a link chose, until the search for it has ended
 
-const editor = new Editor(motionChanged, pathDrawn, jointDragged, { get: asShown, put: putBack });
+const editor = new Editor(motionChanged, pathDrawn, { hand: jointDragged, pivot: pivotDragged }, { get: asShown, put: putBack });
 const results = new Results(editor.board, (kind) => editor.keep(kind), () => { if (!running) sayAnswer(); });
 const sources = new Sources(() => editor.motion, useMotion);
 const draft = new Draft("linkage-atlas-motion", (content) => sources.openDraft(content), beginAnew);
 const gallery = new Gallery((name) => sources.useExample(name));
-const follower = new Live({ isDragged: dragged, shown: () => ({ answer, solution: results.solution }), fits, show: (shown, solution) => { if (!running) display(shown, solution); } });
+const live = new Live(editor, results, { fits, display, answer: () => answer, stop: stopSearch, say: sayAnswer });
 const visits = new Visits(showAgain, (question) => {
   const { motion, card } = fromPage(question);
   useMotion(motion, { card, fit: false });
@@ -52,10 +51,13 @@ function jointDragged(joint, place) {
   if (hinders) editor.board.tell(hinders);
 }
 
-/** The answer that is shown, and its linkage as it is by hand. */
-function asShown() {
-  return { answer, state: results.state };
+function pivotDragged(joint, place) {
+  live.pull(joint, place);
+  updateStale();
+  editor.board.draw();
 }
+
+function asShown() { return { answer, state: results.state }; }
 
 function fits(one) {
   return Boolean(one) && JSON.stringify(toRequest(editor.motion)) === JSON.stringify(one.request);
@@ -66,6 +68,7 @@ function putBack({ answer: shown, state }) {
   if (shown !== answer) {
     if (!fits(shown) && fits(answer)) return;
     stopSearch();
+    live.forget();
     [answer, passed] = [shown, false];
     results.show(answer, true);
   } else if (state?.hand === results.state?.hand) return;
@@ -73,9 +76,7 @@ function putBack({ answer: shown, state }) {
 }
 
 /** Makes an entry of the browser's history of the answer that is shown. */
-function visit() {
-  visits.add(toPage(answer.request, answer.motion), answer);
-}
+function visit() { visits.add(toPage(answer.request, answer.motion), answer); }
 
 /** Shows an answer of this page again, with its motion. */
 function showAgain(earlier, left) {
@@ -88,30 +89,22 @@ function showAgain(earlier, left) {
   sayAnswer();
 }
 
-/** Offers what the notes of an answer suggest, as buttons. */
-function suggest({ reply: { report, solutions }, request }) {
-  const all = report.notes.map((one) => offered(one, request, solutions.length > 0)).filter(Boolean);
-  const found = all.filter(([words], k) => all.findIndex(([other]) => other === words) === k);
-  $("suggestions").hidden = !found.length;
-  $("suggestions").replaceChildren(...found.map(([words, eased]) => button(words, () => {
-    editor.replace({ ...fromRequest(eased), unit: editor.motion.unit, outline: editor.motion.outline, note: editor.motion.note }, false);
-    startSearch();
-  })));
-}
-
 function sayAnswer() {
   const { reply, reply: { solutions }, motion } = answer, { solution } = results;
   if (editor.board.stale || solution?.source === "hand") {
     say(editor.board.stale ? "Inputs changed. Solve again." : `Changed by hand: ${howNear({ reply: { ...reply, solutions: [solution] }, motion })}.`);
     return;
   }
-  say(sentenceOf(answer), !solutions.length || defects(solutions[0].verdict).length > 0);
-  suggest(answer);
+  say(sentenceOf(answer, solution), !solutions.length || defects(solutions[0].verdict).length > 0);
+  showOffers(answer, (eased) => {
+    editor.replace({ ...fromRequest(eased), unit: editor.motion.unit, outline: editor.motion.outline, note: editor.motion.note }, false);
+    startSearch();
+  });
 }
 
 function updateStale() {
-  editor.board.stale = Boolean(answer) && !fits(answer);
-  markEarlier(editor.board.stale || passed);
+  editor.board.stale = Boolean(answer) && !fits(answer) && !live.motion;
+  markEarlier(editor.board.stale || passed || Boolean(live.motion));
 }
 
 /** Keeps a motion of the user's own as the draft; the page's address no longer holds it, if it did. */
@@ -122,11 +115,13 @@ function keepDraft() {
   if (own && /^#(path$|[zj]=)/.test(location.hash)) readdress("");
 }
 
-function showRequest() {
-  if ($("request").open) $("request-text").textContent = requestText(toRequest(editor.motion));
-}
+function showRequest() { if ($("request").open) $("request-text").textContent = requestText(toRequest(editor.motion)); }
 
-function motionChanged() {
+/** After each change of the motion; while a pointer is `held` only what is drawn every frame. */
+function motionChanged(held = false) {
+  live.change(editor.history.kind);
+  updateStale();
+  if (held) return;
   showRequest();
   sources.say(editor.motion);
   keepDraft();
@@ -137,23 +132,10 @@ function motionChanged() {
     answer.motion.unit = editor.motion.unit;
     results.show(answer, true);
   }
-  updateStale();
-  $("suggestions").hidden ||= editor.board.stale;
-  if (running) return;
-  follow();
+  $("suggestions").hidden ||= editor.board.stale || Boolean(live.motion);
+  if (running || live.motion) return;
   if (!answer) say("");
   else if (editor.board.stale || !passed) sayAnswer();
-}
-
-function dragged() {
-  return /^drag \d/.test(editor.history.kind ?? "");
-}
-
-/** Lets the linkage on show follow a drag. */
-function follow() {
-  const motion = structuredClone(editor.motion);
-  if (!dragged()) follower.forget();
-  else if (results.solution?.links && !editor.fault && !fault(motion)) follower.follow(editor.history.kind, toRequest(motion), motion);
 }
 
 function display(shown, solution) {
@@ -166,6 +148,7 @@ function display(shown, solution) {
 }
 
 function useMotion(motion, { mode = null, fit = true, reply = null, card = null }) {
+  live.forget();
   linkedCard = card;
   const first = leaveWelcome();
   stopSearch();
@@ -223,6 +206,7 @@ function soundMotion() {
 
 /** Runs what asks the service, `work(control, begin)`, with Stop and progress; what ran before ends. */
 async function run(work) {
+  live.forget();
   stopSearch();
   const control = new AbortController(), begin = performance.now(), before = answer;
   running = control;

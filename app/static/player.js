@@ -11,6 +11,7 @@ import { analysisCurves, band } from "./studies.js";
 import { marksWithin } from "./timing.js";
 
 const CURVE_STEPS = 240;
+const COARSE = 60; // steps of a path while the linkage is moved
 const RANGE_MS = 4000; // time of one pass over the range at speed 1
 const STOPS_MS = 1600; // time that one pass stops at all samples together, at most STOP_MS at each
 const STOP_MS = 240;
@@ -25,13 +26,13 @@ function setButton(name) {
 }
 
 /** What canvas and curves need of a solution: joints over the interval and the turn, joints and errors at the samples. */
-export function trajectory(solution, motion) {
+export function trajectory(solution, motion, coarse = false) {
   const fit = fitOf(solution, motion), { linkage, pass } = fit, { sense, low, high } = pass;
-  const steps = pass.turns ? Math.min(1440, Math.max(180, Math.ceil(high - low))) : 180;
+  const steps = coarse ? COARSE : pass.turns ? Math.min(1440, Math.max(180, Math.ceil(high - low))) : 180;
   return {
     ...fit, motion, solution, band: band(solution, linkage),
     used: linkage.over(sense * low * RAD, sense * high * RAD, steps),
-    turn: linkage.turnsFully ? linkage.over(0, sense * 2 * Math.PI, 360) : null,
+    turn: linkage.turnsFully ? linkage.over(0, sense * 2 * Math.PI, coarse ? COARSE : 360) : null,
     errors: fit.worst.place === null ? null : motion.poses.map((pose, k) => (fit.places[k] === null ? null : [placeOf(pose), fit.at[k].p])),
   };
 }
@@ -58,6 +59,15 @@ export class Player {
     if (fit) this.board.fit();
     this.#setRange();
     if (curves) this.drawCurves();
+  }
+
+  /** A linkage that is being moved, where it is at sample k or else where its drive stands: seen when the board is drawn. */
+  track(solution, motion, k) {
+    const { travel, shown: before } = this, shown = trajectory(solution, motion, true), { low, high, sense } = shown.pass;
+    this.#pause();
+    this.shown = { ...shown, band: null };
+    const share = before ? (before.pass.sense * travel - before.pass.low) / (before.pass.high - before.pass.low || 1) : 0;
+    Object.assign(this.board, { linkage: this.shown, joints: shown.at[k] ?? shown.linkage.at(sense * (low + share * (high - low)) * RAD) });
   }
 
   /** Where the slider stands, in degrees of crank from the first sample, with sign. */

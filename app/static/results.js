@@ -109,6 +109,7 @@ export class Results {
     $("copy").addEventListener("click", () => copy(this.#rows().map((row) => row.join("\t")).join("\n"), "The numbers are copied.", note));
     for (const one of document.querySelectorAll("[data-format]")) one.addEventListener("click", () => this.#save(one.dataset.format));
     $("sort").addEventListener("change", () => this.#list());
+    $("drive-find").addEventListener("click", () => { this.picked = true; });
     $("overlay").addEventListener("change", () => this.#showOthers());
     board.seen.push(() => this.#movePictures());
     redrawOn($("trace"), () => this.#drawTrace());
@@ -120,9 +121,11 @@ export class Results {
     if (!further) this.picked = false;
     // the view stays for further answers, and where the user has moved it to look at the linkages of this request
     const stays = further || (this.board.moved && this.answer && JSON.stringify(this.answer.request) === JSON.stringify(answer?.request));
-    const before = this.picked ? this.solution : null;
+    const before = this.picked ? this.solution : null, solutions = answer?.reply.solutions ?? [];
+    let held = before && solutions.find((one) => alike(one, before));
+    // a further answer to the same question need not have the linkage that the user holds
+    if (before && !held && this.answer === answer) solutions.push(held = Object.assign(before, { rank: solutions.length + 1 }));
     this.answer = answer;
-    const solutions = answer?.reply.solutions ?? [];
     for (const id of CARDS) $(id).hidden = !solutions.length;
     if (!solutions.length) {
       for (const one of [this.layers, this.driving]) {
@@ -138,9 +141,9 @@ export class Results {
     }
     const { report } = answer.reply;
     answer.size = report.length_scale ?? 1;
-    $("results-note").textContent = `largest errors, at ${itemOf(answer.motion)} (no.) · ${answer.stored ? "searched beforehand" : `${Math.round(report.elapsed_ms.total)} ms`}`;
-    $("trace-note").textContent = [`${answer.refined ? "Descent" : "Search"} ended: ${ENDS[report.stopped_by]}.`, ...report.notes.map((one) => plainNote(one, itemOf(answer.motion)))].join(" ");
-    this.solution = (before && solutions.find((one) => alike(one, before))) ?? solutions[0];
+    $("results-note").textContent = `largest errors, at ${itemOf(answer.motion)} (no.) · ${answer.live ? "moved with the motion" : answer.stored ? "searched beforehand" : `${Math.round(report.elapsed_ms.total)} ms`}`;
+    $("trace-note").textContent = [answer.live ? "" : `${answer.refined ? "Descent" : "Search"} ended: ${ENDS[report.stopped_by]}.`, ...report.notes.map((one) => plainNote(one, itemOf(answer.motion)))].join(" ");
+    this.solution = held ?? solutions[0];
     this.#list();
     this.layers.show(answer);
     this.driving.show(answer);
@@ -161,6 +164,19 @@ export class Results {
     this.picked = true;
     this.#select(found, "holds");
     this.#list();
+  }
+
+  /** Shows a linkage that is being moved with the motion; the rest of the page is of the one before until that has come to rest. */
+  track(solution, motion, k) {
+    clearTimeout(this.later);
+    this.player.track(solution, motion, k);
+    this.board.tell(`off by ${worstWords(worstRows(this.player.shown, motion, this.answer.size), motion)}`);
+  }
+
+  /** Lists solutions that were added to the answer. */
+  extend() {
+    this.#list();
+    this.#showOthers();
   }
 
   /** What undo brings back: the linkage changed by hand, the one selected, and where its crank stands. */

@@ -128,6 +128,29 @@ def test_a_cylinder_is_found_moves_and_its_pins_are_dragged(opened) -> None:
     assert opened.run("return document.activeElement.dataset.end") == "ground"
 
 
+def test_a_drive_and_its_question_stay_with_the_linkage_that_is_held(opened) -> None:
+    """A drag and a later stage of a search keep both."""
+    opened.wait("document.querySelectorAll('#solutions li').length > 0")
+    fill(opened, kind="actuator", retracted=255, stroke=150, reach=250, **{"force-y": 100})
+    found(opened)
+    before = number(opened, "peak force")
+    opened.wait("document.querySelectorAll('#stack rect').length > 4")
+    opened.drag(opened.pick("[data-pose='4'] .hit"), 5, 5)
+    opened.wait("document.getElementById('status').textContent.startsWith('Moved')")
+    assert opened.count("[data-layer=drive] *") and opened.text("drive-numbers"), "never empty"
+    assert opened.count("#stack rect")
+    opened.wait("document.getElementById('drive-note').textContent === ''")
+    assert number(opened, "peak force") != before
+    opened.budgets(300, 2000)
+    opened.run("document.getElementById('solutions').replaceChildren()")
+    opened.click("solve")
+    opened.wait("document.querySelectorAll('#solutions li').length && !document.getElementById('results').hidden")
+    opened.click("drive-find")
+    opened.wait("document.getElementById('progress').hidden")
+    opened.wait("document.getElementById('drive-note').textContent === ''")
+    assert number(opened, "peak force") > 0
+
+
 @pytest.mark.parametrize("kind", some_of(["dyad", "tension", "rotary", "toggle", "gas", "ideal"], 2))
 def test_other_kinds_are_found_and_drawn(opened, kind) -> None:
     opened.wait("document.querySelectorAll('#solutions li').length > 0")

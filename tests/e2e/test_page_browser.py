@@ -303,55 +303,6 @@ def test_poses_move_by_mouse_and_keyboard_and_back(standing) -> None:
     assert len(standing.table()) == len(start)
 
 
-def test_the_answer_follows_a_drag(standing) -> None:
-    standing.choose("carton")
-    before = standing.text("status")
-    standing.drag(standing.pick("[data-pose='4'] .hit"), 8, -6)
-    standing.wait("document.getElementById('status').textContent.includes('Found while dragging')")
-    assert standing.earlier() is False
-    assert standing.run("return document.querySelectorAll('#solutions li').length") > 0
-    standing.click("undo")
-    assert standing.text("status") == before
-
-
-HELD = (
-    "const own = window.fetch, none = JSON.stringify({solutions: [], report: {start_from_ranks: []}}); window.held = [];"
-    "window.fetch = (path, how) => path !== '/v2/synthesize' || !JSON.parse(how.body).start_from ? own(path, how)"
-    ": new Promise((done) => { held.push((status) => { done(new Response(none, {status})); window.fetch = own; }); })"
-)
-"""Holds the reply to the next question of a drag until the test gives it, without a linkage, with a status."""
-
-
-@pytest.mark.parametrize("status", [200, 503])
-def test_a_reply_to_a_drag_that_comes_after_another_choice_is_dropped(status, standing) -> None:
-    """Once the page repeated the question without its linkage, and no drag was followed from then on."""
-    standing.choose("carton")
-    standing.run(HELD)
-    standing.drag(standing.pick("[data-pose='4'] .hit"), 8, -6)
-    standing.wait("held.length")
-    standing.choose("wiper")
-    standing.run("held[0](arguments[0])", status)
-    standing.drag(standing.pick("[data-pose='4'] .hit"), 1, 0)
-    standing.wait("document.getElementById('status').textContent.includes('Found while dragging')")
-
-
-@pytest.mark.parametrize("name", ["wiper", "pick"])
-def test_a_drag_by_a_pixel_keeps_the_linkage_and_back_restores_it(name, standing) -> None:
-    standing.choose(name)
-    before, status = standing.links(), standing.text("status")
-    pose = standing.actions(50).move_to_element(standing.centre(standing.pick("[data-pose='4'] .hit")))
-    pose.click_and_hold().move_by_offset(1, 0).perform()
-    standing.wait("document.getElementById('status').textContent.includes('Found while dragging')")
-    assert standing.earlier() is False
-    assert standing.links() == pytest.approx(before, rel=0.05), "the same linkage, a little changed"
-    standing.actions(50).move_by_offset(-1, 0).perform()
-    standing.wait(f"document.getElementById('status').textContent === {json.dumps(status)}")
-    assert standing.links() == before
-    standing.actions(50).move_by_offset(2, 0).release().perform()
-    standing.wait("document.getElementById('status').textContent.includes('Found while dragging')")
-    assert standing.links() == pytest.approx(before, rel=0.05), "no other one is clearly better"
-
-
 PASTED = [
     ("crank,x,y,angle\n0,0,0,0\n10,1,2,3\n30,4,5,6\n", [[0, 0, 0, 0], [10, 1, 2, 3], [30, 4, 5, 6]]),
     ("0;1,5;2;3\n-10;2,5;3;4\n-20;3,5;4;5", [[0, 1.5, 2, 3], [10, 2.5, 3, 4], [20, 3.5, 4, 5]]),
