@@ -106,6 +106,8 @@ def _near_file(error: OSError) -> str:
 _PLAIN = argparse.RawDescriptionHelpFormatter
 FILE: dict[str, str] = {}
 """Completion of file names in each shell; the command ``completion`` fills it."""
+SHELLS = ("bash", "zsh", "fish")
+"""Shells with completion."""
 
 
 class _Parser(argparse.ArgumentParser):
@@ -226,7 +228,8 @@ def _add_query(parser: argparse.ArgumentParser, query: Any) -> None:
         text = f"also write a file; its suffix selects the format: {endings}; may be repeated"
         add_file(parser, "--export", action="append", default=[], help=text)
     if "svg" in query.exports:
-        parser.add_argument("--plot", action="store_true", help="also draw the linkage and open the drawing")
+        drawn = "curves" if query.command == "drive" else "linkage"
+        parser.add_argument("--plot", action="store_true", help=f"also draw the {drawn} and open the drawing")
     if query.reads_atlas:
         add_atlas(parser, "atlas file, if the request needs an atlas")
     parser.set_defaults(run=partial(run_question, query=query), examples=examples)
@@ -247,6 +250,20 @@ def _add_export(parser: argparse.ArgumentParser, name: str) -> None:
     )
     add_atlas(parser, "atlas file, if the request needs an atlas")
     parser.set_defaults(run=run_export, examples=examples)
+
+
+def _add_report(parser: argparse.ArgumentParser, name: str) -> None:
+    from app.command import run_report
+    from app.sources import Target
+
+    (query,) = queries_named("synthesize")
+    examples = _add_request(parser, Target.of(query), query, "report on")
+    parser.description = (
+        "Write a page of HTML on a solution: drawing, dimensions, errors, verdict, drives and springs."
+    )
+    add_file(parser, "--out", help="output file (default: named after the example or the request)")
+    add_atlas(parser, "atlas file, if the request needs an atlas")
+    parser.set_defaults(run=run_report, examples=examples)
 
 
 _FIELDS = {
@@ -432,19 +449,45 @@ def _add_study(parser: argparse.ArgumentParser, name: str) -> None:
 
 
 def _add_completion(parser: argparse.ArgumentParser, name: str) -> None:
-    parser.description = (
-        "Print a script that completes commands and options; its first lines explain the installation."
-    )
-    parser.add_argument("shell", choices=("bash", "zsh", "fish"))
+    parser.description = "Print a script that completes commands and options, or install it."
+    parser.add_argument("shell", nargs="?", choices=SHELLS, help="default: the shell of the user")
+    parser.add_argument("--install", action="store_true", help="write the script to the user's folder for this shell")
     parser.set_defaults(run=_completion)
 
 
 def _completion(options: argparse.Namespace) -> int:
     import shtab
 
+    from app.command import write
+
+    shell = options.shell or Path(os.environ.get("SHELL", "bash")).name
+    if shell not in SHELLS:
+        raise FieldError("/shell", f"there is no completion for {shell}; name bash, zsh or fish")
     FILE.update(shtab.FILE)
-    print(shtab.complete(make_parser(all_commands=True), options.shell))
-    return Exit.OK
+    script = shtab.complete(make_parser(all_commands=True), shell)
+    if not options.install:
+        print(script)
+        return Exit.OK
+    file = _completion_file(shell)
+    file.parent.mkdir(parents=True, exist_ok=True)
+    if shell == "zsh":
+        print(f"add this line to ~/.zshrc before compinit: fpath+=({file.parent})", file=sys.stderr)
+    return write({file: script.encode()})
+
+
+def _completion_file(shell: str) -> Path:
+    """Return the file from which a shell loads the completion of this command."""
+    data = Path(os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share")
+    if shell == "bash":
+        return data / "bash-completion" / "completions" / "linkage-atlas"
+    if shell == "zsh":
+        return data / "zsh" / "site-functions" / "_linkage-atlas"
+    return (
+        Path(os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config")
+        / "fish"
+        / "completions"
+        / "linkage-atlas.fish"
+    )
 
 
 def _add_example(parser: argparse.ArgumentParser, name: str) -> None:
@@ -523,6 +566,7 @@ def _serve(options: argparse.Namespace) -> int:
 _COMMANDS: dict[str, tuple[str, Callable[[argparse.ArgumentParser, str], None]]] = {
     "synthesize": (QUESTIONS["synthesize"], _add_questions),
     "export": ("export a linkage for CAD, 3D printing, simulation or a workshop", _add_export),
+    "report": ("write a page on a solution, to print or pass on", _add_report),
     "drive": (QUESTIONS["drive"], _add_questions),
     "assembly": (QUESTIONS["assembly"], _add_questions),
     "function": (QUESTIONS["function"], _add_questions),

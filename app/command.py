@@ -147,6 +147,29 @@ def run_export(options: argparse.Namespace) -> int:
     return write({path: content})
 
 
+def run_report(options: argparse.Namespace) -> int:
+    """Answer a request and write a report on a solution."""
+    from app.registry import queries_named
+    from app.report import report_html
+    from app.resources import ServiceResources
+    from app.settings import atlas_of, settings_of
+
+    (query,), rank = queries_named("synthesize"), options.rank or 1
+    source = _read(Target.of(query), options)
+    request = source.request.model_copy(update={"top": max(rank, source.request.top)})
+    resources = ServiceResources(settings_of(options), atlas_of)
+    with waiting("searching", resources.max_budget_ms / 1000):
+        result = query.answer(in_unit(request, source.length_unit), resources)
+    if len(result) < rank:
+        print(f"There is no solution of rank {rank}: the status is {result.status}.", file=sys.stderr)
+        return exit_of(request, result) or Exit.USAGE
+    title = options.example or ("linkage" if options.file == "-" else Path(options.file).name.partition(".")[0])
+    units = Units(request.angle_unit or "deg", source.length_unit or "")
+    plain = request.model_dump(mode="json", exclude_unset=True)
+    page = report_html(result, rank, title.replace("_", " "), plain, units)
+    return write({options.out or Path(f"{title}.html"): page.encode()})
+
+
 def _kind_of(name: str) -> str:
     try:
         return "json" if name.endswith(".json") and not name.endswith(".pylinkage.json") else kind_of(name)

@@ -15,6 +15,8 @@ DELAY = 1.0
 """Seconds before progress is shown: most answers take less."""
 STEP = 0.2
 """Seconds between two updates of the progress."""
+BAR = 30
+"""Number of characters of a progress bar."""
 
 
 class Exit(IntEnum):
@@ -64,7 +66,9 @@ def waiting(words: str, limit: float) -> Iterator[None]:
     def draw() -> None:
         seconds = DELAY
         while not done.wait(DELAY if seconds == DELAY else STEP):
-            print(f"\r{words}: {seconds:.0f} s of at most {limit:g}", end="", file=sys.stderr, flush=True)
+            filled = min(int(BAR * seconds / limit), BAR)
+            bar = f"[{'#' * filled}{'.' * (BAR - filled)}]"
+            print(f"\r{words} {bar} {seconds:.0f} s of at most {limit:g}", end="", file=sys.stderr, flush=True)
             seconds += STEP
         if seconds > DELAY:
             print("\r\x1b[K", end="", file=sys.stderr, flush=True)

@@ -290,6 +290,15 @@ def find_drives(request: DrivesRequest, resources: Resources) -> la.Drives:
     )
 
 
+def _drive_curves(request: DrivesRequest, resources: Resources, kind: str) -> bytes:
+    """Return the curves of all drives and springs over the motion."""
+    from linkage_atlas.drive_design.curves import curves_csv, curves_svg
+
+    found = find_drives(request, resources)
+    items = [*found.drives, *found.springs]
+    return (curves_csv(items) if kind == "csv" else curves_svg(items, found.torque)).encode()
+
+
 def is_long_drives(request: DrivesRequest) -> bool:
     """Check if the search for drives may take more than a fraction of a second."""
     if request.budget_ms is not None and request.budget_ms <= SHORT_MS:
@@ -512,5 +521,13 @@ QUERIES = (
         reads_atlas=True,
     ),
     MOTION_QUERY,
-    Query("drive", QUESTIONS["drive"], find_drives, drives_table, is_long=is_long_drives, route="/v2/drives"),
+    Query(
+        "drive",
+        QUESTIONS["drive"],
+        find_drives,
+        drives_table,
+        exports=exports_of(("csv", "svg"), _drive_curves),
+        is_long=is_long_drives,
+        route="/v2/drives",
+    ),
 )

@@ -103,12 +103,12 @@ def test_a_field_that_is_not_known_is_told_with_those_near_it(field, words, run,
 
 def test_a_request_that_does_not_say_how_the_crank_turns_is_told_all_ways_to_say_it(run) -> None:
     code, _, err = run("synthesize", stdin='{"rotation": [0, 8, 19, 31]}')
-    assert code == Exit.USAGE and all(word in err for word in ("`crank_span`", "`crank_angle`", "`timing` 'free'"))
+    assert code == Exit.USAGE and all(word in err for word in ("`crank_span`", "`crank_angle`", "`position`"))
     with pytest.raises(la.FieldError) as error:
         la.synthesize([0, 8, 19, 31])
     assert str(error.value) == err.strip() and error.value.field == "/crank_span"
     code, _, err = run("function", stdin='{"output": [0, 8, 19, 31]}')
-    assert code == Exit.USAGE and "`crank_span`" in err and "`input`" in err and "timing" not in err
+    assert code == Exit.USAGE and "`crank_span`" in err and "`input`" in err and "position" not in err
 
 
 def test_a_file_of_unknown_ending_is_refused_before_anything_is_computed(run, monkeypatch) -> None:
