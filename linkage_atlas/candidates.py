@@ -18,7 +18,7 @@ from linkage_atlas.task import Fair, Task, screens, seed_tables
 from linkage_atlas.warm_start import FOR_STARTS, Start, pointing_to_start
 from synthesis.atlas.scan import Scan
 from synthesis.four_bar import Family, wrap
-from synthesis.free.few_poses import Obstacles
+from synthesis.free.few_poses import Obstacles, is_few
 from synthesis.free.search import search_free
 from synthesis.guided.local_refinement import refine_guided
 from synthesis.limits import Limits
@@ -190,13 +190,16 @@ def _preferred(
 def _continued(task: Task, start: Start, goal: float) -> Solution | None:
     """Continue a given linkage in its fraction of the time; return None if that leads to no linkage within the limits.
 
-    If balanced linkages are preferred it moves no farther than needed, since the nearest optimum may be far less compact.
+    If balanced linkages are preferred it moves no farther than needed, since the nearest optimum may be far less compact;
+    through few poses it moves until it is exact, as the linkages of the search are.
     """
     work = task.search_work()
     part = work.part(FOR_STARTS * work.budget)
     found: list[Solution] = []
     if task.prefer == "balanced" and start.linkage.is_four_bar:
-        found = move_start(start, task.motion, task.limits, accuracy_goal(task.motion, task.tolerance, 0.0), part)
+        few = isinstance(task.motion.samples, Poses) and is_few(task.motion.samples)
+        accuracy = goal if few else accuracy_goal(task.motion, task.tolerance, 0.0)
+        found = move_start(start, task.motion, task.limits, accuracy, part)
     if not found:
         found, _ = refine_start(start, task.motion, task.limits, goal, part)
     return found[0] if found else None

@@ -216,7 +216,12 @@ def _lengths(field: str, value: object) -> tuple[float | None, ...]:
 
 
 def what_excludes(
-    limits: model.Limits, motion: Motion, search: Search, work: Work, named: Collection[str] = ()
+    limits: model.Limits,
+    motion: Motion,
+    search: Search,
+    work: Work,
+    named: Collection[str] = (),
+    subject: str = "linkage",
 ) -> list[str]:
     """Return sentences on the limits, single ones or else pairs, without which there are linkages.
 
@@ -233,6 +238,8 @@ def what_excludes(
     work : Work
     named : collection of str
         Names of the limits that the request sets, which are tried first.
+    subject : str
+        Noun for the linkages that the search finds.
     """
     names = [name for name in limits.given if name != "family"]
     if limits.family != "any":  # it may be the default, which the user has not thought of
@@ -255,11 +262,11 @@ def what_excludes(
             if trials.find(_without(limits, name, extent)):
                 single.append(name)
         for name in single:
-            notes.append(_sentence(limits, name, motion, _eased_until(limits, name, motion, trials, extent)))
+            notes.append(_sentence(limits, name, motion, _eased_until(limits, name, motion, trials, extent), subject))
         if not single:
-            notes.append(_pairs(limits, names, motion, trials, extent))
+            notes.append(_pairs(limits, names, motion, trials, extent, subject))
     except OutOfTime:
-        notes += [_sentence(limits, name, motion, None) for name in single[len(notes) :]]
+        notes += [_sentence(limits, name, motion, None, subject) for name in single[len(notes) :]]
         notes.append("The time was up before all limits were examined.")
     return notes
 
@@ -293,18 +300,18 @@ class _Trials:
         return found
 
 
-def _pairs(limits: model.Limits, names: Sequence[str], motion: Motion, trials: _Trials, extent: float) -> str:
+def _pairs(
+    limits: model.Limits, names: Sequence[str], motion: Motion, trials: _Trials, extent: float, subject: str
+) -> str:
     """Return a sentence on the first two limits without which there are linkages."""
     for pair in combinations(names, 2):
         if trials.find(_without(_without(limits, pair[0], extent), pair[1], extent)):
             first, second = (_condition(limits, name, motion) for name in pair)
             fields = ", ".join(f"`limits.{name}`" for name in pair)
-            return (
-                f"No linkage was found with {first} and {second}; without these two limits there are some ({fields})."
-            )
+            return f"No {subject} was found with {first} and {second}; without these two limits there are some ({fields})."
     pairs = ", or two," if trials.left else ", or one of the pairs that were tried,"
     dropped = f"one of the limits{pairs}" if len(names) > 1 else "the limit"
-    return f"Dropping {dropped} did not lead to a linkage."
+    return f"Dropping {dropped} did not lead to any {subject}."
 
 
 def _without(limits: model.Limits, name: str, extent: float) -> model.Limits:
@@ -325,7 +332,7 @@ def _condition(limits: model.Limits, name: str, motion: Motion) -> str:
     return condition(limits, name, motion.radian)
 
 
-def _sentence(limits: model.Limits, name: str, motion: Motion, eased: model.Limits | None) -> str:
+def _sentence(limits: model.Limits, name: str, motion: Motion, eased: model.Limits | None, subject: str) -> str:
     """Return that a limit excludes every linkage, with its value in eased limits that do not."""
     instead = "without this limit there are some"
     if name == "family":
@@ -333,7 +340,7 @@ def _sentence(limits: model.Limits, name: str, motion: Motion, eased: model.Limi
     elif eased is not None:
         instead = f"with {_condition(eased, name, motion)} there is one"
     field = "preset" if name == "pivot_reach" else name
-    return f"No linkage was found with {_condition(limits, name, motion)}; {instead} (`limits.{field}`)."
+    return f"No {subject} was found with {_condition(limits, name, motion)}; {instead} (`limits.{field}`)."
 
 
 def _eased_until(

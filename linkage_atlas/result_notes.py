@@ -20,7 +20,7 @@ from linkage_atlas.task import Task
 from linkage_atlas.tolerance_study import study_notes
 from synthesis import solution as model
 from synthesis.atlas.scan import Scan
-from synthesis.free.few_poses import is_few
+from synthesis.free.few_poses import FewPosesOptions, exact_four_bars, is_few
 from synthesis.guided.search import NOTHING_ROUND
 from synthesis.limits import Limits
 from synthesis.poses import Poses
@@ -80,6 +80,7 @@ def notes_of(task: Task, search: Search, candidates: Candidates, ranked: RankedS
         notes.append(SAME_LENGTHS.format(len(solutions), len(solutions) + ranked.same_lengths))
     notes += _determination_notes(task, solutions)
     notes += _hopeless_notes(solutions, motion)
+    notes += [] if candidates.report.time_up else _inexact_notes(task, solutions)
     notes += _order_notes(task, solutions, search)
     notes += _unasked_notes(task, solutions)
     notes += study_notes(candidates.studies.manufacture, solutions)
@@ -168,6 +169,21 @@ def _hopeless_notes(solutions: Sequence[Solution], motion: Motion) -> list[str]:
     limits = () if best.determination is None else best.determination.active_limits
     held = f"; it is held by {listed([limit_label(name) for name in limits])}" if limits else ""
     return [f"{HOPELESS.format(ratio)}{held}."]
+
+
+def _inexact_notes(task: Task, solutions: Sequence[Solution]) -> list[str]:
+    """Return the limits without which exact four-bars pass a few poses, if the best linkage does not pass them."""
+    samples = task.motion.samples
+    if not (solutions and isinstance(samples, Poses) and is_few(samples) and task.kinds.only_four_bars) or task.local:
+        return []
+    best = solutions[0]
+    if best.errors.objective < max(task.tolerance, _EXACT) or best.verdict.within_tolerance or any(task.limits.links):
+        return []
+
+    def exact(eased: Limits, work: Work) -> tuple[list[float], None]:
+        return exact_four_bars(samples, eased, work, FewPosesOptions(batches=1, rounds=0)).merit.tolist(), None
+
+    return what_excludes(task.limits, task.motion, exact, task.work, task.named_limits, "exact four-bar")
 
 
 def _order_notes(task: Task, solutions: Sequence[Solution], search: Search) -> list[str]:

@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 
 from synthesis.arrays import Floats
 from synthesis.descents import Pool, Stage, Timed
-from synthesis.four_bar import grashof_excesses
+from synthesis.four_bar import grashof_excesses, wrap
 from synthesis.fourbar.mechanism import FOURBAR, AnyChart, FullCrankChart, mounted
 from synthesis.free.dyads import chart_of
 from synthesis.free.joint import JointProblem
@@ -328,6 +328,20 @@ def refine_poses(
             inside = refined_within(poses, limits, pool.timed, work)
             found = solutions_of(poses, inside.joined(pool), chart, limits, 1, tolerance)
     return found, report_of(found, unchanged, seconds, tolerance, work)
+
+
+def crank_angles_at(poses: Poses, linkage: Linkage) -> Floats | None:
+    """Return the crank angles (N,) from the start of a mounted four-bar at which it comes nearest to the samples.
+
+    None if it closes at no crank angle.
+    """
+    limits = Limits(family="any")
+    timed = _candidates_of(poses, limits, linkage, None)
+    if timed is None:
+        return None
+    pool = _as_it_is(JointProblem(poses, chart_of(limits.family)), timed)
+    angles = pool.timed.angles[int(np.argmin(pool.cost))]
+    return np.asarray(angles - angles[0] + wrap(angles[0] - linkage.start))
 
 
 def nearby_poses(

@@ -16,6 +16,8 @@ from synthesis.arrays import Floats
 from synthesis.drives.links import SAMPLES, LinkMotions, ends_of, hinged_at, motions_at, motions_of
 from synthesis.errors import FieldError
 from synthesis.linkage import Linkage as Plain
+from synthesis.local_refinement import crank_angles_at
+from synthesis.poses import Poses
 from synthesis.target import MAX_LENGTH, TURN, Target
 
 FINE = 961
@@ -72,9 +74,8 @@ class Operation(NamedTuple):
             raise FieldError("/linkage", "wanted a four-bar or a body on guides: this one has a motor already")
         radian, target, four_bar = radians_in(view.degrees), None, view.plain.is_four_bar
         if motion is not None:
-            turns = view.plain.driver.turns
-            if motion.free and angles is None and turns:
-                raise FieldError("/linkage/crank_angle", "needed: the motion's crank angles are free")
+            if motion.free and angles is None and view.plain.driver.turns:
+                angles = _crank_angles(view, motion)
             if motion.free and angles is None and motion.travel is None:
                 raise FieldError("/linkage/travel", "needed: the motion's timing is free")
             target = view.target_of(motion, angles)
@@ -165,3 +166,13 @@ class Operation(NamedTuple):
             raise FieldError("/load/parts", "a link on a hinge has no parts: give its masses")
         weights = masses_of_parts(self.view.plain, ends_of(self.samples), length_unit)
         return [weight._asdict() for weight in weights]
+
+
+def _crank_angles(view: Linkage, motion: Motion) -> Floats:
+    """Return the crank angles, in the linkage's unit, at which it comes nearest to the samples of a motion of free timing."""
+    samples, found = motion.samples, None
+    if isinstance(samples, Poses) and samples.asked is None and view.plain.is_four_bar and view.plain.mounted:
+        found = crank_angles_at(samples, view.plain)
+    if found is None:
+        raise FieldError("/linkage/crank_angle", "needed: the motion's crank angles are free")
+    return found / view._unit

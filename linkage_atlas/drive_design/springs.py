@@ -51,6 +51,10 @@ EXACT = 1e-7
 """Largest torque that ideal springs may leave anywhere in the motion, as a fraction of the peak torque."""
 RANGE_ROUNDING = 1e-9
 """Fraction by which a length or a twist may leave its range because of rounding."""
+BUCKLING = (
+    "buckling of compression springs was not examined, since the catalogue has no coil diameters: guide a spring on a rod or "
+    "in a tube if its free length is more than about 2.6 coil diameters"
+)
 MAX_ROUNDS = 4
 """Largest number of searches until limits hold over the whole motion."""
 
@@ -397,6 +401,8 @@ def _add(goal: Goal, set_number: int, mounted: Mounted) -> None:
         "hand_force_max": hand_max,
         "deviation": deviation,
     }
+    if request.kind == "compression" and BUCKLING not in task.findings.notes:
+        task.findings.notes.append(BUCKLING)
     if mounted.torsion is not None:
         task.findings.springs.append(_torsion_record(goal, mounted.torsion, torque, hand, effect))
     names: list[str | None] = [row.name for row in mounted.rows]

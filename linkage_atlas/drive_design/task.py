@@ -120,7 +120,7 @@ class DriveTask:
         """Explain the ranking of drives without a load."""
         if not self.loaded and any(not isinstance(request, RotaryRequest) for request in drives):
             self.findings.notes.append(
-                "no load was given: each has the best leverage that was found, and there are no forces to tell"
+                "no load was given: each drive has the best leverage that was found, and its forces are unknown"
             )
 
 

@@ -9,8 +9,11 @@ import numpy as np
 from linkage_atlas.functions.question import FunctionQuestion
 from linkage_atlas.functions.results import FunctionSolution
 from linkage_atlas.functions.special import (
-    BEST_TRANSMISSION,
+    CRANK_ROCKERS,
+    NO_CRANK_ROCKER,
+    SLIDER_CRANKS,
     TOO_QUICK,
+    QuickReturn,
 )
 from linkage_atlas.motions import unit_notes
 from linkage_atlas.notes import in_percent
@@ -18,6 +21,8 @@ from linkage_atlas.result_notes import LOCAL, NUMERALS
 from synthesis.function.answers import Generator
 from synthesis.function.quick_return import (
     all_slider_cranks,
+    crank_rocker_transmission,
+    exact_crank_rockers,
     slider_crank_transmission,
 )
 from synthesis.function.travel_search import (
@@ -71,7 +76,7 @@ def angle_notes(
     if local:
         notes.append(LOCAL)
     if quick is not None:
-        return [*notes, quick.note]
+        return [*notes, quick.note] if solutions else [*notes, _why_no_crank_rocker(target, quick)]
     if not settled:
         notes.append(STILL_BETTER)
     if question.largest and found and target.doubt > 0.2 * found[0].errors.max:
@@ -95,14 +100,25 @@ def travel_notes(question: FunctionQuestion, is_found: bool) -> list[str]:
     if len(question.kinds) > 1:
         notes.append(SEVERAL_KINDS)
     if question.quick is not None:
-        notes.append(question.quick.note if is_found else _why_no_slider_crank(question.quick.alpha))
+        notes.append(question.quick.note if is_found else _why_no_slider_crank(question.quick))
     return notes
 
 
-def _why_no_slider_crank(alpha: float) -> str:
-    """Return a sentence on the time ratios and transmission angles that slider-cranks have."""
-    transmission = slider_crank_transmission(all_slider_cranks(alpha))
-    return BEST_TRANSMISSION.format(np.rad2deg(transmission.max())) if transmission.size else TOO_QUICK
+def _why_no_slider_crank(quick: QuickReturn) -> str:
+    """Return a sentence on the lengths and transmission angles of slider-cranks without limits."""
+    family = all_slider_cranks(quick.alpha)
+    if not len(family.lengths) or quick.stroke is None:
+        return TOO_QUICK
+    crank, rod, _ = quick.stroke * family.lengths.T
+    transmission = np.rad2deg(slider_crank_transmission(family).max())
+    return SLIDER_CRANKS.format(crank=(crank.min(), crank.max()), rod=rod.min(), transmission=transmission)
+
+
+def _why_no_crank_rocker(target: TargetFunction, quick: QuickReturn) -> str:
+    """Return a sentence on the transmission angles of crank-rockers without limits."""
+    lengths = exact_crank_rockers(target, quick.alpha).lengths
+    transmission = np.nan_to_num(crank_rocker_transmission(lengths)).max(initial=0.0)
+    return CRANK_ROCKERS.format(np.rad2deg(transmission)) if transmission > 0 else NO_CRANK_ROCKER
 
 
 def _proportion_notes(found: Sequence[Generator], tolerance: float) -> list[str]:

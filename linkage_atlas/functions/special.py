@@ -19,7 +19,12 @@ QUICK_RETURN_NOTE = (
     "For a slow motion the other way let the crank turn clockwise."
 )
 TOO_QUICK = "No slider-crank whose crank turns fully has a time ratio of 3 or more."
-BEST_TRANSMISSION = "With this time ratio the transmission angle of a slider-crank is at most {:.3g} degrees."
+SLIDER_CRANKS = (
+    "With this stroke and time ratio a slider-crank has a crank of {crank[0]:.3g} to {crank[1]:.3g}, a rod of at least {rod:.3g} "
+    "and a transmission angle of at most {transmission:.3g} degrees."
+)
+NO_CRANK_ROCKER = "No crank-rocker with this swing and time ratio was found."
+CRANK_ROCKERS = "With this swing and time ratio the transmission angle of a crank-rocker is at most {:.3g} degrees."
 STEERING_NOTE = (
     "Input: the left wheel, output: the right wheel, counter-clockwise from straight ahead; the left kingpin is A, the right one "
     "B, and the car drives at right angles to A->B, to its left."

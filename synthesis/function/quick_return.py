@@ -180,6 +180,21 @@ def slider_crank_transmission(family: SliderCranks) -> Floats:
     return np.arcsin(np.minimum(sine, 1.0))
 
 
+def exact_crank_rockers(
+    target: TargetFunction, alpha: float, prescribed: Sequence[tuple[int, float]] = ()
+) -> CrankRockers:
+    """Return the candidates of `all_crank_rockers` that neither turn too fast on the way nor pass to the other branch."""
+    found = all_crank_rockers(alpha, float(np.ptp(target.output)), prescribed)
+    output = close_loop(found.lengths, found.start[:, None] + target.crank).rocker_angle(found.branch)
+    exact = np.all(np.abs(output - output[:, :1] - target.output) < _EXACT, axis=1)
+    return CrankRockers(*(column[exact] for column in found))
+
+
+def crank_rocker_transmission(lengths: Floats) -> Floats:
+    """Return the smallest transmission angles (n,) over a turn, in radians; NaN if the crank does not turn fully."""
+    return transmission_angle_over(lengths, Interval(np.zeros(len(lengths)), np.full(len(lengths), TURN)))
+
+
 def crank_rocker_answers(
     target: TargetFunction, alpha: float, limits: Limits, top: int, tolerance: float
 ) -> list[Generator]:
@@ -187,15 +202,11 @@ def crank_rocker_answers(
     ground = limits.links[3] or 1.0
     over = replace(limits.over(ground), family="crank_rocker" if limits.family == "any" else limits.family)
     prescribed = [(k, length) for k, length in enumerate(over.links[:3]) if length is not None]
-    lengths, branch, start = all_crank_rockers(alpha, float(np.ptp(target.output)), prescribed)
-    # of the candidates some turn faster than wanted on the way, or pass to the other branch
-    output = close_loop(lengths, start[:, None] + target.crank).rocker_angle(branch)
-    exact = np.all(np.abs(output - output[:, :1] - target.output) < _EXACT, axis=1)
-    lengths, branch, start = lengths[exact], branch[exact], start[exact]
+    lengths, branch, start = exact_crank_rockers(target, alpha, prescribed)
     used = Interval(start, start + TURN)
     inside = keeps(target.target, over, Placed(lengths, branch, used), _ROUNDING)
     lengths, branch, start = lengths[inside], branch[inside], start[inside]
-    transmission = transmission_angle_over(lengths, Interval(start * 0, start * 0 + TURN))
+    transmission = crank_rocker_transmission(lengths)
     order = np.argsort(function_merit(lengths, transmission, limits.links[3] is not None), kind="stable")
     found: list[Generator] = []
     for k in order.tolist():

@@ -189,6 +189,19 @@ def test_a_body_on_guides_goes_along_the_travel_of_its_request(client: TestClien
     assert refused == {"pointer": "#/linkage/travel", "detail": "needed: the motion's timing is free"}
 
 
+@pytest.mark.parametrize("order", ["given", "any"])
+def test_the_crank_angles_of_a_request_of_free_timing_are_found_again(client: TestClient, order: str) -> None:
+    request = {"rotation": [0, 15, 40], "position": [[0, 0], [40, 8], [75, 30]], "timing": "free", "order": order}
+    solution = client.post("/v2/synthesize", json=request | {"top": 1}).json()["solutions"][0]
+    bare = {name: solution[name] for name in ("links", "branch", "start_angle", "mount", "body_offset")}
+    drives = [{"kind": "rotary"}]
+    expected, found = (
+        client.post("/v2/drives", json={"linkage": linkage, "request": request, "drives": drives}).json()["drives"]
+        for linkage in (solution, bare)
+    )
+    assert [drive["swing"] for drive in found] == pytest.approx([drive["swing"] for drive in expected], rel=1e-6)
+
+
 @pytest.mark.parametrize(("kind", "count"), [("slider_crank", 2), ("swinging_block", 2), ("two_rails", 1)])
 def test_ideal_springs_carry_a_body_on_guides(client: TestClient, kind: str, count: int) -> None:
     request = {**POSES, "mechanisms": [kind], "top": 1, "load": {"force": [0, -10]}}

@@ -146,3 +146,24 @@ def test_the_hinge_that_joins_two_poses_is_named_if_a_pivot_may_lie_there() -> N
     assert not any("single hinge" in note for note in solve(poses, pivot_box=(20, 20, 90, 90)).report.notes)
     level = solve([(0, 0, 0), (60, 200, 0)])
     assert not any("single hinge" in note for note in level.report.notes)
+
+
+def test_limits_that_exclude_all_exact_linkages_are_named_with_values_that_allow_one() -> None:
+    # once the answer was twelve degrees off without a word about the box
+    poses = [(0, 0, 0), (30, 60, 60), (80, 70, 120)]
+    found = solve(poses, pivot_box=(-150, -150, 0, 0))
+    assert found.status == "closest"
+    (note,) = [note for note in found.report.notes if "limits.pivot_box" in note]
+    assert note.startswith("No exact four-bar was found with both fixed pivots in the box [-150, -150, 0, 0]; with ")
+    wider = [float(number) for number in note.rpartition("[")[2].partition("]")[0].split(", ")]
+    assert solve(poses, pivot_box=wider).best.errors.objective < EXACT
+
+
+def test_a_linkage_that_is_continued_through_few_poses_is_exact_as_all_others() -> None:
+    # once 0.005 degrees off and ranked before exact ones
+    moved = [(0, 0, 0), (41, 8, 15), (75, 31, 40)]
+    start = solve([(0, 0, 0), (40, 8, 15), (75, 30, 40)], pivot_box=(-30, -30, 100, 60))[3].linkage
+    x, y, angle = np.array(moved, dtype=float).T
+    found = la.synthesize(angle, np.stack([x, y], axis=1), timing="free", start_from=[start])
+    assert found.report.start_from_ranks != [None]
+    assert_exact(found)

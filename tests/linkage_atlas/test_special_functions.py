@@ -148,3 +148,22 @@ def test_given_arms_of_a_symmetric_function() -> None:
     np.testing.assert_allclose(found.linkage.links, maker.links, rtol=1e-6)
     assert found.best.links.crank == found.best.links.rocker == 90.0
     assert found.best.start_angle == pytest.approx(-95, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("quick_return", "limit", "value", "words", "side"),
+    [
+        ({"swing": 90, "time_ratio": 2.5}, "transmission_angle_min", 20, "crank-rocker is at most ", -1),
+        ({"stroke": 300, "time_ratio": 1.4}, "transmission_angle_min", 60, "transmission angle of at most ", -1),
+        ({"stroke": 300, "time_ratio": 1.4}, "link_max", 100, "a rod of at least ", 1),
+    ],
+)
+def test_a_quick_return_that_cannot_be_names_limits_that_can(
+    quick_return: dict[str, float], limit: str, value: float, words: str, side: int
+) -> None:
+    refused = la.function(quick_return=quick_return, limits={limit: value})
+    assert refused.status == "infeasible"
+    (note,) = [note for note in refused.report.notes if words in note]
+    bound = float(note.partition(words)[2].split()[0])
+    for factor, status in ((1 + 0.05 * side, "reached"), (1 - 0.05 * side, "infeasible")):
+        assert la.function(quick_return=quick_return, limits={limit: factor * bound}).status == status

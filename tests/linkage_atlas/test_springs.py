@@ -195,7 +195,9 @@ def test_a_lid_without_weight_is_held_shut_with_a_force(kind: str) -> None:
     """A hand at its edge must give at least this force to leave the stop; no length leaves its range between positions."""
     wish = {"kind": kind, "holds": {"closed": True, "force_min": 4}}
     wish |= {"catalogue": "tension_springs"} if kind == "tension" else {}
-    (spring,) = la.drives(rocker=LID, drives=[], springs=[wish]).springs
+    found = la.drives(rocker=LID, drives=[], springs=[wish])
+    (spring,) = found.springs
+    assert any("buckling" in note for note in found.notes) == (kind == "compression")
     assert spring.holds.closed and spring.curve.torque[0] >= 4 * 300 * (1 - 1e-5)
     assert spring.curve.hand_force[0] == pytest.approx(spring.curve.torque[0] / 300)
     if kind != "torsion":

@@ -73,7 +73,7 @@ def test_a_compact_linkage_moves_no_farther_than_needed(crank_angles) -> None:
     shown = plain(la.synthesize(**before, prefer="balanced", top=1, budget=2.0, work=stepped).best)
     nearby, optimum = (continued(after, shown, prefer=prefer) for prefer in ("balanced", "error"))
     changes = [np.abs(links(solution) - links(shown)).max() for solution in (nearby, optimum)]
-    assert changes[0] < 0.5 * changes[1]
+    assert changes[0] < 0.75 * changes[1]
     assert nearby["errors"]["objective"] < 1.1 * optimum["errors"]["objective"]
     (refined,) = la.synthesize(**after, start_from=[shown], local=True, work=stepped).solutions
     assert refined.errors.objective == pytest.approx(optimum["errors"]["objective"], rel=1e-3)
