@@ -58,7 +58,7 @@ def requests_of(name: str, count: int) -> Iterator[Request]:
     if name in SLIDERS:
         yield from (slider_request(SLIDERS.index(name), seed) for seed in range(count))
         return
-    for seed in engine.CLASSES[name].some(count)[:count]:
+    for seed in engine.CLASSES[name].seeds_of(count)[:count]:
         case = engine.CLASSES[name].case(seed)
         yield lambda case=case: engine.first_cost(case, case.ask())
 
@@ -510,16 +510,16 @@ def blocks(results: Mapping[str, Any]) -> dict[str, str]:
         before, after = (np.concatenate(ratio) for ratio in ratios)
         # each class counts alike, whatever its requests cost
         slower = np.exp(np.mean([np.log(b.sum() / a.sum()) for a, b in zip(*times)]))
-        lost = float(np.mean(before <= engine.NEAR) - np.mean(after <= engine.NEAR))
+        lost = float(np.mean(before <= engine.CLOSE) - np.mean(after <= engine.CLOSE))
         rows.append(
             {
                 "name": heuristic.name,
                 "sentence": heuristic.sentence,
                 "requests": before.size,
-                "good": report.percent(float(np.mean(before <= engine.NEAR)), 3),
-                "without": report.percent(float(np.mean(after <= engine.NEAR)), 3),
-                "worse": int(np.sum(after > engine.NEAR * before)),
-                "better": int(np.sum(before > engine.NEAR * after)),
+                "good": report.percent(float(np.mean(before <= engine.CLOSE)), 3),
+                "without": report.percent(float(np.mean(after <= engine.CLOSE)), 3),
+                "worse": int(np.sum(after > engine.CLOSE * before)),
+                "better": int(np.sum(before > engine.CLOSE * after)),
                 "time": f"{100 * (slower - 1):+.0f} %",
                 "worth": "-" if heuristic.name == NOTHING else "yes" if lost > 0.01 or slower > 1.1 else "no",
             }

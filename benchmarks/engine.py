@@ -40,7 +40,7 @@ from tests.oracles.recompute import broken_limits, recompute
 
 EXACT = 1e-9
 """A J below is that of an exact answer, and differences between such ones are rounding."""
-NEAR = 1.01
+CLOSE = 1.01
 BUDGETS = (50, 100, 150, 300, 1000)
 """Milliseconds."""
 FRESH = 7_000_000
@@ -53,7 +53,7 @@ RUNS = ("before", "parts")
 """Names of the run that others are held against, and of the newest, in the result file."""
 ALLOWED = tuple(f"cost_{budget}" for budget in BUDGETS)
 TICKS = (30, 50, 100, 200, 500, 1000, 3000)
-FAR = 0.95
+QUANTILE = 0.95
 """Part of the requests whose J is at most as far off as the picture shows."""
 QUICK, QUICK_BUDGETS = 10, (100, 300)
 CASES = Path("cases")
@@ -69,18 +69,18 @@ class Case(NamedTuple):
 
     def ask(self, budget: float | None = None, **more: Any) -> Any:
         """The reply, with a budget in seconds of the processor; where no preset is asked for, by the error alone."""
-        asked = {**self.request, **more}
-        if asked.get("timing") == "free":
-            asked = {"prefer": "error"} | asked
+        request = {**self.request, **more}
+        if request.get("timing") == "free":
+            request = {"prefer": "error"} | request
         else:
-            asked["limits"] = {"preset": "none"} | asked.get("limits", {})
-        return self.search(**asked, budget=budget, work=processor_work)
+            request["limits"] = {"preset": "none"} | request.get("limits", {})
+        return self.search(**request, budget=budget, work=processor_work)
 
     @property
     def mark(self) -> int:
         """The request in a number: a reference holds for this one only."""
-        told = json.dumps(self.request, sort_keys=True)
-        return zlib.crc32(re.sub(r"\d+\.\d+", lambda number: f"{float(number[0]):.6g}", told).encode())
+        text = json.dumps(self.request, sort_keys=True)
+        return zlib.crc32(re.sub(r"\d+\.\d+", lambda number: f"{float(number[0]):.6g}", text).encode())
 
 
 def processor_work(budget: float | None) -> la.Work:
@@ -94,9 +94,9 @@ def processor_work(budget: float | None) -> la.Work:
 def in_time(request: dict[str, Any]) -> Case:
     """A request with crank angles, without limits or within some."""
 
-    def cost(one: dict[str, Any]) -> float:
-        found = recompute(request, one)
-        broken = found is None or broken_limits({"limits": {}} | request, one)
+    def cost(solution: dict[str, Any]) -> float:
+        found = recompute(request, solution)
+        broken = found is None or broken_limits({"limits": {}} | request, solution)
         return np.inf if broken else found.objective
 
     return Case(request, cost)
@@ -106,10 +106,10 @@ def untimed(position: np.ndarray, rotation: np.ndarray | None, request: dict[str
     """A request without crank angles: the order must hold, and the limits; of approximate ones that it stays between samples."""
     may_stray = request["limits"].get("preset") != "practical"
 
-    def cost(one: dict[str, Any]) -> float:
-        found = recompute_free(position, rotation, one)
-        stays = may_stray or (one["excursion"] or 0.0) <= LEAVES_SAMPLES
-        return found.objective if found.one_way and stays and not broken_limits(request, one) else np.inf
+    def cost(solution: dict[str, Any]) -> float:
+        found = recompute_free(position, rotation, solution)
+        stays = may_stray or (solution["excursion"] or 0.0) <= LEAVES_SAMPLES
+        return found.objective if found.one_way and stays and not broken_limits(request, solution) else np.inf
 
     return Case(request, cost)
 
@@ -131,21 +131,21 @@ def path(kind: str, seed: int) -> Case:
     if kind == "smooth closed":
         turn = np.exp(2j * np.pi * np.arange(count) / count)
         parts = random.standard_normal((6, 2)) @ [1, 1j] / np.array([1, 1, 4, 4, 9, 9])
-        places = 100 * sum(part * turn**power for part, power in zip(parts, (1, -1, 2, -2, 3, -3)))
+        path_points = 100 * sum(part * turn**power for part, power in zip(parts, (1, -1, 2, -2, 3, -3)))
         request["closed"] = True
     elif kind == "rocker with noise":
         case = free_case(seed, count)
         size = np.max(np.abs(case.position - case.position.mean()))
-        places = case.position + OFF * size * (random.standard_normal((count, 2)) @ [1, 1j]) / np.sqrt(2)
+        path_points = case.position + OFF * size * (random.standard_normal((count, 2)) @ [1, 1j]) / np.sqrt(2)
     else:
-        asked = drawn(str(random.choice(list(CLOSED | OPEN))), count, HAND)
+        drawing = drawn(str(random.choice(list(CLOSED | OPEN))), count, HAND)
         turned = np.exp(1j * random.uniform(0, 2 * np.pi))
         x, y = (
-            (turned * (np.array(asked["position"]) @ [1, 1j]) * random.uniform(0.5, 2)).view(float).reshape(-1, 2).T
+            (turned * (np.array(drawing["position"]) @ [1, 1j]) * random.uniform(0.5, 2)).view(float).reshape(-1, 2).T
         )
-        places = x * random.uniform(0.6, 1) + 1j * y
-        request["closed"] = asked.get("closed", False)
-    position = np.column_stack([places.real, places.imag]).round(3)
+        path_points = x * random.uniform(0.6, 1) + 1j * y
+        request["closed"] = drawing.get("closed", False)
+    position = np.column_stack([path_points.real, path_points.imag]).round(3)
     request |= {"position": position.tolist(), "timing": "free", "limits": {"preset": "practical"}}
     return untimed(position @ [1, 1j], None, request)
 
@@ -167,8 +167,8 @@ def limited(kind: str, seed: int) -> Case:
 def exact_function(kind: str, samples: int, zeros: str, seed: int) -> Case:
     request = function_case(kind, samples, zeros, seed)
 
-    def cost(one: dict[str, Any]) -> float:
-        return recompute_rms(request, one) if zeros_kept(request, one) else np.inf
+    def cost(solution: dict[str, Any]) -> float:
+        return recompute_rms(request, solution) if zeros_kept(request, solution) else np.inf
 
     return Case(request, cost, la.function)
 
@@ -177,10 +177,14 @@ def largest(seed: int) -> Case:
     """A function by its name whose largest error is to be least; J is that error in degrees."""
     request = random_function(seed)
 
-    def cost(one: dict[str, Any]) -> float:
-        passed = one | {"crank_angle": [0.0, request["crank_span"]]}
+    def cost(solution: dict[str, Any]) -> float:
+        passed = solution | {"crank_angle": [0.0, request["crank_span"]]}
         limits = {"family": "any"} | request["limits"]
-        return np.inf if broken_limits({"timing": "free", "limits": limits}, passed) else largest_error(request, one)
+        return (
+            np.inf
+            if broken_limits({"timing": "free", "limits": limits}, passed)
+            else largest_error(request, solution)
+        )
 
     return Case(request, cost, la.function)
 
@@ -198,14 +202,14 @@ class Class(NamedTuple):
     many: int = 1
     """Times as many cases as of others."""
 
-    def some(self, count: int) -> list[int]:
+    def seeds_of(self, count: int) -> list[int]:
         """The first seeds: those in front, then fresh ones."""
         return [*self.seeds, *range(FRESH, FRESH + count * self.many)][: count * self.many]
 
     def case(self, seed: int) -> Case:
         """The case of a seed."""
-        place, kind = divmod(seed - FRESH, len(self.makers))
-        return self.makers[0](seed) if seed in self.seeds else self.makers[kind](FRESH + place)
+        index, kind = divmod(seed - FRESH, len(self.makers))
+        return self.makers[0](seed) if seed in self.seeds else self.makers[kind](FRESH + index)
 
 
 TIMED = ("plain", "any order", "double-crank", "clockwise", "uneven crank angles")
@@ -225,7 +229,9 @@ CLASSES = {
     "mixed": Class((partial(free_exact, "mixed", 8),), "99 % below 1 s; 99.5 %"),
     "path": Class(tuple(partial(free_exact, "path", n) for n in EXACT_POINTS), "25 / 400 ms; 99 %"),
     "function": Class(
-        tuple(partial(exact_function, kind, *way) for kind in FUNCTION_KINDS for way in FUNCTIONS), "8 ms", many=5
+        tuple(partial(exact_function, kind, *options) for kind in FUNCTION_KINDS for options in FUNCTIONS),
+        "8 ms",
+        many=5,
     ),
     "change point": Class((partial(timed_exact, "change point"),), "all", seeds=NEAR_CHANGE_POINTS, many=5),
     "drawn path": Class(tuple(partial(path, kind) for kind in PATHS), "300 ms, 95 %; 100 ms, 75 %", exact=False),
@@ -233,7 +239,7 @@ CLASSES = {
     "within limits": Class(tuple(partial(limited, kind) for kind in LIMITED), "70 ms, 99 %", exact=False),
     "largest error": Class((largest,), "300 ms", exact=False),
 }
-APPROXIMATE = tuple(name for name, one in CLASSES.items() if not one.exact)
+APPROXIMATE = tuple(name for name, class_of_cases in CLASSES.items() if not class_of_cases.exact)
 
 
 # -- references -------------------------------------------------------------------------------------------------------
@@ -274,8 +280,10 @@ class References:
         entry = [mark, report.finite(float(f"{min(cost, before):.7g}")), round(spent + seconds, 1)]
         self.known.setdefault(name, {})[str(seed)] = entry
         lines = [
-            f' "{one}": {{\n' + ",\n".join(f'  "{s}": {json.dumps(some[s])}' for s in sorted(some, key=int)) + "\n }"
-            for one, some in sorted(self.known.items())
+            f' "{name}": {{\n'
+            + ",\n".join(f'  "{s}": {json.dumps(costs[s])}' for s in sorted(costs, key=int))
+            + "\n }"
+            for name, costs in sorted(self.known.items())
         ]
         REFERENCE.with_suffix(".part").write_text("{\n" + ",\n".join(lines) + "\n}\n")
         REFERENCE.with_suffix(".part").replace(REFERENCE)
@@ -285,9 +293,9 @@ def shifted(request: Mapping[str, Any], random: np.random.Generator, by: float) 
     """The request with its samples moved at random, which leads a search into other valleys."""
     out = dict(request)
     if "position" in out:
-        places = np.array(out["position"])
-        size = np.max(np.linalg.norm(places - places.mean(axis=0), axis=1))
-        out["position"] = (places + by * size * random.standard_normal(places.shape)).tolist()
+        position = np.array(out["position"])
+        size = np.max(np.linalg.norm(position - position.mean(axis=0), axis=1))
+        out["position"] = (position + by * size * random.standard_normal(position.shape)).tolist()
     if out.get("rotation") is not None:
         out["rotation"] = (
             np.array(out["rotation"]) + np.rad2deg(by) * random.standard_normal(len(out["rotation"]))
@@ -301,13 +309,16 @@ def shifted(request: Mapping[str, Any], random: np.random.Generator, by: float) 
 
 def heavy(case: Case, seconds: float, random: np.random.Generator) -> float:
     """The least J of the request's own search, and of what the answers to nearby requests descend to within this one."""
-    begin, best = time.process_time(), min((case.cost(one.to_dict()) for one in case.ask().solutions), default=np.inf)
+    begin, best = (
+        time.process_time(),
+        min((case.cost(solution.to_dict()) for solution in case.ask().solutions), default=np.inf),
+    )
     for by in cycle(SHIFTS):
         if time.process_time() - begin > seconds or best <= EXACT:
             return best
-        for one in case.ask(TRY, **shifted(case.request, random, by), top=5).solutions:
+        for solution in case.ask(TRY, **shifted(case.request, random, by), top=5).solutions:
             try:
-                ends = case.ask(start_from=[one.to_dict()], local=True, top=1).solutions
+                ends = case.ask(start_from=[solution.to_dict()], local=True, top=1).solutions
             except la.FieldError:  # too far from what is asked to begin there
                 continue
             best = min([best, *(case.cost(end.to_dict()) for end in ends)])
@@ -319,7 +330,7 @@ def search_heavily(names: Sequence[str], cases: int, seconds: float) -> None:
     references = References()
     for number in range(cases):
         for name in names:
-            seed = CLASSES[name].some(cases)[number]
+            seed = CLASSES[name].seeds_of(cases)[number]
             case = CLASSES[name].case(seed)
             before, spent = references.of(name, seed, case.mark)
             if spent >= seconds or before <= EXACT:
@@ -340,7 +351,7 @@ def measure_class(
     out |= {} if kind.exact else {f"cost_{budget}": [] for budget in budgets}
     for maker in kind.makers:  # what the first request of a kind makes is made
         maker(FRESH - 1).ask(budget=0.5)
-    for seed in kind.some(cases):
+    for seed in kind.seeds_of(cases):
         case = kind.case(seed)
         replies = {"cost": times.run(case.ask)}
         if not kind.exact:
@@ -351,7 +362,7 @@ def measure_class(
             out[which].append(report.finite(float(f"{cost:.7g}")))
         if keep and not kind.exact:
             references.improve(name, seed, case.mark, min(found.values()))
-    return {"cases": len(out["seed"]), **out, "ms": [round(1000 * one, 3) for one in times.processor]}
+    return {"cases": len(out["seed"]), **out, "ms": [round(1000 * seconds, 3) for seconds in times.processor]}
 
 
 def first_cost(case: Case, reply: Any) -> float:
@@ -377,7 +388,7 @@ def row(name: str, part: Mapping[str, Any], references: References) -> dict[str,
     """What the tables show of a class."""
     ratio = over(name, part, "cost", references)
     judged = np.isfinite(ratio) | np.isinf(ratio)
-    order = [k for k in np.argsort(-np.where(judged, ratio, 0.0), kind="stable") if judged[k] and ratio[k] > NEAR]
+    order = [k for k in np.argsort(-np.where(judged, ratio, 0.0), kind="stable") if judged[k] and ratio[k] > CLOSE]
     out = {
         "class": name,
         "asked": CLASSES[name].asked,
@@ -390,15 +401,15 @@ def row(name: str, part: Mapping[str, Any], references: References) -> dict[str,
     }
     budgets = [which for which in ALLOWED if which in part]
     out |= {which.replace("cost", "good"): share(over(name, part, which, references)) for which in budgets}
-    every = [np.maximum(costs(part, which), EXACT) for which in (*budgets, "cost")]
-    fewer = [more > NEAR * less for less, more in pairwise(every)]
+    cost_rows = [np.maximum(costs(part, which), EXACT) for which in (*budgets, "cost")]
+    fewer = [more > CLOSE * less for less, more in pairwise(cost_rows)]
     return out | {"less_for_more": int(np.sum(fewer))}
 
 
 def share(ratio: np.ndarray) -> float | None:
     """The part of the judged cases that is near enough."""
     judged = ratio[~np.isnan(ratio)]
-    return float(np.mean(judged <= NEAR)) if judged.size else None
+    return float(np.mean(judged <= CLOSE)) if judged.size else None
 
 
 def compare(names: Sequence[str], before: Mapping[str, Any]) -> None:
@@ -410,16 +421,16 @@ def compare(names: Sequence[str], before: Mapping[str, Any]) -> None:
     print("".join(f"{head:20}" for head in ("class", *heads.split("|"))))
     for name in names:
         now, then = measure_class(name, QUICK, QUICK_BUDGETS, references, keep=False), before.get(name, {"seed": []})
-        places = [then["seed"].index(seed) for seed in now["seed"] if seed in then["seed"]]
-        if len(places) < len(now["seed"]):
+        indices = [then["seed"].index(seed) for seed in now["seed"] if seed in then["seed"]]
+        if len(indices) < len(now["seed"]):
             print(f"{name:20}is not in the run that is kept")
             continue
-        old = {which: [values[k] for k in places] for which, values in then.items() if isinstance(values, list)}
+        old = {which: [values[k] for k in indices] for which, values in then.items() if isinstance(values, list)}
         new, was = row(name, now, references), row(name, old, references)
         mine, theirs = (np.maximum(costs(part, "cost"), EXACT) for part in (now, old))
         words = [f"{ms(new['median'])}  {ms(was['median'])}  {new['median'] / was['median']:.2f}"]
-        words += [f"{percent(new.get(one))}  {percent(was.get(one))}" for one in ("good", "good_100", "good_300")]
-        words += [f"{np.sum(mine * NEAR < theirs)}  {np.sum(mine > NEAR * theirs)}"]
+        words += [f"{percent(new.get(name))}  {percent(was.get(name))}" for name in ("good", "good_100", "good_300")]
+        words += [f"{np.sum(mine * CLOSE < theirs)}  {np.sum(mine > CLOSE * theirs)}"]
         print("".join(f"{word:20}" for word in (name, *words)) + "  ".join(new["worst"]), flush=True)
 
 
@@ -440,25 +451,27 @@ LINKS = 10
 def published(folder: Path) -> Iterator[dict[str, Any]]:
     """A row a published case of a folder: root mean square of the positions with growing budgets, beside the best known."""
     for file in sorted(folder.glob("*.json")):
-        told = json.loads(file.read_text())
-        if told.get("kind") not in ("motion", "path"):
+        published_request = json.loads(file.read_text())
+        if published_request.get("kind") not in ("motion", "path"):
             continue
-        position, rotation = np.array(told["position"]), told.get("rotation")
+        position, rotation = np.array(published_request["position"]), published_request.get("rotation")
         size = float(np.max(np.linalg.norm(position - position.mean(axis=0), axis=1)))
         closed = bool(np.linalg.norm(position[0] - position[-1]) < 1e-9 * size)
-        crank = told.get("crank_angle")
+        crank = published_request.get("crank_angle")
         request: dict[str, Any] = {"position": position, "rotation": rotation, "degrees": False}
         request |= {"crank_angle": np.subtract(crank, crank[0])} if crank else {"timing": "free", "closed": closed}
         family = "full_crank" if rotation is None else "any"
         request |= {"limits": {"preset": "none", "link_max": LINKS * size, "family": family}}
-        request |= {"length_scale": told["length_scale"]} if told.get("length_scale") else {}
-        case, times = Case(request, lambda one: np.inf), report.Times()
+        request |= (
+            {"length_scale": published_request["length_scale"]} if published_request.get("length_scale") else {}
+        )
+        case, times = Case(request, lambda _: np.inf), report.Times()
         best = times.run(case.ask)
-        known = told["best_known"]
+        known = published_request["best_known"]
         rms = known.get("rms", known.get("pos", np.sqrt(known.get("sse", np.nan) / len(position))))
         yield {
-            "case": told["name"],
-            "citation": told["citation"],
+            "case": published_request["name"],
+            "citation": published_request["citation"],
             "timing": "given" if crank else "free",
             "samples": len(position),
             "family": family,
@@ -482,22 +495,23 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
     newest = [row(name, results["parts"][name], references) for name in CLASSES if name in results["parts"]]
     rows = [
         {
-            "class": one["class"],
-            "parts": f"{ms(one['median'])} / {ms(one['p99'])}",
-            "parts_good": percent(one["good"]),
-            "parts_cases": f"{one['cases']:,}",
+            "class": row["class"],
+            "parts": f"{ms(row['median'])} / {ms(row['p99'])}",
+            "parts_good": percent(row["good"]),
+            "parts_cases": f"{row['cases']:,}",
         }
-        for one in newest
+        for row in newest
     ]
-    soon = [one for one in newest if not CLASSES[one["class"]].exact]
-    for one in soon:
-        one |= {which: percent(value) for which, value in one.items() if which.startswith("good")}
-    worst = [one | {"worst": ", ".join(one["worst"])} for one in newest if one["worst"]]
-    known = [seconds for some in references.known.values() for _, _, seconds in some.values()]
+    soon = [row for row in newest if not CLASSES[row["class"]].exact]
+    for result in soon:
+        result |= {which: percent(value) for which, value in result.items() if which.startswith("good")}
+    worst = [row | {"worst": ", ".join(row["worst"])} for row in newest if row["worst"]]
+    known = [seconds for costs_of_case in references.known.values() for _, _, seconds in costs_of_case.values()]
     public = results.get("published_parts", {"rows": []})["rows"]
     tables = report.tables("engine", {"classes": rows, "soon": soon, "worst": worst, "published": public})
     return tables | {
-        "references": f"{len(known):,} requests have a reference, {sum(one >= HEAVY for one in known):,} of them such a search",
+        "references": f"{len(known):,} requests have a reference, "
+        f"{sum(seconds >= HEAVY for seconds in known):,} of them such a search",
         "made": report.made_text([part["made"] for part in results["parts"].values()]),
     }
 
@@ -513,9 +527,9 @@ def draw(results: dict[str, Any]) -> None:
                     continue
                 ratio = np.array([over(name, part, which, references) for which in (*ALLOWED, "cost")])
                 ratio = ratio[:, ~np.isnan(ratio).any(axis=0)]
-                far = 100 * (np.quantile(ratio, FAR, axis=1, method="higher") - 1)
+                worst_ratio = 100 * (np.quantile(ratio, QUANTILE, axis=1, method="higher") - 1)
                 style = {"color": colour} | ({} if run == newest else {"alpha": 0.45, "linestyle": "--"})
-                for axes, y in zip(panels, (100 * np.mean(ratio <= NEAR, axis=1), np.maximum(far, 0.01))):
+                for axes, y in zip(panels, (100 * np.mean(ratio <= CLOSE, axis=1), np.maximum(worst_ratio, 0.01))):
                     axes.plot(BUDGETS, y[:-1], label=name if run == newest else None, marker="o", ms=4, **style)
                     axes.plot(np.median(part["ms"]), y[-1], marker="*", ms=11, **style)
         for axes in panels:
@@ -523,7 +537,7 @@ def draw(results: dict[str, Any]) -> None:
             axes.set_xticks(TICKS, [f"{tick:,}" for tick in TICKS], minor=False)
             axes.minorticks_off()
         panels[0].set(ylim=(-3, 103), ylabel="requests within 1 % of the best known J (%)")
-        panels[1].set(yscale="log", ylabel=f"J above the best known, {100 * FAR:.0f} % of the requests (%)")
+        panels[1].set(yscale="log", ylabel=f"J above the best known, {100 * QUANTILE:.0f} % of the requests (%)")
         drawing.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
         drawing.suptitle("Requests without an exact answer" + ("; dashed: before" if newest == RUNS[-1] else ""))
 
@@ -539,22 +553,22 @@ def measure(
     """The classes in turn, then the published cases."""
     threadpool_limits(1, "blas")
     la.prepare()
-    kept = report.known("engine")
+    stored = report.known("engine")
     if heavy:
         search_heavily([name for name in classes if name in APPROXIMATE], cases, heavy)
         report.render(["engine"])
         return
     if quick:
-        compare(classes, kept.get("before", {}))
+        compare(classes, stored.get("before", {}))
         return
     stamp, references, run = report.stamp(), References(), RUNS[not before]
     for name in classes:
         part = measure_class(name, cases, BUDGETS, references, keep=True)
-        kept = kept | {"made": stamp, run: {**kept.get(run, {}), name: {"made": stamp, **part}}}
+        stored = stored | {"made": stamp, run: {**stored.get(run, {}), name: {"made": stamp, **part}}}
         print(name, json.dumps(row(name, part, References())), flush=True)
-        yield kept
+        yield stored
     if public.is_dir():
-        yield kept | {f"published_{run}": {"made": stamp, "rows": list(published(public))}}
+        yield stored | {f"published_{run}": {"made": stamp, "rows": list(published(public))}}
 
 
 if __name__ == "__main__":

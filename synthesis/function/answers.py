@@ -114,27 +114,32 @@ class Extremes(NamedTuple):
 
 def rocker_angles(linkages: Sequence[Linkage], travel: Floats) -> Floats:
     """theta3 at crank angles (n, M) or (M,) from the first sample, in (-pi, pi] at the first sample, (n, M)."""
-    links, branch = np.array([one.links for one in linkages]), np.array([one.branch for one in linkages])
-    start = np.array([one.start for one in linkages])[:, None]
+    links, branch = (
+        np.array([linkage.links for linkage in linkages]),
+        np.array([linkage.branch for linkage in linkages]),
+    )
+    start = np.array([linkage.start for linkage in linkages])[:, None]
     travel = np.broadcast_to(travel, (len(linkages), np.shape(travel)[-1]))
     crank = np.concatenate([start, start + travel], axis=1)
     return principal(close_loop(links, crank).rocker_angle(branch))[:, 1:]
 
 
-def look(wanted: TargetFunction) -> Floats:
+def look(target: TargetFunction) -> Floats:
     """Crank angles at which an error curve is looked at before its extremes are refined.
 
     They are denser towards the ends, down to a thousand millionth of the interval: there x^p may begin with an infinite slope,
     and a rocker at a dead position too.
     """
-    steps = max(_STEPS, 2 * wanted.crank.size)
+    steps = max(_STEPS, 2 * target.crank.size)
     cosine = (1 - np.cos(np.linspace(0.0, np.pi, steps + 1))) / 2
-    near = np.logspace(-9, -3, 49)
-    share = np.unique(np.concatenate([cosine, np.linspace(0.0, 1.0, steps // 2 + 1), near, 1 - near]))
-    return share * wanted.crank[-1]
+    close_to_ends = np.logspace(-9, -3, 49)
+    share = np.unique(
+        np.concatenate([cosine, np.linspace(0.0, 1.0, steps // 2 + 1), close_to_ends, 1 - close_to_ends])
+    )
+    return share * target.crank[-1]
 
 
-def extremes(error: Callable[[Floats], Floats], crank: Floats, most: int) -> Extremes:
+def extremes(error: Callable[[Floats], Floats], crank: Floats, max_extremes: int) -> Extremes:
     """The extremes of error curves: of each stretch of one sign the largest, refined.
 
     Parameters
@@ -151,10 +156,10 @@ def extremes(error: Callable[[Floats], Floats], crank: Floats, most: int) -> Ext
     inner = np.pad(size, ((0, 0), (1, 1)), constant_values=-1.0)
     peak = (size >= inner[:, :-2]) & (size > inner[:, 2:])
     height = np.where(peak, size, -1.0)
-    places = np.sort(np.argsort(-height, axis=1, kind="stable")[:, :most], axis=1)
-    height = np.take_along_axis(height, places, axis=1)
-    left, right = crank[np.maximum(places - 1, 0)], crank[np.minimum(places + 1, crank.size - 1)]
-    at, value = crank[places], np.take_along_axis(values, places, axis=1)
+    indices = np.sort(np.argsort(-height, axis=1, kind="stable")[:, :max_extremes], axis=1)
+    height = np.take_along_axis(height, indices, axis=1)
+    left, right = crank[np.maximum(indices - 1, 0)], crank[np.minimum(indices + 1, crank.size - 1)]
+    at, value = crank[indices], np.take_along_axis(values, indices, axis=1)
     for shrink in (1.0, 0.1, 0.02):
         # a parabola through three places, closer and closer together
         here, beside = np.abs(value), (at + shrink * (left - at), at + shrink * (right - at))
@@ -181,27 +186,30 @@ def alternations(found: Extremes) -> list[int]:
 
 
 def errors_of(
-    wanted: TargetFunction, gap: Callable[[Floats], Floats], count: int, largest: bool, residual: Floats
+    target: TargetFunction, gap: Callable[[Floats], Floats], count: int, largest: bool, residual: Floats
 ) -> list[FunctionErrors]:
     """Errors of ``count`` candidates from their gaps: at inputs (n, M) by ``gap``, at the samples ``residual`` (n, N).
 
     ``largest``: whether the largest error over the interval counts, or the root of the mean square at the samples.
     """
-    rms = np.sqrt(wanted.mean(residual**2))
+    rms = np.sqrt(target.mean(residual**2))
     if not largest:
-        worst = np.abs(wanted.mean.given(residual)).max(axis=1)
-        return [FunctionErrors(float(one), float(most), None, float(one)) for one, most in zip(rms, worst)]
+        worst = np.abs(target.mean.given(residual)).max(axis=1)
+        return [
+            FunctionErrors(float(rms_error), float(largest_error), None, float(rms_error))
+            for rms_error, largest_error in zip(rms, worst)
+        ]
 
     def error(crank: Floats) -> Floats:
         crank = np.broadcast_to(crank, (count, crank.shape[-1]))
-        return np.where(wanted.weight(crank) > 0, gap(crank), 0.0)
+        return np.where(target.weight(crank) > 0, gap(crank), 0.0)
 
     def weighted(crank: Floats) -> Floats:
-        return wanted.weight(np.broadcast_to(crank, (count, crank.shape[-1]))) * error(crank)
+        return target.weight(np.broadcast_to(crank, (count, crank.shape[-1]))) * error(crank)
 
-    found = plain = extremes(weighted, look(wanted), PEAKS)
-    if wanted.weights is not None:
-        plain = extremes(error, look(wanted), PEAKS)
+    found = plain = extremes(weighted, look(target), PEAKS)
+    if target.weights is not None:
+        plain = extremes(error, look(target), PEAKS)
     columns = zip(rms.tolist(), plain.size.max(axis=1).tolist(), alternations(found), found.size.max(axis=1).tolist())
     return [FunctionErrors(*column) for column in columns]
 
@@ -212,8 +220,8 @@ def how_they_turn(links: Floats, used: Interval) -> list[tuple[Family, float, fl
     The first is 0 if a linkage does not close over its interval of theta1, the second None if its crank does not turn fully.
     """
     first, last = (
-        np.stack([np.broadcast_to(end, len(links)), np.full(len(links), whole)])
-        for end, whole in zip(used, (0.0, np.pi))
+        np.stack([np.broadcast_to(end, len(links)), np.full(len(links), turn_end)])
+        for end, turn_end in zip(used, (0.0, np.pi))
     )
     used_angles, turn = transmission_angle_over(links, Interval(first, last))
     families = [Family(name) for name in family(links)]
@@ -224,13 +232,13 @@ def how_they_turn(links: Floats, used: Interval) -> list[tuple[Family, float, fl
 
 
 def finished(
-    wanted: TargetFunction, linkages: Sequence[Linkage], largest: bool, offsets: Floats | None = None
+    target: TargetFunction, linkages: Sequence[Linkage], largest: bool, offsets: Floats | None = None
 ) -> list[Generator]:
     """Generators with their errors.
 
     Parameters
     ----------
-    wanted : TargetFunction
+    target : TargetFunction
     linkages : sequence of Linkage
         Each closes over the interval.
     largest : bool
@@ -240,19 +248,21 @@ def finished(
     """
     if not linkages:
         return []
-    angle = rocker_angles(linkages, wanted.crank)
-    target = replace(wanted.target, offset=wanted.offset)
-    offset = rotation_residual(target, angle)[0]
+    angle = rocker_angles(linkages, target.crank)
+    offset = rotation_residual(replace(target.target, offset=target.offset), angle)[0]
     if offsets is not None:
         offset = offsets + whole_turns(offset - offsets)
 
     def gap(crank: Floats) -> Floats:
-        return np.asarray(wanted.curve(crank) - offset[:, None] - rocker_angles(linkages, crank))
+        return np.asarray(target.curve(crank) - offset[:, None] - rocker_angles(linkages, crank))
 
-    errors = errors_of(wanted, gap, len(linkages), largest, wanted.output - angle - offset[:, None])
-    links, start = np.array([one.links for one in linkages]), np.array([one.start for one in linkages])
-    turning = how_they_turn(links, wanted.interval.after(start))
-    return [Generator(one, float(offset[k]), errors[k], *turning[k]) for k, one in enumerate(linkages)]
+    errors = errors_of(target, gap, len(linkages), largest, target.output - angle - offset[:, None])
+    links, start = (
+        np.array([linkage.links for linkage in linkages]),
+        np.array([linkage.start for linkage in linkages]),
+    )
+    turning = how_they_turn(links, target.interval.after(start))
+    return [Generator(linkage, float(offset[k]), errors[k], *turning[k]) for k, linkage in enumerate(linkages)]
 
 
 class Generators(FourBar):
@@ -261,70 +271,72 @@ class Generators(FourBar):
     The search is for linkages with coupler and rocker exchanged.
     """
 
-    def __init__(self, wanted: TargetFunction, ground: float) -> None:
-        self.wanted, self.ground = wanted, ground
+    def __init__(self, target: TargetFunction, ground: float) -> None:
+        self.wanted, self.ground = target, ground
 
     def assess(
         self, target: Target, linkages: Sequence[Linkage], /, *, rows: Sequence[int] | None = None
     ) -> list[Any]:
         """Return the linkages exchanged back, as generators with the errors of their rockers."""
-        return finished(self.wanted, [exchanged(one).scaled(self.ground) for one in linkages], False)
+        return finished(self.wanted, [exchanged(linkage).scaled(self.ground) for linkage in linkages], False)
 
     def within(self, samples: Samples, limits: Limits, solutions: Sequence[Any]) -> list[Any]:
         """Those of the family that close over the interval."""
         if not solutions:
             return []
-        kept = in_family(limits.family, np.array([one.linkage.links for one in solutions]))
-        return [one for one, keep in zip(solutions, kept) if keep and one.transmission_angle_min > 0]
+        accepted = in_family(limits.family, np.array([solution.linkage.links for solution in solutions]))
+        return [
+            solution for solution, keep in zip(solutions, accepted) if keep and solution.transmission_angle_min > 0
+        ]
 
 
 def turning_back(
-    wanted: TargetFunction, output: Callable[[Floats], Floats], least: float
+    target: TargetFunction, output: Callable[[Floats], Floats], tolerance: float
 ) -> tuple[float, float] | None:
     """By how much an output turns back in all, and at which part of the interval most; None where it goes one way.
 
     ``least``: a turn back between two places that is no more is rounding. None too where the wanted output turns back itself.
     """
-    way = np.sign(wanted.output[-1] - wanted.output[0])
-    if not np.all(np.diff(wanted.output) * way > 0):
+    sense = np.sign(target.output[-1] - target.output[0])
+    if not np.all(np.diff(target.output) * sense > 0):
         return None
-    places = look(wanted)
-    made = np.diff(output(places)) * way
-    if np.all(made > -least):
+    angles = look(target)
+    steps = np.diff(output(angles)) * sense
+    if np.all(steps > -tolerance):
         return None
-    return float(-made[made < 0].sum()), float(abs(places[int(np.argmin(made))] / wanted.crank[-1]))
+    return float(-steps[steps < 0].sum()), float(abs(angles[int(np.argmin(steps))] / target.crank[-1]))
 
 
-def fraction_back(wanted: TargetFunction, linkage: Linkage) -> float:
+def fraction_back(target: TargetFunction, linkage: Linkage) -> float:
     """Return the fraction of the output's range by which a rocker turns back on the way."""
-    back = turning_back(wanted, lambda crank: rocker_angles([linkage], crank)[0], _ROUNDING)
-    return 0.0 if back is None else back[0] / float(np.ptp(wanted.output))
+    back = turning_back(target, lambda crank: rocker_angles([linkage], crank)[0], _ROUNDING)
+    return 0.0 if back is None else back[0] / float(np.ptp(target.output))
 
 
-def turns_back(wanted: TargetFunction, linkages: Sequence[Linkage]) -> list[str | None]:
+def turns_back(target: TargetFunction, linkages: Sequence[Linkage]) -> list[str | None]:
     """A sentence for each linkage whose rocker turns back where the wanted output goes one way; None for the others."""
     found: list[str | None] = []
-    for one in linkages:
-        back = turning_back(wanted, lambda crank, one=one: rocker_angles([one], crank)[0], _ROUNDING)  # type: ignore[misc]
+    for linkage in linkages:
+        back = turning_back(target, lambda crank, linkage=linkage: rocker_angles([linkage], crank)[0], _ROUNDING)  # type: ignore[misc]
         words = "the rocker turns back by {:.3g} degrees at {:.3g} % of the interval"
         found.append(None if back is None else words.format(np.rad2deg(back[0]), 100 * back[1]))
     return found
 
 
-def to_csv(wanted: TargetFunction, linkage: Linkage, offset: float, unit: float) -> str:
+def to_csv(target: TargetFunction, linkage: Linkage, offset: float, unit: float) -> str:
     """Return the function at the samples as CSV; the error is output got minus output wanted.
 
     Angles are divided by ``unit`` (radians in one unit of angle).
     """
-    closed_motions(linkage, wanted.interval)
-    crank, body, rocker = linkage.motions(wanted.crank)
-    output = rocker_angles([linkage], wanted.crank)[0] + offset
+    closed_motions(linkage, target.interval)
+    crank, body, rocker = linkage.motions(target.crank)
+    output = rocker_angles([linkage], target.crank)[0] + offset
     columns = {
-        "input": wanted.crank,
-        "output_wanted": wanted.output,
+        "input": target.crank,
+        "output_wanted": target.output,
         "output": output,
-        "error": output - wanted.output,
-        "transmission_angle": linkage.body(linkage.start + wanted.crank).transmission_angle,
+        "error": output - target.output,
+        "transmission_angle": linkage.body(linkage.start + target.crank).transmission_angle,
         "crank_direction": crank.angle,
         "coupler_direction": body.angle - (linkage.body_offset or 0.0),
         "rocker_direction": rocker.angle,

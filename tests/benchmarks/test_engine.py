@@ -21,9 +21,9 @@ def test_every_reference_belongs_to_a_request_of_today() -> None:
 
 def test_seeds_are_distinct_and_lead_back_to_their_requests() -> None:
     for kind in engine.CLASSES.values():
-        seeds = kind.some(12)
+        seeds = kind.seeds_of(12)
         assert len(set(seeds)) == len(seeds) == 12 * kind.many and set(kind.seeds) <= set(seeds)
-    marks = [kind.case(seed).mark for kind in APPROXIMATE for seed in kind.some(12)]
+    marks = [kind.case(seed).mark for kind in APPROXIMATE for seed in kind.seeds_of(12)]
     assert len(set(marks)) == len(marks)
 
 
