@@ -45,7 +45,9 @@ def test_a_report_shows_the_solution_and_needs_nothing_else(request_body, rank, 
 
 
 def test_a_report_of_a_rank_that_is_missing_is_not_written(run, tmp_path) -> None:
-    stdin = json.dumps({"position": DRIVEN["position"], "limits": {"link_max": 1}})
+    stdin = json.dumps(
+        ROTATION | {"budget_ms": 500, "limits": {"link_ratio_max": 1.001, "transmission_angle_min_turn": 80}}
+    )
     code, _, err = run("report", "--out", tmp_path / "a.html", stdin=stdin)
     assert code != Exit.OK and "no solution of rank 1" in err and not [*tmp_path.iterdir()]
 
