@@ -65,7 +65,7 @@ def _violations(solution: Solution, samples: Samples, limits: Limits, ends: tupl
     for spare, violations in (
         (rounding, _by_angles(solution, limits)),
         (rounding, _by_pivots(linkage, limits, extent)),
-        (rounding, _by_travel(solution, limits, samples, ends)),
+        (rounding, _by_travel(solution, limits, samples, extent, ends)),
         (rounding, _by_lengths(linkage, lengths, limits, extent, ends)),
         (rounding, _by_envelope(solution, limits, extent)),
         (equation, _by_equations(linkage, lengths, limits, extent)),
@@ -111,8 +111,10 @@ def _by_pivots(linkage: Linkage, limits: Limits, extent: float) -> Violations:
             yield "keep_out", -float(outside(pivot, box)) / extent
 
 
-def _by_travel(solution: Solution, limits: Limits, samples: Samples, ends: tuple[Used, Used]) -> Violations:
-    linkage, extent = solution.linkage, samples.extent
+def _by_travel(
+    solution: Solution, limits: Limits, samples: Samples, extent: float, ends: tuple[Used, Used]
+) -> Violations:
+    linkage = solution.linkage
     for guide, used, name in zip(linkage.guides, ends, PIVOTS):
         if used is None:
             continue
