@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.everyday import EXACT, Reply, asked, faults, late
+from benchmarks.everyday import EXACT, Reply, faults, late, replies_to
 from benchmarks.service import Service, running, serve_command
 from tests.conftest import some_of
 from tests.everyday.battery import BUDGETS, CLOSED, KINDS, OPEN, group_of, limited, rows
@@ -40,7 +40,7 @@ def test_there_are_150_different_questions() -> None:
 
 @pytest.mark.parametrize("name", some_of(SHOWN, 3))
 def test_an_everyday_question_has_an_answer_that_more_time_does_not_worsen(name: str, service: Service) -> None:
-    replies = asked(
+    replies = replies_to(
         service, ROWS[name], ["preset"], [100, None]
     )  # by the clock: the time of the first answer is unknown
     assert not faults(replies) and replies[1].objective is not None
@@ -48,7 +48,7 @@ def test_an_everyday_question_has_an_answer_that_more_time_does_not_worsen(name:
 
 @pytest.mark.parametrize("name", some_of(["oval, 5 points", "pairs, falling", "knee"], 2))
 def test_a_good_answer_is_found(name: str, service: Service) -> None:
-    replies = asked(service, ROWS[name], ["preset", "any"], [None])
+    replies = replies_to(service, ROWS[name], ["preset", "any"], [None])
     assert not faults(replies)
     assert replies[0].error <= GOOD[name]
 
@@ -56,7 +56,7 @@ def test_a_good_answer_is_found(name: str, service: Service) -> None:
 @pytest.mark.wide
 @pytest.mark.parametrize("name", ROWS)
 def test_every_everyday_question(name: str, service: Service) -> None:
-    replies = asked(service, ROWS[name])
+    replies = replies_to(service, ROWS[name])
     assert not faults(replies)
     assert next(reply for reply in replies if reply.kind == "preset" and reply.budget is None).error <= GOOD[name]
 
@@ -64,7 +64,7 @@ def test_every_everyday_question(name: str, service: Service) -> None:
 @pytest.mark.timed
 @pytest.mark.parametrize("name", ROWS)
 def test_an_answer_takes_no_longer_than_its_budget_allows(name: str, service: Service) -> None:
-    assert not late(asked(service, ROWS[name], KINDS, BUDGETS[:-1]))
+    assert not late(replies_to(service, ROWS[name], KINDS, BUDGETS[:-1]))
 
 
 def reply(objective: float | None = 1e-3, budget: int | None = 100, kind: str = "preset", **more: object) -> Reply:
