@@ -76,7 +76,8 @@ export class Live {
     this.#searching?.abort();
     if (!before && solution !== this.#moved) this.#reference = { answer, solution, motion: answer.motion, joints: this.editor.board.joints };
     if (back(this.#reference.joints)) {
-      this.forget();
+      this.#run = null;
+      clearTimeout(this.timer);
       this.page.display(this.#reference.answer, this.#reference.solution);
       return;
     }
@@ -92,6 +93,7 @@ export class Live {
   forget() {
     clearTimeout(this.timer);
     this.#searching?.abort();
+    if (this.#run) this.results.untrack();
     this.#run = null;
   }
 
@@ -142,11 +144,11 @@ export class Live {
     const begin = request.start_angle === undefined ? { start_from: [moved] } : {};
     try {
       const { solutions, report } = await (await ask("/v2/synthesize", { ...request, ...begin, budget_ms: BUDGET_MS }, control.signal)).json();
-      const others = solutions.filter((one) => !alike(one, moved)).map((one, k) => ({ ...one, rank: k + 1 })), [first] = others;
+      const shown = answer.reply.solutions, others = solutions.filter((one) => !shown.some((other) => alike(one, other))).map((one, k) => ({ ...one, rank: k + 1 })), [first] = others;
       if (control.signal.aborted || !first) return;
       const { objective } = first.errors, { length_scale } = answer.reply.report;
       first.better = objective < BETTER * moved.errors.objective && objective > ROUNDING && !defects(first.verdict).length;
-      answer.reply = { ...answer.reply, report: { ...report, length_scale }, solutions: [moved, ...others] };
+      answer.reply = { ...answer.reply, report: { ...report, length_scale }, solutions: [...shown, ...others] };
       if (answer !== this.page.answer()) return;
       this.results.extend();
       this.page.say();

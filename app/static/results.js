@@ -156,7 +156,7 @@ export class Results {
   /** Selects the solution that is like `wanted`; adds `wanted`, with errors computed here, where there is none. */
   choose(wanted) {
     const { motion, reply } = this.answer;
-    let found = reply.solutions.find((one) => alike(one, wanted));
+    let found = reply.solutions.find((one) => one === wanted) ?? reply.solutions.find((one) => alike(one, wanted));
     if (!found) {
       found = { ...assessed({ ...wanted, verdict: null, rank: null, determination: { ill_posed: false, active_limits: [] } }, motion).solution, source: "link" };
       reply.solutions.push(found);
@@ -172,6 +172,9 @@ export class Results {
     this.player.track(solution, motion, k);
     this.board.tell(`off by ${worstWords(worstRows(this.player.shown, motion, this.answer.size), motion)}`);
   }
+
+  /** Shows the selected linkage again in place of one that was being moved. */
+  untrack() { if (this.solution) this.player.show(this.solution, this.answer.motion, false, false); }
 
   /** Lists solutions that were added to the answer. */
   extend() {
