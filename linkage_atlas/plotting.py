@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike
 from linkage_atlas.records import plane
 from synthesis.arrays import Floats
 from synthesis.export.layout import layout_of, pins_of
-from synthesis.guides import Circle
 from synthesis.linkage import Linkage
 from synthesis.target import TURN, Interval
 
@@ -106,8 +105,8 @@ def plot_linkage(
         ax.fill(*corners[index].T, facecolor=BODY_COLOUR, alpha=0.2 * opacity)
         ax.plot(*corners[index][[*range(corners.shape[1]), 0]].T, color=BODY_COLOUR, alpha=opacity, lw=2)
         for guide, pin in zip(linkage.guides, pins):
-            if isinstance(guide, Circle):
-                bar = np.array([plane(guide.pivot), pin[index]])
+            if not guide.slides:
+                bar = np.array([plane(guide[0]), pin[index]])
                 ax.plot(*bar.T, "o-", color=LINK_COLOUR, alpha=opacity, lw=3, markersize=5)
     for track in [ends for ends in map(layout.track, (0, 1)) if ends is not None]:
         ax.plot(*plane(track).T, color=LINK_COLOUR, lw=1, linestyle="--")

@@ -23,7 +23,6 @@ from synthesis.arrays import Complexes, Floats, angle_at, cross, dot
 from synthesis.drives.links import GROUND, LinkMotions, motions_at
 from synthesis.drives.motor import MotorCycle, evaluate_motor
 from synthesis.errors import FieldError
-from synthesis.guides import Circle, Rail
 from synthesis.linkage import Linkage, LinkMotion
 from synthesis.studies.forces import Load
 from synthesis.target import TURN, Interval
@@ -375,19 +374,11 @@ def joints_of(linkage: Linkage, motor: Motor, machine: LinkMotions) -> list[Join
     """
     links, body, found = machine.links, machine.links["coupler"], []
     for (name, guide), fixed, moving in zip(linkage.by_coupler.named_guides, "AB", "DC"):
-        ground: tuple[Complexes, Complexes | None]
-        on_body: tuple[Complexes, Complexes | None]
-        pin = body.place(guide.body_point)
-        if isinstance(guide, Circle):
-            ground, on_body = (links[name].origin, None), (pin, None)
-        elif isinstance(guide, Rail):
-            across = np.full(pin.shape, 1j * np.exp(1j * guide.direction))
-            ground, on_body = (pin, across), (pin, None)
-        else:
-            pin = np.full(pin.shape, guide.pin, dtype=complex)
-            across = 1j * body.direction * np.exp(1j * guide.body_direction)
-            ground, on_body = (pin, None), (pin, across)
-        found += [Joint(fixed, GROUND, name, *ground), Joint(moving, name, "coupler", *on_body)]
+        pin, across = guide.contact(body.origin, body.direction), guide.push(body.origin, body.direction)
+        ground = Joint(
+            fixed, GROUND, name, pin if guide.slides else links[name].origin, None if guide.has_pin else across
+        )
+        found += [ground, Joint(moving, name, "coupler", pin, None if guide.holds_point else across)]
     if linkage.is_four_bar:  # in the order of the loop
         found[2:] = found[:1:-1]
     return found + rod_joints(motor, machine)

@@ -14,7 +14,7 @@ from synthesis.export.layout import (
     turn_path,
     unit_in_words,
 )
-from synthesis.guides import Circle, Driver, Rail, Slot
+from synthesis.guides import Driver, Rail, Slot
 from synthesis.linkage import Linkage
 from synthesis.sheet import Extra, More, Sheet, dxf_document, dxf_text
 from synthesis.target import Target
@@ -76,9 +76,9 @@ def to_svg(linkage: Linkage, target: Target, extra: Extra | None = None, length_
     ground = [] if layout.ground is None else [sheet.line(np.array(layout.ground[1:]), "ground")]
     ground += [sheet.line(rail, "rail") for rail in rails]
     links = [
-        sheet.line(np.array([guide.pivot, layout.pins[index]]), ("crank", "rocker")[index])
+        sheet.line(np.array([guide[0], layout.pins[index]]), ("crank", "rocker")[index])
         for index, guide in enumerate(linkage.guides)
-        if isinstance(guide, Circle)
+        if not guide.slides
     ]
     links += [sheet.line(block, "slider", closed=True) for block in layout.blocks]
     links += [sheet.line(slot, "slot") for slot in slots]

@@ -113,10 +113,9 @@ class Layout:
         corners = np.array([-2 - 1j, 2 - 1j, 2 + 1j, -2 + 1j]) * half / 1.5
         blocks = []
         for guide, pin in zip(self.linkage.guides, self.pins):
-            if isinstance(guide, Rail):
-                blocks.append(pin + corners * np.exp(1j * guide.direction))
-            elif isinstance(guide, Slot):
-                blocks.append(pin + corners * np.exp(1j * (self.body.angle[0] + guide.body_direction)))
+            if guide.slides:
+                along = -1j * guide.push(self.body.origin, self.body.direction)[0]
+                blocks.append(pin + corners * along)
         return blocks
 
     @cached_property
@@ -125,7 +124,7 @@ class Layout:
         corners = list(self.pins)
         for index, guide in enumerate(self.linkage.guides):
             track = self.track(index)
-            if isinstance(guide, Slot) and track is not None:
+            if not guide.holds_point and track is not None:
                 corners[index] = complex(track.mean())
         return np.array([*corners, *([self.body.origin[0]] if self.linkage.mounted else [])])
 

@@ -141,7 +141,7 @@ class _Model:
             parts += [f'<site name="body_point" pos="{xy0(point)}" {mark}/>']
             parts += [self.rod("body", 0j, point, self.thick / 3, None)]
         for index, guide in enumerate((first, second)):
-            if isinstance(guide, Slot) and (track := self.layout.track(index)) is not None:
+            if not guide.holds_point and (track := self.layout.track(index)) is not None:
                 low, high = (self.local(complex(end) * self.metre) for end in track)
                 parts.append(self.rod(f"slot_{index + 1}", low, high, self.thick / 2, _COLOURS[BODY]))
         if not (first.holds_point and second.holds_point):
@@ -207,7 +207,7 @@ class _Model:
         rails = {
             f"rail_{index + 1}": track
             for index, track in enumerate(tracks)
-            if track is not None and isinstance(linkage.guides[index], Rail)
+            if track is not None and not linkage.guides[index].has_pin
         }
         if self.layout.ground is not None:
             rails["ground"] = np.array(self.layout.ground[1:])
