@@ -15,6 +15,8 @@ KERNELS = (
     "synthesis.kernels.crank_loops",
     "synthesis.kernels.four_bar_limits",
     "synthesis.kernels.crank_descent",
+    "synthesis.kernels.guide",
+    "synthesis.kernels.pair_rows",
     "synthesis.kernels.pair_descent",
     "synthesis.kernels.quadratic_program",
     "synthesis.kernels.distinct",

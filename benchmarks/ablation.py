@@ -77,7 +77,7 @@ def slider_request(kind: int, seed: int) -> Request:
         noise = 1e-3 * random.normal(size=(3, 12))
         scale = poses.length_scale
         poses = make_poses(rotation + noise[0], position + scale * (noise[1] + 1j * noise[2]), length_scale=scale)
-    options = {"given": drive} if kind == 2 else {}
+    options = {"prescribed": drive} if kind == 2 else {}
     return lambda: slider_error(poses, Limits("any"), [Kind(mechanism)], DRIVERS[mechanism], **options)
 
 
@@ -271,7 +271,7 @@ def heuristics() -> tuple[Heuristic, ...]:
                 "three widths",
                 "Perturbations are wide, medium and narrow in turn.",
                 APPROXIMATE,
-                options(widths=(1.0,)),
+                None,
             ),
             (
                 "heavy tails",

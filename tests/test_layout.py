@@ -19,7 +19,7 @@ SOLE_IMPORTERS = {
         "synthesis/atlas/tree_kernel.py",
         *(
             f"synthesis/kernels/{name}.py"
-            for name in ("crank_loops", "four_bar_limits", "crank_descent", "pair_descent")
+            for name in ("crank_loops", "four_bar_limits", "crank_descent", "guide", "pair_rows", "pair_descent")
         ),
         *(f"synthesis/kernels/{name}.py" for name in ("quadratic_program", "distinct")),
     ),

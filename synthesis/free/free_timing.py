@@ -102,13 +102,13 @@ class FreeTiming(CrankDriven):
         excursion, rotation = problem.excursions(timed, SHORTEST_CHORD, self.options.panel)
         return np.asarray((excursion > LEAVES_SAMPLES) | poses.turned_otherwise(rotation))
 
-    def perturbed_angles(self, timed: Timed, width: float) -> Floats:
+    def perturbed_angles(self, timed: Timed) -> Floats:
         """Return crank angles with another start and another span."""
         random, options, count = self.random, self.options, len(timed.branch)
         along = timed.angles - timed.angles[:, :1]
-        factor = np.exp(width * options.span_width * random.standard_t(3, size=(count, 1)))
+        factor = np.exp(options.span_width * random.standard_t(3, size=(count, 1)))
         largest = options.span_max * self.poses.span_max / np.maximum(np.abs(along[:, -1:]), 1e-9)
-        start = timed.angles[:, :1] + width * self.chart.hop[-1] * random.standard_t(3, size=(count, 1))
+        start = timed.angles[:, :1] + self.chart.hop[-1] * random.standard_t(3, size=(count, 1))
         return np.asarray(start + along * np.minimum(factor, largest))
 
     def complete(self, pool: Pool) -> Pool:

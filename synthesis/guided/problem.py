@@ -50,7 +50,6 @@ class PairOptions(SearchOptions):
     seed_rounds: int = 1
     origins: int = 3
     copies: int = 5
-    widths: tuple[float, ...] = (1.0,)
     gain: float = 0.01
     idle_rounds: float = 40
     idle_fraction: float = 0.0
@@ -481,7 +480,7 @@ class PairProblem:
 
     # -- perturbation -----------------------------------------------------------------------------------------------
 
-    def perturb(self, origins: Candidates, copies: int, width: float) -> Candidates:
+    def perturb(self, origins: Candidates, copies: int) -> Candidates:
         """Return perturbed copies of basins."""
         chosen = []
         for group in range(self.groups):
@@ -489,7 +488,7 @@ class PairProblem:
             chosen.append(np.resize(own, copies) if own.size else own)
         starts = origins.take(in_turn(chosen))
         chart, count = Chart(starts.pairs), starts.cost.size
-        noise = width * self.random.standard_t(3, size=(count, 2 * OWN)) * np.tile(self.options.perturbation, 2)
+        noise = self.random.standard_t(3, size=(count, 2 * OWN)) * np.tile(self.options.perturbation, 2)
         self.seeds += count
         return self.measured(chart.pairs_at(chart.start + noise), starts.drive, self.few, 2)
 

@@ -32,3 +32,10 @@ cdef enum:
     BY_TURNED = 8
     BY_BODY = 9
     COLUMNS = 11
+    GUIDE_UNKNOWNS = 5
+    BY_START = 10
+    BY_ROTATION = 11
+    BY_X = 12
+    BY_Y = 13
+    PAIR_WIDTH = 14
+    PAIR_VALUE = 11

@@ -42,3 +42,13 @@ BY_PIVOT = 6  # pivot A (x, y)
 BY_TURNED = 8  # angle of the ground link
 BY_BODY = 9  # z2 (x, y)
 COLUMNS = 11
+
+# Unknowns of each guide of a pair: body point (x, y), direction and offset of the curve's normal, curvature
+GUIDE_UNKNOWNS = 5
+BY_START = 10  # drive at the first sample, if it is prescribed
+# Columns of the derivatives with respect to the pose of a pair, after the unknowns
+BY_ROTATION = 11
+BY_X = 12
+BY_Y = 13
+PAIR_WIDTH = 14
+PAIR_VALUE = 11  # column of the value, after the derivatives with respect to the unknowns

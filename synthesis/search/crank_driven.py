@@ -76,7 +76,7 @@ class CrankDriven:
         """Return candidates at all samples as candidates of the search."""
         raise NotImplementedError
 
-    def perturbed_angles(self, timed: Timed, width: float) -> Floats:
+    def perturbed_angles(self, timed: Timed) -> Floats:
         """Return perturbed crank angles (n, N)."""
         raise NotImplementedError
 
@@ -136,15 +136,15 @@ class CrankDriven:
 
     # -- perturbation -----------------------------------------------------------------------------------------------
 
-    def perturb(self, origins: Pool, copies: int, width: float) -> Timed:
+    def perturb(self, origins: Pool, copies: int) -> Timed:
         """Return copies of candidates with heavy-tailed perturbations of shape and timing; some change the branch."""
         timed = origins.timed.take(np.repeat(np.arange(origins.cost.size), copies))
-        noise = width * self.random.standard_t(3, size=timed.shape.shape) * self.chart.hop[:-1]
+        noise = self.random.standard_t(3, size=timed.shape.shape) * self.chart.hop[:-1]
         flipped = self.random.random(len(timed.branch)) < self.options.flipped
         return Timed(
             self.chart.hopped(timed.shape, noise),
             timed.pose,
             timed.offset,
-            self.perturbed_angles(timed, width),
+            self.perturbed_angles(timed),
             np.where(flipped, -timed.branch, timed.branch),
         )

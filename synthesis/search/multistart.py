@@ -56,7 +56,7 @@ class SearchProblem(Protocol):
     def restart(self, candidates: Candidates) -> Starts:
         """Return candidates as starting points."""
 
-    def perturb(self, origins: Candidates, copies: int, width: float) -> Starts:
+    def perturb(self, origins: Candidates, copies: int) -> Starts:
         """Return perturbed copies of basins."""
 
     def relatives(self, new: Candidates) -> Starts | None:
@@ -186,8 +186,7 @@ class MultiStart(Generic[P]):
             return starts
         if self.pool is None or not self.pool.cost.size:
             return None
-        width = options.widths[number // 2 % len(options.widths)]
-        starts = self.perturbations(options.origins, options.copies, width)
+        starts = self.perturbations(options.origins, options.copies)
         more = None if self._new is None else self.problem.relatives(self._new)
         return starts if more is None else starts.joined(more)
 
@@ -303,10 +302,10 @@ class MultiStart(Generic[P]):
         strays = [self._strays[cost] for cost in found.cost.tolist()]
         return np.where(strays, np.maximum(STANDS_BACK**2 * found.cost, NEAR**2), found.cost)
 
-    def perturbations(self, origins: int, copies: int, width: float = 1.0) -> Starts:
+    def perturbations(self, origins: int, copies: int) -> Starts:
         """Return perturbed copies of the best basins of each group."""
         assert self.pool is not None
-        return self.problem.perturb(self._leading(self.pool, origins), copies, width)
+        return self.problem.perturb(self._leading(self.pool, origins), copies)
 
     # -- answers ----------------------------------------------------------------------------------------------------
 

@@ -35,7 +35,7 @@ SELECTED_LATE = Schedule((_EARLY, _LATE), 12, _CONTINUATION, 4, 4, _END)
 """Select after 27 steps."""
 SELECTED_EARLY = Schedule((_EARLY,), 12, (_LATE, *_CONTINUATION), 4, 4, _END)
 """Select after 15 steps: with free crank angles the best candidates are known as well after 15 steps as after 27."""
-POLISH = (Stage(120, 1e-10, 300.0), Stage(120, 1e-13, 3000.0))
+POLISH = (Stage(120, 1e-10, 100.0), Stage(120, 1e-13, 300.0))
 """Stages that refine the best answers on all samples to convergence when the search ends."""
 COMPLETION = Stage(40, 1e-4, 30.0)
 
@@ -69,8 +69,6 @@ class SearchOptions:
     """Number of basins of a group that are perturbed in a round."""
     copies: int = 6
     """Number of perturbations of a basin."""
-    widths: tuple[float, ...] = (1.0, 0.5, 0.25)
-    """Widths of the perturbations; each serves two rounds in turn."""
     gain: float = 2e-3
     """A round that lowers the error by a smaller fraction does not count as a gain."""
     idle_rounds: float = 20

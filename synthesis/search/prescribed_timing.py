@@ -85,9 +85,9 @@ class PrescribedTiming(CrankDriven):
         timed = self._at_all_samples(pool.timed)
         return self.within.descended(timed, [self.options.completion], 0.1 * self.tolerance, self.work)
 
-    def perturbed_angles(self, timed: Timed, width: float) -> Floats:
+    def perturbed_angles(self, timed: Timed) -> Floats:
         """Return other starts."""
-        return timed.angles + width * self.chart.hop[-1] * self.random.standard_t(3, size=timed.angles.shape)
+        return timed.angles + self.chart.hop[-1] * self.random.standard_t(3, size=timed.angles.shape)
 
     def at_search_samples(self, timed: Timed) -> Timed:
         """Return candidates at all samples as candidates of the search."""

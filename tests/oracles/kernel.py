@@ -19,13 +19,15 @@ from synthesis.kernels import (
     crank_loops,
     distinct,
     four_bar_limits,
+    guide,
     pair_descent,
+    pair_rows,
     plane,
     quadratic_program,
 )
 
 FOLDER = Path(kernels.__file__).parent
-COMPILED = (crank_loops, four_bar_limits, crank_descent, pair_descent, quadratic_program, distinct)
+COMPILED = (crank_loops, four_bar_limits, crank_descent, guide, pair_rows, pair_descent, quadratic_program, distinct)
 """Each module after those that it uses."""
 C_FUNCTIONS = {
     **{
