@@ -14,14 +14,14 @@ Data flow::
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from synthesis.arrays import Floats
+from synthesis.arrays import Flags, Floats, Ints
 from synthesis.constraints import BEGIN, END, Constraints, keeps
 from synthesis.four_bar import Family
 from synthesis.fourbar.mechanism import AnyChart
@@ -53,6 +53,8 @@ from synthesis.mechanism import Placed
 from synthesis.pose import whole_turns
 from synthesis.ranking import APART, PROPORTION, Status, counted_error, distinct
 from synthesis.scores import NEAR_CHANGE_POINT
+from synthesis.search.multistart import Incumbents, MultiStart
+from synthesis.search.options import Schedule, SearchOptions
 from synthesis.search.report import SearchReport, StoppedBy, stopped_by
 from synthesis.search.search import SEARCH_SAMPLES, search
 from synthesis.search.seeds import SeedTables
@@ -71,13 +73,6 @@ _RATES, _LEAST_RATE, _DIFFERENCE = 9, 1e-3, 1e-6
 """Places at which the rocker must go on, its least rate beside the mean one, and the step of the rate's differences."""
 LEVELLED = 1e-7
 """The least largest error has been found where the linear program over the extremes foretells a smaller part to be gained."""
-_FARTHEST = 2.2
-"""ln of the largest length ratio of the grid."""
-_LEVELS = (1, 200, 21, 7)
-"""Levels of each ratio on the grid, by how many are free."""
-_STARTS = 24
-_TOGETHER = 1 << 13
-"""Candidates of the grid whose conditions are computed at once: some megabytes."""
 _EVEN = 20.0
 """Largest ratio of two links of the linkages that are searched if the best one is out of proportion."""
 _RANKED = 10
@@ -86,20 +81,10 @@ _USABLE = np.deg2rad(20.0)
 """Transmission angle of the best four-bar through two to four pairs above which nothing else is searched."""
 _LOCKED = np.deg2rad(5.0)
 """Transmission angle below which a linkage nearly locks and cannot be used."""
-_FIRST_PLACES, _SAMPLES_LEAST_SQUARES = 9, 33
-_SEEDS, _VALLEYS, _CANDIDATES = 160, 48, 24
-_FIRST_CANDIDATES = 8
-"""Candidates that are looked at as answers at each stage."""
-_SOFT = 0.5
-"""Weight of a broken condition beside errors in radians, while the descent finds its valley."""
-_NEARLY = 1e-3
-"""The same for those behind the best."""
 _ROUNDING = 1e-12
 """Part of the longest length by which rounding may break a limit that an answer stands at."""
 _AROUND = 0.4 * np.array([0.0, 1.0, -1.0])
 """Starts beside a solution's, in radians: rounded links may be at their best in another valley."""
-_LEAST_RADIUS = 1e-5
-_EXCHANGES, _EXCHANGE_STEPS = 16, 8
 
 
 class OutputCurve(NamedTuple):
@@ -256,44 +241,217 @@ class Problem(FunctionProblem):
 
 # -- the search ---------------------------------------------------------------------------------------------------------
 
-Ints = NDArray[np.intp]
+
+class Fit(NamedTuple):
+    """A descent to least squares, with the limits as penalties."""
+
+    places: int
+    """Number of inputs at which the largest error is looked at."""
+    samples: int
+    """Number of samples of a fit by least squares."""
+    steps: int
+
+
+class Level(NamedTuple):
+    """Sequential quadratic steps over fixed inputs."""
+
+    places: int
+    steps: int
+    gain: float
+    """A candidate ends when its program predicts a smaller relative gain."""
+    spare: int
+    """Number of candidates that continue, beyond the requested answers."""
+
+
+@dataclass(frozen=True)
+class FunctionOptions(SearchOptions):
+    """Options of the search for functions."""
+
+    schedule: Schedule = Schedule(  # noqa: RUF009
+        (Fit(17, 17, 12),), 48, (Fit(33, SEARCH_SAMPLES, 80),), end=(Level(21, 12, 1e-2, 10), Level(33, 25, 1e-4, 4))
+    )
+    pool_distance: float = 0.02
+    answer_distance: float = 0.02
+    exact_distance: float = 0.02
+    candidates: int = 24
+    """Smallest number of candidates that are refined to convergence."""
+    first_answers: int = 8
+    """Number of candidates of a stage that may be answers."""
+    soft: float = 0.5
+    """Weight of a violated condition beside errors in radians, while a descent finds its basin."""
+    grid_starts: int = 24
+    """Number of starts of the grid."""
+    grid_levels: tuple[int, ...] = (1, 200, 21, 7)
+    """Number of levels of each ratio of the grid, by the number of free ratios."""
+    grid_reach: float = 2.2
+    """Logarithm of the largest ratio of the grid."""
+    grid_seeds: int = 160
+    """Number of seeds that the grid gives."""
+    grid_places: int = 9
+    """Number of inputs at which the grid is evaluated."""
+    evaluated_at_once: int = 1 << 13
+    """Number of candidates of the grid whose conditions are evaluated together: some megabytes."""
+    exchanges: int = 16
+    """Largest number of times that the extremes of an error curve are located."""
+    exchange_steps: int = 8
+    """Number of quadratic steps between them."""
+    nearly_level: float = 1e-3
+    """Relative gain below which an alternative to the best candidate is level."""
+    radius_min: float = 1e-5
+    """Smallest first radius of quadratic steps that continue."""
+
+
+class Candidates(NamedTuple):
+    """Candidates of a function (n,), with their squared errors."""
+
+    unknowns: Floats
+    branch: Floats
+    cost: Floats
+    answer: Ints
+    """Index of the answer that a candidate is, or -1."""
+
+    def take(self, indices: Any) -> Candidates:
+        """Return some of the candidates."""
+        return Candidates(*(column[indices] for column in self))
+
+    def joined(self, *others: Candidates) -> Candidates:
+        """Return these candidates and others after them."""
+        return Candidates(*(np.concatenate(columns) for columns in zip(self, *others)))
+
+
+def candidates_at(unknowns: Floats, branch: Floats, cost: Floats | None = None) -> Candidates:
+    """Return candidates that are no answers yet."""
+    count = len(branch)
+    return Candidates(unknowns, branch, np.zeros(count) if cost is None else cost, np.full(count, -1))
 
 
 def first_of_cells(cells: Floats, cost: Floats, max_count: int) -> Ints:
-    """Candidates, the best first: at most so many, one a cell, (n, m) whole numbers, and whose cost is finite."""
+    """Return the indices of the best candidates with a finite cost, at most one of each cell (n, m)."""
     order = np.argsort(cost, kind="stable")
     order = order[np.isfinite(cost[order])]
     return order[np.sort(np.unique(cells[order], axis=0, return_index=True)[1])[:max_count]]
 
 
 class FunctionSearch:
-    """One request that the search for motions does not serve."""
+    """A function that the search for motions does not serve, as a problem of the multistart search."""
+
+    key = None
+    groups = 1
+    on_all_samples = True
+    keeps_converged = False
 
     def __init__(
         self, target: TargetFunction, limits: Limits, largest: bool, top: int, tolerance: float, work: Work
     ) -> None:
         self.wanted, self.limits, self.largest = target, limits.exchanged(), largest
-        self.top, self.tolerance, self.work = top, tolerance, work
         self.ratios = self.limits.over(ground_of(limits))
         """The limits of the exchanged linkages, lengths over the ground's."""
-        self.begin_with(Problem(target, self.ratios, largest))
+        self.begin_with(Problem(target, self.ratios, largest), top, tolerance, work)
 
-    def begin_with(self, problem: Any) -> None:
-        """Know nothing yet of a problem."""
+    def begin_with(self, problem: Any, top: int, tolerance: float, work: Work) -> None:
+        """Begin the search of a problem without answers."""
         self.problem: Any = problem
+        self.top, self.tolerance, self.work = top, tolerance, work
         self.seeds, self.screened = 0, 0.0
         self.settled = False
         self.trace: list[tuple[float, float]] = []
-        self.known: list[Any] = []
-        """The best answers so far, different ones."""
+        self.answers: list[Any] = []
+        """All answers that were found."""
+        options = FunctionOptions()
+        finished = max(options.candidates, top + 8)
+        self.options = replace(
+            options, schedule=options.schedule._replace(finished=finished), max_pool=max(2 * top, finished)
+        )
+        incumbents = Incumbents(tolerance, lambda error: self.trace.append((work.elapsed, error)))
+        self.multistart = MultiStart(self, incumbents, work, self.options)
+
+    # -- problem of the multistart search -----------------------------------------------------------------------------
 
     def place(self, unknowns: Floats) -> Floats:
-        """Where candidates lie, in numbers of order one."""
+        """Return numbers of order one that differ between basins."""
         return np.column_stack([unknowns[:, :3], np.cos(unknowns[:, 3]), np.sin(unknowns[:, 3])])
 
-    def apart(self, unknowns: Floats, branch: Floats, cost: Floats, max_count: int) -> Ints:
-        """Return the indices of the best ``max_count`` candidates in different basins."""
-        return first_of_cells(np.round(np.column_stack([self.place(unknowns), branch]) / 0.02), cost, max_count)
+    def group(self, candidates: Candidates) -> Ints:
+        """Return zeros: all candidates belong to the same group."""
+        return np.zeros(candidates.cost.size, dtype=np.intp)
+
+    def signature(self, candidates: Candidates) -> tuple[Floats, Floats]:
+        """Return numbers that differ between basins, of order 1."""
+        return self.identity(candidates), np.ones(candidates.cost.size)
+
+    def identity(self, candidates: Candidates) -> Floats:
+        """Return numbers that differ between basins, of order 1."""
+        return np.column_stack([self.place(candidates.unknowns), candidates.branch])
+
+    def strays(self, candidates: Candidates) -> Flags:
+        """Return False for all candidates."""
+        return np.zeros(candidates.cost.size, dtype=bool)
+
+    def may_answer(self, candidates: Candidates) -> bool:
+        """Return True: candidates may satisfy the limits at every stage."""
+        return True
+
+    def restart(self, candidates: Candidates) -> Candidates:
+        """Return candidates as starting points."""
+        return candidates
+
+    def relatives(self, new: Candidates) -> None:
+        """Return no further starting points."""
+
+    def perturb(self, origins: Candidates, copies: int) -> Candidates:
+        """Return no starting points: the grid covers all basins."""
+        return origins.take([])
+
+    def complete(self, candidates: Candidates) -> Candidates:
+        """Return the candidates: they are at all samples."""
+        return candidates
+
+    def polish(self, answers: Candidates, stages: Sequence[Any]) -> Candidates:
+        """Return no candidates: answers have converged."""
+        return answers.take([])
+
+    def refine(
+        self, starts: Candidates, stages: Sequence[Fit], between: Callable[[Any], None] | None = None
+    ) -> Candidates:
+        """Refine starting points by least squares."""
+        for stage in stages:
+            places = stage.places if self.largest else stage.samples
+            unknowns, cost = self.least_squares(starts.unknowns, starts.branch, places, stage.steps)
+            starts = candidates_at(unknowns, starts.branch, cost)
+        return starts
+
+    def converge(self, candidates: Candidates, stages: Sequence[Level]) -> Candidates:
+        """Refine basins by quadratic steps, first over fixed inputs and then over the extremes of their error curves."""
+        unknowns, branch = candidates.unknowns, candidates.branch
+        radii = np.full(branch.size, FIRST_RADIUS)
+        for stage in stages:
+            if not branch.size or self.work.expired():
+                return candidates.take([])
+            crank, root = (np.broadcast_to(row, (branch.size, row.size)) for row in self.error_samples(stage.places))
+            done = self.stepped(unknowns, branch, crank, root, stage.steps, stage.gain, radii)
+            cells = np.round(np.column_stack([self.place(done.unknowns), branch]) / self.options.pool_distance)
+            best = first_of_cells(cells, done.merit, self.top + stage.spare)
+            unknowns, branch = done.unknowns[best], branch[best]
+            radii = np.maximum(2 * done.radius[best], self.options.radius_min)
+            self.multistart.accept(candidates_at(unknowns, branch))
+        if not branch.size or self.work.expired():
+            return candidates.take([])
+        return candidates_at(self.levelled(unknowns, branch, radii), branch)
+
+    def satisfying(self, candidates: Candidates, steps: int) -> Iterator[Candidates]:
+        """Yield the candidates that satisfy the limits, with the errors of their linkages."""
+        some = candidates
+        if not (self.multistart.incumbents.reached or candidates.cost.min(initial=np.inf) < self.tolerance**2):
+            some = candidates.take(slice(0, max(self.options.first_answers, self.top + 4)))
+        good, found = [], []
+        for index, answer in enumerate(self.assessed(some.unknowns, some.branch)):
+            if answer is not None:
+                good.append(index)
+                found.append(answer)
+        first = len(self.answers)
+        self.answers += found
+        cost = np.array([answer.errors.objective**2 for answer in found])
+        yield some.take(np.array(good, dtype=np.intp))._replace(cost=cost, answer=np.arange(first, len(self.answers)))
 
     # -- places -------------------------------------------------------------------------------------------------------
 
@@ -315,22 +473,25 @@ class FunctionSearch:
 
         ``within``: only those that keep the limits.
         """
-        problem = self.problem
+        problem, options = self.problem, self.options
         low, high = problem.box[0][:3], problem.box[1][:3]
-        low, high = np.maximum(low, np.minimum(high, -_FARTHEST)), np.minimum(high, np.maximum(low, _FARTHEST))
+        low, high = (
+            np.maximum(low, np.minimum(high, -options.grid_reach)),
+            np.minimum(high, np.maximum(low, options.grid_reach)),
+        )
         free = np.isnan(problem.given)
-        levels = _LEVELS[int(free.sum())]
+        levels = options.grid_levels[int(free.sum())]
         axes = [np.linspace(a, b, levels) if moves else np.array([a]) for a, b, moves in zip(low, high, free)]
         shapes = np.array(list(itertools.product(*axes)))
-        starts = np.arange(_STARTS) * (TURN / _STARTS)
+        starts = np.arange(options.grid_starts) * (TURN / options.grid_starts)
         if self.wanted.start is not None:
             starts = np.array([self.wanted.start])
         unknowns = np.zeros((len(shapes) * starts.size, 5))
         unknowns[:, :3], unknowns[:, 3] = np.repeat(shapes, starts.size, axis=0), np.tile(starts, len(shapes))
-        crank, root = self.error_samples(_FIRST_PLACES)
+        crank, root = self.error_samples(options.grid_places)
         if within:
             unknowns = unknowns[(self.problem.conditions(unknowns)[0] >= 0).all(axis=1)]
-        return self.screened_from(unknowns, crank, root, (1.0, -1.0), _SEEDS // 2, [0.5, 0.5, 0.5, 0.4])
+        return self.screened_from(unknowns, crank, root, (1.0, -1.0), options.grid_seeds // 2, [0.5, 0.5, 0.5, 0.4])
 
     def candidate(self, linkage: Linkage, offset: float | None = None) -> tuple[Floats, Floats]:
         """A linkage with coupler and rocker exchanged: unknowns (1, 5) and its branch; numbers that are given replace its own.
@@ -362,9 +523,9 @@ class FunctionSearch:
         ``cell``: of the unknowns but the offset; default: of `place`.
         """
         problem, found, sides = self.problem, [], []
-        parts = np.array_split(unknowns, 1 + len(unknowns) // _TOGETHER)
+        parts = np.array_split(unknowns, 1 + len(unknowns) // self.options.evaluated_at_once)
         broken = np.concatenate([np.minimum(problem.conditions(part)[0], 0.0) for part in parts])
-        penalty = np.sum((_SOFT * broken) ** 2, axis=1)
+        penalty = np.sum((self.options.soft * broken) ** 2, axis=1)
         for branch in branches:
             side = np.full(len(unknowns), float(branch))
             placed = problem.with_offset(unknowns, side, crank, root)
@@ -394,11 +555,13 @@ class FunctionSearch:
             full[:, free] = moving
             model = problem.linear(branch, *each)(full, chosen)
             out = np.where(full < low, full - low, np.where(full > high, full - high, 0.0))[:, free]
-            beyond = _SOFT * np.eye(len(free)) * (out != 0)[:, None, :]
+            beyond = self.options.soft * np.eye(len(free)) * (out != 0)[:, None, :]
             broken = np.minimum(model.condition, 0.0)
             slope = np.where(broken[:, :, None] < 0, model.condition_slope, 0.0)
-            derivative = np.concatenate([model.slope.transpose(0, 2, 1), _SOFT * slope.transpose(0, 2, 1), beyond], 2)
-            residual = np.concatenate([model.error, _SOFT * broken, _SOFT * out], axis=1)
+            derivative = np.concatenate(
+                [model.slope.transpose(0, 2, 1), self.options.soft * slope.transpose(0, 2, 1), beyond], 2
+            )
+            residual = np.concatenate([model.error, self.options.soft * broken, self.options.soft * out], axis=1)
             cost = np.sum(residual * residual, axis=1)
             stack = np.concatenate([derivative, residual[:, None, :]], axis=1)
             cost = np.where(np.isnan(cost), np.inf, cost)
@@ -434,63 +597,29 @@ class FunctionSearch:
             radius=radius,
         )
 
-    def run(self) -> list[Generator]:
-        """The best candidates, different ones, within the limits."""
+    def run(self) -> list[Any]:
+        """Return the best answers of a search from the grid, different from one another."""
         unknowns, branch = self.grid()
         self.screened, self.seeds = self.work.elapsed, len(branch)
         if not (self.best_from(unknowns, branch) or self.work.expired()):
             self.best_from(*self.grid(within=True))  # all linkages near the function may violate the limits
         return self.known
 
-    def best_from(self, unknowns: Floats, branch: Floats) -> list[Generator]:
-        """The best of what beginnings lead to."""
-        if not len(branch):
-            return self.known
-        self.add(unknowns[:_FIRST_CANDIDATES], branch[:_FIRST_CANDIDATES])
-        self.add(unknowns[-_FIRST_CANDIDATES:], branch[-_FIRST_CANDIDATES:])
-        unknowns, cost = self.least_squares(unknowns, branch, 17, 12)
-        best = self.apart(unknowns, branch, cost, _VALLEYS)
-        unknowns, branch = unknowns[best], branch[best]
-        self.add(unknowns[:_FIRST_CANDIDATES], branch[:_FIRST_CANDIDATES])
-        unknowns, cost = self.least_squares(
-            unknowns, branch, _SAMPLES_LEAST_SQUARES if self.largest else SEARCH_SAMPLES, 80
-        )
-        best = self.apart(unknowns, branch, cost, max(_CANDIDATES, self.top + 8))
-        unknowns, branch = unknowns[best], branch[best]
-        self.add(unknowns[:_FIRST_CANDIDATES], branch[:_FIRST_CANDIDATES])
-        if Status.of(self.known, self.tolerance) is Status.REACHED:
-            self.settled = True
-            return distinct(self.within_limits(unknowns, branch), self.top, APART)
-        radii = np.full(len(branch), FIRST_RADIUS)
-        for count, steps, gain, max_count in (
-            (21, 12, 1e-2, self.top + 10),
-            (_SAMPLES_LEAST_SQUARES, 25, 1e-4, self.top + 4),
-        ):
-            if not branch.size or self.work.expired():
-                return self.known
-            crank, root = (
-                np.broadcast_to(values, (len(branch), values.size)) for values in self.error_samples(count)
-            )
-            done = self.stepped(unknowns, branch, crank, root, steps, gain, radii)
-            best = self.apart(done.unknowns, branch, done.merit, max_count)
-            unknowns, branch, radii = (
-                done.unknowns[best],
-                branch[best],
-                np.maximum(2 * done.radius[best], _LEAST_RADIUS),
-            )
-            self.add(unknowns, branch)
-        if branch.size and not self.work.expired():
-            self.add(self.levelled(unknowns, branch, radii), branch)
+    @property
+    def known(self) -> list[Any]:
+        """The best answers so far, different from one another."""
+        pool = self.multistart.incumbents.pools.get(None)
+        return [] if pool is None else distinct([self.answers[k] for k in pool.answer], self.top, APART)
+
+    def best_from(self, unknowns: Floats, branch: Floats) -> list[Any]:
+        """Return the best answers after a round from starting points (n, 5)."""
+        if len(branch):
+            starts, count = candidates_at(unknowns, branch), self.options.first_answers
+            self.multistart.accept(starts.take(slice(0, count)))
+            self.multistart.accept(starts.take(slice(-count, None)))
+            for _ in self.multistart.run(iter([starts]), max_rounds=1):
+                self.settled = self.settled or self.multistart.incumbents.reached
         return self.known
-
-    def add(self, unknowns: Floats, branch: Floats) -> None:
-        """Take candidates within the limits as answers; those of a step that the time cut short only where there are none yet.
-
-        More time would lead them elsewhere, and an answer must not be lost by that.
-        """
-        if branch.size and not (self.known and self.work.expired()):
-            self.known = distinct(self.known + self.within_limits(unknowns, branch), self.top, APART)
-            self.note(self.known)
 
     def levelled(self, unknowns: Floats, branch: Floats, radii: Floats) -> Floats:
         """Candidates led on over the extremes of their own error curves, which are looked up again after each few steps."""
@@ -504,10 +633,10 @@ class FunctionSearch:
             return done.unknowns
         best, smallest = unknowns.copy(), np.full(len(branch), np.inf)
         rows = np.arange(len(branch))
-        grid, coarse = look(self.wanted), self.error_samples(_FIRST_PLACES)[0]
+        looked, coarse = look(self.wanted), self.error_samples(self.options.grid_places)[0]
         peaks = np.broadcast_to(coarse, (len(rows), coarse.size))
-        for turn in range(_EXCHANGES):
-            found = extremes(self.weighted_gap(unknowns[rows], branch[rows]), grid, PEAKS // 2)
+        for turn in range(self.options.exchanges):
+            found = extremes(self.weighted_gap(unknowns[rows], branch[rows]), looked, PEAKS // 2)
             broken = np.minimum(self.problem.conditions(unknowns[rows])[0], 0.0).min(axis=1)
             largest = found.size.max(axis=1)
             merit = largest - PENALTY * broken
@@ -515,7 +644,7 @@ class FunctionSearch:
             # no longer falling: the places that the steps saw were all the extremes that there are
             first = rows == np.argmin(smallest)
             # those behind the best are alternatives: they may be a little short of level
-            level = merit >= smallest[rows] * (1 - np.where(first, LEVELLED, _NEARLY))
+            level = merit >= smallest[rows] * (1 - np.where(first, LEVELLED, self.options.nearly_level))
             best[rows[better]], smallest[rows[better]] = unknowns[rows[better]], merit[better]
             if turn and level.any():
                 self.settled = self.settled or bool(np.any(level & first))
@@ -528,9 +657,15 @@ class FunctionSearch:
             )
             peaks = found.crank
             done = self.stepped(
-                best[rows], branch[rows], angles, self.wanted.weight(angles), _EXCHANGE_STEPS, LEVELLED, radii[rows]
+                best[rows],
+                branch[rows],
+                angles,
+                self.wanted.weight(angles),
+                self.options.exchange_steps,
+                LEVELLED,
+                radii[rows],
             )
-            unknowns[rows], radii[rows] = done.unknowns, np.maximum(2 * done.radius, _LEAST_RADIUS)
+            unknowns[rows], radii[rows] = done.unknowns, np.maximum(2 * done.radius, self.options.radius_min)
         return best
 
     def weighted_gap(self, unknowns: Floats, branch: Floats) -> Callable[[Floats], Floats]:
@@ -544,33 +679,30 @@ class FunctionSearch:
 
     # -- answers ------------------------------------------------------------------------------------------------------
 
-    def within_limits(self, unknowns: Floats, branch: Floats) -> list[Generator]:
-        """Candidates as generators, those outside of the limits left out; coupler and rocker exchanged back."""
+    def assessed(self, unknowns: Floats, branch: Floats) -> list[Generator | None]:
+        """Return candidates as generators, with coupler and rocker exchanged back; None for those that violate a limit."""
         ratios = np.where(np.isnan(self.problem.given), unknowns[:, :3], self.problem.given)
         ground = ground_of(self.limits)
         lengths = ground * np.concatenate([np.exp(ratios), np.ones((len(ratios), 1))], axis=1)
-        for k, length in enumerate(self.limits.links):
-            if length is not None:  # as it was given, to the last bit
-                lengths[:, k] = length
+        for k, given in enumerate(self.limits.links):
+            if given is not None:  # equal to the last bit
+                lengths[:, k] = given
         start = unknowns[:, 3] % TURN
         placed = Placed(lengths / ground, branch, self.wanted.interval.after(start))
-        within = keeps(self.wanted.target, self.ratios, placed, _ROUNDING)
-        linkages = [
-            exchanged(four_bar(as_lengths(row), int(side), float(at)))
-            for row, side, at in zip(lengths[within], branch[within], start[within])
-        ]
-        # of least squares the offset is found anew, of the largest error it is the candidate's own
+        within = np.flatnonzero(keeps(self.wanted.target, self.ratios, placed, _ROUNDING))
+        linkages = [exchanged(four_bar(as_lengths(lengths[k]), int(branch[k]), float(start[k]))) for k in within]
+        # the offset of least squares is fitted anew, that of the largest error is the candidate's own
         offsets = unknowns[within, 4] - np.pi if self.largest else None
-        found = finished(self.wanted, linkages, self.largest, offsets)
-        if not self.wanted.one_way:
-            return found
-        return [generator for generator, back in zip(found, turns_back(self.wanted, linkages)) if back is None]
+        answers: list[Generator | None] = [None] * len(branch)
+        backs = turns_back(self.wanted, linkages) if self.wanted.one_way else [None] * len(linkages)
+        for k, generator, back in zip(within.tolist(), finished(self.wanted, linkages, self.largest, offsets), backs):
+            if back is None:
+                answers[k] = generator
+        return answers
 
-    def note(self, solutions: list[Generator]) -> None:
-        """Add the best objective so far to the trace."""
-        if solutions:
-            best = min(generator.errors.objective for generator in solutions)
-            self.trace.append((self.work.elapsed, best))
+    def within_limits(self, unknowns: Floats, branch: Floats) -> list[Any]:
+        """Return the candidates that satisfy the limits."""
+        return [answer for answer in self.assessed(unknowns, branch) if answer is not None]
 
 
 def ground_of(limits: Limits) -> float:

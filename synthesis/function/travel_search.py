@@ -40,7 +40,7 @@ from numpy.typing import NDArray
 
 from synthesis.arrays import Floats
 from synthesis.function.answers import FunctionErrors, errors_of, turning_back
-from synthesis.function.search import FunctionProblem, FunctionSearch, OutputCurve
+from synthesis.function.search import FunctionProblem, FunctionSearch, OutputCurve, candidates_at
 from synthesis.function.wanted import TargetFunction
 from synthesis.guides import Circle, Driver, Guide, Kind, Rail, Slot
 from synthesis.limits import Limits
@@ -638,9 +638,8 @@ class TravelSearch(FunctionSearch):
         tolerance: float,
         work: Work,
     ) -> None:
-        self.wanted, self.law, self.travel_limits, self.largest = target, law, limits, largest
-        self.top, self.tolerance, self.work = top, tolerance, work
-        self.begin_with(TravelProblem(target, law, limits, largest))
+        self.wanted, self.law, self.travel_limits, self.largest = wanted, law, limits, largest
+        self.begin_with(TravelProblem(target, law, limits, largest), top, tolerance, work)
 
     def least_squares(self, unknowns: Floats, branch: Floats, count: int, steps: int) -> tuple[Floats, Floats]:
         """As of four-bars; the best go on, as far as narrow valleys need: next to a dead position."""
@@ -670,12 +669,12 @@ class TravelSearch(FunctionSearch):
         self.seeds = len(root)
         if not self.problem.free.size:  # everything is given: nothing is left to search
             self.settled = True
-            self.add(begin, root)
+            self.multistart.accept(candidates_at(begin, root))
             return self.known
         return self.best_from(begin, root)
 
-    def within_limits(self, unknowns: Floats, branch: Floats) -> list[Any]:
-        """Candidates as generators with errors recomputed from their own numbers, those outside of the limits left out."""
+    def assessed(self, unknowns: Floats, branch: Floats) -> list[Any]:
+        """Return candidates as generators with recomputed errors; None for those that violate a limit."""
         problem, target, law = self.problem, self.wanted, self.law
         if not self.largest:
             root = np.broadcast_to(target.mean.root, target.crank.shape)
@@ -686,12 +685,8 @@ class TravelSearch(FunctionSearch):
                 lengths[:, k] = self.travel_limits.given[name]
         crank = np.broadcast_to(target.crank, (len(branch), target.crank.size))
         good = np.all(np.isfinite(problem.gap(unknowns, branch, crank)), axis=1)
-        found = []
-        for row, size, side in zip(unknowns[good], lengths[good], branch[good]):
-            generator = self.generator(row, size, int(side))
-            if generator is not None:
-                found.append(generator)
-        return found
+        rows = zip(unknowns, lengths, branch, good)
+        return [self.generator(row, size, int(side)) if closes else None for row, size, side, closes in rows]
 
     def generator(self, unknowns: Floats, lengths: Floats, branch: int) -> TravelGenerator | None:
         """Return a linkage with its errors; None if it violates a limit."""
