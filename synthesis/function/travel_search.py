@@ -638,7 +638,7 @@ class TravelSearch(FunctionSearch):
         tolerance: float,
         work: Work,
     ) -> None:
-        self.wanted, self.law, self.travel_limits, self.largest = wanted, law, limits, largest
+        self.wanted, self.law, self.travel_limits, self.largest = target, law, limits, largest
         self.begin_with(TravelProblem(target, law, limits, largest), top, tolerance, work)
 
     def least_squares(self, unknowns: Floats, branch: Floats, count: int, steps: int) -> tuple[Floats, Floats]:

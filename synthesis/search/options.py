@@ -71,7 +71,7 @@ class SearchOptions:
     """Number of perturbations of a basin."""
     gain: float = 2e-3
     """A round that lowers the error by a smaller fraction does not count as a gain."""
-    idle_rounds: float = 20
+    idle_rounds: float = 10
     """Number of rounds without a gain that end the search."""
     idle_fraction: float = 0.5
     """The search continues at least for this fraction of the rounds up to its last gain."""
