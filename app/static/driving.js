@@ -1,6 +1,7 @@
 // What drives the selected linkage: asks for cylinders, motors, locks and springs, moves one, and lets its pins be dragged.
 
 import { redrawOn, titledChart } from "./charts.js";
+import { BEST, KINDS, factsOf, grouped, nameOf, optionsOf, plain } from "./choices.js";
 import { numberIn } from "./decimal.js";
 import { button, element, make, namedRows, put, text } from "./drawing.js";
 import { driveTurns } from "./drive.js";
@@ -10,8 +11,7 @@ import { RAD, add, less, turned } from "./plane.js";
 import { ask } from "./service.js";
 import { $, capital } from "./shell.js";
 
-const KINDS = { actuator: "cylinder", rotary: "drive in a hinge", dyad: "motor and rod", toggle: "lock" };
-const FIELDS = ["kind", "catalogue", "retracted", "stroke", "ratio", "reach", "force-x", "force-y", "torque", "mass", "holds-open", "holds-closed", "hold-force", "hand-force", "wanted-first", "wanted-last", "count", "link", "ground-x", "ground-y", "pin-x", "pin-y", "on"];
+const FIELDS = ["kind", "catalogue", "retracted", "stroke", "ratio", "reach", "force-x", "force-y", "torque", "mass", "holds-open", "holds-closed", "hold-force", "hand-force", "wanted-first", "wanted-last", "count", "link", "ground-x", "ground-y", "pin-x", "pin-y", "on", "parts", "box-0", "box-1", "box-2", "box-3"];
 const WIDE = 0.09; // of a cylinder's body, over its retracted length
 const HANDLE = 8; // pixels
 const EARLIER = "What is shown was found for other entries: Find asks again.";
@@ -33,7 +33,13 @@ function givenEnds() {
   if ([...ground, ...pin].includes(null)) throw new Error("Ends: give x and y of the ground point and of the pin, or none of them.");
   return { links: [$("drive-link").value], ground_point: ground, pin };
 }
-const plain = (link) => link.replaceAll("_", " ");
+/** The box in which ends on the ground must lie; null without one. */
+function mountingBox() {
+  const box = [0, 1, 2, 3].map((k) => value(`box-${k}`));
+  if (box.every((one) => one === null)) return null;
+  if (box.includes(null)) throw new Error("Where may it be mounted? Give all four sides of the box, or none of them.");
+  return box;
+}
 
 /** The joints of a four-bar's links: from them an arm leads to a pin of a drive. */
 const JOINTS = { crank: (j) => [j.a, j.d], coupler: (j) => [j.d, j.c], rocker: (j) => [j.b, j.c] };
@@ -142,19 +148,27 @@ export class Driving {
   /** The part of a question that says which linkage it is about. */
   #about() {
     const { solution, answer: { request, motion } } = this;
-    return { linkage: solution, request, length_unit: motion.unit, top: 6 };
+    return { linkage: solution, request, length_unit: motion.unit, top: BEST };
   }
 
   #request() {
     const kind = $("drive-kind").value, catalogue = $("drive-catalogue").value;
     const force = [value("force-x") ?? 0, value("force-y") ?? 0], mass = value("mass");
     const on = $("drive-on").value, acts = force.some(Boolean);
-    const load = given({ force: acts && on === "body" ? force : null, forces: acts && on !== "body" ? [{ link: on, force }] : null, torque: value("torque"), masses: mass ? [{ link: "body", mass }] : null });
+    const load = given({ force: acts && on === "body" ? force : null, forces: acts && on !== "body" ? [{ link: on, force }] : null, torque: value("torque"), masses: mass ? [{ link: on, mass }] : null, parts: $("drive-parts").checked || null });
     const rows = catalogue === "own" ? this.table ?? "" : catalogue;
     const sizes = catalogue === "" ? { retracted: value("retracted"), stroke: value("stroke") } : { catalogue: rows };
-    const wish = { actuator: { ...sizes, ...givenEnds(), reach_max: value("reach"), count: value("count") }, dyad: { time_ratio: value("ratio"), reach_max: value("reach") }, toggle: { reach_max: value("reach") } }[kind] ?? {};
-    const springs = { tension: [{ kind: "tension", catalogue: "tension_springs" }], ideal: [{ kind: "tension" }], gas: [{ kind: "gas" }], compression: [{ kind: "compression" }], torsion: [{ kind: "torsion" }] }[kind]?.map((one) => (kind === "ideal" ? one : { ...one, ...behaviour() }));
-    return { ...this.#about(), load, ...(springs ? { drives: [], springs } : { drives: [{ kind, ...given(wish) }] }) };
+    const reach = value("reach"), box = mountingBox(), ends = kind === "actuator" ? givenEnds() : {};
+    const wishes = {
+      rotary: {}, actuator: { ...sizes, ...ends, reach_max: reach, count: kind === "actuator" ? value("count") : null, ground_box: ends.pin ? null : box },
+      dyad: { time_ratio: value("ratio"), reach_max: reach, motor_box: box }, toggle: { reach_max: reach, ground_box: box },
+    };
+    const catalogues = { tension: { catalogue: "tension_springs" }, gas: {}, compression: {}, torsion: {} };
+    const question = { ...this.#about(), load };
+    if (kind === "ideal") return { ...question, drives: [], springs: [given({ kind: "tension", ground_box: box })] };
+    const springs = Object.keys(catalogues).filter((one) => kind === one || kind === "springs");
+    if (springs.length) return { ...question, drives: [], springs: springs.map((one) => ({ kind: one, ...catalogues[one], ...behaviour(), ...(box && one !== "torsion" ? { ground_box: box } : {}) })) };
+    return { ...question, drives: (kind === "any" ? ["rotary", "actuator", "dyad"] : [kind]).map((one) => ({ kind: one, ...given(wishes[one]) })) };
   }
 
   /** Asks what the fields say, or for a linkage that was moved `again` what was asked for the one before. */
@@ -171,15 +185,15 @@ export class Driving {
       if (control.signal.aborted) return;
       this.kept.set(this.solution, reply);
       this.asked.set(reply, this.pending);
-      const found = reply.drives.length + reply.springs.length;
-      this.#use(reply);
-      if (by && reply.drives.length) {
-        this.drive = { ...moved(by, fitOf(this.solution, this.answer.motion).linkage, reply.torque), from: reply.drives[0] };
+      const found = reply.drives.length + reply.springs.length, sort = request.springs ? "spring" : "drive";
+      this.#use(reply, again && this.drive?.kind);
+      if (by && this.drive?.kind === by.kind) {
+        this.drive = { ...moved(by, fitOf(this.solution, this.answer.motion).linkage, reply.torque), from: this.drive };
         this.#list();
         this.#describe();
       }
       if (!again) this.board.reveal(this.board.driven());
-      this.#say([found ? "" : "None was found.", ...reply.notes.map((one) => `${capital(one)}.`)].join(" ").trim(), !found);
+      this.#say([found ? "" : `No sensible ${sort}${reply.refused.length ? ", because of what is listed below" : ""}.`, ...reply.notes.map((one) => `${capital(one)}.`)].join(" ").trim(), !found);
       this.#compare();
     } catch (error) {
       if (error.name === "AbortError") return;
@@ -190,23 +204,28 @@ export class Driving {
     }
   }
 
-  #use(reply) {
+  /** Shows a reply, and of its options that of a kind if there is one. */
+  #use(reply, kind = null) {
     this.reply = reply;
-    this.drive = reply?.drives[0] ?? (reply?.springs.length ? { springs: reply.springs } : null);
+    this.options = reply ? optionsOf(reply) : [];
+    this.drive = this.options.find((one) => one.kind === kind) ?? this.options[0] ?? null;
     this.#list();
     this.#describe();
   }
 
   #list() {
-    const { reply } = this, buttons = (reply?.drives ?? []).map((drive) => {
-      const sizes = drive.retracted ? ` ${text(drive.retracted, 4)} + ${text(drive.stroke, 4)}` : "";
-      const one = button(`${drive.name ?? `${KINDS[drive.kind]}${sizes}`} on the ${plain(drive.link)}`, () => { this.drive = drive; this.#list(); this.#describe(); this.board.reveal(this.board.driven()); });
+    const { reply } = this, buttons = this.options.map((drive) => {
+      const one = button("", () => { this.drive = drive; this.#list(); this.#describe(); this.board.reveal(this.board.driven()); }), facts = document.createElement("dl");
+      for (const [name, words] of factsOf(drive, this.answer.motion.unit, this.#newtons)) facts.append(element("dt", "", name), element("dd", "", words));
+      one.append(element("strong", "", nameOf(drive)), facts);
       one.setAttribute("aria-pressed", String(drive === this.drive || (this.drive?.byHand && this.drive.from === drive)));
       return one;
     });
     $("drive-found").replaceChildren(...buttons);
     $("drive-found").hidden = !buttons.length;
     const refused = reply?.refused ?? [];
+    $("drive-reasons").hidden = !refused.length;
+    $("drive-reasons").open = !buttons.length;
     $("drive-refused").replaceChildren(...refused.map(({ kind, link, name, reason }) => element("li", "", `${KINDS[kind] ? `${KINDS[kind]} on the ${plain(link)}` : `${kind} spring, ${link}`}${name ? ` (${name})` : ""}: ${reason.replace("reach_max", "“pin within”")}.`)));
   }
 
@@ -215,8 +234,7 @@ export class Driving {
     const { drive } = this, unit = this.answer?.motion.unit ?? "";
     if (!drive) return [];
     const newtons = this.#newtons, number = (one, digits = 5) => text(one, digits), place = (pair) => `${pair.map((one) => number(one)).join(", ")} ${unit}`;
-    // thousands apart
-    const force = (one) => `${text(one, 4).replace(/^-?\d+/, (whole) => whole.replace(/\B(?=(\d{3})+$)/g, "\u202f"))}${newtons ? " N" : ""}`, torque = (one) => `${force(one)}${newtons ? `·${unit}` : ""}`;
+    const force = (one) => `${grouped(text(one, 4))}${newtons ? " N" : ""}`, torque = (one) => `${force(one)}${newtons ? `·${unit}` : ""}`;
     const units = newtons ? [] : [["forces, torques", `in the load’s unit, and that times ${unit}`]];
     if (drive.springs) {
       return [...drive.springs.flatMap((one) => [

@@ -32,6 +32,7 @@ def number(page, name: str) -> float:
 def test_both_ends_of_a_cylinder_are_in_the_view(opened) -> None:
     """At once where the user has not moved the view, else by Fit."""
     opened.choose("bucket")
+    opened.select("drive-kind", "actuator")
     opened.wait("document.querySelectorAll('#solutions li').length > 0")
     inside = (
         "const f = document.getElementById('canvas').getBoundingClientRect();"
@@ -96,9 +97,9 @@ def test_what_was_found_for_another_load_says_so(opened) -> None:
 
 def test_a_cylinder_is_found_moves_and_its_pins_are_dragged(opened) -> None:
     opened.wait("document.querySelectorAll('#solutions li').length > 0")
-    fill(opened, retracted=255, stroke=150, reach=250, **{"force-y": 100})
+    fill(opened, kind="actuator", retracted=255, stroke=150, reach=250, **{"force-y": 100})
     found(opened)
-    assert "“pin within” is 250" in opened.text("drive-refused"), "as its field is called"
+    assert "“pin within” is 250" in opened.content("drive-refused"), "as its field is called"
     assert "255 + 150 mm" in opened.text("drive-numbers")
     best = number(opened, "peak force")
     assert opened.run("return document.querySelectorAll('#drive-curves .chart').length") == 2
@@ -175,12 +176,42 @@ def test_a_catalogue_offers_its_rows_and_the_drawing_has_the_drive(opened) -> No
     assert b"DRIVE" in opened.saved("linkage-1.dxf", "#exports [data-format=dxf]", "mouse")
 
 
+def test_the_best_three_are_compared_within_a_box_for_the_mount(opened) -> None:
+    """Of all kinds of drives, the motor at A first; of all kinds of springs, the least torque first."""
+    opened.wait("document.querySelectorAll('#solutions li').length > 0")
+    box = {"box-0": -100, "box-1": -600, "box-2": 600, "box-3": 300}
+    fill(
+        opened,
+        kind="any",
+        catalogue="",
+        mass=5,
+        **box,
+        **dict.fromkeys(("force-y", "retracted", "stroke", "reach", "ratio"), ""),
+    )
+    found(opened)
+    names = opened.texts("#drive-found strong")
+    assert [name.split(" ")[0] for name in names] == ["drive", "cylinder", "motor"]
+    assert names[0] == "drive in a hinge on the crank"
+    assert all("where" in card and " mm" in card for card in opened.texts("#drive-found button"))
+    fill(opened, **{"box-3": ""})
+    opened.click("drive-find")
+    opened.wait("document.getElementById('drive-note').className.includes('bad')")
+    assert opened.text("drive-note").endswith("Give all four sides of the box, or none of them.")
+    fill(opened, kind="springs", **dict.fromkeys(box, ""))
+    found(opened)
+    left = [float(re.search(r"torque left\s+([\d.]+)", card)[1]) for card in opened.texts("#drive-found button")]
+    assert 1 < len(left) <= 3 and left == sorted(left)
+    opened.run("document.querySelectorAll('#drive-found button')[1].click()")
+    assert opened.count("#drive-found [aria-pressed=true]") == 1 and opened.faults("#drive-card") == []
+    fill(opened, kind="actuator", mass="")
+
+
 def test_bad_numbers_and_refusals_are_answered_in_words(opened) -> None:
     opened.wait("document.querySelectorAll('#solutions li').length > 0")
     fill(opened, kind="dyad", ratio=9)
     opened.click("drive-find")
     opened.wait("document.getElementById('drive-note').className.includes('bad')")
-    assert re.fullmatch(r"time ratio: .*\b5\b.*", opened.text("drive-note")), "by the name of its field"
+    assert re.fullmatch(r"Time ratio of a motor: .*\b5\b.*", opened.text("drive-note")), "by the name of its field"
     refused = [
         {"kind": "tension", "link": "two springs", "name": None, "reason": "no spring of 12 fits"},
         {"kind": "rotary", "link": "crank", "name": None, "reason": "it does not turn"},
@@ -208,6 +239,7 @@ def test_a_cylinder_between_given_ends_is_evaluated(opened) -> None:
         re.search(rf"{name}\s+(-?[\d.]+), (-?[\d.]+)", rows).groups() for name in ("ground point", r"pin at \w+ 1")
     )
     link, force = re.search(r"on the (\w+), 2 side by side", rows)[1], number(opened, "peak force")
+    opened.unfold("drive-ends")
     opened.select("drive-link", link)
     opened.select("drive-catalogue", "")
     fill(opened, **{"ground-x": ground[0], "ground-y": ground[1], "pin-x": pin[0], "pin-y": pin[1]})
@@ -237,7 +269,7 @@ def test_a_drive_that_slides_is_told_in_lengths(page) -> None:
     page.solve_soon()
     # rounding is not told as a place
     assert "cylinder" in page.text("numbers") and not re.search(r"e-1\d", page.text("numbers"))
-    fill(page, **{"force-y": -200})
+    fill(page, kind="actuator", **{"force-y": -200})
     found(page)
     assert "mm a mm of travel" in page.text("drive-numbers") and "radian" not in page.text("drive-card")
     assert "Moment arm, mm a mm of travel" in page.texts("#drive-curves h3")

@@ -159,6 +159,7 @@ def test_links_of_any_kind_are_rounded_and_driven_by_their_names(standing) -> No
     request = {"position": [[0, 1.1], [0.25, 1.6], [0.9, 2.1]], "rotation": [90, 60, 0], "timing": "free"}
     page.take({**request, "mechanisms": ["two_slots"], "top": 1})
     page.solve()
+    page.select("drive-kind", "actuator")
     page.click("drive-find")
     page.wait("document.querySelectorAll('#drive-found button').length")
     sentence = page.text("drive-found") + page.text("drive-numbers")

@@ -222,11 +222,11 @@ def test_sizes_and_refusals_have_the_words_of_the_page(page) -> None:
     plates = ezdxf.read(io.StringIO(page.saved("linkage-1.plates.dxf", "[data-format=plates]").decode()))
     assert {circle.dxf.radius for circle in plates.modelspace().query("CIRCLE")} == {1.125}, "half of 4.5 as a model"
     page.type_into("layer-width", "wide" + Keys.TAB)
-    page.wait("document.getElementById('layers-note').textContent === 'width: “wide” is not a number.'")
+    page.wait("document.getElementById('layers-note').textContent === 'Width mm: “wide” is not a number.'")
     page.listen()
     page.type_into("drive-mass", "-1")
     page.click("drive-find")
-    page.wait("document.getElementById('drive-note').textContent === 'mass kg: -1 is less than 0.'")
+    page.wait("document.getElementById('drive-note').textContent === 'Mass kg: -1 is less than 0.'")
     assert page.asked() is None
     page.load()
     page.unfold("limits")
