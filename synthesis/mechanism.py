@@ -1,14 +1,14 @@
-"""What the scan and the search need to know of a mechanism; each mechanism's package fills it in once.
+"""Interface of a mechanism to the scan and the search; the package of each mechanism implements it.
 
-A mechanism here is planar and driven by a crank; its *body* hangs on the crank pin and turns by one angle. The crank turns
-by theta1, the body by theta2, and a point P of the body moves as::
+A mechanism here is planar and driven by a crank. Its *body* is attached to the crank pin and turns by a single angle. The crank
+turns by theta1, the body by theta2, and a point P of the body moves as::
 
     P = A + z1 e^{i theta1} + z2 e^{i theta2}
 
-with A the crank's fixed pivot, so that pose and body point are linear (see `pose`) and the rest is the same for all
-mechanisms. Lengths are rows whose first is the crank; all of them scale together. A *shape* is lengths up to their scale,
-and a *chart* gives shapes by unknowns without bounds. A *candidate* is a shape's unknowns, then theta1 at the first
-sample, and a branch.
+with A the fixed pivot of the crank, so that pose and body point are linear (see `pose`) and everything else is common to all
+mechanisms. Lengths are rows whose first entry is the crank; all lengths scale together. A *shape* is a set of lengths up to
+scale, and a *chart* describes shapes by unknowns without bounds. A *candidate* consists of the unknowns of a shape, theta1 at the
+first sample, and a branch.
 """
 
 from __future__ import annotations
@@ -29,18 +29,18 @@ Box = tuple[float, float, float, float]
 
 
 def outside(points: Any, box: Box) -> Floats:
-    """How far places lie outside of a box; negative inside: how far from its nearest side."""
+    """Return distances of points from a box; negative inside, where the distance to the closest side counts."""
     x, y = np.real(points), np.imag(points)
     return np.asarray(np.maximum(np.maximum(box[0] - x, x - box[2]), np.maximum(box[1] - y, y - box[3])))
 
 
 class BodyAngles(NamedTuple):
-    """How the body of candidates turns."""
+    """Rotation of the body of candidates."""
 
     angle: Floats
     """(n, N): theta2, continuous; any numbers where the candidate does not close."""
     slope: Floats
-    """(n, k + 1, N): derivatives of theta2 by the candidate's unknowns and theta1; of no candidate where none are wanted."""
+    """(n, k + 1, N): derivatives of theta2 by the unknowns and theta1; empty if derivatives are not required."""
     closes: Flags
     """(n,): which candidates are of the sheet and close at every crank angle."""
 
@@ -62,9 +62,9 @@ class Chart:
     """Coordinates of shapes for a search: unknowns (n, k) that the compiled kernel makes lengths of."""
 
     kind: int
-    """Its code in the kernel."""
+    """Code of the mechanism in the kernel."""
     guide: int = codes.CIRCLE
-    """How the body is guided, as a code too."""
+    """Code of the guide of the body."""
     sheet: int = 0
     """-1: only linkages with L1 < L4; +1: only L1 > L4; 0: both."""
     cell: Floats
@@ -81,11 +81,11 @@ class Chart:
         raise NotImplementedError
 
     def hopped(self, unknowns: Floats, noise: Floats) -> Floats:
-        """Unknowns perturbed by noise (n, k) in units of order one."""
+        """Perturb unknowns by noise (n, k) in units of order one."""
         return unknowns + np.clip(noise, -8.0, 8.0)
 
     def place(self, unknowns: Floats) -> Floats:
-        """Where shapes lie, whatever their scale, (n, c): shapes in one unit cell are alike."""
+        """Return coordinates (n, c) of shapes, independent of scale; shapes in the same unit cell are similar."""
         raise NotImplementedError
 
     def at(self, unknowns: Floats, theta1: Floats, branch: Floats, derivatives: bool = True) -> BodyAngles:
@@ -116,7 +116,7 @@ class Placed(NamedTuple):
     """z2 of the position."""
 
     def over(self, middle: complex, scale: float) -> Placed:
-        """The same with positions from a middle and all lengths over a scale."""
+        """Return the target with positions relative to a centre and all lengths over a scale."""
         assert self.pivot is not None and self.coupler is not None
         pivot, coupler = (self.pivot - middle) / scale, self.coupler / scale
         return self._replace(lengths=self.lengths / scale, pivot=pivot, coupler=coupler)
@@ -132,11 +132,11 @@ class Constrained(NamedTuple):
     equal: Flags
     """(C,): which are equations."""
     names: list[str]
-    """Of the limit that each belongs to, (C,)."""
+    """Scale of the limit of each constraint, (C,)."""
 
     @property
     def lacking(self) -> Floats:
-        """By how much each is broken, (n, C)."""
+        """Return the violation of each constraint, (n, C)."""
         return np.where(self.equal, np.abs(self.values), np.maximum(-self.values, 0.0))
 
 
@@ -145,17 +145,17 @@ class Constraints(Protocol):
 
     @property
     def any(self) -> bool:
-        """Whether there are any."""
+        """True if there are constraints."""
 
     def __call__(self, placed: Placed, derivatives: bool = True) -> Constrained:
-        """The constraints at linkages in that unit, with derivatives where they are wanted."""
+        """Evaluate the constraints at linkages in this unit, with derivatives if required."""
 
     def compiled(self, posed: bool) -> Any:
         """Return them as limits of `synthesis.kernels.four_bar_limits`, for linkages with a pose or for their shapes only."""
 
 
 class Boxes(NamedTuple):
-    """Where the limits leave the pivots, as far as seeds need to know; lengths over l, places from the mean position."""
+    """Positions that the limits allow for the pivots, as required for seeds; lengths over l, positions from the mean position."""
 
     pivot_a: Box
     pivot_b: Box
@@ -188,34 +188,34 @@ class Bounded(NamedTuple):
     chart: Chart
     constraints: Constraints
     on_shape: Constraints
-    """Those of the limits that concern shape and start alone."""
+    """Limits that concern only shape and start."""
     boxes: Boxes | None
-    """Where the limits concern the pose or actual lengths; otherwise the best pose of a shape is free."""
+    """Boxes if limits concern the pose or actual lengths; otherwise the best pose of a shape is used."""
     types: Floats = np.empty((0, 4))
-    """Lengths (T, 4) to begin with where no coarse type is near what the limits give of them."""
+    """Initial lengths (T, 4) if no coarse type is close to the given lengths."""
 
 
 class Limits(Protocol):
-    """What solutions must keep to."""
+    """Limits of the solutions."""
 
     @property
     def family(self) -> str:
-        """Name of the family that is asked for."""
+        """Name of the requested family."""
 
     @property
     def only_family(self) -> bool:
-        """Whether nothing but the family is limited."""
+        """True if only the family is limited."""
 
     def mirrored(self) -> Any:
-        """The same limits for a mirrored target."""
+        """Return the limits for a mirrored target."""
 
 
 class Turning(Protocol):
-    """How the body of a kind of mechanism turns: all that tables and the scan of them need to know."""
+    """Rotation of the body of a kind of mechanism, as required for tables and their scan."""
 
     @property
     def kind(self) -> str:
-        """Its name, as in ``mechanisms`` of a request."""
+        """Name in ``mechanisms`` of a request."""
 
     @property
     def branches(self) -> tuple[int, ...]:
@@ -226,35 +226,35 @@ class Turning(Protocol):
         """Lengths (T, d) of types whose crank turns fully: where the search takes its first seeds from."""
 
     def winding(self, lengths: Floats) -> NDArray[np.integer[Any]]:
-        """Turns of the body in one turn of the crank, (T,)."""
+        """Return the turns of the body during a turn of the crank, (T,)."""
 
     def body_angle(self, lengths: Floats, branch: ArrayLike, crank: Floats) -> Floats:
-        """theta2 at crank angles (n, N) or (N,), continuous; (n, N).
+        """Return continuous theta2 at crank angles (n, N) or (N,), shape (n, N).
 
-        NaN where it does not close, and for a branch that is the same as another.
+        NaN if the loop does not close, and for a branch that is equal to another branch.
         """
 
     def in_family(self, family: str, lengths: Floats) -> Flags:
-        """Which of the types of a table are of a family, (T,)."""
+        """Return flags (T,) of the types of a table that belong to a family."""
 
 
 class Mechanism(Turning, Protocol):
     """A kind of mechanism, with what the search needs beside: charts, limits, and linkages."""
 
     def charts(self, family: str) -> Sequence[Chart]:
-        """The charts in which linkages of a family are sought, one after the other; the coarse types are of the first."""
+        """Return the charts in which linkages of a family are searched, in order; the coarse types are of the first chart."""
 
     def bounded(self, target: Target, limits: Any) -> Sequence[Bounded]:
-        """How a target within limits is looked for, one way after the other; none where that is not known."""
+        """Return the search spaces of a target within limits, in the order of the search; empty if they are unknown."""
 
     def bounded_types(self, family: str) -> Floats:
         """Lengths (T, d) of coarse types of a family for that, those next to its bounds among them."""
 
     def keeps(self, target: Target, limits: Any, placed: Placed) -> Flags:
-        """Which linkages, placed in the user's unit, keep limits, (n,)."""
+        """Return flags (n,) of linkages in the user's unit that satisfy limits."""
 
     def within(self, target: Target, limits: Any, solutions: list[Any]) -> list[Any]:
-        """The solutions that keep limits, checked on their own numbers."""
+        """Return the solutions that satisfy limits, checked with their own dimensions."""
 
     def mounted(self, target: Target, lengths: Floats, branch: ArrayLike, start: Floats) -> list[Any]:
         """Linkages with actual lengths in their best pose, of shapes that close at every sample."""
@@ -266,7 +266,7 @@ class Mechanism(Turning, Protocol):
         start: Floats,
         pose: tuple[Complexes, Floats, Complexes] | None,
     ) -> list[Any]:
-        """Linkages with actual lengths in a given pose: pivot A, ground angle, and z2; None where nothing is mounted."""
+        """Build linkages with actual lengths in a given pose: pivot A, ground angle, and z2; None if nothing is mounted."""
 
     def assess(
         self, target: Target, linkages: Sequence[Linkage], /, *, rows: Sequence[int] | None = None

@@ -3,23 +3,25 @@
 Data flow of a request::
 
     poses -> dyads (five and more: one SVD and a quartic; fewer: samples of the infinitely many)
-      -> pairs of dyads as four-bars with crank angles -> those of the family, on one branch and in the order asked for
+      -> pairs of dyads as four-bars with crank angles -> four-bars of the family, on one branch, in the requested order
       -> joint refinement -> reached? otherwise dyads from starts all over the body, their pairs, refined in rounds
 
 A dyad is a point m of the body (in its frame), a fixed centre c and a radius r with |P + R m - c| = r at every pose,
-R = e^{i gamma}. Written out, with a = conj(P) R and k = conj(m) c, that is linear in eight coefficients::
+R = e^{i gamma}. In expanded form, with a = conj(P) R and k = conj(m) c, this is linear in eight coefficients::
 
     [|P|^2, 1, 2 Re a, -2 Im a, -2 Re P, -2 Im P, -2 Re R, -2 Im R] . q = 0
     q = q0 [1, |m|^2 + |c|^2 - r^2, m, c, k],      conj(q_m) q_c = q0 q_k
 
 (Bottema and Roth, Theoretical Kinematics, 1979; Ravani and Roth, J. Mech. Trans. Automation 105 (1983) 460-467; Ge, Purwar,
-Zhao, Deshpande, J. Comput. Inf. Sci. Eng. 17 (2017) 031011). The three least right singular vectors of the poses' rows span
-what fits them; the two real quadrics leave at most four dyads in that span: exactly those of Burmester for five poses.
+Zhao, Deshpande, J. Comput. Inf. Sci. Eng. 17 (2017) 031011). The right singular vectors of the poses' rows with the three
+smallest singular values span the solutions; the two real quadrics leave at most four dyads in this span: Burmester's dyads for
+five poses.
 
-Two poses leave the point of the body and one number of its centre free, three leave the point free, four leave one number:
-the points whose four places lie on a circle are a cubic curve (Burmester's).
+Two poses leave the point of the body and one coordinate of its centre free, three poses leave the point free, and four poses
+leave one parameter: the points whose four positions lie on a circle form a cubic curve (Burmester's).
 
-With the crank angles of some samples known, the others begin between them, and go to where the body comes nearest.
+If the crank angles of some samples are known, the other crank angles are first interpolated, then moved to the closest approach
+of the body.
 """
 
 from __future__ import annotations
@@ -46,7 +48,7 @@ from synthesis.work import Work
 FARTHEST = 1e4
 """Points of the body and centres beyond this many length scales are sliders, which are no four-bars."""
 _POLISH_STEPS, _POLISH_STALL = 6, 0.1
-"""Of dyads that are near: where they fit, two or three steps reach rounding, and the pairs are refined together anyway."""
+"""Number of steps for dyads close to a solution: two or three steps reach rounding, and pairs are refined together later."""
 
 
 class Dyads(NamedTuple):
@@ -60,11 +62,11 @@ class Dyads(NamedTuple):
     """(n,)"""
 
     def take(self, indices: Any) -> Dyads:
-        """Some of them."""
+        """Select dyads."""
         return Dyads(*(column[indices] for column in self))
 
     def joined(self, following: Dyads) -> Dyads:
-        """These and others after them."""
+        """Return these dyads followed by others."""
         return Dyads(*(np.concatenate(columns) for columns in zip(self, following)))
 
 
@@ -80,7 +82,7 @@ class Body:
         self.rotation_root, self.position_root = root
 
     def places(self, body: Complexes) -> Complexes:
-        """Where points of the body (n,) are, (n, N)."""
+        """Return positions (n, N) of points of the body (n,)."""
         return self.position + self.turned * body[:, None]
 
     def with_radius(self, body: Complexes, fixed: Complexes) -> Dyads:
@@ -118,7 +120,7 @@ def linear_dyads(body: Body) -> Dyads:
 
 
 def _common_points(conics: Floats) -> Floats:
-    """Real common points (n, 3) of two conics y' C y = 0; of nearly real ones the real part."""
+    """Return real common points (n, 3) of two conics y' C y = 0; the real part of nearly real points."""
 
     def parts(x: Any) -> list[Any]:
         return [
@@ -174,7 +176,7 @@ def polished(
     stall: float = _POLISH_STALL,
     work: Work | None = None,
 ) -> tuple[Dyads, Floats]:
-    """Dyads after least-squares steps of their first-order errors, as many as the time allows; and those errors, rms, (n,)."""
+    """Refine dyads by least-squares steps of their first-order errors within the time; return dyads and rms errors (n,)."""
     columns = [dyads.body.real, dyads.body.imag, dyads.fixed.real, dyads.fixed.imag, dyads.radius]
     start = np.stack(columns, axis=1)
     done = minimise(
@@ -185,9 +187,10 @@ def polished(
 
 
 def landscape(body: Body, steps: int = 20, max_count: int = 36, work: Work | None = None) -> tuple[Dyads, Floats]:
-    """The best dyads from starts all over the body, different from one another, and their errors; best first.
+    """Return the best dyads from starts all over the body, different from each other, and their errors; best first.
 
-    A dyad has only two hard unknowns: the point of the body. Centre and radius follow from a circle through its places.
+    A dyad has only two nonlinear unknowns, the coordinates of the point of the body. Centre and radius follow from a circle
+    through its positions.
     """
     radius, angle = np.meshgrid(_RADII, np.arange(_DIRECTIONS) * (2 * np.pi / _DIRECTIONS), indexing="ij")
     points = np.concatenate([[0j], (radius * np.exp(1j * angle)).ravel()])
@@ -264,7 +267,7 @@ def _between(moved: Complexes, random: np.random.Generator) -> Complexes:
 
 
 def circumcentre(p: Complexes, q: Complexes, r: Complexes) -> Complexes:
-    """Centres of the circles through three points; not finite where they lie on a line."""
+    """Return centres of the circles through three points; not finite if they lie on a line."""
     a, b = q - p, r - p
     with np.errstate(divide="ignore", invalid="ignore"):
         below = 2 * (np.conj(a) * b).imag
@@ -314,9 +317,9 @@ _NEWTON_STEPS = 20
 
 
 _EVEN = 0.3
-"""Part of the way from angles that were put in order to evenly spaced ones."""
+"""Fraction of the path from ordered angles to evenly spaced angles."""
 _SHORTEST = 1e-9
-"""A link below this part of the length scale is none."""
+"""Length of a link, as a fraction of the length scale, below which the link is omitted."""
 
 
 class Pairs(NamedTuple):
@@ -325,7 +328,7 @@ class Pairs(NamedTuple):
     lengths: Floats
     """(n, 4): crank, coupler, rocker, ground."""
     branch: Floats
-    """(n,): that of most samples."""
+    """(n,): branch of most samples."""
     one_branch: Flags
     """(n,): whether all samples lie on it."""
     angles: Floats
@@ -336,7 +339,7 @@ class Pairs(NamedTuple):
     """(n,): of the rotation."""
 
     def take(self, indices: Any) -> Pairs:
-        """Some of them."""
+        """Select pairs."""
         columns: Any = (column[indices] for column in self)
         return Pairs(*columns)
 
@@ -368,14 +371,14 @@ def paired(body: Body, crank: Dyads, rocker: Dyads) -> tuple[Pairs, NDArray[np.i
 
 
 def in_order(angles: Floats, span_max: float = TURN, shorter: bool = True) -> tuple[Floats, Flags]:
-    """Make crank angles (n, N) continuous in the direction that passes the samples in their order on the shorter way.
+    """Make crank angles (n, N) continuous in the direction that passes the samples in their order on the shorter path.
 
     Returns
     -------
     angles : ndarray, shape (n, N)
-        Rising or falling strictly where the order holds.
+        Strictly increasing or decreasing if the order is satisfied.
     holds : ndarray of bool, shape (n,)
-        Whether the crank passes the samples one way within ``span_max``.
+        True if the crank passes the samples in a single direction within ``span_max``.
     """
     steps = np.diff(angles, axis=1)
     ahead = steps % TURN
@@ -399,9 +402,9 @@ def in_any_order(angles: Floats, span_max: float) -> tuple[Floats, Flags]:
 
 
 def put_in_order(angles: Floats, span_max: float = TURN) -> Floats:
-    """Crank angles (n, N) near the given ones that rise or fall strictly within the span: starting points for noisy samples.
+    """Return strictly monotonic crank angles (n, N) within the span, close to the given angles, as starts for noisy samples.
 
-    Neighbours are taken to be less than half a turn apart, and an angle that steps back is put just after its neighbour.
+    Neighbours are assumed to be less than half a turn apart, and an angle that steps back is placed just after its neighbour.
     """
     steps = np.diff(angles, axis=1)
     steps -= TURN * np.round(steps / TURN)
@@ -421,7 +424,7 @@ def put_in_order(angles: Floats, span_max: float = TURN) -> Floats:
 
 _GRID, _NEAREST_STEPS = 120, 8
 _SHARE_OF_REMAINDER, _LEAST_STEP = 0.9, 1e-4
-"""Part of what is left of the turn that is guessed for samples before and after the known ones; a step between them at least."""
+"""Fraction of the remaining turn that is assigned to samples outside of the known samples, and smallest step between them."""
 
 
 def aligned(problem: JointProblem, timed: Timed, known: NDArray[np.intp]) -> Timed:
@@ -460,7 +463,7 @@ def aligned(problem: JointProblem, timed: Timed, known: NDArray[np.intp]) -> Tim
 
 
 FEW = 4
-"""Up to so many poses infinitely many dyads fit exactly."""
+"""Largest number of poses that infinitely many dyads fit exactly."""
 _FEW_DYADS, _FEW_BATCHES = 60, 20
 _SAMPLED_DYADS, _SAMPLED_BATCHES = 110, 8
 _WORTH = 0.01
@@ -474,7 +477,7 @@ _FITTED = 400
 _LOOKED_AT, _REFINED_AT_ONCE = 8, 200
 """Full samples, and others, at which pairs of dyads are first compared, and how many pairs at a time."""
 _ALIGNED, _FEWEST = 6000, 12
-"""Pairs times samples that are then compared at all samples, and at least so many pairs."""
+"""Number of pairs times samples that are then compared at all samples, and smallest number of pairs."""
 
 
 class Round(NamedTuple):
@@ -494,7 +497,7 @@ ROUNDS = (
 _MAX_CANDIDATES = 100
 """Candidates that are handed on: limits may leave only a few of them."""
 _EXACT_BELOW = 1e-4
-"""Where J is above this after the rounds before the last, an exact answer is not in sight."""
+"""Error after the last but one round above which an exact answer is not expected."""
 _PAIRED_AT_ONCE = 1 << 18
 """Pairs of dyads times samples between two looks at the time: some 25 ms."""
 
@@ -505,10 +508,10 @@ def chart_of(family: str) -> AnyChart | GrashofChart:
 
 
 def four_bars(poses: Poses, body: Body, dyads: Dyads, family: str, work: Work, repair: bool = False) -> Timed:
-    """The pairs of dyads that are of the family, lie on one branch and pass the poses in the order asked for.
+    """Return the pairs of dyads that belong to the family, lie on one branch and pass the poses in the requested order.
 
-    With ``repair`` also those that do so only nearly, their angles put in order. Where the time runs out they are those of the
-    first dyads as cranks.
+    With ``repair``, pairs that nearly do so are included, with their angles put in order. If the time runs out, the pairs of the
+    first dyads as cranks are returned.
     """
     count = dyads.radius.size
     few = max(1, _PAIRED_AT_ONCE // (max(count, 1) * poses.samples))
@@ -534,22 +537,22 @@ def _four_bars(poses: Poses, pairs: Pairs, family: str, repair: bool) -> Timed:
 
 
 def search_motion(poses: Poses, family: str, tolerance: float, work: Work) -> Iterator[Pool]:
-    """Four-bars that guide a body through poses, some of which may lack their rotation or their position.
+    """Search four-bars that guide a body through poses, some of which may lack rotation or position.
 
     Parameters
     ----------
     poses : Poses
-        With at least three samples that have both, or two and no others.
+        At least three samples with both rotation and position, or exactly two samples, both complete.
     family : str
-        One of `limits.FAMILIES`.
+        Family of `limits.FAMILIES`.
     tolerance : float
-        The search ends once J is below it.
+        Error below which the search ends.
     work : Work
 
     Yields
     ------
     Pool
-        All candidates so far, first those of dyads as equations give them, within milliseconds; then after each round.
+        All candidates so far: first the candidates from the equations, within milliseconds, then the candidates after each round.
     """
     search = _Motion(poses, family, work)
     if search.full <= FEW and search.mixed:
@@ -560,7 +563,7 @@ def search_motion(poses: Poses, family: str, tolerance: float, work: Work) -> It
         pool = _few(search, work)
         inexact = np.flatnonzero(pool.cost > exact**2)
         if pool.cost.size - inexact.size < _ENOUGH:
-            # dyads of short links lie where places all but coincide: a few steps give back what rounding took
+            # dyads of short links occur if positions almost coincide: a few steps remove the rounding errors
             refined = pool.take(inexact).best(_ENOUGH)
             refined = search.problem.descended(refined.timed, [Stage(60)], exact, work, steps_after_first=np.inf)
             pool = pool.take(np.flatnonzero(pool.cost <= exact**2)).joined(refined)
@@ -599,7 +602,7 @@ def _rounds(search: _Motion, found: Pool, tolerance: float, work: Work) -> Itera
 
 
 def _sampled(search: _Motion, tolerance: float, work: Work) -> Iterator[Pool]:
-    """Three or four full samples among others: dyads at random that fit those exactly, until one pair fits the rest too."""
+    """Draw dyads that fit three or four complete samples exactly, until a pair fits the other samples too."""
     random = np.random.default_rng(20)
     best: Pool | None = None
     idle = 0
@@ -636,7 +639,7 @@ class _Motion:
         return aligned(self.problem, timed.take(best), self.poses.full)
 
     def _best_aligned(self, timed: Timed, max_count: int) -> NDArray[np.intp]:
-        """Places of those that fit some of the samples best, full ones and others, some hundred candidates at a time."""
+        """Return the indices of the candidates that best fit some of the samples, in chunks of about a hundred candidates."""
         poses, index = self.poses, np.arange(timed.branch.size)
         if self.full > FEW:  # fewer are fitted exactly
             fitted = JointProblem(poses.at(poses.full), self.problem.chart).measured(timed)
@@ -658,12 +661,12 @@ class _Motion:
         return index[np.argsort(cost, kind="stable")[: min(max_count, max(_FEWEST, _ALIGNED // poses.samples))]]
 
     def measured(self, dyads: Dyads, repair: bool = False) -> Pool:
-        """The same with their J."""
+        """Return the same candidates with their errors."""
         return self.problem.measured(self.four_bars(dyads, repair))
 
 
 def _evenly(count: int, max_count: int) -> NDArray[np.intp]:
-    """Places of at most so many of a count, both ends among them."""
+    """Return at most a given number of evenly spaced indices of a range, including both ends."""
     return np.unique(np.round(np.linspace(0, count - 1, min(count, max_count))).astype(np.intp))
 
 

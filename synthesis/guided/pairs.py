@@ -1,44 +1,48 @@
-"""Pairs of guides, of any kinds, as functions of their dimensions: the poses that they allow, errors, limits, derivatives.
+"""Pairs of guides of any kind as functions of their dimensions: poses that they allow, errors, limits and derivatives.
 
-The first guide of a pair is the driven one. Its *drive* is the angle of a crank, the travel of a slider along its rail, the
-extension of a cylinder (a slot whose pin is pushed along it), or the body's own angle (a slot that is turned about its pin).
+The first guide of a pair is the driven guide. Its *drive* is the angle of a crank, the travel of a slider along its rail, the
+extension of a cylinder (a slot whose pin is pushed along it), or the angle of the body (a slot that is turned about its pin).
 
-The nearest pose to a given one that both guides allow is found by Newton's steps (Gauss-Helmert): with both distances e, their
+The pose closest to a given pose that both guides allow is found by Newton steps (Gauss-Helmert): with both distances e, their
 derivatives B by (gamma, x, y) and the weights W of the pose ::
 
     S = B W^-1 B' = L L',   corrected = given - W^-1 B' S^-1 (e + B (given - corrected)),   rows L^-1 e of the least squares
 
-so that the rows' square is that of the weighted correction. Neither branch nor drive enters: those are limits. The poses' own
-derivatives by the dimensions, -W^-1 B' S^-1 de, leave out what is of the order of the correction times a curvature.
+so that the square of the rows is the square of the weighted correction. Branch and drive do not enter; they are limits. The
+derivatives of the poses by the dimensions, -W^-1 B' S^-1 de, omit terms of the order of the correction times a curvature.
 
-Ten unknowns: of each guide the running point m, the direction b and offset s of the curve's normal at a foot O that stays, and
-the curvature k, which a rail or slot does not have. The distance of a place Y = X - O - s e^{i b} from the curve is ::
+There are ten unknowns: for each guide the moving point m, the direction b and offset s of the normal of the curve at a constant
+foot O, and the curvature k, which is missing for a rail or slot. A point Y = X - O - s e^{i b} has from the curve the distance ::
 
     F = k |Y|^2 / 2 - Re(e^{-ib} Y),   w = sqrt(1 + 2 k F),   distance = 2 F / (1 + w),   n = (k Y - e^{ib}) / w
 
-A rail is the middle of this chart, k = 0, not its end: circles of 1e8 lengths have all their digits.
+A rail is the centre of this chart, k = 0, not its boundary: circles with a radius of 1e8 lengths keep full precision.
 
-Where the drive is given, three equations fix a pose: both distances and the drive; the rows are the weighted differences to the
-given poses, and an eleventh unknown is the drive at the first sample. Where it does not reach so far, the nearest pose that the
-guides allow stands for it, with a row for what the drive lacks.
+If the drive is given, three equations determine a pose: both distances and the drive. The rows are the weighted differences from
+the given poses, and an eleventh unknown is the drive at the first sample. If the drive does not reach its value, the closest
+pose that the guides allow is used, with a row for the missing part of the drive.
 
-Within limits c >= 0 the cost is J squared and rho sum min(0, c)^2, whose weight rho grows from stage to stage. The limits follow
-the corrected poses, whose derivatives are those above. `synthesis.kernels.pair_descent` computes all of it.
+Within limits c >= 0 the cost is J squared plus rho sum min(0, c)^2, whose weight rho increases from stage to stage. The limits
+are evaluated at the corrected poses with the derivatives above. `synthesis.kernels.pair_descent` computes both.
 
-*Guides* lead a body through its poses: points of it that run on circles or rails, and lines of it that run through a pin.
+*Guides* lead a body through its poses: points of the body that move on circles or rails, and lines of the body that pass through
+a pin.
 
-Positions are over the length scale from their mean, P, with R = e^{i gamma}. A point m of the body is at X = P + R m. On a
-*rail* it stays on a line of the ground, on a *circle* at a distance from a pivot; a *slot* is a line of the body that a pin c of
-the ground stays on. In the inverse motion, (P, R) -> (-conj(R) P, conj(R)), body and ground are exchanged: there a slot is a
-rail, and the pin is the point that runs on it. So one set of formulas serves all three, see `Guides`.
+Positions are measured from their mean and divided by the length scale, P, with R = e^{i gamma}. A point m of the body is at
+X = P + R m. On a *rail* it stays on a line of the ground, on a *circle* at a constant distance from a pivot; a *slot* is a line
+of the body that contains a pin c of the ground. In the inverse motion, (P, R) -> (-conj(R) P, conj(R)), body and ground
+are exchanged: there a slot is a rail, and the pin is the point that moves on it. So the same formulas hold for all three, see
+`Guides`.
 
-Rails need no search. With the normal n of the line, its distance h from the origin and k = conj(m) n, a pose's distance is ::
+
+ Rails need no search. With the normal n of the line, its distance h from the origin and k = conj(m) n, the distance of a pose is
+ ::
 
     n . (Re P, Im P) + [Re R, Im R, -1] . (Re k, Im k, h)
 
-linear but for |n| = 1: with Q the projector off the columns {1, Re R, Im R}, n is the eigenvector of the least eigenvalue of the
-2 x 2 matrix (places' Q places), whose value over N is the mean square distance: the least there is. Four poses have exactly one
-exact rail, and one exact slot, always; three have one in every direction.
+which is linear except for |n| = 1: with Q the projector that removes the columns {1, Re R, Im R}, n is the eigenvector of the
+smallest eigenvalue of the 2 x 2 matrix (positions' Q positions), and this eigenvalue over N is the smallest mean square distance.
+Four poses always have exactly one exact rail and one exact slot; three poses have one in every direction.
 """
 
 from __future__ import annotations
@@ -60,7 +64,7 @@ class Guides(NamedTuple):
     """Circles, rails and slots, (n,) each, lengths over the length scale; of a slot everything is of the inverse motion."""
 
     point: Complexes
-    """What runs: a point of the body; of a slot the pin, a point of the ground."""
+    """Moving point: a point of the body; for a slot the pin, a point of the ground."""
     foot: Complexes
     """A point of the curve that it runs on, in the ground; of a slot in the body."""
     normal: Floats
@@ -68,19 +72,19 @@ class Guides(NamedTuple):
     curvature: Floats
     """1 / radius; 0 of rails and slots."""
     inverse: Flags
-    """Whether it is a slot."""
+    """True for a slot."""
 
     def take(self, indices: Any) -> Guides:
-        """Some of them."""
+        """Select guides."""
         return Guides(*(column[indices] for column in self))
 
     def joined(self, *following: Guides) -> Guides:
-        """These and others after them."""
+        """Return these guides followed by others."""
         return Guides(*(np.concatenate(columns) for columns in zip(self, *following)))
 
     @property
     def straight(self) -> Flags:
-        """Which are rails or slots."""
+        """Return flags of rails and slots."""
         return self.curvature == 0
 
     @property
@@ -111,7 +115,7 @@ class Motion(NamedTuple):
         return self._replace(position=-turned * self.position, turned=turned, inverted=not self.inverted)
 
     def places(self, points: Complexes) -> Complexes:
-        """Where points (n,) are, (n, N)."""
+        """Return the positions (n, N) of points (n,)."""
         return self.position + self.turned * points[:, None]
 
     @property
@@ -125,14 +129,14 @@ class Motion(NamedTuple):
 
 
 class Straight:
-    """The lines of a motion, from the 2 x 2 form whose least eigenvalue is the best one's error squared."""
+    """Lines of a motion, from the 2 x 2 form whose smallest eigenvalue is the smallest squared error."""
 
     def __init__(self, motion: Motion) -> None:
         self.motion, root = motion, motion.root
         position, turned = motion.position, motion.turned
         self._mean = complex(np.sum(root**2 * turned) / np.sum(root**2))
         off = turned - self._mean
-        # small rotations: {1, R} have a condition of one over the span squared, so never normal equations
+        # for small rotations {1, R} have a condition of one over the squared span, so normal equations are avoided
         columns = np.stack([off.real, off.imag, -np.ones(position.size)], axis=1) * root[:, None]
         self._scale = np.linalg.norm(columns, axis=0)
         self._scale[self._scale == 0] = 1.0
@@ -190,11 +194,11 @@ OWN = 5
 _BETWEEN_LOOKS = 2_000
 """Steps times samples between two looks at the time: 2 to 4 ms."""
 _UNKNOWN = 1e10
-"""Weight's reciprocal of a part of a sample that is missing; its correction starts anew at each step."""
+"""Inverse weight of a missing component of a sample; its correction starts again at each step."""
 
 
 class Pairs(NamedTuple):
-    """Pairs of guides, the driven one first."""
+    """Pairs of guides; the first guide is driven."""
 
     first: Guides
     second: Guides
@@ -207,11 +211,11 @@ class Pairs(NamedTuple):
         return self.first, self.second
 
     def take(self, indices: Any) -> Pairs:
-        """Some of them."""
+        """Select pairs."""
         return Pairs(self.first.take(indices), self.second.take(indices), self.hinge[indices])
 
     def joined(self, *following: Pairs) -> Pairs:
-        """These and others after them."""
+        """Return these pairs followed by others."""
         return Pairs(
             self.first.joined(*(pairs.first for pairs in following)),
             self.second.joined(*(pairs.second for pairs in following)),
@@ -220,7 +224,7 @@ class Pairs(NamedTuple):
 
     @property
     def number(self) -> int:
-        """How many."""
+        """Number of pairs."""
         return self.hinge.size
 
 
@@ -230,16 +234,16 @@ class Samples(NamedTuple):
     angle: Floats
     position: Complexes
     rotation_variance: Floats
-    """1 / weight of the rotation; as large as can be where it is missing."""
+    """1 / weight of the rotation; a very large number if it is missing."""
     position_variance: Floats
     rotation_missing: Flags
     position_missing: Flags
     drive: Floats
-    """From the first sample on, where it is given: radians, or over the length scale."""
+    """Drive from the first sample, if it is given: radians, or a length over the length scale."""
 
     @classmethod
     def of(cls, poses: Poses, drive: Floats | None = None) -> Samples:
-        """Those of a request, over its length scale and from its mean position."""
+        """Return the samples of a request, divided by its length scale and measured from its mean position."""
         rotation = poses.rotation if poses.rotation is not None else np.zeros(poses.samples)
         assert poses.position is not None
         roots = [
@@ -258,7 +262,7 @@ class Samples(NamedTuple):
 
     @property
     def number(self) -> int:
-        """How many."""
+        """Number of candidates."""
         return self.angle.size
 
 
@@ -286,7 +290,7 @@ class Chart:
 
     @property
     def labels(self) -> Floats:
-        """What belongs to each candidate beside its unknowns, (n, 11)."""
+        """Constants of each candidate beside its unknowns, (n, 11)."""
         columns: list[Any] = [self.pairs.hinge]
         for pair, unit in zip(self.pairs[:2], self.bent):
             columns += [pair.foot.real, pair.foot.imag, unit, pair.inverse, pair.straight]
@@ -307,13 +311,13 @@ class Looked(NamedTuple):
     """Candidates (n,) at the poses that they allow."""
 
     cost: Floats
-    """J squared; infinite where it is none."""
+    """J squared; infinite if the pair does not close."""
     closed: Flags
-    """Whether all poses close."""
+    """True if the pair closes at all poses."""
     worst: Floats
     """The most by which a limit is broken; the order of the samples apart."""
     merit: Floats
-    """Mean squares of what is broken, at most 1 each, summed over the limits."""
+    """Mean squares of violations, at most 1 each, summed over the limits."""
     excess: Floats
     """Sum of the squares."""
     sines: Floats
@@ -333,11 +337,11 @@ class Stage(NamedTuple):
 
     steps: int
     weight: float
-    """rho, of broken limits against J squared; 0 where they do not count."""
+    """Weight rho of violated limits against J squared; 0 without limits."""
     sweeps: int
     """Newton's steps of each pose."""
     stall: float = 3e-4
-    """A step that lowers the cost by a smaller part than this is a candidate's last one."""
+    """Relative decrease of the cost below which a step is the last one of a candidate."""
     damping: float = 1e-2
 
 
@@ -347,9 +351,10 @@ _LENGTHS = (
 
 
 def numbers_of(limits: Limits, poses: Poses, timed: bool) -> dict[str, Any]:
-    """The limits of a request for `pair_descent.PairDescent`, each at least 0 where it is kept.
+    """Return the limits of a request for `pair_descent.PairDescent`; each value is at least 0 if the limit is satisfied.
 
-    Lengths over the length scale, places from the mean position. ``timed``: whether the drive is given, and with it the order.
+    Lengths are divided by the length scale, positions are measured from the mean position. ``timed``: True if the drive, and with
+    it the order, is given.
     """
     scale, middle = poses.length_scale, poses.middle
     none, reach = (np.nan, np.nan, np.nan, np.nan), limits.pivot_reach
@@ -400,7 +405,7 @@ class Problem:
     def look(
         self, chart: Chart, labels: Floats, sweeps: int, start: Floats | None = None, bounded: bool = True
     ) -> Looked:
-        """Candidates as they are; ``start`` (n,): the drive at the first sample, where it is given."""
+        """Evaluate candidates without a descent; ``start`` (n,): drive at the first sample, if it is given."""
         table, poses, drive = self._kernel.evaluate_candidates(
             _with(chart, start), _joined(chart, labels), sweeps, bounded
         )
@@ -410,10 +415,13 @@ class Problem:
     def descended(
         self, chart: Chart, labels: Floats, stage: Stage, work: Work, start: Floats | None = None
     ) -> tuple[Pairs, Floats, Floats]:
-        """Candidates after a descent: pairs, drive at the first sample (n,) and cost; those that time did not reach as they were.
+        """Run a descent; return pairs, drive at the first sample (n,) and cost; unchanged candidates if the time is over.
 
-        ``labels`` (n, 4): branch, way of the drive, what is added to the least transmission angle, and along which of its own
-        ways the drive counts.
+
+
+
+        ``labels`` (n, 4): branch, direction of the drive, addition to the smallest transmission angle, and direction along which the
+        drive is measured.
         """
         x = _with(chart, start)
         cost = self._kernel.set_candidates(
