@@ -1,28 +1,28 @@
-"""Candidates and their descents: what every search is made of, whatever it knows of the crank angles.
+"""Candidates and their descents, which all searches use, with known and with free crank angles.
 
-Unknowns of a candidate are its shape x in a chart, A, z1, z2 (complex, over the length scale), the rotation's offset, and crank
-angles: one a sample where they are free, that at the first sample where they are given. With e1 = e^{i phi},
-e2 = e^{i theta2(x, phi)}, a sample's rows are::
+The unknowns of a candidate are its shape x in a chart, A, z1, z2 (complex, over the length scale), the offset of the rotation,
+and crank angles: an angle for each sample if they are free, otherwise the angle at the first sample. With e1 = e^{i phi} and
+e2 = e^{i theta2(x, phi)}, the rows of a sample are::
 
     sqrt(w_r) (gamma - offset - theta2),      sqrt(w_p) (P - A - z1 e1 - z2 e2)
 
-(the first modulo a turn where the crank angles are free). A free phi_i stands in the rows of its own sample only, so it is
-eliminated there before the step is computed. With t_i the rows' derivative by phi_i, d_i its damping and n_i = t_i . t_i + d_i,
-the rows G of the other unknowns, and the residual, become::
+(the first modulo a turn if the crank angles are free). A free phi_i occurs only in the rows of its own sample, so it is
+eliminated there before the step is computed. With t_i the derivative of the rows by phi_i, d_i its damping and
+n_i = t_i . t_i + d_i, the rows G of the other unknowns, and the residual, become::
 
     G - c_i t_i (t_i . G),      c_i = 1 / (n_i (1 + sqrt(d_i / n_i)))
 
-whose normal matrix is the Schur complement of the full one, so that the step still comes from a QR decomposition. At
-d_i = 0 that is the fit by orthogonal distances, with a large d_i the fit at given crank angles. A, z1, z2 and the offset are
+whose normal matrix is the Schur complement of the full matrix, so that the step still comes from a QR decomposition. At
+d_i = 0 this is the fit by orthogonal distances, with a large d_i the fit at given crank angles. A, z1, z2 and the offset are
 solved again after every step (variable projection in Kaufman's form: BIT 15 (1975) 49-57). A step that increases the cost is
-accepted if it continues the direction of the step before (Transtrum and Sethna, arXiv:1201.5885). While the damping is large,
+accepted if it continues the direction of the previous step (Transtrum and Sethna, arXiv:1201.5885). While the damping is large,
 the triangle of the QR decomposition comes from the normal matrix by Cholesky's method instead, which is faster.
 
 Within limits c >= 0 the descent minimises J^2 + rho sum max(0, -c)^2, with the pose among the unknowns; the penalty rho grows
-from stage to stage. A limit that depends on the first or last crank angle has its row beside the first or last sample's own,
-so that this crank angle can satisfy it. Candidates that violate no limit continue in their best pose.
+from stage to stage. A limit that depends on the first or last crank angle has its row beside the rows of the first or last
+sample, so that this crank angle can satisfy it. Candidates that violate no limit continue in their best pose.
 
-`synthesis.kernels.crank_descent` computes all of it, one candidate after another.
+`synthesis.kernels.crank_descent` computes these steps for each candidate in turn.
 """
 
 from __future__ import annotations
@@ -60,11 +60,11 @@ class Timed(NamedTuple):
     """(n,)"""
 
     def take(self, indices: Any) -> Timed:
-        """Some of them."""
+        """Select candidates."""
         return Timed(*(column[indices] for column in self))
 
     def joined(self, *following: Timed) -> Timed:
-        """These and others after them."""
+        """Return these candidates followed by others."""
         return Timed(*(np.concatenate(columns) for columns in zip(self, *following)))
 
 
@@ -75,20 +75,20 @@ class Pool(NamedTuple):
     cost: Floats
 
     def take(self, indices: Any) -> Pool:
-        """Some of the candidates."""
+        """Select candidates."""
         return Pool(self.timed.take(indices), self.cost[indices])
 
     def joined(self, following: Pool) -> Pool:
-        """These candidates and others after them."""
+        """Return these candidates followed by others."""
         return Pool(self.timed.joined(following.timed), np.concatenate([self.cost, following.cost]))
 
     @property
     def least(self) -> float:
-        """The square root of the least cost; infinite where there is no candidate."""
+        """Square root of the smallest cost; infinite without candidates."""
         return float(np.sqrt(self.cost.min())) if self.cost.size else np.inf
 
     def best(self, max_count: int, cell: float = 0.02) -> Pool:
-        """The best candidates, best first, at most one a cell of shape and place; those that do not close left out."""
+        """Return the best candidates that close, best first, at most one in each cell of shape and pose."""
         timed = self.timed
         order = np.argsort(self.cost, kind="stable")
         order = order[np.isfinite(self.cost[order])]
@@ -110,9 +110,9 @@ class Stage(NamedTuple):
 
     steps: int
     stall: float = 1e-9
-    """A step that lowers the cost by a smaller part is a candidate's last one."""
+    """Relative decrease of the cost below which a step is the last one of a candidate."""
     weight: float = 1.0
-    """Its square, rho, weighs squared violations of limits against J squared."""
+    """Square root of rho, the weight of squared violations of limits against J squared."""
 
 
 class Problem:
@@ -201,13 +201,13 @@ class Problem:
         return np.asarray(self._kernel.errors_at(np.array(angles, dtype=float, order="C")))
 
     def moved(self, timed: Timed, steps: Floats, turns: Floats) -> Timed:
-        """Candidates after steps (n, m) and turns of the crank angles (n, N), each unknown and gap cut by itself."""
+        """Apply steps (n, m) and turns of the crank angles (n, N) to candidates; each unknown and gap is clipped separately."""
         pool = self._begin(timed)
         self._kernel.apply_steps(np.ascontiguousarray(steps, dtype=float), np.ascontiguousarray(turns, dtype=float))
         return pool.timed
 
     def linearised(self, timed: Timed, damping: float, weight: float = 1.0) -> list[dict[str, Any]]:
-        """What a step of each candidate is made of; see `crank_descent.Descent.linearised`."""
+        """Return the linearised problem of each candidate, see `crank_descent.Descent.linearised`."""
         self._begin(timed, weight)
         return [self._kernel.linearised(n, damping) for n in range(len(timed.branch))]
 
@@ -218,19 +218,20 @@ class Problem:
         return squares, largest
 
     def excursions(self, timed: Timed, shortest: float, panel: float) -> tuple[Floats, Floats]:
-        """How far the body point of candidates goes between two samples over their distance, at most, (n,), by chords.
+        """Return the largest excursion (n,) of the body point between two samples, by chords, and the angles of the body.
 
-        And the body's angles (n, M) at the samples, of a closed way at the first once more: they count where the loop closes.
-        ``shortest``: a distance that counts at least, over the length scale. ``panel``: that a chord spans at most, radians.
+        The angles (n, M) of the body are given at the samples, with the first sample repeated on a closed path, if the loop
+        closes. ``shortest``: smallest distance that counts, over the length scale. ``panel``: largest angle of a chord in
+        radians.
         """
         self._begin(timed)
         largest, angle = self._kernel.excursions(shortest, panel)
         return largest, angle
 
     def moved_onto(self, timed: Timed, rounds: int = 12) -> tuple[Pool, Floats]:
-        """Candidates moved onto the limits that they break, at their crank angles, and by how much they still break one.
+        """Move candidates onto violated limits at their crank angles; return the remaining violation too.
 
-        By Newton's steps of shape and pose, each the shortest. Law: none breaks more than it did.
+        These are Newton steps of shape and pose of minimum length. No violation increases.
         """
         pool = self._begin(timed)
         return pool, self._kernel.restore(rounds)
@@ -245,29 +246,29 @@ class Problem:
         steps_after_first: float = 1.0,
         between: Callable[[Pool], None] | None = None,
     ) -> Pool:
-        """Candidates after Levenberg-Marquardt steps over shape, pose and all crank angles.
+        """Run Levenberg-Marquardt steps over shape, pose and all crank angles.
 
         Parameters
         ----------
         timed : Timed
-            Starting points; where the order is required their angles have it.
+            Starting points; for ordered samples their angles are in order.
         stages : sequence of Stage
         tolerance : float
-            A candidate's last step is that after which the square root of its cost is below it.
+            A candidate ends with the step after which the square root of its cost is below this value.
         work : Work, optional
-            Once it has expired the descent stops where it is.
+            When it has expired, the descent stops.
         damping : float
-            Of each stage's first step, relative to the squares of the derivatives.
+            Damping of the first step of each stage, relative to the squares of the derivatives.
         steps_after_first : float
             Largest number of steps of the other candidates after the first one is below the tolerance, relative to its steps.
         between : callable, optional
-            Told what each stage but the last led to.
+            Called with the result of each stage except the last.
 
         Returns
         -------
         Pool
-            The best place of each candidate's last stage. Law: without limits no candidate is worse than its starting point
-            with its best pose; the order of the angles is kept.
+            Best point of each candidate in its last stage. Without limits no candidate is worse than its starting point with its
+            best pose; the order of the angles does not change.
         """
         work = work or Work()
         pool = self._begin(timed, stages[0].weight)

@@ -28,9 +28,9 @@ from synthesis.target import TURN
 PANEL = np.deg2rad(15.0)
 """Longest panel of the rule for arc lengths, in the coordinate round the circuit."""
 HALVINGS = 14
-"""A panel is halved so often at most; a cusp of the curve needs it."""
+"""Largest number of times that a panel is halved, which a cusp of the curve requires."""
 _GROWN = 50
-"""Times as many panels at most: where more would be rough, it is the rounding of the positions that is."""
+"""Largest growth of the number of panels; if more panels are rough, the cause is rounding of the positions."""
 ACCURACY = 1e-8
 """Estimated error of a panel, of the whole way between two samples, above which it is halved."""
 CHORDS = 48
@@ -66,7 +66,7 @@ class Circuits:
         return np.asarray(np.all(close_loop(lengths, angle).closed, axis=-1) & ~np.any(changed, axis=-1))
 
     def swing(self, angle: Floats) -> tuple[Floats, Floats]:
-        """Angles (n, N) less whole turns, cut where the crank cannot be, and the number of the swing: one more after each cut."""
+        """Return angles (n, N) without whole turns, cut between swings, and the number of the swing, which each cut increases."""
         shift = np.where(self.at_zero, np.pi, 0.0)
         swings = np.where(self.at_zero | self.at_pi, 1.0, 2.0)  # in a turn
         number = np.floor((angle + shift) * swings / TURN)
@@ -107,7 +107,7 @@ class RoundCircuit:
         )
 
     def of_rows(self, row: NDArray[np.intp]) -> RoundCircuit:
-        """Those of some linkages, also repeated."""
+        """Select linkages, possibly repeated."""
         return RoundCircuit(self.lengths[row], self.turns[row], self.low[row], self.width[row], self.side[row])
 
     def closure(self, parameter: Floats) -> tuple[Closure, Floats, Floats]:
@@ -127,7 +127,7 @@ class RoundCircuit:
         root = np.sqrt(closure.excess_x * closure.excess_y)
         slope = -2 * l1 * side * (l2 * np.sin(theta2 - angle) + l4 * np.sin(angle)) / np.where(root > 0, root, np.nan)
         crank = self.lengths[:, :1] * np.exp(1j * angle)
-        # at the very end of a swing 0 / 0 in double precision; the panel's other nodes stand for it
+        # at the very end of a swing this is 0 / 0 in double precision; the other nodes of the panel are used instead
         return np.nan_to_num(np.abs(rate * (crank + point * slope * np.exp(1j * theta2))))
 
     def body_point(self, parameter: Floats, point: Complexes) -> Complexes:
@@ -147,20 +147,20 @@ def excursions(
     timed: bool = False,
     carried: ArrayLike | None = None,
 ) -> list[float | None]:
-    """The excursion of each linkage's body point.
+    """Return the excursion of the body point of each linkage.
 
-    It is the largest, over neighbouring samples in the order in which they are passed, of the length of the curve between them
-    over their distance; a distance below `SHORTEST_CHORD` of the length scale counts as that. Above `LEAVES_SAMPLES` the curve
-    goes somewhere between two samples that nobody asked for. Where order is not required, the widest gap is left out.
+    It is the largest ratio, over neighbouring samples in the order in which they are passed, of the length of the curve between
+    them to their distance; a distance below `SHORTEST_CHORD` of the length scale counts as this distance. Above `LEAVES_SAMPLES`
+    the curve makes a detour between two samples. If the order is free, the widest gap is omitted.
 
-    Accurate to 1e-6 of its value, or to rounding of the positions near a change point.
+    The result is accurate to 1e-6 of its value, or to rounding of the positions near a change point.
 
     ``linkages``: linkages with a pose. ``crank_angle``, ``side``, ``ordered``, ``closed``, ``timed``: see
     `synthesis.defects.passage`, with a row for each linkage. ``length_scale``: l of the objective, in the unit of the linkages.
     ``carried`` (n,): `synthesis.defects.Passage.circuit` of each linkage, if it is known.
 
-    At least 1 where no distance is below the shortest; None without a body point, and where no circuit carries all
-    samples. Law: the same for reversed samples, and for linkages and length scale times k.
+    The result is at least 1 if no distance is below the shortest, and None without a body point or if no circuit contains all
+    samples. It does not change if the samples are reversed, or if linkages and length scale are multiplied by k.
     """
     found: list[float | None] = [None] * len(linkages)
     crank_angle, side = np.asarray(crank_angle, dtype=float), np.asarray(side)
@@ -225,11 +225,11 @@ def _excursion(solution: Solution, poses: Poses) -> float | None:
 
 
 def _arcs(circuit: RoundCircuit, point: Complexes, first: Floats, step: Floats) -> Floats:
-    """Lengths of the curve between places ``first`` and ``first + step``, shape (n, m).
+    """Return the lengths of the curve between parameters ``first`` and ``first + step``, shape (n, m).
 
-    Gauss-Legendre sums of |dP/dt| with eight nodes to a panel of 15 degrees at most, halved where needed. With values that are
-    analytic the coefficients of their Legendre series fall geometrically, those of degree 6 and 7 by a factor q and the
-    error of the sum, of degree 16, by about q^(16/7); Trefethen, Approximation Theory and Approximation Practice, chapter 19.
+    Gauss-Legendre sums of |dP/dt| with eight nodes in panels of at most 15 degrees, halved if needed. For analytic values the
+    coefficients of their Legendre series fall geometrically, the coefficients of degree 6 and 7 by a factor q, and the error of
+    the sum, of degree 16, by about q^(16/7); Trefethen, Approximation Theory and Approximation Practice, chapter 19.
     """
     panels = np.maximum(np.ceil(np.abs(step) / PANEL), 1).astype(int).ravel()
     gap = np.repeat(np.arange(panels.size), panels)
@@ -261,7 +261,7 @@ def _arcs(circuit: RoundCircuit, point: Complexes, first: Floats, step: Floats) 
 def _paths(
     parameter: Floats, turns: NDArray[np.bool_], ordered: bool, closed: bool, timed: bool
 ) -> tuple[Floats, Floats]:
-    """Where the ways between neighbours begin, and how far they lead, (n, N - 1), or (n, N) where closed."""
+    """Return the starts of the paths between neighbours and their lengths, (n, N - 1), or (n, N) if closed."""
     if not ordered:
         parameter = np.sort(parameter % TURN, axis=-1)
         step = np.diff(parameter, axis=-1, append=parameter[:, :1] + TURN)

@@ -1,17 +1,17 @@
-"""The search without crank angles: which way a request goes, its rounds of descents, and what comes back.
+"""Search without crank angles: choice of the methods for a request, rounds of descents, and solutions.
 
 Data flow of a request::
 
-    poses --(three and more samples with rotation and position, or only such)--> dyads and their pairs: `dyads`
-          --(else, or where limits hold, samples lack a part, or no linkage is near)--> guessed crank angles: `screen`
-      -> where an exact answer may lie: all seeds to their end, on a few samples  }  round by round in turn,
-      -> within the limits: few candidates to their end                           }  until rounds gain nothing
-      -> for any family the same once more among all four-bars
-      -> answers within the limits, ranked, different from one another
+    poses --(three and more samples with rotation and position, or only such samples)--> dyads and their pairs: `dyads`
+          --(otherwise, or with limits, incomplete samples, or without a similar linkage)--> guessed crank angles: `screen`
+      -> if an exact answer is possible: all seeds to their end, on a few samples  }  round by round in turn,
+      -> within the limits: few candidates to their end                            }  until rounds gain nothing
+      -> for any family the same again among all four-bars
+      -> answers within the limits, ranked, different from each other
 
-Rounds for an exact path run only where those before them did not reach the tolerance. All seeds of such a round descend to their
-end: on random crank-rockers and double-cranks over parts of a turn, picking the best after 10 or 20 steps saved no time and lost
-requests, because in long curved valleys the cost of the right one is not yet the least.
+Rounds for an exact path run only if earlier rounds did not reach the tolerance. All seeds of such a round descend to their end:
+on random crank-rockers and double-cranks over part of a turn, selecting the best seeds after 10 or 20 steps saved no time and
+lost requests, because in long curved valleys the cost of the right seed is not the smallest so early.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ class _Mounted(NamedTuple):
     coupler: Complexes
     start: Floats
     crank: Floats
-    """(n, N): crank angles from the first sample, of all samples that were asked for."""
+    """(n, N): crank angles of all requested samples from the first sample."""
     offset: Floats
 
     @classmethod
@@ -92,7 +92,7 @@ class _Mounted(NamedTuple):
         )
 
     def take(self, indices: Any) -> _Mounted:
-        """Some of them."""
+        """Select linkages."""
         return _Mounted(self.poses, *(column[indices] for column in self[1:]))
 
     @property
@@ -102,7 +102,7 @@ class _Mounted(NamedTuple):
 
     @property
     def placed(self) -> Placed:
-        """They as the limits see them."""
+        """Return the candidates in the form used to evaluate limits."""
         used = self.poses.used(self.crank).interval.after(self.start)
         return Placed(self.links, self.branch, used, self.pivot, self.turn, self.coupler)
 
@@ -115,7 +115,7 @@ class _Mounted(NamedTuple):
         return self.poses.timed(self.crank, rotation)
 
     def solutions(self) -> list[Solution]:
-        """Them with errors, recomputed from their own numbers."""
+        """Build the solutions and recompute their errors from their own dimensions."""
         linkages = FOURBAR.posed(self.links, self.branch, self.start, (self.pivot, self.turn, self.coupler))
         return [replace(solution, linkage=_offset_wrapped(solution)) for solution in assess(self.target, linkages)]
 
@@ -128,24 +128,24 @@ def _offset_wrapped(solution: Solution) -> Linkage:
 def solutions_of(
     poses: Poses, pool: Pool, chart: Chart, limits: Limits, top: int, tolerance: float
 ) -> list[Solution]:
-    """The best four-bars of a pool.
+    """Return the best four-bars of a pool.
 
     Parameters
     ----------
     poses : Poses
     pool : Pool
     chart : Chart
-        That of the pool.
+        Chart of the pool.
     limits : Limits
     top : int
-        At most so many.
+        Largest number of solutions.
     tolerance : float
-        Below it J tells nothing: such answers are ranked by transmission angle and size.
+        Error that counts as exact; exact answers are ranked by transmission angle and size.
 
     Returns
     -------
     list of Solution
-        Within the limits, best first by `synthesis.ranking.key`; no two within 1 % of each other in all their numbers.
+        Solutions within the limits, best first by `synthesis.ranking.key`; any two differ by more than 1 % in some dimension.
     """
     if not pool.cost.size:
         return []
@@ -163,7 +163,7 @@ def solutions_of(
 def solutions_of_few(
     poses: Poses, candidates: Candidates, limits: Limits, top: int, tolerance: float
 ) -> list[Solution]:
-    """Return the first candidates that are exact and keep the limits by their own numbers, different from one another."""
+    """Return the first candidates that are exact, satisfy the limits with their own dimensions, and differ from each other."""
     if not candidates.merit.size:
         return []
     pool = Pool(candidates.timed, np.zeros(candidates.merit.size))
@@ -174,12 +174,12 @@ def solutions_of_few(
 
 
 def within_limits(poses: Poses, limits: Limits, pool: Pool, chart: Chart) -> Flags:
-    """Whether the candidates of a pool keep the limits as they are, (n,)."""
+    """Return flags (n,) of the candidates of a pool that satisfy the limits without a change."""
     return keeps(poses, limits, _Mounted.of(poses, pool, chart).placed)
 
 
 def _best(found: Sequence[Solution], poses: Poses, top: int, tolerance: float) -> list[Solution]:
-    """Return the best solutions by their error that differ from one another; those that cannot be used come last."""
+    """Return the best solutions by their error that differ from each other; unusable solutions come last."""
     scores = scores_of(found, poses, tolerance)
     keys = [key(score, "error") for score in scores]
     ranked = [found[k] for k in sorted(range(len(found)), key=keys.__getitem__)]
@@ -187,7 +187,7 @@ def _best(found: Sequence[Solution], poses: Poses, top: int, tolerance: float) -
 
 
 def in_turn(crank: Floats, ordered: bool) -> Floats:
-    """Crank angles as a reply gives them: one way where the order counts, otherwise in [0, a turn)."""
+    """Return crank angles in the form of a reply: monotonic for ordered samples, otherwise in [0, a turn)."""
     return crank if ordered else crank % TURN
 
 
@@ -203,7 +203,7 @@ class Fresh(NamedTuple):
 
 
 class Best(NamedTuple):
-    """The best basins of the pool, at most so many."""
+    """Seeds from the best basins of the pool."""
 
     most: int
 
@@ -247,7 +247,7 @@ class FreeSearchOptions:
     full_samples: int = 3
     """Number of samples with rotation and position from which on dyads lead to four-bars that fit the others too."""
     far: float = 0.01
-    """Error of the dyads above which the motion is not that of a four-bar with some noise."""
+    """Error of the dyads above which the motion is not the motion of a four-bar with some noise."""
     seeds: int = 50
     """Number of seeds of a round."""
     seeds_before: int = 20
@@ -259,7 +259,7 @@ class FreeSearchOptions:
     guesses_beside_dyads: int = 2
     """Number of guessed timings beside what dyads lead to."""
     exact_in_sight: float = 1e-2
-    """Error of the first round for an exact path above which no further one runs,"""
+    """Error of the first round for an exact path above which no further round runs."""
     exact_in_sight_within: float = 1e-3
     """and the same within limits."""
 
@@ -304,35 +304,35 @@ def search_free(
     rounds: int | None = None,
     obstacles: Obstacles | None = None,
 ) -> tuple[list[Solution], SearchReport]:
-    """Find the best four-bars for samples whose crank angles are free.
+    """Find the best four-bars for samples without crank angles.
 
     Parameters
     ----------
     poses : Poses
     limits : Limits
     top : int
-        At most this many solutions, different from one another, best first.
+        Largest number of solutions; they differ from each other, best first.
     tolerance : float
-        Stop the search when the objective is below it.
+        Objective below which the search ends.
     work : Work, optional
-        Once it has expired the best found so far is returned.
+        When it has expired, the best solutions so far are returned.
     screens, windows : callable
-        For paths, and for limits, by family; made once by whoever keeps them.
+        Tables for paths and for limits, by family; the caller builds them once.
     rounds : int, optional
-        Of descents within the limits at most so many; default: until they gain nothing.
+        Largest number of rounds of descents within the limits; default: until they gain nothing.
     obstacles : Obstacles, optional
-        That no link enters, if linkages through two to four poses do so; otherwise a note says that none does.
+        Boxes that no link enters, if linkages through two to four poses avoid them; otherwise a note says so.
 
     Returns
     -------
     solutions : list of Solution
-        Within the limits, each with its crank angles. Law: with more time none is worse.
+        Solutions within the limits, each with its crank angles. With more time none is worse.
     report : SearchReport
 
     Raises
     ------
     FieldError
-        For a path in any order.
+        If a path can be passed in any order.
     """
     work = work or Work()
     trace: list[tuple[float, float]] = []
@@ -369,7 +369,7 @@ def search_free(
 
 
 class FreeSearch:
-    """The search of one request: it chooses the seeds of its multistart searches and their order."""
+    """Search for a single request: it chooses the seeds of its multistart searches and their order."""
 
     def __init__(
         self,
@@ -391,7 +391,7 @@ class FreeSearch:
         few = poses.full.size <= FEW and poses.full.size < poses.samples
         self.has_dyads = poses.full.size >= options.full_samples or poses.full.size == poses.samples
         self._sampled = self.has_dyads and few
-        """Whether dyads are drawn at random, since infinitely many fit the few full samples."""
+        """True if dyads are drawn at random because infinitely many fit the few complete samples."""
         if not (self.has_dyads or poses.ordered):
             raise FieldError(
                 "/order", "'any' needs rotation and position at three samples or more: a path has an order"

@@ -23,28 +23,28 @@ from synthesis.target import Interval, Samples, Target
 _ROUNDING = 1e-13
 """A turn back between two places that is no more than rounding."""
 _STEPS = 720
-"""Steps in which the interval is looked through for extremes of the error; more where there are more samples."""
+"""Number of steps in which the interval is examined for extremes of the error; more steps with more samples."""
 PEAKS = 24
 """Extremes of an error curve that are kept, the largest."""
 LEVEL = 1e-3
-"""Extremes whose size is within this part of the largest one count as alternations."""
+"""Relative difference from the largest extreme up to which an extreme counts as an alternation."""
 
 
 @dataclass(frozen=True)
 class FunctionErrors:
-    """Errors of a rocker's angle, in radians.
+    """Errors of the angle of a rocker, in radians.
 
     Attributes
     ----------
     rms : float
-        At the samples, weighted.
+        Weighted rms error at the samples.
     max : float
-        Largest size: over the whole interval where the largest error was to be least, else at the samples.
+        Largest error: over the whole interval if the largest error is minimized, otherwise at the samples.
     alternations : int or None
-        How many extremes of the error, of alternating sign, are as large as the largest, over the whole interval; None where it
-        was not looked at.
+        Number of extremes of alternating sign that are as large as the largest error, over the whole interval; None if the
+        interval was not examined.
     objective : float
-        What was made least: rms, or the largest weighted error.
+        Minimized quantity: rms, or the largest weighted error.
     """
 
     rms: float
@@ -55,19 +55,19 @@ class FunctionErrors:
 
 @dataclass(frozen=True)
 class Generator:
-    """A linkage whose rocker answers a wanted function; lengths as asked for, the ground 1 unless it was given.
+    """Linkage whose rocker makes a given function; the ground is 1 unless a length is given.
 
     Attributes
     ----------
     linkage : Linkage
     offset : float
-        output = theta3 + offset, theta3 in (-pi, pi] at the first sample.
+        output = theta3 + offset with theta3 in (-pi, pi] at the first sample.
     errors : FunctionErrors
     family : Family
     transmission_angle_min : float
-        Over the used interval, exactly.
+        Exact minimum over the used interval.
     transmission_angle_min_turn : float or None
-        Over the whole turn; None where the crank does not turn fully.
+        Minimum over the whole turn; None if the crank does not turn fully.
     """
 
     linkage: Linkage
@@ -79,12 +79,12 @@ class Generator:
 
     @property
     def identity(self) -> Floats:
-        """Numbers that tell linkages apart."""
+        """Return numbers that distinguish linkages."""
         return np.array([*(np.array(self.linkage.links) / max(self.linkage.links)), self.linkage.branch])
 
     @property
     def looks(self) -> Floats:
-        """Numbers of which two linkages that look alike in a picture differ by less than one."""
+        """Return numbers of which two linkages that look alike in a drawing differ by less than 1."""
         return looks_of(self.linkage)
 
     def mirrored(self) -> Generator:
@@ -93,9 +93,9 @@ class Generator:
 
 
 def exchanged(linkage: Linkage) -> Linkage:
-    """The linkage with coupler and rocker exchanged: its rocker turns as the coupler of this one turned, and half a turn more.
+    """Exchange coupler and rocker: the new rocker turns as the coupler of this linkage turned, plus half a turn.
 
-    Law: theta3(L1, L2, L3, L4; branch) = theta2(L1, L3, L2, L4; -branch) + pi, up to whole turns.
+    theta3(L1, L2, L3, L4; branch) = theta2(L1, L3, L2, L4; -branch) + pi, up to whole turns.
     """
     crank, coupler, rocker, ground = linkage.links
     exchanged = with_links(linkage, (crank, rocker, coupler, ground))
@@ -140,16 +140,16 @@ def look(target: TargetFunction) -> Floats:
 
 
 def extremes(error: Callable[[Floats], Floats], crank: Floats, max_extremes: int) -> Extremes:
-    """The extremes of error curves: of each stretch of one sign the largest, refined.
+    """Find the extremes of error curves: the largest error of each interval of constant sign, refined.
 
     Parameters
     ----------
     error : callable
-        ``error(crank) -> values``, both (n, q), the candidates' own crank angles.
+        ``error(crank) -> values``, both (n, q), at the crank angles of each candidate.
     crank : ndarray, shape (M,)
-        Where to look first.
-    most : int
-        At most so many a curve, the largest.
+        Initial grid.
+    max_extremes : int
+        Largest number of extremes of a curve.
     """
     values = error(crank[None, :])
     size = np.abs(values)
@@ -177,7 +177,7 @@ def extremes(error: Callable[[Floats], Floats], crank: Floats, max_extremes: int
 
 
 def alternations(found: Extremes) -> list[int]:
-    """How many extremes as large as the largest alternate in sign, for each curve."""
+    """Count, for each curve, the extremes of alternating sign that are as large as the largest."""
     counts = []
     for size, sign in zip(found.size, found.sign):
         level = sign[(size > 0) & (size >= (1 - LEVEL) * size.max())]
@@ -234,17 +234,17 @@ def how_they_turn(links: Floats, used: Interval) -> list[tuple[Family, float, fl
 def finished(
     target: TargetFunction, linkages: Sequence[Linkage], largest: bool, offsets: Floats | None = None
 ) -> list[Generator]:
-    """Generators with their errors.
+    """Build generators with their errors.
 
     Parameters
     ----------
     target : TargetFunction
     linkages : sequence of Linkage
-        Each closes over the interval.
+        Linkages that close over the interval.
     largest : bool
-        Whether the largest error over the interval counts, or the root of the mean square at the samples.
+        True if the largest error over the interval counts, False for the rms error at the samples.
     offsets : ndarray, shape (n,), optional
-        Up to whole turns; default: the given one, or that of the least rms.
+        Offsets up to whole turns; default: the given offset, or the offset of the smallest rms error.
     """
     if not linkages:
         return []
@@ -281,7 +281,7 @@ class Generators(FourBar):
         return finished(self.wanted, [exchanged(linkage).scaled(self.ground) for linkage in linkages], False)
 
     def within(self, samples: Samples, limits: Limits, solutions: Sequence[Any]) -> list[Any]:
-        """Those of the family that close over the interval."""
+        """Return the solutions of the family that close over the interval."""
         if not solutions:
             return []
         accepted = in_family(limits.family, np.array([solution.linkage.links for solution in solutions]))
@@ -293,9 +293,9 @@ class Generators(FourBar):
 def turning_back(
     target: TargetFunction, output: Callable[[Floats], Floats], tolerance: float
 ) -> tuple[float, float] | None:
-    """By how much an output turns back in all, and at which part of the interval most; None where it goes one way.
+    """Return the total angle by which an output turns back and where it does so most, as a fraction; None if it is monotonic.
 
-    ``least``: a turn back between two places that is no more is rounding. None too where the wanted output turns back itself.
+    ``tolerance``: largest step back between two angles that counts as rounding. The result is None if the target turns back.
     """
     sense = np.sign(target.output[-1] - target.output[0])
     if not np.all(np.diff(target.output) * sense > 0):
@@ -314,7 +314,7 @@ def fraction_back(target: TargetFunction, linkage: Linkage) -> float:
 
 
 def turns_back(target: TargetFunction, linkages: Sequence[Linkage]) -> list[str | None]:
-    """A sentence for each linkage whose rocker turns back where the wanted output goes one way; None for the others."""
+    """Return a sentence for each linkage whose rocker turns back although the target is monotonic; None for the others."""
     found: list[str | None] = []
     for linkage in linkages:
         back = turning_back(target, lambda crank, linkage=linkage: rocker_angles([linkage], crank)[0], _ROUNDING)  # type: ignore[misc]
@@ -324,7 +324,7 @@ def turns_back(target: TargetFunction, linkages: Sequence[Linkage]) -> list[str 
 
 
 def to_csv(target: TargetFunction, linkage: Linkage, offset: float, unit: float) -> str:
-    """Return the function at the samples as CSV; the error is output got minus output wanted.
+    """Return the function at the samples as CSV; the error is the actual output minus the target output.
 
     Angles are divided by ``unit`` (radians in one unit of angle).
     """

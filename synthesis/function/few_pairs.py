@@ -46,7 +46,7 @@ class FewPairsOptions:
     samples: int = 16_000
     """Random members of the family."""
     samples_on_curve: int = 1440
-    """The same for four pairs, whose zeros lie on a curve."""
+    """Number of samples for four pairs, whose zeros lie on a curve."""
     examined: int = 1000
     """Number of sampled four-bars, best first, whose rocker is followed between the pairs."""
     regions: int = 20
@@ -94,7 +94,7 @@ class Candidates(NamedTuple):
     """(n, 4): crank, coupler, rocker, ground over the ground."""
     branch: Floats
     forward: NDArray[np.bool_]
-    """Whether the rocker turns the wanted way at all pairs, if the output goes one way."""
+    """Return True for rockers that turn in the required direction at all pairs, if the output is monotonic."""
     merit: Floats
     """See `synthesis.ranking.merit`."""
     origin: NDArray[np.intp]
@@ -144,7 +144,7 @@ class ExactFamily:
         """Direction in which the output goes all the way; 0 if it turns back."""
         self._held = crank if crank is not None else rocker
         self._by_crank = rocker is None
-        """Whether the ratio that two pairs leave free is that of the crank; otherwise it is that of the rocker."""
+        """True if the free ratio of two pairs is the ratio of the crank, otherwise the ratio of the rocker."""
 
     # -- sampling and moving ------------------------------------------------------------------------------------------
 
@@ -207,7 +207,8 @@ class ExactFamily:
     def solved(self, parameters: Parameters) -> tuple[Parameters, Floats]:
         """Return parameters with positive crank and rocker, and the lengths (n, 4), which are NaN if there are none.
 
-        A negative length is a positive one whose link points the other way, which a dial without a given zero allows.
+        A negative length is a positive length whose link points in the opposite direction, which a dial without a given zero
+        allows.
         """
         if self.pairs == 4:
             parameters = self._on_curve(parameters)
@@ -254,11 +255,11 @@ class ExactFamily:
         return self.rated(Parameters(start, gap[0] - start + target.crank[0], np.log(length)), lengths)
 
     def evaluate(self, parameters: Parameters) -> Candidates:
-        """Return the four-bars of parameters that stay on one branch over the interval and keep the limits."""
+        """Return the four-bars of parameters that stay on the same branch over the interval and satisfy the limits."""
         return self.rated(*self.solved(parameters))
 
     def rated(self, parameters: Parameters, lengths: Floats) -> Candidates:
-        """Return the exact four-bars of lengths (n, 4) that stay on one branch over the interval and keep the limits."""
+        """Return the exact four-bars of lengths (n, 4) that stay on the same branch over the interval and satisfy the limits."""
         ratio = lengths.max(axis=1) / lengths.min(axis=1)
         origin = np.flatnonzero((ratio < PROPORTION) & in_family(self.limits.family, lengths))
         branch, forward = self._at_pairs(parameters.take(origin), lengths[origin])
@@ -286,7 +287,7 @@ class ExactFamily:
         return np.where(same, side[:, 0], 0.0), np.all(speed == self._direction, axis=1) | (self._direction == 0)
 
     def follows(self, candidates: Candidates) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Check that rockers turn as far as the output, not by whole turns more, and that they hardly turn back on the way."""
+        """Check that rockers turn as far as the output, without additional whole turns, and turn back only slightly."""
         share = (1 - np.cos(np.linspace(0.0, np.pi, self.options.tracked_angles))) / 2
         travel = np.concatenate([self.wanted.crank, share * self.wanted.crank[-1]])
         closure = close_loop(candidates.lengths, candidates.parameters.start[:, None] + travel)
@@ -299,10 +300,10 @@ class ExactFamily:
 
 
 def function_merit(lengths: Floats, transmission: Floats, sized: bool) -> Floats:
-    """Rate function generators by what one would build: lower is better; see `synthesis.ranking.merit`.
+    """Rate function generators by their suitability for construction: lower is better; see `synthesis.ranking.merit`.
 
-    ``sized``: whether the ground is given. Then the size is the longest link over the ground; otherwise a linkage can be built in
-    any size, and only its proportions count.
+    ``sized``: True if the ground is given. Then the size is the longest link over the ground; otherwise a linkage can be built
+    in any size, and only its proportions count.
     """
     longest = lengths.max(axis=1)
     size = longest / lengths[:, 3] if sized else np.ones_like(longest)
@@ -324,7 +325,7 @@ def _solved(matrix: Floats, right: Floats) -> Floats:
 
 
 def is_few(target: TargetFunction, limits: Limits) -> bool:
-    """Check that the lengths of four-bars through two to five pairs follow from the zeros, and perhaps one ratio."""
+    """Check that the lengths of four-bars through two to five pairs follow from the zeros, and possibly a ratio."""
     crank, coupler, rocker, _ = limits.links
     pairs, free = target.crank.size, (crank is None) + (rocker is None) + 1
     if coupler is not None or (target.weights is not None and not np.all(target.weights > 0)):

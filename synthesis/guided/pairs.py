@@ -417,11 +417,8 @@ class Problem:
     ) -> tuple[Pairs, Floats, Floats]:
         """Run a descent; return pairs, drive at the first sample (n,) and cost; unchanged candidates if the time is over.
 
-
-
-
-        ``labels`` (n, 4): branch, direction of the drive, addition to the smallest transmission angle, and direction along which the
-        drive is measured.
+        ``labels`` (n, 4): branch, direction of the drive, addition to the smallest transmission angle, and direction along which
+        the drive is measured.
         """
         x = _with(chart, start)
         cost = self._kernel.set_candidates(

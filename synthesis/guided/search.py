@@ -43,7 +43,7 @@ NOTHING_ROUND = {
     for from_other_drive, words in ((False, _ROUND), (True, _LEADS))
     for turns, why in ((False, _HINGE), (True, _SLIDER))
 }
-"""Reason why there is none, by whether the rotations are those of a four-bar, and whether the body makes full turns."""
+"""Reason for an empty result, by the origin of the rotations (a four-bar or not), and by full turns of the body."""
 
 
 def search_guided(
@@ -64,33 +64,33 @@ def search_guided(
     Parameters
     ----------
     poses : Poses
-        With two samples at least that have both rotation and position, or with positions alone.
+        At least two samples with both rotation and position, or positions only.
     limits : Limits
     kinds : sequence of Kind
-        Among which; each has at least one rail or slot.
+        Kinds to search; each has at least one rail or slot.
     driver : Driver, optional
-        Only linkages that are driven so.
+        Required driver of the linkages.
     tolerance : float
-        J below it is exact.
+        Error below which a linkage is exact.
     work : Work, optional
-        Once it has expired the best found so far is returned.
+        When it has expired, the best solutions so far are returned.
     prescribed : ndarray, shape (N,), optional
-        The drive at the samples, from the first one: radians, or the unit of length, as its ``driver`` has it. Without a driver
-        those of sliders and cylinders.
+        Drive at the samples from the first sample: radians, or lengths, as ``driver`` requires. Without a driver it is the drive
+        of sliders and cylinders.
     turned : ndarray, shape (N,), optional
-        Rotations to begin with, where none are asked for: such as those of a four-bar along the same way.
+        Initial rotations if the request has none, for example the rotations of a four-bar on the same path.
     rounds : int, optional
-        At most so many.
+        Largest number of rounds.
     leads : sequence of Linkage
-        With which to begin, where the drive is given.
+        Initial linkages if the drive is given.
     soon : bool
-        Whether the search for alternatives to the first exact linkage takes at most as long as the search for it, at least 20 ms.
+        True if the search for alternatives to the first exact linkage may take only as long as the search for it, at least 20 ms.
 
     Returns
     -------
     solutions : list of Solution
-        Of each kind and drive the best that differ, in no order: J alone does not rank them. Law: with more time none of the
-        least errors is larger.
+        Best different solutions of each kind and drive, in no order, since the error is not the only criterion. With more time no
+        smallest error increases.
     report : SearchReport
     """
     work = work or Work()
@@ -112,9 +112,9 @@ def search_guided(
 
 
 class PairSearch:
-    """The search of one request: it chooses the seeds of the multistart search.
+    """Search for a single request: it chooses the seeds of the multistart search.
 
-    ``prescribed`` (N,): prescribed drive from the first sample on, in radians or in the unit of length.
+    ``prescribed`` (N,): prescribed drive from the first sample, in radians or in the unit of length.
     """
 
     def __init__(
@@ -209,7 +209,7 @@ class PairSearch:
 
 
 def _comes_round_turned(poses: Poses, turned: Floats | None) -> bool | None:
-    """Whether the body turns by whole turns over a closed way, as its angles say; None where some are missing."""
+    """Return True if the body makes whole turns over a closed path according to its angles; None if some are missing."""
     rotation = turned if poses.rotation is None or poses.rotation_weights is not None else poses.rotation
     if rotation is None:
         return None
@@ -218,7 +218,7 @@ def _comes_round_turned(poses: Poses, turned: Floats | None) -> bool | None:
 
 
 def _goes_round(drive: Drive, turned: bool | None) -> bool:
-    """Whether a drive may turn fully, the body turning round with it or not."""
+    """Return True if a drive may turn fully, with or without the body turning."""
     if drive.kind is Kind.RAIL_SLOT or not drive.driver.turns:  # its slot never passes the rail's direction
         return False
     if turned is None:

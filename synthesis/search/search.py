@@ -50,13 +50,13 @@ class Round(NamedTuple):
     best: int = 0
     """Number of best basins so far that continue."""
     every: bool = False
-    """Whether all descend to their end if one is exact: they are the alternatives."""
+    """True if all descents continue to their end after an exact answer, to find alternatives."""
 
 
 FIRST_LOOK = (Round(15, fresh=16, every=True), Round(20, fresh=60, best=12))
 """Before a search within limits: half of all reachable motions end in the first round, most in the second."""
 TO_THE_END = Round(1000, best=12)
-"""Where an exact answer is near: narrow basins take many steps."""
+"""Schedule for a nearly exact answer, since narrow basins require many steps."""
 
 # -- the search ----------------------------------------------------------------------------------------------------
 
@@ -67,7 +67,7 @@ SEARCH_SAMPLES = 64
 
 
 _EXACT_NEAR = 1e-6
-"""J below which more rounds are of no use: what is left is to refine."""
+"""Error below which further rounds do not help, so that only refinement remains."""
 _CLOSE, _NEARER, _FINISHED = 1e-2, 1e-5, 12
 """J from which on an exact answer may be near, and how many candidates are then refined to machine precision.
 From the second on it does, in a narrow valley."""
@@ -78,11 +78,11 @@ _IN_SIGHT, _IDLE_IN_SIGHT = 1e-4, 6
 _CONTINUED = 1e-6
 """Damping of descents that continue where others ended."""
 _FEW_STEPS = 6
-"""That are worth while for alternatives to an exact answer."""
+"""Number of rounds for alternatives to an exact answer."""
 
 
 class _Search:
-    """One request's search, in one chart at a time."""
+    """Search for a single request, in one chart at a time."""
 
     def __init__(
         self,
@@ -146,7 +146,7 @@ class _Search:
 
     @property
     def reached(self) -> bool:
-        """Whether the pool holds a candidate below the tolerance."""
+        """Return True if the pool has a candidate below the tolerance."""
         return bool(self.pool.cost.size and self.pool.cost.min() < self.tolerance**2)
 
     def note(self, cost: Floats) -> None:
@@ -158,7 +158,7 @@ class _Search:
             self.trace.append((self.work.elapsed, best))
 
     def done(self, solutions: list[Any]) -> bool:
-        """Whether the tolerance is reached or the time is up."""
+        """Return True if the tolerance is reached or the work has expired."""
         return self.work.expired() or Status.of(solutions, self.tolerance) is Status.REACHED
 
     def polished(self, count: int, iterations: int) -> list[Any]:
@@ -171,7 +171,7 @@ class _Search:
         linkages = problem.linkages(self.mechanism, found)
         return self.mechanism.within(self.target, self.limits, self.mechanism.assess(self.target, linkages))
 
-    # -- within limits, or where none is exact ------------------------------------------------------------------------
+    # -- within limits, or if no linkage is exact ---------------------------------------------------------------------
 
     def look(self, rounds: Sequence[Round], top: int) -> list[Any]:
         """Exact answers without limits, where a few rounds lead near them: those within the limits."""
@@ -186,7 +186,7 @@ class _Search:
         return self.polished(max(top + 4, _FINISHED), 30 if is_close and not self.reached else _FEW_STEPS)
 
     def bounded_search(self, windows: Callable[[str], Windows], solutions: list[Any], top: int) -> list[Any]:
-        """Go on within the limits, in one chart after the other; what it finds, and of the solutions those that are better."""
+        """Continue within the limits, in each chart in turn; return new solutions and the better ones of the given solutions."""
         charts, spaces = self.mechanism.charts(self.limits.family), self.mechanism.bounded(self.target, self.limits)
         if self.target.start is not None or self.target.offset is not None:
             spaces = []  # they find the start and the offset themselves
@@ -198,7 +198,7 @@ class _Search:
         first, solutions = solutions, []
         found = Incumbents(self.tolerance, lambda objective: self.note(np.array([objective**2])))
         for chart, space in zip(charts, spaces):
-            # the first way is that of full cranks alone, so that the larger family is never worse
+            # the first search space contains only full cranks, so that a larger family never gives a worse result
             family = "full_crank" if self.limits.family == "any" and space is spaces[0] else self.limits.family
             run = prescribed_timing(self.target, space, found, self.work)
             problem = run.problem
@@ -209,7 +209,7 @@ class _Search:
                 seeds = problem.seeds(Windows(self.mechanism, space.types, FINER), run)
                 begin = list(islice(seeds, 1))
             max_error = 0.0 if late else np.inf
-            if not (is_tested or late):  # one round tells whether an exact answer keeps the limits
+            if not (is_tested or late):  # a single round shows if an exact answer satisfies the limits
                 first, is_tested = self.look(FIRST_LOOK[:1], top), True
                 self.note(np.array([solution.errors.objective for solution in first]) ** 2)
                 if Status.of(first, self.tolerance) is Status.REACHED:
@@ -251,7 +251,7 @@ class _Search:
         return list(solutions)
 
     def report(self, solutions: list[Any]) -> SearchReport:
-        """How it went, by the objectives of the solutions that are returned."""
+        """Return the report of the search with the errors of the returned solutions."""
         best = solutions[0].errors.objective if solutions else np.inf
         stopped = stopped_by(solutions, self.tolerance, self.work)
         # rounds see a thinned target or stop a rounding earlier: what counts is the objective of the reply's own numbers
@@ -270,31 +270,31 @@ def search(
     work: Work | None = None,
     mechanism: Mechanism | None = None,
 ) -> tuple[list[Any], SearchReport]:
-    """The best linkages for a motion.
+    """Find the best linkages for a motion.
 
     Parameters
     ----------
     tables : SeedTables
-        Of the mechanism that is wanted.
+        Tables of the requested mechanism.
     target : Target
     limits : Limits
     top : int
-        At most this many solutions, different from one another, best first.
+        Largest number of solutions; they differ from each other, best first.
     tolerance : float
-        Stop the search when the objective is below it.
+        Objective below which the search ends.
     work : Work, optional
-        Once it has expired the best found so far is returned.
+        When it has expired, the best solutions so far are returned.
     mechanism : Mechanism, optional
-        Moves as that of the tables, and makes other solutions of linkages. Default: that of the tables.
+        Mechanism that moves as the mechanism of the tables but builds other solutions. Default: the mechanism of the tables.
 
     Returns
     -------
     solutions : list
-        The mechanism's solutions, all within the limits. Law: a mirrored target gives the mirrored linkages.
+        Solutions of the mechanism within the limits. A mirrored target gives the mirrored linkages.
     report : SearchReport
     """
     clockwise = target.clockwise
-    if clockwise:  # a mirror image: one search serves both
+    if clockwise:  # the same search serves both mirror images
         target, limits = target.mirrored(), limits.mirrored()
     run = _Search(tables, target, limits, tolerance, work or Work(), mechanism)
     solutions: list[Any] = []

@@ -1,14 +1,14 @@
-"""Where a search begins: candidates from coarse tables of a mechanism's types, from grids, and from the best found so far.
+"""Initial candidates: from coarse tables of the types of a mechanism, from grids, and from the best results so far.
 
-Diversity of seeds matters more than their number: the best rows of a dense table lie in one valley.
+Diversity of seeds matters more than their number: the best rows of a dense table lie in the same basin.
 
-**Within limits** these are windows of a coarse table in the best pose that the limits leave them.
+**Within limits** seeds are windows of a coarse table in the best pose within the limits.
 A window is a type, a start and a branch. With e = e^{i t} and E = e^{i theta2} at the samples, its position is linear,
 
     P = A (1 - rho e) + B rho e + z2 E,      rho = L1 / L4 e^{i start}
 
-z2 is eliminated, and what is left is a quadratic form in A and B, isotropic in each: clipping A and B to their boxes in turn
-is a coordinate descent to the best pair within them.
+z2 is eliminated, and a quadratic form in A and B remains, isotropic in each: clipping A and B to their boxes in turn is a
+coordinate descent to the best pair within them.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ _SWEEPS = 12
 FINER = 4
 """Times the starts and steps of few types."""
 _SPARE = 1.25
-"""A type whose ratios exceed those of the limits by more is not looked at."""
+"""Largest factor by which the ratios of a type may exceed the limits."""
 
 
 class Windows:
@@ -59,7 +59,7 @@ class Windows:
         self.tables = tables.astype(np.float32)
 
     def angles(self, side: int, crank: Floats, window: NDArray[np.intp]) -> Singles:
-        """theta2 of windows (n,) of one branch at crank angles (N,) after their starts, (n, N)."""
+        """Return theta2 of windows (n,) of a branch at crank angles (N,) after their starts, (n, N)."""
         table, wound = self.tables[side], self.wound[side]
         table_position = (np.arange(self.starts)[:, None] * (TURN / self.starts) + crank) * (self.steps / TURN)
         turn, remainder = np.divmod(table_position, self.steps)
@@ -75,15 +75,15 @@ class Windows:
     def seeds(
         self, problem: GivenProblem, on_shape: Constraints, boxes: Boxes | None = None, count: int = _COUNT
     ) -> Timed:
-        """Windows by how well they move and keep the limits, best first, at most one a cell.
+        """Return windows ordered by their motion and their violation of limits, best first, at most one in each cell.
 
         Parameters
         ----------
         problem : GivenProblem
         on_shape : Constraints
-            The limits that concern shape and start alone: windows that break them by far are not looked at.
+            Limits that concern only shape and start; windows with a large violation are omitted.
         boxes : Boxes, optional
-            For limits that concern the pose.
+            Boxes for limits that concern the pose.
         count : int
             Approximate number of useful seeds; a smaller number reduces the number of windows that are evaluated closely.
         """
@@ -133,7 +133,7 @@ class Windows:
         order = order[np.isfinite(merit[order])]
         coordinates = np.hstack([problem.chart.place(timed.shape), timed.angles / 0.6, timed.branch[:, None]])
         cells = np.floor(coordinates[order]).astype(np.int64)
-        # one number a cell: many times faster to sort than rows
+        # a single number for each cell: many times faster to sort than rows
         _, first = np.unique((cells + 64) @ (1 << 8 * np.arange(cells.shape[1])), return_index=True)
         return timed.take(order[np.sort(first)])
 
@@ -146,7 +146,7 @@ def _smallest(merit: Floats, count: int) -> NDArray[np.intp]:
 
 
 def _missed(on_shape: Constraints, placed: Placed) -> Floats:
-    """By how much limits on shape and start alone are broken at most; infinite where a linkage does not close."""
+    """Return the largest violation of limits on shape and start only; infinite if a linkage does not close."""
     found = on_shape(placed, derivatives=False)
     return np.nan_to_num(np.max(found.lacking, axis=1, initial=0.0), nan=np.inf)
 
@@ -157,7 +157,7 @@ class Fits(NamedTuple):
     rotation: Floats
     """Mean square of the rotation's error."""
     least: Floats
-    """That of the position's in the best pose."""
+    """Mean square of the error of the position in the best pose."""
     one_one: Floats
     one_turned: Complexes
     turned_turned: Floats
@@ -169,7 +169,7 @@ class Fits(NamedTuple):
 
     @classmethod
     def of(cls, target: Target, angle: Singles) -> Fits:
-        """Of the angles (n, N) of windows."""
+        """Compute the products for angles (n, N) of windows."""
         rotation = np.zeros(len(angle))
         if target.rotation is not None:
             mean = target.rotation_mean
@@ -217,7 +217,7 @@ class Fits(NamedTuple):
         return cls(rotation, smallest, one_one, one_turned, turned_turned, one_rest, turned_rest, square_left, share)
 
     def take(self, indices: Any) -> Fits:
-        """Some of them."""
+        """Select windows."""
         return Fits(*(column[indices] for column in self))
 
     def within(
@@ -262,7 +262,7 @@ _GIVEN_SAMPLES = 8
 
 
 def thinned(pool: Pool, count: int, cell: float = 0.05) -> Pool:
-    """The best ``count``, at most one a small cell of shape, start and branch."""
+    """Return the best ``count`` candidates, at most one in each small cell of shape, start and branch."""
     best = pool.take(np.argsort(pool.cost, kind="stable"))
     best = best.take(np.isfinite(best.cost))
     timed, start = best.timed, best.timed.angles[:, :1]
@@ -340,6 +340,6 @@ class SeedTables:
         pool = pool.take(np.argsort(pool.cost, kind="stable"))
         coordinates = np.hstack([pool.timed.shape, pool.timed.angles]) / chart.cell
         cells = np.column_stack([np.floor(coordinates), pool.timed.branch]).astype(np.int64)
-        # one number a cell: many times faster to sort than rows
+        # a single number for each cell: many times faster to sort than rows
         _, first = np.unique((cells + 64) @ (1 << 8 * np.arange(cells.shape[1])), return_index=True)
         return pool.take(np.sort(first))
