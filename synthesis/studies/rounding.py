@@ -10,7 +10,7 @@ free, what it could do itself is projected out of each sample's error.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -29,7 +29,7 @@ from synthesis.violations import violations_of
 from synthesis.work import Work
 
 AROUND = 2
-"""Of each length the nearest so many are combined."""
+"""Number of nearest lengths that are combined for each length."""
 NONE_KEEPS = "none of the lengths tried closes at every sample and keeps the limits"
 _STEPS = 15
 """Largest number of steps of the least squares."""
@@ -92,11 +92,7 @@ def round_lengths(
     options = options or RoundingOptions()
     if not solution.linkage.is_four_bar:
         tries = max(options.min_tries, min(options.max_tries, options.tries // solutions))
-        count = None if stock is None else len(set(stock)) ** len(solution.linkage.lengths)
-        choices = from_stock(stock) if stock is not None else on_grid(grid or 0.0)
-        return rounded(
-            samples, solution, choices, count, lambda found: not violations_of(found, samples, limits), tries, work
-        )
+        return _best_of_nearest(samples, solution, limits, grid, stock, tries, work)
     tries = max(options.min_four_bar_tries, options.four_bar_tries // solutions)
     target = target_of(samples, solution.linkage, solution.travel)
     if stock is not None:
@@ -108,55 +104,44 @@ def round_lengths(
     return replace(found, solution=refined_in_place(samples, limits, found.solution, target.crank, work))
 
 
-def rounded(
+def _best_of_nearest(
     samples: Poses | Target,
     solution: Solution,
-    choices: Callable[[float], Sequence[float]],
-    combinations: int | None,
-    keeps: Callable[[Solution], bool],
+    limits: Limits,
+    grid: float | None,
+    stock: Sequence[float] | None,
     tries: int,
     work: Work,
 ) -> Rounding:
-    """The best linkage with lengths that can be had and that keeps limits.
-
-    ``choices``: the nearest lengths that can be had, nearest first. ``combinations``: how many there are of all lengths
-    together; None for a grid.
-    """
+    """Fit combinations of the nearest lengths, the nearest first, and return the best within the limits."""
     own = solution.linkage.lengths
-    rows = [list(choices(length))[:AROUND] for length in own.values()]
-    together = sorted(
-        itertools.product(*rows), key=lambda row: sum(abs(np.log(a / b)) for a, b in zip(row, own.values()))
-    )
+    combinations = itertools.product(*(_nearest(length, grid, stock) for length in own.values()))
+    nearest_first = sorted(combinations, key=lambda row: sum(abs(np.log(a / b)) for a, b in zip(row, own.values())))
     best: Solution | None = None
     tried = 0
-    for row in together[:tries]:
+    for row in nearest_first[:tries]:
         if tried and work.expired():
             break
         work.check()
         tried += 1
         found = fitted(samples, solution, dict(zip(own, row)), work)
-        if found is None or not keeps(found):
+        if found is None or violations_of(found, samples, limits):
             continue
         if best is None or found.errors.objective < best.errors.objective:
             best = found
-    exhaustive = None if combinations is None else tried == combinations and not work.expired()
-    why = None if best is not None else NO_TIME if work.expired() else NONE_KEEPS
-    return Rounding(best, tried, combinations, exhaustive, why)
+    count = None if stock is None else len(set(stock)) ** len(own)
+    exhaustive = None if count is None else tried == count and not work.expired()
+    reason = None if best is not None else NO_TIME if work.expired() else NONE_KEEPS
+    return Rounding(best, tried, count, exhaustive, reason)
 
 
-def on_grid(grid: float) -> Callable[[float], Sequence[float]]:
-    """The nearest multiples of a grid, above 0."""
-
-    def nearest(length: float) -> list[float]:
+def _nearest(length: float, grid: float | None, stock: Sequence[float] | None) -> list[float]:
+    """Return the multiples of a grid above 0, or the lengths from stock, nearest to a length, nearest first."""
+    choices = set(stock or ())
+    if grid is not None:
         low = max(1, int(np.floor(length / grid)))
-        return sorted({low * grid, (low + 1) * grid}, key=lambda choice: abs(choice - length))
-
-    return nearest
-
-
-def from_stock(stock: Sequence[float]) -> Callable[[float], Sequence[float]]:
-    """The nearest of a list of lengths."""
-    return lambda length: sorted(set(stock), key=lambda choice: abs(choice - length))
+        choices = {low * grid, (low + 1) * grid}
+    return sorted(choices, key=lambda choice: abs(choice - length))[:AROUND]
 
 
 # -- a linkage of given lengths ---------------------------------------------------------------------------------------

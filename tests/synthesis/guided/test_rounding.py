@@ -8,10 +8,11 @@ import pytest
 from scipy.optimize import least_squares
 
 from synthesis.guides import Kind
+from synthesis.limits import Limits
 from synthesis.linkage import Linkage
 from synthesis.poses import make_poses
 from synthesis.solution import Solution, assess
-from synthesis.studies.rounding import _Chart, _rows, fitted, from_stock, nearest_travel, on_grid, rounded
+from synthesis.studies.rounding import _Chart, _rows, fitted, nearest_travel, round_lengths
 from synthesis.target import make_target
 from synthesis.work import Work
 from tests.oracles.guided_cases import DRIVES, NAMES, good_linkage
@@ -32,7 +33,7 @@ def _solution(drive) -> tuple[object, Solution]:
 @pytest.mark.parametrize("drive", DRIVES, ids=NAMES)
 def test_rounded_lengths_lie_on_the_grid(drive) -> None:
     poses, solution = _solution(drive)
-    found = rounded(poses, solution, on_grid(0.25), None, lambda linkage: True, 8, Work(None))
+    found = round_lengths(poses, solution, Limits("any"), 0.25, None, Work(None))
     if solution.linkage.kind in (Kind.TWO_SLOTS, Kind.RAIL_SLOT):
         assert solution.linkage.lengths == {} and found.solution is not None
         return
@@ -63,10 +64,9 @@ def test_with_given_timing_and_stock() -> None:
     target = make_target(body.angle, body.origin, crank_angle=travel)
     solution = assess(target, [linkage])[0]
     stock = [0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0]
-    count = len(stock) ** len(linkage.lengths)
-    found = rounded(target, solution, from_stock(stock), count, lambda linkage: True, 8, Work(None))
+    found = round_lengths(target, solution, Limits("any"), None, stock, Work(None))
     assert isinstance(found.solution.linkage, Linkage) and found.exhaustive is False
     for length in found.solution.linkage.lengths.values():
         assert min(abs(length - available) for available in stock) < 1e-9
-    none = rounded(target, solution, from_stock(stock), count, lambda linkage: False, 8, Work(None))
+    none = round_lengths(target, solution, Limits("any", link_max=1e-3), None, stock, Work(None))
     assert none.solution is None and none.tried > 0
