@@ -143,7 +143,7 @@ def read_limits(limits: Fields | None, motion: Motion) -> model.Limits:
     transmission angle over the whole turn is given: hinges, lids and flaps swing.
     """
     free = motion.free and motion.travel is None
-    turns = motion.asked.closed if isinstance(motion.asked, Poses) else not free
+    turns = motion.requested.closed if isinstance(motion.requested, Poses) else not free
     turns = turns or bool((limits or {}).get("transmission_angle_min_turn"))
     default = {} if turns else {"family": "any"}
     checked = _read(limits, motion.samples, motion.radian, LIMITS, PRESETS[0] if free else PRESETS[1], default)
@@ -277,7 +277,7 @@ def thinned(motion: Motion) -> Motion:
     if motion.travel is not None or samples.samples <= _FEW_SAMPLES:
         return motion
     if isinstance(samples, Poses):
-        return Motion.of(replace(samples.at(samples.spread(_FEW_SAMPLES)), asked=None), motion.degrees)
+        return Motion.of(replace(samples.at(samples.spread(_FEW_SAMPLES)), requested=None), motion.degrees)
     return Motion.of(samples.thinned(_FEW_SAMPLES), motion.degrees)
 
 

@@ -437,8 +437,8 @@ class Linkage:
             return self._default_motion()
         name = "crank_angle" if linkage.driver.turns else "travel"
         positions = np.zeros(0) if travel is None else column(name, travel) * self._unit
-        if motion.free and positions.shape != (motion.asked.samples,):
-            raise FieldError(f"/{name}", f"wanted {motion.asked.samples} numbers, found {positions.size}")
+        if motion.free and positions.shape != (motion.requested.samples,):
+            raise FieldError(f"/{name}", f"wanted {motion.requested.samples} numbers, found {positions.size}")
         samples = motion.samples
         if isinstance(samples, Poses) and not samples.ordered and linkage.driver.turns:
             positions = in_any_order(positions[None], TURN)[0][0]

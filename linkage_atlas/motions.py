@@ -248,10 +248,10 @@ class Motion:
                 self.samples = make_poses(**part, ordered=order == "given", closed=closed, span_max=span_max)
         if start_angle is not None and not isinstance(self.samples, Target):
             raise FieldError("/start_angle", "belongs to given crank angles: with free timing or travel it is found")
-        self.tolerances = _tolerances(tolerances, self.asked, radian)
+        self.tolerances = _tolerances(tolerances, self.requested, radian)
 
     def __repr__(self) -> str:
-        samples = self.asked
+        samples = self.requested
         parts = " and ".join(name for name in ("rotation", "position") if getattr(samples, name) is not None)
         timed = (
             "given travel" if self.travel is not None else "free crank angles" if self.free else "given crank angles"
@@ -316,17 +316,17 @@ class Motion:
         return motion
 
     def __len__(self) -> int:
-        return self.asked.samples
+        return self.requested.samples
 
     @property
     def rotation(self) -> Floats | None:
         """Requested rotation at the samples, shape (N,), NaN if it is missing there; None if no rotation is requested."""
-        return None if self.asked.rotation is None else self.asked.rotation / self.radian
+        return None if self.requested.rotation is None else self.requested.rotation / self.radian
 
     @property
     def position(self) -> Floats | None:
         """Requested positions at the samples, shape (N, 2), NaN if missing there; None if no position is requested."""
-        return None if self.asked.position is None else plane(self.asked.position)
+        return None if self.requested.position is None else plane(self.requested.position)
 
     def plot(self, ax: Axes | None = None, arrow: float | None = None) -> Axes:
         """Draw the requested poses with matplotlib (extra ``plot``); a motion without positions as rotation over the sample.
@@ -345,7 +345,7 @@ class Motion:
         if self.position is None:
             angle = "rotation (degrees)" if self.degrees else "rotation (radians)"
             return plot_curves(np.arange(len(self)), {"requested": np.asarray(self.rotation)}, ax, "sample", angle)
-        return plot_poses(self.position, self.asked.rotation, ax, arrow)
+        return plot_poses(self.position, self.requested.rotation, ax, arrow)
 
     @property
     def free(self) -> bool:
@@ -372,10 +372,10 @@ class Motion:
         return radians_in(self.degrees)
 
     @property
-    def asked(self) -> Samples:
+    def requested(self) -> Samples:
         """The samples of the request."""
         samples = self.samples
-        return samples.asked if isinstance(samples, Poses) and samples.asked is not None else samples
+        return samples.requested if isinstance(samples, Poses) and samples.requested is not None else samples
 
     def notes(self) -> list[str]:
         """Return remarks for the user: reading of a table, units, wrapped rotation, and a hinge or guide that suffices."""
@@ -391,17 +391,17 @@ class Motion:
         notes: list[str] = []
         if isinstance(self.samples, Target):
             notes = unit_notes("crank", self.samples.crank[[0, -1]] / self.radian, self.degrees)
-        if self.asked.rotation is None:
+        if self.requested.rotation is None:
             return notes
-        weights = self.asked.rotation_weights
-        angles = self.asked.rotation if weights is None else self.asked.rotation[weights > 0]
+        weights = self.requested.rotation_weights
+        angles = self.requested.rotation if weights is None else self.requested.rotation[weights > 0]
         return notes + unit_notes("rotation", angles / self.radian, self.degrees)
 
     def _simpler_machine_notes(self) -> list[str]:
         """Return a note if the body only turns about a fixed point, or only shifts along a line."""
         tolerances = None if self.tolerances is None else self.tolerances.position
         allowed = None if tolerances is None else float(np.min(tolerances))
-        samples = self.asked
+        samples = self.requested
         shift_error = straight_guide_error(samples, allowed)
         if shift_error is not None:
             off = f"to within {max(shift_error, 1e-9 * samples.extent):.2g}"

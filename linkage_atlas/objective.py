@@ -46,7 +46,7 @@ def residuals(linkage: Linkage, motion: Motion, travel: ArrayLike | None = None)
     >>> la.residuals(la.FourBar(19, 72, 144, 165), motion).round(9)
     array([0., 0., 0., 0.])
     """
-    samples, plain = motion.asked.samples, linkage.plain
+    samples, plain = motion.requested.samples, linkage.plain
     if motion.free and travel is None and motion.travel is None:
         found = linkage.motion_travel
         if found is None or found.size not in (samples, samples + 1):  # a closed motion continues to its first sample

@@ -137,7 +137,7 @@ def measure_of(prefer: Prefer, motion: Motion, limits: Limits) -> Measure:
 def balanced(found: Sequence[Solution], task: Task, ranking: Ranking, search: Search, work: Work) -> list[Solution]:
     """Return further four-bars with a smaller merit: by a short search for compact linkages, and by `compacted`."""
     motion, samples = task.motion, task.motion.samples
-    if not (isinstance(samples, Poses) and samples.asked is None and samples.position is not None):
+    if not (isinstance(samples, Poses) and samples.requested is None and samples.position is not None):
         return []
     smallest = ranking.smallest_error(found)
     if smallest is None:

@@ -239,7 +239,7 @@ class Ranking:
 
 def everyday_tolerances(motion: Motion) -> Tolerances:
     """Return the everyday accuracy of a motion as tolerances."""
-    samples = motion.asked
+    samples = motion.requested
     rotation = None if samples.rotation is None else np.full(samples.samples, EVERYDAY_ROTATION)
     position = None if samples.position is None else np.full(samples.samples, EVERYDAY_POSITION * samples.extent)
     return Tolerances(rotation, position)

@@ -163,7 +163,7 @@ def _hopeless_notes(solutions: Sequence[Solution], motion: Motion) -> list[str]:
     """Return that the best linkage does not make the motion, with the limits that hold it."""
     if not solutions or solutions[0].verdict.within_tolerance:
         return []
-    best, at_rest = solutions[0], motion.asked.error_at_rest(modulo_turn=motion.free)
+    best, at_rest = solutions[0], motion.requested.error_at_rest(modulo_turn=motion.free)
     if not at_rest or (ratio := best.errors.objective / at_rest) <= _HOPELESS:
         return []
     limits = () if best.determination is None else best.determination.active_limits
@@ -219,7 +219,7 @@ def _unasked_notes(task: Task, solutions: Sequence[Solution]) -> list[str]:
 
 def _envelope_notes(motion: Motion, limits: Limits) -> list[str]:
     """Return that positions lie outside the box that the body point must not leave."""
-    box, samples = limits.envelope, motion.asked
+    box, samples = limits.envelope, motion.requested
     if box is None or samples.position is None:
         return []
     weights = samples.position_weights

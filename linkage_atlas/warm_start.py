@@ -105,7 +105,9 @@ def starts_for(starts: Sequence[Start] | None, motion: Motion, kinds: Kinds) -> 
     checked = []
     for start in starts:
         _check_kind(start, motion, kinds)
-        if start.crank is not None and start.crank.shape != (motion.asked.samples,):  # samples were added or removed
+        if start.crank is not None and start.crank.shape != (
+            motion.requested.samples,
+        ):  # samples were added or removed
             start = start._replace(crank=None)
         _check_start(start, motion)
         checked.append(start)
@@ -155,7 +157,7 @@ def _check_kind(start: Start, motion: Motion, kinds: Kinds) -> None:
 
 def _check_start(start: Start, motion: Motion) -> None:
     """Raise FieldError for a linkage that no search for this motion can begin with."""
-    linkage, samples = start.linkage, motion.asked
+    linkage, samples = start.linkage, motion.requested
     if not linkage.is_four_bar:
         _check_guides(start, samples)
         return

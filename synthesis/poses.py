@@ -33,7 +33,7 @@ class Poses(Samples):
         True if the path continues from the last sample to the first.
     span_max : float
         Largest rotation of the crank from the first sample to the last, in radians; at most a turn.
-    asked : Samples or None
+    requested : Samples or None
         Samples of the request including the last sample, if it repeats the first sample of a closed path. The search omits
         this last sample; the first sample has the weights of both.
     """
@@ -41,11 +41,11 @@ class Poses(Samples):
     ordered: bool = True
     closed: bool = False
     span_max: float = TURN
-    asked: Samples | None = None
+    requested: Samples | None = None
 
     def whole(self, crank: Floats) -> Floats:
         """Return crank angles (..., N) of all requested samples; a repeated first sample follows a turn later."""
-        return crank if self.asked is None else _round(crank)
+        return crank if self.requested is None else _round(crank)
 
     def there_and_back(self, crank: Floats) -> Floats:
         """Return crank angles (..., N) of all requested samples; on a closed path the first sample is repeated at the end."""
@@ -71,7 +71,7 @@ class Poses(Samples):
         turned : ndarray, shape (..., G - 1)
             Rotations of the body; NaN if they are as requested.
         """
-        samples = self.asked if self.asked is not None and rotation.shape[-1] > self.samples else self
+        samples = self.requested if self.requested is not None and rotation.shape[-1] > self.samples else self
         if samples.rotation is None or not self.ordered:
             return np.zeros(0, dtype=np.intp), np.zeros(0), np.zeros((*rotation.shape[:-1], 0))
         with_angle = np.flatnonzero(
@@ -144,7 +144,7 @@ class Poses(Samples):
         rotation : ndarray, shape (..., N), or None
             Rotation of the body at these samples. Requested rotations are shifted by whole turns to be closest to it.
         """
-        complete = self if self.asked is None else self.asked
+        complete = self if self.requested is None else self.requested
         turns, moved = complete.rotation, np.zeros(1)
         if turns is not None:
             assert rotation is not None
@@ -176,7 +176,7 @@ def spin_faults(poses: Poses, rotation: Floats) -> list[str]:
     if not wrong.size:
         return []
     k = int(wrong[0])
-    first, last = (int(index) % (poses.asked or poses).samples + 1 for index in indices[k : k + 2])
+    first, last = (int(index) % (poses.requested or poses).samples + 1 for index in indices[k : k + 2])
     degrees = np.rad2deg([turned[k], prescribed[k]])
     return [f"the body turns by {degrees[0]:.4g} degrees from sample {first} to {last}, not by {degrees[1]:.4g}"]
 
@@ -246,6 +246,6 @@ def _without_the_last(samples: Samples, options: dict[str, Any]) -> Poses:
         length_scale=samples.length_scale,
         rotation_weights=None if samples.rotation is None else weights(samples.rotation_weights),
         position_weights=weights(samples.position_weights),
-        asked=samples,
+        requested=samples,
         **options,
     )

@@ -133,7 +133,7 @@ def usable_solutions(
     if samples.position is not None:
         for first in range(0, len(found), _AT_ONCE):
             usable[first : first + _AT_ONCE] &= ~_leaves_path(found[first : first + _AT_ONCE], samples)
-    rotation = (samples.asked or samples).rotation
+    rotation = (samples.requested or samples).rotation
     for k, solution in enumerate(found):
         tolerated = within_tolerances is not None and within_tolerances[k]
         if usable[k] and not tolerated:

@@ -230,7 +230,7 @@ class Target(Samples):
         return self.crank.shape[-1]
 
     @property
-    def asked(self) -> RequestedMotion:
+    def requested(self) -> RequestedMotion:
         """The motion as it was requested."""
         rotation, position = self.rotation, self.position
         moved = np.broadcast_to(np.asarray(self.moved, dtype=float), (self.samples,))

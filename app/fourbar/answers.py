@@ -411,7 +411,7 @@ def _function_file(body: FunctionExportRequest, resources: Resources) -> bytes:
             raise la.FieldError("/output_unit", "is not the unit of the solution; send the request of this solution")
     offset = solution.output_offset
     return render(
-        question.wanted, question.scales, question.dial, generator, offset, body.format, body.length_unit
+        question.function, question.scales, question.dial, generator, offset, body.format, body.length_unit
     ).encode()
 
 

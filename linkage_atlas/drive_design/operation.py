@@ -171,7 +171,7 @@ class Operation(NamedTuple):
 def _crank_angles(view: Linkage, motion: Motion) -> Floats:
     """Return the crank angles, in the linkage's unit, at which it comes nearest to the samples of a motion of free timing."""
     samples, found = motion.samples, None
-    if isinstance(samples, Poses) and samples.asked is None and view.plain.is_four_bar and view.plain.mounted:
+    if isinstance(samples, Poses) and samples.requested is None and view.plain.is_four_bar and view.plain.mounted:
         found = crank_angles_at(samples, view.plain)
     if found is None:
         raise FieldError("/linkage/crank_angle", "needed: the motion's crank angles are free")

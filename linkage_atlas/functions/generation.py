@@ -232,7 +232,7 @@ def _angle_answers(
     watch: Work,
 ) -> FunctionResult:
     """Return four-bars for a function from angle to angle."""
-    limits = read_function_limits(question.limits, question.wanted.target, question.degrees)
+    limits = read_function_limits(question.limits, question.function.target, question.degrees)
     if round_to is not None and limits.links[3] is None:
         raise FieldError("/round_to", "needs the length of the ground (`limits.links.ground`), which fixes the size")
     candidates, course = _four_bars(question, limits, starts, local, max(top, 2), watch)
@@ -252,7 +252,7 @@ def _four_bars(
     question: FunctionQuestion, limits: Limits, starts: Sequence[Start], local: bool, count: int, watch: Work
 ) -> tuple[list[Generator], SearchReport]:
     """Search for four-bars by the method that the question allows."""
-    target, quick, tolerance = question.wanted, question.quick, question.tolerance
+    target, quick, tolerance = question.function, question.quick, question.tolerance
     if quick is not None:
         if limits.family not in ("any", "crank_rocker", "full_crank"):
             raise FieldError("/limits/family", "a quick return with a swing is made by a crank_rocker")
@@ -278,7 +278,7 @@ def _refined(
     """Refine given four-bars in turn; return their nearest optima, best first, and how it went."""
     found: list[Generator] = []
     seeds, trace = 0, list[tuple[float, float]]()
-    target, largest, tolerance = question.wanted, question.largest, question.tolerance
+    target, largest, tolerance = question.function, question.largest, question.tolerance
     for start in starts:
         with pointing_to_start(start.field):
             results, report = refine_function(target, limits, largest, start.linkage, start.offset, tolerance, work)
@@ -291,7 +291,7 @@ def _refined(
 
 def _travel_answers(question: FunctionQuestion, top: int, curves: bool, watch: Work) -> FunctionResult:
     """Return linkages with sliders or cylinders for a function with travel."""
-    target, quick, tolerance = question.wanted, question.quick, question.tolerance
+    target, quick, tolerance = question.function, question.quick, question.tolerance
     laws = laws_for(question.kinds, *question.dial)
     limits = read_travel_limits(question.limits, laws, target.target, question.degrees)
     within, work = limits.over(question.scales.length), watch.extended(-FINISHING)
@@ -341,7 +341,7 @@ def _result(
         seeds=course.seeds,
         notes=sentences(notes),
     )
-    target, scales, dials = question.wanted, question.scales, question.dials
+    target, scales, dials = question.function, question.scales, question.dials
     return FunctionResult(
         status,
         [*solutions],

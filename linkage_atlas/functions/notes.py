@@ -68,7 +68,7 @@ def angle_notes(
     local: bool,
 ) -> list[str]:
     """Return the notes on four-bars. ``found``: all candidates, of which ``top`` became solutions."""
-    target, radian, quick = question.wanted, question.radian, question.quick
+    target, radian, quick = question.function, question.radian, question.quick
     notes = [*question.notes, *unit_notes("crank", target.crank[[0, -1]] / radian, question.degrees)]
     if question.dials is None:
         notes += unit_notes("output", target.output / radian, question.degrees)
@@ -96,7 +96,7 @@ def angle_notes(
 
 def travel_notes(question: FunctionQuestion, is_found: bool) -> list[str]:
     """Return the notes on linkages with sliders."""
-    notes = [*question.notes, *(_jump_notes(question.wanted) if question.dial.output == ANGLE else [])]
+    notes = [*question.notes, *(_jump_notes(question.function) if question.dial.output == ANGLE else [])]
     if len(question.kinds) > 1:
         notes.append(SEVERAL_KINDS)
     if question.quick is not None:

@@ -279,7 +279,7 @@ def _check_one_way(target: TargetFunction, where: str) -> None:
 class FunctionQuestion:
     """A checked question for linkages that make a function."""
 
-    wanted: TargetFunction
+    function: TargetFunction
     """In radians, or lengths over `Scales.length`."""
     dials: Dials | None
     """Dials of a function by name, a table or a callable; None for other functions."""
@@ -306,7 +306,7 @@ class FunctionQuestion:
     @property
     def target(self) -> Target:
         """The interval, for drawings."""
-        return Target(None, None, crank=self.wanted.crank)
+        return Target(None, None, crank=self.function.crank)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -50,7 +50,7 @@ def described_travel(
     question: FunctionQuestion, generator: TravelGenerator, rank: int, limits: TravelLimits, curves: bool
 ) -> TravelSolution:
     """Describe a generator with a slider in the units of the user."""
-    scales, function, law = question.scales, question.wanted, generator.law
+    scales, function, law = question.scales, question.function, generator.law
     plain = generator.linkage.scaled(scales.length)
     travel = function.crank * (1.0 if law.input == ANGLE else scales.length)
     target = Target(None, None, crank=travel)
@@ -94,7 +94,7 @@ def described(
     """Describe generators in the units of the user, best first."""
     if not found:
         return []
-    target_function, radian = question.wanted, question.radian
+    target_function, radian = question.function, question.radian
     linkages = [generator.linkage for generator in found]
     # how a rocker's angle changes with the lengths is how the coupler's does with coupler and rocker exchanged
     exchanged_linkages = [exchanged(generator) for generator in linkages]
@@ -145,7 +145,7 @@ def _links(linkage: Linkage) -> Links:
 
 def _error_curves(question: FunctionQuestion, found: list[Generator]) -> list[ErrorCurve | None]:
     """Return input and error of each generator over the interval."""
-    target, radian = question.wanted, question.radian
+    target, radian = question.function, question.radian
     shown = np.linspace(0.0, target.crank[-1], _SHOWN)
     output = (
         rocker_angles([generator.linkage for generator in found], shown)
@@ -157,7 +157,7 @@ def _error_curves(question: FunctionQuestion, found: list[Generator]) -> list[Er
 def rounded(question: FunctionQuestion, generator: Generator, grid: float, work: Work) -> RoundedFunction:
     """Return a generator with its links on a grid."""
     links = np.maximum(np.round(np.array(generator.linkage.links) / grid), 1.0) * grid
-    refitted = refit(question.wanted, generator, links, question.largest, question.tolerance, work)
+    refitted = refit(question.function, generator, links, question.largest, question.tolerance, work)
     if refitted is None:
         return RoundedFunction(closes=False)
     linkage = Linkage.of(refitted.linkage, question.radian, question.target)

@@ -190,13 +190,13 @@ def turn_path(linkage: Linkage) -> Complexes | None:
 
 def requested_positions(target: Target) -> Complexes:
     """Return the requested positions, without missing samples."""
-    position = target.asked.position
+    position = target.requested.position
     return np.empty(0, dtype=complex) if position is None else position[np.isfinite(position)]
 
 
 def requested_poses(target: Target, turned: Floats) -> Iterable[tuple[complex, float]]:
     """Return position and rotation of each requested pose; ``turned`` (N,) replaces rotations that were not requested."""
-    rotation, positions, _ = target.asked
+    rotation, positions, _ = target.requested
     if positions is None:
         return []
     rotations = turned if rotation is None else np.where(np.isnan(rotation), turned, rotation)

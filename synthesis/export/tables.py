@@ -64,7 +64,7 @@ def _motion_columns(
     target: Target, unit: float, rotation: Floats, position: Complexes | None
 ) -> dict[str, Iterable[Any]]:
     """Return columns of the requested and the actual motion, and of its errors."""
-    requested_motion, rows = target.asked, target.samples
+    requested_motion, rows = target.requested, target.samples
     requested = None if requested_motion.rotation is None else requested_motion.rotation / unit
     turned = rotation - requested_motion.moved
     if requested_motion.rotation is not None:  # whole turns do not matter

@@ -212,7 +212,7 @@ def fitted(samples: Poses | Target, solution: Solution, lengths: dict[str, float
 
 def _complete_travel(samples: Poses | Target, linkage: Linkage, travel: Floats) -> Floats:
     """Travel at all samples that were asked for: of a closed way whose last sample repeats the first a turn on, or back there."""
-    if not isinstance(samples, Poses) or samples.asked is None:
+    if not isinstance(samples, Poses) or samples.requested is None:
         return travel
     return samples.whole(travel) if linkage.turns_fully else np.append(travel, travel[0])
 

@@ -23,7 +23,7 @@ if (whole) window.fetch = (address, ...rest) => window.guided && String(address)
 
 
 def request_of(motion) -> dict:
-    samples = motion.asked
+    samples = motion.requested
     position = [[z.real, z.imag] for z in samples.position]
     return {
         "position": position,
@@ -37,7 +37,7 @@ def solved(page, drive, **studies):
     """The page with a solution of a drive, as the service would send it."""
     solution, motion = reply_of(drive, noise=0.01, **studies)
     report = {"elapsed_ms": {"total": 5.0}, "trace": [[5.0, solution.errors.objective]], "stopped_by": "converged"}
-    report |= {"length_scale": motion.asked.length_scale, "seeds": 1, "notes": []}
+    report |= {"length_scale": motion.requested.length_scale, "seeds": 1, "notes": []}
     report |= dict.fromkeys(("windows", "exhaustive", "start_from_ranks"))
     reply = {"status": "closest", "solutions": [json.loads(json.dumps(plain_of(solution)))], "report": report}
     page.run(ANSWERED, reply)

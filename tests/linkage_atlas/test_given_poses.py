@@ -23,8 +23,8 @@ def two_points(distance: float = 80.0) -> np.ndarray:
 def test_two_points_are_position_and_direction() -> None:
     motion = la.Motion(points=two_points(), timing="free")
     same = la.Motion(ROTATION + 100, POSITION, timing="free")
-    np.testing.assert_allclose(motion.asked.rotation, same.asked.rotation, atol=1e-12)
-    np.testing.assert_allclose(motion.asked.position, same.asked.position, atol=1e-12)
+    np.testing.assert_allclose(motion.requested.rotation, same.requested.rotation, atol=1e-12)
+    np.testing.assert_allclose(motion.requested.position, same.requested.position, atol=1e-12)
     assert not motion.notes()
 
 

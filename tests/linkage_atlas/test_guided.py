@@ -50,7 +50,7 @@ def test_a_reply_holds_all_that_its_errors_are_made_of(drive) -> None:
     repeated = la.Linkage.from_dict(plain)
     position = plain["crank_angle"] if drive[1].turns else plain["travel"]
     joints = repeated.joints(position)
-    request = motion.asked
+    request = motion.requested
     off = np.abs(joints.body_point @ [1, 1j] - request.position)
     turned = joints.rotation - np.rad2deg(request.rotation)
     turned -= 360 * np.round(turned / 360)
@@ -106,8 +106,8 @@ def test_the_object_prints_draws_and_keeps_itself() -> None:
 )
 def test_files_over_http_from_a_solution(client, drive) -> None:
     solution, motion = reply_of(drive)
-    position = [[z.real, z.imag] for z in motion.asked.position]
-    request = {"position": position, "rotation": np.rad2deg(motion.asked.rotation).tolist(), "timing": "free"}
+    position = [[z.real, z.imag] for z in motion.requested.position]
+    request = {"position": position, "rotation": np.rad2deg(motion.requested.rotation).tolist(), "timing": "free"}
     body = {"request": request, "linkage": json.loads(json.dumps(plain_of(solution)))}
 
     def exported(kind: str, status: int, mark: str = "", **more) -> bytes:
@@ -143,7 +143,7 @@ def test_lengths_that_can_be_had_come_with_their_errors(drive) -> None:
     plain = json.loads(json.dumps(plain_of(rounded), allow_nan=False))["rounded"]
     repeated = la.Linkage(plain["guides"], rounded.driver, plain["branch"], plain["start"])
     joints = repeated.joints(plain["crank_angle"] or plain["travel"])
-    off = np.abs(joints.body_point @ [1, 1j] - motion.asked.position)
+    off = np.abs(joints.body_point @ [1, 1j] - motion.requested.position)
     assert off.max() == pytest.approx(plain["errors"]["position_max"], rel=1e-6, abs=1e-9)
     stocked, _ = reply_of(drive, lengths_from=[20, 40, 60, 80, 100, 120])
     assert stocked.rounded is not None and stocked.rounded.combinations == 6 ** len(found.lengths)

@@ -81,13 +81,13 @@ def test_the_table_converts_to_the_units_that_are_asked_for(tmp_path) -> None:
     path = tmp_path / "poses.csv"
     path.write_text("x [cm],y [cm],theta [rad]\n0,0,0\n1,2,1\n3,4,2\n")
     motion = la.Motion.from_table(path, length_unit="mm", tolerances={"rotation": 1.0})
-    assert motion.asked.position.tolist() == pytest.approx([0, 10 + 20j, 30 + 40j])
+    assert motion.requested.position.tolist() == pytest.approx([0, 10 + 20j, 30 + 40j])
     assert motion.length_unit == "mm" and motion.degrees
     assert motion.tolerances.rotation[0] == pytest.approx(0.0174533), (
         "an option is in degrees whatever the table is in"
     )
     radians = la.Motion.from_table(path, degrees=False)
-    assert radians.asked.rotation.tolist() == pytest.approx([0, 1, 2]) and not radians.degrees
+    assert radians.requested.rotation.tolist() == pytest.approx([0, 1, 2]) and not radians.degrees
     with pytest.raises(la.FieldError, match="length_unit"):
         la.Motion.from_table(path, length_unit="furlong")
 
@@ -108,7 +108,7 @@ def test_notes_say_how_the_table_was_read(tmp_path) -> None:
     notes = la.synthesize(la.Motion.from_table(path), top=1, budget=1).report.notes
     assert sum("Columns read" in note for note in notes) == 1
     motion = la.Motion.from_table(path, columns={"x": "TX", "y": "TY", "angle": "RX"})
-    assert motion.asked.rotation.tolist() == [0, 0, 0]
+    assert motion.requested.rotation.tolist() == [0, 0, 0]
 
 
 def test_analysis_and_drives_use_the_unit_of_the_motion(in_cm) -> None:
