@@ -40,6 +40,19 @@ const NUMBERS = {
   "study-pivots": { range: WITHIN, name: "Pivots within", get: (m) => m.study.pivots, put: (m, value) => { m.study.pivots = value; } },
   "study-clearance": { range: WITHIN, name: "Clearance", get: (m) => m.study.clearance, put: (m, value) => { m.study.clearance = value; } },
 };
+/** The box for all joints: a side without a number is as far away as FAR. */
+const FAR = 1e9, SIDES = ["left", "bottom", "right", "top"], FREE = [-FAR, -FAR, FAR, FAR];
+for (const [k, side] of SIDES.entries()) {
+  NUMBERS[`envelope-${k}`] = {
+    range: ANY, name: `Room for all joints, ${side}`,
+    get: ({ limits: { extra } }) => (Math.abs(extra.envelope?.[k] ?? FAR) < FAR ? extra.envelope[k] : null),
+    put: ({ limits: { extra } }, value) => {
+      const box = (extra.envelope ?? FREE).with(k, value ?? FREE[k]);
+      if (box.every((one, i) => one === FREE[i])) delete extra.envelope;
+      else extra.envelope = box;
+    },
+  };
+}
 const CHECKS = {
   "any-order": [(m) => m.anyOrder, (m, on) => { m.anyOrder = on; }],
   closed: [(m) => m.closed, (m, on) => { m.closed = on; }],
@@ -79,6 +92,7 @@ export class Fields {
     for (const [id, [, put]] of Object.entries(CHOICES)) $(id).addEventListener("change", () => this.edit((m) => { put(m, $(id).value); }, id));
     for (const id of BOX) this.#bindBox(id);
     this.#bindStock();
+    this.#bindKeepOut();
     $("box-clear").addEventListener("click", () => { this.#clear(BOX); this.edit((m) => { m.limits.box = null; }); });
     $("weights-clear").addEventListener("click", () => this.edit((m) => {
       for (const pose of m.poses) for (const name of ["wr", "wp", "er", "ep"]) delete pose[name];
@@ -163,6 +177,18 @@ export class Fields {
     field.addEventListener("blur", () => { this.settle(); this.show(); });
   }
 
+  /** A box a line, four numbers each. */
+  #bindKeepOut() {
+    const field = $("keep-out");
+    onEntry(field, () => {
+      const boxes = field.value.split("\n").filter((line) => line.trim()).map((line) => line.split(/\s*[;\t ]\s*|,\s+|,(?=-)/).filter(Boolean).map(typed));
+      const bad = boxes.findIndex((box) => box.length !== 4 || !box.every(Number.isFinite) || box[0] >= box[2] || box[1] >= box[3]);
+      this.#blame("keep-out", bad < 0 ? null : `Keep-out boxes: line ${bad + 1} needs four numbers, left, bottom, right and top, with spaces or semicolons between them; left is less than right, and bottom less than top.`);
+      if (bad < 0) this.edit((m) => { if (boxes.length) m.limits.extra.keep_out = boxes; else delete m.limits.extra.keep_out; }, "keep-out");
+    });
+    field.addEventListener("blur", () => { this.settle(); this.show(); });
+  }
+
   /** Writes a value into a field that nobody types in and that holds nothing to be mended. */
   #set(id, value) {
     const field = $(id);
@@ -177,6 +203,7 @@ export class Fields {
     for (const [id, [get]] of Object.entries(CHOICES)) $(id).value = get(motion);
     for (const [k, id] of BOX.entries()) this.#set(id, limits.box?.[k]);
     this.#set("stock", motion.stock?.join(" ") ?? "");
+    this.#set("keep-out", (limits.extra.keep_out ?? []).map((box) => box.join(" ")).join("\n"));
     const { kept } = limits, some = Object.values(kept).some(Boolean);
     $("practical").indeterminate = some && !$("practical").checked;
     for (const [name, id] of [["use", "transmission"], ["turn", "transmission-turn"], ["ratio", "ratio"]]) $(id).placeholder = kept[name] ? PRESET[name] : "none";
@@ -203,7 +230,7 @@ export class Fields {
     if (limits.transmission) found.push(`transmission ≥ ${text(limits.transmission, 3)}°`);
     if (limits.min || limits.max) found.push(`links ${[limits.min && `≥ ${text(limits.min, 4)}`, limits.max && `≤ ${text(limits.max, 4)}`].filter(Boolean).join(" and ")} ${unit}`);
     if (limits.box) found.push("pivot box");
-    found.push(...Object.keys(limits.extra).map(limitName)); // of a file or a link: they have no fields
+    found.push(...Object.keys(limits.extra).map(limitName)); // some of them come from a file or a link and have no fields
     if (round) found.push(`rounded to ${text(round)} ${unit}`);
     else if (stock?.length) found.push("stock lengths");
     if (tolerance.rotation || tolerance.position || this.#has("er", "ep")) found.push("tolerances");

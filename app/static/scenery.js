@@ -39,8 +39,15 @@ export function drawGrid(layer, view) {
 }
 
 export function drawBox(layer, motion, view) {
-  const box = motion && wantsPlaces(motion) ? motion.limits.box : null;
   layer.replaceChildren();
+  if (!motion || !wantsPlaces(motion)) return;
+  const { box, extra: { keep_out: zones = [], envelope } } = motion.limits;
+  const kinds = [...(zones ?? []).map((zone) => ["keep-out", zone]), ...(envelope ? [["envelope", envelope]] : [])];
+  for (const [name, zone] of kinds) {
+    // sides that are far away lie just outside the canvas
+    const [x0, y0, x1, y1] = [...view.at([zone[0], zone[3]]), ...view.at([zone[2], zone[1]])].map((one, k) => Math.min(Math.max(one, -9), (k % 2 ? view.height : view.width) + 9));
+    make("rect", { class: name, x: x0, y: y0, width: x1 - x0, height: y1 - y0 }, layer);
+  }
   if (!box) return;
   const [x0, y0] = view.at([box[0], box[3]]), [x1, y1] = view.at([box[2], box[1]]);
   make("rect", { class: "pivot-box", x: Math.min(x0, x1), y: Math.min(y0, y1), width: Math.abs(x1 - x0), height: Math.abs(y1 - y0) }, layer);

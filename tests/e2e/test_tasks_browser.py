@@ -244,6 +244,23 @@ def test_lengths_and_the_pivot_box_are_checked_as_they_are_typed(standing) -> No
     assert standing.request()["limits"]["pivot_box"] == [-10, -20.5, 30, 40]
 
 
+def test_keep_out_boxes_and_a_ground_line_are_typed_drawn_and_observed(opened) -> None:
+    opened.unhurried()
+    opened.type_into("keep-out", "200 50 380")
+    assert "line 1 needs four numbers" in opened.text("keep-out-error")
+    opened.type_into("keep-out", "200 50 380 140,5; -100, 0; 0" + Keys.BACKSPACE * 12 + Keys.TAB)
+    opened.type_into("envelope-1", "-310" + Keys.TAB)
+    limits = opened.limits()
+    assert limits["keep_out"] == [[200, 50, 380, 140.5]]
+    assert limits["envelope"][1] == -310 and limits["envelope"][3] == 1e9
+    assert opened.count("#canvas .keep-out") == 1 and opened.count("#canvas .envelope") == 1
+    opened.solve()
+    assert opened.count("#solutions li") and min(place.imag for place in opened.all_drawn().values()) > -311
+    opened.type_into("envelope-1", Keys.BACKSPACE + Keys.TAB)
+    opened.type_into("keep-out", Keys.BACKSPACE + Keys.TAB)
+    assert not opened.limits().keys() & {"keep_out", "envelope"}
+
+
 def test_practical_limits_follow_the_crank_until_they_are_chosen_one_by_one(standing) -> None:
     standing.click("new-motion")
     standing.unfold("limits")
