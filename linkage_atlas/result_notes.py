@@ -83,7 +83,7 @@ def notes_of(task: Task, search: Search, candidates: Candidates, ranked: RankedS
     notes += [] if candidates.report.time_up else _inexact_notes(task, solutions)
     notes += _order_notes(task, solutions, search)
     notes += _unasked_notes(task, solutions)
-    notes += study_notes(candidates.studies.manufacture, solutions)
+    notes += study_notes(candidates.studies.manufacture, [solution.tolerance_study for solution in solutions])
     if task.kinds.only_four_bars and motion.samples.rotation is None:
         notes += cognate_notes(solutions)
     if not solutions:

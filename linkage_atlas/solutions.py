@@ -429,13 +429,7 @@ def _rounded(solution: Solution, studies: Studies, solutions: int, work: Work) -
         lengths=dict(zip(LINKS, refitted.linkage.links))
         if refitted.linkage.is_four_bar
         else refitted.linkage.lengths,
-        guides=dimensions.guides,
-        branch=dimensions.branch,
-        start=dimensions.start,
-        links=dimensions.links,
-        start_angle=dimensions.start_angle,
-        body_offset=dimensions.body_offset,
-        mount=dimensions.mount,
+        **{name: value for name, value in dimensions._asdict().items() if name not in ("kind", "driver")},
         crank_angle=crank_angle,
         travel=travel,
         errors=in_unit(refitted.errors, radian),

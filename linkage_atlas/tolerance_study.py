@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, NamedTuple, Protocol, TypedDict
+from typing import Annotated, NamedTuple, TypedDict
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from linkage_atlas.arguments import Fields, known_fields, number, whole_number
 from linkage_atlas.records import Record, Values
 from synthesis.arrays import Floats
 from synthesis.linkage import Linkage
-from synthesis.studies.tolerance_analysis import Spread, Study, Tolerances, simulate
+from synthesis.studies.tolerance_analysis import Spread, Tolerances, simulate
 from synthesis.target import Interval
 from synthesis.work import Work
 
@@ -107,15 +107,6 @@ class ToleranceStudy(Record):
     """Quantiles over the used interval in even steps, to be drawn."""
 
 
-class Studied(Protocol):
-    """Solution with a tolerance study, if there is one."""
-
-    @property
-    def tolerance_study(self) -> ToleranceStudy | None:
-        """The study."""
-        ...
-
-
 class Manufacture(NamedTuple):
     """Checked request for a tolerance study."""
 
@@ -148,13 +139,13 @@ def share_of(manufacture: Manufacture, points: int, solutions: int, budget: floa
     return manufacture._replace(samples=max(FEWEST_SAMPLES, min(manufacture.samples, samples)))
 
 
-def study_notes(request: Manufacture | None, solutions: Sequence[Studied]) -> list[str]:
+def study_notes(request: Manufacture | None, studies: Sequence[ToleranceStudy | None]) -> list[str]:
     """Return a note if fewer linkages were simulated than requested."""
-    studies = [study for solution in solutions if (study := solution.tolerance_study) is not None]
-    if request is None or not studies or studies[0].samples == request.samples:
+    counts = [study.samples for study in studies if study is not None]
+    if request is None or not counts or counts[0] == request.samples:
         return []
     return [
-        f"Each tolerance study simulates {studies[0].samples:,} linkages instead of {request.samples:,}, to bound the time of "
+        f"Each tolerance study simulates {counts[0]:,} linkages instead of {request.samples:,}, to bound the time of "
         "the request: ask for fewer solutions, or give it more time."
     ]
 
@@ -162,16 +153,9 @@ def study_notes(request: Manufacture | None, solutions: Sequence[Studied]) -> li
 def studied(
     linkage: Linkage, request: Manufacture, travel: Floats, over: Interval, radian: float, work: Work
 ) -> ToleranceStudy:
-    """Return the tolerance study at travel (n,) of the drive from the first sample, and over an interval."""
-    band, samples = np.linspace(*over, BAND_STEPS + 1), travel.size
+    """Return the tolerance study at travel (n,) of the drive from the first sample, and over an interval, in the user's units."""
+    band, samples, turns = np.linspace(*over, BAND_STEPS + 1), travel.size, linkage.driver.turns
     found = simulate(linkage, np.concatenate([travel, band]), samples, *request, work)
-    return described_study(found, request, samples, band, radian, linkage.driver.turns)
-
-
-def described_study(
-    found: Study, manufacture: Manufacture, samples: int, band: Floats, radian: float, turns: bool = True
-) -> ToleranceStudy:
-    """Return a study in the user's units; its first positions are the ``samples``, followed by the positions of ``band``."""
     sources = found.sources
     spreads = {"position": found.position, "rotation": found.rotation}
     parts = {
@@ -184,7 +168,7 @@ def described_study(
     largest = {name: sources[int(np.argmax(part))] if part.max() > 0 else None for name, part in parts.items()}
     return ToleranceStudy(
         found.count,
-        manufacture.seed,
+        request.seed,
         found.open_share,
         None if found.position is None else _quantiles(found.position, samples, 1.0),
         _quantiles(found.rotation, samples, radian),

@@ -44,9 +44,9 @@ class Constraints:
     middle, scale : complex, float
         Positions of the placed linkages are measured from the middle, and all their lengths over the scale.
     exact : bool
-        Whether the joints' extremes are found to rounding; otherwise to a part of `SPARE`, by which the envelope is smaller.
+        True to find the joints' extremes to rounding; otherwise within a fraction of `SPARE`, by which the envelope is smaller.
     smooth : bool
-        Whether each constraint is smooth wherever the linkage is, the family among them: for a search over all length ratios.
+        True to make every constraint, also the family, smooth at all linkages, for a search over all length ratios.
         Otherwise the charts hold the family.
     """
 
@@ -58,15 +58,15 @@ class Constraints:
 
     @property
     def any(self) -> bool:
-        """Whether there are any."""
+        """True if there are constraints."""
         return not self.limits.only_family
 
     def __call__(self, placed: Placed, derivatives: bool = True) -> Constrained:
-        """The constraints at linkages."""
+        """Evaluate the constraints of linkages."""
         posed = placed.pivot is not None
         count, (limits, table) = len(placed.lengths), self._once(posed)
         nothing = np.zeros(count)
-        pivot, turned, coupler = (0.0 if one is None else np.asarray(one) for one in placed[3:])
+        pivot, turned, coupler = (0.0 if column is None else np.asarray(column) for column in placed[3:])
         values, slopes = limits(
             np.ascontiguousarray(placed.lengths, dtype=float),
             nothing + placed.branch,
@@ -80,7 +80,7 @@ class Constraints:
         return Constrained(values, slopes, table.equal, table.names)
 
     def compiled(self, posed: bool) -> four_bar_limits.Limits:
-        """Them as a descent takes them: for linkages in a place, or for shapes alone."""
+        """Return the compiled constraints for a descent: of placed linkages, or only of shapes."""
         return self._once(posed)[0]
 
     def _once(self, posed: bool) -> tuple[four_bar_limits.Limits, _Table]:
@@ -91,23 +91,23 @@ class Constraints:
 
     def _table(self, posed: bool) -> _Table:
         table, limits, scale = _Table(), self.limits, self.scale
-        every = self.smooth and limits.family != "any"
+        smooth = self.smooth and limits.family != "any"
         if limits.transmission_angle_min:
             table.add("transmission_angle_min", codes.USED, np.cos(limits.transmission_angle_min))
-        if every:
+        if smooth:
             table.add("family", codes.FAMILY, _SIGNS.get(limits.family, 0.0))
-        if (least := limits.transmission_angle_min_turn) and not limits.swings:
-            table.add("transmission_angle_min_turn", codes.OVER_TURN, np.cos(least), every)
+        if (smallest := limits.transmission_angle_min_turn) and not limits.swings:
+            table.add("transmission_angle_min_turn", codes.OVER_TURN, np.cos(smallest), smooth)
         for name, bound, sign in (("link_min", limits.link_min, 1.0), ("link_max", limits.link_max, -1.0)):
             if bound is not None:
-                for k, given in enumerate(limits.links):
-                    if given is None:  # the others are within it
+                for k, prescribed in enumerate(limits.links):
+                    if prescribed is None:  # prescribed lengths are within the bound
                         table.add(name, codes.LENGTH, k, sign, -sign * bound / scale)
         if limits.link_ratio_max is not None:
             table.add("link_ratio_max", codes.RATIOS if self.smooth else codes.RATIO, limits.link_ratio_max)
-        for k, given in enumerate(limits.links):
-            if given is not None:
-                table.add(f"links.{LINKS[k]}", codes.LENGTH, k, 1.0, -given / scale, equal=True)
+        for k, length in enumerate(limits.links):
+            if length is not None:
+                table.add(f"links.{LINKS[k]}", codes.LENGTH, k, 1.0, -length / scale, equal=True)
         if posed:
             self._on_pose(table)
         return table
@@ -115,14 +115,14 @@ class Constraints:
     def _on_pose(self, table: _Table) -> None:
         limits, reach = self.limits, self.limits.pivot_reach
         for point, name in enumerate(PIVOTS):
-            if (given := getattr(limits, name)) is not None:
-                table.add(name, codes.AT, point, *self._point(given), equal=True)
+            if (pivot := getattr(limits, name)) is not None:
+                table.add(name, codes.AT, point, *self._point(pivot), equal=True)
                 continue
             for box_name in (f"{name}_box", "pivot_box"):
                 if (box := getattr(limits, box_name)) is not None:
                     table.add(box_name, codes.INSIDE, point, *self._box(box))
-            if reach is not None and (far := getattr(reach, name)) is not None:
-                table.add("pivot_reach", codes.NEAR, point, *self._point(reach.middle), far / self.scale)
+            if reach is not None and (radius := getattr(reach, name)) is not None:
+                table.add("pivot_reach", codes.NEAR, point, *self._point(reach.middle), radius / self.scale)
             for out in limits.keep_out:
                 table.add("keep_out", codes.OUTSIDE, point, *self._box(out))
         if limits.coupler_radius_max is not None:
@@ -145,7 +145,7 @@ class Constraints:
 
 
 class _Table:
-    """Limits as the compiled kernel takes them, and what each of its rows is."""
+    """Rows of limits for the compiled kernel, with the name of each."""
 
     def __init__(self) -> None:
         self.rows: list[list[float]] = []
@@ -153,14 +153,14 @@ class _Table:
         self._equal: list[bool] = []
 
     def add(self, name: str, kind: int, *numbers: float, equal: bool = False) -> None:
-        """One limit."""
+        """Add a limit."""
         self.rows.append([kind, *numbers, *[0.0] * (7 - len(numbers))])
         self.names += [name] * codes.COUNTS[kind]
         self._equal += [equal] * codes.COUNTS[kind]
 
     @property
     def equal(self) -> Flags:
-        """Which rows are equations."""
+        """True for rows that are equations."""
         return np.array(self._equal, dtype=bool)
 
 

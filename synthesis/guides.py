@@ -203,8 +203,6 @@ DRIVERS: dict[type[Circle] | type[Rail] | type[Slot], tuple[Driver, ...]] = {
     Slot: (Driver.CYLINDER, Driver.HINGE),
 }
 """Drives of each guide."""
-BODY = "coupler"
-"""Name of the link that is the body."""
 
 
 class Condition(NamedTuple):

@@ -465,7 +465,7 @@ class Linkage:
     @cached_property
     def _spread(self) -> Vector:
         """From Z to the other guide's fixed point: pivot, point or pin."""
-        return self._pin.plus(_fixed_point(self.local_guides[1]))
+        return self._pin.plus(self.local_guides[1][0])
 
     @cached_property
     def _arm(self) -> Vector:
@@ -481,7 +481,7 @@ class Linkage:
         """Of a hinge with a circle: its part across the line from pivot to pin is how far the pivot lies beside the slide."""
         driven, second = self.local_guides
         assert isinstance(driven, Slot)
-        between = driven.pin - _fixed_point(second)
+        between = driven.pin - second[0]
         beside = _turned(second.body_point - driven.body_point, -driven.body_direction).imag
         return Round(_turned(1j * beside, float(np.angle(between))), abs(between))
 
@@ -596,7 +596,7 @@ class Linkage:
         assert isinstance(driven, Slot)
         along = np.exp(1j * q)
         arm = _turned(second.body_point - driven.body_point, -driven.body_direction)
-        between = driven.pin - _fixed_point(second)
+        between = driven.pin - second[0]
         if isinstance(second, Circle):
             upper, lower = self._closed(q)
             root = np.sqrt(upper) * np.sqrt(lower)
@@ -891,11 +891,6 @@ class Linkage:
 
 
 _LINK_OF: dict[type, str] = {Circle: "crank", Rail: "slider", Slot: "block"}
-
-
-def _fixed_point(guide: Guide) -> complex:
-    """A point of the ground that the guide goes by: pivot, point or pin."""
-    return guide[0]
 
 
 def _turned(vector: complex, angle: float) -> complex:

@@ -1,6 +1,6 @@
 """Violations of limits by finished linkages of all kinds, measured from their own numbers.
 
-A limit concerns the parts that a kind has: a rail has no pivot, and a linkage with one crank has no rocker.
+A limit concerns the parts that a kind has: a rail has no pivot, and a linkage with a single crank has no rocker.
 Links are the cranks, the distance of two pins of the body (coupler) and the distance of two pins of the ground (ground).
 `family` concerns four-bars only. The searches for four-bars satisfy the same limits as functions, see `synthesis/constraints.py`.
 """
@@ -35,7 +35,7 @@ _BY_ENDS = {"stroke_max", "rail_box", "pivot_reach", "link_max", "cylinder_dead_
 Used = tuple[float, float] | None
 """Smallest and largest used coordinate of a rail or slot; None for a circle."""
 Violations = Iterator[tuple[str, float]]
-"""Names of limits, and by how much each is violated: negative if it is satisfied."""
+"""Names of limits, each with its violation: negative if it is satisfied."""
 
 
 def within(samples: Samples, limits: Limits, solutions: Sequence[Solution]) -> list[Solution]:
@@ -45,18 +45,18 @@ def within(samples: Samples, limits: Limits, solutions: Sequence[Solution]) -> l
 
 
 def violations_of(solution: Solution, samples: Samples, limits: Limits) -> dict[str, float]:
-    """Return by how much a solution violates limits over its interval, by name.
+    """Return the violation of each limit that a solution does not satisfy over its interval, by name.
 
     The values are fractions of the motion's extent (without positions, of the ground), radians, or for ratios relative.
     A four-bar violates an inequality by any number above 0, because its search has a margin; other kinds by more than rounding.
     """
-    found = _violations(solution, samples, limits, _used_at_most(solution))
-    return _violations(solution, samples, limits, _used(solution)) if found.keys() & _BY_ENDS else found
+    found = _violations(solution, samples, limits, _used(solution, False))
+    return _violations(solution, samples, limits, _used(solution, True)) if found.keys() & _BY_ENDS else found
 
 
-def _violations(solution: Solution, samples: Samples, limits: Limits, ends: tuple[Used, Used]) -> dict[str, float]:
+def _violations(solution: Solution, samples: Samples, limits: Limits, ends: Sequence[Used]) -> dict[str, float]:
     linkage, lengths = solution.linkage, _lengths(solution.linkage)
-    extent = lengths["ground"] if samples.position is None else samples.extent
+    extent = lengths.get("ground", 1.0) if samples.position is None else samples.extent
     rounding = equation = _ROUNDING
     if linkage.is_four_bar:
         rounding = 0.0
@@ -105,14 +105,14 @@ def _by_pivots(linkage: Linkage, limits: Limits, extent: float) -> Violations:
         pivot = guide[0]
         if (box := limits.box(f"{name}_box")) is not None:
             yield "pivot_box", float(outside(pivot, box)) / extent
-        if reach is not None and (far := getattr(reach, name)) is not None:
-            yield "pivot_reach", (abs(pivot - reach.middle) - far) / extent
+        if reach is not None and (radius := getattr(reach, name)) is not None:
+            yield "pivot_reach", (abs(pivot - reach.middle) - radius) / extent
         for box in limits.keep_out:
             yield "keep_out", -float(outside(pivot, box)) / extent
 
 
 def _by_travel(
-    solution: Solution, limits: Limits, samples: Samples, extent: float, ends: tuple[Used, Used]
+    solution: Solution, limits: Limits, samples: Samples, extent: float, ends: Sequence[Used]
 ) -> Violations:
     linkage = solution.linkage
     for guide, used, name in zip(linkage.guides, ends, PIVOTS):
@@ -121,11 +121,11 @@ def _by_travel(
         if limits.stroke_max is not None:
             yield "stroke_max", (used[1] - used[0] - limits.stroke_max) / extent
         if not guide.has_pin:
-            places = guide.ground_at(np.array(used))
+            ends_of_rail = guide.ground_at(np.array(used))
             if (box := limits.rail_box_of(name)) is not None:
-                yield "rail_box", float(outside(places, box).max()) / extent
+                yield "rail_box", float(outside(ends_of_rail, box).max()) / extent
             if limits.pivot_reach is not None:
-                yield "pivot_reach", float(np.abs(places - samples.middle).max()) / extent - REACH
+                yield "pivot_reach", float(np.abs(ends_of_rail - samples.middle).max()) / extent - REACH
     if linkage.driver is Driver.CYLINDER:
         assert ends[0] is not None
         first, last = ends[0]
@@ -150,7 +150,7 @@ def _lengths(linkage: Linkage) -> dict[str, float]:
 
 
 def _by_lengths(
-    linkage: Linkage, lengths: dict[str, float], limits: Limits, extent: float, ends: tuple[Used, Used]
+    linkage: Linkage, lengths: dict[str, float], limits: Limits, extent: float, ends: Sequence[Used]
 ) -> Violations:
     link_max = limits.link_max or np.inf
     for name, length in lengths.items():
@@ -187,7 +187,7 @@ def _by_envelope(solution: Solution, limits: Limits, extent: float) -> Violation
 
 
 def _farthest_out(linkage: Linkage, points: Complexes, envelope: Box, coordinates: Floats) -> float:
-    """Return how far points of the body leave a box at most, also between the coordinates of the drive."""
+    """Return the largest distance of points of the body out of a box, also between the coordinates of the drive."""
     left, lower, right, upper = envelope
     direction, side = np.array([[1], [-1], [-1j], [1j]]), np.array([[left], [-right], [lower], [-upper]])
     joints, directions = np.repeat(points, 4)[:, None], np.tile(direction, (points.size, 1))
@@ -196,8 +196,8 @@ def _farthest_out(linkage: Linkage, points: Complexes, envelope: Box, coordinate
     def inside(q: Numbers) -> Numbers:
         """Return the distance of each joint from each side; 0 if the loop does not close."""
         body = linkage.body(q.ravel())
-        place = body.position.reshape(q.shape) + np.exp(1j * body.rotation.reshape(q.shape)) * joints
-        return np.nan_to_num(np.real(place * directions) - sides)
+        position = body.position.reshape(q.shape) + np.exp(1j * body.rotation.reshape(q.shape)) * joints
+        return np.nan_to_num(np.real(position * directions) - sides)
 
     first, last = (np.full(sides.size, coordinates[k]) for k in (0, -1))
     return -float(closer_looks(inside, first, last, (coordinates.size, *_NODES))[0].min())
@@ -213,24 +213,16 @@ def _body_points(guide: Guide, used: Used) -> list[complex]:
     return [guide.body_point] if used is None or guide.holds_point else guide.body_at(np.array(used)).tolist()
 
 
-def _used(solution: Solution) -> tuple[Used, Used]:
-    """Return the used coordinates of both guides, exactly."""
-    first, second = (
-        solution.linkage.used(index, solution.interval) if guide.slides else None
-        for index, guide in enumerate(solution.linkage.guides)
-    )
-    return first, second
-
-
-def _used_at_most(solution: Solution) -> tuple[Used, Used]:
-    """Return slightly larger intervals than the used ones, from few travels and so in a hundredth of the time."""
-    travel = np.linspace(*solution.interval, _FEW_POSITIONS)
-    found: list[Used] = []
-    for index, guide in enumerate(solution.linkage.guides):
+def _used(solution: Solution, exactly: bool) -> list[Used]:
+    """Return the used coordinates of both guides: exactly, or a little more in a hundredth of the time."""
+    linkage, found = solution.linkage, list[Used]()
+    for index, guide in enumerate(linkage.guides):
         if not guide.slides:
             found.append(None)
-            continue
-        at = solution.linkage.along(index, travel)
-        spare = _MORE * float(np.max(np.abs(np.diff(at))))
-        found.append((float(np.min(at)) - spare, float(np.max(at)) + spare))
-    return found[0], found[1]
+        elif exactly:
+            found.append(linkage.used(index, solution.interval))
+        else:
+            coordinates = linkage.along(index, np.linspace(*solution.interval, _FEW_POSITIONS))
+            spare = _MORE * float(np.max(np.abs(np.diff(coordinates))))
+            found.append((float(np.min(coordinates)) - spare, float(np.max(coordinates)) + spare))
+    return found
