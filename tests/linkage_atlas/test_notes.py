@@ -61,7 +61,7 @@ def test_only_limits_without_which_the_error_falls_are_named(seed: int) -> None:
     request["limits"] = {"transmission_angle_min": 50, "family": "full_crank"}
     best = la.synthesize(**request, top=1, prefer="error").best
     nearby = la.synthesize(
-        **relaxed(request, {"transmission_angle_min": 49.9}), start_from=[best], local=True, top=1
+        **relaxed(request, {"transmission_angle_min": 49.5}), start_from=[best], local=True, top=1
     ).best
     gained = nearby.errors.objective < best.errors.objective * (1 - 1e-6)
     assert ("transmission_angle_min" in best.determination.active_limits) == gained
