@@ -1,4 +1,5 @@
-// The linkage that follows a motion: refined from the one before by damped Gauss-Newton steps, from which free drive positions are eliminated.
+// The linkage that follows a motion: refined from the one before by damped Gauss-Newton steps, from which free drive
+// positions are eliminated.
 
 import { Bounds, INSIDE } from "./bounds.js";
 import { Misfit } from "./misfit.js";
@@ -59,19 +60,31 @@ class Following {
     const { misfit } = this, numbers = misfit.numbersOf(reference.solution), made = misfit.made(numbers);
     const own = misfit.free ? misfit.driveOf(reference.solution) : misfit.driveAt(numbers);
     const { spots, closes } = this.#between(made, own);
-    Object.assign(this, { reference: numbers, closes, bounds: new Bounds(misfit.motion, misfit.scale, { made, before: reference.motion, spots, family: reference.solution.family }) });
+    Object.assign(this, { reference: numbers, closes,
+      bounds: new Bounds(misfit.motion, misfit.scale,
+      { made, before: reference.motion, spots, family: reference.solution.family }) });
     this.sense = own.at(-1) < own[0] ? -1 : 1;
     return this.#measured(misfit.numbersOf(solution), misfit.free ? misfit.driveOf(solution) : null);
   }
 
-  /** The ends of the interval of the drive, and where in it the transmission angle is least; whether the loop closes all along. */
+  /**
+   * The ends of the interval of the drive, and where in it the transmission angle is least; whether the loop closes all
+   * along.
+   */
   #between({ at }, drive) {
     const low = Math.min(...drive), high = Math.max(...drive), { checks } = OPTIONS;
-    const places = Array.from({ length: checks + 1 }, (_, k) => low + ((high - low) * k) / checks), angles = places.map((q) => at(q)?.transmission ?? -1);
-    const valleys = [...places.keys()].filter((k) => k > 0 && k < checks && angles[k] <= angles[k - 1] && angles[k] < angles[k + 1]).sort((i, j) => angles[i] - angles[j]);
+    const places = Array.from({ length: checks + 1 }, (_, k) => low + ((high - low) * k) / checks),
+      angles = places.map((q) => at(q)?.transmission ?? -1);
+    const valleys = [...places.keys()]
+      .filter((k) => k > 0 && k < checks && angles[k] <= angles[k - 1] && angles[k] < angles[k + 1])
+      .sort((i, j) => angles[i] - angles[j]);
     // the vertex of the parabola through three of them
-    const bottom = (k) => (k === undefined ? low : places[k] + ((places[1] - low) * (angles[k - 1] - angles[k + 1])) / 2 / (angles[k - 1] - 2 * angles[k] + angles[k + 1]));
-    return { spots: [low, high, bottom(valleys[0]), bottom(valleys[1] ?? valleys[0])], closes: angles.every((angle) => angle >= 0) };
+    const bottom = (k) =>
+      (k === undefined ? low
+      : places[k] + ((places[1] - low) * (angles[k - 1] - angles[k + 1])) / 2 / (angles[k - 1] - 2 * angles[k] +
+      angles[k + 1]));
+    return { spots: [low, high, bottom(valleys[0]), bottom(valleys[1] ?? valleys[0])],
+      closes: angles.every((angle) => angle >= 0) };
   }
 
   /** A block of samples that are passed together: the drive position `z` at which they are met best, near `z`. */
@@ -88,7 +101,8 @@ class Following {
     if (best.cost === Infinity) return best;
     for (let n = 0; n < OPTIONS.feet; n++) {
       const slopes = best.joints.map((one, i) => misfit.derivatives(members[i], one, made.guides, best.q[i]).drive);
-      const along = slopes.reduce((sum, slope, i) => sum + product(slope, best.errors[i]), 0), steep = slopes.reduce((sum, slope) => sum + squares(slope), 0);
+      const along = slopes.reduce((sum, slope, i) => sum + product(slope, best.errors[i]), 0),
+        steep = slopes.reduce((sum, slope) => sum + squares(slope), 0);
       let step = steep > 0 ? -along / steep : 0, next = null;
       for (let half = 0; half < 8 && Math.abs(step) > 1e-13 * misfit.unitOfDrive; half++, step /= 2) {
         next = look(best.z + step);
@@ -108,8 +122,10 @@ class Following {
     const blocks = [];
     for (const [k, q] of drive.entries()) {
       let block = { members: [k], ...this.#foot(made, [k], q) };
-      while (this.ordered && blocks.length && block.cost < Infinity && this.sense * (block.q[0] - blocks.at(-1).q.at(-1)) < OPTIONS.gap * this.misfit.unitOfDrive) {
-        const before = blocks.pop(), members = [...before.members, ...block.members], middle = (before.z * before.members.length + block.z * block.members.length) / members.length;
+      while (this.ordered && blocks.length && block.cost < Infinity &&
+        this.sense * (block.q[0] - blocks.at(-1).q.at(-1)) < OPTIONS.gap * this.misfit.unitOfDrive) {
+        const before = blocks.pop(), members = [...before.members, ...block.members],
+          middle = (before.z * before.members.length + block.z * block.members.length) / members.length;
         block = { members, ...this.#foot(made, members, middle) };
       }
       if (block.cost === Infinity) return null;
@@ -118,30 +134,41 @@ class Following {
     return blocks;
   }
 
-  /** A linkage of these numbers with its errors; `drive` is where free drive positions are looked for. Null where it does not close. */
+  /**
+   * A linkage of these numbers with its errors; `drive` is where free drive positions are looked for. Null where it
+   * does not close.
+   */
   #measured(numbers, drive) {
     const { misfit } = this, made = misfit.made(numbers);
     if (!made) return null;
     let blocks;
     if (misfit.free) blocks = this.#blocks(made, drive);
     else {
-      const all = misfit.driveAt(numbers), joints = all.map(made.at), turns = joints.every(Boolean) && misfit.wholeTurns(joints);
-      blocks = joints.every(Boolean) && joints.map((one, k) => ({ members: [k], q: [all[k]], joints: [one], errors: [misfit.error(k, one, turns)] }));
+      const all = misfit.driveAt(numbers), joints = all.map(made.at),
+        turns = joints.every(Boolean) && misfit.wholeTurns(joints);
+      blocks = joints.every(Boolean) &&
+        joints.map((one, k) => ({ members: [k], q: [all[k]], joints: [one], errors: [misfit.error(k, one, turns)] }));
     }
     if (!blocks) return null;
     const q = blocks.flatMap((block) => block.q), { spots, closes } = this.#between(made, q);
     if (this.closes && !closes) return null;
-    const cost = blocks.reduce((sum, { errors }) => sum + errors.reduce((part, error) => part + squares(error), 0), 0) / q.length;
-    const margins = this.bounds.margins(made, spots), violation = margins.reduce((sum, margin) => sum + Math.min(0, margin - INSIDE) ** 2, 0);
+    const cost = blocks.reduce((sum, { errors }) => sum + errors.reduce((part, error) => part + squares(error), 0),
+      0) / q.length;
+    const margins = this.bounds.margins(made, spots),
+      violation = margins.reduce((sum, margin) => sum + Math.min(0, margin - INSIDE) ** 2, 0);
     return { numbers, made, blocks, drive: q, spots, cost, margins, penalty: OPTIONS.penalty * violation };
   }
 
-  /** The normal equations of the mean squared error: its matrix and half its slope, the free drive positions eliminated. */
+  /**
+   * The normal equations of the mean squared error: its matrix and half its slope, the free drive positions eliminated.
+   */
   #normal({ made, blocks, drive }) {
-    const { misfit } = this, n = misfit.units.length, matrix = Array.from({ length: n }, () => new Array(n).fill(0)), slope = new Array(n).fill(0), shares = [];
+    const { misfit } = this, n = misfit.units.length, matrix = Array.from({ length: n }, () => new Array(n).fill(0)),
+      slope = new Array(n).fill(0), shares = [];
     for (const { members, joints, errors, q } of blocks) {
       const all = members.map((k, i) => misfit.derivatives(k, joints[i], made.guides, q[i]));
-      const columns = Array.from({ length: n }, (_, j) => all.flatMap(({ numbers }) => numbers[j])), error = errors.flat(), drives = all.flatMap((one) => one.drive), steep = squares(drives);
+      const columns = Array.from({ length: n }, (_, j) => all.flatMap(({ numbers }) => numbers[j])),
+        error = errors.flat(), drives = all.flatMap((one) => one.drive), steep = squares(drives);
       const ratios = columns.map((column) => (misfit.free && steep > 0 ? product(column, drives) / steep : 0));
       columns.forEach((column, j) => column.forEach((_, i) => { column[i] -= ratios[j] * drives[i]; }));
       shares.push(...members.map(() => ratios));
@@ -156,8 +183,10 @@ class Following {
 
   /** How far drive positions between the samples move with number j, as those at the ends of the interval do. */
   #drift({ drive, spots }, shares, j) {
-    const { free, unitOfDrive, units } = this.misfit, [low, high] = spots, [first, last] = [low, high].map((q) => shares[drive.indexOf(q)][j]);
-    return spots.map((q) => (free ? ((q - high) * first + (low - q) * last) / (high - low || 1) : j === units.length - 1 ? unitOfDrive : 0));
+    const { free, unitOfDrive, units } = this.misfit, [low, high] = spots,
+      [first, last] = [low, high].map((q) => shares[drive.indexOf(q)][j]);
+    return spots.map((q) =>
+      (free ? ((q - high) * first + (low - q) * last) / (high - low || 1) : j === units.length - 1 ? unitOfDrive : 0));
   }
 
   /** Slopes of the limits that are near, by differences: rows {margin, slope}. */
@@ -167,9 +196,11 @@ class Following {
     if (!near.length) return [];
     const rows = near.map((k) => ({ margin: margins[k] - INSIDE, slope: [] }));
     for (const j of numbers.keys()) {
-      const moved = this.misfit.made(numbers.map((value, i) => (i === j ? value + OPTIONS.slope : value))), drift = this.#drift(state, shares, j);
+      const moved = this.misfit.made(numbers.map((value, i) => (i === j ? value + OPTIONS.slope : value))),
+        drift = this.#drift(state, shares, j);
       const after = moved && this.bounds.margins(moved, spots.map((q, k) => q + OPTIONS.slope * drift[k]));
-      near.forEach((k, n) => rows[n].slope.push(after?.length === margins.length ? (after[k] - margins[k]) / OPTIONS.slope : 0));
+      near.forEach((k, n) =>
+        rows[n].slope.push(after?.length === margins.length ? (after[k] - margins[k]) / OPTIONS.slope : 0));
     }
     return rows;
   }
@@ -178,7 +209,8 @@ class Following {
   #step({ matrix, slope }, limits, damping) {
     const taken = new Set(limits.filter(({ margin }) => margin < 0));
     for (let n = 0; ; n++) {
-      const left = matrix.map((row, i) => row.map((value, j) => value + (i === j ? damping : 0))), right = slope.map((value) => -value);
+      const left = matrix.map((row, i) => row.map((value, j) => value + (i === j ? damping : 0))),
+        right = slope.map((value) => -value);
       for (const { margin, slope: row } of taken) {
         row.forEach((value, i) => {
           right[i] -= OPTIONS.penalty * margin * value;
@@ -193,7 +225,10 @@ class Following {
     }
   }
 
-  /** Descends from `state`, which it yields after each step; `pull` draws towards the reference, and a step that gains less than the fraction `gain` is the last. */
+  /**
+   * Descends from `state`, which it yields after each step; `pull` draws towards the reference, and a step that gains
+   * less than the fraction `gain` is the last.
+   */
   * descend(state, pull, gain) {
     const away = ({ numbers }) => squares(numbers.map((value, j) => value - this.reference[j]));
     const total = (one) => one.cost + one.penalty + pull * away(one);
@@ -206,7 +241,8 @@ class Following {
       let next = null;
       for (; damping < 1e3 && !next; damping *= next ? 1 : 10) {
         const step = this.#step(normal, limits, damping);
-        next = step && this.#measured(state.numbers.map((value, j) => value + step[j]), state.drive.map((q, k) => q - product(normal.shares[k], step)));
+        next = step && this.#measured(state.numbers.map((value, j) => value + step[j]),
+          state.drive.map((q, k) => q - product(normal.shares[k], step)));
         if (next && !(total(next) < before)) next = null;
       }
       if (!next) return state;
@@ -220,15 +256,18 @@ class Following {
 }
 
 /**
- * Leads `solution` to a linkage of its kind, branch and family that meets a motion, step by step: yields functions that make the solution
- * reached. `reference` is {solution, motion}: the linkage moves from that one no farther than the motion needs, and keeps the limits that it
- * satisfies. A descent from the reference itself takes the place of this one where it ends much nearer to the motion.
+ * Leads `solution` to a linkage of its kind, branch and family that meets a motion, step by step: yields functions that
+ * make the solution reached. `reference` is {solution, motion}: the linkage moves from that one no farther than the
+ * motion needs, and keeps the limits that it satisfies. A descent from the reference itself takes the place of this one
+ * where it ends much nearer to the motion.
  */
 export function* followed(motion, solution, reference) {
-  const following = new Following(motion, solution), made = ({ numbers, drive }) => () => following.misfit.solution(numbers, drive, solution);
+  const following = new Following(motion, solution),
+    made = ({ numbers, drive }) => () => following.misfit.solution(numbers, drive, solution);
   const descents = function* (begin) {
     const first = following.begin(begin, reference);
-    return first && (yield* following.descend(yield* following.descend(first, OPTIONS.pull, OPTIONS.settled), 0, OPTIONS.gain));
+    return first && (yield* following.descend(yield* following.descend(first, OPTIONS.pull, OPTIONS.settled), 0,
+      OPTIONS.gain));
   };
   const total = (state) => (state ? state.cost + state.penalty : Infinity);
   let found = null;

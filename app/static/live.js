@@ -1,4 +1,5 @@
-// The linkage on show follows what the user does to the motion, frame by frame; when that rests, the service looks for better ones.
+// The linkage on show follows what the user does to the motion, frame by frame; when that rests, the service looks for
+// better ones.
 
 import { verdictOf } from "./bounds.js";
 import { alike } from "./fit.js";
@@ -16,24 +17,30 @@ const BUDGET_MS = 1000; // of the search for better ones
 const ROUNDING = 1e-10; // error that is none
 const BETTER = 0.8; // times the error of the linkage that was moved: another one with less is offered
 
-const FOLLOWED = ["drag", "key", "cell", "box", "box-0", "box-1", "box-2", "box-3"]; // kinds of changes, by their first words
+// kinds of changes, by their first words
+const FOLLOWED = ["drag", "key", "cell", "box", "box-0", "box-1", "box-2", "box-3"];
 
 /** Whether a linkage for one motion can follow another one: only poses, crank angles and limits may differ. */
 function followable(motion, before) {
-  const same = ["wanted", "timing", "direction", "anyOrder", "closed", "unit"].every((name) => motion[name] === before[name]);
+  const same = ["wanted", "timing", "direction", "anyOrder", "closed", "unit"]
+    .every((name) => motion[name] === before[name]);
   return same && motion.poses.length === before.poses.length && !fault(motion);
 }
 
-/** The answer that a moved linkage makes to a motion, in place of the one `before`; errors and verdict are computed in the page. */
+/**
+ * The answer that a moved linkage makes to a motion, in place of the one `before`; errors and verdict are computed in
+ * the page.
+ */
 function answerOf(solution, motion, before) {
-  const { solution: moved, fit } = measured(solution, motion), report = { ...before.reply.report, trace: [], notes: [] };
+  const { solution: moved, fit } = measured(solution, motion),
+    report = { ...before.reply.report, trace: [], notes: [] };
   const reply = { status: "closest", solutions: [{ ...moved, verdict: verdictOf(moved, motion, fit) }], report };
   return { request: toRequest(motion), motion, reply, last: true, live: true, seconds: 0 };
 }
 
 /**
- * The linkage moves from a `reference`, the last one that was not moved. `page` has `answer()`, `fits(answer)` to the motion,
- * `display(answer, solution)`, `stop()` for a search that runs, and `say()`.
+ * The linkage moves from a `reference`, the last one that was not moved. `page` has `answer()`, `fits(answer)` to the
+ * motion, `display(answer, solution)`, `stop()` for a search that runs, and `say()`.
  */
 export class Live {
   #reference = null; // {answer, solution, motion}
@@ -57,7 +64,8 @@ export class Live {
   /** Follows a change of the motion if its `kind` moves poses or the pivot box; any other ends it. */
   change(kind) {
     const [first, ...more] = (kind ?? "").split(" "), { limits } = this.editor.motion;
-    if (FOLLOWED.includes(first) && this.#can) this.#follow(limits, first.startsWith("box") ? null : Number(more[0].match(/\d+/)[0]));
+    const k = first.startsWith("box") ? null : Number(more[0]?.match(/\d+/));
+    if (FOLLOWED.includes(first) && this.#can) this.#follow(limits, k);
     else this.forget();
   }
 
@@ -66,15 +74,22 @@ export class Live {
     if (!this.#can) return;
     const { limits } = this.editor.motion;
     this.editor.keep(`pivot ${joint}`);
-    this.#follow({ ...limits, extra: { ...limits.extra, [`pivot_${joint}`]: place } }, null, (joints) => size(less(joints[joint], place)) === 0);
+    this.#follow({ ...limits, extra: { ...limits.extra, [`pivot_${joint}`]: place } }, null,
+      (joints) => size(less(joints[joint], place)) === 0);
   }
 
-  /** Follows the motion within `limits`, in which pose `k` is moved or null; where it is `back`, what was shown before is restored. */
+  /**
+   * Follows the motion within `limits`, in which pose `k` is moved or null; where it is `back`, what was shown before
+   * is restored.
+   */
   #follow(limits, k, back = () => this.page.fits(this.#reference.answer)) {
-    const answer = this.page.answer(), { solution } = this.results, motion = structuredClone(this.editor.motion), before = this.#run;
+    const answer = this.page.answer(), { solution } = this.results, motion = structuredClone(this.editor.motion),
+      before = this.#run;
     this.page.stop();
     this.#searching?.abort();
-    if (!before && solution !== this.#moved) this.#reference = { answer, solution, motion: answer.motion, joints: this.editor.board.joints };
+    if (!before && solution !== this.#moved) {
+      this.#reference = { answer, solution, motion: answer.motion, joints: this.editor.board.joints };
+    }
     if (back(this.#reference.joints)) {
       this.#run = null;
       clearTimeout(this.timer);
@@ -82,9 +97,10 @@ export class Live {
       return;
     }
     const from = before?.reached ?? before?.from ?? solution;
-    this.#run = { motion, own: limits !== this.editor.motion.limits, k, from, reached: null, steps: followed({ ...motion, limits }, from, this.#reference), drawn: true };
+    this.#run = { motion, own: limits !== this.editor.motion.limits, k, from, reached: null,
+      steps: followed({ ...motion, limits }, from, this.#reference), drawn: true };
     this.#advance();
-    if (!before) requestAnimationFrame(() => this.#tick());
+    this.#soon();
     clearTimeout(this.timer);
     this.timer = setTimeout(() => { if (!this.editor.board.held) this.#rest(); }, REST_MS);
   }
@@ -111,8 +127,14 @@ export class Live {
     this.results.track(run.reached, run.motion, run.k);
   }
 
+  #soon() {
+    this.frame ??= requestAnimationFrame(() => {
+      this.frame = null;
+      if (this.#run) this.#tick();
+    });
+  }
+
   #tick() {
-    if (!this.#run) return;
     // a change since the last frame is drawn by what brings it
     if (this.#run.steps && !this.#run.drawn) {
       this.#advance();
@@ -120,7 +142,7 @@ export class Live {
     }
     this.#run.drawn = false;
     if (!this.#run.steps && this.#run.rests) this.#land();
-    else requestAnimationFrame(() => this.#tick());
+    else this.#soon();
   }
 
   /** What the user does has come to rest: the linkage is where it ends once its descent is over. */
@@ -128,7 +150,8 @@ export class Live {
 
   /** Shows the linkage that was moved as the answer. */
   #land() {
-    const { motion, reached, from, k, own } = this.#run, { player } = this.results, answer = answerOf(reached ?? from, motion, this.page.answer()), [moved] = answer.reply.solutions;
+    const { motion, reached, from, k, own } = this.#run, { player } = this.results,
+      answer = answerOf(reached ?? from, motion, this.page.answer()), [moved] = answer.reply.solutions;
     this.#run = null;
     this.page.display(answer, moved);
     if (k !== null) player.goto(player.shown.pass.angles[k]);
@@ -143,11 +166,14 @@ export class Live {
     this.#searching = control;
     const begin = request.start_angle === undefined ? { start_from: [moved] } : {};
     try {
-      const { solutions, report } = await (await ask("/v2/synthesize", { ...request, ...begin, budget_ms: BUDGET_MS }, control.signal)).json();
-      const shown = answer.reply.solutions, others = solutions.filter((one) => !shown.some((other) => alike(one, other))).map((one, k) => ({ ...one, rank: k + 1 })), [first] = others;
+      const { solutions, report } =
+        await (await ask("/v2/synthesize", { ...request, ...begin, budget_ms: BUDGET_MS }, control.signal)).json();
+      const shown = answer.reply.solutions, isNew = (one) => !shown.some((other) => alike(one, other));
+      const others = solutions.filter(isNew).map((one, k) => ({ ...one, rank: k + 1 })), [first] = others;
       if (control.signal.aborted || !first) return;
       const { objective } = first.errors, { length_scale } = answer.reply.report;
-      first.better = objective < BETTER * moved.errors.objective && objective > ROUNDING && !defects(first.verdict).length;
+      first.better = objective < BETTER * moved.errors.objective && objective > ROUNDING &&
+        !defects(first.verdict).length;
       answer.reply = { ...answer.reply, report: { ...report, length_scale }, solutions: [...shown, ...others] };
       if (answer !== this.page.answer()) return;
       this.results.extend();
