@@ -140,7 +140,9 @@ def summary(group: str, kind: str, replies: Sequence[Sequence[Reply]]) -> dict[s
 def blocks(results: dict[str, Any]) -> dict[str, str]:
     """The table, and the counts of what must not be."""
     shown = [row for row in results["rows"] if row["cases"] > 1]
+    usual = sorted(row["median_ms"] for row in shown if row["limits"] == "preset")
     return report.tables("everyday", {"groups": shown}) | {
+        "usual": f"{usual[0]:.0f} ms to {usual[-1]:.0f} ms",
         "count": f"{results['requests']:,}",
         "faults": str(len(results["faults"])),
         "late": str(len(results["late"])),

@@ -190,7 +190,7 @@ def test_the_python_of_the_readme_gives_what_it_shows(tmp_path, monkeypatch) -> 
         with redirect_stdout(io.StringIO()) as printed:
             exec(compile(source, "README.md", "exec"), names)
         assert_same_output(printed.getvalue(), expected)
-    assert not ezdxf.readfile(tmp_path / "linkage.dxf").audit().errors
+    assert not ezdxf.readfile(tmp_path / "window.dxf").audit().errors
 
 
 def test_the_commands_of_the_readme_print_what_it_shows(atlas_path, monkeypatch, capsys) -> None:
@@ -202,7 +202,7 @@ def test_the_commands_of_the_readme_print_what_it_shows(atlas_path, monkeypatch,
         for shown_command in re.split(r"^\$ ", block, flags=re.MULTILINE)
         if shown_command
     ]
-    assert len(shown) >= 2
+    assert shown
     for command, _, expected in shown:
         words = shlex.split(command.replace(" --atlas atlas.h5", ""))
         assert words[0] == "linkage-atlas"
