@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import linkage_atlas
+from docs.generated_pages import write_pages
 
 project = "linkage-atlas"
 version = release = linkage_atlas.__version__
@@ -42,29 +43,12 @@ sphinx_gallery_conf = {
 }
 
 
-def write_command_line(app: object) -> None:
-    """Write the help of every command to ``generated/command_line.md``."""
-    from argparse import _SubParsersAction
-    from pathlib import Path
-
-    from app.cli import make_parser
-
-    parser = make_parser(all_commands=True)
-    commands = next(action for action in parser._actions if isinstance(action, _SubParsersAction))
-    sections = [f"```text\n{parser.format_help()}```\n"]
-    for name, command in commands.choices.items():
-        sections.append(f"## {name}\n\n```text\n{command.format_help()}```\n")
-    folder = Path(__file__).parent / "generated"
-    folder.mkdir(exist_ok=True)
-    (folder / "command_line.md").write_text("\n".join(sections))
-
-
 def link_to_contributing(app: object, name: str, content: list[str]) -> None:
     """Lead links to ``CONTRIBUTING.md``, which lies outside of the documentation, to the page that includes it."""
     content[0] = content[0].replace("(../CONTRIBUTING.md", "(/background/contributing.md")
 
 
 def setup(app: object) -> None:
-    """Register the generated page of the command line, and links out of the documentation."""
-    app.connect("builder-inited", write_command_line)  # type: ignore[attr-defined]
+    """Register the generated pages, and links out of the documentation."""
+    app.connect("builder-inited", write_pages)  # type: ignore[attr-defined]
     app.connect("source-read", link_to_contributing)  # type: ignore[attr-defined]

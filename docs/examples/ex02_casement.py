@@ -4,7 +4,7 @@
 
 A casement window opens by 85 degrees and moves aside.
 Its eight poses come from a drawing, both pivots must lie in the frame, and links may be 60 to 500 mm long.
-No four-bar makes this motion exactly, so every solution says how far it is off.
+No four-bar makes this motion exactly, so every solution has errors.
 """
 
 import matplotlib.pyplot as plt
@@ -17,7 +17,7 @@ result = la.synthesize(motion, limits, top=3)
 print(result)
 
 # %%
-# ``verdict`` contains a sentence for every reason against using a linkage.
+# The verdict lists every reason against using a linkage, each as a sentence.
 best = result.best
 print(best.errors_in_words(), best.verdict.works, sep="\n")
 assert best.verdict.works

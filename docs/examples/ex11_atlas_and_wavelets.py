@@ -3,8 +3,8 @@
 =====================================
 
 The atlas file stores the coupler rotation of 101,408 four-bars as Haar wavelet details.
-This script needs only h5py and pywt to read it, and recognises the published example by "fuzzy recognition" as its source does:
-the types whose details differ least from those of the request.
+This script reads it with h5py and pywt only.
+It then repeats the "fuzzy recognition" of the paper: it selects the types whose details differ least from the requested details.
 `linkage_atlas.match` computes the same difference exactly.
 """
 
