@@ -21,7 +21,7 @@ import yaml
 from app.cli import main, make_parser
 from app.openapi import FILE
 from app.settings import Settings
-from docs import data_model, figures
+from docs import data_model, figures, generated_pages
 
 ROOT = Path(__file__).parents[1]
 SHELVES = ("", "start", "howto", "reference", "background")
@@ -109,6 +109,16 @@ def test_the_documented_bounds_are_those_of_the_description() -> None:
     description = FILE.read_text()
     assert '"maximum": 1e+50' in description and "1e50" in HTTP
     assert '"maxItems": 1024' in description and "1,024" in HTTP
+
+
+def test_the_generated_pages_have_every_route_field_and_setting() -> None:
+    document = json.loads(FILE.read_text())
+    page = generated_pages.http_routes(document)
+    schemas = document["components"]["schemas"].values()
+    assert all(f"{path}\n" in page for path in document["paths"])
+    assert all(f"`{name}`" in page for schema in schemas for name in schema.get("properties", ()))
+    assert all(f"`LINKAGE_ATLAS_{name.upper()}`" in generated_pages.settings() for name in Settings.model_fields)
+    assert "limits.pivot_box" in generated_pages.command_line()
 
 
 # -- commands and links -----------------------------------------------------------------------------------------------

@@ -2,7 +2,7 @@
 12. Compare with a general optimiser
 ====================================
 
-Is a special search worth it? Differential evolution from scipy gets the same motion, the same kinematics and more time.
+Is a special search worth it? Differential evolution from scipy gets the same motion and the same kinematics.
 """
 
 import time
@@ -22,16 +22,17 @@ motion = la.Motion(target.rotation, target.body_point, crank_angle=crank_angle)
 # Our search.
 started = time.process_time()
 result = la.synthesize(motion, top=1)
-ours = result.best.errors.position_max
-print(f"linkage-atlas: position within {ours:.1e}")
+ours = result.best.errors.objective
+print(f"linkage-atlas: objective {ours:.1e}")
 seconds = {"linkage-atlas": time.process_time() - started}
 assert ours < 1e-6
 
 
 # %%
 # Differential evolution over nine dimensions: four lengths, start angle, coupler point and pivot A.
-def largest_gap(values: np.ndarray) -> float:
-    """Return the largest distance of the body point from the requested positions."""
+# `linkage_atlas.objective` computes the error that the search minimises, for any linkage.
+def objective(values: np.ndarray) -> float:
+    """Return the error of the motion; 1000 if there is no such linkage."""
     crank, coupler, rocker, ground, start, radius, angle, x, y = values
     try:
         linkage = la.FourBar(
@@ -39,19 +40,18 @@ def largest_gap(values: np.ndarray) -> float:
         )
     except la.FieldError:
         return 1e3
-    gap = np.hypot(*(linkage.joints(crank_angle).body_point - target.body_point).T)
-    return float(np.nan_to_num(gap, nan=1e3).max())
+    return float(np.nan_to_num(la.objective(linkage, motion), nan=1e3))
 
 
 started = time.process_time()
 bounds = [(20, 200)] * 4 + [(0, 360), (0, 150), (-180, 180), (-50, 50), (-50, 50)]
-found = differential_evolution(largest_gap, bounds, maxiter=12, popsize=6, rng=0, polish=False)
+found = differential_evolution(objective, bounds, maxiter=40, popsize=6, rng=0, polish=False)
 seconds["differential evolution"] = time.process_time() - started
-print(f"differential evolution: position within {found.fun:.3g} after {found.nfev} evaluations")
-assert found.fun > ours and seconds["differential evolution"] > seconds["linkage-atlas"]
+print(f"differential evolution: objective {found.fun:.3g} after {found.nfev} evaluations")
+assert found.fun > ours
 
 figure, ax = plt.subplots()
 ax.loglog([seconds["linkage-atlas"]], [ours], "o", label="linkage-atlas")
 ax.loglog([seconds["differential evolution"]], [found.fun], "s", label="differential evolution")
-ax.set(xlabel="processor time (s)", ylabel="largest distance from the requested positions")
+ax.set(xlabel="processor time (s)", ylabel="objective")
 ax.legend()
