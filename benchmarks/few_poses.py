@@ -1,4 +1,4 @@
-"""Random lids and flaps with two, three and four poses and a box for the pivots, beside plain random sampling.
+"""Random lids, flaps and everyday machines with two, three and four poses and a box for the pivots, beside plain sampling.
 
 The sampler (`tests.oracles.few_poses`) draws 60,000 dyads and judges random pairs of them by closing the loop; it knows
 nothing of the software. Practical limits hold on both sides: 35 degrees of transmission angle, links of ratio 10.
@@ -6,7 +6,7 @@ nothing of the software. Practical limits hold on both sides: 35 degrees of tran
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Annotated, Any
 
 import numpy as np
@@ -15,18 +15,22 @@ from threadpoolctl import threadpool_limits
 import linkage_atlas as la
 from benchmarks import report
 from benchmarks.report import Times
-from tests.oracles.few_poses import random_task, sampled_four_bars
+from tests.oracles.few_poses import Task, machine_task, random_task, sampled_four_bars
 
 EXACT = 1e-9
 ENOUGH = 60
 """Number of sampled four-bars with a transmission angle of 40 degrees from which on ten exact answers are expected."""
 
 
-def measure_poses(poses: int, cases: int) -> dict[str, Any]:
+TASKS: dict[str, Callable[[int, int], Task]] = {"lids and flaps": random_task, "machines": machine_task}
+"""Generators of tasks by seed and number of poses."""
+
+
+def measure_poses(name: str, poses: int, cases: int) -> dict[str, Any]:
     """Solve random tasks with some number of poses and compare the answers with the sampled four-bars."""
     times, exact_of_ten, first_exact, sizes, angles = Times(), [], [], [], []
     for seed in range(cases):
-        task = random_task(seed, poses)
+        task = TASKS[name](seed, poses)
         sampled = sampled_four_bars(task)
         position = np.stack([task.position.real, task.position.imag], axis=1)
         limits = {"family": "any", "pivot_box": task.box}
@@ -40,6 +44,7 @@ def measure_poses(poses: int, cases: int) -> dict[str, Any]:
         sizes.append(found.best.linkage.links.max() / np.quantile(comfortable, 0.05))
         angles.append(found.best.transmission_angle_min)
     return {
+        "tasks": name,
         "poses": poses,
         "cases": cases,
         "counted": len(sizes),
@@ -56,7 +61,7 @@ def measure(cases: Annotated[int, "of each number of poses"] = 100) -> Iterator[
     """Measure two, three and four poses."""
     la.synthesize([0, 10], [[0, 0], [1, 1]], timing="free")  # what the first request makes is not timed
     with threadpool_limits(1):
-        yield {"rows": [measure_poses(poses, cases) for poses in (2, 3, 4)]}
+        yield {"rows": [measure_poses(name, poses, cases) for name in TASKS for poses in (2, 3, 4)]}
 
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:

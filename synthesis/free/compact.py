@@ -51,7 +51,7 @@ class CompactOptions:
     """Tightenings that are tried in turn, until one of them lowers the merit."""
     max_steps: int = 24
     """Maximum number of tightenings in all."""
-    candidates: int = 24
+    candidates: int = 12
     """Maximum number of four-bars that descend together."""
     candidate_samples: int = 500
     """Number of candidates times samples above which fewer candidates descend."""

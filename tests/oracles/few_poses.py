@@ -39,6 +39,42 @@ def random_task(seed: int, poses: int) -> Task:
     )
 
 
+class Machine(NamedTuple):
+    """A body that people hang on linkages, of length 1, and where its pivots may lie."""
+
+    turn: tuple[float, float]
+    """Smallest and largest rotation in degrees."""
+    end: complex
+    """Shift of the body's reference point."""
+    bulge: float
+    """Deviation of the path from a straight line, as a fraction of the shift."""
+    box: tuple[float, float, float, float]
+
+
+MACHINES = {
+    "cabinet shelf that comes down": Machine((0, 0), 0.8 - 0.9j, 0.25, (-0.2, -0.6, 0.6, 0.5)),
+    "tipping bucket": Machine((80, 130), 0.9 + 0.7j, 0.2, (-0.6, -0.8, 0.8, 0.6)),
+    "casement window": Machine((70, 95), 0.5 - 0.7j, -0.1, (-0.3, -0.3, 1.0, 0.3)),
+    "oven door": Machine((80, 95), -0.25 - 0.1j, 0.1, (-0.2, -0.8, 0.9, 0.5)),
+    "tailgate": Machine((60, 90), -0.5 + 1.0j, -0.2, (-0.8, -0.1, 0.8, 1.2)),
+    "table leg that folds": Machine((85, 105), 0.4 - 0.5j, 0.1, (-0.3, -0.5, 1.0, 0.2)),
+    "wiper": Machine((70, 110), 1.2 + 0.3j, 0.3, (-0.4, -1.0, 1.4, 0.1)),
+    "flap that goes over": Machine((150, 175), -0.4 + 0.3j, 0.3, (-1.0, -0.6, 0.4, 0.8)),
+}
+
+
+def machine_task(seed: int, poses: int) -> Task:
+    """Draw poses of an everyday machine; all its sizes vary by a fifth."""
+    random = np.random.default_rng([seed, poses, 99])
+    machine = list(MACHINES.values())[seed % len(MACHINES)]
+    turn, end = np.deg2rad(random.uniform(*machine.turn)), machine.end * random.uniform(0.8, 1.2)
+    share = np.linspace(0, 1, poses)
+    share[1:-1] += random.uniform(-0.08, 0.08, poses - 2)
+    path = end * (share + 1j * machine.bulge * random.uniform(0.8, 1.2) * np.sin(np.pi * share))
+    left, low, right, high = random.uniform(0.8, 1.2) * np.array(machine.box)
+    return Task(path, turn * share, (left, low, right, high))
+
+
 class Sampled(NamedTuple):
     """Usable four-bars among the sampled linkages."""
 
