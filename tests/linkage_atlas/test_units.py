@@ -93,7 +93,7 @@ def test_the_table_converts_to_the_units_that_are_asked_for(tmp_path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("unit", "near"), [("meter", "m"), ("Inch", "in"), ("MM", "mm"), ("milimeter", "mm"), ("xyz", None)]
+    ("unit", "close"), [("meter", "m"), ("Inch", "in"), ("MM", "mm"), ("milimeter", "mm"), ("xyz", None)]
 )
 def test_a_unit_that_is_unknown_is_answered_with_the_allowed_units_and_the_nearest(unit, close) -> None:
     with pytest.raises(la.FieldError) as error:
