@@ -1,14 +1,14 @@
-"""What every kind of search reaches and in which time: random requests through the front door, beside the best known answers.
+"""Results and times of all kinds of searches: random requests through the public interface, compared with the best known answers.
 
-``python -m benchmarks.engine --heavy 10 --cases 30`` makes the references of the first 30 requests of each approximate
-class, ``python -m benchmarks.engine --cases 30`` measures all classes, ``--quick`` compares ten of each with what is
-kept and writes nothing. Only `linkage_atlas.synthesize` and `linkage_atlas.function` are called, with their defaults;
-J is recomputed from the numbers of the first solution by `tests.oracles`, and counts as infinite where a limit is
-broken. Times, budgets too, are processor time.
+``python -m benchmarks.engine --heavy 10 --cases 30`` computes the references of the first 30 requests of each approximate class,
+``python -m benchmarks.engine --cases 30`` measures all classes, and ``--quick`` compares ten requests of each class with the
+stored results and writes nothing. Only `linkage_atlas.synthesize` and `linkage_atlas.function` are called, with their defaults.
+J is recomputed from the dimensions of the first solution by `tests.oracles`, and is infinite if a limit is violated. Times and
+budgets are processor time.
 
-The *reference* of a request is the least J that was ever measured for it, kept in ``results/engine_reference.json``: a
-cost that some linkage has, whatever search found it, so it stays valid where the search changes. Ways to a lower one: a
-heavy search (`heavy`), and every run of this module.
+The *reference* of a request is the smallest J that was ever measured for it, stored in ``results/engine_reference.json``. Since
+some linkage has this cost, a reference stays valid when the search changes. A heavy search (`heavy`) and every run of this module
+can lower it.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ from tests.oracles.limited_classes import make_limited
 from tests.oracles.recompute import broken_limits, recompute
 
 EXACT = 1e-9
-"""A J below is that of an exact answer, and differences between such ones are rounding."""
+"""Error below which an answer is exact; differences between exact answers are rounding."""
 CLOSE = 1.01
 BUDGETS = (50, 100, 150, 300, 1000)
 """Milliseconds."""
@@ -48,7 +48,7 @@ FRESH = 7_000_000
 SAMPLES = range(8, 65)
 """Of approximate paths."""
 HAND, OFF = 1.5, 0.01
-"""How far a hand wobbles, of some 200 units, and the noise of a curve over its size."""
+"""Amplitude of a hand's tremor, for about 200 units, and noise of a curve over its size."""
 RUNS = ("before", "parts")
 """Names of the run that others are held against, and of the newest, in the result file."""
 ALLOWED = tuple(f"cost_{budget}" for budget in BUDGETS)
@@ -64,11 +64,11 @@ class Case(NamedTuple):
 
     request: dict[str, Any]
     cost: Callable[[dict[str, Any]], float]
-    """J of a solution in the form of a reply; infinite where it breaks what was asked."""
+    """Function that returns J of a solution in the form of a reply; infinite if it violates the request."""
     search: Callable[..., Any] = la.synthesize
 
     def ask(self, budget: float | None = None, **more: Any) -> Any:
-        """The reply, with a budget in seconds of the processor; where no preset is asked for, by the error alone."""
+        """Return the reply, with a budget in seconds of processor time; requests without a preset prefer the smallest error."""
         request = {**self.request, **more}
         if request.get("timing") == "free":
             request = {"prefer": "error"} | request
@@ -78,13 +78,13 @@ class Case(NamedTuple):
 
     @property
     def mark(self) -> int:
-        """The request in a number: a reference holds for this one only."""
+        """Return a hash of the request, for which a reference is valid."""
         text = json.dumps(self.request, sort_keys=True)
         return zlib.crc32(re.sub(r"\d+\.\d+", lambda number: f"{float(number[0]):.6g}", text).encode())
 
 
 def processor_work(budget: float | None) -> la.Work:
-    """Work whose time is that of the processor, which other work does not stretch."""
+    """Work measured in processor time, which other processes do not lengthen."""
     return la.Work(budget, clock=time.process_time)
 
 
@@ -103,7 +103,7 @@ def in_time(request: dict[str, Any]) -> Case:
 
 
 def untimed(position: np.ndarray, rotation: np.ndarray | None, request: dict[str, Any]) -> Case:
-    """A request without crank angles: the order must hold, and the limits; of approximate ones that it stays between samples."""
+    """A request without crank angles: order and limits are checked, and for approximate requests the excursion."""
     may_stray = request["limits"].get("preset") != "practical"
 
     def cost(solution: dict[str, Any]) -> float:
@@ -190,20 +190,20 @@ def largest(seed: int) -> Case:
 
 
 class Class(NamedTuple):
-    """Requests of one row of the tables."""
+    """Requests of a row of the tables."""
 
     makers: tuple[Callable[[int], Case], ...]
     """From a seed; a request is made by each in turn."""
     asked: str
-    """What is to be reached."""
+    """Description of the requests."""
     exact: bool = True
     seeds: tuple[int, ...] = ()
-    """Seeds in front of the fresh ones."""
+    """Seeds that precede the fresh seeds."""
     many: int = 1
-    """Times as many cases as of others."""
+    """Number of cases relative to other classes."""
 
     def seeds_of(self, count: int) -> list[int]:
-        """The first seeds: those in front, then fresh ones."""
+        """Return the first seeds: the preceding seeds, then fresh seeds."""
         return [*self.seeds, *range(FRESH, FRESH + count * self.many)][: count * self.many]
 
     def case(self, seed: int) -> Case:
@@ -254,9 +254,9 @@ TRY = 1.0
 
 
 class References:
-    """The least J known of each case, by class and seed, with the seconds of heavy search that went into it.
+    """Smallest known J of each case, by class and seed, with the seconds of heavy search that were spent on it.
 
-    The file is read anew and written whole at each improvement, so that several processes may share it.
+    The file is read again and written completely at each improvement, so that several processes can share it.
     """
 
     def __init__(self) -> None:
@@ -267,12 +267,12 @@ class References:
         self.known = json.loads(REFERENCE.read_text()) if REFERENCE.exists() else {}
 
     def of(self, name: str, seed: int, mark: int) -> tuple[float, float]:
-        """J and seconds; infinite and none where the request is a new one."""
+        """Return J and seconds; infinity and zero for a new request."""
         found, cost, seconds = self.known.get(name, {}).get(str(seed), (mark, np.inf, 0.0))
         return (np.inf if cost is None else cost, seconds) if found == mark else (np.inf, 0.0)
 
     def improve(self, name: str, seed: int, mark: int, cost: float, seconds: float = 0.0) -> None:
-        """Keep a J where it is less, and the seconds that were spent."""
+        """Store a J if it is smaller, and the seconds that were spent."""
         self.read()
         before, spent = self.of(name, seed, mark)
         if cost >= before * (1 - 1e-6) and not seconds:
@@ -308,7 +308,7 @@ def shifted(request: Mapping[str, Any], random: np.random.Generator, by: float) 
 
 
 def heavy(case: Case, seconds: float, random: np.random.Generator) -> float:
-    """The least J of the request's own search, and of what the answers to nearby requests descend to within this one."""
+    """Return the smallest J of the search for the request, and of answers to similar requests after their refinement for it."""
     begin, best = (
         time.process_time(),
         min((case.cost(solution.to_dict()) for solution in case.ask().solutions), default=np.inf),
@@ -319,14 +319,14 @@ def heavy(case: Case, seconds: float, random: np.random.Generator) -> float:
         for solution in case.ask(TRY, **shifted(case.request, random, by), top=5).solutions:
             try:
                 ends = case.ask(start_from=[solution.to_dict()], local=True, top=1).solutions
-            except la.FieldError:  # too far from what is asked to begin there
+            except la.FieldError:  # too distant from the request to start there
                 continue
             best = min([best, *(case.cost(end.to_dict()) for end in ends)])
     return best
 
 
 def search_heavily(names: Sequence[str], cases: int, seconds: float) -> None:
-    """Heavy search for the first cases of each class up to so many seconds in all, class by class in turn."""
+    """Run the heavy search for the first cases of each class in turn, up to a total number of seconds."""
     references = References()
     for number in range(cases):
         for name in names:
@@ -346,7 +346,7 @@ def search_heavily(names: Sequence[str], cases: int, seconds: float) -> None:
 def measure_class(
     name: str, cases: int, budgets: Sequence[int], references: References, keep: bool
 ) -> dict[str, Any]:
-    """Seeds, milliseconds and J of the cases of a class, those of each budget too where it is approximate."""
+    """Return seeds, milliseconds and J of the cases of a class, and for an approximate class the J of each budget."""
     kind, times, out = CLASSES[name], report.Times(), {"seed": [], "cost": []}
     out |= {} if kind.exact else {f"cost_{budget}": [] for budget in budgets}
     for maker in kind.makers:  # what the first request of a kind makes is made
@@ -366,17 +366,17 @@ def measure_class(
 
 
 def first_cost(case: Case, reply: Any) -> float:
-    """J of the first solution; infinite where there is none."""
+    """Return J of the first solution; infinite without a solution."""
     return case.cost(reply.solutions[0].to_dict()) if reply.solutions else np.inf
 
 
 def costs(part: Mapping[str, Any], which: str) -> np.ndarray:
-    """Each J; infinite where there was none."""
+    """Return each J; infinite if there was no solution."""
     return np.array([np.inf if cost is None else cost for cost in part[which]])
 
 
 def over(name: str, part: Mapping[str, Any], which: str, references: References) -> np.ndarray:
-    """Each J over its reference, or over `EXACT` in exact classes; NaN where there is no reference."""
+    """Return each J over its reference, or over `EXACT` in exact classes; NaN without a reference."""
     if CLASSES[name].exact:
         return costs(part, which) / EXACT
     known = [references.known.get(name, {}).get(str(seed), (0, None, 0))[1] for seed in part["seed"]]
@@ -385,7 +385,7 @@ def over(name: str, part: Mapping[str, Any], which: str, references: References)
 
 
 def row(name: str, part: Mapping[str, Any], references: References) -> dict[str, Any]:
-    """What the tables show of a class."""
+    """Return the row of a class in the tables."""
     ratio = over(name, part, "cost", references)
     judged = np.isfinite(ratio) | np.isinf(ratio)
     order = [k for k in np.argsort(-np.where(judged, ratio, 0.0), kind="stable") if judged[k] and ratio[k] > CLOSE]
@@ -413,7 +413,7 @@ def share(ratio: np.ndarray) -> float | None:
 
 
 def compare(names: Sequence[str], before: Mapping[str, Any]) -> None:
-    """Print how the first cases of each class do, each number beside that of the same ones in a run that is kept."""
+    """Print the results of the first cases of each class, each beside the result of the same cases in a stored run."""
     references, heads = (
         References(),
         "ms, before, ratio|good, before|100 ms, before|300 ms, before|better, worse|worst seeds",
@@ -517,7 +517,7 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
 
 
 def draw(results: dict[str, Any]) -> None:
-    """Share of the requests near their reference, and how far the others are, against run time."""
+    """Draw the fraction of the requests close to their reference, and the ratio of the others to it, against run time."""
     references, newest = References(), RUNS[-1] if RUNS[-1] in results else RUNS[0]
     with figure("engine.svg", 1, 2) as (drawing, panels):
         for name, colour in zip(APPROXIMATE, (BLUE, GREEN, ORANGE, PURPLE)):

@@ -1,8 +1,8 @@
-"""Everyday questions, nearly all without an exact answer, sent to the service with its defaults: errors, times, what must hold.
+"""Everyday requests, nearly all without an exact answer, sent to the service with its defaults: errors, times, properties.
 
-``python -m benchmarks.everyday`` asks all rows of `tests.everyday.battery`; ``--step 10`` each tenth. For each row and kind of
-limits the budgets are asked one after the other, and the replies are held against what must hold whatever the machine: no
-server error, more time never worse, a larger family never worse than its part, and nothing lost that was known.
+``python -m benchmarks.everyday`` sends all rows of `tests.everyday.battery`; ``--step 10`` every tenth row. For each row and kind
+of limits the budgets are tried in turn, and the replies are checked for properties that hold on any machine: no server error, no
+worse result with more time or a larger family, and no known answer lost.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ from synthesis.defects import LEAVES_SAMPLES
 from tests.everyday.battery import BUDGETS, KINDS, Row, group_of, limited, rows
 
 WORSE = 1.01
-"""Times that an objective may be above that of a smaller budget, or of a smaller family."""
+"""Largest ratio of an objective to the objective of a smaller budget or a smaller family."""
 LONGER = 1.2
-"""Of its budget that an answer may take."""
+"""Largest response time as a multiple of the budget."""
 EXACT = 1e-9
 """Objectives below are exact, and their differences rounding."""
 
 
 class Reply(NamedTuple):
-    """What a service answered."""
+    """Reply of a service."""
 
     name: str
     kind: str
@@ -39,15 +39,15 @@ class Reply(NamedTuple):
     code: int
     status: str
     objective: float | None
-    """J of the best; None where there is no linkage."""
+    """J of the best solution; None without a linkage."""
     seconds: float
     """From the request to the whole reply."""
     strays: bool = False
-    """Whether the best goes astray between samples: one that stays comes before it, though farther off."""
+    """True if the best solution leaves the path between samples; any solution that does not is listed before it."""
 
     @property
     def error(self) -> float:
-        """J, infinite where there is none, the same for all exact ones."""
+        """J, equal for all exact solutions; infinite without a solution."""
         return np.inf if self.objective is None else max(self.objective, EXACT)
 
 
@@ -67,7 +67,7 @@ def ask(service: Service, row: Row, kind: str, budget: int | None) -> Reply:
 
 
 def faults(replies: Sequence[Reply]) -> list[str]:
-    """A sentence for everything that must not be among the replies to one row, whatever the machine's speed."""
+    """Return a sentence for each property that the replies to a row violate, independent of the machine's speed."""
     found = []
     for reply in replies:
         where = f"{reply.name}, {reply.kind}, {reply.budget or 'no'} ms"
@@ -96,7 +96,7 @@ def late(replies: Iterable[Reply]) -> list[str]:
 def replies_to(
     service: Service, row: Row, kinds: Sequence[str] = KINDS, budgets: Sequence[Any] = BUDGETS
 ) -> list[Reply]:
-    """The replies to one row, within each kind of limits and with each budget."""
+    """Return the replies to a row, for each kind of limits and each budget."""
     return [ask(service, row, kind, budget) for kind in kinds for budget in budgets]
 
 
@@ -124,7 +124,7 @@ GROUPS = ("drawn", "drawn by hand", "poses", "poses, angles missing", "points", 
 
 
 def summary(group: str, kind: str, replies: Sequence[Sequence[Reply]]) -> dict[str, Any]:
-    """Times and errors of one group of rows within one kind of limits."""
+    """Return times and errors of a group of rows with the same kind of limits."""
     own = [[reply for reply in row if reply.kind == kind] for row in replies if group_of(row[0].name) == group]
     out: dict[str, Any] = {"group": group, "limits": kind, "cases": len(own)}
     for budget in BUDGETS[:-1]:

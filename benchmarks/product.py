@@ -1,4 +1,4 @@
-"""What the benchmarks call of the product, gathered: one place to change where its modules change."""
+"""Internal functions of the product that the benchmarks call, gathered in a module that is adapted when the product changes."""
 
 # ruff: noqa: F401 - other benchmarks import these names from here
 
@@ -43,7 +43,7 @@ from synthesis.work import Work
 
 
 def prepared_service() -> ServiceResources:
-    """What a service holds after its start without an atlas file."""
+    """Tables of a service after its start without an atlas file."""
     la.prepare()
     return ServiceResources(Settings())
 
@@ -64,7 +64,7 @@ def target_of(request: dict[str, Any]) -> Target:
 
 
 class ProcessorWork(Work):
-    """Work whose time is that of the processor, which other work does not stretch."""
+    """Work measured in processor time, which other processes do not lengthen."""
 
     def __init__(self, budget: float | None = None) -> None:
         super().__init__(budget, clock=time.process_time)
@@ -77,14 +77,14 @@ def limits_of(request: dict[str, Any]) -> Limits:
 
 
 def counter_clockwise(motion: Target, *limits: Limits) -> Any:
-    """The same motion, and its limits if given, mirrored where the crank turns clockwise."""
+    """Return the motion, and its limits if given, mirrored if the crank turns clockwise."""
     both = (motion, *limits)
     both = tuple(search_space.mirrored() for search_space in both) if motion.clockwise else both
     return both if limits else both[0]
 
 
 def refine(problem: GivenProblem, seeds: Timed, steps: int, tolerance: float = 0.0) -> Pool:
-    """Seeds refined one after the other, until one is below the tolerance."""
+    """Refine seeds in turn until an error is below the tolerance."""
     return problem.descended(seeds, [Stage(steps)], tolerance, steps_after_first=0.0)
 
 

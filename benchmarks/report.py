@@ -1,31 +1,31 @@
-"""Time, tables, results and the places in the documents that measured numbers fill; shared by all benchmarks.
+"""Times, tables, results and their places in the documents, for all benchmarks.
 
-**A benchmark** is a module ``benchmarks/NAME.py`` of three functions. `run` calls the first for ``python -m benchmarks.NAME``;
-the other two take what the result file holds, and measure nothing:
+**A benchmark** is a module ``benchmarks/NAME.py`` with three functions. `run` calls the first for ``python -m benchmarks.NAME``;
+the other two use the content of the result file and measure nothing:
 
     def measure(cases: Annotated[int, "of each class"] = 30) -> Iterator[dict]   # the parameters are its options
     def blocks(results) -> dict[str, str]   # the text of each of its markers, by name
     def draw(results) -> None               # optional: its pictures, with `figures.figure`
 
-What ``measure`` yields is published: `save` writes ``benchmarks/results/NAME.json``, stamped with machine, commit and command,
-and `render` draws and fills the documents. A long one yields what it has after each part. Nothing is published from a tree
-with uncommitted changes: there the option ``--try`` prints the blocks instead.
+The results that ``measure`` yields are published: `save` writes ``benchmarks/results/NAME.json``, stamped with machine, commit
+and command, and `render` draws the pictures and fills the documents. A long benchmark yields its results after each part. A tree
+with uncommitted changes publishes nothing: there the option ``--try`` prints the blocks instead.
 
-**A marker** is the pair ``<!-- NAME.BLOCK -->`` and ``<!-- /NAME.BLOCK -->`` in README.md or docs/*.md. Where a line ends
-after the first, what stands between is a block of lines (a table); else it is a few words of the line. Every block stands
-in at least one place; ``made`` (machine, commit and command in words) is there without being written.
+**A marker** is the pair ``<!-- NAME.BLOCK -->`` and ``<!-- /NAME.BLOCK -->`` in README.md or docs/*.md. If a line ends after the
+first marker, the text between the markers is a block of lines (a table), otherwise a few words of the line. Every block occurs at
+least once; the block ``made`` (machine, commit and command in words) is generated automatically.
 
-**Again without measuring**: ``python -m benchmarks.report [NAME ...]`` draws the pictures and writes all markers from the
-committed JSON files; ``tests/benchmarks/test_report.py`` compares the documents with them. When code changes that a figure
-depends on, run its command again: nothing else watches its age.
+**Update without measuring**: ``python -m benchmarks.report [NAME ...]`` draws the pictures and fills all markers from the
+committed JSON files; ``tests/benchmarks/test_report.py`` compares the documents with them. When code changes that affects a
+figure, run its command again, since its age is not checked.
 
-In short::
+Example::
 
     times = repeat(work, runs=9)                         # Times: times.median.wall, times.minimum.processor (seconds)
-    result = times.run(work, argument)                   # one more run, and its result
-    ours, theirs = paired([ours, theirs], rounds=9)      # one after the other, in alternating order
+    result = times.run(work, argument)                   # a further run, and its result
+    ours, theirs = paired([ours, theirs], rounds=9)      # in alternating order
     ratio(theirs, ours)["median"]                        # of the pairs: min, median, p99, max
-    tables(NAME, {"spans": rows})                        # as tables.toml says: "ms: {ms:significant}"
+    tables(NAME, {"spans": rows})                        # in the form given in tables.toml: "ms: {ms:significant}"
 """
 
 from __future__ import annotations
@@ -69,13 +69,13 @@ class Seconds(NamedTuple):
 
 @dataclass
 class Times:
-    """Seconds of several runs of one thing."""
+    """Seconds of several runs of the same work."""
 
     wall: list[float] = field(default_factory=list)
     processor: list[float] = field(default_factory=list)
 
     def run(self, function: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
-        """The result of one more run, whose time is kept."""
+        """Run the work again, record its time and return its result."""
         wall, processor = time.perf_counter(), time.process_time()
         result = function(*arguments, **options)
         self.processor.append(time.process_time() - processor)
@@ -140,13 +140,13 @@ def ratio(times: Times, to: Times, clock: str = "processor") -> dict[str, float]
 
 
 def lines(head: Sequence[str], rows: Sequence[Sequence[str]], text_columns: int = 1) -> str:
-    """A Markdown table of given cells; the columns behind the first ones are numbers, set to the right."""
+    """Return a Markdown table of given cells; the columns after the text columns are numbers, aligned to the right."""
     rule = ["---"] * text_columns + ["--:"] * (len(head) - text_columns)
     return "\n".join("| " + " | ".join(row) + " |" for row in (head, rule, *rows))
 
 
 def significant(value: float | None, digits: int = 3) -> str:
-    """A number to so many digits, without powers of ten: 0.0123, 1.23, 12,300; a dash for what was not measured."""
+    """Format a number with a given number of digits, without powers of ten: 0.0123, 1.23, 12,300; a dash for a missing value."""
     if value is None or not math.isfinite(value):
         return "-"
     if value == 0:
@@ -156,7 +156,7 @@ def significant(value: float | None, digits: int = 3) -> str:
 
 
 def finite(value: float) -> float | None:
-    """A number as a result file holds it: None where it is infinite or none."""
+    """Return a number for a result file: None if it is not finite."""
     return float(value) if math.isfinite(value) else None
 
 
@@ -219,22 +219,22 @@ def tables(result: str, rows: Mapping[str, Any]) -> dict[str, str]:
 
 
 def table(rows: Sequence[Mapping[str, Any]], columns: str, text_columns: int = 1) -> str:
-    """A Markdown table of mappings.
+    """Return a Markdown table of mappings.
 
     Parameters
     ----------
     rows : sequence of mapping
     columns : str
-        A line each of head and cell, ``worst J: {J:power}``; the cell is a format of `Words`.
+        A line for each column with heading and cell, ``worst J: {J:power}``; the cell is a format of `Words`.
     text_columns : int
-        How many columns stand to the left as text; the others are numbers.
+        Number of text columns on the left; the other columns are numbers.
     """
     heads, _, cells = zip(*(column.rpartition(": ") for column in columns.splitlines()))
     return lines(heads, [[Words().vformat(cell, (), row) for cell in cells] for row in rows], text_columns)
 
 
 def machine() -> dict[str, Any]:
-    """What times depend on: processor, cores, memory, Python and numpy."""
+    """Return the properties that affect times: processor, cores, memory, Python and numpy."""
     cpu_info = Path("/proc/cpuinfo")
     model = re.search(r"^model name\s*:\s*(.*)$", cpu_info.read_text() if cpu_info.exists() else "", re.MULTILINE)
     return {
@@ -262,14 +262,14 @@ def commit() -> str:
 
 
 def command() -> str:
-    """How this process was started, without the folders of absolute paths."""
+    """Return the command of this process, without the folders of absolute paths."""
     words = [Path(word).name if word.startswith("/") else word for word in sys.orig_argv[1:]]
     threads = os.environ.get("OMP_NUM_THREADS")
     return (f"OMP_NUM_THREADS={threads} " if threads else "") + shlex.join(["python", *words])
 
 
 def stamp() -> dict[str, Any]:
-    """What tells where numbers come from: machine, commit, command."""
+    """Return the origin of results: machine, commit, command."""
     return {"machine": machine(), "commit": commit(), "command": command()}
 
 
@@ -289,7 +289,7 @@ def save(results: Mapping[str, Any], name: str) -> None:
         return value.tolist()  # numpy's numbers and arrays
 
     text = json.dumps({"made": stamp(), **results}, indent=1, allow_nan=False, default=plain, ensure_ascii=False)
-    innermost = re.compile(r"\[\n[^\[\]{}]*?\n\s*\]")  # a list of numbers or words: in one line
+    innermost = re.compile(r"\[\n[^\[\]{}]*?\n\s*\]")  # a list of numbers or words is written in a single line
     text = innermost.sub(lambda found: re.sub(r"\s*\n\s*", " ", found[0]).replace("[ ", "[").replace(" ]", "]"), text)
     RESULTS.mkdir(parents=True, exist_ok=True)
     (RESULTS / f"{name}.json").write_text(text + "\n")
@@ -318,7 +318,7 @@ def made_text(stamps: Sequence[Mapping[str, Any]]) -> str:
 
 
 def load(name: str) -> Any:
-    """What `save` wrote."""
+    """Return the stored results of a benchmark."""
     return json.loads((RESULTS / f"{name}.json").read_text())
 
 
@@ -328,7 +328,7 @@ def names() -> list[str]:
 
 
 def known(name: str) -> dict[str, Any]:
-    """The same for a benchmark that measures a part and keeps the rest; nothing where nothing was saved."""
+    """Return stored results for a benchmark that measures only a part; empty if none are stored."""
     return load(name) if (RESULTS / f"{name}.json").exists() else {}
 
 

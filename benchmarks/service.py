@@ -43,10 +43,10 @@ def quantile(values: Sequence[float], share: float) -> float:
 
 
 def match_bodies(count: int) -> list[bytes]:
-    """Bodies for /v2/match: reachable rotations at 32 samples over 20 to 300 degrees, the best 10 rows; seeded.
+    """Return bodies for /v2/match: reachable rotations at 32 samples over 20 to 300 degrees, the best 10 rows; seeded.
 
-    They come from crank-rockers with L1 < L2 < L3 < L4 of real lengths, so from no lattice of whole ones: an atlas holds
-    something near, and nearer the finer it is. Law: a smaller count gives the first of a larger one.
+    They come from crank-rockers with L1 < L2 < L3 < L4 of real lengths, which lie on no integer lattice: an atlas contains a
+    similar linkage, the more similar the finer it is. A smaller count gives the first bodies of a larger count.
     """
     bodies = []
     for seed in range(count):
@@ -71,11 +71,11 @@ sys.stdout.buffer.write(done.stdout)
 print(json.dumps([used.ru_utime + used.ru_stime, 1024 * used.ru_maxrss]))
 sys.exit(done.returncode)
 """
-"""Starts a command. The peak memory that Linux tells of a process begins with that of the one that started it: this is small."""
+"""Helper that starts a command. On Linux the peak memory of a process starts at the memory of its small parent."""
 
 
 def spent(*words: str, **settings: Any) -> tuple[bytes, float, int]:
-    """What a command writes, its processor seconds, and the peak memory of the largest of its processes in bytes."""
+    """Return the output of a command, its processor seconds, and the peak memory of the largest of its processes in bytes."""
     command = [sys.executable, "-c", BETWEEN, sys.executable, *words]
     done = subprocess.run(command, cwd=ROOT, stdout=subprocess.PIPE, env=environment(**settings), check=False)
     if done.returncode:
@@ -121,7 +121,7 @@ class Service:
     ready: Answer | None = None
 
     def ask(self, method: str, path: str, body: bytes | None = None) -> Answer:
-        """The reply to one request on the kept connection."""
+        """Return the reply to a request on the persistent connection."""
         self.connection.request(method, path, body, _JSON if body else {})
         reply = self.connection.getresponse()
         return Answer(reply.status, reply.read())
@@ -132,15 +132,15 @@ class Service:
             raise RuntimeError(f"the service is not ready: {self.ready.body.decode()}")
 
     def processes(self) -> list[int]:
-        """Return the numbers of the service's processes, its own first; only that one without /proc."""
+        """Return the process ids of the service, its main process first; only the main process without /proc."""
         return [self.process.pid, *_below(self.process.pid)]
 
     def peak(self) -> int | None:
-        """Bytes that its first process, which loads everything, held at most so far; None without /proc."""
+        """Return the peak bytes of its first process, which loads everything; None without /proc."""
         return _bytes(_proc(self.process.pid, "status"), "VmHWM") or None
 
     def each(self, key: str) -> dict[int, int]:
-        """Bytes of a kind of each process, by its number; 0 where it has ended meanwhile."""
+        """Return bytes of a kind of each process, by its number; 0 if it has ended."""
         texts = {process: _proc(process, "status") for process in self.processes()}
         return {process: _bytes(text, key) for process, text in texts.items()}
 
@@ -185,14 +185,14 @@ def _proc(process: int, name: str) -> str:
 
 
 def serve_command(port: int) -> list[str]:
-    """What the container runs: the script `linkage-atlas`, by this interpreter."""
+    """Return the command of the container: the script `linkage-atlas`, by this interpreter."""
     return [sys.executable, "-m", "app.start", "serve", "--host", "127.0.0.1", "--port", str(port)]
 
 
 def environment(**settings: Any) -> dict[str, str]:
-    """This process's environment with the service's settings being those given, all others at their defaults.
+    """Return the environment of this process with given settings of the service, all others at their defaults.
 
-    Compiled modules are kept, as an installation has them: otherwise each start would compile all of them anew.
+    Compiled modules are cached, as in an installation; otherwise each start would compile all of them.
     """
     excluded = ("LINKAGE_ATLAS_", "PYTHONDONTWRITEBYTECODE")
     inherited = {name: value for name, value in os.environ.items() if not name.startswith(excluded)}
@@ -257,7 +257,7 @@ def _first_answer(service: Service, begin: float) -> Answer:  # it loads its atl
 
 
 class Load(NamedTuple):
-    """What a number of clients saw, one entry of each list a reply."""
+    """Results of a number of clients; the lists have an entry for each reply."""
 
     status: list[int]
     seconds: list[float]
@@ -269,7 +269,7 @@ class Load(NamedTuple):
 
 
 async def _ask(connection: Any, path: str, body: bytes | None) -> tuple[int, float | None]:
-    """Status and Retry-After of one reply, read whole; GET without a body, POST with one."""
+    """Return Status and Retry-After of a complete reply; without a body GET, otherwise POST."""
     reader, writer = connection
     head = f"{'GET' if body is None else 'POST'} {path} HTTP/1.1\r\nHost: 127.0.0.1\r\n"
     if body is not None:
@@ -336,27 +336,27 @@ def drive(
     seconds: float,
     patient: bool = False,
 ) -> tuple[Load, list[float]]:
-    """A closed loop of clients in a process of their own, and how /livez answers meanwhile.
+    """Run a closed loop of clients in a separate process, and record the replies of /livez during it.
 
     Parameters
     ----------
     ports : sequence of int
-        One for each service; clients are dealt out to them evenly.
+        Port of each service; clients are distributed evenly.
     path : str
     bodies : sequence of bytes or None
-        Taken in turn, each client from a place of its own; None: GET.
+        Bodies used in turn, from a different start for each client; None: GET.
     clients : int
-        Connections, kept open; each asks again as soon as it has a reply.
+        Number of persistent connections; each client sends the next request as soon as it has a reply.
     seconds : float
-        For so long new requests are sent; replies to what was sent are awaited.
+        Duration in which new requests are sent; outstanding replies are awaited.
     patient : bool
-        Whether a client that is answered 503 waits for as long as ``Retry-After`` says; otherwise it asks again at once.
+        True if a client waits after status 503 for the time in ``Retry-After``; otherwise it sends the request again at once.
 
     Returns
     -------
     Load
     beats : list of float
-        Seconds of GET /livez every 50 ms, each on a connection of its own.
+        Seconds of GET /livez every 50 ms, each on a separate connection.
     """
     with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
         pool.submit(os.getpid).result()  # its start is not to be measured

@@ -49,7 +49,7 @@ def theta2_error(lengths: np.ndarray, branch: int, crank: np.ndarray) -> float:
 
 
 def textbook_error(lengths: np.ndarray, branch: int, crank: np.ndarray) -> float:
-    """The same for the arccos form, up to whole turns."""
+    """Return the angle by the arccos form, up to whole turns."""
     l1, l2, l3, l4 = lengths / lengths.max()
     with np.errstate(all="ignore"):
         diagonal = l4 - l1 * np.exp(1j * crank)
@@ -121,20 +121,20 @@ def drawn(kind: str, cases: int, samples: int = 32) -> list[tuple[Request, dict[
 
 
 def rescaled(request: Request, truth: dict[str, Any], scale: float) -> tuple[Request, dict[str, Any]]:
-    """The same in another unit of length; of the truth the links alone."""
+    """Return the request in another unit of length; for the truth only the links."""
     links = {name: value * scale for name, value in truth["links"].items()}
     return request | {"position": (np.array(request["position"]) * scale).tolist()}, truth | {"links": links}
 
 
 def shifted(request: Request, extents: float) -> Request:
-    """The same so many of its extents away."""
+    """Return the request moved by a multiple of its extent."""
     points = np.array(request["position"])
     shift = extents * np.max(np.linalg.norm(points - points.mean(0), axis=1))
     return request | {"position": (points + shift).tolist()}
 
 
 def extremes(cases: int) -> Iterator[tuple[str, dict[str, Any], list[tuple[Request, dict[str, Any] | None]]]]:
-    """All kinds of requests that are hard on the numbers, each with its truth; the slower ones with half of the cases."""
+    """Return all kinds of numerically difficult requests, each with its truth; slow kinds with half of the cases."""
     half, plain = max(3, cases // 2), drawn("any order", cases)
     for kind in ("tiny span", "tiny crank", "change point", "offset 1e6"):
         yield kind.replace(" ", "-"), {}, drawn(kind, cases)
@@ -150,7 +150,7 @@ def extremes(cases: int) -> Iterator[tuple[str, dict[str, Any], list[tuple[Reque
 
 
 def length_gap(solution: dict[str, Any], truth: dict[str, Any], with_position: bool) -> np.ndarray:
-    """How far the four lengths are from those the motion was made with, as logarithms of ratios."""
+    """Return the logarithms of the ratios of the four lengths to the lengths that produced the motion."""
     mine, true = (np.array([linkage["links"][name] for name in LINKS]) for linkage in (solution, truth))
     if not with_position:
         mine, true = mine / mine[3], true / true[3]
@@ -158,7 +158,7 @@ def length_gap(solution: dict[str, Any], truth: dict[str, Any], with_position: b
 
 
 def synthesis(resources: product.ServiceResources, cases: int) -> Iterator[dict[str, Any]]:
-    """Recomputed J, agreement of what is reported, and how well the lengths are determined and said to be."""
+    """Measure recomputed J, agreement with the reported errors, and the determination of the lengths."""
     for name, columns, requests in extremes(cases):
         times, compared, gaps, ill_posed, covered = Times(), [], [], 0, 0
         for request, truth in requests:

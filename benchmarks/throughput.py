@@ -1,8 +1,8 @@
-"""How many requests a service answers: ``python -m benchmarks.throughput [--atlas FILE]``.
+"""Throughput of a service: ``python -m benchmarks.throughput [--atlas FILE]``.
 
-With one and with two workers, all other settings at their defaults. Clients keep their connections and ask again as soon as
-they are answered. Then services with one and with two workers stand side by side and are asked in turn, so that a drift of the
-machine meets both.
+The service has a single worker or two workers and defaults for all other settings. Clients keep their connections and send the
+next request after each reply. Then services of both sizes run side by side and get requests in turn, so that a drift of the
+machine affects both.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ ARRANGEMENTS = {ONE_WORKER: (1, 1), TWO: (2, 1)}
 CLIENTS = (1, 8, 64)
 COMPARED = CLIENTS[1:]
 ROUNDS = 4
-"""Of the comparison, each of `--seconds` shared among them."""
+"""Number of alternating parts of the comparison, which share `--seconds`."""
 BODIES = 200
 UNKNOWN = dict.fromkeys(("p50_ms", "p99_ms", "livez_p99_ms", "service_cores", "front_ms"))
-"""What a row lacks where no request was answered, or the system does not tell."""
+"""Default of a row without answered requests, or for values that the system does not provide."""
 
 
 def summarise(load: service.Load, beats: Sequence[float]) -> dict[str, Any]:
-    """The figures of one run; latencies are those of the requests that were answered with 200."""
+    """Measure a run; latencies are the latencies of requests with status 200."""
     served = [seconds for seconds, status in zip(load.seconds, load.status) if status == 200]
     row: dict[str, Any] = {
         "replies": len(load.status),
@@ -100,7 +100,7 @@ def run(
 
 
 def compare(atlas: Path, bodies: dict[str, list], seconds: float) -> list[dict[str, Any]]:
-    """Requests a second with one and with two workers, asked in turn."""
+    """Compare the requests per second of a single worker and of two workers in alternating runs."""
     rows = []
     with ExitStack() as stack:
         both = [
@@ -132,7 +132,7 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
 
 
 def ratios_text(results: dict[str, Any]) -> str:
-    """How much more two workers answer than one."""
+    """Describe the ratio of the throughput of two workers to a single worker."""
     medians = [row["ratio"]["median"] for row in results["compared"]]
     return (
         f"Asked in turn, {ROUNDS} runs of {significant(results['seconds'] / ROUNDS)} s each, two workers answer "

@@ -1,19 +1,20 @@
-"""Bodies on a crank pin that a rail or a slot guides, many at once: how they turn, their types, and coordinates for a search.
+"""Bodies on a crank pin that a rail or a slot guides, in batches: their rotation, types, and coordinates for a search.
 
-Lengths of a *slider-crank* are (crank r, rod l, offset e): the rod is the body, its far end runs on the line y = e, ahead of the
+Lengths of a *slider-crank* are (crank r, rod l, offset e): the rod is the body, its far end moves on the line y = e, with the
 crank's pivot in the origin. Lengths of a *swinging block* are (crank r, ground d, offset h): a line of the body, h to the left of
-the crank pin, runs through the fixed pin d. With theta1 of the crank and theta2 of the body::
+the crank pin, passes through the fixed pin d. With theta1 of the crank and theta2 of the body::
 
     sin theta2 = (e - r sin theta1) / l                          d - r e^{i theta1} = e^{i theta2} (s + i h)
 
-Offsets have signs, so that there is one way to assemble each: the other is, half a turn on, that of the offset negated. In ::
+Offsets have signs, so that there is a single way to assemble each linkage: the other assembly is, turned by half a turn, the
+linkage with the negative offset. In ::
 
     (l cos theta2)^2 = (x + r (1 + sin theta1)) (y + r (1 - sin theta1)),   x = l - r - e,   y = l - r + e
     s^2 = x y + 4 d r sin^2(theta1 / 2),                                    x = |d - r| - h, y = |d - r| + h
 
-nothing cancels where the crank turns fully: there x and y are both above 0 (design note on sliders, section 5).
+no term cancels if the crank turns fully: then x and y are both above 0.
 
-The linkages that they are, mounted, are those of `guided.by_crank`.
+`guided.by_crank` builds the mounted linkages.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ from synthesis.kernels import codes, crank_loops
 from synthesis.mechanism import Chart
 
 RAIL, SLOT = codes.RAIL, codes.SLOT
-"""How the body is guided beside its crank: slider-crank, swinging block."""
+"""Guide of the body beside its crank: slider-crank or swinging block."""
 
 
 def excesses(guide: int, lengths: Floats) -> tuple[Floats, Floats]:
@@ -45,13 +46,13 @@ def excesses(guide: int, lengths: Floats) -> tuple[Floats, Floats]:
 
 
 class SliderChart(Chart):
-    """What all charts of both share."""
+    """Base class of the charts of both kinds."""
 
     cell = np.array([0.7, 0.7, 0.6])
     hop = np.array([0.7, 1.0, 0.4])
 
     def place(self, unknowns: Floats) -> Floats:
-        """Where shapes lie: the logarithm of a ratio of lengths, and the offset as a part of them, (n, 2)."""
+        """Return coordinates of shapes: the logarithm of a ratio of lengths, and the offset relative to them, (n, 2)."""
         crank, long, offset = self.shape(unknowns).lengths.T
         return np.stack([np.log(long / crank) / 0.7, 3 * offset / (crank + long)], axis=1)
 
@@ -106,7 +107,7 @@ class AnySliderChart(SliderChart):
 
     @property
     def kind(self) -> int:  # type: ignore[override]
-        """Its code in the compiled kernel."""
+        """Code in the compiled kernel."""
         return codes.ANY_SLIDER_CRANK if self.guide == RAIL else codes.ANY_SWINGING_BLOCK
 
     def unknowns(self, lengths: ArrayLike) -> Floats:
@@ -130,9 +131,9 @@ MAX_PERIMETER = 10_000
 
 @dataclass(frozen=True)
 class SliderTypeRule:
-    """What an atlas of slider-cranks enumerates.
+    """Rule of the types in an atlas of slider-cranks.
 
-    ``perimeter``: crank, rod and offset add up to it. ``smallest``: smallest crank.
+    ``perimeter``: sum of crank, rod and offset. ``smallest``: smallest crank.
     """
 
     kind: ClassVar[str] = "slider_crank"
@@ -154,20 +155,21 @@ def _per_crank(rule: SliderTypeRule) -> tuple[NDArray[np.int64], NDArray[np.int6
 
 
 def count_slider_types(rule: SliderTypeRule) -> int:
-    """How many types `enumerate_slider_types` gives, without making them."""
+    """Return the number of types of `enumerate_slider_types` without building them."""
     return int(_per_crank(rule)[1].sum())
 
 
 def enumerate_slider_types(rule: SliderTypeRule, begin: int = 0, end: int | None = None) -> NDArray[np.int32]:
-    """The dimension types of a rule, (crank, rod, offset), ordered by crank and offset, or those of some rows.
+    """Return the dimension types of a rule, (crank, rod, offset), ordered by crank and offset, or a slice of them.
 
-    Whole lengths that add up to the sum: offset at least 0, crank at least ``smallest``, and strictly crank + offset < rod.
-    So each linkage is there once up to scale: a negative offset is the mirror image, branch -1 of its type, and the second way
-    to assemble it is, half a turn on, that mirror image's. Type number n (counted from 1) is row n - 1.
+    They are integer lengths that add up to the perimeter, with offset at least 0, crank at least ``smallest``, and strictly
+    crank + offset < rod. So each linkage occurs once up to scale: a negative offset is the mirror image, branch -1 of its type,
+    and the second assembly is, turned by half a turn, the second assembly of this mirror image. Type number n (counted from 1)
+    is row n - 1.
 
-    ``begin``, ``end``: rows, as of a slice.
+    ``begin``, ``end``: rows of the slice.
 
-    Shape (types, 3). May be empty. Law: the rows from ``begin`` to ``end`` are that slice of all.
+    Shape (types, 3); it may be empty.
     """
     crank, count = _per_crank(rule)
     before = np.concatenate([[0], np.cumsum(count)])
@@ -183,9 +185,9 @@ def enumerate_slider_types(rule: SliderTypeRule, begin: int = 0, end: int | None
 
 
 class SliderTurning:
-    """A body on a crank that a rail or a slot guides; lengths are crank, rod or ground, and the signed offset.
+    """Body on a crank that a rail or a slot guides; lengths are crank, rod or ground, and the signed offset.
 
-    There is one branch: the other way to assemble it is that of the offset negated.
+    There is a single branch: the other assembly is the linkage with the negative offset.
     """
 
     branches: tuple[int, ...] = (1,)
@@ -208,7 +210,7 @@ class SliderTurning:
         return turns.astype(np.int8)
 
     def body_angle(self, lengths: Floats, branch: ArrayLike, crank: Floats) -> Floats:
-        """theta2 at crank angles (n, N) or (N,), continuous; NaN where it does not close, (n, N)."""
+        """Return continuous theta2 at crank angles (n, N) or (N,), shape (n, N); NaN if the loop does not close."""
         lengths = np.asarray(lengths, dtype=float)
         crank = np.broadcast_to(crank, (len(lengths), np.shape(crank)[-1]))
         angle, _, closes = crank_loops.body_angles(
@@ -221,11 +223,11 @@ class SliderTurning:
         return np.where(closes, angle, np.nan)
 
     def in_family(self, family: str, lengths: Floats) -> Flags:
-        """Which types of a table are of a family: all, whose cranks turn fully."""
+        """Return flags of types of a table that belong to a family: all types, since their cranks turn fully."""
         return np.ones(len(lengths), dtype=bool)
 
     def charts(self, family: str) -> list[Any]:
-        """Full cranks first; all others after them where any will do."""
+        """Return full cranks first, then all other linkages if any family is allowed."""
         return [self.full, AnySliderChart(self.guide)] if family == "any" else [self.full]
 
     def bounded_types(self, family: str) -> Floats:
@@ -240,7 +242,7 @@ class SliderTurning:
 
 
 class MirroredTypes(SliderTurning):
-    """The same with mirror images as branch -1, for tables of offsets of at least 0: the rows of a type serve both."""
+    """Mechanism with mirror images as branch -1, for tables of offsets of at least 0: each row of a type serves both."""
 
     branches = (1, -1)
 

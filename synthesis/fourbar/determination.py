@@ -1,16 +1,16 @@
-"""How well a motion fixes a four-bar, and which limits hold the best four-bar within them.
+"""Determination of a four-bar by a motion, and limits that restrict the best four-bar within them.
 
-Without limits the singular values of the motion's derivatives D by the unknowns say it: the logarithms of the lengths, the
-angles, and the pose over the length scale. Within limits what counts is how far the best linkage moves when the motion does. It
-moves on the face Z of the limits that push, those with a multiplier lambda > 0 in grad J^2 = sum lambda grad c (Nocedal and
+Without limits the singular values of the derivatives D of the motion by the unknowns describe it: the logarithms of the lengths,
+the angles, and the pose over the length scale. Within limits the displacement of the best linkage after a change of the motion
+counts. It moves on the face Z of the active limits with a multiplier lambda > 0 in grad J^2 = sum lambda grad c (Nocedal and
 Wright, Numerical Optimization, 12.3)::
 
     change = Z (Z' M Z)^-1 Z' D' (change of the motion),    M = half the Hessian of J^2 - sum lambda c
 
 A direction that limits block is no freedom, and the misfit is no tolerance. If the crank angles were found with the linkage,
-M is D' D, and each crank angle is an unknown that is eliminated; those of the first and last sample stay unknowns if a limit
-that pushes depends on them. The multipliers follow from the rows of the other unknowns, which hold whether or not the
-order of the samples blocks a crank angle.
+M is D' D, and each crank angle is an unknown that is eliminated; the crank angles of the first and last sample stay unknowns if
+an active limit depends on them. The multipliers follow from the rows of the other unknowns, which hold even if the order of the
+samples blocks a crank angle.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from synthesis.linkage import Linkage, as_lengths, with_links
 from synthesis.target import TURN, Target
 
 FREE = 1e3
-"""A relative uncertainty of a length above this says that the motion does not determine it at all."""
+"""Relative uncertainty of a length above which the motion does not determine it."""
 _TOUCHED = 1e-5
 """Distance over the length scale up to which a limit is touched; a search keeps `SPARE` from the envelope."""
 _CHANGE_POINT = 1e-6
@@ -38,12 +38,12 @@ _CHANGE_POINT = 1e-6
 _PUSHES = 1e-6
 """Multiplier, over J squared, from which on a limit pushes."""
 _STEP = 1e-5
-"""Of the unknowns, in the differences that give the Hessian."""
+"""Step of the unknowns in the differences for the Hessian."""
 
 
 @dataclass(frozen=True)
 class Determination:
-    """How well a motion fixes a linkage, from the singular values of the motion's derivatives.
+    """Determination of a linkage by a motion, from the singular values of the motion's derivatives.
 
     The unknowns are the logarithms of the actual lengths, the angles, and the pose over the length scale; the motion is
     measured as in the objective. An error ``resolution`` of the motion moves the logarithm of a length by up to
@@ -62,12 +62,12 @@ class Determination:
 
     @property
     def ill_posed(self) -> bool:
-        """Whether a length is not even fixed to a thousandth at this resolution."""
+        """True if some length is not even determined to a thousandth at this resolution."""
         return bool(np.max(self.length_uncertainty) > self.ILL_POSED)
 
 
 class _Motion:
-    """Derivatives of the motions of linkages for one target, batched over the linkages."""
+    """Derivatives of the motions of linkages for the same target, batched over the linkages."""
 
     def __init__(self, target: Target, linkages: list[Linkage]) -> None:
         self.links = np.array([linkage.links for linkage in linkages])
@@ -210,10 +210,10 @@ class _Rows(NamedTuple):
 def determinations_within(
     target: Target, linkages: list[Linkage], resolution: float, limits: Limits
 ) -> list[Determination]:
-    """How well a motion fixes each of the best linkages within limits; see the module's head.
+    """Return the determination of each of the best linkages within limits, see the module.
 
-    ``target``: with one row of crank angles a linkage where they were found. ``resolution``: error of the motion, in
-    the objective's measure, that counts as none.
+    ``target``: if crank angles were found, with a row of crank angles for each linkage. ``resolution``: error of the motion in
+    the measure of the objective that is negligible.
     """
     return [_determination(target.one_of(k), linkage, resolution, limits) for k, linkage in enumerate(linkages)]
 
@@ -258,7 +258,7 @@ def _determination(target: Target, linkage: Linkage, resolution: float, limits: 
 
 
 def residuals(target: Target, linkages: list[Linkage]) -> Floats:
-    """What the motions lack, in the rows of `derivative_matrix`, (n, rows)."""
+    """Return the residuals of the motions in the rows of `derivative_matrix`, (n, rows)."""
     links, branch = (
         np.array([linkage.links for linkage in linkages]),
         np.array([linkage.branch for linkage in linkages]),
@@ -323,7 +323,7 @@ def _end_samples(target: Target) -> list[int]:
 
 
 def _multipliers(rows: _Rows, gradient: Floats) -> Floats:
-    """Multipliers of the limits of one linkage, those of touched inequalities at least 0, of untouched ones 0, (C,)."""
+    """Return the multipliers (C,) of the limits of a linkage: not negative for touched inequalities, 0 for untouched ones."""
     out = np.zeros(rows.touched.shape[1])
     indices = np.flatnonzero(rows.touched[0])
     while indices.size:

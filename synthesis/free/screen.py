@@ -1,8 +1,8 @@
-"""Starting points for paths: a coarse table of types against guessed crank angles, all windows in one matrix product.
+"""Starting points for paths: a coarse table of types against guessed crank angles, all windows in a single matrix product.
 
-Of e^{i theta2} each type has a short series, c_k for harmonics k. At guessed crank angles t the best A and z1 are projected
-out of the harmonics, with the positions p: F = Q e^{ikt}, y = Q p, Q off {1, e^{it}}. A window that starts at s has the series
-v_k = c_k e^{iks}, and with the best z2 it leaves
+Each type has a short series of e^{i theta2}, c_k for harmonics k. At guessed crank angles t the best A and z1 are projected
+out of the harmonics, with the positions p: F = Q e^{ikt}, y = Q p, Q projecting off {1, e^{it}}. A window that starts at s has
+the series v_k = c_k e^{iks}, and with the best z2 the remaining error is
 
     |y|^2 - |v . F y*|^2 / |v R*|^2,      R from the QR decomposition of F*
 """
@@ -23,27 +23,27 @@ from synthesis.target import TURN
 _STARTS, _SAMPLES, _HARMONICS = 18, 64, 6
 _EACH = 60
 _CLOSED_POWERS = (1.0, 0.8, 0.6, 0.4, 0.2)
-"""Powers of the way between samples of a closed way, which the crank passes once in a turn."""
+"""Powers of the distance between samples of a closed path, which the crank passes once in a turn."""
 _AT_ONCE = 8
-"""Guesses that are compared at once: the products of all would take hundreds of megabytes, and longer."""
+"""Number of guesses in a chunk: the products of all would take hundreds of megabytes, and more time."""
 _MISSED = 3.0
-"""What the square of a transmission angle that a window lacks, in radians, counts beside J squared."""
+"""Weight of the squared deficit of a window's transmission angle, in radians, relative to J squared."""
 _SPAN_CELL = 0.6
 _WITHIN_SPAN = 0.95
-"""Part of the largest span that is allowed which a guess may take up."""
+"""Largest span of a guess as a fraction of the largest allowed span."""
 
 
 Missing = Callable[[Floats, Floats, Floats], Floats]
-"""By how much linkages of lengths (..., d) miss the limits on shape while the crank turns from one angle to another (...)."""
+"""Function that returns the violation of limits on shape by lengths (..., d) while the crank turns between two angles (...)."""
 
 
 class Timing(NamedTuple):
-    """Which crank angles a screen guesses: spans of the crank, and powers of the way between samples."""
+    """Guesses of the crank angles: spans of the crank, and powers of the distance between samples."""
 
     spans: tuple[float, ...]
-    """Radians from the first sample to the last; each is tried both ways."""
+    """Radians from the first sample to the last; each is tried in both directions."""
     powers: tuple[float, ...]
-    """At 1 the crank turns with the way of the point; the smaller, the more evenly from sample to sample."""
+    """At 1 the crank turns with the distance of the point; smaller values give more even steps between samples."""
 
 
 COARSE = Timing(tuple(np.deg2rad([35, 60, 95, 140, 190, 245, 300, 345])), (1.0, 0.6))
@@ -59,10 +59,10 @@ class PathScreen:
     lengths : ndarray, shape (T, d)
         Types whose crank turns fully.
     spread : Chart
-        Its cells tell seeds apart.
+        Chart whose cells distinguish seeds.
     timing : Timing
-    most : int
-        Seeds in all.
+    max_count : int
+        Largest number of seeds.
     """
 
     def __init__(
@@ -126,18 +126,18 @@ class PathScreen:
         chart: Chart,
         missing: Missing | None = None,
     ) -> Timed:
-        """Starting points for a path, best first, at most one a cell of shape, start, span and branch.
+        """Return starting points for a path, best first, at most one in each cell of shape, start, span and branch.
 
-        Of each type, branch and guess only the best start counts, and of each guess the best ``_EACH`` types and branches: the
-        errors of different guesses say little about which is right.
+        For each type, branch and guess only the best start counts, and for each guess the best ``_EACH`` types and branches,
+        since the errors of different guesses do not show which guess is right.
 
         Parameters
         ----------
         poses : Poses
         chart : Chart
-            Of the candidates' shapes.
+            Chart of the shapes of the candidates.
         missing : callable, optional
-            By how much windows miss the limits on shape and crank angles, in radians.
+            Violation of the limits on shape and crank angles by windows, in radians.
         """
         guesses = self.timing_of(poses)
         error = self.errors(poses, guesses)
@@ -156,7 +156,7 @@ class PathScreen:
         start, span = self.start[best[guess, kind, side]], guesses[guess, -1]
         coordinates = np.column_stack([self.cells[kind], start / self.start_cell, span / _SPAN_CELL, side])
         cells = np.floor(coordinates).astype(np.int64)
-        # one number a cell: many times faster to sort than rows
+        # a single number for each cell: many times faster to sort than rows
         _, first = np.unique((cells + 64) @ (1 << 8 * np.arange(cells.shape[1])), return_index=True)
         pick = np.sort(first)[: self.most]
         return Timed(
@@ -187,18 +187,18 @@ class PathScreen:
 
 
 def _within(crank: Floats, widest: float) -> Floats:
-    """Crank angles (n, N) from zero on, drawn together where they take up more than is allowed."""
+    """Return crank angles (n, N) from zero, scaled down if they exceed the allowed span."""
     return np.asarray(crank * np.minimum(1.0, widest / np.abs(crank[:, -1:])))
 
 
 def way_along(poses: Poses, power: float) -> Floats:
-    """Way of the samples from the first one, as part of the whole, (N,); strictly rising. A closed way ends at the first again.
+    """Return the strictly increasing relative distance (N,) of the samples along the path; a closed path ends at the first.
 
     Parameters
     ----------
     poses : Poses
     power : float
-        Of the distance between neighbouring samples.
+        Exponent of the distance between neighbouring samples.
     """
     progress = np.cumsum(_steps(poses) ** power)
     return np.concatenate([[0.0], progress[: poses.samples - 1]]) / progress[-1]
