@@ -11,6 +11,7 @@ import { assessed, fromHere, nearby } from "./hand.js";
 import { Live } from "./live.js";
 import { fault, wantsAngles } from "./motion.js";
 import { showOffers } from "./offers.js";
+import { startProjects } from "./projects.js";
 import { Results, note } from "./results.js";
 import { howNear, sentenceOf } from "./sentence.js";
 import { STAGES, refine, solve, together } from "./service.js";
@@ -309,6 +310,20 @@ function showEntered({ motion, solution }) {
   });
 }
 
+/** The dimensions of the selected linkage for a link or a project; null if the inputs have changed since. */
+function chosenCard() {
+  if (!answer || editor.board.stale || !results.solution) return null;
+  const { links, branch, start_angle, body_offset, mount, crank_angle, family, kind, driver, guides, start: begin, travel } = results.solution;
+  return { ...(links ? { links, start_angle, body_offset, mount, family } : { kind, driver, guides, start: begin, travel }), branch, crank_angle };
+}
+
+/** Shows a project that was saved, and solves it anew. */
+function openProject(content) {
+  const { motion, card } = fromPage(content);
+  useMotion(motion, { card });
+  if (card) startSearch();
+}
+
 function bindButtons() {
   $("form").addEventListener("submit", (event) => { event.preventDefault(); startSearch(); });
   document.addEventListener("keydown", (event) => { if (event.key === "Enter" && (event.ctrlKey || event.metaKey)) { event.preventDefault(); startSearch(); } });
@@ -319,9 +334,7 @@ function bindButtons() {
   $("request").addEventListener("toggle", showRequest);
   $("request-copy").addEventListener("click", () => copy(requestText(toRequest(editor.motion)), "The request is copied.", say, "The browser does not allow copying; select the text instead."));
   $("link").addEventListener("click", async () => {
-    const current = answer && !editor.board.stale, { links, branch, start_angle, body_offset, mount, crank_angle, family, kind, driver, guides, start: begin, travel } = results.solution;
-    const place = links ? { links, start_angle, body_offset, mount, family } : { kind, driver, guides, start: begin, travel }, chosen = current ? { ...place, branch, crank_angle } : null;
-    await copy(await sources.linkTo(current ? answer.request : toRequest(editor.motion), editor.motion, chosen), "The link is copied; it holds the whole request and the chosen linkage.", note);
+    await copy(await sources.linkTo(chosenCard() ? answer.request : toRequest(editor.motion), editor.motion, chosenCard()), "The link is copied; it holds the whole request and the chosen linkage.", note);
   });
   let parts = null; // of the linkage that is being printed
   addEventListener("beforeprint", () => fillSheet(answer, results.solution, results.driving, parts));
@@ -347,12 +360,12 @@ async function addressChanged() {
 /** Leaves an empty workspace for the first screen. */
 function beginAnew() {
   sources.begin("both");
-  showWelcome(draft);
+  showWelcome(draft, openProject);
 }
 
 /** Shows the draft of this tab, or else the first screen. */
 function showFirst() {
-  if (!draft.resumes || !draft.restore()) showWelcome(draft);
+  if (!draft.resumes || !draft.restore()) showWelcome(draft, openProject);
 }
 
 async function start() {
@@ -369,7 +382,8 @@ async function start() {
   gallery.show(sources.examples);
   let linked = false, damage = null;
   try { linked = await sources.openLink(); } catch (error) { damage = error.message; }
-  startWelcome(draft);
+  startWelcome(draft, openProject);
+  startProjects(() => toPage(toRequest(editor.motion), editor.motion, chosenCard()), say);
   if (!linked && !damage && location.hash !== "#path" && !editor.motion.poses.length) showFirst();
   editor.forgetPast();
   if (!answer) editor.board.fit();

@@ -1,5 +1,6 @@
 // The first screen: four entries with pictures and the last project.
 
+import { listProjects } from "./projects.js";
 import { $, counted } from "./shell.js";
 
 /** Hides the first screen; false if it was not there. */
@@ -10,10 +11,11 @@ export function leaveWelcome() {
   return true;
 }
 
-/** Shows the first screen, with the `draft` as the last project; the workspace behind it cannot be used meanwhile. */
-export function showWelcome(draft) {
+/** Shows the first screen, with the `draft` as the last project and those that `open(content)` shows; the workspace cannot be used meanwhile. */
+export function showWelcome(draft, open) {
   const { position, rotation } = draft.kept?.content?.request ?? {}, rows = position ?? rotation;
   $("welcome").hidden = false;
+  listProjects(open);
   for (const part of document.querySelectorAll(".board, .side-column")) part.inert = true;
   $("last-project").hidden = !Array.isArray(rows);
   if (!Array.isArray(rows)) draft.drop();
@@ -21,12 +23,12 @@ export function showWelcome(draft) {
 }
 
 /** Binds the entries to the buttons of the workspace. */
-export function startWelcome(draft) {
+export function startWelcome(draft, open) {
   for (const entry of document.querySelectorAll("[data-begin]")) {
     entry.addEventListener("click", () => {
       if (entry.dataset.begin === "paste") leaveWelcome();
       $(entry.dataset.begin).click();
     });
   }
-  $("last-project").addEventListener("click", () => { if (!draft.restore()) showWelcome(draft); });
+  $("last-project").addEventListener("click", () => { if (!draft.restore()) showWelcome(draft, open); });
 }

@@ -93,6 +93,22 @@ def test_each_tab_keeps_its_own_draft(page) -> None:
         page.browser.switch_to.window(first)
 
 
+def test_a_named_project_is_saved_opened_with_its_linkage_and_deleted(page) -> None:
+    page.press("#project-form [type=submit]")
+    assert page.text("status") == "A project needs a name."
+    page.choose_card(1)
+    links = page.links()
+    page.type_into("project-name", "Sash" + Keys.ENTER)
+    assert page.text("status") == "The project Sash is saved in this browser."
+    page.go()
+    page.press("#project-list .link")
+    page.wait(f"{CARDS} && {IDLE}")
+    assert len(page.table()) == 8 and page.links() == pytest.approx(links, rel=1e-3)
+    page.go()
+    page.press("#project-list .quiet")
+    assert page.shown("welcome") and not page.shown("projects")
+
+
 MOTION = '{"at": 1, "content": {"request": {"position": [[0, 0], %s], "timing": "free"%s}}}'
 BROKEN = ["{", "null", "7", '"text"', '{"at": "x", "content": {}}', '{"at": 1, "content": null}']
 BROKEN += ['{"at": 1, "content": {"request": null}}', MOTION % ('["a", 1]', "")]
