@@ -171,7 +171,14 @@ class PartSizes(NamedTuple):
 
 @dataclass(frozen=True)
 class Assembly(Record):
-    """Layers of a linkage's plates, and their collisions over the used interval, which are proved and not sampled."""
+    """Layers of a linkage's plates, and their collisions over the used interval, which are proved and not sampled.
+
+    Examples
+    --------
+    >>> import linkage_atlas as la
+    >>> la.FourBar(30, 60, 70, 50).assembly(hole=6, width=18).status
+    'free'
+    """
 
     status: Status
     """free: no gap is below the clearance; touching: a gap may just reach it; blocked: no layers are free."""

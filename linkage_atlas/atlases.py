@@ -169,6 +169,14 @@ def load_atlas(path: str | Path | None = None, max_bytes: int | None = None, max
     ------
     AtlasError
         If the file is missing, larger than allowed, damaged, or not an atlas of this version.
+
+    Examples
+    --------
+    >>> import tempfile, linkage_atlas as la
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     _ = la.build_atlas(f"{folder}/small.h5", perimeter=40, samples=16, jobs=1)
+    ...     la.load_atlas(f"{folder}/small.h5")[1]
+    AtlasType(number=1, lengths=[2, 5, 16, 17])
     """
     from synthesis.atlas import file
 
@@ -232,6 +240,13 @@ def build_atlas(
     -------
     Atlas
         The atlas of the file.
+
+    Examples
+    --------
+    >>> import tempfile, linkage_atlas as la
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     len(la.build_atlas(f"{folder}/small.h5", perimeter=40, samples=16, jobs=1))
+    38
     """
     from data_build.batch import build_atlas as build
     from data_build.batch import local_executor

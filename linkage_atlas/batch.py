@@ -176,6 +176,14 @@ def study(
     ------
     FieldError
         If a request cannot be written as JSON, or the file holds something else.
+
+    Examples
+    --------
+    >>> import linkage_atlas as la
+    >>> motion = {"rotation": [0, 12, 27, 45], "crank_span": 60, "top": 1}
+    >>> requests = [motion | {"limits": {"transmission_angle_min": angle}} for angle in (30, 40)]
+    >>> [row["reply"]["status"] for row in la.study(requests, jobs=1)]
+    ['reached', 'reached']
     """
     questions = [_question(number, arguments) for number, arguments in enumerate(requests, 1)]
     lines = answers(_answer, questions, None if out is None else Path(out), jobs=jobs, scheduler=scheduler)

@@ -109,6 +109,13 @@ class Joints(NamedTuple):
 
     Arrays have the shape of the travel, points a further axis (2,). Angles are in the linkage's unit, directions against the x
     axis.
+
+    Examples
+    --------
+    >>> import linkage_atlas as la
+    >>> joints = la.FourBar(19, 72, 144, 165).joints([0, 90, 180])
+    >>> joints.crank_pin.shape, joints.rotation.shape
+    ((3, 2), (3,))
     """
 
     pivot_a: Floats

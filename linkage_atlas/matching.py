@@ -93,6 +93,15 @@ def match(
     ------
     FieldError
         If an argument is wrong; the error names it.
+
+    Examples
+    --------
+    >>> import tempfile, numpy as np, linkage_atlas as la
+    >>> rotation = la.FourBar(5, 9, 12, 14, start_angle=30).joints(np.linspace(0, 70, 16)).rotation
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     atlas = la.build_atlas(f"{folder}/small.h5", perimeter=40, samples=16, jobs=1)
+    >>> la.match(rotation, 70, atlas=atlas)[0].type.lengths
+    [5, 9, 12, 14]
     """
     check_top(top)
     check_above_zero(budget=budget)

@@ -50,6 +50,13 @@ class Result(Record, Ranked[Solution]):
 
     ``status`` is "reached" (a solution satisfies the tolerances of every sample; without tolerances, its objective is below
     the tolerance), "closest", "infeasible" (none within the limits) or "unknown" (none was found before the time was up).
+
+    Examples
+    --------
+    >>> import linkage_atlas as la
+    >>> result = la.synthesize([0, 12, 27, 45], crank_span=60, top=2)
+    >>> result.status, len(result), result[0] is result.best
+    ('reached', 2, True)
     """
 
     status: StatusName
@@ -130,7 +137,12 @@ class MatchReport(Record):
 
 @dataclass(frozen=True)
 class Matches(Record, Ranked[Match]):
-    """Reply of `linkage_atlas.match`: the best rows of the atlas, best first, indexed and iterated as ``matches``."""
+    """Reply of `linkage_atlas.match`: the best rows of the atlas, best first, indexed and iterated as ``matches``.
+
+    Examples
+    --------
+    See `linkage_atlas.match`; ``matches[0].linkage`` is the linkage of the best row.
+    """
 
     matches: list[Match]
     report: MatchReport

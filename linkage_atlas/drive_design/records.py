@@ -492,6 +492,13 @@ class Drives(Record, Ranked[Drive]):
     """Answer of `linkage_atlas.drives`: drives, the best first within each kind, springs, and reasons for what is missing.
 
     It is indexed and iterated as ``drives``.
+
+    Examples
+    --------
+    >>> import linkage_atlas as la
+    >>> found = la.drives(la.FourBar(19, 72, 144, 165), [{"kind": "rotary"}], crank_angle=[0, 60], load={"torque": 10})
+    >>> len(found), found.best("rotary").kind, found.best("actuator")
+    (2, 'rotary', None)
     """
 
     drives: list[Drive]
