@@ -60,7 +60,7 @@ def requests_of(name: str, count: int) -> Iterator[Request]:
         return
     for seed in engine.CLASSES[name].seeds_of(count)[:count]:
         case = engine.CLASSES[name].case(seed)
-        yield lambda case=case: engine.first_cost(case, case.ask())
+        yield lambda case=case: engine.smallest_cost(case, case.ask())
 
 
 def slider_request(kind: int, seed: int) -> Request:

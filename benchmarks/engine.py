@@ -68,11 +68,11 @@ class Case(NamedTuple):
     search: Callable[..., Any] = la.synthesize
 
     def ask(self, budget: float | None = None, **more: Any) -> Any:
-        """Return the reply, with a budget in seconds of processor time; requests without a preset prefer the smallest error."""
+        """Return the reply by the error alone, with a budget in seconds of the processor."""
         request = {**self.request, **more}
-        if request.get("timing") == "free":
+        if self.search is la.synthesize:
             request = {"prefer": "error"} | request
-        else:
+        if request.get("timing") != "free":
             request["limits"] = {"preset": "none"} | request.get("limits", {})
         return self.search(**request, budget=budget, work=processor_work)
 
@@ -356,7 +356,7 @@ def measure_class(
         replies = {"cost": times.run(case.ask)}
         if not kind.exact:
             replies |= {f"cost_{budget}": case.ask(budget / 1000) for budget in budgets}
-        found = {which: first_cost(case, reply) for which, reply in replies.items()}
+        found = {which: smallest_cost(case, reply) for which, reply in replies.items()}
         out["seed"].append(seed)
         for which, cost in found.items():
             out[which].append(report.finite(float(f"{cost:.7g}")))
@@ -365,9 +365,9 @@ def measure_class(
     return {"cases": len(out["seed"]), **out, "ms": [round(1000 * seconds, 3) for seconds in times.processor]}
 
 
-def first_cost(case: Case, reply: Any) -> float:
-    """Return J of the first solution; infinite without a solution."""
-    return case.cost(reply.solutions[0].to_dict()) if reply.solutions else np.inf
+def smallest_cost(case: Case, reply: Any) -> float:
+    """Return the smallest J of the solutions; infinite if there is none."""
+    return min((case.cost(solution.to_dict()) for solution in reply.solutions), default=np.inf)
 
 
 def costs(part: Mapping[str, Any], which: str) -> np.ndarray:
