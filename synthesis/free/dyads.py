@@ -27,6 +27,7 @@ of the body.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -45,10 +46,67 @@ from synthesis.work import Work
 # -- dyads ---------------------------------------------------------------------------------------------------------
 
 
+@dataclass(frozen=True)
+class DyadOptions:
+    """Options of the search for pairs of dyads."""
+
+    polish_steps: int = 6
+    """Largest number of Newton steps that refine dyads; two or three reach rounding."""
+    polish_stall: float = 0.1
+    """Relative decrease of the error below which these steps end."""
+    radii: tuple[float, ...] = (0.1, 0.25, 0.5, 1.0, 1.8, 3.2, 5.5, 9.0)
+    """Distances of the first body points, in length scales."""
+    directions: int = 14
+    """Number of first body points at each distance."""
+    newton_steps: int = 20
+    """Largest number of Newton steps to a root."""
+    even: float = 0.3
+    """Fraction of the difference by which angles in order move towards evenly spaced ones."""
+    link_min: float = 1e-9
+    """Smallest length of a link, in length scales."""
+    grid: int = 120
+    """Number of crank angles at which samples without rotation or position are compared."""
+    nearest_steps: int = 8
+    """Number of steps to the nearest crank angle."""
+    remainder: float = 0.9
+    """Fraction of the remaining turn that samples before and after the known ones may use."""
+    step_min: float = 1e-4
+    """Smallest step of the crank between such samples, in radians."""
+    few_dyads: int = 60
+    """Number of dyads in a batch for few poses."""
+    few_batches: int = 20
+    """Largest number of batches for few poses."""
+    sampled_dyads: int = 110
+    """Number of dyads in a batch if other samples lack rotation or position."""
+    sampled_batches: int = 8
+    """Largest number of these batches."""
+    gain: float = 0.01
+    """Two batches in a row with a smaller relative gain end the search."""
+    exact_candidates: int = 60
+    """Number of exact candidates that end the search."""
+    fitted_pairs: int = 400
+    """Number of pairs that fit the full samples best and are compared with the others."""
+    first_samples: int = 8
+    """Number of samples of each sort at which pairs are compared first."""
+    refined_together: int = 200
+    """Number of pairs that are refined together."""
+    aligned: int = 6000
+    """Number of pairs times samples that are then compared at all samples."""
+    pairs_min: int = 12
+    """Smallest number of these pairs."""
+    max_candidates: int = 100
+    """Number of candidates that the search returns: limits may exclude many of them."""
+    exact_in_sight: float = 1e-4
+    """Error after the first rounds above which an exact answer is not in sight."""
+    paired_together: int = 1 << 18
+    """Number of pairs times samples between two looks at the time: some 25 ms."""
+
+
+OPTIONS = DyadOptions()
+
+
 FARTHEST = 1e4
 """Points of the body and centres beyond this many length scales are sliders, which are no four-bars."""
-_POLISH_STEPS, _POLISH_STALL = 6, 0.1
-"""Number of steps for dyads close to a solution: two or three steps reach rounding, and pairs are refined together later."""
 
 
 class Dyads(NamedTuple):
@@ -172,8 +230,8 @@ def evaluate_dyads(body: Body, unknowns: Floats, derivatives: bool = True) -> Ev
 def polished(
     body: Body,
     dyads: Dyads,
-    steps: int = _POLISH_STEPS,
-    stall: float = _POLISH_STALL,
+    steps: int = OPTIONS.polish_steps,
+    stall: float = OPTIONS.polish_stall,
     work: Work | None = None,
 ) -> tuple[Dyads, Floats]:
     """Refine dyads by least-squares steps of their first-order errors within the time; return dyads and rms errors (n,)."""
@@ -192,13 +250,11 @@ def landscape(body: Body, steps: int = 20, max_count: int = 36, work: Work | Non
     A dyad has only two nonlinear unknowns, the coordinates of the point of the body. Centre and radius follow from a circle
     through its positions.
     """
-    radius, angle = np.meshgrid(_RADII, np.arange(_DIRECTIONS) * (2 * np.pi / _DIRECTIONS), indexing="ij")
+    radius, angle = np.meshgrid(
+        OPTIONS.radii, np.arange(OPTIONS.directions) * (2 * np.pi / OPTIONS.directions), indexing="ij"
+    )
     points = np.concatenate([[0j], (radius * np.exp(1j * angle)).ravel()])
     return distinct_dyads(*polished(body, circles(body, points), steps, 1e-9, work), max_count)
-
-
-_RADII = (0.1, 0.25, 0.5, 1.0, 1.8, 3.2, 5.5, 9.0)
-_DIRECTIONS = 14
 
 
 def circles(body: Body, points: Complexes) -> Dyads:
@@ -303,23 +359,14 @@ def _on_cubic(position: Complexes, turned: Complexes, base: Complexes, direction
     a, b, c, d = np.linalg.inv(np.vander(nodes)) @ values.T
     root, step = np.zeros(base.size), np.full(base.size, np.inf)
     with np.errstate(all="ignore"):
-        for _ in range(_NEWTON_STEPS):
+        for _ in range(OPTIONS.newton_steps):
             step = (((a * root + b) * root + c) * root + d) / ((3 * a * root + 2 * b) * root + c)
             root = root - step
         converged = np.abs(step) <= 1e-12 * np.maximum(1.0, np.abs(root))
     return base + directions * np.where(converged, root, np.nan)
 
 
-_NEWTON_STEPS = 20
-
-
 # -- pairs of dyads ------------------------------------------------------------------------------------------------
-
-
-_EVEN = 0.3
-"""Fraction of the path from ordered angles to evenly spaced angles."""
-_SHORTEST = 1e-9
-"""Length of a link, as a fraction of the length scale, below which the link is omitted."""
 
 
 class Pairs(NamedTuple):
@@ -356,7 +403,7 @@ def paired(body: Body, crank: Dyads, rocker: Dyads) -> tuple[Pairs, NDArray[np.i
     """Return four-bars of cranks and rockers (n,), and the indices of those that are no point."""
     coupler, ground = rocker.body - crank.body, rocker.fixed - crank.fixed
     lengths = np.stack([crank.radius, np.abs(coupler), rocker.radius, np.abs(ground)], axis=1)
-    proper = np.flatnonzero((lengths.min(axis=1) > _SHORTEST) & (lengths.max(axis=1) < FARTHEST))
+    proper = np.flatnonzero((lengths.min(axis=1) > OPTIONS.link_min) & (lengths.max(axis=1) < FARTHEST))
     crank, rocker = crank.take(proper), rocker.take(proper)
     coupler, ground, lengths = coupler[proper], ground[proper], lengths[proper]
     crank_pins, coupler_pins = body.places(crank.body), body.places(rocker.body)
@@ -414,17 +461,12 @@ def put_in_order(angles: Floats, span_max: float = TURN) -> Floats:
     along = (rising + falling) / 2
     # room between neighbours: an angle may move by less than the gap in a step
     even = np.linspace(0.0, 1.0, angles.shape[1]) * np.maximum(along[:, -1:] - along[:, :1], 1e-3)
-    along += _EVEN * (along[:, :1] + even - along)
+    along += OPTIONS.even * (along[:, :1] + even - along)
     along *= np.minimum(1.0, 0.98 * min(span_max, TURN) / (along[:, -1:] - along[:, :1]))
     return angles[:, :1] + sense * along
 
 
 # -- samples that lack a part --------------------------------------------------------------------------------------
-
-
-_GRID, _NEAREST_STEPS = 120, 8
-_SHARE_OF_REMAINDER, _LEAST_STEP = 0.9, 1e-4
-"""Fraction of the remaining turn that is assigned to samples outside of the known samples, and smallest step between them."""
 
 
 def aligned(problem: JointProblem, timed: Timed, known: NDArray[np.intp]) -> Timed:
@@ -448,15 +490,15 @@ def aligned(problem: JointProblem, timed: Timed, known: NDArray[np.intp]) -> Tim
         between = np.array([np.interp(sample, known, unit) for unit in np.eye(known.size)])
         beyond = np.minimum(sample - known[0], 0) + np.maximum(sample - last, 0)
         span = timed.angles[:, -1:] - timed.angles[:, :1]
-        remainder = (
-            _SHARE_OF_REMAINDER * (poses.span_max - np.abs(span)) / max(1, known[0] + poses.samples - 1 - last)
+        remainder = OPTIONS.remainder * (poses.span_max - np.abs(span)) / max(1, known[0] + poses.samples - 1 - last)
+        step = np.copysign(
+            np.clip(np.abs(span) / (last - known[0]), 0.0, np.maximum(remainder, OPTIONS.step_min)), span
         )
-        step = np.copysign(np.clip(np.abs(span) / (last - known[0]), 0.0, np.maximum(remainder, _LEAST_STEP)), span)
         angles = timed.angles @ between + step * beyond
     else:
-        grid = np.broadcast_to(np.arange(_GRID) * (TURN / _GRID), (count, _GRID))
+        grid = np.broadcast_to(np.arange(OPTIONS.grid) * (TURN / OPTIONS.grid), (count, OPTIONS.grid))
         angles = np.take_along_axis(grid, problem.errors_at(timed, grid).argmin(axis=2), axis=1)
-    return problem.nearest(timed._replace(angles=angles), _NEAREST_STEPS)
+    return problem.nearest(timed._replace(angles=angles), OPTIONS.nearest_steps)
 
 
 # -- the search ----------------------------------------------------------------------------------------------------
@@ -464,20 +506,6 @@ def aligned(problem: JointProblem, timed: Timed, known: NDArray[np.intp]) -> Tim
 
 FEW = 4
 """Largest number of poses that infinitely many dyads fit exactly."""
-_FEW_DYADS, _FEW_BATCHES = 60, 20
-_SAMPLED_DYADS, _SAMPLED_BATCHES = 110, 8
-_WORTH = 0.01
-"""Two batches in a row that gain less than this part end the search."""
-_ENOUGH = 60
-"""Exact candidates that are enough of a choice."""
-
-
-_FITTED = 400
-"""Pairs of dyads that fit the full samples best and are compared with others at all."""
-_LOOKED_AT, _REFINED_AT_ONCE = 8, 200
-"""Full samples, and others, at which pairs of dyads are first compared, and how many pairs at a time."""
-_ALIGNED, _FEWEST = 6000, 12
-"""Number of pairs times samples that are then compared at all samples, and smallest number of pairs."""
 
 
 class Round(NamedTuple):
@@ -494,12 +522,6 @@ ROUNDS = (
     Round(8, 150, "narrow ones"),
     Round(4, 1000, "what still falls, to its end: only where an exact answer may lie there"),
 )
-_MAX_CANDIDATES = 100
-"""Candidates that are handed on: limits may leave only a few of them."""
-_EXACT_BELOW = 1e-4
-"""Error after the last but one round above which an exact answer is not expected."""
-_PAIRED_AT_ONCE = 1 << 18
-"""Pairs of dyads times samples between two looks at the time: some 25 ms."""
 
 
 def chart_of(family: str) -> AnyChart | GrashofChart:
@@ -514,7 +536,7 @@ def four_bars(poses: Poses, body: Body, dyads: Dyads, family: str, work: Work, r
     first dyads as cranks are returned.
     """
     count = dyads.radius.size
-    few = max(1, _PAIRED_AT_ONCE // (max(count, 1) * poses.samples))
+    few = max(1, OPTIONS.paired_together // (max(count, 1) * poses.samples))
     parts: list[Timed] = []
     for k in range(0, max(count, 1), few):
         if parts and work.expired():
@@ -562,9 +584,9 @@ def search_motion(poses: Poses, family: str, tolerance: float, work: Work) -> It
     if search.full <= FEW:
         pool = _few(search, work)
         inexact = np.flatnonzero(pool.cost > exact**2)
-        if pool.cost.size - inexact.size < _ENOUGH:
+        if pool.cost.size - inexact.size < OPTIONS.exact_candidates:
             # dyads of short links occur if positions almost coincide: a few steps remove the rounding errors
-            refined = pool.take(inexact).best(_ENOUGH)
+            refined = pool.take(inexact).best(OPTIONS.exact_candidates)
             refined = search.problem.descended(refined.timed, [Stage(60)], exact, work, steps_after_first=np.inf)
             pool = pool.take(np.flatnonzero(pool.cost <= exact**2)).joined(refined)
         yield pool
@@ -590,7 +612,7 @@ def search_motion(poses: Poses, family: str, tolerance: float, work: Work) -> It
 def _rounds(search: _Motion, found: Pool, tolerance: float, work: Work) -> Iterator[Pool]:
     """A pool with its best refined, after each round."""
     for round_options in ROUNDS:
-        if round_options is ROUNDS[-1] and found.least > _EXACT_BELOW:
+        if round_options is ROUNDS[-1] and found.least > OPTIONS.exact_in_sight:
             break
         going = found.best(round_options.most)
         found = search.problem.descended(
@@ -606,15 +628,15 @@ def _sampled(search: _Motion, tolerance: float, work: Work) -> Iterator[Pool]:
     random = np.random.default_rng(20)
     best: Pool | None = None
     idle = 0
-    for _ in range(_SAMPLED_BATCHES):
-        found = search.measured(sampled_dyads(search.body, _SAMPLED_DYADS, random))
+    for _ in range(OPTIONS.sampled_batches):
+        found = search.measured(sampled_dyads(search.body, OPTIONS.sampled_dyads, random))
         *_, found = _rounds(search, found, tolerance, work)
-        found = found.best(_MAX_CANDIDATES)
-        gained = best is None or found.least < (1 - _WORTH) * best.least
+        found = found.best(OPTIONS.max_candidates)
+        gained = best is None or found.least < (1 - OPTIONS.gain) * best.least
         best = found if best is None else best.joined(found)
         yield best
         idle = 0 if gained else idle + 1
-        if best.least < tolerance or work.expired() or (idle == 2 and best.least > _EXACT_BELOW):
+        if best.least < tolerance or work.expired() or (idle == 2 and best.least > OPTIONS.exact_in_sight):
             break
 
 
@@ -643,11 +665,12 @@ class _Motion:
         poses, index = self.poses, np.arange(timed.branch.size)
         if self.full > FEW:  # fewer are fitted exactly
             fitted = JointProblem(poses.at(poses.full), self.problem.chart).measured(timed)
-            index = np.argsort(fitted.cost, kind="stable")[:_FITTED]
+            index = np.argsort(fitted.cost, kind="stable")[: OPTIONS.fitted_pairs]
             timed = timed.take(index)
         not_full = np.setdiff1d(np.arange(poses.samples), poses.full)
         held, further = (
-            samples[_evenly(samples.size, _LOOKED_AT)] for samples in (np.arange(poses.full.size), not_full)
+            samples[_evenly(samples.size, OPTIONS.first_samples)]
+            for samples in (np.arange(poses.full.size), not_full)
         )
         few = np.sort(np.concatenate([poses.full[held], further]))
         problem = JointProblem(poses.at(few), self.problem.chart)
@@ -655,10 +678,16 @@ class _Motion:
         pose[:, 0] -= poses.off(problem.poses)
         thin = timed._replace(angles=timed.angles[:, held], pose=pose)
         known = np.searchsorted(few, poses.full[held])
-        parts = [slice(k, k + _REFINED_AT_ONCE) for k in range(0, timed.branch.size, _REFINED_AT_ONCE)]
+        parts = [
+            slice(k, k + OPTIONS.refined_together) for k in range(0, timed.branch.size, OPTIONS.refined_together)
+        ]
         guessed = (aligned(problem, thin.take(part), known) for part in parts)
         cost = np.concatenate([problem.measured(candidates, posed=False).cost for candidates in guessed])
-        return index[np.argsort(cost, kind="stable")[: min(max_count, max(_FEWEST, _ALIGNED // poses.samples))]]
+        return index[
+            np.argsort(cost, kind="stable")[
+                : min(max_count, max(OPTIONS.pairs_min, OPTIONS.aligned // poses.samples))
+            ]
+        ]
 
     def measured(self, dyads: Dyads, repair: bool = False) -> Pool:
         """Return the same candidates with their errors."""
@@ -673,9 +702,9 @@ def _evenly(count: int, max_count: int) -> NDArray[np.intp]:
 def _few(search: _Motion, work: Work) -> Pool:
     """Four-bars that fit up to four full samples exactly, from dyads at random; more of them where few are usable."""
     random = np.random.default_rng(20)
-    pool = search.measured(sampled_dyads(search.body, _FEW_DYADS, random))
-    for _ in range(_FEW_BATCHES - 1):
-        if pool.cost.size >= _ENOUGH or work.expired():
+    pool = search.measured(sampled_dyads(search.body, OPTIONS.few_dyads, random))
+    for _ in range(OPTIONS.few_batches - 1):
+        if pool.cost.size >= OPTIONS.exact_candidates or work.expired():
             break
-        pool = pool.joined(search.measured(sampled_dyads(search.body, _FEW_DYADS, random)))
+        pool = pool.joined(search.measured(sampled_dyads(search.body, OPTIONS.few_dyads, random)))
     return pool

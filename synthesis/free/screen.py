@@ -10,6 +10,7 @@ the series v_k = c_k e^{iks}, and with the best z2 the remaining error is
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -20,17 +21,32 @@ from synthesis.mechanism import Chart, Mechanism
 from synthesis.poses import Poses
 from synthesis.target import TURN
 
-_STARTS, _SAMPLES, _HARMONICS = 18, 64, 6
-_EACH = 60
-_CLOSED_POWERS = (1.0, 0.8, 0.6, 0.4, 0.2)
-"""Powers of the distance between samples of a closed path, which the crank passes once in a turn."""
-_AT_ONCE = 8
-"""Number of guesses in a chunk: the products of all would take hundreds of megabytes, and more time."""
-_MISSED = 3.0
-"""Weight of the squared deficit of a window's transmission angle, in radians, relative to J squared."""
-_SPAN_CELL = 0.6
-_WITHIN_SPAN = 0.95
-"""Largest span of a guess as a fraction of the largest allowed span."""
+
+@dataclass(frozen=True)
+class ScreenOptions:
+    """Options of the screen of paths."""
+
+    starts: int = 18
+    """Number of starts of each type."""
+    samples: int = 64
+    """Number of crank angles from which a series is computed."""
+    harmonics: int = 6
+    """Largest harmonic of a series."""
+    each: int = 60
+    """Number of types and branches that seeds take from each guess."""
+    closed_powers: tuple[float, ...] = (1.0, 0.8, 0.6, 0.4, 0.2)
+    """Powers of the distance between samples of a closed path."""
+    together: int = 8
+    """Number of guesses that are compared together: all products would take hundreds of megabytes."""
+    missing_weight: float = 3.0
+    """Weight of the squared transmission angle in radians that a window lacks, beside J squared."""
+    span_cell: float = 0.6
+    """Difference of span above which two seeds differ."""
+    span_fraction: float = 0.95
+    """Fraction of the largest allowed span that a guess may use."""
+
+
+OPTIONS = ScreenOptions()
 
 
 Missing = Callable[[Floats, Floats, Floats], Floats]
@@ -71,12 +87,12 @@ class PathScreen:
         self.lengths, self.timing, self.most = lengths, timing, max_count
         self.cells = spread.unknowns(lengths) / spread.cell[:-1]
         self.start_cell = float(spread.cell[-1])
-        crank = np.linspace(0.0, TURN, _SAMPLES, endpoint=False)
+        crank = np.linspace(0.0, TURN, OPTIONS.samples, endpoint=False)
         phasor = np.exp(1j * mechanism.body_angle(lengths, np.ones(len(lengths)), crank))
-        spectrum = np.fft.fft(phasor, axis=1) / _SAMPLES
-        self.harmonics = np.arange(-_HARMONICS, _HARMONICS + 1)
+        spectrum = np.fft.fft(phasor, axis=1) / OPTIONS.samples
+        self.harmonics = np.arange(-OPTIONS.harmonics, OPTIONS.harmonics + 1)
         series = spectrum[:, self.harmonics]
-        start = np.arange(_STARTS) * (TURN / _STARTS)
+        start = np.arange(OPTIONS.starts) * (TURN / OPTIONS.starts)
         shift = np.exp(1j * start[:, None] * self.harmonics)
         # branch -1 turns like the mirror image of branch +1: conjugate coefficients
         windows = np.stack([window[:, None, :] * shift for window in (series, np.conj(series))], axis=1)
@@ -87,7 +103,7 @@ class PathScreen:
     def errors(self, poses: Poses, guesses: Floats) -> Floats:
         """J squared, approximately, (guesses, T, 2, starts): branch +1, then -1; of rotations by the chords of their errors."""
         return np.concatenate(
-            [self._errors(poses, guesses[k : k + _AT_ONCE]) for k in range(0, len(guesses), _AT_ONCE)]
+            [self._errors(poses, guesses[k : k + OPTIONS.together]) for k in range(0, len(guesses), OPTIONS.together)]
         )
 
     def _errors(self, poses: Poses, guesses: Floats) -> Floats:
@@ -128,7 +144,7 @@ class PathScreen:
     ) -> Timed:
         """Return starting points for a path, best first, at most one in each cell of shape, start, span and branch.
 
-        For each type, branch and guess only the best start counts, and for each guess the best ``_EACH`` types and branches,
+        For each type, branch and guess only the best start counts, and for each guess the best few types and branches,
         since the errors of different guesses do not show which guess is right.
 
         Parameters
@@ -144,17 +160,17 @@ class PathScreen:
         if missing is not None:
             spans, which = np.unique(guesses[:, -1], return_inverse=True)
             short: Floats = missing(self.lengths[:, None], self.start, self.start + spans[:, None, None])
-            error += (_MISSED * short**2).astype(np.float32)[which][:, :, None]
+            error += (OPTIONS.missing_weight * short**2).astype(np.float32)[which][:, :, None]
         best = error.argmin(axis=3)
         smallest = np.take_along_axis(error, best[..., None], 3)[..., 0].reshape(len(guesses), -1)
-        each = min(_EACH, smallest.shape[1] - 1)
+        each = min(OPTIONS.each, smallest.shape[1] - 1)
         guess = np.repeat(np.arange(len(guesses)), each)
         window = np.argpartition(smallest, each, axis=1)[:, :each].ravel()
         rank = np.argsort(smallest[guess, window], kind="stable")
         guess, window = guess[rank], window[rank]
         kind, side = np.divmod(window, 2)
         start, span = self.start[best[guess, kind, side]], guesses[guess, -1]
-        coordinates = np.column_stack([self.cells[kind], start / self.start_cell, span / _SPAN_CELL, side])
+        coordinates = np.column_stack([self.cells[kind], start / self.start_cell, span / OPTIONS.span_cell, side])
         cells = np.floor(coordinates).astype(np.int64)
         # a single number for each cell: many times faster to sort than rows
         _, first = np.unique((cells + 64) @ (1 << 8 * np.arange(cells.shape[1])), return_index=True)
@@ -169,9 +185,9 @@ class PathScreen:
 
     def timing_of(self, poses: Poses) -> Floats:
         """Guesses of the crank angles from the first sample on, (guesses, N); of a closed way all pass it once in a turn."""
-        widest = _WITHIN_SPAN * poses.span_max
+        widest = OPTIONS.span_fraction * poses.span_max
         spans = {TURN} if poses.closed else {min(span, widest) for span in self.timing.spans}
-        powers = _CLOSED_POWERS if poses.closed else self.timing.powers
+        powers = OPTIONS.closed_powers if poses.closed else self.timing.powers
         progressions = (way_along(poses, power) for power in powers)
         return _within(
             np.array(

@@ -63,28 +63,43 @@ from synthesis.work import Work
 
 # -- errors and their derivatives ---------------------------------------------------------------------------------------
 
-_RATIO, _WIDE = 20.0, 1e6
-"""Lengths over the ground that are sought, and one over it, where no limit says otherwise; and where only the samples count."""
-_CLOSES = 1e-4
-"""Least transmission angle in radians: where the linkage locks, the rocker's angle has no derivative."""
-_MARGIN = 1e-9
-"""How far inside the limits of angles and family is aimed: what rounding leaves of it is inside too."""
-_RATES, _LEAST_RATE, _DIFFERENCE = 9, 1e-3, 1e-6
-"""Places at which the rocker must go on, its least rate beside the mean one, and the step of the rate's differences."""
 LEVELLED = 1e-7
 """The least largest error has been found where the linear program over the extremes foretells a smaller part to be gained."""
-_EVEN = 20.0
-"""Largest ratio of two links of the linkages that are searched if the best one is out of proportion."""
-_RANKED = 10
-"""Answers that are known at least, of which exact ones are then ordered by what one would build."""
-_USABLE = np.deg2rad(20.0)
-"""Transmission angle of the best four-bar through two to four pairs above which nothing else is searched."""
-_LOCKED = np.deg2rad(5.0)
-"""Transmission angle below which a linkage nearly locks and cannot be used."""
-_ROUNDING = 1e-12
-"""Part of the longest length by which rounding may break a limit that an answer stands at."""
-_AROUND = 0.4 * np.array([0.0, 1.0, -1.0])
-"""Starts beside a solution's, in radians: rounded links may be at their best in another valley."""
+
+
+@dataclass(frozen=True)
+class LimitOptions:
+    """Options of the limits of functions and of the choice of answers."""
+
+    ratio_max: float = 20.0
+    """Largest ratio of a length to the ground, and of the ground to a length, for the largest error if no limit is smaller."""
+    wide_ratio_max: float = 1e6
+    """The same for least squares."""
+    transmission_min: float = 1e-4
+    """Smallest transmission angle in radians: where the linkage locks, the output has no derivative."""
+    margin: float = 1e-9
+    """Margin by which descents satisfy the limits of angles and family."""
+    rates: int = 9
+    """Number of inputs at which the output may not turn back."""
+    rate_min: float = 1e-3
+    """Smallest rate of the output relative to its mean rate."""
+    difference: float = 1e-6
+    """Step of the differences of these rates."""
+    even_ratio_max: float = 20.0
+    """Largest ratio of two links if the best linkage is out of proportion."""
+    ranked: int = 10
+    """Smallest number of answers, of which exact ones are ordered by merit."""
+    usable: float = float(np.deg2rad(20.0))
+    """Transmission angle of an exact four-bar above which nothing else is searched."""
+    locked: float = float(np.deg2rad(5.0))
+    """Transmission angle below which a linkage nearly locks."""
+    rounding: float = 1e-12
+    """Fraction of the longest length by which rounding may violate a limit."""
+    nearby_starts: tuple[float, ...] = (0.0, 0.4, -0.4)
+    """Starts beside that of a solution, in radians: rounded links may be best in another basin."""
+
+
+OPTIONS = LimitOptions()
 
 
 class OutputCurve(NamedTuple):
@@ -154,7 +169,7 @@ class FunctionProblem:
         """How fast the output goes the wanted way, less a little, at some places (n, q), and derivatives (n, q, 5)."""
         rise = self.wanted.output[-1] - self.wanted.output[0]
         sense = np.sign(rise) * np.sign(self.wanted.crank[-1])
-        smallest = _LEAST_RATE * abs(rise / self.wanted.crank[-1])
+        smallest = OPTIONS.rate_min * abs(rise / self.wanted.crank[-1])
         inputs = np.broadcast_to(self.rate_inputs, (len(unknowns), self.rate_inputs.size))
 
         def rate(at: Floats) -> Floats:
@@ -162,8 +177,8 @@ class FunctionProblem:
 
         by = np.zeros((*inputs.shape, 5))
         for k in self.moving:
-            step = _DIFFERENCE * np.eye(5)[k]
-            by[:, :, k] = (rate(unknowns + step) - rate(unknowns - step)) / (2 * _DIFFERENCE)
+            step = OPTIONS.difference * np.eye(5)[k]
+            by[:, :, k] = (rate(unknowns + step) - rate(unknowns - step)) / (2 * OPTIONS.difference)
         return rate(unknowns) - smallest, by
 
     def linear(self, branch: Floats, crank: Floats, root: Floats) -> Linearise:
@@ -199,7 +214,7 @@ class Problem(FunctionProblem):
     limits : Limits
         Of the exchanged linkages, lengths over the ground's.
     largest : bool
-        Whether ratios are sought within `_RATIO`, or as far as numbers go where no limit says otherwise.
+        Whether ratios are sought within `OPTIONS.ratio_max`, or as far as numbers go where no limit says otherwise.
     """
 
     turns, wraps = True, False
@@ -207,7 +222,7 @@ class Problem(FunctionProblem):
     def __init__(self, target: TargetFunction, limits: Limits, largest: bool) -> None:
         self.wanted, self.offset = target, target.target.offset
         self.chart = AnyChart()
-        smallest_angle = max(limits.transmission_angle_min, _CLOSES)
+        smallest_angle = max(limits.transmission_angle_min, OPTIONS.transmission_min)
         in_box = replace(
             limits, transmission_angle_min=smallest_angle, link_min=None, link_max=None, links=(None,) * 4
         )
@@ -216,12 +231,12 @@ class Problem(FunctionProblem):
         """ln of the ratios that are given, NaN of the others, (3,)."""
         held = np.concatenate([~np.isnan(prescribed), [target.start is not None, target.offset is not None]])
         self.free = np.flatnonzero(~held)
-        ratio = limits.link_ratio_max or (_RATIO if largest else _WIDE)
+        ratio = limits.link_ratio_max or (OPTIONS.ratio_max if largest else OPTIONS.wide_ratio_max)
         low, high = np.log([limits.link_min or 1 / ratio, limits.link_max or ratio])
         low, high = np.where(np.isnan(prescribed), low, prescribed), np.where(np.isnan(prescribed), high, prescribed)
         wide = np.full(2, np.inf)
         self.box = np.concatenate([low, -wide]), np.concatenate([high, wide])
-        self.rate_inputs = (1 - np.cos(np.linspace(0.0, np.pi, _RATES))) / 2 * target.crank[-1]
+        self.rate_inputs = (1 - np.cos(np.linspace(0.0, np.pi, OPTIONS.rates))) / 2 * target.crank[-1]
 
     def conditions(self, unknowns: Floats) -> tuple[Floats, Floats]:
         """Of lengths, angles and family."""
@@ -231,7 +246,7 @@ class Problem(FunctionProblem):
         slopes = np.zeros((*found.values.shape, 5))
         slopes[:, :, :3] = found.slopes[:, :, :3] * lengths[:, None, :3]
         slopes[:, :, 3] = found.slopes[:, :, BEGIN] + found.slopes[:, :, END]
-        return found.values - _MARGIN * np.array([name != "link_ratio_max" for name in found.names]), slopes
+        return found.values - OPTIONS.margin * np.array([name != "link_ratio_max" for name in found.names]), slopes
 
     def at(self, unknowns: Floats, branch: Floats, crank: Floats, derivatives: bool = True) -> OutputCurve:
         """theta2 of the exchanged linkages."""
@@ -689,7 +704,7 @@ class FunctionSearch:
                 lengths[:, k] = given
         start = unknowns[:, 3] % TURN
         placed = Placed(lengths / ground, branch, self.wanted.interval.after(start))
-        within = np.flatnonzero(keeps(self.wanted.target, self.ratios, placed, _ROUNDING))
+        within = np.flatnonzero(keeps(self.wanted.target, self.ratios, placed, OPTIONS.rounding))
         linkages = [exchanged(four_bar(as_lengths(lengths[k]), int(branch[k]), float(start[k]))) for k in within]
         # the offset of least squares is fitted anew, that of the largest error is the candidate's own
         offsets = unknowns[within, 4] - np.pi if self.largest else None
@@ -747,16 +762,16 @@ def generate(
     if target.clockwise:
         found, report = generate(tables, target.mirrored(), limits, largest, top, tolerance, work)
         return [generator.mirrored() for generator in found], report
-    few, many = list[Generator](), max(top, _RANKED)
+    few, many = list[Generator](), max(top, OPTIONS.ranked)
     if not largest and is_few(target, limits):
         few = exact_generators(target, limits, many, tolerance, work)
-        if few and few[0].transmission_angle_min > _USABLE and target.crank.size < MOST_PAIRS:
+        if few and few[0].transmission_angle_min > OPTIONS.usable and target.crank.size < MOST_PAIRS:
             trace = [(work.elapsed, few[0].errors.objective)]
             return few[:top], SearchReport(StoppedBy.TOLERANCE, trace, work.elapsed, len(few))
     found, report = _generate_any(tables, target, limits, largest, many, tolerance, work)
     found = distinct(few + found, many, APART) if few else found
     if found and not is_usable(min(found, key=lambda generator: generator.errors.objective)) and not work.expired():
-        within = replace(limits, transmission_angle_min=_USABLE)
+        within = replace(limits, transmission_angle_min=OPTIONS.usable)
         more, _ = _generate_any(tables, target, within, largest, many, tolerance, work)
         found = distinct(found + more, 2 * many, APART)
     return best_built(target, found, top, tolerance, limits.links[3] is not None), report
@@ -777,7 +792,11 @@ def _generate_any(
             return found, report
         # with given zeros the search for motions ends with full cranks; and where its answer is of lengths that nobody makes,
         # as for a parallelogram's function, others may do as well
-        within = replace(limits, link_ratio_max=_EVEN) if lopsided and not (prescribed and not reached) else limits
+        within = (
+            replace(limits, link_ratio_max=OPTIONS.even_ratio_max)
+            if lopsided and not (prescribed and not reached)
+            else limits
+        )
         run = FunctionSearch(target, within, False, many, tolerance, work)
         found = best_built(
             target, distinct(found + run.run(), 2 * many, APART), many, tolerance, limits.links[3] is not None
@@ -827,7 +846,7 @@ def exact_generators(
 def is_usable(generator: Generator) -> bool:
     """Check that a rocker comes near no dead position, and near no position of a change point."""
     change_point = generator.family is Family.CHANGE_POINT
-    return generator.transmission_angle_min >= (NEAR_CHANGE_POINT if change_point else _LOCKED)
+    return generator.transmission_angle_min >= (NEAR_CHANGE_POINT if change_point else OPTIONS.locked)
 
 
 def best_built(
@@ -873,7 +892,7 @@ def refit(
         return None if found is None else found.mirrored()
     target = replace(target, one_way=False)
     run = FunctionSearch(target, Limits("any", links=as_lengths(links)), largest, 1, tolerance, work)
-    start = generator.linkage.start + _AROUND
+    start = generator.linkage.start + np.array(OPTIONS.nearby_starts)
     if target.start is not None:
         start = np.array([target.start])
     unknowns = np.zeros((start.size, 5))

@@ -55,32 +55,51 @@ from synthesis.work import Work
 # -- the laws of the linkages -------------------------------------------------------------------------------------------
 
 ANGLE, LENGTH = "angle", "length"
-_TINY = 1e-12
-"""Least square of what a slope is divided by: a dead position stops a step, no program."""
-_CLOSES = 1e-4
-"""Least sine of the transmission angle: where the linkage locks, the output has no derivative."""
-_MARGIN = 1e-9
 _ROUNDING = 1e-9
 """Part by which rounding may break a limit that an answer stands at."""
-_FARTHEST = 1e3
-"""Lengths over the scale that are sought where no limit says otherwise."""
-_FEW_SAMPLES = 9
-_STEP = 1e-30
-"""Imaginary, of derivatives of sines."""
-_BEGINNINGS, _SEEDS = 6000, 120
-"""Of each branch: shapes and zeros that are looked at, and those that descend."""
-_SPARE = 4
-"""More than are wanted, of which some turn out to lie in one valley."""
-_LOOKS = (33,) * 4
-"""Nodes of closer looks at where the transmission angle is least: then its sine is exact."""
-_FEW, _GO_ON, _STEPS_ON = 40, 8, 300
-"""Steps from which on a descent is the last; of its best candidates so many go on, and so far."""
-_OPEN = 1e3
-"""Error where a linkage does not close."""
-_NO_ANSWER, _TIMES_LESS = 0.1, 10.0
-"""Error from which on a law has no answer where another's is so many times less."""
-_TIE = 1e-9
-"""A turn back that is no more than this part of the output is rounding."""
+
+
+@dataclass(frozen=True)
+class TravelOptions:
+    """Options of the search for functions with travel."""
+
+    divisor_min: float = 1e-12
+    """Smallest square by which a slope is divided: a dead position stops a step."""
+    sine_min: float = 1e-4
+    """Smallest sine of the transmission angle: where the linkage locks, the output has no derivative."""
+    margin: float = 1e-9
+    """Margin by which descents satisfy limits."""
+    length_max: float = 1e3
+    """Largest length over the scale if no limit is smaller."""
+    few_samples: int = 9
+    """Number of inputs at which starting points and limits are evaluated."""
+    imaginary_step: float = 1e-30
+    """Imaginary step of the derivatives of sines."""
+    starting_points: int = 6000
+    """Number of shapes and zeros that are evaluated for each branch."""
+    seeds: int = 120
+    """Number of starting points that descend."""
+    spare: int = 4
+    """Number of further answers, of which some prove to lie in the same basin."""
+    looks: tuple[int, ...] = (33, 33, 33, 33)
+    """Numbers of nodes of closer looks at the smallest transmission angle."""
+    short_steps: int = 40
+    """Number of steps above which a descent is the last."""
+    continued: int = 8
+    """Number of the best candidates whose last descent continues."""
+    continued_steps: int = 300
+    """Number of steps of these continued descents."""
+    open_error: float = 1e3
+    """Error where a linkage does not close."""
+    answer_max: float = 0.1
+    """Error above which a law has no answer if another law is much better."""
+    much_better: float = 10.0
+    """Ratio of errors above which another law is much better."""
+    rounding: float = 1e-9
+    """Fraction of the output below which a turn back is rounding."""
+
+
+OPTIONS = TravelOptions()
 
 
 class Law(NamedTuple):
@@ -143,7 +162,7 @@ def _columns(lengths: Floats) -> tuple[Floats, Floats, Floats]:
 
 def _safe(value: Floats) -> Floats:
     """A divisor that is not 0."""
-    return np.where(np.abs(value) > _TINY, value, np.copysign(_TINY, value))
+    return np.where(np.abs(value) > OPTIONS.divisor_min, value, np.copysign(OPTIONS.divisor_min, value))
 
 
 # -- slider-crank ------------------------------------------------------------------------------------------------------
@@ -483,7 +502,7 @@ class TravelProblem(FunctionProblem):
         self.wanted, self.law, self.limits = target, law, limits.limits
         self.offset, self.turns, self.wraps = target.offset, law.output == ANGLE, law.output == ANGLE
         self.moving = [*range(law.size), 3]
-        self.least_sine = max(np.sin(self.limits.transmission_angle_min), _CLOSES)
+        self.least_sine = max(np.sin(self.limits.transmission_angle_min), OPTIONS.sine_min)
         prescribed = np.full(3, np.nan)
         prescribed[law.size :] = 0.0
         for name, value in limits.given.items():
@@ -494,16 +513,19 @@ class TravelProblem(FunctionProblem):
         held = np.concatenate([~np.isnan(prescribed), [target.start is not None, target.offset is not None]])
         self.free = np.flatnonzero(~held)
         low, high = np.full(5, -np.inf), np.full(5, np.inf)
-        smallest, max_count = self.limits.link_min or 1 / _FARTHEST, self.limits.link_max or _FARTHEST
+        smallest, max_count = (
+            self.limits.link_min or 1 / OPTIONS.length_max,
+            self.limits.link_max or OPTIONS.length_max,
+        )
         for k, above in enumerate(law.positive):
             low[k], high[k] = (np.log(smallest), np.log(max_count)) if above else (-max_count, max_count)
             if law.lengths[k] == "angle":
                 low[k], high[k] = -np.inf, np.inf
         low[:3], high[:3] = np.where(np.isnan(prescribed), [low[:3], high[:3]], prescribed)
         if law.input != ANGLE:
-            low[3], high[3] = -4 * _FARTHEST, 4 * _FARTHEST
+            low[3], high[3] = -4 * OPTIONS.length_max, 4 * OPTIONS.length_max
         self.box = low, high
-        self.rate_inputs = (1 - np.cos(np.linspace(0.0, np.pi, _FEW_SAMPLES))) / 2 * target.crank[-1]
+        self.rate_inputs = (1 - np.cos(np.linspace(0.0, np.pi, OPTIONS.few_samples))) / 2 * target.crank[-1]
 
     # -- conditions ---------------------------------------------------------------------------------------------------
 
@@ -511,11 +533,11 @@ class TravelProblem(FunctionProblem):
         """Of transmission angles, at some places and where they are least, and of the lengths' ratio."""
         inputs = self.lowest(unknowns)
         sines = self.law.sines(unknowns, inputs)
-        value, slope = [sines - self.least_sine - _MARGIN], [np.zeros((*sines.shape, 5))]
+        value, slope = [sines - self.least_sine - OPTIONS.margin], [np.zeros((*sines.shape, 5))]
         for k in self.moving:
             aside: Any = unknowns + 0j
-            aside[:, k] += 1j * _STEP
-            by = self.law.sines(aside, inputs).imag / _STEP
+            aside[:, k] += 1j * OPTIONS.imaginary_step
+            by = self.law.sines(aside, inputs).imag / OPTIONS.imaginary_step
             slope[0][:, :, k] = np.clip(np.nan_to_num(by), -1e6, 1e6)
         above = np.flatnonzero(self.law.positive)
         if self.limits.link_ratio_max is not None and above.size == 2:
@@ -536,7 +558,7 @@ class TravelProblem(FunctionProblem):
             self.rate_inputs[np.maximum(best - 1, 0)],
             self.rate_inputs[np.minimum(best + 1, self.rate_inputs.size - 1)],
         )
-        _, minima = closer_looks(partial(self.law.sines, unknowns), *ends, _LOOKS)
+        _, minima = closer_looks(partial(self.law.sines, unknowns), *ends, OPTIONS.looks)
         return np.concatenate([fixed, minima[:, None]], axis=1)
 
     # -- errors -------------------------------------------------------------------------------------------------------
@@ -644,15 +666,17 @@ class TravelSearch(FunctionSearch):
     def least_squares(self, unknowns: Floats, branch: Floats, count: int, steps: int) -> tuple[Floats, Floats]:
         """As of four-bars; the best go on, as far as narrow valleys need: next to a dead position."""
         unknowns, cost = super().least_squares(unknowns, branch, count, steps)
-        best = np.argsort(cost, kind="stable")[:_GO_ON]
-        if steps > _FEW and best.size and cost[best[0]] > (0.3 * self.tolerance) ** 2:
-            unknowns[best], cost[best] = super().least_squares(unknowns[best], branch[best], count, _STEPS_ON)
+        best = np.argsort(cost, kind="stable")[: OPTIONS.continued]
+        if steps > OPTIONS.short_steps and best.size and cost[best[0]] > (0.3 * self.tolerance) ** 2:
+            unknowns[best], cost[best] = super().least_squares(
+                unknowns[best], branch[best], count, OPTIONS.continued_steps
+            )
         return unknowns, cost
 
     def weighted_gap(self, unknowns: Floats, branch: Floats) -> Callable[[Floats], Floats]:
         """As of four-bars; very large where a candidate does not close between the places that its steps looked at."""
         error = super().weighted_gap(unknowns, branch)
-        return lambda crank: np.minimum(error(crank), _OPEN)
+        return lambda crank: np.minimum(error(crank), OPTIONS.open_error)
 
     def place(self, unknowns: Floats) -> Floats:
         """Where candidates lie, in numbers of order one."""
@@ -663,8 +687,10 @@ class TravelSearch(FunctionSearch):
     def run(self) -> list[Any]:
         """The best candidates, different ones, within the limits."""
         before, branches = self.work.elapsed, self.law.branches
-        begin = self.problem.beginnings(_BEGINNINGS)
-        begin, root = self.screened_from(begin, *self.error_samples(_FEW_SAMPLES), branches, _SEEDS // len(branches))
+        begin = self.problem.beginnings(OPTIONS.starting_points)
+        begin, root = self.screened_from(
+            begin, *self.error_samples(OPTIONS.few_samples), branches, OPTIONS.seeds // len(branches)
+        )
         self.screened = self.work.elapsed - before
         self.seeds = len(root)
         if not self.problem.free.size:  # everything is given: nothing is left to search
@@ -730,7 +756,7 @@ class TravelSearch(FunctionSearch):
 
 def travel_turns_back(target: TargetFunction, generator: TravelGenerator) -> str | None:
     """A sentence where the output turns back though the wanted one goes one way."""
-    back = turning_back(target, generator.output, _TIE * abs(target.output[-1] - target.output[0]))
+    back = turning_back(target, generator.output, OPTIONS.rounding * abs(target.output[-1] - target.output[0]))
     return None if back is None else f"the output turns back at {100 * back[1]:.3g} % of the interval"
 
 
@@ -759,7 +785,7 @@ def generate_travel(
     for law in laws:
         if any(of_each) and work.expired():
             break
-        run = TravelSearch(target, law, limits, largest, top + _SPARE, tolerance, work)
+        run = TravelSearch(target, law, limits, largest, top + OPTIONS.spare, tolerance, work)
         of_each.append(distinct(run.run(), top, APART, exact=tolerance))
         seeds, screened, settled = (
             seeds + run.seeds,
@@ -772,7 +798,7 @@ def generate_travel(
     of_each = [
         solutions
         for solutions in of_each
-        if solutions and solutions[0].errors.objective <= max(_NO_ANSWER, _TIMES_LESS * smallest)
+        if solutions and solutions[0].errors.objective <= max(OPTIONS.answer_max, OPTIONS.much_better * smallest)
     ]
     best_of = [solutions[0] for solutions in of_each]
     alternatives = distinct(

@@ -24,6 +24,7 @@ class PrescribedTimingOptions(SearchOptions):
     """Options of the search with prescribed timing."""
 
     idle_rounds: float = 2
+    origins: int = 12
     max_samples: int = 40
     """Number of samples up to which the search uses all."""
     condensed_samples: int = 24

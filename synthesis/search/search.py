@@ -19,7 +19,7 @@ the random classes of the acceptance benchmark.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import chain, islice
 from typing import Any, NamedTuple
 
@@ -66,19 +66,29 @@ SEARCH_SAMPLES = 64
 """Samples that the rounds look at; longer requests are thinned for them and polished on all samples."""
 
 
-_EXACT_NEAR = 1e-6
-"""Error below which further rounds do not help, so that only refinement remains."""
-_CLOSE, _NEARER, _FINISHED = 1e-2, 1e-5, 12
-"""J from which on an exact answer may be near, and how many candidates are then refined to machine precision.
-From the second on it does, in a narrow valley."""
+@dataclass(frozen=True)
+class TimedOptions:
+    """Options of the search with prescribed timing that choose its rounds."""
+
+    exact_near: float = 1e-6
+    """Error below which no further round runs: only refinement remains."""
+    close: float = 1e-2
+    """Error below which an exact answer may be near."""
+    nearer: float = 1e-5
+    """Error below which an exact answer lies in the same narrow basin."""
+    finished: int = 12
+    """Number of candidates that are then refined to machine precision."""
+    in_sight: float = 1e-4
+    """Error below which further rounds look for an exact answer in another basin."""
+    idle_in_sight: int = 6
+    """Number of idle rounds that end these."""
+    continued_damping: float = 1e-6
+    """Damping of descents that continue where others ended."""
+    few_steps: int = 6
+    """Number of steps for alternatives to an exact answer."""
 
 
-_IN_SIGHT, _IDLE_IN_SIGHT = 1e-4, 6
-"""J below which further rounds look for an exact answer in another valley, and how many that gain nothing end them."""
-_CONTINUED = 1e-6
-"""Damping of descents that continue where others ended."""
-_FEW_STEPS = 6
-"""Number of rounds for alternatives to an exact answer."""
+OPTIONS = TimedOptions()
 
 
 class _Search:
@@ -135,7 +145,7 @@ class _Search:
                 [Stage(plan.steps)],
                 0.3 * self.tolerance,
                 self.work,
-                1e-3 if plan.fresh else _CONTINUED,
+                1e-3 if plan.fresh else OPTIONS.continued_damping,
                 steps_after_first=np.inf if plan.every else 0.0,
             )
             self.pool = self.pool.joined(found)
@@ -177,13 +187,15 @@ class _Search:
         """Exact answers without limits, where a few rounds lead near them: those within the limits."""
         if not self.reached:
             self.free_search(*rounds)
-        is_close = self.pool.cost.min(initial=np.inf) < _CLOSE**2
+        is_close = self.pool.cost.min(initial=np.inf) < OPTIONS.close**2
         if not (is_close or self.limits.only_family):
             return []
-        if not self.reached and self.pool.cost.min() < _NEARER**2:
+        if not self.reached and self.pool.cost.min() < OPTIONS.nearer**2:
             self.free_search(TO_THE_END)
         # where the tolerance is reached, alternatives are worth a few steps, not a search of their own
-        return self.polished(max(top + 4, _FINISHED), 30 if is_close and not self.reached else _FEW_STEPS)
+        return self.polished(
+            max(top + 4, OPTIONS.finished), 30 if is_close and not self.reached else OPTIONS.few_steps
+        )
 
     def bounded_search(self, windows: Callable[[str], Windows], solutions: list[Any], top: int) -> list[Any]:
         """Continue within the limits, in each chart in turn; return new solutions and the better ones of the given solutions."""
@@ -194,7 +206,7 @@ class _Search:
         if not spaces:
             solutions = solutions if is_tested else self.look(FIRST_LOOK[:1], top)
             self.free_search(TO_THE_END)
-            return solutions + self.polished(_FINISHED, 30)
+            return solutions + self.polished(OPTIONS.finished, 30)
         first, solutions = solutions, []
         found = Incumbents(self.tolerance, lambda objective: self.note(np.array([objective**2])))
         for chart, space in zip(charts, spaces):
@@ -217,17 +229,17 @@ class _Search:
                         return first
                     max_error = 1  # for alternatives
             all_seeds = chain(begin, seeds)
-            for idle in (run.options.idle_rounds, _IDLE_IN_SIGHT):
+            for idle in (run.options.idle_rounds, OPTIONS.idle_in_sight):
                 run.options = replace(run.options, idle_rounds=idle)
                 for round_seeds in run.run(all_seeds, max_error):
                     self.seeds += len(round_seeds.branch)
-                    if found.smallest < _EXACT_NEAR or self.work.expired():
+                    if found.smallest < OPTIONS.exact_near or self.work.expired():
                         break
                 if space.chart in found.pools:
                     solutions = solutions + self._finished(problem, found.pools[space.chart], chart, top)
                 smallest = min((solution.errors.objective for solution in solutions), default=np.inf)
                 # where J is so small, an exact answer may lie in another valley
-                if self.reached or self.work.expired() or not self.tolerance < smallest < _IN_SIGHT:
+                if self.reached or self.work.expired() or not self.tolerance < smallest < OPTIONS.in_sight:
                     break
             if self.done(sorted(solutions, key=lambda solution: solution.errors.objective)):
                 break
@@ -239,15 +251,15 @@ class _Search:
         """Solutions of a pool; near an exact answer in the chart without bounds too."""
         chosen = problem.within.linkages(self.mechanism, pool.take(slice(0, 8 * top + 20)))
         solutions = self.mechanism.within(self.target, self.limits, self.mechanism.assess(self.target, chosen))
-        close = pool.take(pool.cost < _CLOSE**2)
+        close = pool.take(pool.cost < OPTIONS.close**2)
         if close.cost.size:
             self.use(chart)
             shape = chart.unknowns(problem.chart.shape(close.timed.shape).lengths)
             self.pool = close._replace(timed=close.timed._replace(shape=shape))
-            solutions = solutions + self.polished(_FINISHED, 100)
-            if not self.reached and close.cost.min() < _NEARER**2:
+            solutions = solutions + self.polished(OPTIONS.finished, 100)
+            if not self.reached and close.cost.min() < OPTIONS.nearer**2:
                 self.free_search(TO_THE_END)
-                solutions = solutions + self.polished(_FINISHED, 30)
+                solutions = solutions + self.polished(OPTIONS.finished, 30)
         return list(solutions)
 
     def report(self, solutions: list[Any]) -> SearchReport:

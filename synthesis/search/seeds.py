@@ -13,6 +13,7 @@ coordinate descent to the best pair within them.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,20 +29,44 @@ from synthesis.target import TURN, Mean, Target
 # -- windows within limits -----------------------------------------------------------------------------------------
 
 
+@dataclass(frozen=True)
+class SeedOptions:
+    """Options of the seeds from coarse tables."""
+
+    steps: int = 144
+    """Number of crank angles in the table of a type."""
+    samples: int = 12
+    """Number of samples with which windows are compared."""
+    missing_max: float = 0.2
+    """Largest transmission angle in radians that a window may lack before its pose is fitted."""
+    count: int = 100
+    """Default number of seeds."""
+    posed: int = 80
+    """Number of windows for each seed whose pose is fitted within boxes."""
+    checked: int = 25
+    """Number of these windows whose other limits are evaluated."""
+    sweeps: int = 12
+    """Number of sweeps that fit a pose within boxes."""
+    spare: float = 1.25
+    """Factor by which the ratios of a type may exceed those of the limits."""
+    table_samples: int = 64
+    """Number of samples with which the coarse table is compared."""
+    starts: int = 24
+    """Number of starts of each type in the coarse table."""
+    series_error: float = 1e-3
+    """Largest error of the series of a type in the coarse table."""
+    harmonics: tuple[int, int] = (6, 20)
+    """Smallest and largest number of harmonics of a series."""
+    given_samples: int = 8
+    """Number of samples with which starts of given lengths are compared."""
+
+
+OPTIONS = SeedOptions()
+
+
 STARTS = 24
-_STEPS = 144
-"""Crank angles of a type's table."""
-_SAMPLES = 12
-_MISS = 0.2
-"""Radians by which the transmission angle of a window may fall short before its pose is looked at."""
-_COUNT = 100
-_POSED, _CHECKED = 80, 25
-"""Windows for each seed that is wanted: whose pose is fitted within boxes, and of those whose other limits are looked at."""
-_SWEEPS = 12
 FINER = 4
 """Times the starts and steps of few types."""
-_SPARE = 1.25
-"""Largest factor by which the ratios of a type may exceed the limits."""
 
 
 class Windows:
@@ -52,7 +77,7 @@ class Windows:
 
     def __init__(self, mechanism: Mechanism, lengths: Floats, finer: int = 1) -> None:
         self.mechanism, self.lengths = mechanism, lengths
-        self.starts, self.steps = STARTS * finer, _STEPS * finer
+        self.starts, self.steps = STARTS * finer, OPTIONS.steps * finer
         grid = np.linspace(0, TURN, self.steps + 1)
         tables = np.stack([mechanism.body_angle(lengths, side, grid) for side in mechanism.branches])
         self.wound = np.nan_to_num(tables[:, :, -1] - tables[:, :, 0]).astype(np.float32)
@@ -73,7 +98,7 @@ class Windows:
         return before + (after - before) * part[start] + turn[start] * wound[kind][:, None]
 
     def seeds(
-        self, problem: GivenProblem, on_shape: Constraints, boxes: Boxes | None = None, count: int = _COUNT
+        self, problem: GivenProblem, on_shape: Constraints, boxes: Boxes | None = None, count: int = OPTIONS.count
     ) -> Timed:
         """Return windows ordered by their motion and their violation of limits, best first, at most one in each cell.
 
@@ -87,7 +112,7 @@ class Windows:
         count : int
             Approximate number of useful seeds; a smaller number reduces the number of windows that are evaluated closely.
         """
-        target = problem.target.condensed(_SAMPLES)
+        target = problem.target.condensed(OPTIONS.samples)
         types, starts = len(self.lengths), self.starts
         start = np.tile(np.arange(starts) * (TURN / starts), types)
         lengths = np.repeat(self.lengths, starts, axis=0)
@@ -96,10 +121,10 @@ class Windows:
         if boxes is not None:
             shortest, largest = boxes.reach(self.lengths)
             reach = np.repeat(shortest, starts), np.repeat(largest, starts)
-            miss = np.where(reach[0] > _SPARE * reach[1], np.inf, miss)
+            miss = np.where(reach[0] > OPTIONS.spare * reach[1], np.inf, miss)
         windows, sides, angles = [], [], []
         for side, sign in enumerate(self.mechanism.branches):
-            close = np.flatnonzero(miss < _MISS)
+            close = np.flatnonzero(miss < OPTIONS.missing_max)
             angle = self.angles(side, target.crank, close)
             closed = np.isfinite(angle).all(axis=1)
             windows.append(close[closed])
@@ -110,7 +135,7 @@ class Windows:
         merit = fits.rotation + fits.least + 3 * miss[window] ** 2
         if problem.posed:
             assert boxes is not None and reach is not None
-            best = _smallest(merit, _POSED * count)
+            best = _smallest(merit, OPTIONS.posed * count)
             window, branch, fits = window[best], branch[best], fits.take(best)
             chosen = lengths[window]
             turned: Complexes = np.exp(1j * start[window])
@@ -118,7 +143,7 @@ class Windows:
                 turned * (chosen[:, 0] / chosen[:, -1]), boxes, (reach[0][window], reach[1][window])
             )
             merit = error + fits.rotation + miss[window] ** 2
-            best = _smallest(merit, _CHECKED * count)
+            best = _smallest(merit, OPTIONS.checked * count)
             window, branch, merit = window[best], branch[best], merit[best]
             pivot, ground, coupler = pivot[best], ground[best], coupler[best]
             chosen = lengths[window]
@@ -126,7 +151,7 @@ class Windows:
             timed = candidates_at(problem.chart.unknowns(chosen), branch, start[window], pose)
             merit = merit + problem.lacking(timed)[0]
         else:
-            best = _smallest(merit, _CHECKED * count)
+            best = _smallest(merit, OPTIONS.checked * count)
             window, branch, merit = window[best], branch[best], merit[best]
             timed = candidates_at(problem.chart.unknowns(lengths[window]), branch, start[window])
         order = np.argsort(merit, kind="stable")
@@ -233,7 +258,7 @@ class Fits(NamedTuple):
         a = boxes.clip_a((bb * ha - ab * hb) / determinant)
         b = boxes.clip_b((aa * hb - np.conj(ab) * ha) / determinant)
         aa, bb = np.maximum(aa, 1e-9), np.maximum(bb, 1e-9)
-        for _ in range(_SWEEPS):
+        for _ in range(OPTIONS.sweeps):
             a = boxes.clip_a((ha - ab * b) / aa)
             b = boxes.clip_b((hb - np.conj(ab) * a) / bb)
         ground = b - a
@@ -252,13 +277,6 @@ class Fits(NamedTuple):
 
 
 # -- candidates ----------------------------------------------------------------------------------------------------
-
-
-_TABLE_SAMPLES = 64
-_STARTS = 24
-_SERIES_ERROR = 1e-3
-_HARMONICS = (6, 20)
-_GIVEN_SAMPLES = 8
 
 
 def thinned(pool: Pool, count: int, cell: float = 0.05) -> Pool:
@@ -286,7 +304,7 @@ class SeedTable(NamedTuple):
         starts: Floats = np.linspace(0.0, TURN, self.errors_of.starts, endpoint=False)
         if target.start is not None:
             starts = np.array([target.start % TURN])
-        problem = GivenProblem(target.thinned(_GIVEN_SAMPLES), chart)
+        problem = GivenProblem(target.thinned(OPTIONS.given_samples), chart)
         shapes, start = np.repeat(self.unknowns, starts.size, axis=0), np.tile(starts, len(self.unknowns))
         each = (candidates_at(shapes, np.full(start.size, float(branch)), start) for branch in mechanism.branches)
         cost = [problem.measured(timed).cost.reshape(-1, starts.size) for timed in each]
@@ -302,7 +320,9 @@ class SeedTables:
         lengths = mechanism.coarse_types
         chart = mechanism.charts("full_crank")[0]
         self.table = SeedTable(
-            ErrorTable(mechanism, lengths, _STARTS, _TABLE_SAMPLES, _SERIES_ERROR, _HARMONICS),
+            ErrorTable(
+                mechanism, lengths, OPTIONS.starts, OPTIONS.table_samples, OPTIONS.series_error, OPTIONS.harmonics
+            ),
             chart,
             chart.unknowns(lengths),
         )
