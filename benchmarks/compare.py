@@ -35,7 +35,7 @@ for line in sys.stdin:
     reply = case.ask(**options)
     seconds = time.process_time() - begin
     costs = [case.cost(solution.to_dict()) for solution in reply.solutions]
-    replies.write(json.dumps([min(costs, default=1e300), 1000 * seconds]) + "\\n")
+    replies.write(json.dumps([min(costs, default=float('inf')), 1000 * seconds]) + "\\n")
     replies.flush()
 """
 """Program that answers the requests whose class and seed it reads."""
@@ -60,7 +60,7 @@ class Worker:
 def row(name: str, part: Mapping[str, Any]) -> dict[str, Any]:
     """Return the row of a class."""
     cost, milliseconds = (np.array(part[key], dtype=float) for key in ("cost", "ms"))
-    cost = np.maximum(cost, engine.EXACT)
+    cost = np.maximum(np.where(np.isnan(cost), np.inf, cost), engine.EXACT)  # None if nothing was found
     good = cost <= engine.CLOSE * cost.min(axis=1, keepdims=True)
     before, after = np.median(milliseconds, axis=0)
     return {
@@ -87,7 +87,7 @@ def measure(
 ) -> Iterator[dict[str, Any]]:
     """Ask both trees alternately."""
     other = subprocess.run(["git", "rev-parse", "--short=9", "HEAD"], cwd=tree, capture_output=True, text=True)
-    workers, parts = [Worker(tree), Worker(Path())], {}
+    workers, parts = [Worker(tree), Worker(Path())], report.known("compare").get("classes", {})
     for name in classes:
         seeds = engine.CLASSES[name].seeds_of(cases)
         for worker in workers:
@@ -98,7 +98,7 @@ def measure(
             found = [worker.ask(name, seed) for worker in asked][:: -1 if number % 2 else 1]
             pairs.append(found)
         parts[name] = {
-            "cost": [[float(f"{cost:.6g}") for cost, _ in pair] for pair in pairs],
+            "cost": [[report.finite(float(f"{cost:.6g}")) for cost, _ in pair] for pair in pairs],
             "ms": [[round(milliseconds, 2) for _, milliseconds in pair] for pair in pairs],
         }
         print(row(name, parts[name]), flush=True)
