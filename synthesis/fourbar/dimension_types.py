@@ -1,4 +1,4 @@
-"""Enumeration of the base dimension types: all four-bars of whole lengths and one perimeter whose crank turns fully."""
+"""Enumeration of the base dimension types: all four-bars of integer lengths with a given perimeter whose crank turns fully."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from synthesis.errors import FieldError
 
 MAX_PERIMETER = 10_000
-"""Largest perimeter; above it the count (about perimeter^3 / 580 for the first rule) is beyond any one machine."""
+"""Largest perimeter; above it the count (about perimeter^3 / 580 for the first rule) exceeds the capacity of a machine."""
 
 
 class OrderRule(StrEnum):
-    """Which orders of the four lengths are enumerated."""
+    """Orders of the four lengths that are enumerated."""
 
     INCREASING = "increasing"
     """L1 < L2 < L3 < L4: the published atlas."""
@@ -30,10 +30,10 @@ class OrderRule(StrEnum):
 
 @dataclass(frozen=True)
 class TypeRule:
-    """What an atlas enumerates.
+    """Rule of the types of an atlas.
 
-    ``perimeter``: sum of the four lengths. ``smallest``: smallest length allowed for the shortest link (the paper's
-    smallest crank).
+    ``perimeter``: sum of the four lengths. ``smallest``: smallest length allowed for the shortest link (the paper's smallest
+    crank).
     """
 
     kind: ClassVar[str] = "four_bar"
@@ -50,7 +50,7 @@ class TypeRule:
 
 
 def _ranges(first: NDArray[np.int64], count: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Rows ``first[i], first[i]+1, ...`` of ``count[i]`` numbers each, one behind the other, and the row of each."""
+    """Return the rows ``first[i], first[i]+1, ...`` of ``count[i]`` numbers each, concatenated, and the row of each number."""
     count = np.maximum(count, 0)
     row = np.repeat(np.arange(count.size), count)
     within = np.arange(row.size) - np.repeat(np.cumsum(count) - count, count)
@@ -79,13 +79,13 @@ def _orders(rule: TypeRule) -> list[tuple[int, ...]]:
 
 
 def count_types(rule: TypeRule) -> int:
-    """How many types `enumerate_types` gives, without making them."""
+    """Return the number of types of `enumerate_types` without building them."""
     return int(_pairs(rule)[3].sum()) * len(_orders(rule))
 
 
 @lru_cache(maxsize=4)
 def _before_crank(rule: TypeRule) -> NDArray[np.int64]:
-    """How many types have a shorter crank than each length from 0 to the perimeter, counted without making them."""
+    """Return the number of types with a shorter crank than each length from 0 to the perimeter, without building them."""
     a, b, first, count = _pairs(rule)
     total = rule.perimeter
     of_place = [np.bincount(values, count, total + 1).astype(np.int64) for values in (a, b)]
@@ -100,7 +100,7 @@ def _before_crank(rule: TypeRule) -> NDArray[np.int64]:
 
 @lru_cache(maxsize=2)
 def _of_crank(rule: TypeRule, crank: int) -> NDArray[np.int32]:
-    """All types of a crank's length, by (L2, L3): those where it is the shortest of the sorted lengths, the second, and so on."""
+    """Return all types with a given crank length, by (L2, L3), for each rank of the crank among the sorted lengths."""
     a, b, first, count = _pairs(rule)
     total = rule.perimeter
     parts = []

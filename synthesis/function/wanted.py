@@ -14,25 +14,25 @@ from synthesis.target import Interval, Mean, Target
 
 @dataclass(frozen=True)
 class TargetFunction:
-    """A function that a rocker's angle is to be of the crank's: output = theta3(start + crank) + offset, in radians.
+    """Angle of a rocker as a function of the crank angle: output = theta3(start + crank) + offset, in radians.
 
     Attributes
     ----------
     crank : ndarray, shape (N,)
-        From the first sample, strictly rising or falling.
+        Strictly monotonic crank angles from the first sample.
     output : ndarray, shape (N,)
-        Continuous.
+        Continuous outputs.
     weights : ndarray, shape (N,), or None
-        At least 0; None: all alike.
+        Weights of at least 0; None for equal weights.
     start : float, optional
-        theta1 at the first sample, where it is given.
+        theta1 at the first sample, if it is given.
     offset : float, optional
-        Where it is given; whole turns do not count.
+        Offset, if it is given; whole turns do not count.
     exact : callable, optional
-        ``exact(crank) -> output`` anywhere in the interval. Default: the spline of degree five through the samples, of a
-        lower one through less than six.
+        ``exact(crank) -> output`` anywhere in the interval. Default: a spline of degree five through the samples, of a lower
+        degree for less than six samples.
     one_way : bool
-        The rocker must not turn back within the interval; see `answers.turns_back`.
+        True if the rocker must not turn back within the interval; see `answers.turns_back`.
     """
 
     crank: Floats
@@ -50,7 +50,7 @@ class TargetFunction:
 
     @property
     def clockwise(self) -> bool:
-        """Whether the crank turns clockwise."""
+        """True if the crank turns clockwise."""
         return bool(self.crank[-1] < 0)
 
     @cached_property
@@ -76,7 +76,7 @@ class TargetFunction:
 
     @cached_property
     def doubt(self) -> float:
-        """How far the curve between the samples is a matter of opinion: the largest distance of two splines, in radians."""
+        """Uncertainty of the curve between the samples: largest distance of two splines, in radians."""
         if self.exact is not None or self.crank.size < 4:
             return 0.0
         middle = (self.crank[:-1] + self.crank[1:]) / 2
@@ -84,7 +84,7 @@ class TargetFunction:
         return float(np.abs(self.curve(middle) - self._spline(less)(middle)).max())
 
     def weight(self, crank: Floats) -> Floats:
-        """What an error at crank angles counts beside the largest weight, from 0 to 1, linear between the samples."""
+        """Return the weights of errors at crank angles, relative to the largest weight, linear between the samples."""
         if self.weights is None:
             return np.ones_like(crank)
         side = -1.0 if self.clockwise else 1.0
@@ -104,7 +104,7 @@ class TargetFunction:
 
     @cached_property
     def target(self) -> Target:
-        """What is asked of the linkage with coupler and rocker exchanged, whose coupler turns as this one's rocker.
+        """Return the function for the linkage with coupler and rocker exchanged, whose coupler turns as the rocker of this one.
 
         theta3(L1, L2, L3, L4; branch) = theta2(L1, L3, L2, L4; -branch) + pi, up to whole turns.
         """

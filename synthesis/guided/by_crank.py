@@ -1,11 +1,11 @@
-"""Slider-cranks and swinging blocks for motions whose crank angles are given: `linkages_by_crank`, the search of all mechanisms.
+"""Slider-cranks and swinging blocks for motions with given crank angles: `linkages_by_crank`, the search of all mechanisms.
 
-Who answers a request with crank angles for one of these kinds calls ::
+Example::
 
     solutions, report = linkages_by_crank(Kind.SLIDER_CRANK, target, family="any", top=10, tolerance=1e-10, work=work)
 
-Each solution's `Linkage` is driven by its crank and has its body's frame in the motion's. No limit but the family is kept:
-limits are checked on what comes back, and may go on from there.
+The `Linkage` of each solution is driven by its crank and has the frame of the body in the motion. The search satisfies only the
+limit on the family; callers check other limits and can continue from the result.
 """
 
 from __future__ import annotations
@@ -50,13 +50,13 @@ class _NoLimits:
 
 @dataclass(frozen=True)
 class SliderLimits:
-    """What a search for these kinds keeps to: the family alone."""
+    """Limits of a search for these kinds: only the family."""
 
     family: Family = "any"
     only_family: bool = True
 
     def mirrored(self) -> SliderLimits:
-        """The same: both families hold their mirror images."""
+        """Return the limits unchanged, since both families contain their mirror images."""
         return self
 
 
@@ -69,7 +69,7 @@ class CrankGuided(SliderTurning):
         return [Bounded(chart, nothing, nothing, None) for chart in self.charts(limits.family)]
 
     def keeps(self, target: Target, limits: Any, placed: Placed) -> Flags:
-        """All do: the family alone is limited, and tables hold full cranks."""
+        """Return all candidates, since only the family is limited and tables contain full cranks."""
         return np.ones(len(placed.lengths), dtype=bool)
 
     def within(self, target: Target, limits: Any, solutions: list[Solution]) -> list[Solution]:
@@ -148,25 +148,25 @@ def linkages_by_crank(
     tolerance: float = DEFAULT_TOLERANCE,
     work: Work | None = None,
 ) -> tuple[list[Solution], SearchReport]:
-    """The best linkages of a kind for a motion whose crank angles are given: positions, rotations or both.
+    """Find the best linkages of a kind for a motion with given crank angles: positions, rotations or both.
 
     Parameters
     ----------
     kind : {Kind.SLIDER_CRANK, Kind.SWINGING_BLOCK}
     target : Target
     family : {"full_crank", "any"}
-        Whether the crank must be able to turn fully; a crank need turn no farther than the motion goes otherwise.
+        With "full_crank" the crank must be able to turn fully; otherwise it only has to reach all samples.
     top : int
-        At most so many, different from one another, best first.
+        Largest number of solutions; they differ from each other, best first.
     tolerance : float
-        The search ends once the objective is below it.
+        Objective below which the search ends.
     work : Work, optional
-        Once it has expired the best found so far is returned.
+        When it has expired, the best solutions so far are returned.
 
     Returns
     -------
     solutions : list of Solution
-        Driven by their crank. Law: a mirrored target gives the mirrored linkages. No limit but the family is kept.
+        Linkages driven by their crank; only the limit on the family is satisfied. A mirrored target gives the mirrored linkages.
     report : SearchReport
     """
     return search(seed_tables(kind), target, SliderLimits(family), top, tolerance, work)
