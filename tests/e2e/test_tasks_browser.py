@@ -648,7 +648,8 @@ def test_layers_come_by_themselves_and_collisions_are_shown_where_they_are(page)
     drawn = "[...document.querySelectorAll('[data-layer=plates] [data-plate]')]"
     plates = page.run(f"return {drawn}.map((one) => one.dataset.plate)")
     # from the lowest layer up
-    assert [name for name in plates if "_" not in name] == ["crank", "coupler", "rocker"]
+    stack = [word.split(" ")[0] for word in page.find("stack").get_attribute("aria-label").split(": ")[1].split(", ")]
+    assert [name for name in plates if "_" not in name] == stack[::-1]
     page.run("document.getElementById('layer-width').value = 400")
     page.run("document.getElementById('layer-width').dispatchEvent(new Event('change'))")
     said = "Cannot be built so: parts collide in every order"
