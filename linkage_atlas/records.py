@@ -171,7 +171,9 @@ def describe_fields(kind: type) -> None:
     for name, parameter in inspect.signature(kind).parameters.items():
         sentence = sentences.get(name) or name.replace("_", " ") + "."
         rows.append(f"    {name} : {parameter.annotation}\n        {sentence[:1].upper()}{sentence[1:]}")
-    kind.__doc__ = "\n".join([doc.rstrip(), "", "    Parameters", "    ----------", *rows, "    "])
+    text, heading, examples = doc.partition("    Examples\n")
+    parts = [text.rstrip(), "\n".join(["    Parameters", "    ----------", *rows]), (heading + examples).rstrip()]
+    kind.__doc__ = "\n\n".join(filter(None, parts)) + "\n    "
 
 
 def plane(points: ArrayLike) -> Floats:

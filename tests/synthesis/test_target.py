@@ -72,7 +72,7 @@ def test_the_value_of_a_sample_of_weight_0_has_no_effect(weights, replacements) 
     assert objective(changed, angle) == pytest.approx(objective(plain, angle), rel=1e-13 * size)
     random = np.random.default_rng(1)
     drawn = random.uniform(-1.5, 1.5, (20, 3)), random.choice([-1.0, 1.0], 20), random.uniform(-1.5, 1.5, 20)
-    timed = prescribed.given(*drawn)
+    timed = prescribed.candidates_at(*drawn)
     plain_problem, changed_problem = (GivenProblem(target, FullCrankChart()) for target in (plain, changed))
     expected_cost = plain_problem.measured(timed).cost
     np.testing.assert_allclose(changed_problem.measured(timed).cost, expected_cost, rtol=1e-13 * size)
