@@ -135,16 +135,15 @@ def _errors(solution: Solution, units: Units) -> list[tuple[str, str]]:
 def _samples(solution: Solution, units: Units) -> str:
     """Return a table of the requested and made poses; empty for a linkage without a position in the plane."""
     motion, linkage = solution.origin.motion, solution.linkage
-    travel = linkage.motion_travel
+    travel = linkage.sample_travel(motion)
     if motion.position is None or travel is None:
         return ""
-    travel = travel[: len(motion)] / (motion.radian if linkage.plain.driver.turns else 1.0)
     joints = linkage.joints(travel)
     gaps = np.hypot(*(joints.body_point - motion.position).T)
     rotation = np.full(len(motion), np.nan) if motion.rotation is None else motion.rotation
     drive = "crank angle" if linkage.plain.driver.turns else "travel"
     head = ("sample", drive, "x", "y", units.head("rotation", units.angle), "error of position")
-    columns = [np.asarray(travel), *motion.position.T, rotation, gaps]
+    columns = [travel, *motion.position.T, rotation, gaps]
     rows = [
         (str(index + 1), *("-" if np.isnan(value) else number(round(value, 4)) for value in row))
         for index, row in enumerate(np.column_stack(columns).tolist())

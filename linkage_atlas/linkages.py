@@ -263,6 +263,27 @@ class Linkage:
         """Travel of the drive over its motion in radians or lengths, (n,); None without a motion."""
         return None if self._motion is None else self._motion.way
 
+    def sample_travel(self, motion: Motion) -> Floats | None:
+        """Return the travel of the drive with which the linkage was found for a motion, in the motion's unit.
+
+        Parameters
+        ----------
+        motion : Motion
+            A motion of N samples.
+
+        Returns
+        -------
+        ndarray, shape (N,), or None
+            None if the linkage was not found for N samples.
+        """
+        travel, samples = self.motion_travel, len(motion)
+        if travel is None or travel.size not in (
+            samples,
+            samples + 1,
+        ):  # a closed motion continues to its first sample
+            return None
+        return travel[:samples] / (motion.radian if self.plain.driver.turns else 1.0)
+
     @property
     def _unit(self) -> float:
         """Factor from the user's unit of the drive's coordinate to radians; 1 for a length."""

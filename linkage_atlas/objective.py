@@ -46,14 +46,13 @@ def residuals(linkage: Linkage, motion: Motion, travel: ArrayLike | None = None)
     >>> la.residuals(la.FourBar(19, 72, 144, 165), motion).round(9)
     array([0., 0., 0., 0.])
     """
-    samples, plain = motion.requested.samples, linkage.plain
+    plain = linkage.plain
     if motion.free and travel is None and motion.travel is None:
-        found = linkage.motion_travel
-        if found is None or found.size not in (samples, samples + 1):  # a closed motion continues to its first sample
+        travel = linkage.sample_travel(motion)
+        if travel is None:
             raise FieldError(
                 "/travel", "needed: the crank angles are free, so give the travel of the drive at each sample"
             )
-        travel = found[:samples] / (motion.radian if plain.driver.turns else 1.0)
     target = linkage.target_of(motion, travel)
     body = plain.body(plain.start + target.crank)
     parts = []

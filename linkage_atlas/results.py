@@ -46,7 +46,7 @@ class Report(Record):
 class Result(Record, Ranked[Solution]):
     """Reply of `linkage_atlas.synthesize`: solutions, best first, and a report.
 
-    ``result[0]``, ``len(result)`` and ``for solution in result`` are those of ``solutions``; a result without any is false.
+    ``result[0]``, ``len(result)`` and ``for solution in result`` act on ``solutions``; a result without solutions is false.
 
     ``status`` is "reached" (a solution satisfies the tolerances of every sample; without tolerances, its objective is below
     the tolerance), "closest", "infeasible" (none within the limits) or "unknown" (none was found before the time was up).

@@ -8,7 +8,7 @@ from typing import Any
 
 _LONGEST_NAME = 40
 _SAME_NAME = 0.9
-"""Similarity from which a name of another object is taken for the one that was meant."""
+"""Similarity above which the name of a field of another object is suggested."""
 
 
 def field_in_words(field: str) -> str:

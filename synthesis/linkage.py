@@ -250,8 +250,8 @@ class Linkage:
     driver : Driver
         The coordinate of the first guide that is driven.
     branch : int
-        The sign of sin mu, +1 or -1. With a hinge on the first of two slots the dimensions decide it. Of a four-bar +1 has the
-        coupler pin to the left of the line from the crank pin to pivot B.
+        The sign of sin mu, +1 or -1. With a hinge on the first of two slots the dimensions decide it. For a four-bar, +1
+        has the coupler pin to the left of the line from the crank pin to pivot B.
     start : float
         The drive's coordinate at the first sample of the motion, in the own frame of the ground: the crank angle of a four-bar is
         measured from its ground line.

@@ -145,6 +145,17 @@ def _objective(answer: Answer) -> Any:
     return answer.errors.objective
 
 
+def distinct_rows(numbers: Floats, apart: float, maximum: int) -> NDArray[np.intp]:
+    """Return the indices of the first rows (n, k) that differ from all before them by more than ``apart`` in some column."""
+    chosen = list[int]()
+    for index, row in enumerate(numbers):
+        if len(chosen) == maximum:
+            break
+        if np.all(np.max(np.abs(numbers[chosen] - row), axis=1, initial=0.0) > apart):
+            chosen.append(index)
+    return np.array(chosen, dtype=np.intp)
+
+
 def distinct(
     answers: Sequence[A],
     top: int,

@@ -110,7 +110,7 @@ export function verdictOf(solution, motion, { places, turns, linkage }) {
     (places[k] ?? 0) <= allowed(pose, "ep", position));
   return {
     order, branch: true, circuit, within_tolerance: limited ? keeps : null,
-      practical_without_collisions: circuit && !broken.length, practical: circuit && !broken.length,
+    practical_without_collisions: circuit && !broken.length, practical: circuit && !broken.length,
     reasons: [...new Set(broken)].map((name) => `${limitName(name)} is not kept`),
   };
 }

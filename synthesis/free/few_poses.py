@@ -43,7 +43,7 @@ from synthesis.free.joint import JointProblem
 from synthesis.limits import Limits, in_family
 from synthesis.mechanism import Box, Placed
 from synthesis.poses import Poses
-from synthesis.ranking import merit
+from synthesis.ranking import distinct_rows, merit
 from synthesis.target import Interval
 from synthesis.work import Work
 
@@ -397,13 +397,7 @@ def exact_four_bars(
 def _regions(family: ExactFamily, candidates: Candidates, maximum: int) -> NDArray[np.intp]:
     """Return the indices of the first candidates that differ from all before them in some pivot or length."""
     numbers = np.stack([*candidates.timed.pose.T, *candidates.lengths.T], axis=1)
-    apart, chosen = family.options.region_size * family.extent, list[int]()
-    for k in range(len(numbers)):
-        if len(chosen) == maximum:
-            break
-        if np.all(np.max(np.abs(numbers[chosen] - numbers[k]), axis=1, initial=0.0) > apart):
-            chosen.append(k)
-    return np.array(chosen, dtype=np.intp)
+    return distinct_rows(numbers, family.options.region_size * family.extent, maximum)
 
 
 def _improved(family: ExactFamily, candidates: Candidates, work: Work) -> Candidates:

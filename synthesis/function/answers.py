@@ -293,7 +293,7 @@ class Generators(FourBar):
 def turning_back(
     target: TargetFunction, output: Callable[[Floats], Floats], tolerance: float
 ) -> tuple[float, float] | None:
-    """Return the total angle by which an output turns back and where it does so most, as a fraction; None if it is monotonic.
+    """Return the total angle by which an output turns back and the fraction at which it does so most; None if it is monotonic.
 
     ``tolerance``: largest step back between two angles that counts as rounding. The result is None if the target turns back.
     """

@@ -28,7 +28,7 @@ from synthesis.function.wanted import TargetFunction
 from synthesis.limits import Limits, in_family
 from synthesis.linkage import Linkage, as_lengths, four_bar
 from synthesis.mechanism import Placed
-from synthesis.ranking import PROPORTION, merit
+from synthesis.ranking import PROPORTION, distinct_rows, merit
 from synthesis.work import Work
 
 HARDLY_BACK = 0.01
@@ -380,13 +380,7 @@ def _following(family: ExactFamily, candidates: Candidates) -> Candidates:
 def _regions(candidates: Candidates, options: FewPairsOptions, maximum: int) -> NDArray[np.intp]:
     """Return the indices of the first candidates that differ from all before them in some length or the branch."""
     numbers = np.column_stack([candidates.lengths / candidates.lengths.max(axis=1, keepdims=True), candidates.branch])
-    chosen = list[int]()
-    for k in range(len(numbers)):
-        if len(chosen) == maximum:
-            break
-        if np.all(np.max(np.abs(numbers[chosen] - numbers[k]), axis=1, initial=0.0) > options.region_size):
-            chosen.append(k)
-    return np.array(chosen, dtype=np.intp)
+    return distinct_rows(numbers, options.region_size, maximum)
 
 
 def _improved(family: ExactFamily, candidates: Candidates, work: Work) -> Candidates:

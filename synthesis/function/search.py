@@ -1,4 +1,4 @@
-"""The search for function generators: that for motions where it serves; else limits, and the least largest error.
+"""Search for function generators: by the search for motions if that applies, otherwise within limits or for the largest error.
 
 Data flow::
 
@@ -74,7 +74,7 @@ class LimitOptions:
     ratio_max: float = 20.0
     """Largest ratio of a length to the ground, and of the ground to a length, for the largest error if no limit is smaller."""
     wide_ratio_max: float = 1e6
-    """The same for least squares."""
+    """The same ratio for least squares."""
     transmission_min: float = 1e-4
     """Smallest transmission angle in radians: where the linkage locks, the output has no derivative."""
     margin: float = 1e-9
@@ -96,7 +96,7 @@ class LimitOptions:
     rounding: float = 1e-12
     """Fraction of the longest length by which rounding may violate a limit."""
     nearby_starts: tuple[float, ...] = (0.0, 0.4, -0.4)
-    """Starts beside that of a solution, in radians: rounded links may be best in another basin."""
+    """Starts relative to the start of a solution, in radians: rounded links may be best in another basin."""
 
 
 OPTIONS = LimitOptions()
@@ -876,9 +876,8 @@ def best_built(
     ordered = sorted(ranked, key=key)
     built = [generator for generator in ordered if generator.linkage.link_ratio <= PROPORTION]
     best = ranked[0] if exact else min(ranked, key=lambda generator: generator.errors.objective)
-    if built and all(
-        generator is not best for generator in built
-    ):  # of those that nobody builds only the best is listed
+    # of the linkages out of proportion, only the best is listed
+    if built and all(generator is not best for generator in built):
         built.insert(0 if best is ordered[0] else 1 if is_usable(best) else top - 1, best)
     return (built or ordered)[:top]
 

@@ -58,7 +58,7 @@ class SlotOptions(RequestModel):
 
 
 class CrescentDimensions(RequestModel):
-    """Dimensions of a crescent, an upper and a lower arc joined by two wheels; missing ones are computed."""
+    """Dimensions of a crescent, an upper and a lower arc joined by two wheels; missing dimensions are computed."""
 
     wheel_radius: Length | None = Field(
         None, description="R0, radius of the wheels; null: pitch/sqrt(2), four pins per turn."
