@@ -36,15 +36,21 @@ export function note(host, sentence) {
 
 /** A table in `host`: `columns` are names or {name, unit}, `rows` lists of values; the first column names its row. */
 export function table(host, title, columns, rows) {
-  const body = build("tbody"), head = build("tr");
+  const body = build("tbody"),
+    head = build("tr");
   for (const column of columns) {
-    const { name, unit } = typeof column === "string" ? { name: column } : column, top = build("th", { scope: "col", textContent: name });
+    const { name, unit } = typeof column === "string" ? { name: column } : column,
+      top = build("th", { scope: "col", textContent: name });
     if (unit) top.append(" ", build("span", { className: "unit", textContent: unit }));
     head.append(top);
   }
   const cell = (value, k) => {
     const shown = words(value);
-    return build(k ? "td" : "th", { textContent: shown, className: shown.length > LONG ? "long" : "", ...(k ? {} : { scope: "row" }) });
+    return build(k ? "td" : "th", {
+      textContent: shown,
+      className: shown.length > LONG ? "long" : "",
+      ...(k ? {} : { scope: "row" }),
+    });
   };
   for (const row of rows.slice(0, ROWS)) body.append(build("tr", {}, ...row.map(cell)));
   const scroll = build("div", { className: "scroll", tabIndex: 0 }, build("table", {}, build("thead", {}, head), body));
@@ -77,17 +83,29 @@ document.addEventListener("themechange", () => {
  */
 export function curves(host, { x, xUnit = "", list }) {
   const block = build("div", { className: list.length > 1 ? "curves-list" : "curves-list one" });
-  let charts = [], at = null;
+  let charts = [],
+    at = null;
   const mark = (value) => {
     at = value;
     for (const chart of charts) chart.mark(value);
   };
-  const curve = { width: 0, draw() {
-    block.replaceChildren();
-    curve.width = width(block);
-    charts = list.map(({ title, unit, values, colour = "body", series = [{ values, colour }], ...more }) => titledChart(block, unit ? `${title}, ${unit}` : title, { x, series, degreesX: xUnit === "°", xName: xUnit && xUnit !== "°" ? ` ${xUnit}` : "", ...more }));
-    if (at !== null) mark(at);
-  } };
+  const curve = {
+    width: 0,
+    draw() {
+      block.replaceChildren();
+      curve.width = width(block);
+      charts = list.map(({ title, unit, values, colour = "body", series = [{ values, colour }], ...more }) =>
+        titledChart(block, unit ? `${title}, ${unit}` : title, {
+          x,
+          series,
+          degreesX: xUnit === "°",
+          xName: xUnit && xUnit !== "°" ? ` ${xUnit}` : "",
+          ...more,
+        }),
+      );
+      if (at !== null) mark(at);
+    },
+  };
   host.append(block);
   for (const old of [...drawn.keys()]) if (!old.isConnected) drawn.delete(old);
   drawn.set(block, curve);
@@ -96,39 +114,81 @@ export function curves(host, { x, xUnit = "", list }) {
   return mark;
 }
 
-const isNumbers = (value) => Array.isArray(value) && value.length > 0 && value.every((part) => part === null || typeof part === "number");
-const isRows = (value) => Array.isArray(value) && value.length > 0 && value.every((part) => part && typeof part === "object" && !Array.isArray(part));
-const isPoints = (value) => Array.isArray(value) && value.length > 0 && value.every((part) => isNumbers(part) && part.length === value[0].length && part.length <= 4);
+const isNumbers = (value) =>
+  Array.isArray(value) && value.length > 0 && value.every((part) => part === null || typeof part === "number");
+const isRows = (value) =>
+  Array.isArray(value) &&
+  value.length > 0 &&
+  value.every((part) => part && typeof part === "object" && !Array.isArray(part));
+const isPoints = (value) =>
+  Array.isArray(value) &&
+  value.length > 0 &&
+  value.every((part) => isNumbers(part) && part.length === value[0].length && part.length <= 4);
 const said = (path) => path.replaceAll("_", " ");
 
 /** A flat row {name: value} of an object in an object. */
 function flat(value, name = "") {
   if (value === null || typeof value !== "object") return { [name]: value };
-  if (Array.isArray(value)) return { [name]: value.every((part) => typeof part !== "object" || part === null) ? value : value.map((part) => Object.values(flat(part)).map((inner) => words(inner)).join(" ")).join("; ") };
-  return Object.assign({}, ...Object.entries(value).map(([key, inner]) => flat(inner, name ? `${name} · ${key}` : key)));
+  if (Array.isArray(value))
+    return {
+      [name]: value.every((part) => typeof part !== "object" || part === null)
+        ? value
+        : value
+            .map((part) =>
+              Object.values(flat(part))
+                .map((inner) => words(inner))
+                .join(" "),
+            )
+            .join("; "),
+    };
+  return Object.assign(
+    {},
+    ...Object.entries(value).map(([key, inner]) => flat(inner, name ? `${name} · ${key}` : key)),
+  );
 }
 
 /** Every number of a reply in `host`: single ones as figures, lists of one length as the columns of one table. */
 export function everything(host, reply) {
-  const single = [], columns = new Map(), tables = [];
+  const single = [],
+    columns = new Map(),
+    tables = [];
   const column = (path, values) => {
     const group = columns.get(values.length) ?? [];
     columns.set(values.length, [...group, [said(path), values]]);
   };
   const walk = (value, path) => {
     if (value === null) single.push([said(path), null]);
-    else if (isPoints(value) && value.length > 1) value[0].forEach((_, k) => column(`${path} ${"xyzw"[k]}`, value.map((part) => part[k])));
+    else if (isPoints(value) && value.length > 1)
+      value[0].forEach((_, k) =>
+        column(
+          `${path} ${"xyzw"[k]}`,
+          value.map((part) => part[k]),
+        ),
+      );
     else if (isRows(value)) tables.push([path, value.map((row) => flat(row))]);
     else if (isNumbers(value) && value.length > LISTED) column(path, value);
-    else if (Array.isArray(value) && value.some((part) => part && typeof part === "object")) value.forEach((part, k) => walk(part, `${path} ${k + 1}`));
-    else if (typeof value === "object" && !Array.isArray(value)) for (const [key, inner] of Object.entries(value)) walk(inner, path ? `${path} · ${key}` : key);
+    else if (Array.isArray(value) && value.some((part) => part && typeof part === "object"))
+      value.forEach((part, k) => walk(part, `${path} ${k + 1}`));
+    else if (typeof value === "object" && !Array.isArray(value))
+      for (const [key, inner] of Object.entries(value)) walk(inner, path ? `${path} · ${key}` : key);
     else single.push([said(path), value]);
   };
   walk(reply, "");
   if (single.length) facts(host, single);
   for (const [path, rows] of tables) {
     const names = [...new Set(rows.flatMap((row) => Object.keys(row)))];
-    table(host, said(path), ["", ...names.map(said)], rows.map((row, k) => [k + 1, ...names.map((name) => row[name])]));
+    table(
+      host,
+      said(path),
+      ["", ...names.map(said)],
+      rows.map((row, k) => [k + 1, ...names.map((name) => row[name])]),
+    );
   }
-  for (const [count, group] of columns) table(host, counted(count, "row"), ["", ...group.map(([name]) => name)], Array.from({ length: Math.min(count, ROWS + 1) }, (_, k) => [k + 1, ...group.map(([, values]) => values[k])]));
+  for (const [count, group] of columns)
+    table(
+      host,
+      counted(count, "row"),
+      ["", ...group.map(([name]) => name)],
+      Array.from({ length: Math.min(count, ROWS + 1) }, (_, k) => [k + 1, ...group.map(([, values]) => values[k])]),
+    );
 }

@@ -6,9 +6,30 @@ import { PATH_POINTS, Pen } from "./pen.js";
 import { Poses } from "./poses.js";
 import { drawBody, drawBox, drawCurves, drawGhosts, drawGrid, drawOverlay, drawWay } from "./scenery.js";
 
-const LAYERS = ["grid", "box", "way", "overlay", "ghosts", "curves", "plates", "targets", "linkage", "body", "drive", "poses", "pen"];
+const LAYERS = [
+  "grid",
+  "box",
+  "way",
+  "overlay",
+  "ghosts",
+  "curves",
+  "plates",
+  "targets",
+  "linkage",
+  "body",
+  "drive",
+  "poses",
+  "pen",
+];
 const CLICK = 4; // pixels: a press that moves less is a click
-const EMPTY = (item) => ({ move: `No ${item}s yet: draw a path or add ${item}s`, add: `Click the place of the first ${item}`, path: "Draw a path here", box: "Drag a box for both fixed pivots", hand: "", outline: "Click the corners of the body" });
+const EMPTY = (item) => ({
+  move: `No ${item}s yet: draw a path or add ${item}s`,
+  add: `Click the place of the first ${item}`,
+  path: "Draw a path here",
+  box: "Drag a box for both fixed pivots",
+  hand: "",
+  outline: "Click the corners of the body",
+});
 const HELP = (item, turns) => ({
   move: `Drag a ${item}${turns ? ", or the end of its arm to turn it" : ""}; drag the ground to move the view. Keys: arrows move, ${turns ? "[ and ] turn, " : ""}Page Up and Down select, Enter adds one, Delete removes.`,
   add: `Click the place of the next ${item}; drag one to move it. Keys: Add a ${item}, then arrows move it, and Enter adds the next.`,
@@ -26,13 +47,31 @@ const SMALL = 1e-9;
  */
 export class Board {
   constructor(svg, help, actions) {
-    Object.assign(this, { svg, help, actions, view: new View(600, 400), mode: "move", chosen: 0, fitted: false, moved: false, stale: false, held: false, others: [], corners: [], redrawn: [], seen: [] });
+    Object.assign(this, {
+      svg,
+      help,
+      actions,
+      view: new View(600, 400),
+      mode: "move",
+      chosen: 0,
+      fitted: false,
+      moved: false,
+      stale: false,
+      held: false,
+      others: [],
+      corners: [],
+      redrawn: [],
+      seen: [],
+    });
     Object.assign(this, { motion: null, linkage: null, joints: null, ghosts: false, snap: false });
     for (const layer of LAYERS) this[`${layer}Layer`] = make("g", { "data-layer": layer }, svg);
     this.shape = new LinkageShape(this.linkageLayer);
     this.shape.show(null);
-    this.poses = new Poses(this.posesLayer, (k) => { if (this.chosen !== k) actions.choose(k); });
-    for (const [name, dot] of Object.entries(this.shape.joints)) dot.addEventListener("keydown", (event) => this.#move(name, event));
+    this.poses = new Poses(this.posesLayer, (k) => {
+      if (this.chosen !== k) actions.choose(k);
+    });
+    for (const [name, dot] of Object.entries(this.shape.joints))
+      dot.addEventListener("keydown", (event) => this.#move(name, event));
     this.setMode("move");
     new ResizeObserver(() => this.#resize()).observe(svg);
     svg.addEventListener("pointerdown", (event) => this.#press(event));
@@ -70,10 +109,12 @@ export class Board {
     this.svg.dataset.mode = mode;
     this.#explain();
     // joints that can be moved are there for screen readers and the tab key too
-    const { group, joints } = this.shape, movable = mode === "hand";
+    const { group, joints } = this.shape,
+      movable = mode === "hand";
     put(group, { "aria-hidden": String(!movable) });
     for (const [name, dot] of Object.entries(joints)) {
-      if (movable) put(dot, { tabindex: 0, role: "button", "aria-label": `Joint ${name.toUpperCase()}, moved by the arrow keys` });
+      if (movable)
+        put(dot, { tabindex: 0, role: "button", "aria-label": `Joint ${name.toUpperCase()}, moved by the arrow keys` });
       else for (const attribute of ["tabindex", "role", "aria-label"]) dot.removeAttribute(attribute);
     }
     if (this.motion) this.draw();
@@ -107,13 +148,18 @@ export class Board {
   showJoints(joints) {
     this.joints = joints;
     this.shape.show(this.linkage ? joints : null, this.view, !this.motion || wantsAngles(this.motion));
-    if (this.motion?.outline || this.bodyLayer.childElementCount) drawBody(this.bodyLayer, this.motion?.outline, this.linkage && joints, this.view);
+    if (this.motion?.outline || this.bodyLayer.childElementCount)
+      drawBody(this.bodyLayer, this.motion?.outline, this.linkage && joints, this.view);
     for (const after of this.seen) after();
   }
 
-  get hasPlaces() { return this.motion && wantsPlaces(this.motion); }
+  get hasPlaces() {
+    return this.motion && wantsPlaces(this.motion);
+  }
 
-  get places() { return this.motion ? placesOf(this.motion) : []; }
+  get places() {
+    return this.motion ? placesOf(this.motion) : [];
+  }
 
   /** Points of what drives the linkage. */
   driven = () => [];
@@ -138,7 +184,12 @@ export class Board {
     if (box && this.hasPlaces) points.push([box[0], box[1]], [box[2], box[3]]);
     if (this.linkage) for (const j of this.linkage.used) if (j) points.push(j.a, j.b, j.c, j.d, j.p);
     if (this.linkage && !this.stale) points.push(...this.driven());
-    if (this.hasPlaces && points.length && points.every((point) => point && point[0] === points[0][0] && point[1] === points[0][1])) points.push([points[0][0] + 50, points[0][1] + 50], [points[0][0] - 50, points[0][1] - 50]);
+    if (
+      this.hasPlaces &&
+      points.length &&
+      points.every((point) => point && point[0] === points[0][0] && point[1] === points[0][1])
+    )
+      points.push([points[0][0] + 50, points[0][1] + 50], [points[0][0] - 50, points[0][1] - 50]);
     this.view.fit([...points, ...more], this.view.width < 500 ? 38 : 52);
     this.draw();
   }
@@ -197,20 +248,29 @@ export class Board {
 
   #press(event) {
     if (event.button !== 0) return;
-    const [px, py] = this.#pixel(event), { target } = event;
-    const held = target.closest(".pose"), joint = target.getAttribute("data-joint"), corner = target.getAttribute("data-corner");
+    const [px, py] = this.#pixel(event),
+      { target } = event;
+    const held = target.closest(".pose"),
+      joint = target.getAttribute("data-joint"),
+      corner = target.getAttribute("data-corner");
     if (this.mode === "path") this.#trace(event, px, py);
     else if (this.mode === "outline") this.#click(event, px, py, () => this.#addCorner(px, py));
     else if (this.mode === "hand" && joint && this.joints) this.#dragJoint(event, joint, px, py);
     else if (held && (this.mode === "move" || this.mode === "add")) this.#dragPose(event, held, px, py);
-    else if (this.mode === "move" && this.#isPivot(joint) && !this.stale) this.#dragJoint(event, joint, px, py, this.actions.pivot);
+    else if (this.mode === "move" && this.#isPivot(joint) && !this.stale)
+      this.#dragJoint(event, joint, px, py, this.actions.pivot);
     else if (corner && this.hasPlaces) {
-      const [i, j] = corner.split(" ").map(Number), { box } = this.motion.limits;
+      const [i, j] = corner.split(" ").map(Number),
+        { box } = this.motion.limits;
       this.#dragBox(event, [box[2 - i], box[4 - j]], [box[i], box[j]], [px, py]);
     } else if (this.mode === "box" && this.hasPlaces) {
       const first = this.place(px, py);
       this.#dragBox(event, first, first, [px, py]);
-    } else if (this.mode === "add" && this.hasPlaces) this.#click(event, px, py, () => { this.fitted = false; this.actions.add(this.place(px, py)); });
+    } else if (this.mode === "add" && this.hasPlaces)
+      this.#click(event, px, py, () => {
+        this.fitted = false;
+        this.actions.add(this.place(px, py));
+      });
     else this.#click(event, px, py, () => {});
   }
 
@@ -218,37 +278,51 @@ export class Board {
   #click(event, px, py, clicked) {
     const { cx, cy, scale } = this.view;
     let moved = false;
-    this.follow(event, (qx, qy) => {
-      moved ||= Math.hypot(qx - px, qy - py) > CLICK;
-      if (!moved) return;
-      Object.assign(this.view, { cx: cx - (qx - px) / scale, cy: cy + (qy - py) / scale });
-      Object.assign(this, { fitted: false, moved: true });
-      this.draw();
-    }, (cancelled) => { if (!moved && !cancelled) clicked(); });
+    this.follow(
+      event,
+      (qx, qy) => {
+        moved ||= Math.hypot(qx - px, qy - py) > CLICK;
+        if (!moved) return;
+        Object.assign(this.view, { cx: cx - (qx - px) / scale, cy: cy + (qy - py) / scale });
+        Object.assign(this, { fitted: false, moved: true });
+        this.draw();
+      },
+      (cancelled) => {
+        if (!moved && !cancelled) clicked();
+      },
+    );
   }
 
   #dragPose(event, held, px, py) {
-    const k = Number(held.dataset.pose), turning = event.target.hasAttribute("data-turner");
+    const k = Number(held.dataset.pose),
+      turning = event.target.hasAttribute("data-turner");
     this.actions.choose(k);
     held.focus({ preventScroll: true });
-    const pose = this.motion.poses[k], origin = [pose.x, pose.y], { angle } = pose;
-    this.follow(event, (...to) => this.actions.edit((motion) => {
-      const moved = motion.poses[k];
-      if (!moved) return;
-      if (turning) moved.angle = to[0] === px && to[1] === py ? angle : this.#angle(moved, to);
-      else [moved.x, moved.y] = this.#dragged(origin, [px, py], to);
-    }, `drag ${k}`));
+    const pose = this.motion.poses[k],
+      origin = [pose.x, pose.y],
+      { angle } = pose;
+    this.follow(event, (...to) =>
+      this.actions.edit((motion) => {
+        const moved = motion.poses[k];
+        if (!moved) return;
+        if (turning) moved.angle = to[0] === px && to[1] === py ? angle : this.#angle(moved, to);
+        else [moved.x, moved.y] = this.#dragged(origin, [px, py], to);
+      }, `drag ${k}`),
+    );
   }
 
   /** The angle of a pose whose arm is pulled to a pixel: of the equal directions the nearest to its angle, so that whole turns stay. */
   #angle({ x, y, angle }, [qx, qy]) {
-    const [px, py] = this.view.at([x, y]), found = (Math.atan2(py - qy, qx - px) * 180) / Math.PI;
+    const [px, py] = this.view.at([x, y]),
+      found = (Math.atan2(py - qy, qx - px) * 180) / Math.PI;
     const near = found + 360 * Math.round((angle - found) / 360);
     return this.snap ? Math.round(near) : Number(near.toFixed(1));
   }
 
   /** Whether a joint is a pivot of the linkage on the ground. */
-  #isPivot(joint) { return Boolean(this.joints?.[joint]) && this.joints.fixed[["a", "b"].indexOf(joint)]; }
+  #isPivot(joint) {
+    return Boolean(this.joints?.[joint]) && this.joints.fixed[["a", "b"].indexOf(joint)];
+  }
 
   #dragJoint(event, joint, px, py, move = this.actions.hand) {
     const start = this.joints[joint];
@@ -258,22 +332,28 @@ export class Board {
   /** A drag draws a path, which begins a new motion; a tap adds a point to the path that there is. */
   #trace(event, px, py) {
     const pen = new Pen(this.penLayer, px, py);
-    this.follow(event, (qx, qy) => pen.move(qx, qy), (cancelled) => {
-      const { points, closed } = pen.end();
-      if (cancelled) return;
-      this.fitted = false;
-      const places = points.map(([x, y]) => this.place(x, y));
-      if (places.length === 1 && !wantsAngles(this.motion) && this.motion.poses.length) this.actions.add(places[0]);
-      else this.actions.draw(places, closed);
-    });
+    this.follow(
+      event,
+      (qx, qy) => pen.move(qx, qy),
+      (cancelled) => {
+        const { points, closed } = pen.end();
+        if (cancelled) return;
+        this.fitted = false;
+        const places = points.map(([x, y]) => this.place(x, y));
+        if (places.length === 1 && !wantsAngles(this.motion) && this.motion.poses.length) this.actions.add(places[0]);
+        else this.actions.draw(places, closed);
+      },
+    );
   }
 
   /** Drags the corner of the pivot box that lies opposite to [x, y]. */
   #dragBox(event, [x, y], corner, from) {
-    this.follow(event, (...to) => this.actions.edit((motion) => {
-      const [u, v] = this.#dragged(corner, from, to);
-      motion.limits.box = [Math.min(x, u), Math.min(y, v), Math.max(x, u), Math.max(y, v)];
-    }, "box"));
+    this.follow(event, (...to) =>
+      this.actions.edit((motion) => {
+        const [u, v] = this.#dragged(corner, from, to);
+        motion.limits.box = [Math.min(x, u), Math.min(y, v), Math.max(x, u), Math.max(y, v)];
+      }, "box"),
+    );
   }
 
   /** Calls `move(px, py)` while the pointer is held, then `end(cancelled)`. */
@@ -282,7 +362,9 @@ export class Board {
     const { pointerId } = event;
     this.svg.setPointerCapture(pointerId);
     this.held = true;
-    const moved = (at) => { if (at.pointerId === pointerId) move(...this.#pixel(at)); };
+    const moved = (at) => {
+      if (at.pointerId === pointerId) move(...this.#pixel(at));
+    };
     const done = (at) => {
       if (at.pointerId !== pointerId) return;
       for (const name of ["pointerup", "pointercancel"]) this.svg.removeEventListener(name, done);
@@ -298,24 +380,42 @@ export class Board {
 
   #addCorner(px, py) {
     const first = this.corners[0] && this.view.at(this.corners[0]);
-    if (first && this.corners.length > 2 && Math.hypot(first[0] - px, first[1] - py) < 10) { this.#closeOutline(); return; }
+    if (first && this.corners.length > 2 && Math.hypot(first[0] - px, first[1] - py) < 10) {
+      this.#closeOutline();
+      return;
+    }
     this.corners.push(this.place(px, py));
     this.#drawCorners();
   }
 
   #drawCorners() {
     this.penLayer.replaceChildren();
-    if (this.corners.length) make("path", { class: "pen", d: `M${this.corners.map((corner) => this.view.at(corner).join(" ")).join("L")}` }, this.penLayer);
-    for (const corner of this.corners) make("circle", { class: "corner", cx: this.view.x(corner[0]), cy: this.view.y(corner[1]), r: 4 }, this.penLayer);
+    if (this.corners.length)
+      make(
+        "path",
+        { class: "pen", d: `M${this.corners.map((corner) => this.view.at(corner).join(" ")).join("L")}` },
+        this.penLayer,
+      );
+    for (const corner of this.corners)
+      make("circle", { class: "corner", cx: this.view.x(corner[0]), cy: this.view.y(corner[1]), r: 4 }, this.penLayer);
   }
 
   #closeOutline() {
-    const pose = this.motion.poses[this.chosen], [x, y] = placeOf(pose) ?? [0, 0], turn = (-(pose.angle ?? 0) * Math.PI) / 180;
-    const cosine = Math.cos(turn), sine = Math.sin(turn);
-    const line = [...this.corners, this.corners[0]].map(([u, v]) => [cosine * (u - x) - sine * (v - y), sine * (u - x) + cosine * (v - y)].map((value) => Number(value.toPrecision(6))));
+    const pose = this.motion.poses[this.chosen],
+      [x, y] = placeOf(pose) ?? [0, 0],
+      turn = (-(pose.angle ?? 0) * Math.PI) / 180;
+    const cosine = Math.cos(turn),
+      sine = Math.sin(turn);
+    const line = [...this.corners, this.corners[0]].map(([u, v]) =>
+      [cosine * (u - x) - sine * (v - y), sine * (u - x) + cosine * (v - y)].map((value) =>
+        Number(value.toPrecision(6)),
+      ),
+    );
     this.corners = [];
     this.penLayer.replaceChildren();
-    this.actions.edit((motion) => { motion.outline = [line]; });
+    this.actions.edit((motion) => {
+      motion.outline = [line];
+    });
   }
 
   // -- keys --
@@ -330,17 +430,26 @@ export class Board {
     const by = this.nudge(event);
     if (!by || !this.joints) return;
     event.preventDefault();
-    this.actions.hand(name, this.joints[name].map((value, i) => value + by[i]));
+    this.actions.hand(
+      name,
+      this.joints[name].map((value, i) => value + by[i]),
+    );
   }
 
   #key(event) {
-    if (this.mode === "outline" && event.key === "Enter" && this.corners.length > 2) { this.#closeOutline(); event.preventDefault(); return; }
+    if (this.mode === "outline" && event.key === "Enter" && this.corners.length > 2) {
+      this.#closeOutline();
+      event.preventDefault();
+      return;
+    }
     const held = event.target.closest?.(".pose");
     if (!held || event.ctrlKey || event.metaKey || event.altKey) return;
     const k = Number(held.dataset.pose);
-    const by = this.nudge(event), turn = (event.shiftKey ? 10 : 1) * ({ "[": 1, "{": 1, "]": -1, "}": -1 }[event.key] ?? 0);
+    const by = this.nudge(event),
+      turn = (event.shiftKey ? 10 : 1) * ({ "[": 1, "{": 1, "]": -1, "}": -1 }[event.key] ?? 0);
     if (by || turn) {
-      const [dx, dy] = by ?? [0, 0], tidy = (value) => Number((Math.abs(value) < SMALL * this.step ? 0 : value).toPrecision(12));
+      const [dx, dy] = by ?? [0, 0],
+        tidy = (value) => Number((Math.abs(value) < SMALL * this.step ? 0 : value).toPrecision(12));
       this.actions.edit((motion) => {
         const pose = motion.poses[k];
         pose.x = tidy(pose.x + dx);

@@ -7,7 +7,8 @@ const SHARES = { weight_rotation: "wr", weight_position: "wp", tolerance_rotatio
 
 /** `motion` with the samples of a table that was read for "synthesize". */
 export function withSamples(motion, { request, length_unit: unit }) {
-  const found = fromRequest(request), next = { ...clone(motion), poses: found.poses, wanted: found.wanted };
+  const found = fromRequest(request),
+    next = { ...clone(motion), poses: found.poses, wanted: found.wanted };
   if (UNITS.includes(unit)) next.unit = unit;
   if (found.timing === "free") {
     takeTiming(next, wantsPlaces(next) ? "free" : "even");
@@ -22,15 +23,21 @@ export function withSamples(motion, { request, length_unit: unit }) {
 
 /** The poses as CSV, with crank angles only if they are given. */
 export function toCsv(motion) {
-  const { poses, direction } = motion, columns = [];
+  const { poses, direction } = motion,
+    columns = [];
   if (motion.timing !== "free") {
     const timed = clone(motion);
     fixTravels(timed);
     columns.push(["crank", (_, k) => direction * timed.poses[k].t]);
   }
-  if (wantsPlaces(motion)) columns.push([`x [${motion.unit}]`, (pose) => placeOf(pose)?.[0]], [`y [${motion.unit}]`, (pose) => placeOf(pose)?.[1]]);
+  if (wantsPlaces(motion))
+    columns.push(
+      [`x [${motion.unit}]`, (pose) => placeOf(pose)?.[0]],
+      [`y [${motion.unit}]`, (pose) => placeOf(pose)?.[1]],
+    );
   if (wantsAngles(motion)) columns.push(["angle", (pose) => pose.angle]);
-  for (const [name, key] of Object.entries(SHARES)) if (poses.some((pose) => pose[key] !== undefined)) columns.push([name, (pose) => pose[key]]);
+  for (const [name, key] of Object.entries(SHARES))
+    if (poses.some((pose) => pose[key] !== undefined)) columns.push([name, (pose) => pose[key]]);
   const lines = poses.map((pose, k) => columns.map(([, value]) => value(pose, k) ?? "").join(","));
   return [columns.map(([name]) => name).join(","), ...lines, ""].join("\n");
 }

@@ -8,21 +8,34 @@ const EITHER = /^([-+−]?[1-9]\d{0,2}),(\d{3})$/; // a thousand or one
 /** A typed number, decimal comma or point; null for an empty entry, NaN for what is none or may be two. */
 export function typed(entry) {
   const plain = entry.trim();
-  return plain === "" ? null : EITHER.test(plain) ? NaN : Number(plain.replaceAll("−", "-").replace(/^([-+]?\d*),(\d+)/, "$1.$2"));
+  return plain === ""
+    ? null
+    : EITHER.test(plain)
+      ? NaN
+      : Number(plain.replaceAll("−", "-").replace(/^([-+]?\d*),(\d+)/, "$1.$2"));
 }
 
 /** Why an entry is no number. */
-export const unreadable = (entry) => (EITHER.test(entry.trim()) ? entry.trim().replace(EITHER, "“$&” may be $1$2 or $1.$2") : `“${entry.trim().slice(0, 20)}” is not a number`);
+export const unreadable = (entry) =>
+  EITHER.test(entry.trim())
+    ? entry.trim().replace(EITHER, "“$&” may be $1$2 or $1.$2")
+    : `“${entry.trim().slice(0, 20)}” is not a number`;
 
 /** Rows of numbers that a spreadsheet has copied, each of at most `width` cells; null for an empty cell. Throws Error naming row and cell. */
 export function pastedRows(content, width) {
   const lines = content.replace(/[\r\n]+$/, "").split(/\r\n|\r|\n/);
   return lines.map((line, n) => {
     const cells = line.split("\t");
-    if (cells.length > width) throw new Error(`The pasted row ${n + 1} has ${cells.length} cells, and there ${width === 1 ? "is 1 column" : `are ${width} columns`} from here on. For a whole table use Paste above.`);
+    if (cells.length > width)
+      throw new Error(
+        `The pasted row ${n + 1} has ${cells.length} cells, and there ${width === 1 ? "is 1 column" : `are ${width} columns`} from here on. For a whole table use Paste above.`,
+      );
     return cells.map((cell, k) => {
       const value = typed(cell.replace(/\s*°$/, ""));
-      if (Number.isNaN(value)) throw new Error(`Pasted row ${n + 1}, cell ${k + 1}: ${unreadable(cell)}. For rows with heads use Paste above.`);
+      if (Number.isNaN(value))
+        throw new Error(
+          `Pasted row ${n + 1}, cell ${k + 1}: ${unreadable(cell)}. For rows with heads use Paste above.`,
+        );
       return value;
     });
   });
@@ -42,7 +55,10 @@ export function wrong(value, entry, { range: [low, high], needed, whole }) {
 /** Marks a field as wrong, for the reason in the element `note`, or takes the mark away. */
 export function markWrong(field, isWrong, note) {
   field.classList.toggle("invalid", isWrong);
-  for (const [name, value] of [["aria-invalid", "true"], ["aria-describedby", note]]) {
+  for (const [name, value] of [
+    ["aria-invalid", "true"],
+    ["aria-describedby", note],
+  ]) {
     if (isWrong) field.setAttribute(name, value);
     else field.removeAttribute(name);
   }
@@ -50,8 +66,10 @@ export function markWrong(field, isWrong, note) {
 
 /** The number in a field; what is wrong with it the browser says as of its own fields: in red, and when the form is sent. */
 function check(field) {
-  const { least, most, whole } = field.dataset, range = [least === "above 0" ? Number.MIN_VALUE : Number(least ?? -1e50), Number(most ?? 1e50)];
-  const value = typed(field.value), asked = !field.disabled && !field.closest("[hidden]");
+  const { least, most, whole } = field.dataset,
+    range = [least === "above 0" ? Number.MIN_VALUE : Number(least ?? -1e50), Number(most ?? 1e50)];
+  const value = typed(field.value),
+    asked = !field.disabled && !field.closest("[hidden]");
   const fault = asked ? wrong(value, field.value, { range, needed: field.required, whole: whole !== undefined }) : null;
   field.setCustomValidity(fault ? `${capital(fault)}.` : "");
   return fault || Number.isNaN(value) ? null : value;
@@ -67,7 +85,9 @@ export function startNumbers() {
 
 /** The number in a field with `data-number`, null where it is empty or not asked for. Throws Error where it cannot be used. */
 export function numberIn(id) {
-  const field = $(id), value = check(field);
-  if (field.validity.customError) throw new Error(`${field.labels[0].textContent.trim().replace(/\s+/g, " ")}: ${field.validationMessage}`);
+  const field = $(id),
+    value = check(field);
+  if (field.validity.customError)
+    throw new Error(`${field.labels[0].textContent.trim().replace(/\s+/g, " ")}: ${field.validationMessage}`);
   return value;
 }

@@ -3,18 +3,25 @@
 
 import { $ } from "./shell.js";
 
-const when = (at) => new Date(at).toLocaleString("en-GB", { day: "numeric", month: "long", hour: "2-digit", minute: "2-digit" });
+const when = (at) =>
+  new Date(at).toLocaleString("en-GB", { day: "numeric", month: "long", hour: "2-digit", minute: "2-digit" });
 
 export class Draft {
   /** A page has one under its own `name`; `open(content)` shows it or throws, `leave()` shows something else. */
   constructor(name, open, leave) {
     Object.assign(this, { name, open, leave, kept: null, text: null, shown: false, resumes: false });
     try {
-      const own = sessionStorage.getItem(name), { at, content } = JSON.parse(own ?? localStorage.getItem(name));
+      const own = sessionStorage.getItem(name),
+        { at, content } = JSON.parse(own ?? localStorage.getItem(name));
       if (Number.isFinite(new Date(at).getTime())) this.#take(at, content);
       this.resumes = own !== null;
-    } catch { /* none, none that can be read, or the store is blocked */ }
-    $("draft-open").addEventListener("click", () => { this.restore(); $("solve").focus(); });
+    } catch {
+      /* none, none that can be read, or the store is blocked */
+    }
+    $("draft-open").addEventListener("click", () => {
+      this.restore();
+      $("solve").focus();
+    });
     $("draft-discard").addEventListener("click", () => {
       const { shown } = this;
       this.drop();
@@ -23,7 +30,9 @@ export class Draft {
     });
   }
 
-  #take(at, content) { Object.assign(this, { kept: { at, content }, text: JSON.stringify(content) }); }
+  #take(at, content) {
+    Object.assign(this, { kept: { at, content }, text: JSON.stringify(content) });
+  }
 
   /** Forgets the draft. */
   drop() {
@@ -32,12 +41,16 @@ export class Draft {
     try {
       if (localStorage.getItem(name) === JSON.stringify(kept)) localStorage.removeItem(name);
       sessionStorage.setItem(name, "null"); // that of another tab does not come in its place
-    } catch { /* the store is blocked */ }
+    } catch {
+      /* the store is blocked */
+    }
     this.#say();
   }
 
   /** When the draft was stored. */
-  get date() { return when(this.kept.at); }
+  get date() {
+    return when(this.kept.at);
+  }
 
   /** Shows the draft; false if there is none that can be read. */
   restore() {
@@ -60,7 +73,9 @@ export class Draft {
         localStorage.setItem(this.name, JSON.stringify({ at, content }));
         this.#take(at, JSON.parse(text));
         sessionStorage.setItem(this.name, JSON.stringify({ at, content }));
-      } catch { /* the store is blocked or full: what was kept before stays */ }
+      } catch {
+        /* the store is blocked or full: what was kept before stays */
+      }
     }
     this.shown = text === this.text;
     this.#say();
@@ -70,6 +85,8 @@ export class Draft {
     $("draft").hidden = !this.kept;
     if (!this.kept) return;
     $("draft-open").hidden = this.shown;
-    $("draft-text").textContent = this.shown ? `Draft, kept in this browser (${this.date}).` : `A draft of ${this.date} is kept in this browser; it is replaced once you change what is shown here.`;
+    $("draft-text").textContent = this.shown
+      ? `Draft, kept in this browser (${this.date}).`
+      : `A draft of ${this.date} is kept in this browser; it is replaced once you change what is shown here.`;
   }
 }

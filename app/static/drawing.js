@@ -12,7 +12,8 @@ export function make(name, attributes = {}, parent = null) {
 }
 
 export function put(made, attributes) {
-  for (const [key, value] of Object.entries(attributes)) if (made.getAttribute(key) !== String(value)) made.setAttribute(key, value);
+  for (const [key, value] of Object.entries(attributes))
+    if (made.getAttribute(key) !== String(value)) made.setAttribute(key, value);
 }
 
 /** An HTML element with a class and text. */
@@ -40,7 +41,8 @@ export function namedRows(rows) {
 
 /** A sign, which screen readers skip, and what it stands for. */
 export function signed(name, className, sign, words) {
-  const made = element(name, className), symbol = element("span", "sign", sign);
+  const made = element(name, className),
+    symbol = element("span", "sign", sign);
   symbol.setAttribute("aria-hidden", "true");
   made.append(symbol, ` ${words}`);
   return made;
@@ -58,25 +60,37 @@ export class View {
     Object.assign(this, { width, height, cx: 0, cy: 0, scale: 1 });
   }
 
-  x(value) { return within((value - this.cx) * this.scale + this.width / 2); }
+  x(value) {
+    return within((value - this.cx) * this.scale + this.width / 2);
+  }
 
-  y(value) { return within(this.height / 2 - (value - this.cy) * this.scale); }
+  y(value) {
+    return within(this.height / 2 - (value - this.cy) * this.scale);
+  }
 
-  at([x, y]) { return [this.x(x), this.y(y)]; }
+  at([x, y]) {
+    return [this.x(x), this.y(y)];
+  }
 
-  world(px, py) { return [(px - this.width / 2) / this.scale + this.cx, (this.height / 2 - py) / this.scale + this.cy]; }
+  world(px, py) {
+    return [(px - this.width / 2) / this.scale + this.cx, (this.height / 2 - py) / this.scale + this.cy];
+  }
 
   /** Fits all points into the view with a border of `pad` pixels. */
   fit(points, pad) {
     const good = points.filter((p) => p && Number.isFinite(p[0]) && Number.isFinite(p[1]));
     if (!good.length) good.push([-60, -40], [60, 40]);
-    const xs = good.map((p) => p[0]), ys = good.map((p) => p[1]);
+    const xs = good.map((p) => p[0]),
+      ys = good.map((p) => p[1]);
     const [left, right] = [xs.reduce((a, b) => Math.min(a, b)), xs.reduce((a, b) => Math.max(a, b))];
     const [low, high] = [ys.reduce((a, b) => Math.min(a, b)), ys.reduce((a, b) => Math.max(a, b))];
     const least = 1e-9 * Math.max(Math.abs(left), Math.abs(right), Math.abs(low), Math.abs(high)) || 1;
     this.cx = (left + right) / 2;
     this.cy = (low + high) / 2;
-    this.scale = Math.min(Math.max(this.width - 2 * pad, 20) / Math.max(right - left, least), Math.max(this.height - 2 * pad, 20) / Math.max(high - low, least));
+    this.scale = Math.min(
+      Math.max(this.width - 2 * pad, 20) / Math.max(right - left, least),
+      Math.max(this.height - 2 * pad, 20) / Math.max(high - low, least),
+    );
   }
 
   zoom(factor, px = this.width / 2, py = this.height / 2) {
@@ -91,9 +105,13 @@ const short = (value) => Math.round(value * 100) / 100;
 
 /** Path data of a polyline; a null point interrupts it. */
 export function pathData(points, view) {
-  let data = "", pen = "M";
+  let data = "",
+    pen = "M";
   for (const point of points) {
-    if (!point) { pen = "M"; continue; }
+    if (!point) {
+      pen = "M";
+      continue;
+    }
     data += `${pen}${short(view.x(point[0]))} ${short(view.y(point[1]))}`;
     pen = "L";
   }
@@ -118,7 +136,8 @@ export function text(value, digits = 6) {
 const NAMES = { a: "A", b: "B", c: "C", d: "D", p: "P" };
 
 /** A pivot's bearing on hatched ground, in pixels. */
-const bearing = ([x, y]) => `M${x} ${y}l-8 14h16zM${x - 14} ${y + 14}h28${[-12, -6, 0, 6, 12].map((dx) => `M${x + dx} ${y + 14}l-5 6`).join("")}`;
+const bearing = ([x, y]) =>
+  `M${x} ${y}l-8 14h16zM${x - 14} ${y + 14}h28${[-12, -6, 0, 6, 12].map((dx) => `M${x + dx} ${y + 14}l-5 6`).join("")}`;
 
 /** The SVG elements of one linkage; `detail` false makes small pins and leaves bearings, names and the body's direction out. */
 export class LinkageShape {
@@ -133,17 +152,40 @@ export class LinkageShape {
     this.crank = make("path", { class: "link crank" }, this.group);
     this.rocker = make("path", { class: "link rocker" }, this.group);
     const pin = detail ? 5 : 2.6;
-    const dots = { a: ["fixed", pin + 1.5], b: ["fixed", pin + 1.5], d: ["pin", pin], c: ["pin", pin], p: ["point", pin] };
-    this.joints = Object.fromEntries(Object.entries(dots).map(([name, [kind, r]]) => [name, make("circle", { class: kind, r, "data-joint": name }, this.group)]));
+    const dots = {
+      a: ["fixed", pin + 1.5],
+      b: ["fixed", pin + 1.5],
+      d: ["pin", pin],
+      c: ["pin", pin],
+      p: ["point", pin],
+    };
+    this.joints = Object.fromEntries(
+      Object.entries(dots).map(([name, [kind, r]]) => [
+        name,
+        make("circle", { class: kind, r, "data-joint": name }, this.group),
+      ]),
+    );
     this.carried = make("path", { class: "carried" }, this.group);
-    this.names = Object.fromEntries(Object.entries(NAMES).map(([name, letter]) => [name, Object.assign(make("text", { class: "joint-name" }, this.group), { textContent: letter })]));
+    this.names = Object.fromEntries(
+      Object.entries(NAMES).map(([name, letter]) => [
+        name,
+        Object.assign(make("text", { class: "joint-name" }, this.group), { textContent: letter }),
+      ]),
+    );
     this.detail = detail;
   }
 
   /** A slider or block, turned by an angle, as path data. */
   #block([x, y], angle) {
-    const [long, wide] = this.detail ? [15, 8] : [7, 4], cosine = Math.cos(angle), sine = -Math.sin(angle);
-    const corners = [[-long, -wide], [long, -wide], [long, wide], [-long, wide]].map(([u, v]) => `${short(x + cosine * u - sine * v)} ${short(y + sine * u + cosine * v)}`);
+    const [long, wide] = this.detail ? [15, 8] : [7, 4],
+      cosine = Math.cos(angle),
+      sine = -Math.sin(angle);
+    const corners = [
+      [-long, -wide],
+      [long, -wide],
+      [long, wide],
+      [-long, wide],
+    ].map(([u, v]) => `${short(x + cosine * u - sine * v)} ${short(y + sine * u + cosine * v)}`);
     return `M${corners.join("L")}Z`;
   }
 
@@ -168,10 +210,17 @@ export class LinkageShape {
       put(dot, { cx: x, cy: y });
       put(this.names[name], { x: x + 10, y: y - 8 });
     }
-    if (this.detail) put(this.bases, { d: [a, b].filter((_, k) => fixed[k]).map((place) => bearing(view.at(place))).join("") });
+    if (this.detail)
+      put(this.bases, {
+        d: [a, b]
+          .filter((_, k) => fixed[k])
+          .map((place) => bearing(view.at(place)))
+          .join(""),
+      });
     if (!directed) put(this.carried, { d: "" });
     else if (p && this.detail) {
-      const [x, y] = view.at(p), turn = joints.rotation;
+      const [x, y] = view.at(p),
+        turn = joints.rotation;
       put(this.carried, { d: `M${x} ${y}L${x + 26 * Math.cos(turn)} ${y - 26 * Math.sin(turn)}` });
     }
   }
@@ -188,7 +237,17 @@ export function thumbnail(linkage, [first, last], targets, width = 160, height =
   const start = used.find(Boolean);
   if (!start) return svg;
   view.fit([start.a, start.b, ...used.flatMap((j) => (j ? [j.d, j.c, j.p] : [])), ...targets], 12);
-  make("path", { class: "curve", d: pathData(used.map((j) => j && (j.p ?? j.c)), view) }, svg);
+  make(
+    "path",
+    {
+      class: "curve",
+      d: pathData(
+        used.map((j) => j && (j.p ?? j.c)),
+        view,
+      ),
+    },
+    svg,
+  );
   const shape = new LinkageShape(svg, false);
   shape.show(start, view);
   svg.move = (share) => shape.show(linkage.at(first + share * (last - first)) ?? start, view);

@@ -7,7 +7,12 @@ import { Fields } from "./fields.js";
 import { History, emptyMotion, itemOf, nextPose, travels, wantsAngles, wantsPlaces } from "./motion.js";
 import { $, capital } from "./shell.js";
 
-const COLUMNS = [["t", "crank angle"], ["x", "x"], ["y", "y"], ["angle", "angle"]];
+const COLUMNS = [
+  ["t", "crank angle"],
+  ["x", "x"],
+  ["y", "y"],
+  ["angle", "angle"],
+];
 const ANY = [-1e50, 1e50];
 const KEYS = { ArrowUp: [-1, 0], ArrowDown: [1, 0], Enter: [1, 0] };
 
@@ -25,9 +30,20 @@ export class Editor {
     this.chosen = 0;
     this.cellFaults = new Map();
     this.history = new History(emptyMotion(), () => this.#soon(), beside);
-    const edit = (change, kind) => this.history.change((motion) => { change(motion); }, kind), settle = () => { if (this.waits) this.#soon(); this.history.settle(); document.dispatchEvent(new Event("settled")); };
+    const edit = (change, kind) =>
+        this.history.change((motion) => {
+          change(motion);
+        }, kind),
+      settle = () => {
+        if (this.waits) this.#soon();
+        this.history.settle();
+        document.dispatchEvent(new Event("settled"));
+      };
     this.board = new Board($("canvas"), $("canvas-help"), {
-      edit, settle, hand, pivot,
+      edit,
+      settle,
+      hand,
+      pivot,
       choose: (k) => this.#choose(k),
       add: (at) => this.#add(at),
       remove: (k) => this.#remove(k),
@@ -39,7 +55,9 @@ export class Editor {
     $("poses").addEventListener("keydown", (event) => this.#walk(event));
   }
 
-  get motion() { return this.history.value; }
+  get motion() {
+    return this.history.value;
+  }
 
   /** The first entry of table or form that cannot be used, as [sentence, id of the element]; null if there is none. */
   get fault() {
@@ -54,7 +72,10 @@ export class Editor {
   replace(motion, fit = true, clear = () => {}) {
     this.chosen = 0;
     this.#forget();
-    this.history.change(() => { clear(); return motion; });
+    this.history.change(() => {
+      clear();
+      return motion;
+    });
     if (fit) this.board.fit();
   }
 
@@ -87,13 +108,14 @@ export class Editor {
   #soon() {
     this.waits = this.board.held;
     if (!this.waits) this.refresh();
-    else this.frame ??= requestAnimationFrame(() => {
-      this.frame = null;
-      if (!this.waits) return;
-      this.changed(true);
-      this.board.show(this.motion, this.chosen);
-      this.#showTable();
-    });
+    else
+      this.frame ??= requestAnimationFrame(() => {
+        this.frame = null;
+        if (!this.waits) return;
+        this.changed(true);
+        this.board.show(this.motion, this.chosen);
+        this.#showTable();
+      });
   }
 
   /** Draws the motion again everywhere. */
@@ -116,8 +138,14 @@ export class Editor {
   // -- the table --
 
   #showTable() {
-    const { motion } = this, body = $("poses").tBodies[0], angles = travels(motion);
-    const hides = { "no-crank": motion.timing === "free", "no-place": !wantsPlaces(motion), "no-angle": !wantsAngles(motion) };
+    const { motion } = this,
+      body = $("poses").tBodies[0],
+      angles = travels(motion);
+    const hides = {
+      "no-crank": motion.timing === "free",
+      "no-place": !wantsPlaces(motion),
+      "no-angle": !wantsAngles(motion),
+    };
     for (const [name, hidden] of Object.entries(hides)) $("poses").classList.toggle(name, hidden);
     while (body.rows.length > motion.poses.length) body.deleteRow(-1);
     while (body.rows.length < motion.poses.length) body.append(this.#makeRow(body.rows.length));
@@ -157,7 +185,8 @@ export class Editor {
   }
 
   #makeCell(k, name, label) {
-    const input = document.createElement("input"), key = cellOf(k, name);
+    const input = document.createElement("input"),
+      key = cellOf(k, name);
     let before = null; // what holds until the entry is good: of 1.234,5 the 1.234 does not count
     input.id = key;
     input.inputMode = "decimal";
@@ -166,23 +195,34 @@ export class Editor {
       this.#choose(k);
       before = this.motion.poses[k][name];
       // the table shows 6 digits; a number that is being edited has them all
-      if (!this.cellFaults.has(key)) input.value = name === "t" ? Number(travels(this.motion)[k].toPrecision(14)) : this.motion.poses[k][name];
+      if (!this.cellFaults.has(key))
+        input.value = name === "t" ? Number(travels(this.motion)[k].toPrecision(14)) : this.motion.poses[k][name];
     });
     input.addEventListener("input", () => {
       if (input.readOnly) return;
       // an empty cell is a place or an angle that is not asked for
-      const value = typed(input.value), fault = wrong(value, input.value, { range: ANY, needed: name === "t" }), used = fault ? before : value;
-      if (fault) this.cellFaults.set(key, `${capital(itemOf(this.motion))} ${k + 1}, ${label}: ${fault}${before === null ? "" : `; ${before} is still in use`}.`);
+      const value = typed(input.value),
+        fault = wrong(value, input.value, { range: ANY, needed: name === "t" }),
+        used = fault ? before : value;
+      if (fault)
+        this.cellFaults.set(
+          key,
+          `${capital(itemOf(this.motion))} ${k + 1}, ${label}: ${fault}${before === null ? "" : `; ${before} is still in use`}.`,
+        );
       else this.cellFaults.delete(key);
       input.classList.toggle("invalid", Boolean(fault));
       $("table-error").textContent = [...this.cellFaults.values()][0] ?? "";
-      if (!fault || used !== this.motion.poses[k][name]) this.history.change((motion) => {
-        motion.poses[k][name] = used;
-        if (name === "t" && k === motion.poses.length - 1) motion.span = used;
-      }, `cell ${key}`);
+      if (!fault || used !== this.motion.poses[k][name])
+        this.history.change((motion) => {
+          motion.poses[k][name] = used;
+          if (name === "t" && k === motion.poses.length - 1) motion.span = used;
+        }, `cell ${key}`);
     });
     input.addEventListener("paste", (event) => this.#pasteRows(event, k, name));
-    input.addEventListener("change", () => { this.history.settle(); this.board.reveal(); });
+    input.addEventListener("change", () => {
+      this.history.settle();
+      this.board.reveal();
+    });
     input.addEventListener("blur", () => this.#showTable());
     return input;
   }
@@ -190,23 +230,29 @@ export class Editor {
   /** Fills the table from a cell on with the rows that a spreadsheet has copied; a single number is left to the browser. */
   #pasteRows(event, first, name) {
     const content = event.clipboardData.getData("text/plain");
-    const names = COLUMNS.map(([column]) => column).filter((column) => !this.#hidden(column)), from = names.indexOf(name);
+    const names = COLUMNS.map(([column]) => column).filter((column) => !this.#hidden(column)),
+      from = names.indexOf(name);
     if (from < 0 || !/[\t\n\r]/.test(content.trim())) return;
     event.preventDefault();
     try {
       const rows = pastedRows(content, names.length - from);
-      if (name === "t" && rows.some(([value]) => value === null)) throw new Error("Each pasted row needs a crank angle.");
+      if (name === "t" && rows.some(([value]) => value === null))
+        throw new Error("Each pasted row needs a crank angle.");
       this.#forget();
       this.history.change((motion) => {
         rows.forEach((row, n) => {
           if (first + n === motion.poses.length) motion.poses.push(nextPose(motion));
-          row.forEach((value, column) => { motion.poses[first + n][names[from + column]] = value; });
+          row.forEach((value, column) => {
+            motion.poses[first + n][names[from + column]] = value;
+          });
         });
         if (motion.timing === "table") motion.span = motion.poses.at(-1).t;
       });
       event.target.value = this.motion.poses[first][name] ?? "";
       this.board.reveal();
-    } catch (error) { $("table-error").textContent = error.message; }
+    } catch (error) {
+      $("table-error").textContent = error.message;
+    }
   }
 
   /** Whether a column of the table is not shown. */
@@ -217,7 +263,8 @@ export class Editor {
 
   /** Arrows up and down, and Enter, lead from cell to cell of a column. */
   #walk(event) {
-    const step = KEYS[event.key], cell = event.target.closest?.("td");
+    const step = KEYS[event.key],
+      cell = event.target.closest?.("td");
     if (!step || !cell || !event.target.matches("input") || event.ctrlKey || event.metaKey) return;
     event.preventDefault();
     $("poses").tBodies[0].rows[cell.parentNode.sectionRowIndex + step[0]]?.cells[cell.cellIndex].firstChild.focus();
@@ -228,8 +275,13 @@ export class Editor {
     this.chosen = k;
     this.board.show(this.motion, k);
     this.#markRow();
-    const box = document.querySelector(".table"), row = $("poses").tBodies[0].rows[k];
-    if (row && (row.offsetTop < box.scrollTop + 30 || row.offsetTop + row.offsetHeight > box.scrollTop + box.clientHeight)) box.scrollTop = row.offsetTop - 60;
+    const box = document.querySelector(".table"),
+      row = $("poses").tBodies[0].rows[k];
+    if (
+      row &&
+      (row.offsetTop < box.scrollTop + 30 || row.offsetTop + row.offsetHeight > box.scrollTop + box.clientHeight)
+    )
+      box.scrollTop = row.offsetTop - 60;
   }
 
   #add(at = null) {
@@ -246,7 +298,9 @@ export class Editor {
       motion.poses.splice(k, 1);
       if (motion.timing === "table" && motion.poses.length > 1) {
         const first = motion.poses[0].t;
-        motion.poses.forEach((pose) => { pose.t -= first; });
+        motion.poses.forEach((pose) => {
+          pose.t -= first;
+        });
         motion.span = motion.poses.at(-1).t;
       }
     });

@@ -28,7 +28,9 @@ const product = (a, b) => a.reduce((sum, value, k) => sum + value * b[k], 0);
 
 /** Solves a symmetric positive definite system by Cholesky's method; null if it is not definite. */
 function solved(matrix, right) {
-  const n = right.length, lower = matrix.map((row) => [...row]), found = [...right];
+  const n = right.length,
+    lower = matrix.map((row) => [...row]),
+    found = [...right];
   for (let i = 0; i < n; i++) {
     for (let j = 0; j <= i; j++) {
       let sum = lower[i][j];
@@ -57,12 +59,21 @@ class Following {
 
   /** Begins at a linkage: limits that the reference satisfies for its own motion are kept. */
   begin(solution, reference) {
-    const { misfit } = this, numbers = misfit.numbersOf(reference.solution), made = misfit.made(numbers);
+    const { misfit } = this,
+      numbers = misfit.numbersOf(reference.solution),
+      made = misfit.made(numbers);
     const own = misfit.free ? misfit.driveOf(reference.solution) : misfit.driveAt(numbers);
     const { spots, closes } = this.#between(made, own);
-    Object.assign(this, { reference: numbers, closes,
-      bounds: new Bounds(misfit.motion, misfit.scale,
-      { made, before: reference.motion, spots, family: reference.solution.family }) });
+    Object.assign(this, {
+      reference: numbers,
+      closes,
+      bounds: new Bounds(misfit.motion, misfit.scale, {
+        made,
+        before: reference.motion,
+        spots,
+        family: reference.solution.family,
+      }),
+    });
     this.sense = own.at(-1) < own[0] ? -1 : 1;
     return this.#measured(misfit.numbersOf(solution), misfit.free ? misfit.driveOf(solution) : null);
   }
@@ -72,7 +83,9 @@ class Following {
    * along.
    */
   #between({ at }, drive) {
-    const low = Math.min(...drive), high = Math.max(...drive), { checks } = OPTIONS;
+    const low = Math.min(...drive),
+      high = Math.max(...drive),
+      { checks } = OPTIONS;
     const places = Array.from({ length: checks + 1 }, (_, k) => low + ((high - low) * k) / checks),
       angles = places.map((q) => at(q)?.transmission ?? -1);
     const valleys = [...places.keys()]
@@ -80,19 +93,24 @@ class Following {
       .sort((i, j) => angles[i] - angles[j]);
     // the vertex of the parabola through three of them
     const bottom = (k) =>
-      (k === undefined ? low
-      : places[k] + ((places[1] - low) * (angles[k - 1] - angles[k + 1])) / 2 / (angles[k - 1] - 2 * angles[k] +
-      angles[k + 1]));
-    return { spots: [low, high, bottom(valleys[0]), bottom(valleys[1] ?? valleys[0])],
-      closes: angles.every((angle) => angle >= 0) };
+      k === undefined
+        ? low
+        : places[k] +
+          ((places[1] - low) * (angles[k - 1] - angles[k + 1])) / 2 / (angles[k - 1] - 2 * angles[k] + angles[k + 1]);
+    return {
+      spots: [low, high, bottom(valleys[0]), bottom(valleys[1] ?? valleys[0])],
+      closes: angles.every((angle) => angle >= 0),
+    };
   }
 
   /** A block of samples that are passed together: the drive position `z` at which they are met best, near `z`. */
   #foot(made, members, z) {
-    const { misfit, sense } = this, gap = this.ordered && members.length > 1 ? OPTIONS.gap * misfit.unitOfDrive : 0;
+    const { misfit, sense } = this,
+      gap = this.ordered && members.length > 1 ? OPTIONS.gap * misfit.unitOfDrive : 0;
     const place = (from) => members.map((k, n) => from + sense * gap * (n - (members.length - 1) / 2));
     const look = (from) => {
-      const q = place(from), joints = q.map(made.at);
+      const q = place(from),
+        joints = q.map(made.at);
       if (!joints.every(Boolean)) return { cost: Infinity };
       const errors = joints.map((one, n) => misfit.error(members[n], one));
       return { z: from, q, joints, errors, cost: errors.reduce((sum, error) => sum + squares(error), 0) };
@@ -103,7 +121,8 @@ class Following {
       const slopes = best.joints.map((one, i) => misfit.derivatives(members[i], one, made.guides, best.q[i]).drive);
       const along = slopes.reduce((sum, slope, i) => sum + product(slope, best.errors[i]), 0),
         steep = slopes.reduce((sum, slope) => sum + squares(slope), 0);
-      let step = steep > 0 ? -along / steep : 0, next = null;
+      let step = steep > 0 ? -along / steep : 0,
+        next = null;
       for (let half = 0; half < 8 && Math.abs(step) > 1e-13 * misfit.unitOfDrive; half++, step /= 2) {
         next = look(best.z + step);
         if (next.cost < best.cost) break;
@@ -122,9 +141,14 @@ class Following {
     const blocks = [];
     for (const [k, q] of drive.entries()) {
       let block = { members: [k], ...this.#foot(made, [k], q) };
-      while (this.ordered && blocks.length && block.cost < Infinity &&
-        this.sense * (block.q[0] - blocks.at(-1).q.at(-1)) < OPTIONS.gap * this.misfit.unitOfDrive) {
-        const before = blocks.pop(), members = [...before.members, ...block.members],
+      while (
+        this.ordered &&
+        blocks.length &&
+        block.cost < Infinity &&
+        this.sense * (block.q[0] - blocks.at(-1).q.at(-1)) < OPTIONS.gap * this.misfit.unitOfDrive
+      ) {
+        const before = blocks.pop(),
+          members = [...before.members, ...block.members],
           middle = (before.z * before.members.length + block.z * block.members.length) / members.length;
         block = { members, ...this.#foot(made, members, middle) };
       }
@@ -139,21 +163,25 @@ class Following {
    * does not close.
    */
   #measured(numbers, drive) {
-    const { misfit } = this, made = misfit.made(numbers);
+    const { misfit } = this,
+      made = misfit.made(numbers);
     if (!made) return null;
     let blocks;
     if (misfit.free) blocks = this.#blocks(made, drive);
     else {
-      const all = misfit.driveAt(numbers), joints = all.map(made.at),
+      const all = misfit.driveAt(numbers),
+        joints = all.map(made.at),
         turns = joints.every(Boolean) && misfit.wholeTurns(joints);
-      blocks = joints.every(Boolean) &&
+      blocks =
+        joints.every(Boolean) &&
         joints.map((one, k) => ({ members: [k], q: [all[k]], joints: [one], errors: [misfit.error(k, one, turns)] }));
     }
     if (!blocks) return null;
-    const q = blocks.flatMap((block) => block.q), { spots, closes } = this.#between(made, q);
+    const q = blocks.flatMap((block) => block.q),
+      { spots, closes } = this.#between(made, q);
     if (this.closes && !closes) return null;
-    const cost = blocks.reduce((sum, { errors }) => sum + errors.reduce((part, error) => part + squares(error), 0),
-      0) / q.length;
+    const cost =
+      blocks.reduce((sum, { errors }) => sum + errors.reduce((part, error) => part + squares(error), 0), 0) / q.length;
     const margins = this.bounds.margins(made, spots),
       violation = margins.reduce((sum, margin) => sum + Math.min(0, margin - INSIDE) ** 2, 0);
     return { numbers, made, blocks, drive: q, spots, cost, margins, penalty: OPTIONS.penalty * violation };
@@ -163,14 +191,23 @@ class Following {
    * The normal equations of the mean squared error: its matrix and half its slope, the free drive positions eliminated.
    */
   #normal({ made, blocks, drive }) {
-    const { misfit } = this, n = misfit.units.length, matrix = Array.from({ length: n }, () => new Array(n).fill(0)),
-      slope = new Array(n).fill(0), shares = [];
+    const { misfit } = this,
+      n = misfit.units.length,
+      matrix = Array.from({ length: n }, () => new Array(n).fill(0)),
+      slope = new Array(n).fill(0),
+      shares = [];
     for (const { members, joints, errors, q } of blocks) {
       const all = members.map((k, i) => misfit.derivatives(k, joints[i], made.guides, q[i]));
       const columns = Array.from({ length: n }, (_, j) => all.flatMap(({ numbers }) => numbers[j])),
-        error = errors.flat(), drives = all.flatMap((one) => one.drive), steep = squares(drives);
+        error = errors.flat(),
+        drives = all.flatMap((one) => one.drive),
+        steep = squares(drives);
       const ratios = columns.map((column) => (misfit.free && steep > 0 ? product(column, drives) / steep : 0));
-      columns.forEach((column, j) => column.forEach((_, i) => { column[i] -= ratios[j] * drives[i]; }));
+      columns.forEach((column, j) =>
+        column.forEach((_, i) => {
+          column[i] -= ratios[j] * drives[i];
+        }),
+      );
       shares.push(...members.map(() => ratios));
       for (let i = 0; i < n; i++) {
         slope[i] += product(columns[i], error) / drive.length;
@@ -183,10 +220,12 @@ class Following {
 
   /** How far drive positions between the samples move with number j, as those at the ends of the interval do. */
   #drift({ drive, spots }, shares, j) {
-    const { free, unitOfDrive, units } = this.misfit, [low, high] = spots,
+    const { free, unitOfDrive, units } = this.misfit,
+      [low, high] = spots,
       [first, last] = [low, high].map((q) => shares[drive.indexOf(q)][j]);
     return spots.map((q) =>
-      (free ? ((q - high) * first + (low - q) * last) / (high - low || 1) : j === units.length - 1 ? unitOfDrive : 0));
+      free ? ((q - high) * first + (low - q) * last) / (high - low || 1) : j === units.length - 1 ? unitOfDrive : 0,
+    );
   }
 
   /** Slopes of the limits that are near, by differences: rows {margin, slope}. */
@@ -198,9 +237,15 @@ class Following {
     for (const j of numbers.keys()) {
       const moved = this.misfit.made(numbers.map((value, i) => (i === j ? value + OPTIONS.slope : value))),
         drift = this.#drift(state, shares, j);
-      const after = moved && this.bounds.margins(moved, spots.map((q, k) => q + OPTIONS.slope * drift[k]));
+      const after =
+        moved &&
+        this.bounds.margins(
+          moved,
+          spots.map((q, k) => q + OPTIONS.slope * drift[k]),
+        );
       near.forEach((k, n) =>
-        rows[n].slope.push(after?.length === margins.length ? (after[k] - margins[k]) / OPTIONS.slope : 0));
+        rows[n].slope.push(after?.length === margins.length ? (after[k] - margins[k]) / OPTIONS.slope : 0),
+      );
     }
     return rows;
   }
@@ -214,7 +259,9 @@ class Following {
       for (const { margin, slope: row } of taken) {
         row.forEach((value, i) => {
           right[i] -= OPTIONS.penalty * margin * value;
-          row.forEach((other, j) => { left[i][j] += OPTIONS.penalty * value * other; });
+          row.forEach((other, j) => {
+            left[i][j] += OPTIONS.penalty * value * other;
+          });
         });
       }
       const step = solved(left, right);
@@ -229,20 +276,28 @@ class Following {
    * Descends from `state`, which it yields after each step; `pull` draws towards the reference, and a step that gains
    * less than the fraction `gain` is the last.
    */
-  * descend(state, pull, gain) {
+  *descend(state, pull, gain) {
     const away = ({ numbers }) => squares(numbers.map((value, j) => value - this.reference[j]));
     const total = (one) => one.cost + one.penalty + pull * away(one);
     const least = pull || !this.misfit.exact ? OPTIONS.damping : OPTIONS.exact;
     let damping = least;
     for (let n = 0; n < OPTIONS.steps && state.cost + state.penalty > OPTIONS.rounding; n++) {
-      const normal = this.#normal(state), limits = this.#limits(state, normal.shares), before = total(state);
+      const normal = this.#normal(state),
+        limits = this.#limits(state, normal.shares),
+        before = total(state);
       normal.slope = normal.slope.map((value, j) => value + pull * (state.numbers[j] - this.reference[j]));
-      normal.matrix.forEach((row, j) => { row[j] += pull; });
+      normal.matrix.forEach((row, j) => {
+        row[j] += pull;
+      });
       let next = null;
       for (; damping < 1e3 && !next; damping *= next ? 1 : 10) {
         const step = this.#step(normal, limits, damping);
-        next = step && this.#measured(state.numbers.map((value, j) => value + step[j]),
-          state.drive.map((q, k) => q - product(normal.shares[k], step)));
+        next =
+          step &&
+          this.#measured(
+            state.numbers.map((value, j) => value + step[j]),
+            state.drive.map((q, k) => q - product(normal.shares[k], step)),
+          );
         if (next && !(total(next) < before)) next = null;
       }
       if (!next) return state;
@@ -263,11 +318,16 @@ class Following {
  */
 export function* followed(motion, solution, reference) {
   const following = new Following(motion, solution),
-    made = ({ numbers, drive }) => () => following.misfit.solution(numbers, drive, solution);
+    made =
+      ({ numbers, drive }) =>
+      () =>
+        following.misfit.solution(numbers, drive, solution);
   const descents = function* (begin) {
     const first = following.begin(begin, reference);
-    return first && (yield* following.descend(yield* following.descend(first, OPTIONS.pull, OPTIONS.settled), 0,
-      OPTIONS.gain));
+    return (
+      first &&
+      (yield* following.descend(yield* following.descend(first, OPTIONS.pull, OPTIONS.settled), 0, OPTIONS.gain))
+    );
   };
   const total = (state) => (state ? state.cost + state.penalty : Infinity);
   let found = null;

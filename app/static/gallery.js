@@ -7,11 +7,13 @@ import { placesOf } from "./motion.js";
 import { RAD } from "./plane.js";
 import { $ } from "./shell.js";
 
-
 /** What the gallery says of an example's stored reply. */
 function honest(reply, motion) {
-  const best = reply.solutions[0], fit = fitOf(best, motion);
-  const errors = worstRows(fit, motion, reply.report.length_scale ?? 1).map(([, error]) => error).join(", ");
+  const best = reply.solutions[0],
+    fit = fitOf(best, motion);
+  const errors = worstRows(fit, motion, reply.report.length_scale ?? 1)
+    .map(([, error]) => error)
+    .join(", ");
   return `off by at most ${errors}; transmission angle ${text(best.transmission_angle_min, 2)}° or more`;
 }
 
@@ -21,16 +23,38 @@ export class Gallery {
     this.open = open;
     $("open-gallery").addEventListener("click", () => $("gallery").showModal());
     $("gallery-close").addEventListener("click", () => $("gallery").close());
-    $("gallery").addEventListener("click", (event) => { if (event.target === $("gallery")) $("gallery").close(); });
+    $("gallery").addEventListener("click", (event) => {
+      if (event.target === $("gallery")) $("gallery").close();
+    });
   }
 
   show(examples) {
     for (const { name, title, word, machine, request, reply } of examples) {
-      const opens = button(title, () => { $("gallery").close(); this.open(name); }, machine ? "machine" : "link");
+      const opens = button(
+        title,
+        () => {
+          $("gallery").close();
+          this.open(name);
+        },
+        machine ? "machine" : "link",
+      );
       opens.dataset.example = name;
-      if (!machine) { $("others").append(opens, " "); continue; }
-      const motion = fromRequest(request), best = reply.solutions[0], { linkage, pass: { sense, low, high } } = fitOf(best, motion);
-      opens.replaceChildren(thumbnail(linkage, [sense * low * RAD, sense * high * RAD], placesOf(motion), 200, 120), element("strong", "", title), element("span", "", word), element("span", "muted", honest(reply, motion)));
+      if (!machine) {
+        $("others").append(opens, " ");
+        continue;
+      }
+      const motion = fromRequest(request),
+        best = reply.solutions[0],
+        {
+          linkage,
+          pass: { sense, low, high },
+        } = fitOf(best, motion);
+      opens.replaceChildren(
+        thumbnail(linkage, [sense * low * RAD, sense * high * RAD], placesOf(motion), 200, 120),
+        element("strong", "", title),
+        element("span", "", word),
+        element("span", "muted", honest(reply, motion)),
+      );
       const item = document.createElement("li");
       item.append(opens);
       $("machines").append(item);

@@ -5,7 +5,13 @@ import { markWrong, typed, unreadable } from "./decimal.js";
 import { settled } from "./fit.js";
 import { $, build } from "./shell.js";
 
-const JOINTS = [["a", "A", "crank pivot"], ["b", "B", "rocker pivot"], ["d", "D", "crank pin"], ["c", "C", "rocker pin"], ["p", "P", "body point"]];
+const JOINTS = [
+  ["a", "A", "crank pivot"],
+  ["b", "B", "rocker pivot"],
+  ["d", "D", "crank pin"],
+  ["c", "C", "rocker pin"],
+  ["p", "P", "body point"],
+];
 const SAME = 1e-9; // of the linkage's size: a field keeps its entry while the joint is there
 const ROUNDING = 1e-12; // of the linkage's size: smaller differences of a joint and its entry are no change
 const FARTHEST = 1e50;
@@ -20,16 +26,25 @@ export class JointFields {
       const group = document.createElement("fieldset");
       group.append(element("legend", "", `${letter}, ${what}`));
       ["x", "y"].forEach((axis, k) => {
-        const input = build("input", { id: `joint-${name}-${axis}`, inputMode: "decimal", autocomplete: "off" }), label = document.createElement("label");
+        const input = build("input", { id: `joint-${name}-${axis}`, inputMode: "decimal", autocomplete: "off" }),
+          label = document.createElement("label");
         input.setAttribute("aria-label", `${letter}, ${what}, ${axis}`);
         label.append(axis, input);
         group.append(label);
         const field = { input, name, k, letter: `${letter}, ${axis}` };
         this.fields.push(field);
-        input.addEventListener("focus", () => { hold(); this.#fill(field); });
+        input.addEventListener("focus", () => {
+          hold();
+          this.#fill(field);
+        });
         input.addEventListener("blur", () => this.show());
         input.addEventListener("change", () => this.#read(field));
-        input.addEventListener("keydown", (event) => { if (event.key === "Enter") { event.preventDefault(); this.#read(field); } });
+        input.addEventListener("keydown", (event) => {
+          if (event.key === "Enter") {
+            event.preventDefault();
+            this.#read(field);
+          }
+        });
       });
       $("joint-fields").append(group);
     }
@@ -38,7 +53,8 @@ export class JointFields {
 
   /** Shows the joints where they are; an entry that stands for the same number stays as it was typed. */
   show() {
-    const { joints, mode } = this.board, shown = mode === "hand" && Boolean(joints?.p);
+    const { joints, mode } = this.board,
+      shown = mode === "hand" && Boolean(joints?.p);
     if ($("joints-panel").hidden === shown) this.#toggle(shown);
     if (shown) for (const field of this.fields) if (field.input !== document.activeElement) this.#fill(field);
   }
@@ -54,9 +70,14 @@ export class JointFields {
   #fill({ input, name, k, entry }) {
     const { joints } = this.board;
     if ([...this.faults.keys()].some((one) => one.input === input)) return;
-    const size = extent(joints), value = settled(joints[name][k], size);
+    const size = extent(joints),
+      value = settled(joints[name][k], size);
     const stands = entry && Math.abs(entry.value - value) <= SAME * Math.max(size, Math.abs(value));
-    const words = stands ? entry.text : input === document.activeElement ? String(Number(value.toPrecision(14))) : text(value, 5);
+    const words = stands
+      ? entry.text
+      : input === document.activeElement
+        ? String(Number(value.toPrecision(14)))
+        : text(value, 5);
     if (input.value !== words) input.value = words;
   }
 
@@ -70,7 +91,8 @@ export class JointFields {
   }
 
   #read(field) {
-    const { input, name, k, letter } = field, { joints } = this.board;
+    const { input, name, k, letter } = field,
+      { joints } = this.board;
     if (!joints) return;
     const value = typed(input.value);
     if (value === null || !Number.isFinite(value) || Math.abs(value) > FARTHEST) {

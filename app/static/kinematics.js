@@ -13,13 +13,15 @@ const FULL_CRANK = ["crank_rocker", "double_crank"];
 const FIXED = { circle: "pivot", rail: "point", slot: "pin" };
 
 function twoSum(a, b) {
-  const total = a + b, part = total - a;
+  const total = a + b,
+    part = total - a;
   return [total, a - (total - part) + (b - part)];
 }
 
 /** (a + b) - (c + d) with the rounding errors of both sums taken into account. */
 function pairDifference(a, b, c, d) {
-  const [left, leftError] = twoSum(a, b), [right, rightError] = twoSum(c, d);
+  const [left, leftError] = twoSum(a, b),
+    [right, rightError] = twoSum(c, d);
   return left - right + (leftError - rightError);
 }
 
@@ -27,7 +29,11 @@ function pairDifference(a, b, c, d) {
 export function family(lengths) {
   if (!lengths.every((value) => Number.isFinite(value) && value > 0)) return "triple_rocker";
   const [crank, coupler, rocker, ground] = lengths;
-  const excesses = [pairDifference(coupler, ground, crank, rocker), pairDifference(rocker, ground, crank, coupler), pairDifference(coupler, rocker, crank, ground)];
+  const excesses = [
+    pairDifference(coupler, ground, crank, rocker),
+    pairDifference(rocker, ground, crank, coupler),
+    pairDifference(coupler, rocker, crank, ground),
+  ];
   if (Math.min(...excesses.map(Math.abs)) <= CHANGE_POINT * Math.max(...lengths)) return "change_point";
   const signs = excesses.map((excess) => (excess > 0 ? "+" : "-")).join("");
   return Object.keys(SIGNS).find((name) => SIGNS[name] === signs) ?? "triple_rocker";
@@ -35,11 +41,17 @@ export function family(lengths) {
 
 /** A vector of the loop over the coordinate q of the drive; here a vector that stays as it is. */
 class Vector {
-  constructor(middle) { Object.assign(this, { middle, distance: size(middle), towards: direction(middle) }); }
+  constructor(middle) {
+    Object.assign(this, { middle, distance: size(middle), towards: direction(middle) });
+  }
 
-  at() { return this.middle; }
+  at() {
+    return this.middle;
+  }
 
-  direction() { return this.towards; }
+  direction() {
+    return this.towards;
+  }
 }
 
 /**
@@ -53,28 +65,43 @@ class Round extends Vector {
     this.radius = radius;
   }
 
-  at(q) { return less(this.middle, times(along(q), this.radius)); }
+  at(q) {
+    return less(this.middle, times(along(q), this.radius));
+  }
 
   /** Its angle, continuous in q. */
   direction(q) {
-    const { distance, towards, radius } = this, x = q - towards;
-    if (distance >= radius) return towards + Math.atan2(-radius * Math.sin(x), distance - radius + 2 * radius * Math.sin(x / 2) ** 2);
+    const { distance, towards, radius } = this,
+      x = q - towards;
+    if (distance >= radius)
+      return towards + Math.atan2(-radius * Math.sin(x), distance - radius + 2 * radius * Math.sin(x / 2) ** 2);
     return q - Math.PI + Math.atan2(distance * Math.sin(x), radius - distance + 2 * distance * Math.sin(x / 2) ** 2);
   }
 
   longerThan(q, first, second) {
     const { distance, towards, radius } = this;
-    return pairDifference(distance, first, radius, second) * pairDifference(distance, second, radius, first) + 4 * distance * radius * Math.sin((q - towards) / 2) ** 2;
+    return (
+      pairDifference(distance, first, radius, second) * pairDifference(distance, second, radius, first) +
+      4 * distance * radius * Math.sin((q - towards) / 2) ** 2
+    );
   }
 
   shorterThan(q, first, second) {
     const { distance, towards, radius } = this;
-    return pairDifference(first, second, distance, radius) * (first + second + distance + radius) + 4 * distance * radius * Math.cos((q - towards) / 2) ** 2;
+    return (
+      pairDifference(first, second, distance, radius) * (first + second + distance + radius) +
+      4 * distance * radius * Math.cos((q - towards) / 2) ** 2
+    );
   }
 
   across(q, angle, length, side) {
     const { middle, radius } = this;
-    return length - radius - side * cross(along(angle), middle) + 2 * radius * Math.sin((q - angle) / 2 + (side * Math.PI) / 4) ** 2;
+    return (
+      length -
+      radius -
+      side * cross(along(angle), middle) +
+      2 * radius * Math.sin((q - angle) / 2 + (side * Math.PI) / 4) ** 2
+    );
   }
 }
 
@@ -85,22 +112,31 @@ class Straight extends Vector {
     Object.assign(this, { angle, foot: turned(middle, -angle) });
   }
 
-  at(q) { return less(this.middle, times(along(this.angle), q)); }
+  at(q) {
+    return less(this.middle, times(along(this.angle), q));
+  }
 
-  direction(q) { return this.angle + Math.atan2(this.foot[1], this.foot[0] - q); }
+  direction(q) {
+    return this.angle + Math.atan2(this.foot[1], this.foot[0] - q);
+  }
 
   longerThan(q, first, second) {
-    const beside = Math.abs(this.foot[1]), length = Math.abs(first - second);
+    const beside = Math.abs(this.foot[1]),
+      length = Math.abs(first - second);
     return (beside - length) * (beside + length) + (this.foot[0] - q) ** 2;
   }
 
   shorterThan(q, first, second) {
-    const from = this.foot[0] - q, beside = Math.abs(this.foot[1]), square = (first + second - beside) * (first + second + beside);
+    const from = this.foot[0] - q,
+      beside = Math.abs(this.foot[1]),
+      square = (first + second - beside) * (first + second + beside);
     if (square < 0) return square - from ** 2;
     return (Math.sqrt(square) - from) * (Math.sqrt(square) + from);
   }
 
-  across(q, angle, length, side) { return length - side * (cross(along(angle), this.middle) - q * Math.sin(this.angle - angle)); }
+  across(q, angle, length, side) {
+    return length - side * (cross(along(angle), this.middle) - q * Math.sin(this.angle - angle));
+  }
 }
 
 /**
@@ -109,9 +145,16 @@ class Straight extends Vector {
  */
 function triangle(varying, still, radius, shorter, longer, pinMovesOnBody) {
   if (!(shorter >= 0 && longer >= 0)) return null;
-  const total = varying + still + radius, outer = varying + radius - still, inner = varying + still - radius, larger = Math.max(outer, inner), smaller = longer / (larger || 1);
-  const [lessStill, lessRadius] = outer > inner ? [larger, smaller] : [smaller, larger], beyond = shorter / total;
-  const [ahead, behind] = pinMovesOnBody ? [lessStill, beyond] : [beyond, lessStill], first = total * ahead, second = behind * lessRadius;
+  const total = varying + still + radius,
+    outer = varying + radius - still,
+    inner = varying + still - radius,
+    larger = Math.max(outer, inner),
+    smaller = longer / (larger || 1);
+  const [lessStill, lessRadius] = outer > inner ? [larger, smaller] : [smaller, larger],
+    beyond = shorter / total;
+  const [ahead, behind] = pinMovesOnBody ? [lessStill, beyond] : [beyond, lessStill],
+    first = total * ahead,
+    second = behind * lessRadius;
   return {
     atZ: 2 * Math.atan2(Math.sqrt(ahead * behind), Math.sqrt(total * lessRadius)),
     atX: 2 * Math.atan2(Math.sqrt(Math.min(first, second)), Math.sqrt(Math.max(first, second))),
@@ -120,8 +163,18 @@ function triangle(varying, still, radius, shorter, longer, pinMovesOnBody) {
 
 /** The guides of a solution in frames of the linkage's own, in which the lengths of a four-bar are as they were given. */
 function guidesOf({ links, guides }) {
-  const given = links ? [{ guide: "circle", pivot: [0, 0], radius: links.crank, body_point: [0, 0] }, { guide: "circle", pivot: [links.ground, 0], radius: links.rocker, body_point: [links.coupler, 0] }] : guides;
-  return given.map((guide) => ({ ...guide, fixed: guide[FIXED[guide.guide]], body: guide.body_point, angle: (guide.direction ?? guide.body_direction ?? 0) * RAD }));
+  const given = links
+    ? [
+        { guide: "circle", pivot: [0, 0], radius: links.crank, body_point: [0, 0] },
+        { guide: "circle", pivot: [links.ground, 0], radius: links.rocker, body_point: [links.coupler, 0] },
+      ]
+    : guides;
+  return given.map((guide) => ({
+    ...guide,
+    fixed: guide[FIXED[guide.guide]],
+    body: guide.body_point,
+    angle: (guide.direction ?? guide.body_direction ?? 0) * RAD,
+  }));
 }
 
 /** The linkage of a solution in the service's reply. */
@@ -134,15 +187,30 @@ export class Linkage {
   constructor(solution) {
     const { links = null, mount = null, driver = "crank", branch } = solution;
     this.guides = guidesOf(solution);
-    const [driven, other] = this.guides, { fixed, body, angle } = driven;
-    Object.assign(this, { driver, branch, turns: driveTurns(solution), mount: links ? mount : true, origin: mount?.pivot_a ?? [0, 0], turn: (mount?.ground_angle ?? 0) * RAD, offset: links ? (solution.body_offset ?? 0) * RAD : 0 });
+    const [driven, other] = this.guides,
+      { fixed, body, angle } = driven;
+    Object.assign(this, {
+      driver,
+      branch,
+      turns: driveTurns(solution),
+      mount: links ? mount : true,
+      origin: mount?.pivot_a ?? [0, 0],
+      turn: (mount?.ground_angle ?? 0) * RAD,
+      offset: links ? (solution.body_offset ?? 0) * RAD : 0,
+    });
     const point = mount?.coupler_point_polar;
     this.point = point ? times(along(point.angle * RAD), point.radius) : [0, 0];
     this.start = (links ? solution.start_angle : solution.start) * (this.turns ? RAD : 1);
-    const fromPin = (middle) => (driven.guide === "circle" ? new Round(middle, driven.radius) : driven.guide === "rail" ? new Straight(middle, angle) : new Vector(middle));
+    const fromPin = (middle) =>
+      driven.guide === "circle"
+        ? new Round(middle, driven.radius)
+        : driven.guide === "rail"
+          ? new Straight(middle, angle)
+          : new Vector(middle);
     this.#pin = fromPin(times(fixed, -1));
     this.#spread = fromPin(less(other.fixed, fixed));
-    this.#arm = driven.guide === "slot" ? new Straight(less(other.body, body), angle) : new Vector(less(other.body, body));
+    this.#arm =
+      driven.guide === "slot" ? new Straight(less(other.body, body), angle) : new Vector(less(other.body, body));
     const lengths = this.guides.flatMap(({ used, radius }) => (used ? [used[1] - used[0]] : [radius ?? 0]));
     this.reach = Math.max(...lengths, size(less(driven.body, other.body)));
     if (links) {
@@ -154,31 +222,54 @@ export class Linkage {
 
   /** Whether the drive can turn fully. */
   get turnsFully() {
-    if (this.links) return FULL_CRANK.includes(family(["crank", "coupler", "rocker", "ground"].map((name) => this.links[name])));
+    if (this.links)
+      return FULL_CRANK.includes(family(["crank", "coupler", "rocker", "ground"].map((name) => this.links[name])));
     // a loop opens first where one of its vectors is longest or shortest, or reaches farthest across the other guide
     const across = [this.#spread.towards, this.guides[1].angle];
     return this.turns && [0, 1, 2, 3].every((k) => across.every((from) => this.pose(from + (k * Math.PI) / 2)));
   }
 
   /** {rotation, place, transmission} of the body's own frame, in the frame of the guides, at the coordinate of the drive; null if the loop does not close. */
-  pose(q) { return this.driver === "hinge" ? this.#byHinge(q) : this.#byPin(q); }
+  pose(q) {
+    return this.driver === "hinge" ? this.#byHinge(q) : this.#byPin(q);
+  }
 
   #byPin(q) {
-    const [driven, other] = this.guides, spread = this.#spread, arm = this.#arm, onBody = driven.guide === "slot", side = this.branch;
-    const distance = size(spread.at(q)), length = size(arm.at(q)), [varying, still] = onBody ? [arm, spread] : [spread, arm];
+    const [driven, other] = this.guides,
+      spread = this.#spread,
+      arm = this.#arm,
+      onBody = driven.guide === "slot",
+      side = this.branch;
+    const distance = size(spread.at(q)),
+      length = size(arm.at(q)),
+      [varying, still] = onBody ? [arm, spread] : [spread, arm];
     let rotation, transmission;
     if (!(distance > 0)) return null; // any direction would do
     if (other.guide === "circle") {
-      const lengths = [still.distance, other.radius], found = triangle(onBody ? length : distance, still.distance, other.radius, varying.shorterThan(q, ...lengths), varying.longerThan(q, ...lengths), onBody);
+      const lengths = [still.distance, other.radius],
+        found = triangle(
+          onBody ? length : distance,
+          still.distance,
+          other.radius,
+          varying.shorterThan(q, ...lengths),
+          varying.longerThan(q, ...lengths),
+          onBody,
+        );
       if (!found) return null;
       rotation = spread.direction(q) + side * found.atZ - arm.direction(q);
       transmission = found.atX;
     } else {
-      const isRail = other.guide === "rail", projected = isRail ? spread : arm;
-      const conditions = projected === varying ? [1, -1].map((one) => varying.across(q, other.angle, still.distance, one)) : [varying.longerThan(q, Math.abs(cross(along(other.angle), still.middle)), 0)];
+      const isRail = other.guide === "rail",
+        projected = isRail ? spread : arm;
+      const conditions =
+        projected === varying
+          ? [1, -1].map((one) => varying.across(q, other.angle, still.distance, one))
+          : [varying.longerThan(q, Math.abs(cross(along(other.angle), still.middle)), 0)];
       if (!conditions.every((value) => value >= 0)) return null;
-      const root = conditions.reduce((product, value) => product * Math.sqrt(value), 1), beside = cross(along(other.angle), projected.at(q));
-      const push = Math.atan2(beside, root), angle = side > 0 ? push : Math.PI - push;
+      const root = conditions.reduce((product, value) => product * Math.sqrt(value), 1),
+        beside = cross(along(other.angle), projected.at(q));
+      const push = Math.atan2(beside, root),
+        angle = side > 0 ? push : Math.PI - push;
       rotation = isRail ? other.angle + angle - arm.direction(q) : spread.direction(q) - angle - other.angle;
       transmission = Math.atan2(root, Math.abs(beside));
     }
@@ -187,22 +278,32 @@ export class Linkage {
   }
 
   #byHinge(q) {
-    const [driven, other] = this.guides, rotation = q - driven.angle;
-    const between = less(driven.fixed, other.fixed), arm = turned(this.#arm.middle, -driven.angle), free = add(turned(between, -q), arm);
+    const [driven, other] = this.guides,
+      rotation = q - driven.angle;
+    const between = less(driven.fixed, other.fixed),
+      arm = turned(this.#arm.middle, -driven.angle),
+      free = add(turned(between, -q), arm);
     let extension, sine, cosine;
     if (other.guide === "circle") {
-      const towards = direction(between), pushed = new Round(turned([0, arm[1]], towards), size(between)), conditions = [1, -1].map((one) => pushed.across(q, towards, other.radius, one));
+      const towards = direction(between),
+        pushed = new Round(turned([0, arm[1]], towards), size(between)),
+        conditions = [1, -1].map((one) => pushed.across(q, towards, other.radius, one));
       if (!conditions.every((value) => value >= 0)) return null;
       [sine, cosine] = [Math.sqrt(conditions[0]) * Math.sqrt(conditions[1]), free[1]];
       extension = free[0] - this.branch * sine;
     } else {
-      const isRail = other.guide === "rail", tilt = isRail ? other.angle - q : other.angle - driven.angle;
+      const isRail = other.guide === "rail",
+        tilt = isRail ? other.angle - q : other.angle - driven.angle;
       [sine, cosine] = [-Math.sin(tilt), Math.cos(tilt)];
       if (!sine || (isRail && Math.sign(sine) !== this.branch)) return null;
       extension = cross(along(tilt), free) / sine;
     }
     const held = add(driven.body, times(along(driven.angle), extension));
-    return { rotation, place: less(driven.fixed, turned(held, rotation)), transmission: Math.atan2(Math.abs(sine), Math.abs(cosine)) };
+    return {
+      rotation,
+      place: less(driven.fixed, turned(held, rotation)),
+      transmission: Math.atan2(Math.abs(sine), Math.abs(cosine)),
+    };
   }
 
   /**
@@ -210,24 +311,56 @@ export class Linkage {
    * P is the body point; `frames` are {at, angle} of links by their names, `coupler` is the rotation of the body's own frame.
    */
   at(travel) {
-    const q = this.start + (this.turns ? travel : travel / RAD), pose = this.pose(q);
+    const q = this.start + (this.turns ? travel : travel / RAD),
+      pose = this.pose(q);
     if (!pose) return null;
-    const coupler = pose.rotation - this.#shift + this.turn, ground = (point) => add(this.origin, turned(point, this.turn)), body = (point) => add(ground(pose.place), turned(point, coupler));
-    const rails = [], slots = [], blocks = [], ends = this.guides.map((guide) => this.#ends(guide, ground, body, coupler, { rails, slots, blocks }));
-    const [[a, d], [b, c]] = ends, circles = this.guides.map(({ guide }) => guide === "circle"), both = circles.every(Boolean);
-    const arms = ends.map((pair, k) => (circles[k] ? pair : null)), [crank, rocker] = arms.map((pair) => pair && { at: pair[0], angle: direction(less(pair[1], pair[0])) });
+    const coupler = pose.rotation - this.#shift + this.turn,
+      ground = (point) => add(this.origin, turned(point, this.turn)),
+      body = (point) => add(ground(pose.place), turned(point, coupler));
+    const rails = [],
+      slots = [],
+      blocks = [],
+      ends = this.guides.map((guide) => this.#ends(guide, ground, body, coupler, { rails, slots, blocks }));
+    const [[a, d], [b, c]] = ends,
+      circles = this.guides.map(({ guide }) => guide === "circle"),
+      both = circles.every(Boolean);
+    const arms = ends.map((pair, k) => (circles[k] ? pair : null)),
+      [crank, rocker] = arms.map((pair) => pair && { at: pair[0], angle: direction(less(pair[1], pair[0])) });
     return {
-      travel, a, b, c, d, p: this.mount ? body(this.point) : null, rotation: coupler + this.offset, coupler, transmission: pose.transmission,
-      rails, slots, blocks, links: arms, ground: both ? [a, b] : null, fixed: this.guides.map(({ guide }) => guide !== "rail"),
-      frames: { ground: { at: ground(this.guides[0].fixed), angle: 0 }, crank: crank ?? rocker, coupler: { at: body(this.guides[0].body), angle: coupler }, rocker },
+      travel,
+      a,
+      b,
+      c,
+      d,
+      p: this.mount ? body(this.point) : null,
+      rotation: coupler + this.offset,
+      coupler,
+      transmission: pose.transmission,
+      rails,
+      slots,
+      blocks,
+      links: arms,
+      ground: both ? [a, b] : null,
+      fixed: this.guides.map(({ guide }) => guide !== "rail"),
+      frames: {
+        ground: { at: ground(this.guides[0].fixed), angle: 0 },
+        crank: crank ?? rocker,
+        coupler: { at: body(this.guides[0].body), angle: coupler },
+        rocker,
+      },
     };
   }
 
   /** The two joints of a guide: a fixed pivot and the pin it holds, or the ends of a rail or slot as they are drawn, which are added to `parts`. */
   #ends({ guide, fixed, body: held, angle, used }, ground, body, coupler, { rails, slots, blocks }) {
-    const at = guide === "rail" ? null : ground(fixed), pin = body(held), margin = BEYOND * this.reach, [low, high] = used ?? [0, 0], reach = [low - margin, high + margin];
+    const at = guide === "rail" ? null : ground(fixed),
+      pin = body(held),
+      margin = BEYOND * this.reach,
+      [low, high] = used ?? [0, 0],
+      reach = [low - margin, high + margin];
     if (guide === "circle") return [at, pin];
-    const way = along(guide === "rail" ? angle + this.turn : angle + coupler), line = reach.map((s) => add(guide === "rail" ? ground(fixed) : pin, times(way, s)));
+    const way = along(guide === "rail" ? angle + this.turn : angle + coupler),
+      line = reach.map((s) => add(guide === "rail" ? ground(fixed) : pin, times(way, s)));
     (guide === "rail" ? rails : slots).push(line);
     blocks.push([at ?? pin, direction(way)]);
     return guide === "rail" ? [line[1], pin] : [at, line[1]];

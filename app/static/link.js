@@ -5,7 +5,8 @@ const toBase64 = (bytes) => {
   for (const byte of bytes) text += String.fromCharCode(byte);
   return btoa(text).replaceAll("+", "-").replaceAll("/", "_").replace(/=+$/, "");
 };
-const fromBase64 = (text) => Uint8Array.from(atob(text.replaceAll("-", "+").replaceAll("_", "/")), (c) => c.charCodeAt(0));
+const fromBase64 = (text) =>
+  Uint8Array.from(atob(text.replaceAll("-", "+").replaceAll("_", "/")), (c) => c.charCodeAt(0));
 const MOST_BYTES = 1_000_000;
 
 /** Bytes that come out of a stream of compression. Throws RangeError for more than the largest request. */
@@ -36,7 +37,9 @@ export async function fromFragment(fragment) {
   if (!kind) return null;
   try {
     const bytes = fromBase64(text);
-    return JSON.parse(new TextDecoder().decode(kind === "z" ? await through(bytes, new DecompressionStream("deflate-raw")) : bytes));
+    return JSON.parse(
+      new TextDecoder().decode(kind === "z" ? await through(bytes, new DecompressionStream("deflate-raw")) : bytes),
+    );
   } catch (error) {
     throw new Error("The link is damaged: what it holds cannot be read.", { cause: error });
   }

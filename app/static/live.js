@@ -22,8 +22,9 @@ const FOLLOWED = ["drag", "key", "cell", "box", "box-0", "box-1", "box-2", "box-
 
 /** Whether a linkage for one motion can follow another one: only poses, crank angles and limits may differ. */
 function followable(motion, before) {
-  const same = ["wanted", "timing", "direction", "anyOrder", "closed", "unit"]
-    .every((name) => motion[name] === before[name]);
+  const same = ["wanted", "timing", "direction", "anyOrder", "closed", "unit"].every(
+    (name) => motion[name] === before[name],
+  );
   return same && motion.poses.length === before.poses.length && !fault(motion);
 }
 
@@ -54,7 +55,9 @@ export class Live {
   }
 
   /** The motion that the linkage follows, until it has been moved. */
-  get motion() { return this.#run?.motion ?? null; }
+  get motion() {
+    return this.#run?.motion ?? null;
+  }
 
   get #can() {
     const { editor, results, page } = this;
@@ -63,7 +66,8 @@ export class Live {
 
   /** Follows a change of the motion if its `kind` moves poses or the pivot box; any other ends it. */
   change(kind) {
-    const [first, ...more] = (kind ?? "").split(" "), { limits } = this.editor.motion;
+    const [first, ...more] = (kind ?? "").split(" "),
+      { limits } = this.editor.motion;
     const k = first.startsWith("box") ? null : Number(more[0]?.match(/\d+/));
     if (FOLLOWED.includes(first) && this.#can) this.#follow(limits, k);
     else this.forget();
@@ -74,8 +78,11 @@ export class Live {
     if (!this.#can) return;
     const { limits } = this.editor.motion;
     this.editor.keep(`pivot ${joint}`);
-    this.#follow({ ...limits, extra: { ...limits.extra, [`pivot_${joint}`]: place } }, null,
-      (joints) => size(less(joints[joint], place)) === 0);
+    this.#follow(
+      { ...limits, extra: { ...limits.extra, [`pivot_${joint}`]: place } },
+      null,
+      (joints) => size(less(joints[joint], place)) === 0,
+    );
   }
 
   /**
@@ -83,7 +90,9 @@ export class Live {
    * is restored.
    */
   #follow(limits, k, back = () => this.page.fits(this.#reference.answer)) {
-    const answer = this.page.answer(), { solution } = this.results, motion = structuredClone(this.editor.motion),
+    const answer = this.page.answer(),
+      { solution } = this.results,
+      motion = structuredClone(this.editor.motion),
       before = this.#run;
     this.page.stop();
     this.#searching?.abort();
@@ -97,12 +106,21 @@ export class Live {
       return;
     }
     const from = before?.reached ?? before?.from ?? solution;
-    this.#run = { motion, own: limits !== this.editor.motion.limits, k, from, reached: null,
-      steps: followed({ ...motion, limits }, from, this.#reference), drawn: true };
+    this.#run = {
+      motion,
+      own: limits !== this.editor.motion.limits,
+      k,
+      from,
+      reached: null,
+      steps: followed({ ...motion, limits }, from, this.#reference),
+      drawn: true,
+    };
     this.#advance();
     this.#soon();
     clearTimeout(this.timer);
-    this.timer = setTimeout(() => { if (!this.editor.board.held) this.#rest(); }, REST_MS);
+    this.timer = setTimeout(() => {
+      if (!this.editor.board.held) this.#rest();
+    }, REST_MS);
   }
 
   /** Ends it all: something else is shown. */
@@ -115,7 +133,8 @@ export class Live {
 
   /** Goes on with the descent for a slice of a frame, and shows how far it has come. */
   #advance() {
-    const run = this.#run, end = performance.now() + SLICE_MS;
+    const run = this.#run,
+      end = performance.now() + SLICE_MS;
     let made = null;
     while (run.steps && performance.now() < end) {
       const { value, done } = run.steps.next();
@@ -146,12 +165,16 @@ export class Live {
   }
 
   /** What the user does has come to rest: the linkage is where it ends once its descent is over. */
-  #rest() { if (this.#run) this.#run.rests = true; }
+  #rest() {
+    if (this.#run) this.#run.rests = true;
+  }
 
   /** Shows the linkage that was moved as the answer. */
   #land() {
-    const { motion, reached, from, k, own } = this.#run, { player } = this.results,
-      answer = answerOf(reached ?? from, motion, this.page.answer()), [moved] = answer.reply.solutions;
+    const { motion, reached, from, k, own } = this.#run,
+      { player } = this.results,
+      answer = answerOf(reached ?? from, motion, this.page.answer()),
+      [moved] = answer.reply.solutions;
     this.#run = null;
     this.page.display(answer, moved);
     if (k !== null) player.goto(player.shown.pass.angles[k]);
@@ -162,22 +185,29 @@ export class Live {
 
   /** Searches for others; they are listed beside the linkage that was moved, which stays. */
   async #search(answer, moved) {
-    const { request } = answer, control = new AbortController();
+    const { request } = answer,
+      control = new AbortController();
     this.#searching = control;
     const begin = request.start_angle === undefined ? { start_from: [moved] } : {};
     try {
-      const { solutions, report } =
-        await (await ask("/v2/synthesize", { ...request, ...begin, budget_ms: BUDGET_MS }, control.signal)).json();
-      const shown = answer.reply.solutions, isNew = (one) => !shown.some((other) => alike(one, other));
-      const others = solutions.filter(isNew).map((one, k) => ({ ...one, rank: k + 1 })), [first] = others;
+      const { solutions, report } = await (
+        await ask("/v2/synthesize", { ...request, ...begin, budget_ms: BUDGET_MS }, control.signal)
+      ).json();
+      const shown = answer.reply.solutions,
+        isNew = (one) => !shown.some((other) => alike(one, other));
+      const others = solutions.filter(isNew).map((one, k) => ({ ...one, rank: k + 1 })),
+        [first] = others;
       if (control.signal.aborted || !first) return;
-      const { objective } = first.errors, { length_scale } = answer.reply.report;
-      first.better = objective < BETTER * moved.errors.objective && objective > ROUNDING &&
-        !defects(first.verdict).length;
+      const { objective } = first.errors,
+        { length_scale } = answer.reply.report;
+      first.better =
+        objective < BETTER * moved.errors.objective && objective > ROUNDING && !defects(first.verdict).length;
       answer.reply = { ...answer.reply, report: { ...report, length_scale }, solutions: [...shown, ...others] };
       if (answer !== this.page.answer()) return;
       this.results.extend();
       this.page.say();
-    } catch { /* Solve says what is wrong with a request */ }
+    } catch {
+      /* Solve says what is wrong with a request */
+    }
   }
 }

@@ -30,8 +30,19 @@ let running = null; // AbortController of the search that runs
 let passed = false; // a later search has not brought anything in the place of the last answer
 let linkedCard = null; // the card that a link chose, until the search for it has ended
 
-const editor = new Editor(motionChanged, pathDrawn, { hand: jointDragged, pivot: pivotDragged }, { get: asShown, put: putBack });
-const results = new Results(editor.board, (kind) => editor.keep(kind), () => { if (!running) sayAnswer(); });
+const editor = new Editor(
+  motionChanged,
+  pathDrawn,
+  { hand: jointDragged, pivot: pivotDragged },
+  { get: asShown, put: putBack },
+);
+const results = new Results(
+  editor.board,
+  (kind) => editor.keep(kind),
+  () => {
+    if (!running) sayAnswer();
+  },
+);
 const sources = new Sources(() => editor.motion, useMotion);
 const draft = new Draft("linkage-atlas-motion", (content) => sources.openDraft(content), beginAnew);
 const gallery = new Gallery((name) => sources.useExample(name));
@@ -58,7 +69,9 @@ function pivotDragged(joint, place) {
   editor.board.draw();
 }
 
-function asShown() { return { answer, state: results.state }; }
+function asShown() {
+  return { answer, state: results.state };
+}
 
 function fits(one) {
   return Boolean(one) && JSON.stringify(toRequest(editor.motion)) === JSON.stringify(one.request);
@@ -77,7 +90,9 @@ function putBack({ answer: shown, state }) {
 }
 
 /** Makes an entry of the browser's history of the answer that is shown. */
-function visit() { visits.add(toPage(answer.request, answer.motion), answer); }
+function visit() {
+  visits.add(toPage(answer.request, answer.motion), answer);
+}
 
 /** Shows an answer of this page again, with its motion. */
 function showAgain(earlier, left) {
@@ -91,14 +106,26 @@ function showAgain(earlier, left) {
 }
 
 function sayAnswer() {
-  const { reply, reply: { solutions }, motion } = answer, { solution } = results;
+  const {
+      reply,
+      reply: { solutions },
+      motion,
+    } = answer,
+    { solution } = results;
   if (editor.board.stale || solution?.source === "hand") {
-    say(editor.board.stale ? "Inputs changed. Solve again." : `Changed by hand: ${howNear({ reply: { ...reply, solutions: [solution] }, motion })}.`);
+    say(
+      editor.board.stale
+        ? "Inputs changed. Solve again."
+        : `Changed by hand: ${howNear({ reply: { ...reply, solutions: [solution] }, motion })}.`,
+    );
     return;
   }
   say(sentenceOf(answer, solution), !solutions.length || defects(solutions[0].verdict).length > 0);
   showOffers(answer, (eased) => {
-    editor.replace({ ...fromRequest(eased), unit: editor.motion.unit, outline: editor.motion.outline, note: editor.motion.note }, false);
+    editor.replace(
+      { ...fromRequest(eased), unit: editor.motion.unit, outline: editor.motion.outline, note: editor.motion.note },
+      false,
+    );
     startSearch();
   });
 }
@@ -110,13 +137,17 @@ function updateStale() {
 
 /** Keeps a motion of the user's own as the draft; the page's address no longer holds it, if it did. */
 function keepDraft() {
-  const { motion } = editor, own = sources.isOwn(motion), content = toPage(toRequest(motion), motion);
+  const { motion } = editor,
+    own = sources.isOwn(motion),
+    content = toPage(toRequest(motion), motion);
   draft.see(content, own);
   visits.leave(content);
   if (own && /^#(path$|[zj]=)/.test(location.hash)) readdress("");
 }
 
-function showRequest() { if ($("request").open) $("request-text").textContent = requestText(toRequest(editor.motion)); }
+function showRequest() {
+  if ($("request").open) $("request-text").textContent = requestText(toRequest(editor.motion));
+}
 
 /** After each change of the motion; while a pointer is `held` only what is drawn every frame. */
 function motionChanged(held = false) {
@@ -185,19 +216,23 @@ function stopSearch() {
 
 /** Shows the search's progress against the longest time that it may take; returns what ends that. */
 function startProgress(begin) {
-  const progress = $("progress"), longest = STAGES.reduce((sum, budget) => sum + budget);
+  const progress = $("progress"),
+    longest = STAGES.reduce((sum, budget) => sum + budget);
   $("stop").hidden = false;
   $("suggestions").hidden = true;
   progress.hidden = false;
   progress.value = 0;
   say("Searching…");
-  const timer = setInterval(() => { progress.value = Math.min(1, Math.sqrt((performance.now() - begin) / longest)); }, 100);
+  const timer = setInterval(() => {
+    progress.value = Math.min(1, Math.sqrt((performance.now() - begin) / longest));
+  }, 100);
   return () => clearInterval(timer);
 }
 
 /** The motion as it is, or null after saying what is wrong with it. */
 function soundMotion() {
-  const motion = structuredClone(editor.motion), wrong = editor.fault ?? fault(motion);
+  const motion = structuredClone(editor.motion),
+    wrong = editor.fault ?? fault(motion);
   if (!wrong) return motion;
   const [sentence, id] = wrong;
   say(sentence, true);
@@ -209,13 +244,16 @@ function soundMotion() {
 async function run(work) {
   live.forget();
   stopSearch();
-  const control = new AbortController(), begin = performance.now(), before = answer;
+  const control = new AbortController(),
+    begin = performance.now(),
+    before = answer;
   running = control;
   const endProgress = startProgress(begin);
   try {
     await work(control, begin);
   } catch (error) {
-    if (error.name !== "AbortError") say(`${error.message}${answer === before ? "" : " What is shown was found before that."}`, true);
+    if (error.name !== "AbortError")
+      say(`${error.message}${answer === before ? "" : " What is shown was found before that."}`, true);
   } finally {
     endProgress();
     if (running === control) {
@@ -232,34 +270,43 @@ async function run(work) {
 async function startSearch(near = null) {
   const motion = soundMotion();
   if (!motion) return;
-  const request = toRequest(motion), made = {}; // one answer of all stages
+  const request = toRequest(motion),
+    made = {}; // one answer of all stages
   passed ||= Boolean(answer) && !near;
   updateStale();
   await run(async (control, begin) => {
     let further = false;
-    await solve(near ? nearby(request, near) : request, (reply, last) => {
-      if (running !== control) return;
-      // what is shown stays until there is something in its place
-      if (!reply.solutions.length && (near || !last)) {
-        say(last ? "None found with both pivots near there." : "Nothing within the limits yet. Still searching…", last);
-        return;
-      }
-      const { hand } = (further && results.state) || {};
-      if (hand) reply.solutions.push(hand);
-      answer = Object.assign(made, { request, reply, motion, last, seconds: (performance.now() - begin) / 1000 });
-      if (!further) visit();
-      passed = false;
-      updateStale();
-      results.show(answer, further);
-      if (reply.solutions.length && !further) {
-        results.player.run();
-        openStep("choose");
-      }
-      if (!further) performance.measure("first result", { start: begin, end: performance.now() });
-      further ||= reply.solutions.length > 0;
-      if (last) return;
-      say(`After ${Math.round(performance.now() - begin)} ms: ${howNear(answer)}. Still searching…`);
-    }, control.signal, alike);
+    await solve(
+      near ? nearby(request, near) : request,
+      (reply, last) => {
+        if (running !== control) return;
+        // what is shown stays until there is something in its place
+        if (!reply.solutions.length && (near || !last)) {
+          say(
+            last ? "None found with both pivots near there." : "Nothing within the limits yet. Still searching…",
+            last,
+          );
+          return;
+        }
+        const { hand } = (further && results.state) || {};
+        if (hand) reply.solutions.push(hand);
+        answer = Object.assign(made, { request, reply, motion, last, seconds: (performance.now() - begin) / 1000 });
+        if (!further) visit();
+        passed = false;
+        updateStale();
+        results.show(answer, further);
+        if (reply.solutions.length && !further) {
+          results.player.run();
+          openStep("choose");
+        }
+        if (!further) performance.measure("first result", { start: begin, end: performance.now() });
+        further ||= reply.solutions.length > 0;
+        if (last) return;
+        say(`After ${Math.round(performance.now() - begin)} ms: ${howNear(answer)}. Still searching…`);
+      },
+      control.signal,
+      alike,
+    );
     if (running === control && answer && further) {
       if (linkedCard && answer.reply.solutions.length) results.choose(linkedCard);
       sayAnswer();
@@ -269,14 +316,21 @@ async function startSearch(near = null) {
 
 /** Lets the service refine the selected linkage; the result takes the place of the one changed by hand. */
 async function startRefinement() {
-  const motion = soundMotion(), begun = results.solution;
+  const motion = soundMotion(),
+    begun = results.solution;
   if (!motion || !begun) return;
-  const request = toRequest(motion), same = !editor.board.stale, before = begun.errors.objective;
+  const request = toRequest(motion),
+    same = !editor.board.stale,
+    before = begun.errors.objective;
   await run(async (control, begin) => {
-    const reply = await refine(fromHere(request, begun), control.signal), [refined] = reply.solutions;
+    const reply = await refine(fromHere(request, begun), control.signal),
+      [refined] = reply.solutions;
     if (running !== control) return;
     if (!refined) {
-      say("No linkage within the limits was reached from there; that proves nothing. Move it, loosen a limit, or search near here.", true);
+      say(
+        "No linkage within the limits was reached from there; that proves nothing. Move it, loosen a limit, or search near here.",
+        true,
+      );
       return;
     }
     const others = same ? answer.reply.solutions.filter((one) => one.source !== "hand") : [];
@@ -290,7 +344,9 @@ async function startRefinement() {
     const gained = !same || refined.errors.objective < before * (1 - 1e-6);
     const near = howNear({ reply: { ...reply, solutions: [refined] }, motion });
     const up = reply.report.stopped_by === "budget" ? ` The time was up after ${answer.seconds.toFixed(1)} s.` : "";
-    say(`Refined from there: ${near}.${gained ? "" : " The descent gained nothing."}${up} Linkages elsewhere were not looked at.`);
+    say(
+      `Refined from there: ${near}.${gained ? "" : " The descent gained nothing."}${up} Linkages elsewhere were not looked at.`,
+    );
   });
 }
 
@@ -302,7 +358,13 @@ function showEntered({ motion, solution }) {
     const reply = await refine(fromHere(request, solution), control.signal);
     if (running !== control) return;
     if (!reply.solutions.length) reply.solutions.push(assessed(solution, motion).solution);
-    answer = { request, reply, motion: structuredClone(motion), seconds: (performance.now() - begin) / 1000, refined: true };
+    answer = {
+      request,
+      reply,
+      motion: structuredClone(motion),
+      seconds: (performance.now() - begin) / 1000,
+      refined: true,
+    };
     visit();
     results.show(answer);
     results.player.goto(0);
@@ -313,8 +375,25 @@ function showEntered({ motion, solution }) {
 /** The dimensions of the selected linkage for a link or a project; null if the inputs have changed since. */
 function chosenCard() {
   if (!answer || editor.board.stale || !results.solution) return null;
-  const { links, branch, start_angle, body_offset, mount, crank_angle, family, kind, driver, guides, start: begin, travel } = results.solution;
-  return { ...(links ? { links, start_angle, body_offset, mount, family } : { kind, driver, guides, start: begin, travel }), branch, crank_angle };
+  const {
+    links,
+    branch,
+    start_angle,
+    body_offset,
+    mount,
+    crank_angle,
+    family,
+    kind,
+    driver,
+    guides,
+    start: begin,
+    travel,
+  } = results.solution;
+  return {
+    ...(links ? { links, start_angle, body_offset, mount, family } : { kind, driver, guides, start: begin, travel }),
+    branch,
+    crank_angle,
+  };
 }
 
 /** Shows a project that was saved, and solves it anew. */
@@ -325,16 +404,42 @@ function openProject(content) {
 }
 
 function bindButtons() {
-  $("form").addEventListener("submit", (event) => { event.preventDefault(); startSearch(); });
-  document.addEventListener("keydown", (event) => { if (event.key === "Enter" && (event.ctrlKey || event.metaKey)) { event.preventDefault(); startSearch(); } });
+  $("form").addEventListener("submit", (event) => {
+    event.preventDefault();
+    startSearch();
+  });
+  document.addEventListener("keydown", (event) => {
+    if (event.key === "Enter" && (event.ctrlKey || event.metaKey)) {
+      event.preventDefault();
+      startSearch();
+    }
+  });
   addEventListener("hashchange", addressChanged);
   document.addEventListener("refinehere", startRefinement);
-  document.addEventListener("searchnear", () => { const { solution } = results; startSearch(solution); });
-  $("stop").addEventListener("click", () => { stopSearch(); $("solve").focus(); say(answer?.reply.solutions.length ? "Stopped; these are the best found so far." : "Stopped."); });
+  document.addEventListener("searchnear", () => {
+    const { solution } = results;
+    startSearch(solution);
+  });
+  $("stop").addEventListener("click", () => {
+    stopSearch();
+    $("solve").focus();
+    say(answer?.reply.solutions.length ? "Stopped; these are the best found so far." : "Stopped.");
+  });
   $("request").addEventListener("toggle", showRequest);
-  $("request-copy").addEventListener("click", () => copy(requestText(toRequest(editor.motion)), "The request is copied.", say, "The browser does not allow copying; select the text instead."));
+  $("request-copy").addEventListener("click", () =>
+    copy(
+      requestText(toRequest(editor.motion)),
+      "The request is copied.",
+      say,
+      "The browser does not allow copying; select the text instead.",
+    ),
+  );
   $("link").addEventListener("click", async () => {
-    await copy(await sources.linkTo(chosenCard() ? answer.request : toRequest(editor.motion), editor.motion, chosenCard()), "The link is copied; it holds the whole request and the chosen linkage.", note);
+    await copy(
+      await sources.linkTo(chosenCard() ? answer.request : toRequest(editor.motion), editor.motion, chosenCard()),
+      "The link is copied; it holds the whole request and the chosen linkage.",
+      note,
+    );
   });
   let parts = null; // of the linkage that is being printed
   addEventListener("beforeprint", () => fillSheet(answer, results.solution, results.driving, parts));
@@ -354,7 +459,9 @@ async function addressChanged() {
   try {
     if (await sources.openLink()) startSearch();
     else if (!location.hash && sources.linked && !history.state?.visit) beginAnew();
-  } catch (error) { say(error.message, true); }
+  } catch (error) {
+    say(error.message, true);
+  }
 }
 
 /** Leaves an empty workspace for the first screen. */
@@ -376,12 +483,24 @@ async function start() {
   explainTerms();
   startSteps();
   startEntry(() => editor.motion.unit, showEntered);
-  startStage(editor.board, (change) => editor.history.change((motion) => { change(motion); }), (mode) => editor.setMode(mode));
+  startStage(
+    editor.board,
+    (change) =>
+      editor.history.change((motion) => {
+        change(motion);
+      }),
+    (mode) => editor.setMode(mode),
+  );
   editor.refresh();
   await sources.loadExamples();
   gallery.show(sources.examples);
-  let linked = false, damage = null;
-  try { linked = await sources.openLink(); } catch (error) { damage = error.message; }
+  let linked = false,
+    damage = null;
+  try {
+    linked = await sources.openLink();
+  } catch (error) {
+    damage = error.message;
+  }
   startWelcome(draft, openProject);
   startProjects(() => toPage(toRequest(editor.motion), editor.motion, chosenCard()), say);
   if (!linked && !damage && location.hash !== "#path" && !editor.motion.poses.length) showFirst();

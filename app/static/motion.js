@@ -12,7 +12,17 @@ export const PRESET = { use: 35, turn: 15, ratio: 10, reach: 10 };
  * `kept` says which of the practical limits hold; `transmission` (in use), `turn` and `ratio` are values that replace theirs, null
  * where there is none. `family` is null for the service's default, see `familyOf`. `extra` holds fields that the form does not show.
  */
-const LIMITS = { family: null, kept: { use: true, turn: true, ratio: true, reach: true }, transmission: null, turn: null, ratio: null, box: null, min: null, max: null, extra: {} };
+const LIMITS = {
+  family: null,
+  kept: { use: true, turn: true, ratio: true, reach: true },
+  transmission: null,
+  turn: null,
+  ratio: null,
+  box: null,
+  min: null,
+  max: null,
+  extra: {},
+};
 
 const STUDY_SAMPLES = 2000; // linkages of a tolerance study: the search is asked several times, and each answer has one
 
@@ -23,9 +33,29 @@ const STUDY_SAMPLES = 2000; // linkages of a tolerance study: the search is aske
  * from the body point at angle 0) and a `note` on where the motion comes from are for the page alone.
  */
 export const emptyMotion = (wanted = "both") => ({
-  poses: [], wanted, timing: "free", span: 90, direction: 1, anyOrder: false, closed: false, spanMax: null, startAngle: null,
-  limits: clone(LIMITS), tolerance: { rotation: null, position: null }, prefer: null, round: null, stock: null,
-  analysis: { speed: null, force: [null, null], torque: null }, study: { links: null, pivots: null, clearance: null, extra: { samples: STUDY_SAMPLES } }, top: 8, diverse: true, mechanisms: "auto", unit: "mm", outline: null, note: "", extra: {},
+  poses: [],
+  wanted,
+  timing: "free",
+  span: 90,
+  direction: 1,
+  anyOrder: false,
+  closed: false,
+  spanMax: null,
+  startAngle: null,
+  limits: clone(LIMITS),
+  tolerance: { rotation: null, position: null },
+  prefer: null,
+  round: null,
+  stock: null,
+  analysis: { speed: null, force: [null, null], torque: null },
+  study: { links: null, pivots: null, clearance: null, extra: { samples: STUDY_SAMPLES } },
+  top: 8,
+  diverse: true,
+  mechanisms: "auto",
+  unit: "mm",
+  outline: null,
+  note: "",
+  extra: {},
 });
 
 /** Whether the motion asks for places, for angles. */
@@ -33,7 +63,8 @@ export const wantsPlaces = (motion) => motion.wanted !== "rotation";
 export const wantsAngles = (motion) => motion.wanted !== "position";
 
 /** The families that are looked for: hinges, lids and flaps swing, and closed paths and given crank angles need a crank that turns. */
-export const familyOf = ({ limits, timing, closed }) => limits.family ?? (timing === "free" && !closed && limits.turn === null ? "any" : "full_crank");
+export const familyOf = ({ limits, timing, closed }) =>
+  limits.family ?? (timing === "free" && !closed && limits.turn === null ? "any" : "full_crank");
 
 /** The unit of a linkage's lengths: without places its ground is 1. */
 export const unitOf = (motion) => (wantsPlaces(motion) ? motion.unit : "× ground");
@@ -45,7 +76,8 @@ export const itemOf = (motion) => (wantsAngles(motion) ? "pose" : "point");
 export const slidable = (motion) => wantsPlaces(motion) && (wantsAngles(motion) || motion.timing === "free");
 
 /** Whether all linkages are not alike in what is to be preferred: lengths need places, swings free crank angles. */
-export const preferable = (motion, prefer) => (prefer !== "size" || wantsPlaces(motion)) && (prefer !== "crank_span" || motion.timing === "free");
+export const preferable = (motion, prefer) =>
+  (prefer !== "size" || wantsPlaces(motion)) && (prefer !== "crank_span" || motion.timing === "free");
 
 /** The place [x, y] of a pose; null where it is missing. */
 export const placeOf = (pose) => (pose.x === null || pose.y === null ? null : [pose.x, pose.y]);
@@ -56,13 +88,16 @@ export const placesOf = (motion) => (wantsPlaces(motion) ? motion.poses.map(plac
 /** The crank's travel from the first pose to each pose, in degrees, without sign; even ones where they are free. */
 export function travels(motion) {
   const last = motion.poses.length - 1;
-  if (motion.timing !== "table" || last < 1) return motion.poses.map((_, k) => (last < 1 ? 0 : (motion.span * k) / last));
+  if (motion.timing !== "table" || last < 1)
+    return motion.poses.map((_, k) => (last < 1 ? 0 : (motion.span * k) / last));
   return motion.poses.map((pose) => pose.t);
 }
 
 /** Writes the crank angles into the poses, where they can then be changed one by one. */
 export function fixTravels(motion) {
-  travels(motion).forEach((t, k) => { motion.poses[k].t = t; });
+  travels(motion).forEach((t, k) => {
+    motion.poses[k].t = t;
+  });
 }
 
 /** Takes another `timing`; crank angles in the table begin as those that held before. */
@@ -73,7 +108,9 @@ export function setTiming(motion, timing) {
 
 /** By default the practical limits hold where the crank angles are free, and not where they are given. */
 export function takeTiming(motion, timing) {
-  const { kept } = motion.limits, was = motion.timing === "free", is = timing === "free";
+  const { kept } = motion.limits,
+    was = motion.timing === "free",
+    is = timing === "free";
   if (Object.values(kept).every((one) => one === was)) for (const name of Object.keys(kept)) kept[name] = is;
   motion.timing = timing;
 }
@@ -81,45 +118,80 @@ export function takeTiming(motion, timing) {
 /** Shifts and scales uneven crank angles so that they run from 0 to `span`. */
 export function scaleTravels(motion, span) {
   const poses = motion.poses;
-  const first = poses[0]?.t ?? 0, now = (poses.at(-1)?.t ?? 0) - first;
-  if (now > 0) poses.forEach((pose) => { pose.t = ((pose.t - first) * span) / now; });
+  const first = poses[0]?.t ?? 0,
+    now = (poses.at(-1)?.t ?? 0) - first;
+  if (now > 0)
+    poses.forEach((pose) => {
+      pose.t = ((pose.t - first) * span) / now;
+    });
   motion.span = span;
 }
 
 /** The reason why a motion cannot be solved, as [sentence, field id]; null if there is none. */
 export function fault(motion) {
-  const { poses } = motion, free = motion.timing === "free";
-  const least = free ? 2 : 3, kind = wantsAngles(motion) ? "motion" : "path", item = itemOf(motion);
+  const { poses } = motion,
+    free = motion.timing === "free";
+  const least = free ? 2 : 3,
+    kind = wantsAngles(motion) ? "motion" : "path",
+    item = itemOf(motion);
   if (poses.length < least) {
-    const needs = free ? `A ${kind} needs at least two ${item}s` : `With given crank angles a ${kind} needs at least three ${item}s`;
+    const needs = free
+      ? `A ${kind} needs at least two ${item}s`
+      : `With given crank angles a ${kind} needs at least three ${item}s`;
     return [`${needs}; there ${poses.length === 1 ? "is 1" : `are ${poses.length}`}.`, "add-row"];
   }
   if (poses.length > 1024) return [`A ${kind} has at most 1024 ${item}s.`, "poses"];
-  if (free && !wantsPlaces(motion)) return ["With free crank angles positions are needed: angles alone are met by nearly every linkage.", "wanted"];
-  if (free && motion.anyOrder && !(wantsAngles(motion) && poses.length > 2)) return ["Only three full poses or more can be passed in any order.", "any-order"];
-  const blank = poses.findIndex((pose) => !(wantsPlaces(motion) && placeOf(pose)) && !(wantsAngles(motion) && pose.angle !== null));
+  if (free && !wantsPlaces(motion))
+    return ["With free crank angles positions are needed: angles alone are met by nearly every linkage.", "wanted"];
+  if (free && motion.anyOrder && !(wantsAngles(motion) && poses.length > 2))
+    return ["Only three full poses or more can be passed in any order.", "any-order"];
+  const blank = poses.findIndex(
+    (pose) => !(wantsPlaces(motion) && placeOf(pose)) && !(wantsAngles(motion) && pose.angle !== null),
+  );
   if (free && blank >= 0) return [`The row of ${item} ${blank + 1} is empty.`, "poses"];
   if (wantsPlaces(motion) && !poses.some(placeOf)) return ["No row has both x and y.", "poses"];
-  if (wantsAngles(motion) && poses.every((pose) => pose.angle === null)) return ["No row has an angle. For a path choose \"position only\".", "wanted"];
-  if (!free && !(motion.span >= 0.1 && motion.span <= 3600)) return ["The crank must turn by 0.1 to 3600 degrees.", "span"];
+  if (wantsAngles(motion) && poses.every((pose) => pose.angle === null))
+    return ['No row has an angle. For a path choose "position only".', "wanted"];
+  if (!free && !(motion.span >= 0.1 && motion.span <= 3600))
+    return ["The crank must turn by 0.1 to 3600 degrees.", "span"];
   if (motion.timing === "table") {
     const bad = poses.findIndex((pose, k) => k > 0 && !(pose.t > poses[k - 1].t));
-    if (bad > 0) return [`Crank angles must increase: that of ${item} ${bad + 1} is not larger than that of ${item} ${bad}.`, "poses"];
+    if (bad > 0)
+      return [
+        `Crank angles must increase: that of ${item} ${bad + 1} is not larger than that of ${item} ${bad}.`,
+        "poses",
+      ];
   }
   const { box, min, max } = motion.limits;
-  if (min && max && min > max) return [`Links at least, ${min}, may not be more than links at most, ${max}.`, "link-min"];
-  if (box && !(box[0] <= box[2] && box[1] <= box[3])) return ["The pivot box needs left less than right and bottom less than top.", "box-0"];
+  if (min && max && min > max)
+    return [`Links at least, ${min}, may not be more than links at most, ${max}.`, "link-min"];
+  if (box && !(box[0] <= box[2] && box[1] <= box[3]))
+    return ["The pivot box needs left less than right and bottom less than top.", "box-0"];
   return null;
 }
 
 /** A further pose: at the place `at`, or by the step between the last two poses beyond the last. */
 export function nextPose(motion, at = null) {
-  const last = motion.poses.at(-1), before = motion.poses.at(-2);
+  const last = motion.poses.at(-1),
+    before = motion.poses.at(-2);
   const angle = (pose) => pose?.angle ?? 0;
   if (!last) return { t: 0, x: at?.[0] ?? 0, y: at?.[1] ?? 0, angle: 0 };
-  const [x, y] = placeOf(last) ?? [0, 0], from = before && placeOf(before);
-  const go = before ? { x: from ? x - from[0] : 10, y: from ? y - from[1] : 0, angle: angle(last) - angle(before), t: last.t - before.t } : { x: 10, y: 0, angle: 0, t: 10 };
-  return { t: last.t + (go.t > 0 ? go.t : 10), x: at?.[0] ?? x + go.x, y: at?.[1] ?? y + go.y, angle: at ? angle(last) : angle(last) + go.angle };
+  const [x, y] = placeOf(last) ?? [0, 0],
+    from = before && placeOf(before);
+  const go = before
+    ? {
+        x: from ? x - from[0] : 10,
+        y: from ? y - from[1] : 0,
+        angle: angle(last) - angle(before),
+        t: last.t - before.t,
+      }
+    : { x: 10, y: 0, angle: 0, t: 10 };
+  return {
+    t: last.t + (go.t > 0 ? go.t : 10),
+    x: at?.[0] ?? x + go.x,
+    y: at?.[1] ?? y + go.y,
+    angle: at ? angle(last) : angle(last) + go.angle,
+  };
 }
 
 /**
@@ -155,7 +227,9 @@ export class History {
   }
 
   /** Ends a step: the next change begins a new one. */
-  settle() { this.kind = null; }
+  settle() {
+    this.kind = null;
+  }
 
   #step(from, to) {
     if (!from.length) return;
@@ -166,9 +240,13 @@ export class History {
     this.onChange(this.value);
   }
 
-  undo() { this.#step(this.past, this.future); }
+  undo() {
+    this.#step(this.past, this.future);
+  }
 
-  redo() { this.#step(this.future, this.past); }
+  redo() {
+    this.#step(this.future, this.past);
+  }
 }
 
 /** Angles without jumps by whole turns: each within half a turn of the one before. */

@@ -13,12 +13,18 @@ export const matters = (note) => note.startsWith("No linkage that was found come
  * about. `found`: whether there are solutions.
  */
 function offered(note, request, found) {
-  const [, fields = ""] = /\(([^()]*)\)\.$/.exec(note) ?? [], [, name] = /^`limits\.(\w+)`$/.exec(fields) ?? [];
+  const [, fields = ""] = /\(([^()]*)\)\.$/.exec(note) ?? [],
+    [, name] = /^`limits\.(\w+)`$/.exec(fields) ?? [];
   if (fields === "`order`") return ["Pass them in any order", { ...request, order: "any" }];
   if (name === "family") return ["Allow any family", { ...request, limits: { ...request.limits, family: "any" } }];
   if (found || !name) return null;
-  const [, clause] = /; with ([^;]*) there is one /.exec(note) ?? [], [value] = /\[.*\]|-?\d[\d.]*(?:e[-+]?\d+)?/.exec(clause ?? "") ?? [];
-  if (value) return [`Set ${limitName(name)} to ${value}${clause.includes(" degrees") ? "°" : ""}`, { ...request, limits: { ...request.limits, [name]: JSON.parse(value) } }];
+  const [, clause] = /; with ([^;]*) there is one /.exec(note) ?? [],
+    [value] = /\[.*\]|-?\d[\d.]*(?:e[-+]?\d+)?/.exec(clause ?? "") ?? [];
+  if (value)
+    return [
+      `Set ${limitName(name)} to ${value}${clause.includes(" degrees") ? "°" : ""}`,
+      { ...request, limits: { ...request.limits, [name]: JSON.parse(value) } },
+    ];
   const { [name]: dropped, ...limits } = request.limits ?? {};
   return dropped === undefined ? null : [`Drop ${limitName(name)}`, { ...request, limits }];
 }

@@ -7,7 +7,9 @@ const READING = "The table is being read.";
 
 export class Pairs {
   /** `changed()` is called when a table has been read. */
-  constructor(changed) { Object.assign(this, { changed, table: { content: null } }); }
+  constructor(changed) {
+    Object.assign(this, { changed, table: { content: null } });
+  }
 
   /** Has the service read a text, unless it is read or being read; resolves when it is done. */
   read(content) {
@@ -23,21 +25,35 @@ export class Pairs {
     try {
       const { request, columns, notes } = await readTable(table.content, "function");
       const units = Object.fromEntries(columns.map(({ role, unit }) => [role, unit]));
-      Object.assign(table, { request, notes, units, error: null, bare: columns.every(({ head }) => /^\d+$/.test(head)) });
-    } catch (error) { table.error = error; }
+      Object.assign(table, {
+        request,
+        notes,
+        units,
+        error: null,
+        bare: columns.every(({ head }) => /^\d+$/.test(head)),
+      });
+    } catch (error) {
+      table.error = error;
+    }
     if (table !== this.table) return;
     delete document.body.dataset.reading;
     this.changed();
   }
 
   /** How the table was read, as sentences; "" if it was not. */
-  get notes() { return (this.table.notes ?? []).map((note) => capital(note.replace(/\.?$/, "."))).join(" "); }
+  get notes() {
+    return (this.table.notes ?? []).map((note) => capital(note.replace(/\.?$/, "."))).join(" ");
+  }
 
   /** Checks the units of the table against the ends of a linkage, whose `asks` say which of them are lengths. Throws Error. */
   check(asks) {
     for (const end of ["input", "output"]) {
-      const unit = this.table.units?.[end], turns = ["deg", "rad"].includes(unit);
-      if (unit && turns === (asks[`${end}_unit`] === "length")) throw new Error(`The table has the ${end} in ${unit}, and here it is ${turns ? "a length" : "an angle"}: choose another linkage, or change the head.`);
+      const unit = this.table.units?.[end],
+        turns = ["deg", "rad"].includes(unit);
+      if (unit && turns === (asks[`${end}_unit`] === "length"))
+        throw new Error(
+          `The table has the ${end} in ${unit}, and here it is ${turns ? "a length" : "an angle"}: choose another linkage, or change the head.`,
+        );
     }
   }
 

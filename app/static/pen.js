@@ -18,7 +18,8 @@ function lengths(points) {
 
 /** `count` points evenly along a polyline, its ends included; of a closed one the last is left out, as it is the first again. */
 function thin(points, count, closed = false) {
-  const way = closed ? [...points, points[0]] : points, at = lengths(way);
+  const way = closed ? [...points, points[0]] : points,
+    at = lengths(way);
   const step = at.at(-1) / (closed ? count : count - 1);
   let k = 1;
   return Array.from({ length: count }, (_, n) => {
@@ -46,7 +47,10 @@ export class Pen {
   /** {points, closed} of the finished trace: one point for a tap. */
   end() {
     this.line.remove();
-    const { points } = this, length = lengths(points).at(-1), [first] = points, away = points.map(([x, y]) => Math.hypot(x - first[0], y - first[1]));
+    const { points } = this,
+      length = lengths(points).at(-1),
+      [first] = points,
+      away = points.map(([x, y]) => Math.hypot(x - first[0], y - first[1]));
     if (length < TAP) return { points: [first], closed: false };
     const closed = length > 8 * NEAR && away.at(-1) < Math.max(NEAR, NEAR_SHARE * Math.max(...away));
     return { points: thin(points, Math.min(PATH_POINTS, Math.floor(length / APART)), closed), closed };

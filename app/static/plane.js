@@ -6,7 +6,10 @@ export const RAD = Math.PI / 180;
 export const add = ([a, b], [c, d]) => [a + c, b + d];
 export const less = ([a, b], [c, d]) => [a - c, b - d];
 export const times = ([a, b], factor) => [a * factor, b * factor];
-export const turned = ([x, y], angle) => [x * Math.cos(angle) - y * Math.sin(angle), x * Math.sin(angle) + y * Math.cos(angle)];
+export const turned = ([x, y], angle) => [
+  x * Math.cos(angle) - y * Math.sin(angle),
+  x * Math.sin(angle) + y * Math.cos(angle),
+];
 /** The unit vector of an angle. */
 export const along = (angle) => [Math.cos(angle), Math.sin(angle)];
 export const cross = ([a, b], [c, d]) => a * d - b * c;

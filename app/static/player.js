@@ -27,21 +27,35 @@ function setButton(name) {
 
 /** What canvas and curves need of a solution: joints over the interval and the turn, joints and errors at the samples. */
 export function trajectory(solution, motion, coarse = false) {
-  const fit = fitOf(solution, motion), { linkage, pass } = fit, { sense, low, high } = pass;
+  const fit = fitOf(solution, motion),
+    { linkage, pass } = fit,
+    { sense, low, high } = pass;
   const steps = coarse ? COARSE : pass.turns ? Math.min(1440, Math.max(180, Math.ceil(high - low))) : 180;
   return {
-    ...fit, motion, solution, band: band(solution, linkage),
+    ...fit,
+    motion,
+    solution,
+    band: band(solution, linkage),
     used: linkage.over(sense * low * RAD, sense * high * RAD, steps),
     turn: linkage.turnsFully ? linkage.over(0, sense * 2 * Math.PI, coarse ? COARSE : 360) : null,
-    errors: fit.worst.place === null ? null : motion.poses.map((pose, k) => (fit.places[k] === null ? null : [placeOf(pose), fit.at[k].p])),
+    errors:
+      fit.worst.place === null
+        ? null
+        : motion.poses.map((pose, k) => (fit.places[k] === null ? null : [placeOf(pose), fit.at[k].p])),
   };
 }
 
 export class Player {
   constructor(board) {
     Object.assign(this, { board, shown: null, frame: null, charts: [], marks: [], stops: [] });
-    $("slider").addEventListener("input", () => { this.#pause(); this.#showTravel(); });
-    $("range").addEventListener("change", () => { this.#setRange(); this.drawCurves(); });
+    $("slider").addEventListener("input", () => {
+      this.#pause();
+      this.#showTravel();
+    });
+    $("range").addEventListener("change", () => {
+      this.#setRange();
+      this.drawCurves();
+    });
     $("play").addEventListener("click", () => (this.frame === null ? this.#play() : this.#pause()));
     $("before").addEventListener("click", () => this.#step(-1));
     $("after").addEventListener("click", () => this.#step(1));
@@ -54,7 +68,11 @@ export class Player {
     this.shown = trajectory(solution, motion);
     $("range").querySelector("[value=turn]").disabled = !this.shown.turn;
     if (!this.shown.turn) $("range").value = "used";
-    for (const [id, way] of [["before", "Previous"], ["after", "Next"]]) $(id).ariaLabel = $(id).title = `${way} ${itemOf(motion)}`;
+    for (const [id, way] of [
+      ["before", "Previous"],
+      ["after", "Next"],
+    ])
+      $(id).ariaLabel = $(id).title = `${way} ${itemOf(motion)}`;
     this.board.showLinkage(this.shown);
     if (fit) this.board.fit();
     this.#setRange();
@@ -63,15 +81,24 @@ export class Player {
 
   /** A linkage that is being moved, where it is at sample k or else where its drive stands: seen when the board is drawn. */
   track(solution, motion, k) {
-    const { travel, shown: before } = this, shown = trajectory(solution, motion, true), { low, high, sense } = shown.pass;
+    const { travel, shown: before } = this,
+      shown = trajectory(solution, motion, true),
+      { low, high, sense } = shown.pass;
     this.#pause();
     this.shown = { ...shown, band: null };
-    const share = before ? (before.pass.sense * travel - before.pass.low) / (before.pass.high - before.pass.low || 1) : 0;
-    Object.assign(this.board, { linkage: this.shown, joints: shown.at[k] ?? shown.linkage.at(sense * (low + share * (high - low)) * RAD) });
+    const share = before
+      ? (before.pass.sense * travel - before.pass.low) / (before.pass.high - before.pass.low || 1)
+      : 0;
+    Object.assign(this.board, {
+      linkage: this.shown,
+      joints: shown.at[k] ?? shown.linkage.at(sense * (low + share * (high - low)) * RAD),
+    });
   }
 
   /** Where the slider stands, in degrees of crank from the first sample, with sign. */
-  get travel() { return this.shown ? this.shown.pass.sense * Number($("slider").value) : 0; }
+  get travel() {
+    return this.shown ? this.shown.pass.sense * Number($("slider").value) : 0;
+  }
 
   /** The share of the used interval at which the slider stands, from 0 to 1. */
   get share() {
@@ -85,11 +112,14 @@ export class Player {
     if (this.frame === null && !matchMedia("(prefers-reduced-motion: reduce)").matches) this.#play();
   }
 
-  stop() { this.#pause(); }
+  stop() {
+    this.#pause();
+  }
 
   /** Moves to a crank angle from the first sample, with sign. */
   goto(degrees) {
-    const slider = $("slider"), travel = this.shown.pass.sense * degrees;
+    const slider = $("slider"),
+      travel = this.shown.pass.sense * degrees;
     slider.min = Math.min(Number(slider.min), travel);
     slider.max = Math.max(Number(slider.max), travel);
     this.#go(travel);
@@ -102,32 +132,44 @@ export class Player {
   }
 
   /** Travels nearer than this are one: a slider of the page has no more steps. */
-  get #near() { return this.shown.pass.turns ? 1e-6 : 1e-6 * Math.max(1e-300, this.shown.pass.high - this.shown.pass.low); }
+  get #near() {
+    return this.shown.pass.turns ? 1e-6 : 1e-6 * Math.max(1e-300, this.shown.pass.high - this.shown.pass.low);
+  }
 
   /** The travels that the slider runs over. */
-  get #range() { return wholeTurn() ? [0, 360] : [this.shown.pass.low, this.shown.pass.high]; }
+  get #range() {
+    return wholeTurn() ? [0, 360] : [this.shown.pass.low, this.shown.pass.high];
+  }
 
   #setRange() {
-    const slider = $("slider"), [low, high] = this.#range;
+    const slider = $("slider"),
+      [low, high] = this.#range;
     slider.min = low;
     slider.max = high;
     if (Number(slider.value) > high || Number(slider.value) < low) slider.value = Math.max(0, low);
     // the travel at which each sample is passed, and the samples in the order in which they are
     this.marks = marksWithin(this.shown.pass, low, high);
-    this.stops = this.marks.map((travel, k) => ({ travel, k })).filter(({ travel }) => travel !== null).sort((a, b) => a.travel - b.travel);
+    this.stops = this.marks
+      .map((travel, k) => ({ travel, k }))
+      .filter(({ travel }) => travel !== null)
+      .sort((a, b) => a.travel - b.travel);
     this.#drawMarks();
     this.#showTravel();
   }
 
   /** A line below the slider for each sample, with its number where there is room. */
   #drawMarks() {
-    const svg = $("marks"), width = svg.clientWidth;
+    const svg = $("marks"),
+      width = svg.clientWidth;
     svg.replaceChildren();
     if (!this.shown || !width) return;
-    const [low, high] = this.#range, middle = (travel) => THUMB + ((travel - low) / (high - low || 1)) * (width - 2 * THUMB);
+    const [low, high] = this.#range,
+      middle = (travel) => THUMB + ((travel - low) / (high - low || 1)) * (width - 2 * THUMB);
     let end = -Infinity;
     for (const { travel, k } of this.stops) {
-      const x = middle(travel), name = String(k + 1), half = 4 + 3.5 * name.length;
+      const x = middle(travel),
+        name = String(k + 1),
+        half = 4 + 3.5 * name.length;
       make("path", { class: "mark", d: `M${x.toFixed(1)} 0v5`, "data-sample": k + 1 }, svg);
       if (x - half < end) continue;
       end = x + half;
@@ -139,8 +181,9 @@ export class Player {
   #step(heading) {
     if (!this.shown) return;
     this.#pause();
-    const now = Number($("slider").value), ahead = this.stops.filter(({ travel }) => heading * (travel - now) > this.#near);
-    const next = heading > 0 ? ahead[0] ?? this.stops[0] : ahead.at(-1) ?? this.stops.at(-1);
+    const now = Number($("slider").value),
+      ahead = this.stops.filter(({ travel }) => heading * (travel - now) > this.#near);
+    const next = heading > 0 ? (ahead[0] ?? this.stops[0]) : (ahead.at(-1) ?? this.stops.at(-1));
     if (next) this.#go(next.travel);
   }
 
@@ -151,13 +194,19 @@ export class Player {
 
   #showTravel() {
     if (!this.shown) return;
-    const travel = Number($("slider").value), { sense } = this.shown.pass;
-    const degrees = sense * travel, rounded = degrees.toFixed(1).replace(/^-0\.0$/, "0.0");
+    const travel = Number($("slider").value),
+      { sense } = this.shown.pass;
+    const degrees = sense * travel,
+      rounded = degrees.toFixed(1).replace(/^-0\.0$/, "0.0");
     const here = this.stops.filter((stop) => Math.abs(stop.travel - travel) < this.#near).map(({ k }) => k + 1);
-    const { turns, low, high } = this.shown.pass, words = turns ? `${rounded}°` : `${text(settled(degrees, high - low), 4)} ${this.shown.motion.unit}`;
+    const { turns, low, high } = this.shown.pass,
+      words = turns ? `${rounded}°` : `${text(settled(degrees, high - low), 4)} ${this.shown.motion.unit}`;
     $("travel").value = words;
     $("at-sample").textContent = here.length ? `${itemOf(this.shown.motion)} ${here.join(", ")}` : "";
-    $("slider").setAttribute("aria-valuetext", `${driveName(this.shown.solution)} ${turns ? `turned by ${rounded} degrees` : `moved by ${words}`}${here.length ? `, at ${itemOf(this.shown.motion)} ${here.join(", ")}` : ""}`);
+    $("slider").setAttribute(
+      "aria-valuetext",
+      `${driveName(this.shown.solution)} ${turns ? `turned by ${rounded} degrees` : `moved by ${words}`}${here.length ? `, at ${itemOf(this.shown.motion)} ${here.join(", ")}` : ""}`,
+    );
     this.board.showJoints(this.shown.linkage.at(degrees * RAD));
     for (const one of this.charts) one.mark(travel);
   }
@@ -167,16 +216,23 @@ export class Player {
     const slider = $("slider");
     if (!wholeTurn() && Number(slider.value) >= Number(slider.max)) slider.value = slider.min;
     setButton("Pause");
-    let before = performance.now(), heading = 1, until = 0;
+    let before = performance.now(),
+      heading = 1,
+      until = 0;
     const step = (now) => {
       this.frame = requestAnimationFrame(step);
-      const [low, high] = [Number(slider.min), Number(slider.max)], speed = Number($("speed").value), count = this.stops.length;
-      const from = Number(slider.value), gone = now - before;
+      const [low, high] = [Number(slider.min), Number(slider.max)],
+        speed = Number($("speed").value),
+        count = this.stops.length;
+      const from = Number(slider.value),
+        gone = now - before;
       before = now;
       if (now < until) return;
       let value = from + (heading * gone * speed * (high - low)) / RANGE_MS;
       // each sample on the way is shown for a moment
-      const stop = this.stops.find(({ travel }) => heading * (travel - from) > this.#near && heading * (value - travel) >= 0);
+      const stop = this.stops.find(
+        ({ travel }) => heading * (travel - from) > this.#near && heading * (value - travel) >= 0,
+      );
       if (stop && count <= MOST_STOPS) {
         value = stop.travel;
         until = now + Math.min(STOP_MS, STOPS_MS / count) / speed;
@@ -198,7 +254,16 @@ export class Player {
 
   drawCurves() {
     if (!this.shown || !$("curves").clientWidth) return;
-    const { linkage, motion, places, turns: miss, worst, solution, pass: { sense, turns: angles } } = this.shown, [low, high] = this.#range;
+    const {
+        linkage,
+        motion,
+        places,
+        turns: miss,
+        worst,
+        solution,
+        pass: { sense, turns: angles },
+      } = this.shown,
+      [low, high] = this.#range;
     const even = Array.from({ length: CURVE_STEPS + 1 }, (_, k) => low + ((high - low) * k) / CURVE_STEPS);
     // travels in the crank's sense: a clockwise crank, too, is plotted from left to right
     const x = [...new Set([...even, ...this.stops.map(({ travel }) => travel)])].sort((a, b) => a - b);
@@ -216,21 +281,46 @@ export class Player {
 
     const rotation = [{ values: over((j) => j.rotation / RAD), colour: "body" }];
     // wanted angles are drawn beside the curve, whole turns away where they do not count
-    if (wantsAngles(motion)) rotation.push(dots((k) => { const j = joints[x.indexOf(this.marks[k])]; return miss[k] === null || !j ? null : j.rotation / RAD - miss[k]; }, "pose"));
-    add(wantsAngles(motion) ? "Rotation of the body, degrees (dots: wanted)" : "Rotation of the coupler, degrees", rotation, { degreesY: true, height: 160 });
+    if (wantsAngles(motion))
+      rotation.push(
+        dots((k) => {
+          const j = joints[x.indexOf(this.marks[k])];
+          return miss[k] === null || !j ? null : j.rotation / RAD - miss[k];
+        }, "pose"),
+      );
+    add(
+      wantsAngles(motion) ? "Rotation of the body, degrees (dots: wanted)" : "Rotation of the coupler, degrees",
+      rotation,
+      { degreesY: true, height: 160 },
+    );
 
     const zero = { values: over(() => 0), colour: "line" };
-    if (worst.place !== null) add(`Position error at the ${itemOf(motion)}s, ${motion.unit}`, [dots((k) => places[k], "bad"), zero]);
-    if (wantsAngles(motion)) add(`Rotation error (got minus wanted) at the ${itemOf(motion)}s, degrees`, [dots((k) => miss[k], "bad"), zero]);
+    if (worst.place !== null)
+      add(`Position error at the ${itemOf(motion)}s, ${motion.unit}`, [dots((k) => places[k], "bad"), zero]);
+    if (wantsAngles(motion))
+      add(`Rotation error (got minus wanted) at the ${itemOf(motion)}s, degrees`, [dots((k) => miss[k], "bad"), zero]);
 
     const transmission = [{ values: over((j) => j.transmission / RAD), colour: "path" }];
-    const least = motion.limits.kept.use ? motion.limits.transmission ?? PRESET.use : null;
+    const least = motion.limits.kept.use ? (motion.limits.transmission ?? PRESET.use) : null;
     if (least) transmission.push({ values: x.map(() => least), colour: "box", dash: [6, 4], width: 1.2 });
-    add(`Transmission angle, degrees${least ? " (dashed: limit)" : ""}`, transmission, { height: 160, degreesY: true, range: [0, 90], splits: [0, 30, 60, 90] });
+    add(`Transmission angle, degrees${least ? " (dashed: limit)" : ""}`, transmission, {
+      height: 160,
+      degreesY: true,
+      range: [0, 90],
+      splits: [0, 30, 60, 90],
+    });
     // an analysis is over the used interval: over a whole turn its curves have gaps
     for (const { title, x: own, values } of analysisCurves(solution, sense, motion.unit)) {
-      const all = [[low, null], ...own.map((travel, k) => [travel, values[k]]), [high, null]].filter(([travel], k, rows) => k === 0 || k === rows.length - 1 ? travel < own[0] || travel > own.at(-1) : true);
-      this.charts.push(titledChart(host, title, { x: all.map(([travel]) => travel), series: [{ values: all.map(([, value]) => value), colour: "body" }], ...axis }));
+      const all = [[low, null], ...own.map((travel, k) => [travel, values[k]]), [high, null]].filter(
+        ([travel], k, rows) => (k === 0 || k === rows.length - 1 ? travel < own[0] || travel > own.at(-1) : true),
+      );
+      this.charts.push(
+        titledChart(host, title, {
+          x: all.map(([travel]) => travel),
+          series: [{ values: all.map(([, value]) => value), colour: "body" }],
+          ...axis,
+        }),
+      );
     }
     for (const one of this.charts) one.mark(Number($("slider").value));
   }

@@ -11,7 +11,9 @@ export class Poses {
     Object.assign(this, { layer, choose, made: [] });
   }
 
-  focus(k) { this.made.at(k)?.group.focus({ preventScroll: true }); }
+  focus(k) {
+    this.made.at(k)?.group.focus({ preventScroll: true });
+  }
 
   draw(motion, chosen, view) {
     const poses = wantsPlaces(motion) ? motion.poses : [];
@@ -19,21 +21,27 @@ export class Poses {
     while (this.made.length < poses.length) this.made.push(this.#make(this.made.length));
     const placed = poses.map(placeOf).filter(Boolean);
     let way = 0;
-    for (let k = 1; k < placed.length; k++) way += Math.hypot(placed[k][0] - placed[k - 1][0], placed[k][1] - placed[k - 1][1]) * view.scale;
+    for (let k = 1; k < placed.length; k++)
+      way += Math.hypot(placed[k][0] - placed[k - 1][0], placed[k][1] - placed[k - 1][1]) * view.scale;
     const crowded = placed.length > 4 && way / (placed.length - 1) < 16;
     this.layer.classList.toggle("crowded", crowded);
     const last = poses.length - 1;
     poses.forEach((pose, k) => {
-      const parts = this.made[k], selected = k === chosen, place = placeOf(pose);
+      const parts = this.made[k],
+        selected = k === chosen,
+        place = placeOf(pose);
       parts.group.setAttribute("visibility", place ? "inherit" : "hidden");
       if (!place) return;
       const turning = wantsAngles(motion) && pose.angle !== null;
       const [x, y] = view.at(place);
       const turn = turning ? (pose.angle * Math.PI) / 180 : -Math.PI / 2;
       const arm = selected ? ARM : crowded ? 13 : 18;
-      const ax = arm * Math.cos(turn), ay = -arm * Math.sin(turn);
+      const ax = arm * Math.cos(turn),
+        ay = -arm * Math.sin(turn);
       put(parts.group, {
-        transform: `translate(${x} ${y})`, class: selected ? "pose chosen" : "pose", tabindex: selected ? 0 : -1,
+        transform: `translate(${x} ${y})`,
+        class: selected ? "pose chosen" : "pose",
+        tabindex: selected ? 0 : -1,
         "aria-label": `${wantsAngles(motion) ? "Pose" : "Point"} ${k + 1} of ${poses.length}: x ${text(pose.x, 4)}, y ${text(pose.y, 4)} ${motion.unit}${turning ? `, angle ${text(pose.angle, 4)} degrees` : ""}`,
       });
       put(parts.dot, { r: selected ? 5 : crowded ? 2.6 : 4.5 });

@@ -10,24 +10,44 @@ function stored() {
   try {
     const found = JSON.parse(localStorage.getItem(KEY));
     return found && typeof found === "object" && !Array.isArray(found) ? found : {};
-  } catch { return {}; }
+  } catch {
+    return {};
+  }
 }
 
 /** Stores all projects. Throws an error if the browser does not allow it. */
 function store(projects) {
-  try { localStorage.setItem(KEY, JSON.stringify(projects)); } catch (error) { throw new Error("The browser does not store the project: its store is blocked or full.", { cause: error }); }
+  try {
+    localStorage.setItem(KEY, JSON.stringify(projects));
+  } catch (error) {
+    throw new Error("The browser does not store the project: its store is blocked or full.", { cause: error });
+  }
 }
 
 /** Lists the projects on the first screen; `open(content)` shows one. */
 export function listProjects(open) {
   const names = Object.keys(stored()).sort();
   $("projects").hidden = !names.length;
-  $("project-list").replaceChildren(...names.map((name) => {
-    const item = element("li", ""), gone = button("×", () => { const { [name]: _, ...rest } = stored(); store(rest); listProjects(open); }, "quiet");
-    gone.setAttribute("aria-label", `Delete the project ${name}`);
-    item.append(button(name, () => open(stored()[name]), "link"), gone);
-    return item;
-  }));
+  $("project-list").replaceChildren(
+    ...names.map((name) => {
+      const item = element("li", ""),
+        gone = button(
+          "×",
+          () => {
+            const { [name]: _, ...rest } = stored();
+            store(rest);
+            listProjects(open);
+          },
+          "quiet",
+        );
+      gone.setAttribute("aria-label", `Delete the project ${name}`);
+      item.append(
+        button(name, () => open(stored()[name]), "link"),
+        gone,
+      );
+      return item;
+    }),
+  );
 }
 
 /** Binds the field that saves: `content()` is what a project holds, `say(sentence, bad)` tells the user. */
@@ -39,6 +59,8 @@ export function startProjects(content, say) {
       if (!name) throw new Error("A project needs a name.");
       store({ ...stored(), [name]: content() });
       say(`The project ${name} is saved in this browser.`);
-    } catch (error) { say(error.message, true); }
+    } catch (error) {
+      say(error.message, true);
+    }
   });
 }

@@ -22,12 +22,29 @@ const HOSTS = ["picture", "facts", "curves", "tables"];
 const CHOSEN = "Press Calculate to see the result.";
 /** For each machine what it is for and what its result means, and the parts in its picture. */
 const CASES = {
-  lift: ["A pneumatic cylinder pushes a corner of a rigid triangle, and the triangle lifts a platform along a vertical slide. Change the lengths, the cylinder and the load; the result is the motion of the platform and its forces.", "A is the platform on its slide, B the end of the cylinder l₁ from the pivot O, and C the end of the link l₅ from the pivot D."],
-  chain: ["A chain of constant pitch runs around a crescent of two arcs with a wheel at each end. Its links are chords of the track, so that a shallow slot in the upper arc must take up the slack; the result is the shape of this slot.", "One pin hangs freely between its neighbours in the upper arc, and its path is the shape of the slot."],
-  knotter: ["The knotter of a baler ties a rope with a disc that holds it and a bill that turns it into a loop. Change the directions of both axes, alpha1 and alpha3; the result says whether the knot is tied, and with which margins.", "S₀ is the point of the disc that holds the rope, and S₁ the point where the needle lays it; the rope crosses the bill at E₁ and the edge S₈S₉ of the jaw at E₂."],
+  lift: [
+    "A pneumatic cylinder pushes a corner of a rigid triangle, and the triangle lifts a platform along a vertical slide. Change the lengths, the cylinder and the load; the result is the motion of the platform and its forces.",
+    "A is the platform on its slide, B the end of the cylinder l₁ from the pivot O, and C the end of the link l₅ from the pivot D.",
+  ],
+  chain: [
+    "A chain of constant pitch runs around a crescent of two arcs with a wheel at each end. Its links are chords of the track, so that a shallow slot in the upper arc must take up the slack; the result is the shape of this slot.",
+    "One pin hangs freely between its neighbours in the upper arc, and its path is the shape of the slot.",
+  ],
+  knotter: [
+    "The knotter of a baler ties a rope with a disc that holds it and a bill that turns it into a loop. Change the directions of both axes, alpha1 and alpha3; the result says whether the knot is tied, and with which margins.",
+    "S₀ is the point of the disc that holds the rope, and S₁ the point where the needle lays it; the rope crosses the bill at E₁ and the edge S₈S₉ of the jaw at E₂.",
+  ],
 };
 
-let scene = null, machine = null, query = null, form = null, answered = null, running = null, player = null, own = "", edited = false;
+let scene = null,
+  machine = null,
+  query = null,
+  form = null,
+  answered = null,
+  running = null,
+  player = null,
+  own = "",
+  edited = false;
 
 const visits = new Visits(showAgain, () => {}); // the question of the address is sent by `hashchange`
 
@@ -35,7 +52,9 @@ function chooseQuery(path) {
   query = scene.queries.find((one) => one.path === path);
   $("query").value = path;
   $("summary").textContent = query.summary;
-  $("example").replaceChildren(...Object.keys(query.examples).map((name) => new Option(name.replaceAll(/[_-]/g, " "), name)));
+  $("example").replaceChildren(
+    ...Object.keys(query.examples).map((name) => new Option(name.replaceAll(/[_-]/g, " "), name)),
+  );
 }
 
 function fill(request) {
@@ -46,7 +65,7 @@ function fill(request) {
 function chooseExample(name) {
   $("example").value = name;
   fill(query.examples[name] ?? {});
-  if (answered) markEarlier(edited = true);
+  if (answered) markEarlier((edited = true));
   if (!running) say(CHOSEN);
 }
 
@@ -61,7 +80,8 @@ function busy(now) {
  * that only the latest work draws. Returns whether the work came to its end.
  */
 async function run(question, work) {
-  const mine = Object.assign(new AbortController(), { question }), asking = form;
+  const mine = Object.assign(new AbortController(), { question }),
+    asking = form;
   running?.abort();
   running = mine;
   edited = false;
@@ -96,15 +116,25 @@ async function answer(at = null) {
     say(error.message, true);
     return;
   }
-  const question = { query: query.path, request }, begin = performance.now(), asked = query;
+  const question = { query: query.path, request },
+    begin = performance.now(),
+    asked = query;
   if (running && JSON.stringify(question) === JSON.stringify(running.question)) return;
   say("Calculating…");
   const complete = await run(question, async (get) => {
-    const sent = machine.request?.(asked, request) ?? request, reply = await get(asked.path, sent);
-    answered = { query: asked, request, sent, reply, words: `Calculated in ${Math.round(performance.now() - begin)} ms.` };
+    const sent = machine.request?.(asked, request) ?? request,
+      reply = await get(asked.path, sent);
+    answered = {
+      query: asked,
+      request,
+      sent,
+      reply,
+      words: `Calculated in ${Math.round(performance.now() - begin)} ms.`,
+    };
     await show(at, get);
   });
-  const shown = answered, fragment = await toFragment(question);
+  const shown = answered,
+    fragment = await toFragment(question);
   if (!complete || answered !== shown) return;
   own = fragment;
   visits.add(question, { ...answered, own }, `#${own}`);
@@ -135,15 +165,25 @@ async function show(at, get) {
 }
 
 function showExports() {
-  const { query: asked, request, sent, reply } = answered, name = asked.command.replaceAll(" ", "-");
+  const { query: asked, request, sent, reply } = answered,
+    name = asked.command.replaceAll(" ", "-");
   const saves = (format, save) => {
     const made = button(format.toUpperCase(), () => save().catch((error) => say(error.message, true)));
     made.dataset.format = format;
     return made;
   };
   $("exports").replaceChildren(
-    saves("json", async () => download(new Blob([JSON.stringify({ request: sent, reply }, null, 1)], { type: "application/json" }), `${name}.json`)),
-    ...asked.exports.map((format) => saves(format, async () => download(await (await ask(`${asked.path}.${format}`, request)).blob(), `${name}.${format}`))),
+    saves("json", async () =>
+      download(
+        new Blob([JSON.stringify({ request: sent, reply }, null, 1)], { type: "application/json" }),
+        `${name}.json`,
+      ),
+    ),
+    ...asked.exports.map((format) =>
+      saves(format, async () =>
+        download(await (await ask(`${asked.path}.${format}`, request)).blob(), `${name}.${format}`),
+      ),
+    ),
   );
 }
 
@@ -158,7 +198,8 @@ async function copyLink() {
 async function openLink() {
   const kept = await fromFragment(location.hash);
   if (!kept) return false;
-  if (!scene.queries.some((one) => one.path === kept.query)) throw new Error("The link is of another machine or version.");
+  if (!scene.queries.some((one) => one.path === kept.query))
+    throw new Error("The link is of another machine or version.");
   chooseQuery(kept.query);
   fill(kept.request);
   await answer(kept.at ?? null);
@@ -175,21 +216,43 @@ async function start() {
   document.title = `${scene.title} · linkage-atlas`;
   $("title").textContent = scene.title;
   [$("purpose").textContent, $("caption").textContent] = CASES[name];
-  $("query").replaceChildren(...scene.queries.map((one) => new Option(one.command.split(" ").slice(1).join(" "), one.path)));
-  $("query").addEventListener("change", () => { chooseQuery($("query").value); chooseExample($("example").value); });
+  $("query").replaceChildren(
+    ...scene.queries.map((one) => new Option(one.command.split(" ").slice(1).join(" "), one.path)),
+  );
+  $("query").addEventListener("change", () => {
+    chooseQuery($("query").value);
+    chooseExample($("example").value);
+  });
   $("example").addEventListener("change", () => chooseExample($("example").value));
-  const change = () => markEarlier(edited = true);
+  const change = () => markEarlier((edited = true));
   $("fields").addEventListener("input", change);
-  $("fields").addEventListener("click", ({ target }) => { if (target.type === "button") change(); }); // rows that come and go
-  $("form").addEventListener("submit", (event) => { event.preventDefault(); answer(); });
-  $("run").addEventListener("click", (event) => { if (event.detail > 1 && !edited) event.preventDefault(); }); // a double click asks once
-  $("stop").addEventListener("click", () => { running?.abort(); $("run").focus(); });
+  $("fields").addEventListener("click", ({ target }) => {
+    if (target.type === "button") change();
+  }); // rows that come and go
+  $("form").addEventListener("submit", (event) => {
+    event.preventDefault();
+    answer();
+  });
+  $("run").addEventListener("click", (event) => {
+    if (event.detail > 1 && !edited) event.preventDefault();
+  }); // a double click asks once
+  $("stop").addEventListener("click", () => {
+    running?.abort();
+    $("run").focus();
+  });
   $("link").addEventListener("click", () => copyLink().catch((error) => say(error.message, true)));
-  $("all-fold").addEventListener("toggle", () => { if ($("all-fold").open && !$("all").childElementCount) everything($("all"), machine.numbers?.(answered.reply) ?? answered.reply); });
-  addEventListener("hashchange", () => { if (location.hash !== `#${own}`) openLink().catch((error) => say(error.message, true)); });
+  $("all-fold").addEventListener("toggle", () => {
+    if ($("all-fold").open && !$("all").childElementCount)
+      everything($("all"), machine.numbers?.(answered.reply) ?? answered.reply);
+  });
+  addEventListener("hashchange", () => {
+    if (location.hash !== `#${own}`) openLink().catch((error) => say(error.message, true));
+  });
   chooseQuery(scene.queries[0].path);
   let wrong = null;
-  const opened = await openLink().catch((error) => { wrong = error; });
+  const opened = await openLink().catch((error) => {
+    wrong = error;
+  });
   if (!opened) {
     chooseExample($("example").value);
     await answer();

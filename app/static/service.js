@@ -11,7 +11,15 @@ const SHARE = 0.8; // of a budget, which a search that ended by itself did not u
 /** An error reply (problem+json) of the service; the message names at most three wrong fields. */
 class Problem extends Error {
   constructor(status, body) {
-    const rows = (body?.errors ?? []).map((row) => `${(row.pointer ?? "").replace(/^#\/?/, "").replaceAll("/", " ").replace(/(?<= )\d+\b/g, (k) => +k + 1) || "request"}: ${row.detail}`);
+    const rows = (body?.errors ?? []).map(
+      (row) =>
+        `${
+          (row.pointer ?? "")
+            .replace(/^#\/?/, "")
+            .replaceAll("/", " ")
+            .replace(/(?<= )\d+\b/g, (k) => +k + 1) || "request"
+        }: ${row.detail}`,
+    );
     const said = rows.slice(0, 3).join("; ") || body?.detail || `The service answered with ${status}`;
     super(capital(plainWords(`${said}${/[.!?]$/.test(said) ? "" : "."}`)));
     this.status = status;
@@ -23,10 +31,18 @@ class Problem extends Error {
 export async function ask(path, body, signal) {
   let reply;
   try {
-    reply = await fetch(path, { method: "POST", headers: { "content-type": "application/json" }, body: JSON.stringify(body), signal });
+    reply = await fetch(path, {
+      method: "POST",
+      headers: { "content-type": "application/json" },
+      body: JSON.stringify(body),
+      signal,
+    });
   } catch (error) {
     if (error.name === "AbortError") throw error;
-    throw new Error("The service cannot be reached. Is it still running? Nothing was lost here: start it and try again.", { cause: error });
+    throw new Error(
+      "The service cannot be reached. Is it still running? Nothing was lost here: start it and try again.",
+      { cause: error },
+    );
   }
   if (reply.ok) return reply;
   throw new Problem(reply.status, await reply.json().catch(() => null));
@@ -45,12 +61,19 @@ export function preferred({ prefer, timing, tolerances, position, limits, round_
 }
 
 /** Compares two solutions: above 0 where the first is worse. Other preferences are the service's to say. */
-const comparison = (request) => (a, b) => faulty(a) - faulty(b) || outside(a) - outside(b)
-  || (preferred(request) !== "error" ? 0 : request.round_to || request.lengths_from ? rounded(a) - rounded(b) : objective(a) - objective(b));
+const comparison = (request) => (a, b) =>
+  faulty(a) - faulty(b) ||
+  outside(a) - outside(b) ||
+  (preferred(request) !== "error"
+    ? 0
+    : request.round_to || request.lengths_from
+      ? rounded(a) - rounded(b)
+      : objective(a) - objective(b));
 
 /** At most `top` solutions of a reply in its order, and among them those of an earlier one that it does not have again (`same` tells). */
 export function together(request, earlier, reply, top, same) {
-  const all = [...reply.solutions], worse = comparison(request);
+  const all = [...reply.solutions],
+    worse = comparison(request);
   for (const one of earlier.filter((before) => !reply.solutions.some((other) => same(before, other)))) {
     const at = all.findIndex((other) => worse(one, other) < 0);
     all.splice(at < 0 ? all.length : at, 0, one);
@@ -66,9 +89,17 @@ export async function solve(request, show, signal, same) {
   for (const [k, budget] of budgets.entries()) {
     const reply = await (await ask("/v2/synthesize", { ...request, budget_ms: budget }, signal)).json();
     const [best] = reply.solutions;
-    if (k) reply.solutions = together(request, best ? found.filter((one) => worse(one, best) < 0) : found, reply, request.top ?? 10, same);
+    if (k)
+      reply.solutions = together(
+        request,
+        best ? found.filter((one) => worse(one, best) < 0) : found,
+        reply,
+        request.top ?? 10,
+        same,
+      );
     // a search that its budget ends on the way to smaller linkages says what ended its first part
-    const { stopped_by, elapsed_ms } = reply.report, ended = stopped_by !== "budget" && elapsed_ms.total < SHARE * budget;
+    const { stopped_by, elapsed_ms } = reply.report,
+      ended = stopped_by !== "budget" && elapsed_ms.total < SHARE * budget;
     const last = ended || k === budgets.length - 1 || (k === STAGES.length - 1 && reply.solutions.length > 0);
     // nothing is proved by a search that its budget may have ended
     if (reply.status === "infeasible" && elapsed_ms.total >= budget) reply.status = "unknown";

@@ -29,7 +29,9 @@ export async function copy(content, done, tell = say, otherwise = content) {
   try {
     await navigator.clipboard.writeText(content);
     tell(done);
-  } catch { tell(otherwise); }
+  } catch {
+    tell(otherwise);
+  }
 }
 
 /** Marks what is shown of an answer as that of an earlier request, or takes the marks away. */
@@ -39,7 +41,11 @@ export function markEarlier(earlier) {
 }
 
 function stored() {
-  try { return localStorage.getItem(KEY); } catch { return null; }
+  try {
+    return localStorage.getItem(KEY);
+  } catch {
+    return null;
+  }
 }
 
 function show(theme) {
@@ -55,7 +61,11 @@ export function startTheme() {
   system.addEventListener("change", showPreferred);
   $("theme").addEventListener("click", () => {
     const next = document.documentElement.dataset.theme === "dark" ? "light" : "dark";
-    try { localStorage.setItem(KEY, next); } catch { /* storage is blocked: the choice lasts until the page is left */ }
+    try {
+      localStorage.setItem(KEY, next);
+    } catch {
+      /* storage is blocked: the choice lasts until the page is left */
+    }
     show(next);
   });
 }
@@ -69,5 +79,7 @@ export async function startScenes(current = null) {
       if (name === current) link.setAttribute("aria-current", "page");
       $("scenes").append(link);
     }
-  } catch { /* without the list the page works, only the links are missing */ }
+  } catch {
+    /* without the list the page works, only the links are missing */
+  }
 }

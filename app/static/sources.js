@@ -21,10 +21,21 @@ export class Sources {
    * the canvas, fitted into the view or not, with the stored reply of an example or the chosen card of a link.
    */
   constructor(current, use) {
-    Object.assign(this, { current, use, examples: [], shown: null, asCame: new Set(), linked: false, addressed: false, reading: null });
+    Object.assign(this, {
+      current,
+      use,
+      examples: [],
+      shown: null,
+      asCame: new Set(),
+      linked: false,
+      addressed: false,
+      reading: null,
+    });
     $("new-motion").addEventListener("click", () => this.begin("both"));
     $("new-path").addEventListener("click", () => this.begin("position"));
-    $("save").addEventListener("click", () => download(new Blob([toCsv(this.current())], { type: "text/csv" }), "motion.csv"));
+    $("save").addEventListener("click", () =>
+      download(new Blob([toCsv(this.current())], { type: "text/csv" }), "motion.csv"),
+    );
     this.#bindPaste();
     this.#bindFiles();
     this.#bindColumns();
@@ -34,7 +45,9 @@ export class Sources {
     try {
       this.examples = await (await fetch("/static/examples.json")).json();
       for (const { request } of this.examples) this.asCame.add(contentOf(fromRequest(request)));
-    } catch { say("The machines to begin with cannot be loaded.", true); }
+    } catch {
+      say("The machines to begin with cannot be loaded.", true);
+    }
   }
 
   /** Begins a new motion, or a path, that keeps the unit. */
@@ -46,23 +59,41 @@ export class Sources {
   useExample(name) {
     const example = this.examples.find((one) => one.name === name);
     if (!example) return;
-    this.#take(fromRequest(example.request), { note: `${example.title}. ${example.word}`, mode: "move", reply: structuredClone(example.reply) });
+    this.#take(fromRequest(example.request), {
+      note: `${example.title}. ${example.word}`,
+      mode: "move",
+      reply: structuredClone(example.reply),
+    });
     this.shown = example;
   }
 
   /** Takes a path drawn by hand: places only, free crank angles, the limits of the motion before. */
   useDrawn(places, closed) {
     const { limits, tolerance, top, round, unit, diverse } = this.#settings();
-    const motion = Object.assign(emptyMotion("position"), { closed, limits, top, round, unit, diverse, tolerance: { ...tolerance, rotation: null } });
+    const motion = Object.assign(emptyMotion("position"), {
+      closed,
+      limits,
+      top,
+      round,
+      unit,
+      diverse,
+      tolerance: { ...tolerance, rotation: null },
+    });
     motion.poses = places.map(([x, y], k) => ({ t: k, x, y, angle: 0 }));
-    const note = places.length > 1 ? `Drawn by hand: ${places.length} points${closed ? " of a closed way" : ""}, crank angles free. Move points, or solve.` : "";
+    const note =
+      places.length > 1
+        ? `Drawn by hand: ${places.length} points${closed ? " of a closed way" : ""}, crank angles free. Move points, or solve.`
+        : "";
     this.#take(structuredClone(motion), { note, fit: false });
   }
 
   /** Takes the motion from the page's address; false if there is none. Throws for a damaged one. */
   async openLink() {
     const { hash } = location;
-    if (hash === "#path") { this.begin("position"); return false; }
+    if (hash === "#path") {
+      this.begin("position");
+      return false;
+    }
     const content = await fromFragment(hash);
     if (!content || location.hash !== hash) return false;
     const { motion, card } = fromPage(content);
@@ -105,15 +136,20 @@ export class Sources {
 
   /** Says where a motion comes from, as long as it is there. */
   say(motion) {
-    const twice = motion.note && repeated(motion), other = this.isOwn(motion) && this.examples.some(({ title }) => motion.note?.startsWith(`${title}. `));
+    const twice = motion.note && repeated(motion),
+      other = this.isOwn(motion) && this.examples.some(({ title }) => motion.note?.startsWith(`${title}. `));
     const note = other ? "" : motion.note; // an example's words are of its own poses and limits
-    $("example-note").textContent = twice ? `${note} ${capital(itemOf(motion))}s ${twice.join(" and ")} are the same: a crank that turns on cannot meet both exactly.`.trim() : note;
+    $("example-note").textContent = twice
+      ? `${note} ${capital(itemOf(motion))}s ${twice.join(" and ")} are the same: a crank that turns on cannot meet both exactly.`.trim()
+      : note;
     $("unwrap").hidden ||= !jump(motion);
   }
 
   /** The motion whose limits hold for new rows too, the present one, but not an example that is as it came. */
   #settings() {
-    const now = this.current(), asIs = this.shown && JSON.stringify(toRequest(now)) === JSON.stringify(toRequest(fromRequest(this.shown.request)));
+    const now = this.current(),
+      asIs =
+        this.shown && JSON.stringify(toRequest(now)) === JSON.stringify(toRequest(fromRequest(this.shown.request)));
     return asIs ? { ...emptyMotion(), unit: now.unit } : now;
   }
 
@@ -122,10 +158,13 @@ export class Sources {
     const at = jump(motion);
     $("unwrap").hidden = !at;
     if (!at) return;
-    $("unwrap-text").textContent = `The angle jumps by more than half a turn from pose ${at[0]} to ${at[1]}, as if it were counted from 0 to 360°.`;
+    $("unwrap-text").textContent =
+      `The angle jumps by more than half a turn from pose ${at[0]} to ${at[1]}, as if it were counted from 0 to 360°.`;
     $("unwrap-use").onclick = () => {
       const next = structuredClone(this.current());
-      unwrapped(next.poses.map((pose) => pose.angle)).forEach((angle, k) => { next.poses[k].angle = angle; });
+      unwrapped(next.poses.map((pose) => pose.angle)).forEach((angle, k) => {
+        next.poses[k].angle = angle;
+      });
       this.#take(next, { note: "Angles unwrapped.", fit: false });
     };
   }
@@ -133,7 +172,11 @@ export class Sources {
   /** The motion of a request as JSON, also as exported with its solution. Throws for anything else. */
   #fromJson(content) {
     let body;
-    try { body = JSON.parse(content); } catch (error) { throw new Error("The file is not valid JSON.", { cause: error }); }
+    try {
+      body = JSON.parse(content);
+    } catch (error) {
+      throw new Error("The file is not valid JSON.", { cause: error });
+    }
     return fromRequest(body.request ?? body);
   }
 
@@ -152,10 +195,15 @@ export class Sources {
         if (this.reading === turn) this.#take(motion, { note: from, mode: "move" });
         return;
       }
-      if ((source.size ?? source.length) > MAX_FILE_BYTES) throw new Error("The file is larger than 0.7 MB, which is too large for a table of at most 1024 samples.");
+      if ((source.size ?? source.length) > MAX_FILE_BYTES)
+        throw new Error("The file is larger than 0.7 MB, which is too large for a table of at most 1024 samples.");
       const read = await readTable(source, "synthesize", columns);
       if (this.reading !== turn) return;
-      this.#take(withSamples(this.#settings(), read), { note: [from, ...read.notes.map((note) => capital(note.replace(/\.?$/, ".")))].join(" "), mode: "move", table: true });
+      this.#take(withSamples(this.#settings(), read), {
+        note: [from, ...read.notes.map((note) => capital(note.replace(/\.?$/, ".")))].join(" "),
+        mode: "move",
+        table: true,
+      });
       this.#offerColumns(read.heads, read.columns);
     } catch (error) {
       if (this.reading === turn) {
@@ -172,7 +220,8 @@ export class Sources {
     $("columns").hidden = !heads;
     if (!heads) return;
     for (const role of ROLES) {
-      const select = $(`column-${role}`), at = used.find((column) => column.role === role)?.head;
+      const select = $(`column-${role}`),
+        at = used.find((column) => column.role === role)?.head;
       select.replaceChildren(new Option("–", ""), ...heads.map((head, k) => new Option(head, String(k + 1))));
       select.selectedIndex = at === undefined ? 0 : heads.indexOf(at) + 1;
     }
@@ -183,9 +232,12 @@ export class Sources {
     $("columns-use").addEventListener("click", () => {
       const chosen = ROLES.map((role) => [role, $(`column-${role}`)]).filter(([, select]) => select.value);
       const { source, from, failed } = this.reading;
-      const values = chosen.map(([, select]) => select.value), repeat = values.findIndex((value, k) => values.indexOf(value) < k);
+      const values = chosen.map(([, select]) => select.value),
+        repeat = values.findIndex((value, k) => values.indexOf(value) < k);
       if (repeat >= 0) {
-        failed(`The column '${chosen[repeat][1].selectedOptions[0].text}' is chosen for ${chosen[values.indexOf(values[repeat])][0]} and for ${chosen[repeat][0]}: choose a different column for each.`);
+        failed(
+          `The column '${chosen[repeat][1].selectedOptions[0].text}' is chosen for ${chosen[values.indexOf(values[repeat])][0]} and for ${chosen[repeat][0]}: choose a different column for each.`,
+        );
         return;
       }
       this.#read(source, from, failed, Object.fromEntries(chosen.map(([role, select]) => [role, select.value])));
@@ -194,11 +246,21 @@ export class Sources {
 
   #bindPaste() {
     const box = $("paste-box");
-    $("paste").addEventListener("click", () => { box.hidden = !box.hidden; if (!box.hidden) $("paste-text").focus(); });
-    $("paste-text").addEventListener("input", () => { $("paste-error").textContent = ""; });
-    $("paste-cancel").addEventListener("click", () => { box.hidden = true; });
+    $("paste").addEventListener("click", () => {
+      box.hidden = !box.hidden;
+      if (!box.hidden) $("paste-text").focus();
+    });
+    $("paste-text").addEventListener("input", () => {
+      $("paste-error").textContent = "";
+    });
+    $("paste-cancel").addEventListener("click", () => {
+      box.hidden = true;
+    });
     $("paste-use").addEventListener("click", () => {
-      const failed = (sentence) => { box.hidden = false; $("paste-error").textContent = sentence; };
+      const failed = (sentence) => {
+        box.hidden = false;
+        $("paste-error").textContent = sentence;
+      };
       this.#read($("paste-text").value, "Pasted.", failed);
     });
   }
@@ -206,8 +268,14 @@ export class Sources {
   #bindFiles() {
     const take = (file) => file && this.#read(file, `From ${file.name}.`, (sentence) => say(sentence, true));
     $("open").addEventListener("click", () => $("file").click());
-    $("file").addEventListener("change", () => { take($("file").files[0]); $("file").value = ""; });
+    $("file").addEventListener("change", () => {
+      take($("file").files[0]);
+      $("file").value = "";
+    });
     document.addEventListener("dragover", (event) => event.preventDefault());
-    document.addEventListener("drop", (event) => { event.preventDefault(); take(event.dataTransfer.files[0]); });
+    document.addEventListener("drop", (event) => {
+      event.preventDefault();
+      take(event.dataTransfer.files[0]);
+    });
   }
 }

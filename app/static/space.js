@@ -3,7 +3,12 @@
 import { build } from "./shell.js";
 
 /** Directions: [name, turn about the upright axis, tilt] in radians; the first is the one that is shown. */
-const DIRECTIONS = [["oblique", 0.7, 0.42], ["along i1: plane j1 k1", Math.PI / 2, 0], ["along j1: plane i1 k1", 0, 0], ["along k1: plane i1 j1", 0, Math.PI / 2]];
+const DIRECTIONS = [
+  ["oblique", 0.7, 0.42],
+  ["along i1: plane j1 k1", Math.PI / 2, 0],
+  ["along j1: plane i1 k1", 0, 0],
+  ["along k1: plane i1 j1", 0, Math.PI / 2],
+];
 
 const RADIANS_PER_PIXEL = 0.008;
 
@@ -14,46 +19,70 @@ export class Projection {
   }
 
   at([x, y, z]) {
-    const [c, s] = [Math.cos(this.turn), Math.sin(this.turn)], away = -s * x + c * y;
+    const [c, s] = [Math.cos(this.turn), Math.sin(this.turn)],
+      away = -s * x + c * y;
     return [c * x + s * y, Math.cos(this.tilt) * z + Math.sin(this.tilt) * away];
   }
 
   /** The directions as a menu in `host`, and dragging on `svg`; `changed` is called after each turn. */
   control(host, svg, changed) {
-    const label = build("label", { className: "view-choice", textContent: "View, or drag the drawing" }), menu = document.createElement("select");
+    const label = build("label", { className: "view-choice", textContent: "View, or drag the drawing" }),
+      menu = document.createElement("select");
     for (const [name] of [...DIRECTIONS, ["as turned"]]) menu.append(new Option(name));
     menu.options[DIRECTIONS.length].hidden = true;
     menu.addEventListener("change", () => {
       const found = DIRECTIONS[menu.selectedIndex];
-      if (found) { [, this.turn, this.tilt] = found; changed(); }
+      if (found) {
+        [, this.turn, this.tilt] = found;
+        changed();
+      }
     });
     label.append(menu);
     host.append(label);
     svg.classList.add("turns");
     let from = null;
-    svg.addEventListener("pointerdown", (event) => { from = [event.clientX, event.clientY]; svg.setPointerCapture(event.pointerId); });
+    svg.addEventListener("pointerdown", (event) => {
+      from = [event.clientX, event.clientY];
+      svg.setPointerCapture(event.pointerId);
+    });
     svg.addEventListener("pointermove", (event) => {
       if (!from) return;
       this.turn -= RADIANS_PER_PIXEL * (event.clientX - from[0]);
-      this.tilt = Math.min(Math.PI / 2, Math.max(-Math.PI / 2, this.tilt + RADIANS_PER_PIXEL * (event.clientY - from[1])));
+      this.tilt = Math.min(
+        Math.PI / 2,
+        Math.max(-Math.PI / 2, this.tilt + RADIANS_PER_PIXEL * (event.clientY - from[1])),
+      );
       from = [event.clientX, event.clientY];
       menu.selectedIndex = DIRECTIONS.length;
       changed();
     });
-    for (const end of ["pointerup", "pointercancel"]) svg.addEventListener(end, () => { from = null; });
+    for (const end of ["pointerup", "pointercancel"])
+      svg.addEventListener(end, () => {
+        from = null;
+      });
   }
 }
 
 const minus = ([a, b, c], [x, y, z]) => [a - x, b - y, c - z];
 const cross = ([a, b, c], [x, y, z]) => [b * z - c * y, c * x - a * z, a * y - b * x];
-const unit = (v) => { const size = Math.hypot(...v); return v.map((x) => x / size); };
+const unit = (v) => {
+  const size = Math.hypot(...v);
+  return v.map((x) => x / size);
+};
 
 /** `a + share (b - a)`. */
 export const along = (a, b, share) => a.map((x, k) => x + share * (b[k] - x));
 
 /** Points of the circle through `point` about the axis of two points. */
 export function circle(point, [start, end], count = 72) {
-  const axis = unit(minus(end, start)), to = minus(point, start), height = to.reduce((sum, x, k) => sum + x * axis[k], 0);
-  const centre = start.map((x, k) => x + height * axis[k]), arm = minus(point, centre), side = cross(axis, arm);
-  return Array.from({ length: count + 1 }, (_, n) => { const t = (2 * Math.PI * n) / count; return centre.map((x, k) => x + Math.cos(t) * arm[k] + Math.sin(t) * side[k]); });
+  const axis = unit(minus(end, start)),
+    to = minus(point, start),
+    height = to.reduce((sum, x, k) => sum + x * axis[k], 0);
+  const centre = start.map((x, k) => x + height * axis[k]),
+    arm = minus(point, centre),
+    side = cross(axis, arm);
+  return Array.from({ length: count + 1 }, (_, n) => {
+    const t = (2 * Math.PI * n) / count;
+    return centre.map((x, k) => x + Math.cos(t) * arm[k] + Math.sin(t) * side[k]);
+  });
 }

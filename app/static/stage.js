@@ -13,24 +13,34 @@ const [LETTER, LINE] = [9, 18]; // pixels that a letter of a name is wide, and h
  * lays it beside a place; it is not shown where a name that was made before it lies.
  */
 export function symbol(layer, name) {
-  const others = [...layer.querySelectorAll(".symbol")], wide = LETTER * name.length + 4;
-  const word = make("text", { class: "symbol", visibility: "hidden", "data-wide": wide }, layer), [, letter, index] = /^([A-Za-zΑ-ωθαβγφξε′]+)_?(\w*)(?:′)?$/.exec(name) ?? [null, name, ""];
+  const others = [...layer.querySelectorAll(".symbol")],
+    wide = LETTER * name.length + 4;
+  const word = make("text", { class: "symbol", visibility: "hidden", "data-wide": wide }, layer),
+    [, letter, index] = /^([A-Za-zΑ-ωθαβγφξε′]+)_?(\w*)(?:′)?$/.exec(name) ?? [null, name, ""];
   word.append(letter);
   if (index) make("tspan", { class: "index", dy: "3" }, word).textContent = index;
   if (name.endsWith("′")) make("tspan", { dy: index ? "-3" : "0" }, word).textContent = "′";
   const on = (x, y) => (other) => {
     const [left, low] = ["x", "y"].map((side) => Number(other.getAttribute(side)));
-    return other.getAttribute("visibility") === "visible" && Math.abs(y - low) < LINE && x < left + Number(other.dataset.wide) && left < x + wide;
+    return (
+      other.getAttribute("visibility") === "visible" &&
+      Math.abs(y - low) < LINE &&
+      x < left + Number(other.dataset.wide) &&
+      left < x + wide
+    );
   };
   return (at, view, dx = 9, dy = -8) => {
-    const x = Math.max(4, Math.min(view.x(at[0]) + dx, view.width - wide)), y = view.y(at[1]) + dy;
+    const x = Math.max(4, Math.min(view.x(at[0]) + dx, view.width - wide)),
+      y = view.y(at[1]) + dy;
     put(word, { x, y, visibility: others.some(on(x, y)) ? "hidden" : "visible" });
   };
 }
 
 /** A grid of round steps behind a drawing, with the step in words. */
 export function grid(layer, view, unit = "") {
-  const step = roundStep(GRID_PIXELS / view.scale), [left, high] = view.world(0, 0), [right, low] = view.world(view.width, view.height);
+  const step = roundStep(GRID_PIXELS / view.scale),
+    [left, high] = view.world(0, 0),
+    [right, low] = view.world(view.width, view.height);
   let lines = "";
   for (let k = Math.ceil(left / step); k * step <= right; k++) lines += `M${view.x(k * step)} 0V${view.height}`;
   for (let k = Math.ceil(low / step); k * step <= high; k++) lines += `M0 ${view.y(k * step)}H${view.width}`;
@@ -60,7 +70,9 @@ export function dot(layer, kind, r = 5) {
  */
 export function stage(host, { label, extent, draw, play = null, words = String, follow = () => {} }) {
   const svg = make("svg", { class: "stage", role: "img", "aria-label": label });
-  let width = 0, move = null, run = null;
+  let width = 0,
+    move = null,
+    run = null;
   host.append(svg);
   const redraw = () => {
     width = Math.max(svg.parentElement.clientWidth, 200);
@@ -72,7 +84,17 @@ export function stage(host, { label, extent, draw, play = null, words = String, 
     if (run) move(run.value);
   };
   redraw();
-  if (play) run = player(host, { ...play, show: (value) => { move(value); follow(value); return words(value); } });
-  new ResizeObserver(() => { if (svg.isConnected && svg.parentElement.clientWidth && svg.parentElement.clientWidth !== width) redraw(); }).observe(host);
+  if (play)
+    run = player(host, {
+      ...play,
+      show: (value) => {
+        move(value);
+        follow(value);
+        return words(value);
+      },
+    });
+  new ResizeObserver(() => {
+    if (svg.isConnected && svg.parentElement.clientWidth && svg.parentElement.clientWidth !== width) redraw();
+  }).observe(host);
   return run;
 }

@@ -14,7 +14,8 @@ export function fold(folded) {
 export function openStep(name) {
   fold(false);
   for (const tab of tabs()) {
-    const open = tab.id === `tab-${name}`, panel = $(tab.getAttribute("aria-controls"));
+    const open = tab.id === `tab-${name}`,
+      panel = $(tab.getAttribute("aria-controls"));
     if (open && panel.hidden) $("steps-body").scrollTop = 0;
     tab.setAttribute("aria-selected", String(open));
     tab.tabIndex = open ? 0 : -1;
@@ -35,16 +36,20 @@ export function startSteps() {
   $("steps").addEventListener("click", ({ target }) => {
     const tab = target.closest("[role=tab]");
     if (!tab) return;
-    const folds = narrow.matches && tab.getAttribute("aria-selected") === "true" && !document.body.classList.contains("folded");
+    const folds =
+      narrow.matches && tab.getAttribute("aria-selected") === "true" && !document.body.classList.contains("folded");
     openStep(tab.getAttribute("aria-controls"));
     fold(folds);
   });
   $("steps").addEventListener("keydown", ({ key }) => {
-    const step = { ArrowRight: 1, ArrowLeft: -1 }[key], all = tabs();
+    const step = { ArrowRight: 1, ArrowLeft: -1 }[key],
+      all = tabs();
     if (!step) return;
     const next = all[(all.indexOf(document.activeElement) + step + all.length) % all.length];
     next.focus();
     openStep(next.getAttribute("aria-controls"));
   });
-  $("modes").addEventListener("click", ({ target }) => { if (target.closest("[data-mode]")) fold(true); });
+  $("modes").addEventListener("click", ({ target }) => {
+    if (target.closest("[data-mode]")) fold(true);
+  });
 }

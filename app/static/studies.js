@@ -10,14 +10,24 @@ export function analysisCurves({ analysis }, sense, unit) {
   if (!analysis) return [];
   const { curve } = analysis;
   const rows = (curve.crank_angle ?? curve.travel).map((angle, k) => [sense * angle, k]).sort((a, b) => a[0] - b[0]);
-  const x = rows.map(([travel]) => travel), at = (list) => rows.map(([, k]) => list[k]);
+  const x = rows.map(([travel]) => travel),
+    at = (list) => rows.map(([, k]) => list[k]);
   const found = [];
   if (curve.velocity) {
     found.push({ title: `Velocity of the body point, ${unit}/s`, x, values: at(curve.velocity).map(size) });
     found.push({ title: `Acceleration of the body point, ${unit}/s²`, x, values: at(curve.acceleration).map(size) });
   }
-  found.push({ title: "Angular velocity of the coupler, degrees a second", x, values: at(curve.angular_velocity.coupler) });
-  if (curve.drive_load) found.push({ title: curve.crank_angle ? `Torque of the drive, force × ${unit}` : "Force of the drive", x, values: at(curve.drive_load) });
+  found.push({
+    title: "Angular velocity of the coupler, degrees a second",
+    x,
+    values: at(curve.angular_velocity.coupler),
+  });
+  if (curve.drive_load)
+    found.push({
+      title: curve.crank_angle ? `Torque of the drive, force × ${unit}` : "Force of the drive",
+      x,
+      values: at(curve.drive_load),
+    });
   return found.filter(({ values }) => values.some((value) => value !== null));
 }
 
@@ -36,10 +46,14 @@ export function studyRows({ tolerance_study: study, rounded }, lengthUnit) {
   const rows = [];
   if (rounded?.closes && (rounded.combinations ?? null) !== null) {
     const of = `of ${rounded.combinations} combinations`;
-    rows.push(["Choice of lengths", rounded.exhaustive ? `the best ${of}` : `the best of ${rounded.combinations_examined} tried, ${of}`]);
+    rows.push([
+      "Choice of lengths",
+      rounded.exhaustive ? `the best ${of}` : `the best of ${rounded.combinations_examined} tried, ${of}`,
+    ]);
   }
   if (!study) return rows;
-  const { position, rotation, largest } = study, off = (value, unit = "") => (value === null ? "does not close" : `${text(value, 3)}${unit}`);
+  const { position, rotation, largest } = study,
+    off = (value, unit = "") => (value === null ? "does not close" : `${text(value, 3)}${unit}`);
   if (position) rows.push(["As made, off by (95 %)", off(position.worst.p95, ` ${lengthUnit}`)]);
   rows.push(["As made, turned by (95 %)", off(rotation.worst.p95, "°")]);
   if (largest.position ?? largest.rotation) rows.push(["Contributes most", largest.position ?? largest.rotation]);

@@ -15,14 +15,25 @@ function base64Of(file) {
 
 /** The other question of a table: its name, the columns that only it reads, and the words for it. */
 const OTHER = {
-  synthesize: ["function", ["input", "output"], "These are columns of a function: paste the table on the page “Function”"],
-  function: ["synthesize", ["angle", "crank"], "These are columns of a motion: for poses, paste the table on the page “Four-bar”"],
+  synthesize: [
+    "function",
+    ["input", "output"],
+    "These are columns of a function: paste the table on the page “Function”",
+  ],
+  function: [
+    "synthesize",
+    ["angle", "crank"],
+    "These are columns of a motion: for poses, paste the table on the page “Four-bar”",
+  ],
 };
 
 /** Points to the page of the other question if the named columns of the table are read there; else "". */
 async function pointer(table, asked) {
-  const [question, roles, sentence] = OTHER[asked], { status, columns } = await (await ask("/v2/motion", { ...table, query: question })).json();
-  return status === "read" && columns.some(({ role, head }) => roles.includes(role) && !/^\d+$/.test(head)) ? sentence : "";
+  const [question, roles, sentence] = OTHER[asked],
+    { status, columns } = await (await ask("/v2/motion", { ...table, query: question })).json();
+  return status === "read" && columns.some(({ role, head }) => roles.includes(role) && !/^\d+$/.test(head))
+    ? sentence
+    : "";
 }
 
 /**
@@ -33,11 +44,16 @@ export async function readTable(source, question, columns = null) {
   const table = typeof source === "string" ? { table: source } : { file: await base64Of(source) };
   const reply = await (await ask("/v2/motion", { ...table, query: question, ...(columns ? { columns } : {}) })).json();
   if (reply.status === "read") {
-    const { columns: used, heads } = reply, hint = !columns && used.length < heads.length ? await pointer(table, question) : "";
+    const { columns: used, heads } = reply,
+      hint = !columns && used.length < heads.length ? await pointer(table, question) : "";
     return { ...reply, notes: [...reply.notes, hint].filter(Boolean) };
   }
   const hint = columns ? "" : await pointer(table, question);
   if (hint) throw new Error(`${hint}.`);
-  const { message, heads } = reply, detail = message.replace(/; or choose columns, as in .*$/, question === "synthesize" ? "; or choose the columns below" : "");
+  const { message, heads } = reply,
+    detail = message.replace(
+      /; or choose columns, as in .*$/,
+      question === "synthesize" ? "; or choose the columns below" : "",
+    );
   throw Object.assign(new Error(`${capital(detail)}.`), { heads: heads.length ? heads : null });
 }

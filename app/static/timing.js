@@ -21,16 +21,22 @@ function shortestArc(angles) {
  * the crank; the interval used, `low` to `high` in that sense; `order`, the samples as they are passed.
  */
 export function passing(solution, motion, turnsFully) {
-  const own = motion.timing === "free" ? drivePlaces(solution) : null, turns = driveTurns(solution);
+  const own = motion.timing === "free" ? drivePlaces(solution) : null,
+    turns = driveTurns(solution);
   const order = Array.from({ length: (own ?? motion.poses).length }, (_, k) => k);
   if (own && motion.anyOrder) {
-    const [first, last] = !turns ? [Math.min(...own), Math.max(...own)] : motion.closed && turnsFully ? [0, TURN] : shortestArc(own);
+    const [first, last] = !turns
+      ? [Math.min(...own), Math.max(...own)]
+      : motion.closed && turnsFully
+        ? [0, TURN]
+        : shortestArc(own);
     const angles = own.map((angle) => (turns && angle > last + 1e-9 ? angle - TURN : angle));
     order.sort((a, b) => angles[a] - angles[b]);
     return { angles, sense: 1, low: first, high: last, order, turns };
   }
   const given = own ?? travels(motion).map((travel) => motion.direction * travel);
-  const sense = given.at(-1) < 0 ? -1 : 1, last = Math.abs(given.at(-1) ?? 0);
+  const sense = given.at(-1) < 0 ? -1 : 1,
+    last = Math.abs(given.at(-1) ?? 0);
   return { angles: given, sense, low: 0, high: own && motion.closed && turnsFully ? TURN : last, order, turns };
 }
 

@@ -8,35 +8,58 @@ const TRAVEL = "length";
 export const DRIVES = {
   four_bar: { asks: {}, says: ["Crank turns", "Rocker turns"] },
   crank_slider: { asks: { output_unit: TRAVEL, mechanisms: ["slider_crank"] }, says: ["Crank turns", "Slider moves"] },
-  crank_cylinder: { asks: { output_unit: TRAVEL, mechanisms: ["swinging_block"] }, says: ["Crank turns", "Cylinder extends"] },
+  crank_cylinder: {
+    asks: { output_unit: TRAVEL, mechanisms: ["swinging_block"] },
+    says: ["Crank turns", "Cylinder extends"],
+  },
   slider_crank: { asks: { input_unit: TRAVEL, mechanisms: ["slider_crank"] }, says: ["Slider moves", "Crank turns"] },
-  cylinder_crank: { asks: { input_unit: TRAVEL, mechanisms: ["swinging_block"] }, says: ["Cylinder extends", "Crank turns"] },
+  cylinder_crank: {
+    asks: { input_unit: TRAVEL, mechanisms: ["swinging_block"] },
+    says: ["Cylinder extends", "Crank turns"],
+  },
   slider_lever: { asks: { input_unit: TRAVEL, mechanisms: ["rail_slot"] }, says: ["Slider moves", "Lever turns"] },
-  slider_slider: { asks: { input_unit: TRAVEL, output_unit: TRAVEL, mechanisms: ["two_rails"] }, says: ["Slider moves", "Other slider moves"] },
-  slider_cylinder: { asks: { input_unit: TRAVEL, output_unit: TRAVEL, mechanisms: ["rail_slot"] }, says: ["Slider, or cylinder, moves", "The other moves"] },
+  slider_slider: {
+    asks: { input_unit: TRAVEL, output_unit: TRAVEL, mechanisms: ["two_rails"] },
+    says: ["Slider moves", "Other slider moves"],
+  },
+  slider_cylinder: {
+    asks: { input_unit: TRAVEL, output_unit: TRAVEL, mechanisms: ["rail_slot"] },
+    says: ["Slider, or cylinder, moves", "The other moves"],
+  },
 };
 /** Functions that are asked for by a few numbers. */
 export const SPECIAL = ["quick", "steering"];
 /** Drives with a quick return, and the field of its size. */
-export const SIZES = { four_bar: { field: "swing", says: ["Rocker swings", "°"] }, crank_slider: { field: "stroke", says: ["Slider's stroke", "length"] } };
+export const SIZES = {
+  four_bar: { field: "swing", says: ["Rocker swings", "°"] },
+  crank_slider: { field: "stroke", says: ["Slider's stroke", "length"] },
+};
 /** True; throws if a drive does not make such a function. */
 export function checkDrive(name, drive) {
-  if (name === "quick" && !(drive in SIZES)) throw new Error("A quick return is made by a four-bar or by a crank that moves a slider: choose one of these.");
+  if (name === "quick" && !(drive in SIZES))
+    throw new Error("A quick return is made by a four-bar or by a crank that moves a slider: choose one of these.");
   if (name === "steering" && drive !== "four_bar") throw new Error("Steering is made by a four-bar: choose it.");
   return true;
 }
 /** What stands behind a number of a unit. */
 export const sign = (unit) => (unit === TRAVEL ? "" : "°");
 /** Rows of the numbers of a solution; what stands behind input and output. */
-export function travelRows({ lengths, kind, driver, branch, input_zero, output_offset, errors, transmission_angle_min }, [into, out]) {
+export function travelRows(
+  { lengths, kind, driver, branch, input_zero, output_offset, errors, transmission_angle_min },
+  [into, out],
+) {
   const named = (name) => capital(name).replaceAll("_", " ");
   const list = [["Kind", `${kind.replaceAll("_", "-")}, driven by its ${driver}`]];
-  for (const [name, value] of Object.entries(lengths)) list.push([named(name), text(value, 8) + (name === "angle" ? "°" : "")]);
-  list.push(["Branch", branch > 0 ? "+1" : "−1"], ["Input at the first x", text(input_zero, 8) + into], ["Output less the linkage's own", text(output_offset, 8) + out]);
+  for (const [name, value] of Object.entries(lengths))
+    list.push([named(name), text(value, 8) + (name === "angle" ? "°" : "")]);
+  list.push(
+    ["Branch", branch > 0 ? "+1" : "−1"],
+    ["Input at the first x", text(input_zero, 8) + into],
+    ["Output less the linkage's own", text(output_offset, 8) + out],
+  );
   list.push(["Largest error", text(errors.max, 4) + out], ["Root mean square error", text(errors.rms, 4) + out]);
   if (errors.max_y !== null) list.push(["Largest error in y", text(errors.max_y, 4)]);
   if (errors.alternations !== null) list.push(["Extremes as large, alternating", String(errors.alternations)]);
   list.push(["Transmission", `${text(transmission_angle_min, 5)}°`]);
   return list;
 }
-

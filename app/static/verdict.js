@@ -5,19 +5,36 @@ import { capital, counted } from "./shell.js";
 const DEFECTS = ["order", "branch", "circuit"];
 const LABELS = {
   family: "the family",
-  transmission_angle_min: "the transmission angle in use", transmission_angle_min_turn: "the transmission angle over the whole turn",
-  pivot_a: "the given pivot A", pivot_b: "the given pivot B",
-  pivot_box: "the pivot box", pivot_a_box: "the box of pivot A", pivot_b_box: "the box of pivot B",
-  pivot_reach: "the largest distance of the pivots", keep_out: "the boxes kept free of pivots",
-  link_ratio_max: "the ratio of longest to shortest link", link_min: "the least link length", link_max: "the greatest link length",
-  links: "the given lengths", coupler_radius_max: "the reach of the body point", body_reach: "the distance of the body point from its joints", envelope: "the envelope",
-  stroke_max: "the longest stroke", rail_box: "the box of the rails",
-  cylinder_dead_length: "the shortest cylinder", cylinder_extended_max: "the longest cylinder", arm_min: "the least moment arm",
-  crank_span_max: "the crank's turn", lengths_from: "stock lengths", ground_box: "the box of the ground point", motor_box: "the box of the motor",
+  transmission_angle_min: "the transmission angle in use",
+  transmission_angle_min_turn: "the transmission angle over the whole turn",
+  pivot_a: "the given pivot A",
+  pivot_b: "the given pivot B",
+  pivot_box: "the pivot box",
+  pivot_a_box: "the box of pivot A",
+  pivot_b_box: "the box of pivot B",
+  pivot_reach: "the largest distance of the pivots",
+  keep_out: "the boxes kept free of pivots",
+  link_ratio_max: "the ratio of longest to shortest link",
+  link_min: "the least link length",
+  link_max: "the greatest link length",
+  links: "the given lengths",
+  coupler_radius_max: "the reach of the body point",
+  body_reach: "the distance of the body point from its joints",
+  envelope: "the envelope",
+  stroke_max: "the longest stroke",
+  rail_box: "the box of the rails",
+  cylinder_dead_length: "the shortest cylinder",
+  cylinder_extended_max: "the longest cylinder",
+  arm_min: "the least moment arm",
+  crank_span_max: "the crank's turn",
+  lengths_from: "stock lengths",
+  ground_box: "the box of the ground point",
+  motor_box: "the box of the motor",
 };
 
 /** The name of a limit of the service in sentences. */
-export const limitName = (name) => (name.startsWith("links.") ? `the given ${name.slice(6)} length` : LABELS[name] ?? name.replaceAll("_", " "));
+export const limitName = (name) =>
+  name.startsWith("links.") ? `the given ${name.slice(6)} length` : (LABELS[name] ?? name.replaceAll("_", " "));
 
 /** A number of layers in words. */
 export const layersOf = (count) => counted(count, "layer");
@@ -29,7 +46,13 @@ const sentence = (reason, item = "sample") => {
 };
 
 /** A reason as short as a card has room for. */
-const brief = (reason, item) => sentence(reason, item).replace(/\.$/, "").replace(/^The body point goes (\S+) times as far (between two \w+) .*/, "long detour $2 ($1 times their distance)");
+const brief = (reason, item) =>
+  sentence(reason, item)
+    .replace(/\.$/, "")
+    .replace(
+      /^The body point goes (\S+) times as far (between two \w+) .*/,
+      "long detour $2 ($1 times their distance)",
+    );
 
 /** The names of what keeps a linkage from making its motion as a machine: "order", "branch", "circuit". */
 export const defects = (verdict) => DEFECTS.filter((name) => verdict && verdict[name] === false);
@@ -40,28 +63,63 @@ const practical = ({ practical: kept, practical_without_collisions }) => kept ??
 /** {kind, sign, text}: what the list says of a solution; null without a verdict. */
 export function mark(verdict, item) {
   if (!verdict) return null;
-  const { reasons = [] } = verdict, wrong = defects(verdict);
-  if (wrong.length) return { kind: "bad", sign: "✕", text: `${wrong.join(" and ")} defect${wrong.length > 1 ? "s" : ""}` };
+  const { reasons = [] } = verdict,
+    wrong = defects(verdict);
+  if (wrong.length)
+    return { kind: "bad", sign: "✕", text: `${wrong.join(" and ")} defect${wrong.length > 1 ? "s" : ""}` };
   if (!reasons.length && practical(verdict) && verdict.within_tolerance !== false) {
     const kept = verdict.assembly ? `buildable in ${layersOf(verdict.assembly.count)}` : "within practical limits";
-    return { kind: "good", sign: "✓", text: !verdict.within_tolerance ? kept : verdict.assembly ? `${kept}, within tolerance` : `${kept} and tolerance` };
+    return {
+      kind: "good",
+      sign: "✓",
+      text: !verdict.within_tolerance ? kept : verdict.assembly ? `${kept}, within tolerance` : `${kept} and tolerance`,
+    };
   }
   const more = reasons.length > 1 ? ` (and ${reasons.length - 1} more)` : "";
-  const first = reasons.length ? brief(reasons[0], item) : practical(verdict) ? "outside the tolerance" : "outside practical limits";
+  const first = reasons.length
+    ? brief(reasons[0], item)
+    : practical(verdict)
+      ? "outside the tolerance"
+      : "outside practical limits";
   return { kind: practical(verdict) ? "poor" : "bad", sign: "!", text: first[0].toLowerCase() + first.slice(1) + more };
 }
 
 /** Rows [what was judged, true | false | null, in words] for a solution of a motion. */
 export function judged(verdict, motion, item, drive = "crank", turns = true) {
-  const free = motion.timing === "free", near = (verdict.reasons ?? []).some((one) => one.includes("near a change point"));
-  const passes = !free ? `the ${drive} passes the ${item}s at the ${turns ? "angles" : "places"} given` : `a ${drive} that ${turns ? "turns" : "moves"} one way passes ${motion.anyOrder ? `all ${item}s` : `the ${item}s in the order given`}`;
+  const free = motion.timing === "free",
+    near = (verdict.reasons ?? []).some((one) => one.includes("near a change point"));
+  const passes = !free
+    ? `the ${drive} passes the ${item}s at the ${turns ? "angles" : "places"} given`
+    : `a ${drive} that ${turns ? "turns" : "moves"} one way passes ${motion.anyOrder ? `all ${item}s` : `the ${item}s in the order given`}`;
   const rows = [
     ["Order", verdict.order, verdict.order ? passes : passes.replace("passes", "does not pass")],
-    ["Branch", verdict.branch, verdict.branch ? `all ${item}s lie on one branch` : `${item}s lie on different branches: a dead position comes between`],
-    ["Circuit", verdict.circuit, verdict.circuit ? `all ${item}s, and all between, lie on one circuit${near ? ", but near a change point" : ""}` : `${item}s lie on different circuits: it would have to be taken apart`],
+    [
+      "Branch",
+      verdict.branch,
+      verdict.branch
+        ? `all ${item}s lie on one branch`
+        : `${item}s lie on different branches: a dead position comes between`,
+    ],
+    [
+      "Circuit",
+      verdict.circuit,
+      verdict.circuit
+        ? `all ${item}s, and all between, lie on one circuit${near ? ", but near a change point" : ""}`
+        : `${item}s lie on different circuits: it would have to be taken apart`,
+    ],
   ];
-  if (verdict.within_tolerance !== null) rows.push(["Tolerance", verdict.within_tolerance, verdict.within_tolerance ? `every ${item} keeps it` : `not every ${item} keeps it`]);
-  if (verdict.assembly) rows.push(["Layers", verdict.assembly.status === "free", verdict.assembly.status === "free" ? `nothing collides in ${verdict.assembly.count}` : "parts collide in all"]);
+  if (verdict.within_tolerance !== null)
+    rows.push([
+      "Tolerance",
+      verdict.within_tolerance,
+      verdict.within_tolerance ? `every ${item} keeps it` : `not every ${item} keeps it`,
+    ]);
+  if (verdict.assembly)
+    rows.push([
+      "Layers",
+      verdict.assembly.status === "free",
+      verdict.assembly.status === "free" ? `nothing collides in ${verdict.assembly.count}` : "parts collide in all",
+    ]);
   rows.push(["Practical limits", practical(verdict), practical(verdict) ? "all are kept" : "one or more are broken"]);
   return rows;
 }
@@ -72,10 +130,15 @@ export const reasons = (verdict, item) => (verdict.reasons ?? []).map((one) => s
  * Words of the service for people: without the names in parentheses that are for those who write requests, and with the page's names
  * of fields. Words in quotation marks stay as they are.
  */
-export const plainWords = (words) => words.replaceAll(/ \((?:see )?`[^)]*\)/g, "")
-  .replace(/limits links (\w+)/, "the given $1 length").replace("`allow_collisions` in `solids`", "“even where parts collide”")
-  .replaceAll(/“[^”]*”|'[^' ]*'|"[^"]*"|`?\b(?:limits[. ])?([a-z]+(?:_[a-z]+)+)\b`?/gi, (all, name) => (name ? LABELS[name.toLowerCase()] ?? name.replaceAll("_", " ") : all))
-  .replaceAll("`", "");
+export const plainWords = (words) =>
+  words
+    .replaceAll(/ \((?:see )?`[^)]*\)/g, "")
+    .replace(/limits links (\w+)/, "the given $1 length")
+    .replace("`allow_collisions` in `solids`", "“even where parts collide”")
+    .replaceAll(/“[^”]*”|'[^' ]*'|"[^"]*"|`?\b(?:limits[. ])?([a-z]+(?:_[a-z]+)+)\b`?/gi, (all, name) =>
+      name ? (LABELS[name.toLowerCase()] ?? name.replaceAll("_", " ")) : all,
+    )
+    .replaceAll("`", "");
 
 /** A note of a report in the page's words, as a sentence. */
 export const plainNote = (note, item) => sentence(plainWords(note), item);

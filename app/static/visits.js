@@ -24,7 +24,8 @@ export class Visits {
    * The first answer, and one to the question of the present entry, take the place of that entry.
    */
   add(question, answer, hash = location.hash) {
-    const visit = `${Date.now()}-${++this.#count}`, same = JSON.stringify(history.state?.question) === JSON.stringify(question);
+    const visit = `${Date.now()}-${++this.#count}`,
+      same = JSON.stringify(history.state?.question) === JSON.stringify(question);
     const address = `${location.pathname}${location.search}${hash}`;
     this.leave(null); // the question that was changed there is the one that is answered here
     this.#entries.set(visit, { answer, left: null });
@@ -41,4 +42,5 @@ export class Visits {
 }
 
 /** Changes the fragment of the page's address; the entry stays the same. */
-export const readdress = (hash) => history.replaceState(history.state, "", `${location.pathname}${location.search}${hash}`);
+export const readdress = (hash) =>
+  history.replaceState(history.state, "", `${location.pathname}${location.search}${hash}`);

@@ -13,13 +13,16 @@ export function leaveWelcome() {
 
 /** Shows the first screen, with the `draft` as the last project and those that `open(content)` shows; the workspace cannot be used meanwhile. */
 export function showWelcome(draft, open) {
-  const { position, rotation } = draft.kept?.content?.request ?? {}, rows = position ?? rotation;
+  const { position, rotation } = draft.kept?.content?.request ?? {},
+    rows = position ?? rotation;
   $("welcome").hidden = false;
   listProjects(open);
   for (const part of document.querySelectorAll(".board, .side-column")) part.inert = true;
   $("last-project").hidden = !Array.isArray(rows);
   if (!Array.isArray(rows)) draft.drop();
-  else $("last-project").textContent = `Continue the last project: ${counted(rows.length, rotation ? "pose" : "point")}, ${draft.date}`;
+  else
+    $("last-project").textContent =
+      `Continue the last project: ${counted(rows.length, rotation ? "pose" : "point")}, ${draft.date}`;
 }
 
 /** Binds the entries to the buttons of the workspace. */
@@ -30,5 +33,7 @@ export function startWelcome(draft, open) {
       $(entry.dataset.begin).click();
     });
   }
-  $("last-project").addEventListener("click", () => { if (!draft.restore()) showWelcome(draft, open); });
+  $("last-project").addEventListener("click", () => {
+    if (!draft.restore()) showWelcome(draft, open);
+  });
 }
