@@ -11,7 +11,7 @@ from linkage_atlas.candidates import Candidates
 from linkage_atlas.results import status_of
 from linkage_atlas.solutions import FINISHING, Solution, finished
 from linkage_atlas.task import Task
-from synthesis.ranking import CRITERIA, FAIR, key
+from synthesis.ranking import CRITERIA, FAIR_PROPORTION, key
 
 _CRITERIA = len(CRITERIA)
 
@@ -24,18 +24,18 @@ class RankedSolutions(NamedTuple):
     total: int
     """Number of candidates for these solutions; larger than the number of solutions if the time was up."""
     same_lengths: int
-    """Number of solutions left out because their rounded lengths are those of another solution."""
+    """Number of solutions left out because their rounded lengths equal the lengths of another solution."""
 
 
 def finish_candidates(task: Task, candidates: Candidates) -> list[Solution]:
-    """Describe the candidates as solutions, as many as the time allows and at least one."""
+    """Describe the candidates as solutions: the best in any case, the others while there is time."""
     found, studies, work = candidates.found, candidates.studies, task.work.extended(FINISHING)
     type_of = None if task.atlas is None else task.atlas.type_of
     return finished(found, task.motion, task.limits, task.tolerance, studies, type_of, work)
 
 
 def rank_solutions(task: Task, candidates: Candidates, solutions: list[Solution]) -> RankedSolutions:
-    """Rank solutions by what is known of them now, name their status, and mark the one with the smallest error."""
+    """Rank solutions by their present scores, name their status, and mark the solution with the smallest error."""
     uncertain = candidates.report.time_up or task.local
     status = status_of(solutions, task.tolerance, task.motion.tolerances is not None, uncertain)
     ranked = [solution for _, solution in _with_keys(task, candidates, solutions)]
@@ -69,14 +69,16 @@ def _with_keys(
         own = key(score, task.prefer)
         if task.rounds:
             rounded = key(replace(score, error=_rounded_error(solution)), task.prefer)
-            large = task.fair is not None and score.proportion > FAIR  # a grid hardly moves large linkages
+            large = (
+                task.fair is not None and score.proportion > FAIR_PROPORTION
+            )  # rounding has little effect on large linkages
             own = (*rounded[:_CRITERIA], large, *rounded[_CRITERIA:-1], *own[-2:])
         keyed.append(((*own, order[id(solution.origin.found)]), solution))
     return sorted(keyed, key=lambda pair: pair[0])
 
 
 def _rounded_error(solution: Solution) -> float:
-    """Return the error with rounded lengths to four digits; infinite if no such linkage closes."""
+    """Return the error with rounded lengths to four digits; infinite if the rounded linkage does not close."""
     rounded = solution.rounded
     if rounded is None or rounded.errors is None:
         return np.inf
@@ -84,7 +86,7 @@ def _rounded_error(solution: Solution) -> float:
 
 
 def _without_equal_roundings(solutions: list[Solution]) -> list[Solution]:
-    """Return the first of the solutions that are the same linkage once rounded."""
+    """Return the first of the solutions that become the same linkage by rounding."""
     first: dict[Any, Solution] = {}
     for solution in solutions:
         first.setdefault(_rounded_linkage(solution), solution)
@@ -92,7 +94,7 @@ def _without_equal_roundings(solutions: list[Solution]) -> list[Solution]:
 
 
 def _rounded_linkage(solution: Solution) -> Any:
-    """Return what is the same for linkages that are the same once rounded."""
+    """Return a key that is equal for solutions that become the same linkage by rounding."""
     rounded = solution.rounded
     if rounded is None or not rounded.closes:
         return id(solution)

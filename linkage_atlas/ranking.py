@@ -1,8 +1,10 @@
-"""The order of the linkages of a task: their scores, and the choice of those that are shown.
+"""The order of the linkages of a task: their scores, and the choice of the linkages that are shown.
 
-The rule is `synthesis.ranking.key`. A rail or slot is the limit of a circle, so that without limits a four-bar always has the
-smallest error; a slider offers a better transmission angle, a smaller machine or a straight drive. Of several kinds with the same
-drive, all linkages stay that no other linkage beats in error, size and transmission angle at once.
+The rule is `synthesis.ranking.key`. A rail or slot is the limit of a circle, so that without limits a four-bar
+always has the
+smallest error; a slider offers a better transmission angle, a smaller machine or a straight drive. Among linkages
+of several kinds
+with the same drive, only those on the Pareto front of error, size and transmission angle remain.
 """
 
 from __future__ import annotations
@@ -19,7 +21,7 @@ from synthesis.ranking import (
     EVERYDAY_POSITION,
     EVERYDAY_ROTATION,
     PROPORTION,
-    TRADED,
+    TRADE_RATIO,
     Score,
     distinct,
     key,
@@ -34,11 +36,11 @@ _NO_ANSWER = 0.1
 _MUCH_BETTER = 10.0
 """Ratio of errors that counts as much better."""
 _DIVERSE_LOSS = 2.0
-"""Largest ratio of the objective of diverse linkages to that of the best one."""
+"""Largest ratio of the objective of a diverse linkage to the best objective."""
 _SAME = 1e-3
 """Relative difference of all measures of two linkages that are shown once."""
 _AS_GOOD = 1.02
-"""Ratio of errors that nobody can tell apart."""
+"""Ratio of errors that makes no practical difference."""
 _ROUNDING = 1e-9
 """Relative excess of an error that counts as within a tolerance."""
 
@@ -58,7 +60,7 @@ class _Facts(NamedTuple):
 
 
 class Ranking:
-    """The order of linkages for one motion and preference.
+    """Order of the linkages for a motion and a preference.
 
     Parameters
     ----------
@@ -68,7 +70,8 @@ class Ranking:
     tolerance : float
         Objective below which a linkage is exact.
     fair : float, optional
-        If the linkage with the smallest error is out of proportion, linkages above this proportion count with a larger error.
+        If the linkage with the smallest error is out of proportion, linkages above this proportion count with a
+        larger error.
     """
 
     def __init__(self, motion: Motion, prefer: str, tolerance: float, fair: float | None = None) -> None:
@@ -106,7 +109,7 @@ class Ranking:
         return [fact.usable for fact in self._examined(found)]
 
     def accurate(self, found: Sequence[Solution]) -> list[Solution]:
-        """Return the linkages among which the preference decides, usable ones if there are any."""
+        """Return the linkages that the preference may choose: the usable linkages if there are any."""
         scores = self.scores(found)
         accurate = [(score, solution) for score, solution in zip(scores, found) if score.accurate]
         usable = [solution for score, solution in accurate if score.usable]
@@ -138,10 +141,10 @@ class Ranking:
         if np.any(within & candidates):
             return within
         errors = np.array([solution.errors.objective for solution in found])
-        return np.asarray(errors <= TRADED * max(errors[candidates].min(initial=np.inf), self.tolerance))
+        return np.asarray(errors <= TRADE_RATIO * max(errors[candidates].min(initial=np.inf), self.tolerance))
 
     def merits(self, found: Sequence[Solution], beside: Sequence[Solution]) -> list[tuple[float, Solution]]:
-        """Return the accurate linkages of some with their merits, smallest first; ``beside``: others that are known."""
+        """Return the accurate linkages with their merits, smallest first; ``beside`` are other known linkages."""
         accurate = {id(solution) for solution in self.accurate([*beside, *found])}
         scored = [(score.merit, solution) for score, solution in zip(self.scores(found), found)]
         return sorted((pair for pair in scored if id(pair[1]) in accurate), key=lambda pair: pair[0])
@@ -154,15 +157,15 @@ class Ranking:
         return [found[k] for k in sorted(range(len(found)), key=keys.__getitem__)]
 
     def chosen(self, found: Sequence[Solution], top: int) -> list[Solution]:
-        """Return the best four-bars that differ, at most ``top``; the one with the smallest error is among them."""
+        """Return the best distinct four-bars, at most ``top``; the four-bar with the smallest error is among them."""
         ordered = self.ordered(found)
         chosen = distinct(ordered, top, APART, order=lambda _: 0, exact=self.tolerance)
         return self._with_smallest_error(chosen, found, top)
 
     def diverse(self, found: Sequence[Solution], top: int, floor: float) -> list[Solution]:
-        """Return linkages as different from one another as possible, with at most twice the error of the best one.
+        """Return linkages that are as different as possible, with at most twice the smallest error.
 
-        Linkages that cannot be used are dropped if others can be. ``floor``: smaller errors count as this one.
+        Linkages that cannot be used are dropped if others can be. ``floor``: smaller errors count as this error.
         """
         if any(usable := self.usable(found)):
             found = [solution for solution, use in zip(found, usable) if use]
@@ -172,8 +175,9 @@ class Ranking:
     def chosen_of_kinds(self, found: Sequence[Solution], top: int) -> list[Solution]:
         """Return the Pareto front of linkages of several kinds, best first, at most ``top``.
 
-        Law: none of them beats another with the same drive. If there are more, the best of each kind and drive come before
-        further ones. Linkages that cannot be used are dropped if others can be.
+        Law: no linkage dominates another linkage with the same drive. If the front is longer than ``top``, the best
+        linkage of each kind and
+        drive has precedence. Linkages that cannot be used are dropped if others can be.
         """
         if any(usable := self.usable(found)):
             found = [solution for solution, use in zip(found, usable) if use]
@@ -211,7 +215,7 @@ class Ranking:
         return self.ordered([*chosen[: top - 1], smallest])
 
     def _front(self, found: Sequence[Solution]) -> list[Solution]:
-        """Return the linkages that no other one with the same drive beats, and of equal measures only the first."""
+        """Return the Pareto front of each drive; of linkages with equal measures only the first."""
         scores = self.scores(found)
         unranked = self.prefer == "layers" and not self.layers
         measures = np.array(

@@ -31,7 +31,7 @@ from synthesis.free.few_poses import Obstacles
 from synthesis.free.screen import PathScreen
 from synthesis.free.search import path_screens
 from synthesis.limits import Limits, Reach
-from synthesis.ranking import FAIR, PROPORTION
+from synthesis.ranking import FAIR_PROPORTION, PROPORTION
 from synthesis.search.seeds import SeedTables
 from synthesis.work import Work
 
@@ -317,8 +317,8 @@ def _fair_within(
     if samples.position is not None:
         units |= dict.fromkeys(("link_max", "coupler_radius_max"), samples.extent)
     allowed: dict[str, float | None] = {name: getattr(limits, name) for name in units}
-    wider = any((allowed[name] or 0.0) > FAIR * unit for name, unit in units.items())
-    longest = PROPORTION if wider else FAIR
+    wider = any((allowed[name] or 0.0) > FAIR_PROPORTION * unit for name, unit in units.items())
+    longest = PROPORTION if wider else FAIR_PROPORTION
     lengths: dict[str, float | Reach] = {
         name: min(longest * unit, allowed[name] or np.inf) for name, unit in units.items()
     }

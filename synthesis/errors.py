@@ -1,4 +1,4 @@
-"""Errors of the domain. They know no web framework and no command line: each caller maps them."""
+"""Errors of the domain. They do not depend on a web framework or on a command line."""
 
 from __future__ import annotations
 
@@ -37,14 +37,14 @@ _ITEMS = {
 
 
 class FieldError(ValueError):
-    """Input that cannot be worked with: which field, what is wrong, and by how much.
+    """Invalid input: the field, the fault, and its amount.
 
     Parameters
     ----------
     field : str
         JSON pointer into the request, for example ``/limits/pivot_box``; the empty string is the whole request.
     message : str
-        What was found and what was wanted, as a sentence for the user.
+        Sentence for the user: what was found and what is allowed.
     **details
         Further facts as plain JSON values, for example ``constraint="closure", amount=12.5``.
     """
@@ -97,7 +97,7 @@ def _field_error(kind: type[FieldError], field: str, message: str, details: dict
 
 
 class AtlasFault(StrEnum):
-    """Why an atlas file is refused; the value is the sentence that the user reads."""
+    """Reason to refuse an atlas file; the value is the sentence for the user."""
 
     MISSING = "there is no atlas file at this place"
     CHECKSUM = "the file's bytes do not match its checksum: it is damaged or cut off"
@@ -108,14 +108,14 @@ class AtlasFault(StrEnum):
 
 
 class AtlasError(Exception):
-    """An atlas file that must not be used.
+    """Error of an atlas file that must not be used.
 
     Parameters
     ----------
     fault : AtlasFault
         The kind of fault.
     detail : str
-        What exactly was found.
+        The observation, in words.
     """
 
     def __init__(self, fault: AtlasFault, detail: str) -> None:
@@ -124,5 +124,5 @@ class AtlasError(Exception):
         self.detail = detail
 
     def __reduce__(self) -> tuple[type[AtlasError], tuple[AtlasFault, str]]:
-        """Its two parts: so it comes from a worker process as it was."""
+        """Pickle the parts, so that the error passes unchanged between processes."""
         return AtlasError, (self.fault, self.detail)

@@ -1,7 +1,7 @@
-"""The one order of linkages: their scores, the ranking key, deduplication, the Pareto front, and the errors of a motion.
+"""Errors of linkages, and their order: scores, the sort key, deduplication and the Pareto front.
 
-`key` is the rule: its criteria are compared one after the other, and smaller is better. The table of the documents is made from
-`CRITERIA` and `PREFERENCES`, so that a change of the rule is made here and nowhere else.
+`key` is the rule of the order: it compares the criteria in turn, and smaller values come first.
+The table in the documents is generated from `CRITERIA` and `PREFERENCES`.
 """
 
 from __future__ import annotations
@@ -21,29 +21,31 @@ from synthesis.target import Mean, Target
 SAME = 1e-6
 """Linkages whose numbers agree to this, relative to their size, are the same linkage."""
 APART = 1e-2
-"""Refined solutions that agree to this belong to one valley of the objective; only its best is worth a user's look."""
+"""Refined solutions that agree to this belong to the same basin of the objective; only the best of them is shown."""
 
-_AS_GOOD, _ALIKE = 0.02, 0.25
-"""Parts by which objectives, and numbers of order one, of two answers in one valley differ at most."""
-NEAR, STANDS_BACK = 0.02, 2.0
-"""A linkage out of proportion, and in a search one that strays, counts with twice its error, and with at least 0.02."""
+_AS_GOOD, _SIMILAR = 0.02, 0.25
+"""Relative differences of the objectives and of the identities up to which two solutions belong to the same basin."""
+NEAR, PENALTY_FACTOR = 0.02, 2.0
+"""A linkage out of proportion, or a candidate that strays in a search, is compared with twice its error and at least
+0.02.
+"""
 COMFORTABLE_TRANSMISSION = np.deg2rad(40.0)
 """Transmission angle below which the merit rises steeply."""
 LONG_SWING = np.deg2rad(120.0)
-"""Swing of the crank above which the merit rises steeply: neither a cylinder nor a gas spring acts on it all along."""
+"""Swing of the crank above which the merit rises steeply: no cylinder and no gas spring can act on a longer swing."""
 PROPORTION = 100.0
-"""Ratio of the longest part to the extent of the motion, or to the shortest link, above which nobody builds a linkage."""
-FAIR = 30.0
-"""The same ratio within which linkages of fair size are searched if the best linkage is out of proportion."""
+"""Largest practical ratio of the longest part to the extent of the motion, or to the shortest link."""
+FAIR_PROPORTION = 30.0
+"""Largest such ratio of the linkages that are searched in addition if the best linkage is out of proportion."""
 EVERYDAY_POSITION, EVERYDAY_ROTATION = 1e-3, np.deg2rad(0.1)
 """Everyday accuracy: largest position error over the extent of the motion, and largest rotation error in radians."""
-TRADED = 1.1
+TRADE_RATIO = 1.1
 """Ratio to the smallest error up to which other merits count if no linkage has the everyday accuracy."""
 
 
 @dataclass(frozen=True)
 class Errors:
-    """Errors of a motion at the samples, in its units of angle and length; null for what was not asked."""
+    """Errors of a motion at the samples in its units; null if the motion does not prescribe the quantity."""
 
     rotation_rms: float | None
     rotation_max: float | None
@@ -53,42 +55,42 @@ class Errors:
     """sqrt(mean square rotation error in radians + mean square position error / l^2)"""
 
 
-class Judged(Protocol):
-    """Errors of which one number says how large they are."""
+class HasObjective(Protocol):
+    """Errors with a single measure of their size."""
 
     @property
     def objective(self) -> float:
-        """What a search makes least."""
+        """The number that a search minimizes."""
 
 
-class WithErrors(Protocol):
-    """Anything that has errors."""
+class HasErrors(Protocol):
+    """Object with errors."""
 
     @property
-    def errors(self) -> Judged:
-        """Errors of the answer."""
+    def errors(self) -> HasObjective:
+        """Errors of the linkage."""
 
 
-class Answer(WithErrors, Protocol):
+class Answer(HasErrors, Protocol):
     """Linkage with its errors, of any mechanism."""
 
     @property
     def identity(self) -> Floats:
-        """Numbers of order one that tell it from others."""
+        """Numbers of order 1 that identify the linkage."""
 
     @property
     def looks(self) -> Floats:
-        """Numbers of which two answers that look alike in a picture differ by less than one."""
+        """Numbers that differ by less than 1 for linkages whose pictures look the same."""
 
     def mirrored(self) -> Any:
-        """The answer to the mirrored request."""
+        """Return the linkage for the mirrored request."""
 
 
 A = TypeVar("A", bound=Answer)
 
 
 class Status(StrEnum):
-    """What was found; unknown: nothing, before the search ran to its end."""
+    """Outcome of a search; `UNKNOWN` if it was stopped before it found a linkage."""
 
     REACHED = "reached"
     CLOSEST = "closest"
@@ -96,7 +98,7 @@ class Status(StrEnum):
     UNKNOWN = "unknown"
 
     @classmethod
-    def of(cls, answers: Sequence[WithErrors], tolerance: float) -> Status:
+    def of(cls, answers: Sequence[HasErrors], tolerance: float) -> Status:
         """Return the status of answers within the limits, best first: reached if the best objective is below the tolerance."""
         if not answers:
             return cls.INFEASIBLE
@@ -104,10 +106,16 @@ class Status(StrEnum):
 
 
 def motion_errors(target: Target, angle: Floats, points: Complexes | None) -> tuple[list[float | None], list[Errors]]:
-    """Best offsets of the rotation, and errors, of linkages.
+    """Compute the best offsets of the rotation and the errors of linkages.
 
-    ``angle`` (n, N): theta2 at the samples. ``points`` (n, N): the body point at the samples; needed where the target
-    has positions.
+    Parameters
+    ----------
+    target : Target
+        The motion.
+    angle : ndarray, shape (n, N)
+        theta2 at the samples, in radians.
+    points : ndarray, shape (n, N), or None
+        The body point at the samples; required if the target has positions.
 
     Returns
     -------
@@ -133,7 +141,7 @@ def motion_errors(target: Target, angle: Floats, points: Complexes | None) -> tu
 
 
 def rms_and_max(values: NDArray[Any], mean: Mean) -> list[Any]:
-    """Root mean square and largest size of errors (n, N), those of missing samples left out, as n pairs."""
+    """Return the root mean square and the maximum of errors (n, N) as n pairs, without missing samples."""
     size = mean.given(np.abs(values))
     largest = size.max(axis=-1)
     # squares of ratios: no under- or overflow at any unit of length
@@ -163,29 +171,42 @@ def distinct(
     order: Callable[[A], Any] = _objective,
     exact: float = np.inf,
 ) -> list[A]:
-    """The best ``top`` that differ from one another by more than ``apart``, by objective; ties keep their order.
+    """Return the best linkages by objective that differ from each other; equal objectives preserve the order.
 
-    Where objectives are not ``exact``, an answer about as good as a better one and alike it lies in that one's valley, on its
-    way to the same optimum, and is left out. So is one that looks like a better one, unless the rows of a table are wanted as
-    they are (``apart`` is `SAME`).
+    Parameters
+    ----------
+    answers : sequence
+        The linkages.
+    top : int
+        Maximum number of linkages.
+    apart : float
+        Relative difference of the identities up to which two linkages are the same. With `SAME` the rows of a table
+        are returned
+        as they are; with a larger value a linkage whose picture looks like a better linkage is dropped too.
+    order : callable
+        Sort key; by default the objective.
+    exact : float
+        Objective below which a linkage is exact. Above it, a linkage that is similar to a better linkage and about as
+        good belongs to
+        the same basin and is dropped.
     """
-    kept: list[A] = []
-    identities, objectives, looks = np.empty((0, 0)), np.empty(0), np.empty((0, 0))
+    chosen: list[A] = []
+    identities, objectives, appearances = np.empty((0, 0)), np.empty(0), np.empty((0, 0))
     for answer in sorted(answers, key=order):
-        if len(kept) == top:
+        if len(chosen) == top:
             break
-        mine, objective = answer.identity, answer.errors.objective
-        if kept:
-            gap = np.max(np.abs(identities - mine) / np.maximum(1.0, np.abs(mine)), axis=1)
-            same_valley = (objective >= exact) & (objective <= (1 + _AS_GOOD) * objectives) & (gap <= _ALIKE)
-            alike = (apart > SAME) & (np.max(np.abs(looks - answer.looks), axis=1) < 1)
-            if np.any((gap <= apart) | same_valley | alike):
+        identity, objective = answer.identity, answer.errors.objective
+        if chosen:
+            gap = np.max(np.abs(identities - identity) / np.maximum(1.0, np.abs(identity)), axis=1)
+            same_basin = (objective >= exact) & (objective <= (1 + _AS_GOOD) * objectives) & (gap <= _SIMILAR)
+            alike = (apart > SAME) & (np.max(np.abs(appearances - answer.looks), axis=1) < 1)
+            if np.any((gap <= apart) | same_basin | alike):
                 continue
-        kept.append(answer)
-        looks = np.vstack([looks, answer.looks]) if looks.size else answer.looks[None, :]
-        identities = np.vstack([identities, mine]) if identities.size else mine[None, :]
+        chosen.append(answer)
+        appearances = np.vstack([appearances, answer.looks]) if appearances.size else answer.looks[None, :]
+        identities = np.vstack([identities, identity]) if identities.size else identity[None, :]
         objectives = np.append(objectives, objective)
-    return kept
+    return chosen
 
 
 # -- the order of linkages --------------------------------------------------------------------------------------------
@@ -193,7 +214,7 @@ def distinct(
 
 @dataclass(frozen=True, kw_only=True)
 class Score:
-    """Measures of one linkage by which it is ranked, in model units."""
+    """Measures by which a linkage is ranked, in model units."""
 
     usable: bool
     """True if it passes the samples without a defect, each at its own position of the drive, and stays near them in between."""
@@ -212,7 +233,9 @@ class Score:
     longest: float = np.inf
     """Largest proportion (size or ratio) up to which a linkage counts with its own error."""
     layers: tuple[bool, int, int] = (False, 0, 0)
-    """Whether parts collide, number of fixed pivots under a passing link, number of layers; used if layers were made."""
+    """Collision of parts, number of fixed pivots under a passing link, and the number of layers, if layers were
+    assigned.
+    """
     has_drive: bool = True
     """False if a drive was requested and none was found."""
 
@@ -225,33 +248,35 @@ class Score:
 
     @property
     def counted_error(self) -> float:
-        """See `counted_error`; to six digits."""
+        """See `counted_error`; rounded to six digits."""
         return float(f"{counted_error(self.error, self.proportion, self.longest):.6g}")
 
     @property
     def proportion(self) -> float:
-        """Longest part over the extent of the motion or the shortest link, whichever is more."""
+        """Longest part over the extent of the motion or over the shortest link, whichever is larger."""
         return max(self.size, self.ratio)
 
 
 def counted_error(error: float, proportion: float, longest: float) -> float:
-    """Return the error by which a linkage is compared: out of proportion twice its own error, at least 0.02, unless it is 0."""
-    return max(NEAR, STANDS_BACK * error) if error > 0 and proportion > longest else error
+    """Return the error by which a linkage is compared: doubled, and at least 0.02, if it is out of proportion and not exact."""
+    return max(NEAR, PENALTY_FACTOR * error) if error > 0 and proportion > longest else error
 
 
 def merit(size: Floats, transmission: Floats, swing: Floats, ratio: Floats) -> Floats:
-    """Rate exact linkages by what one would build: lower is better.
+    """Rate exact linkages by their practicality; lower is better.
 
-    The merit is the size, raised by four factors: below a transmission angle of 40 degrees steeply, above it gently; for a
-    crank that swings by more than about 100 degrees; and for links of very different lengths, since play in the pins of a short
-    link turns the body by much.
+    The merit is the size, increased by four factors: a steep one below a transmission angle of 40 degrees and a
+    gentle one above it;
+    a factor for a crank that swings by more than about 100 degrees; and a factor for links of very different lengths, because
+    play in the pins
+    of a short link turns the body considerably.
 
     Parameters
     ----------
     size : ndarray
-        Largest length of the linkage over the motion's extent, see `synthesis.scores.size_of`.
+        Largest length of the linkage over the extent of the motion, see `synthesis.scores.size_of`.
     transmission, swing : ndarray
-        Smallest transmission angle over the motion, and the crank's swing, in radians.
+        Smallest transmission angle over the motion, and the swing of the crank, in radians.
     ratio : ndarray
         Longest link over the shortest.
 
@@ -294,7 +319,7 @@ CRITERIA = {
         "If a drive was requested, a linkage with a drive comes first.", lambda score: not score.has_drive
     ),
 }
-"""Criteria of every preference, in their order."""
+"""Criteria that all preferences share, in their order."""
 
 PREFERENCES = {
     "error": Criterion("The smallest error; exact linkages by their merit.", lambda score: score.counted_error),
@@ -317,7 +342,9 @@ def key(score: Score, prefer: str) -> tuple[Any, ...]:
 
 
 def pareto_front(measures: Floats) -> NDArray[np.bool_]:
-    """Return which rows of measures (n, m), smaller is better, no other row equals everywhere and beats somewhere.
+    """Return the mask of the rows of measures (n, m) on the Pareto front; smaller measures are better.
+
+    A row is on the front if no other row is at least as good in every measure and better in some measure.
 
     >>> pareto_front(np.array([[1, 2], [2, 1], [2, 2], [1, 2]])).tolist()
     [True, True, False, True]
@@ -328,16 +355,24 @@ def pareto_front(measures: Floats) -> NDArray[np.bool_]:
 
 
 def spread(answers: Sequence[A], top: int, loss: float, floor: float) -> list[A]:
-    """Answers as different from one another as can be, the best of them first, the rest by objective.
+    """Return linkages that are as different as possible, including the best, sorted by objective.
 
-    ``answers``: best first. ``top``: at most so many. ``loss``: none has an objective above this many times the best.
-    ``floor``: objectives below count as this.
+    Parameters
+    ----------
+    answers : sequence
+        Linkages, best first.
+    top : int
+        Maximum number of linkages.
+    loss : float
+        Largest ratio of an objective to the best objective.
+    floor : float
+        Smaller objectives count as this value.
     """
     if not answers:
         return []
-    most = loss * max(answers[0].errors.objective, floor)
-    allowed = [one for one in answers if one.errors.objective <= most]
-    identities = np.array([one.identity for one in allowed])
+    worst = loss * max(answers[0].errors.objective, floor)
+    allowed = [answer for answer in answers if answer.errors.objective <= worst]
+    identities = np.array([answer.identity for answer in allowed])
     chosen, nearest = [0], np.full(len(allowed), np.inf)
     while len(chosen) < min(top, len(allowed)):
         nearest = np.minimum(nearest, np.linalg.norm(identities - identities[chosen[-1]], axis=1))

@@ -1,4 +1,4 @@
-"""Motions that need no linkage: a single hinge makes a turn about a fixed point, a straight guide makes a straight shift."""
+"""Motions that need no linkage: a hinge makes a turn about a fixed point, and a straight guide makes a straight shift."""
 
 from __future__ import annotations
 
@@ -13,11 +13,12 @@ from synthesis.target import Samples
 WITHIN = 1e-3
 """Default of the largest distance of a position from the motion of the hinge or guide, as a fraction of the extent."""
 _POSES, _POINTS = 3, 4
-"""Smallest numbers of poses and of points that can contradict a hinge: two poses, and three points, always fit one."""
+"""Smallest numbers of poses and of points that can contradict a hinge: a hinge always fits two poses, or three points.
+"""
 _NO_TURN = np.deg2rad(0.1)
 """Largest turn of a body on a straight guide."""
 _TURN = np.deg2rad(1.0)
-"""Largest turn of a body that is taken to be shifted only."""
+"""Largest turn of a body that counts as shifted only."""
 
 
 class Hinge(NamedTuple):
@@ -29,15 +30,16 @@ class Hinge(NamedTuple):
 
 
 def hinge_of(samples: Samples, allowed: float | None = None, min_poses: int = _POSES) -> Hinge | None:
-    """Find the hinge that makes a motion by itself.
+    """Find the hinge that makes a motion without a linkage.
 
-    With rotations the positions belong to a point of the body, ``p = centre + arm e^{i rotation}``: linear in centre and arm.
-    Without rotations they lie on a circle, in turn along it.
+    With rotations the positions belong to a point of the body, ``p = centre + arm e^{i rotation}``, which is linear
+    in centre and arm.
+    Without rotations they must follow in order on a circle.
 
     Parameters
     ----------
     samples : Samples
-        The motion; samples without a position, or without a rotation where the motion has some, are left out.
+        The motion. Samples without a position are left out, and samples without a rotation if other samples have a rotation.
     allowed : float, optional
         Largest distance of a position from the hinge's motion. Default: `WITHIN` of the extent.
     min_poses : int, optional
@@ -46,7 +48,7 @@ def hinge_of(samples: Samples, allowed: float | None = None, min_poses: int = _P
     Returns
     -------
     Hinge or None
-        None if no hinge makes the motion, or the centre is farther than practical limits allow.
+        None if no hinge makes the motion, or the centre is farther away than practical limits allow.
     """
     if samples.position is None:
         return None
@@ -58,7 +60,7 @@ def hinge_of(samples: Samples, allowed: float | None = None, min_poses: int = _P
 
 
 def straight_guide_error(samples: Samples, allowed: float | None = None) -> float | None:
-    """Find out whether a straight guide makes a motion by itself.
+    """Measure how well a straight guide makes a motion without a linkage.
 
     Parameters
     ----------
@@ -70,7 +72,8 @@ def straight_guide_error(samples: Samples, allowed: float | None = None) -> floa
     Returns
     -------
     float or None
-        Largest distance of a position from the line; None if the body turns, has fewer than three poses, or leaves the line.
+        Largest distance of a position from the line; None if the body turns, has fewer than three poses, or leaves
+        the line.
     """
     if samples.position is None or samples.rotation is None:
         return None
@@ -84,7 +87,7 @@ def straight_guide_error(samples: Samples, allowed: float | None = None) -> floa
 
 
 def _complete_samples(samples: Samples) -> tuple[Complexes, Floats | None]:
-    """Return positions and rotations of the samples that have both, or the positions alone if no rotation is given."""
+    """Return positions and rotations of the samples that have both, or only positions if no rotation is given."""
     assert samples.position is not None
     known = np.isfinite(samples.position)
     for values, weights in (

@@ -22,7 +22,7 @@ import numpy as np
 
 from synthesis.arrays import Flags, Floats, Ints
 from synthesis.kernels import distinct
-from synthesis.ranking import NEAR, STANDS_BACK
+from synthesis.ranking import NEAR, PENALTY_FACTOR
 from synthesis.search.options import Schedule, SearchOptions
 from synthesis.work import Work
 
@@ -300,7 +300,7 @@ class MultiStart(Generic[P]):
         if new:
             self._strays.update(zip(found.cost[new].tolist(), self.problem.strays(found.take(new)).tolist()))
         strays = [self._strays[cost] for cost in found.cost.tolist()]
-        return np.where(strays, np.maximum(STANDS_BACK**2 * found.cost, NEAR**2), found.cost)
+        return np.where(strays, np.maximum(PENALTY_FACTOR**2 * found.cost, NEAR**2), found.cost)
 
     def perturbations(self, origins: int, copies: int) -> Starts:
         """Return perturbed copies of the best basins of each group."""
