@@ -1,13 +1,18 @@
 """Defects of linkages that reach every sample of a motion: order, branch and circuit, and violated practical limits.
 
-A linkage that reaches every sample may still fail as a machine: the drive must turn back between two samples (order defect),
-pass a dead position (branch defect), or the linkage must be taken apart and assembled the other way round (circuit defect). The
-terms are those of Chase and Mirth, "Circuits and branches of single-degree-of-freedom planar linkages", ASME Journal of
+A linkage that reaches every sample may still fail as a machine: the drive must reverse between two samples (order
+defect),
+pass a dead position (branch defect), or the linkage must be disassembled and assembled in another way (circuit
+defect). The
+terms are those of Chase and Mirth, "Circuits and branches of single-degree-of-freedom planar linkages", ASME
+Journal of
 Mechanical Design 115 (1993), 223-230.
 
-The coordinates at which the loop closes are all there are, or parts of them, with the *cuts* in between; at their ends, the dead
-positions, both branches meet. So parts are the circuits if the coordinate has ends, and the branches are if it has none. The slot
-of a hinge beside a rail has two parts whose ends it never reaches: the body would be infinitely far.
+The loop closes at all coordinates, or in intervals that are separated by *cuts*; both branches meet at the ends of
+an interval, the
+dead positions. Therefore each interval is a circuit if it has ends, and each branch is a circuit if it has none.
+The slot of a hinge
+beside a rail has two intervals whose ends it never reaches, because the body would be infinitely far away.
 """
 
 from __future__ import annotations
@@ -38,18 +43,17 @@ from synthesis.linkage import Linkage, through
 from synthesis.target import TURN, Interval, Samples, Target
 
 TIE = 1e-9
-"""Largest difference of drive angles, in radians, that are the same position: they are in order either way round."""
+"""Largest difference, in radians, of drive angles that count as the same position, in order in both directions."""
 DEAD = 1e-7
 """Transmission angle, in radians, below which both branches are the same position to within rounding."""
 NEAR_CHANGE_POINT = 1e-6
-"""Relative distance from a change point below which manufacture decides on which of two circuits a linkage is."""
+"""Relative distance from a change point below which manufacturing tolerances decide on which circuit a linkage is."""
 NAMED = 3
 """Number of samples, or pairs of neighbours, that a reason names; it counts the others."""
 _ROUNDED = 1e-9
 """Relative violation of a limit that is rounding."""
 _ONE_POSITION, _ALIKE = 1e-5, 1e-3
-"""Part of a drive's way below which two of its positions are one, and of the motion's extent, or radians, from which on what
-is asked at two samples differs."""
+"""Fraction of the travel within which drive positions are equal; difference of distinct samples, radians or extents."""
 LEAVES_SAMPLES = 2.5
 """Excursion above which the curve leaves the samples in between."""
 SHORTEST_CHORD = 0.05
@@ -58,45 +62,46 @@ SHORTEST_CHORD = 0.05
 
 @dataclass(frozen=True)
 class Passage:
-    """How a drive passes N samples; a flag of neighbours, shape (N - 1,), is that of samples k and k + 1."""
+    """Passage of a drive through N samples; an array (N - 1,) has a flag for each pair of neighbours k and k + 1."""
 
     closes: Flags
     """The loop closes at the sample, (N,)."""
     other_branch: Flags
     other_circuit: Flags
     open_between: Flags
-    """The loop does not close everywhere on the prescribed way."""
+    """The loop opens somewhere on the prescribed path."""
     out_of_order: Flags
     no_return: bool
-    """The way must lead on from the last sample to the first, and the drive does not turn fully."""
+    """The path must lead from the last sample to the first, and the drive does not turn fully."""
     uncertain: bool
     """The linkage is nearer to a change point than `NEAR_CHANGE_POINT`."""
 
     @cached_property
     def order(self) -> bool:
-        """Return True without an order defect."""
+        """True without an order defect."""
         return bool(np.all(self.closes) and not np.any(self.out_of_order | self.open_between) and not self.no_return)
 
     @cached_property
     def branch(self) -> bool:
-        """Return True without a branch defect."""
+        """True without a branch defect."""
         return not np.any(self.other_branch)
 
     @cached_property
     def circuit(self) -> bool:
-        """Return True without a circuit defect."""
+        """True without a circuit defect."""
         return bool(np.all(self.closes) and not np.any(self.other_circuit | self.open_between))
 
     @cached_property
     def driven(self) -> bool:
-        """Return True if the drive leads the linkage through all samples in order, moving one way."""
+        """True if the drive passes all samples in order without reversing."""
         return self.order and self.branch and self.circuit
 
 
 class Circuits:
-    """Coordinates that a drive can reach.
+    """Coordinates that a drive can reach, in intervals.
 
-    ``turns``: the loop closes all around a turn. ``meet``: the two branches meet at the ends of each part. ``uncertain``:
+    ``turns``: the loop closes throughout a turn. ``meet``: the two branches meet at the ends of each interval.
+    ``uncertain``:
     nearer to a change point than `NEAR_CHANGE_POINT`.
     """
 
@@ -110,7 +115,7 @@ class Circuits:
         ]
         cuts = [extreme for extreme, value, _ in at_extremes if value < 0]
         self.uncertain = any(abs(value) < NEAR_CHANGE_POINT * size for _, value, size in at_extremes)
-        if linkage.is_four_bar:  # of the three pairings of the links s + l against p + q is the nearest to equality
+        if linkage.is_four_bar:  # s + l - p - q is the smallest of the three sums
             excess = float(np.min(np.abs(grashof_excesses(linkage.links))))
             self.uncertain = excess < NEAR_CHANGE_POINT * sum(linkage.links)
         second = linkage.local_guides[1]
@@ -123,7 +128,7 @@ class Circuits:
         self.turns = self._angle and not cuts
 
     def part(self, coordinate: Floats) -> tuple[Floats, Ints]:
-        """Coordinates less whole turns, comparable within a part, and the number of the part: one more after each cut."""
+        """Return coordinates less whole turns, comparable within an interval, and the number of the interval."""
         if not self._angle:
             return coordinate, np.sum(coordinate[..., None] > np.array(self._cuts), axis=-1)
         if not self._cuts:
@@ -132,7 +137,7 @@ class Circuits:
         return coordinate - TURN * np.floor(number / len(self._cuts)), np.asarray(number, dtype=int)
 
     def elsewhere(self, number: Ints) -> Flags:
-        """Whether neighbours lie in different parts, (N - 1,)."""
+        """Return the mask of neighbours that lie in different intervals, (N - 1,)."""
         steps = np.diff(number)
         return steps % len(self._cuts) != 0 if self._angle and self._cuts else steps != 0
 
@@ -144,14 +149,15 @@ class Verdict:
     Attributes
     ----------
     order : bool
-        A drive that moves one way passes the samples in the requested order.
+        A drive that moves in one direction passes the samples in the requested order.
     branch : bool
-        All samples lie on one branch.
+        All samples lie on a single branch.
     circuit : bool
-        All samples, and all between, lie on one circuit.
+        All samples, and the motion between them, lie on a single circuit.
     driver : str or None
-        The drive if it leads the linkage through all samples in order, moving one way (order, branch and circuit are true);
-        otherwise another drive of the guides that can; None if none can.
+        The drive if it passes all samples in order while it moves in one direction (order, branch and circuit are
+        true);
+        otherwise another suitable drive of the guides; None if there is none.
     uncertain : bool
         The linkage is nearer to a change point than `NEAR_CHANGE_POINT`.
     reasons : tuple of str
@@ -167,9 +173,10 @@ class Verdict:
 
 
 def one_way(steps: Floats) -> tuple[Floats, Floats]:
-    """Steps (n, m) modulo a turn, all taken the same way round, and that way, +1 or -1, shape (n, 1).
+    """Return steps (n, m) modulo a turn, all in the same direction, and the directions, +1 or -1, shape (n, 1).
 
-    It is the way of fewer turns in total; where they are equal, that of most steps. Ties may lie just behind, not a turn ahead.
+    The direction of fewer turns in total is chosen, or else the direction of most steps. Equal positions may lie slightly behind,
+    not a turn ahead.
     """
     ahead, back = ((sign * steps + TIE) % TURN - TIE for sign in (1.0, -1.0))
     fewer = [np.ceil(np.sum(steps_on, axis=-1, keepdims=True) / TURN - TIE) for steps_on in (ahead, back)]
@@ -189,11 +196,13 @@ def passage(
 ) -> Passage:
     """Return how the drive of a linkage passes samples.
 
-    A drive that turns fully passes them in order if the steps from sample to sample, all taken forwards or all backwards, add up
-    to a turn at most; any other drive, if its coordinates rise or fall throughout.
+    A drive that turns fully passes them in order if the steps from sample to sample, all taken forwards or all
+    backwards, add up
+    to at most a turn; any other drive, if its coordinates rise or fall monotonically.
 
-    Law: the same for reversed samples, for a mirrored, moved or scaled linkage, and without timing with coordinates more by whole
-    turns.
+    Law: the result is the same for reversed samples, for a mirrored, moved or scaled linkage, and, without timing,
+    for coordinates
+    that differ by whole turns.
 
     Parameters
     ----------
@@ -206,9 +215,10 @@ def passage(
     ordered : bool
         The samples must be passed in their order; otherwise in any order, within a turn.
     closed : bool
-        After the last sample the way leads on to the first.
+        The path continues from the last sample to the first.
     timed : bool
-        The coordinates are prescribed: they, and the way between them, are taken as they are, over several turns too. Otherwise
+        The coordinates are prescribed: the drive moves through exactly these values, also over several turns.
+        Otherwise
         angles count modulo a turn.
     """
     q, side = np.asarray(coordinate, dtype=float), np.asarray(side)
@@ -265,7 +275,7 @@ def verdict(
     coordinate : array_like, shape (N,)
         Coordinates of the drive at the samples.
     side : array_like of +1 or -1, shape (N,), optional
-        Branch of each sample; default: that of the linkage.
+        Branch of each sample; default: the branch of the linkage.
     ordered, closed, timed : bool
         See `passage`.
     """
@@ -305,9 +315,10 @@ def other_drives(linkage: Linkage) -> dict[str, tuple[int, Driver]]:
 def _reasons_of(
     passed: Passage, driver: str | None, drive: str, alternatives: Sequence[str], turns: bool = True
 ) -> tuple[str, ...]:
-    """Return a sentence for each defect of a passage by ``drive``, which turns, or moves on a line.
+    """Return a sentence for each defect of a passage by ``drive``.
 
-    ``driver``: what can drive it instead, one of ``others``, if anything.
+    ``driver`` is a drive among the ``alternatives`` that passes the samples without a defect, if there is any.
+    ``turns``: the drive turns; otherwise it moves on a line.
     """
     moves, moving = ("turns", "turning") if turns else ("moves", "moving")
     reasons = []
@@ -344,11 +355,18 @@ def _reasons_of(
 
 
 def shared_positions(motion: Target, turns: bool = True) -> list[str]:
-    """A sentence where samples of which different things are asked lie at one position of the drive, to rounding.
+    """Return a sentence if different samples lie at the same position of the drive, to rounding.
 
-    A drive that keeps their order only so passes them as one; so it does both ends of an open way, a whole turn apart.
+    A drive that passes the samples in order only thanks to rounding cannot separate such samples. The ends of an
+    open path that are a
+    whole turn apart are an example.
 
-    ``motion``: with the drive's positions. ``turns``: these are angles, and count modulo a turn.
+    Parameters
+    ----------
+    motion : Target
+        The motion with the positions of the drive.
+    turns : bool
+        The positions are angles, and count modulo a turn.
     """
     resolution = _ONE_POSITION * np.ptp(motion.crank)
     drive = motion.crank % TURN if turns else motion.crank
@@ -377,13 +395,13 @@ def shared_positions(motion: Target, turns: bool = True) -> list[str]:
 
 
 def _named(flags: Flags) -> str:
-    """The pairs of neighbours (N - 1,) that are flagged: "samples 2 and 3", "samples 2/3, 7/8"."""
+    """Name the flagged pairs of neighbours (N - 1,): "samples 2 and 3", "samples 2/3, 7/8"."""
     first = np.flatnonzero(flags) + 1
     return _listed(f"{first[0]} {first[0] + 1}".split() if first.size == 1 else [f"{k}/{k + 1}" for k in first])
 
 
 def _listed(names: list[str]) -> str:
-    """Samples by name, the first few: "sample 2", "samples 2 and 3", "samples 2, 3, 4 and 5 more"."""
+    """List the first few samples by name: "sample 2", "samples 2 and 3", "samples 2, 3, 4 and 5 more"."""
     if len(names) == 1:
         return f"sample {names[0]}"
     remaining = len(names) - NAMED
@@ -432,22 +450,22 @@ def faults_of(
     excursion: float | None = None,
     arm: float = 0.0,
 ) -> list[str]:
-    """Return a sentence for each practical limit that a linkage violates; a limit of the request replaces the practical one.
+    """Return a sentence for each practical limit that a linkage violates; a limit of the request replaces the practical limit.
 
     Parameters
     ----------
     angles : tuple
-        Smallest transmission angles over the used interval, and over the turn if that counts.
+        Smallest transmission angles over the used interval, and over the turn if the request limits it.
     links : sequence of float
         Lengths of the links.
     pivots : mapping
         Fixed pivots by the names of their limits.
     samples : Samples or None
-        The motion. Without positions lengths are ratios, and only those are judged.
+        The motion. Without positions lengths are ratios, and only the ratios are checked.
     limits : Limits
-        Of the request.
+        Limits of the request.
     excursion : float, optional
-        Of the body point between samples, see `excursions`.
+        Excursion of the body point between samples, see `excursions`.
     arm : float
         Largest distance of the body point from a joint of the body, which is bounded like a link.
     """

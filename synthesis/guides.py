@@ -1,4 +1,4 @@
-"""Guides of a body and what drives them: circle, rail and slot, and the vectors of their loop over the drive's coordinate."""
+"""Guides of a body and their drives: circle, rail and slot, and the vectors of the loop over the drive's coordinate."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from synthesis.target import TURN
 
 
 class Circle(NamedTuple):
-    """A body point on a circle: a crank, or a rocker. Its coordinate is the direction from the pivot to the body point."""
+    """Circle for a body point: a crank or a rocker. Its coordinate is the direction from the pivot to the body point."""
 
     pivot: complex
     radius: float
@@ -23,7 +23,7 @@ class Circle(NamedTuple):
 
     @property
     def has_pin(self) -> bool:
-        """True: it has a fixed pin, the pivot."""
+        """True: the pivot is a fixed pin."""
         return True
 
     @property
@@ -33,7 +33,7 @@ class Circle(NamedTuple):
 
     @property
     def slides(self) -> bool:
-        """False: it has no rail or slot with a used part."""
+        """False: nothing slides on it."""
         return False
 
     def ground_at(self, coordinate: Floats) -> Complexes:
@@ -63,7 +63,7 @@ class Circle(NamedTuple):
 
 
 class Rail(NamedTuple):
-    """A body point on a line of the ground through ``point``; ``direction`` in radians. Its coordinate is that on the line."""
+    """Line of the ground for a body point, through ``point``; ``direction`` in radians. Its coordinate is along the line."""
 
     point: complex
     direction: float
@@ -81,7 +81,7 @@ class Rail(NamedTuple):
 
     @property
     def slides(self) -> bool:
-        """True: its coordinate has a used part."""
+        """True: the body point slides along it."""
         return True
 
     def ground_at(self, coordinate: Floats) -> Complexes:
@@ -110,7 +110,7 @@ class Rail(NamedTuple):
 
 
 class Slot(NamedTuple):
-    """A line of the body, through ``body_point`` with ``body_direction`` in radians, through a fixed pin.
+    """Line of the body, through ``body_point`` with ``body_direction`` in radians, through a fixed pin.
 
     Its coordinate is the position of the pin along the line, from the body point.
     """
@@ -131,7 +131,7 @@ class Slot(NamedTuple):
 
     @property
     def slides(self) -> bool:
-        """True: its coordinate has a used part."""
+        """True: it slides along its pin."""
         return True
 
     def ground_at(self, coordinate: Floats) -> Complexes:
@@ -184,7 +184,7 @@ class Driver(StrEnum):
 
     @property
     def turns(self) -> bool:
-        """Whether its coordinate is an angle; otherwise it is a length."""
+        """True if the coordinate is an angle, False if it is a length."""
         return self in (Driver.CRANK, Driver.HINGE)
 
 
@@ -210,45 +210,47 @@ class Condition(NamedTuple):
 
     value: Callable[[Floats], Floats]
     extremes: tuple[float, ...]
-    """Coordinates of its smallest and largest values, modulo the period: between two of them it rises or falls throughout."""
+    """Coordinates of its smallest and largest values, modulo the period; it is monotonic between two of them."""
     size: float
-    """Size of its terms, to which a small value is compared."""
+    """Magnitude of its terms, with which a small value is compared."""
     bounded: bool
-    """Whether it is negative far out on a line, so that the coordinate has ends."""
+    """True if it is negative far out on a line, so that the range of the coordinate is bounded."""
 
 
 @dataclass(frozen=True)
 class Vector:
-    """A plane vector over the drive's coordinate q, which every method takes as an array (n,); here one that stays as it is.
+    """Plane vector over the drive's coordinate q, an array (n,) in every method; this class is a constant vector.
 
-    Of those that move, conditions: ``longer_than``, its square less that of the difference of two lengths; ``shorter_than``, the
-    square of the sum of two lengths less its own; ``across``, a length less, for sign +1, the vector's part to the left of a
-    direction, for sign -1 that to the right.
+    Vectors that vary have three conditions: ``longer_than``, the square of the vector less the square of the
+    difference of two
+    lengths; ``shorter_than``, the square of the sum of two lengths less the square of the vector; and ``across``, a
+    length less the
+    component of the vector to the left of a direction (sign +1) or to the right of it (sign -1).
     """
 
     middle: complex
 
     def plus(self, offset: complex) -> Self:
-        """The sum with a fixed vector."""
+        """Return the sum with a fixed vector."""
         return replace(self, middle=self.middle + offset)
 
     def at(self, q: Floats) -> Complexes:
-        """The vector."""
+        """Return the vector."""
         return np.full(np.shape(q), self.middle)
 
     def direction(self, q: Floats) -> Floats:
-        """Its angle against the x axis, continuous wherever it does not vanish."""
+        """Return its angle against the x axis, continuous wherever it does not vanish."""
         return np.full(np.shape(q), np.angle(self.middle))
 
     @property
     def turning_points(self) -> tuple[float, ...]:
-        """Where its length is largest or smallest."""
+        """Coordinates at which its length is largest or smallest."""
         return ()
 
 
 @dataclass(frozen=True)
 class Round(Vector):
-    """``middle - radius e^{iq}``: from a crank's pin to a fixed place."""
+    """``middle - radius e^{iq}``: from a crank's pin to a fixed point."""
 
     radius: float
 
@@ -267,13 +269,13 @@ class Round(Vector):
     def direction(self, q: Floats) -> Floats:
         """Return its angle against the x axis."""
         d, r, x = self._distance, self.radius, q - self._towards
-        # the bracket of the longer of both has a positive real part: its argument needs no unwrapping
+        # the bracket of the longer of the two has a positive real part, so that its argument needs no unwrapping
         if d >= r:
             return self._towards + np.arctan2(-r * np.sin(x), (d - r) + 2 * r * np.sin(x / 2) ** 2)
         return q - math.pi + np.arctan2(d * np.sin(x), (r - d) + 2 * d * np.sin(x / 2) ** 2)
 
     def longer_than(self, first: float, second: float = 0.0) -> Condition:
-        """Return its square less that of the difference of two lengths."""
+        """Return its square less the square of the difference of two lengths."""
         d, r, towards, length = self._distance, self.radius, self._towards, abs(first - second)
         minimum = math.fsum((d, -r, first, -second)) * math.fsum((d, -r, -first, second))
         return Condition(
@@ -284,7 +286,7 @@ class Round(Vector):
         )
 
     def shorter_than(self, first: float, second: float = 0.0) -> Condition:
-        """Return the square of the sum of two lengths less its own."""
+        """Return the square of the sum of two lengths less the square of the vector."""
         d, r, towards, length = self._distance, self.radius, self._towards, first + second
         minimum = math.fsum((first, second, -d, -r)) * (length + d + r)
         return Condition(
@@ -295,7 +297,7 @@ class Round(Vector):
         )
 
     def across(self, direction: float, length: float, sign: int) -> Condition:
-        """Return a length less the part across a direction; see `Vector`."""
+        """Return a length less the component across a direction; see `Vector`."""
         r = self.radius
         minimum = (length - r) - sign * float(np.imag(self.middle * np.exp(-1j * direction)))
         size = length + r + abs(self.middle)
@@ -312,13 +314,13 @@ class Round(Vector):
 
 @dataclass(frozen=True)
 class Straight(Vector):
-    """``middle - q e^{i along}``: from a slider's pin to a fixed place."""
+    """``middle - q e^{i along}``: from a slider's pin to a fixed point."""
 
     along: float
 
     @property
     def _foot(self) -> complex:
-        """The place on the line nearest to the vector's end, and how far beside the line that end lies."""
+        """Coordinate of the perpendicular foot (real part), and distance from the line (imaginary part)."""
         return complex(self.middle * np.exp(-1j * self.along))
 
     def at(self, q: Floats) -> Complexes:
@@ -331,13 +333,13 @@ class Straight(Vector):
         return self.along + np.arctan2(foot.imag, foot.real - q)
 
     def longer_than(self, first: float, second: float = 0.0) -> Condition:
-        """Return its square less that of the difference of two lengths."""
+        """Return its square less the square of the difference of two lengths."""
         foot, length = self._foot, abs(first - second)
         minimum, size = (abs(foot.imag) - length) * (abs(foot.imag) + length), (abs(foot.imag) + length) ** 2
         return Condition(lambda q: minimum + (foot.real - q) ** 2, (foot.real,), size, False)
 
     def shorter_than(self, first: float, second: float = 0.0) -> Condition:
-        """Return the square of the sum of two lengths less its own."""
+        """Return the square of the sum of two lengths less the square of the vector."""
         foot, length = self._foot, first + second
         square, size = (length - abs(foot.imag)) * (length + abs(foot.imag)), (length + abs(foot.imag)) ** 2
         if square < 0:
@@ -346,7 +348,7 @@ class Straight(Vector):
         return Condition(lambda q: (half - (foot.real - q)) * (half + (foot.real - q)), (foot.real,), size, True)
 
     def across(self, direction: float, length: float, sign: int) -> Condition:
-        """Return a length less the part across a direction; see `Vector`."""
+        """Return a length less the component across a direction; see `Vector`."""
         beside = float(np.imag(self.middle * np.exp(-1j * direction)))
         slope = math.sin(self.along - direction)
         return Condition(lambda q: length - sign * beside + sign * q * slope, (), length, slope != 0)
@@ -357,8 +359,8 @@ class Straight(Vector):
         return (self._foot.real,)
 
 
-def places_within(positions: Iterable[float], first: float, last: float, period: float | None) -> list[float]:
-    """The places, modulo a period where there is one, strictly between two coordinates in either order."""
+def positions_within(positions: Iterable[float], first: float, last: float, period: float | None) -> list[float]:
+    """Return the positions, modulo an optional period, strictly between two coordinates in either order."""
     low, high = min(first, last), max(first, last)
     found: list[float] = []
     for position in positions:

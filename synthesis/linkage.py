@@ -1,31 +1,42 @@
-"""A planar linkage, a body on two guides, one of them driven: its dimensions, and how its links move with the drive.
+"""Planar linkage: a body on two guides, the first of which is driven; its dimensions and the motion of its links.
 
-A guide holds the body to one condition: a *circle* (a body point on a crank or rocker), a *rail* (a body point on a line of the
-ground), a *slot* (a line of the body through a fixed pin). The four-bar has two circles. The first guide is the driven one:
+Each guide imposes a condition on the body: a *circle* (a body point on a crank or rocker), a *rail* (a body point
+on a line of the
+ground), or a *slot* (a line of the body through a fixed pin). A four-bar has two circles. The first guide is the
+driven guide:
 
 =========  ======  =======================================================================================
 driver     guide   coordinate q
 =========  ======  =======================================================================================
 crank      circle  direction of the line from pivot to body point, radians
-slider     rail    place of the body point along the rail, from the rail's point
-cylinder   slot    place of the pin along the slot, from the slot's body point
+slider     rail    position of the body point along the rail, from the rail's point
+cylinder   slot    position of the pin along the slot, from the slot's body point
 hinge      slot    direction of the slot in the plane, radians (the body turns as the drive does)
 =========  ======  =======================================================================================
 
-With the drive locked the body still turns about a pin Z: that of the crank or slider, or the fixed pin of the cylinder; with the
-hinge locked it slides along its slot. The other guide then pushes along a line through X with direction f, and
+If the drive is locked, the body can still turn about a pin Z, which is the pin of the crank or slider, or the fixed
+pin of the
+cylinder; if a hinge is locked, the body can slide along its slot. The other guide then pushes along a line through
+X with
+direction f, and
 
     sin mu = cross(X - Z, f) / |X - Z|,   hinge:  sin mu = f . (direction of the slot).
 
-Its sign is the branch, its size that of the transmission angle. It vanishes at the dead positions. Everything needs its value
-free of cancellation: a loop closes where certain differences are not negative, of a squared length and a square, or of a length
-and a projection. Each is written as a sum of terms that are not negative wherever the drive moves freely, as in
+Its sign is the branch, and its absolute value is the sine of the transmission angle. It vanishes at the dead
+positions. It must be
+computed without cancellation: a loop closes if certain differences are not negative, for example of a squared
+length and a square,
+or of a length and a projection. Each is written as a sum of terms that are not negative wherever the drive moves
+freely, as in
 `four_bar`.
 
-A body's pose is its place P (complex) and rotation gamma, R = e^{i gamma}; body points m are in the body's frame: P + R m.
+The pose of a body is its position P (complex) and its rotation gamma, R = e^{i gamma}; body points m are in the
+body's frame:
+P + R m.
 
-The dimensions are in frames of the linkage's own, see `Linkage`: lengths of a four-bar are kept as they were given, and nothing
-is lost far from the origin.
+The dimensions are in the linkage's own frames, see `Linkage`. Therefore the lengths of a four-bar are stored
+unchanged, and a large
+distance from the origin costs no accuracy.
 """
 
 from __future__ import annotations
@@ -54,14 +65,14 @@ from synthesis.guides import (
     Slot,
     Straight,
     Vector,
-    places_within,
+    positions_within,
 )
 from synthesis.target import TURN, Interval
 
 _POINTS = 181
-"""Over an interval, at least."""
-_LOOKS, _NODES = 4, 33
-"""Looks, each between two nodes of the one before, at where a travel turns back: to 2e-8 radians, its end to all digits."""
+"""Minimum number of steps over an interval."""
+_REFINEMENTS, _NODES = 4, 33
+"""Refinements, and nodes of each, for a turning point of a travel: located to 2e-8 radians, its value to all digits."""
 BODY = "coupler"
 """Name of the link that is the body."""
 Lengths = tuple[float, float, float, float]
@@ -69,7 +80,7 @@ Lengths = tuple[float, float, float, float]
 
 
 class Mass(NamedTuple):
-    """A mass on a link: its centre in the link's frame, its inertia about that (mass times length squared)."""
+    """Mass on a link: its centre in the frame of the link, and its inertia about the centre."""
 
     link: str
     mass: float
@@ -78,17 +89,17 @@ class Mass(NamedTuple):
 
 
 class BodyPoses(NamedTuple):
-    """Of the body at n coordinates of the drive; NaN where the loop does not close."""
+    """Poses of the body at n coordinates of the drive; NaN if the loop does not close."""
 
     position: Complexes
     rotation: Floats
     """Radians, continuous in the coordinate."""
     sine: Floats
-    """sin mu: its sign is the branch, its size that of the transmission angle."""
+    """sin mu: its sign is the branch, its absolute value the sine of the transmission angle."""
     arm: Floats
     """|X - Z| |sin mu|, the moment arm of the other guide's push about the pin Z; with the hinge locked |sin mu|."""
     transmission_angle: Floats
-    """0 (dead) to pi/2 (best), without the loss of an arcsine near either."""
+    """From 0 (dead) to pi/2 (best), without the loss of accuracy of an arcsine near either."""
 
 
 class BodyRates(NamedTuple):
@@ -102,11 +113,12 @@ class BodyRates(NamedTuple):
 
 @dataclass(frozen=True)
 class LinkMotion:
-    """How a link moves over n places of a drive: its frame's origin X and angle (radians), and their derivatives by the drive.
+    """Motion of a link over n positions of a drive: origin X and angle (radians) of its frame, and their derivatives.
 
-    A point q of the link, in its frame, lies at ``X + q e^{i angle}``. Derivatives are NaN at a dead position.
+    A point q of the link, in its frame, lies at ``X + q e^{i angle}``. Derivatives are by the drive, and NaN at a
+    dead position.
 
-    Law: `velocity` and `rate` are what difference quotients of origin and angle tend to, and so on.
+    Law: `velocity` and `rate` are the limits of difference quotients of origin and angle, and so on.
     """
 
     name: str
@@ -117,52 +129,52 @@ class LinkMotion:
     acceleration: Complexes
     rate_change: Floats
     pivot: complex | None = None
-    """Where it is pinned to what it is seen from, if it is: then the origin of its frame too."""
+    """Pivot of the link in the observer's frame, if it has a pivot; it is then the origin of the link's frame too."""
 
     @cached_property
     def direction(self) -> Complexes:
-        """Of its frame, of modulus 1, (n,)."""
+        """Direction of the link's frame, of modulus 1, (n,)."""
         return np.exp(1j * self.angle)
 
-    def longest_way(self, reach: float) -> float:
-        """The longest of a point that is no farther than so from the frame's origin, from the first position to the last."""
+    def largest_shift(self, reach: float) -> float:
+        """Return the largest shift, first to last position, of a point within ``reach`` of the origin."""
         turned = float(abs(self.direction[-1] - self.direction[0]))
         return float(abs(self.origin[-1] - self.origin[0])) + reach * turned
 
     def place(self, point: complex) -> Complexes:
-        """Where a point of the link goes, (n,)."""
+        """Return the position of a point of the link, (n,)."""
         return self.origin + self.direction * point
 
     def speed(self, point: complex) -> Complexes:
-        """Its derivative by the drive, (n,)."""
+        """Return the first derivative of the position of a point by the drive, (n,)."""
         return self.velocity + 1j * self.rate * self.direction * point
 
     def change(self, point: complex) -> Complexes:
-        """Its second derivative by the drive, (n,)."""
+        """Return the second derivative of the position of a point by the drive, (n,)."""
         return self.acceleration + (1j * self.rate_change - self.rate**2) * self.direction * point
 
     def leverage(self, ground: complex, point: complex) -> tuple[Floats, Floats]:
-        """Length of the line from a place of the plane to a point of the link, and its derivative by the drive, (n,)."""
+        """Return the distance from a fixed point to a point of the link, and its derivative, (n,)."""
         v = self.place(point) - ground
         length = np.abs(v)
         return length, dot(v, self.speed(point)) / length
 
     def point_at(self, point: complex) -> complex:
-        """The point of the link that lies at a place of the plane at the first sample."""
+        """Return the point of the link, in its frame, that coincides with a fixed point at the first sample."""
         return complex(np.conj(self.direction[0]) * (point - self.origin[0]))
 
     def at(self, samples: Ints) -> LinkMotion:
-        """The motion at some of the values only."""
+        """Return the motion at a selection of the samples."""
         names = ("origin", "angle", "velocity", "rate", "acceleration", "rate_change")
         return replace(self, **{name: getattr(self, name)[samples] for name in names})
 
     def swing(self) -> float:
-        """By how much it turns from the first value to the last, in radians."""
+        """Return the angle through which the link turns, in radians."""
         turned = np.unwrap(self.angle)
         return float(turned[-1] - turned[0])
 
     def seen_from(self, observer: LinkMotion) -> LinkMotion:
-        """The motion as an observer on another link has it, whose frame lies as the world does at the first sample."""
+        """Return the motion relative to another link, whose frame coincides with the fixed frame at the first sample."""
         level = observer.angle - observer.angle[0]
         back, rate, change = np.exp(-1j * level), observer.rate, observer.rate_change
         reach, speed = self.origin - observer.origin, self.velocity - observer.velocity
@@ -199,10 +211,20 @@ class _Triangle(NamedTuple):
 
     @classmethod
     def of(cls, varying: Floats, still: Floats, radius: float, shorter: Floats, longer: Floats) -> _Triangle:
-        """With the distance varying; with the arm varying ``beyond`` and ``less_arm`` have changed places.
+        """Build the triangle from its constant and its varying side.
 
-        ``shorter``: the square of (still + radius) less that of the varying side. ``longer``: the square of the varying side
-        less that of (still - radius).
+        If the arm varies instead of the distance, exchange ``beyond`` and ``less_arm``.
+
+        Parameters
+        ----------
+        varying, still : ndarray
+            The side that varies, and the constant side.
+        radius : float
+            The third side.
+        shorter : ndarray
+            Square of (still + radius) less the square of the varying side.
+        longer : ndarray
+            Square of the varying side less the square of (still - radius).
         """
         total = varying + still + radius
         outer, inner = varying + radius - still, varying + still - radius
@@ -218,17 +240,17 @@ class _Triangle(NamedTuple):
 
     @property
     def at_z(self) -> Floats:
-        """The angle between ZC and ZX."""
+        """Angle between ZC and ZX."""
         return 2 * np.arctan2(np.sqrt(self.beyond * self.less_arm), np.sqrt(self.total * self.less_radius))
 
     @property
     def at_c(self) -> Floats:
-        """The angle between CZ and CX."""
+        """Angle between CZ and CX."""
         return 2 * np.arctan2(np.sqrt(self.beyond * self.less_radius), np.sqrt(self.total * self.less_arm))
 
     @property
     def at_x(self) -> Floats:
-        """The acute angle between the lines XZ and XC."""
+        """Acute angle between the lines XZ and XC."""
         sine_squared, cosine_squared = self.total * self.beyond, self.less_arm * self.less_radius
         return 2 * np.arctan2(
             np.sqrt(np.minimum(sine_squared, cosine_squared)), np.sqrt(np.maximum(sine_squared, cosine_squared))
@@ -239,30 +261,36 @@ class _Triangle(NamedTuple):
 class Linkage:
     """A body on two guides with actual lengths; angles in radians.
 
-    A four-bar is made by `four_bar`, and everything else by `on_guides`.
+    Use `four_bar` to make a four-bar, and `on_guides` for all other kinds.
 
     Attributes
     ----------
     local_guides : tuple of Circle, Rail or Slot
-        The guides in the linkage's own frames of ground and body. The first is driven. The frames of a four-bar begin at pivot A
-        and at the crank pin, and lie along ground and coupler: its guides are Circle(0, crank, 0) and Circle(ground, rocker,
-        coupler). Other linkages have the frames of the plane and of their motion.
+        The guides in the linkage's own frames of ground and body. The first is driven. The frames of a four-bar
+        begin at pivot A
+        and at the crank pin, and lie along ground and coupler: its guides are Circle(0, crank, 0) and
+        Circle(ground, rocker,
+        coupler). Other linkages use the frames of the plane and of their motion.
     driver : Driver
-        The coordinate of the first guide that is driven.
+        Drive of the first guide.
     branch : int
-        The sign of sin mu, +1 or -1. With a hinge on the first of two slots the dimensions decide it. For a four-bar, +1
+        The sign of sin mu, +1 or -1. With a hinge on the first of two slots the dimensions decide it. For a
+        four-bar, +1
         has the coupler pin to the left of the line from the crank pin to pivot B.
     start : float
-        The drive's coordinate at the first sample of the motion, in the own frame of the ground: the crank angle of a four-bar is
-        measured from its ground line.
+        Coordinate of the drive at the first sample of the motion, in the linkage's own frame of the ground: the
+        crank angle of a
+        four-bar is measured from its ground line.
     pivot_a, ground_angle : complex, float
         Origin and direction of the own frame of the ground in the plane.
     coupler_point_polar : tuple of float or None
-        Radius and angle of the body point in the own frame of the body. None if no position was asked for: then the linkage is
+        Radius and angle of the body point in the own frame of the body. None if the motion has no positions: then
+        the linkage is
         not mounted.
     body_offset : float or None
-        Rotation of the body less that of its own frame, which lies in (-pi, pi] to the ground line at the first sample. None if
-        no rotation was asked for.
+        Rotation of the body less the rotation of its own frame, which lies in (-pi, pi] to the ground line at the
+        first sample.
+        None if the motion has no rotations.
     """
 
     local_guides: tuple[Guide, Guide]
@@ -279,11 +307,11 @@ class Linkage:
         if self.driver not in DRIVERS[type(driven)]:
             raise ValueError(f"driver: a {type(driven).__name__.lower()} has no {self.driver}")
 
-    # -- what it is ---------------------------------------------------------------------------------------------------
+    # -- kind and dimensions ----------------------------------------------------------------------------------------------
 
     @property
     def kind(self) -> Kind:
-        """Which guides it has, in either order."""
+        """Pair of guides, in either order."""
         types = {type(guide) for guide in self.local_guides}
         return next(kind for kind, guides in GUIDES.items() if set(guides) == types)
 
@@ -299,7 +327,7 @@ class Linkage:
 
     @property
     def arm(self) -> complex:
-        """The body point in the own frame of the body; 0 if there is none."""
+        """Body point in the own frame of the body; 0 if there is none."""
         if self.coupler_point_polar is None:
             return 0j
         radius, angle = self.coupler_point_polar
@@ -307,12 +335,12 @@ class Linkage:
 
     @cached_property
     def _in_place(self) -> bool:
-        """True if its own frames are those of the plane and of the motion."""
+        """True if its own frames are the frames of the plane and of the motion."""
         return not (self.pivot_a or self.ground_angle or self.arm or self.body_offset)
 
     @cached_property
     def guides(self) -> tuple[Guide, Guide]:
-        """The guides in the plane and in the body's frame of its motion."""
+        """The guides in the plane and in the body frame of the motion."""
         if self._in_place:
             return self.local_guides
         along, arm, offset = np.exp(1j * self.ground_angle), self.arm, self.body_offset or 0.0
@@ -331,12 +359,12 @@ class Linkage:
 
     @property
     def period(self) -> float | None:
-        """A turn, where the drive's coordinate is an angle."""
+        """2 pi if the drive's coordinate is an angle, otherwise None."""
         return TURN if self.driver.turns else None
 
     @property
     def link_names(self) -> tuple[str, ...]:
-        """Names of the moving links: that of the driven guide, the body, that of the other guide."""
+        """Names of the moving links: the link of the driven guide, the body, and the link of the other guide."""
         first, second = (_LINK_OF[type(guide)] for guide in self.local_guides)
         if first == second:
             second = "rocker" if first == "crank" else f"second_{second}"
@@ -349,24 +377,24 @@ class Linkage:
 
     @property
     def reach(self) -> float:
-        """A length of its size, wherever it stands: the largest radius, or distance of its body points or fixed places."""
+        """Length that measures the size, regardless of the position: the largest radius or distance of points."""
         first, second = self.local_guides
         radii = [guide.radius for guide in self.local_guides if isinstance(guide, Circle)]
         return max(*radii, abs(first.body_point - second.body_point), abs(first[0] - second[0]), 1e-300)
 
     @property
     def lengths(self) -> dict[str, float]:
-        """Of cranks and rockers by name, and of the coupler, where both guides lead a point of the body."""
+        """Lengths of cranks and rockers by name, and of the coupler if both guides hold a point of the body."""
         names = self.link_names[::2]
         found = {name: guide.radius for name, guide in zip(names, self.local_guides) if isinstance(guide, Circle)}
         points = [guide.body_point for guide in self.local_guides if guide.holds_point]
         return found | ({"coupler": abs(points[1] - points[0])} if len(points) == 2 else {})
 
-    # -- a four-bar's own ---------------------------------------------------------------------------------------------
+    # -- properties of four-bars ------------------------------------------------------------------------------------------
 
     @property
     def links(self) -> Lengths:
-        """Crank, coupler, rocker and ground of a four-bar; without a position the ground of a search's answer is 1."""
+        """Crank, coupler, rocker and ground of a four-bar; the ground is 1 if the motion has no positions."""
         crank, rocker = self.local_guides
         assert isinstance(crank, Circle) and isinstance(rocker, Circle)
         coupler, ground = abs(rocker.body_point - crank.body_point), abs(rocker.pivot - crank.pivot)
@@ -387,10 +415,10 @@ class Linkage:
         """Grashof family of a four-bar; None for other kinds."""
         return Family(family(np.array(self.links)).item()) if self.is_four_bar else None
 
-    # -- other linkages from it ---------------------------------------------------------------------------------------
+    # -- other linkages derived from it -----------------------------------------------------------------------------------
 
     def scaled(self, scale: float) -> Linkage:
-        """The linkage with all lengths times a scale, about the origin."""
+        """Return the linkage with all lengths scaled about the origin."""
         first, second = (
             _mapped(guide, lambda z: z * scale, lambda z: z * scale, scale) for guide in self.local_guides
         )
@@ -404,7 +432,7 @@ class Linkage:
         )
 
     def moved(self, turn: float, shift: complex) -> Linkage:
-        """The linkage turned about the origin, then shifted; the body's frame goes with it."""
+        """Return the linkage turned about the origin, then shifted; the frame of the body moves with it."""
         return replace(
             self,
             pivot_a=complex(self.pivot_a * np.exp(1j * turn) + shift),
@@ -412,15 +440,15 @@ class Linkage:
         )
 
     def placed(self, pivot_a: complex, ground_angle: float, coupler_point_polar: tuple[float, float]) -> Linkage:
-        """The linkage at another place and with another body point."""
+        """Return the linkage at another position and with another body point."""
         return replace(self, pivot_a=pivot_a, ground_angle=ground_angle, coupler_point_polar=coupler_point_polar)
 
     def mirrored(self) -> Linkage:
-        """The linkage in a mirror (the x axis): places, directions and rotations change their sign of y."""
+        """Return the mirror image about the x axis: positions, directions and rotations change the sign of y."""
         first, second = (
             _mapped(guide, complex.conjugate, complex.conjugate, sense=-1.0) for guide in self.local_guides
         )
-        # a cross product changes its sign in a mirror, and so does a normal
+        # mirroring changes the sign of a cross product and of a normal
         flips = (self.driver is Driver.HINGE) != isinstance(second, Circle)
         start = -self.start if self.driver.turns else self.start
         point, offset = self.coupler_point_polar, self.body_offset
@@ -436,7 +464,7 @@ class Linkage:
         )
 
     def turned_body(self, angle: float) -> Linkage:
-        """Return the linkage with the body's frame turned in the body: rotations are more by the angle, positions as before."""
+        """Return the linkage with the frame turned in the body: rotations increase by the angle."""
         if self.is_four_bar:
             return replace(self, body_offset=(self.body_offset or 0.0) + angle)
         angle -= TURN * round(angle / TURN)
@@ -448,7 +476,7 @@ class Linkage:
 
     @property
     def by_coupler(self) -> Linkage:
-        """The same linkage with the own frame of its body in place of that of its motion."""
+        """Return the same linkage with the own frame of its body in place of the frame of the motion."""
         return replace(self, coupler_point_polar=(0.0, 0.0), body_offset=0.0)
 
     def on_body(self, point: complex) -> complex:
@@ -459,17 +487,17 @@ class Linkage:
 
     @cached_property
     def _pin(self) -> Vector:
-        """From the pin Z, about which the body turns with the drive locked, to the origin; not for a hinge."""
+        """Vector from the pin Z, about which the body turns while the drive is locked, to the origin; not for a hinge."""
         return self.local_guides[0].from_pin()
 
     @cached_property
     def _spread(self) -> Vector:
-        """From Z to the other guide's fixed point: pivot, point or pin."""
+        """Vector from Z to the fixed point of the other guide: pivot, point or pin."""
         return self._pin.plus(self.local_guides[1][0])
 
     @cached_property
     def _arm(self) -> Vector:
-        """From Z to the other guide's body point, in the body's frame."""
+        """Vector from Z to the body point of the other guide, in the frame of the body."""
         driven, second = self.local_guides
         vector = second.body_point - driven.body_point
         if isinstance(driven, Slot):
@@ -478,7 +506,7 @@ class Linkage:
 
     @cached_property
     def _pushed(self) -> Round:
-        """Of a hinge with a circle: its part across the line from pivot to pin is how far the pivot lies beside the slide."""
+        """Vector of a hinge with a circle, whose component across the slot is the distance of the pivot from the slot."""
         driven, second = self.local_guides
         assert isinstance(driven, Slot)
         between = driven.pin - second[0]
@@ -487,7 +515,7 @@ class Linkage:
 
     @cached_property
     def conditions(self) -> tuple[Condition, ...]:
-        """What must not be negative for the loop to close; where one vanishes both branches meet."""
+        """Functions that must not be negative for the loop to close; if any vanishes, both branches meet."""
         driven, second = self.local_guides
         if self.driver is Driver.HINGE:
             if not isinstance(second, Circle):
@@ -502,12 +530,12 @@ class Linkage:
         if isinstance(second, Circle):
             return varying.shorter_than(length, second.radius), varying.longer_than(length, second.radius)
         direction = second.direction if isinstance(second, Rail) else second.body_direction
-        if cylinder == isinstance(second, Slot):  # the vector that varies is the one that is projected
+        if cylinder == isinstance(second, Slot):  # project the vector that varies
             return tuple(varying.across(direction, length, sign) for sign in (1, -1))
         return (varying.longer_than(abs(_turned(still.middle, -direction).imag)),)
 
     def _closed(self, q: Floats) -> list[Floats]:
-        """The conditions' values; NaN where the loop does not close."""
+        """Return the values of the conditions; NaN if the loop does not close."""
         values = [condition.value(q) for condition in self.conditions]
         closed = np.ones(np.shape(q), dtype=bool)
         for value in values:
@@ -515,11 +543,11 @@ class Linkage:
         return [np.where(closed, value, np.nan) for value in values]
 
     def body(self, coordinate: ArrayLike, branch: int | None = None) -> BodyPoses:
-        """Poses of the body at coordinates q (n,) of the drive, in the plane.
+        """Return the poses of the body in the plane at coordinates q (n,) of the drive.
 
-        ``branch``: another one than its own.
+        ``branch``: default is the branch of the linkage.
 
-        Law: both guides hold to rounding at every pose, and ``configuration`` gives the coordinate and sin mu back.
+        Law: both guides hold to rounding at every pose, and ``configuration`` recovers the coordinate and sin mu.
         """
         q = np.atleast_1d(np.asarray(coordinate, dtype=float))
         found = self._poses(q, self.branch if branch is None else branch)
@@ -531,18 +559,18 @@ class Linkage:
 
     @cached_property
     def _turned_by(self) -> float:
-        """Rotation of the body less that of `_poses`."""
+        """Rotation of the body less the rotation of `_poses`."""
         at_start = float(self._poses(np.array([self.start]), self.branch).rotation[0])
         turns = np.nan_to_num(np.round((at_start - wrap(at_start)) / TURN))
         return float(self.ground_angle + (self.body_offset or 0.0) - TURN * turns)
 
     def _poses(self, q: Floats, side: int) -> BodyPoses:
-        """The own frame of the body in that of the ground; rotations up to whole turns."""
+        """Return the pose of the body's own frame in the own frame of the ground; rotations up to whole turns."""
         with np.errstate(invalid="ignore", divide="ignore"):
             return self._by_hinge(q, side) if self.driver is Driver.HINGE else self._by_pin(q, side)
 
     def _by_pin(self, q: Floats, side: int) -> BodyPoses:
-        """The body turns about the pin Z until the other guide holds it."""
+        """Turn the body about the pin Z until the other guide holds it."""
         second = self.local_guides[1]
         spread, arm = self._spread, self._arm
         if isinstance(second, Circle):
@@ -566,12 +594,12 @@ class Linkage:
                 length = np.abs(spread.at(q))
             push = root
             sine, angle = root / length, np.arctan2(root, np.abs(beside))
-        rotation = np.where(spread.at(q) != 0, rotation, np.nan)  # at a change point any direction would do
+        rotation = np.where(spread.at(q) != 0, rotation, np.nan)  # the direction is arbitrary at a change point
         position = -self._pin.at(q) - np.exp(1j * rotation) * self.local_guides[0].body_at(q)
         return BodyPoses(position, rotation, side * sine, push, angle)
 
     def _triangle(self, q: Floats) -> _Triangle:
-        """Of the pin Z, the other guide's pivot and its body point."""
+        """Return the triangle of the pin Z and the pivot and body point of the other guide."""
         second = self.local_guides[1]
         assert isinstance(second, Circle)
         distance, length = np.abs(self._spread.at(q)), np.abs(self._arm.at(q))
@@ -581,7 +609,7 @@ class Linkage:
         return found._replace(beyond=found.less_arm, less_arm=found.beyond)
 
     def _by_hinge(self, q: Floats, side: int) -> BodyPoses:
-        """The body slides along its slot until the other guide holds it."""
+        """Slide the body along its slot until the other guide holds it."""
         driven = self.local_guides[0]
         assert isinstance(driven, Slot)
         rotation = q - driven.body_direction
@@ -591,7 +619,7 @@ class Linkage:
         return BodyPoses(position, rotation, sine, push, np.arctan2(push, np.abs(cosine)))
 
     def _extension(self, q: Floats, side: int) -> tuple[Floats, Floats, Floats]:
-        """With a hinge: place of the pin along the slot, and sine and cosine of the other guide's push against it."""
+        """Return the pin's position along the slot of a hinge, and sine and cosine of the push against the slot."""
         driven, second = self.local_guides
         assert isinstance(driven, Slot)
         along = np.exp(1j * q)
@@ -612,12 +640,12 @@ class Linkage:
         sine = np.full(q.shape, -math.sin(tilt))
         return np.imag(turned * np.exp(-1j * tilt)) / -math.sin(tilt), sine, np.full(q.shape, math.cos(tilt))
 
-    # -- derivatives and links ----------------------------------------------------------------------------------------
+    # -- derivatives and links --------------------------------------------------------------------------------------------
 
     def rates(self, coordinate: ArrayLike) -> BodyRates:
-        """First and second derivatives of the body's pose by the drive's coordinate, at coordinates (n,).
+        """Return first and second derivatives of the body's pose by the drive, at coordinates (n,).
 
-        Law: what difference quotients of `body` tend to.
+        Law: they are the limits of difference quotients of `body`.
         """
         q = np.atleast_1d(np.asarray(coordinate, dtype=float))
         found = self._poses(q, self.branch)
@@ -633,7 +661,7 @@ class Linkage:
         return BodyRates(*(np.where(np.isfinite(rate), rate, np.nan) for rate in turning))
 
     def _rates_by_pin(self, q: Floats, found: BodyPoses) -> BodyRates:
-        """From g(gamma, q) = 0 of the other guide, differentiated twice; the factor of the unknown is the arm with its sign."""
+        """Differentiate the closure g(gamma, q) = 0 twice; the factor of the unknown is the signed arm."""
         driven, second_guide = self.local_guides
         turned = np.exp(1j * found.rotation)
         pin, pin_second, on_body = 0j * q, 0j * q, 0j
@@ -647,7 +675,7 @@ class Linkage:
         lever = np.copysign(found.arm, found.sine)
         lever = np.where(lever != 0, lever, np.nan)
         spread, arm = self._spread.at(q), turned * self._arm.at(q)
-        sliding = -turned * on_body  # of the arm, as the body has it
+        sliding = -turned * on_body  # derivatives of the arm, which turns with the body
         if isinstance(second_guide, Slot):
             slot = turned * np.exp(1j * second_guide.body_direction)
             rotation = -(cross(slot, pin) + cross(slot, sliding)) / lever
@@ -699,14 +727,16 @@ class Linkage:
         return BodyRates(velocity, np.where(known, unity, np.nan), change, np.where(known, none, np.nan))
 
     def motions(self, travel: ArrayLike) -> tuple[LinkMotion, ...]:
-        """The moving links, named as in `link_names`, over travel (n,) of the drive from the first sample.
+        """Return the motions of the moving links, in the order of `link_names`, over travel (n,) from the first sample.
 
-        * A crank or rocker: from its pivot towards its body point.
-        * The body: its own frame, from the body's place.
-        * A slider: from its body point along the rail.
-        * A block: from its fixed pin along the slot.
+        The frames of the links are:
 
-        Law: places and directions are those of `body`, rates what their difference quotients tend to.
+        * crank or rocker: at its pivot, towards its body point;
+        * body: its own frame, at its position;
+        * slider: at its body point, along the rail;
+        * block: at its fixed pin, along the slot.
+
+        Law: positions and directions agree with `body`, and rates are the limits of their difference quotients.
         """
         q = self.start + np.atleast_1d(np.asarray(travel, dtype=float))
         found, rates = self.body(q), self.rates(q)
@@ -724,7 +754,7 @@ class Linkage:
             return self._link(0, names[0], q, body), body, self._link(1, names[2], q, body)
 
     def _link(self, index: int, name: str, q: Floats, body: LinkMotion) -> LinkMotion:
-        """The link of one of the guides."""
+        """Return the motion of the link of a guide."""
         guide = self.guides[index]
         closed = np.where(np.isfinite(body.angle), 1.0, np.nan)
         still = 0j * closed
@@ -749,7 +779,7 @@ class Linkage:
         )
 
     def _rocker_direction(self, q: Floats) -> Floats:
-        """Direction of the other guide's radius, continuous in the drive's coordinate."""
+        """Return the direction of the other guide's radius, continuous in the drive's coordinate."""
         second = self.local_guides[1]
         assert isinstance(second, Circle)
         with np.errstate(invalid="ignore", divide="ignore"):
@@ -761,7 +791,7 @@ class Linkage:
             return self._spread.direction(q) + math.pi - self.branch * triangle.at_c
 
     def configuration(self, rotation: Floats, position: Complexes) -> tuple[Floats, Floats]:
-        """The drive's coordinate and sin mu of poses (n,) of the body that keep the guides, all within the last place's rounding.
+        """Return the drive's coordinate and sin mu for poses (n,) that satisfy the guides, accurate to the last digit.
 
         Directions are in (-pi, pi].
         """
@@ -781,65 +811,65 @@ class Linkage:
     # -- over an interval ---------------------------------------------------------------------------------------------
 
     def closes_over(self, interval: Interval) -> bool:
-        """Whether the loop closes at every coordinate of an interval, exactly and not by samples."""
+        """Check that the loop closes at every coordinate of an interval, exactly and not by samples."""
         first, last = float(interval.first), float(interval.last)
         if self._apart(first, last):
             return False
         for condition in self.conditions:
-            inner = places_within(condition.extremes, first, last, self.period)
+            inner = positions_within(condition.extremes, first, last, self.period)
             if not np.all(condition.value(np.array([first, last, *inner])) >= 0):
                 return False
         return True
 
     def _apart(self, first: float, last: float) -> bool:
-        """Whether a hinge's slot lies along the other guide's rail in between: the body would be infinitely far."""
+        """Check whether a slot with a hinge becomes parallel to the rail: the body would be infinitely far away."""
         second = self.local_guides[1]
         if self.driver is not Driver.HINGE or not isinstance(second, Rail):
             return False
         ends = np.sin(np.array([first, last]) - second.direction)
-        between = places_within([second.direction, second.direction + math.pi], first, last, TURN)
+        between = positions_within([second.direction, second.direction + math.pi], first, last, TURN)
         return bool(between) or bool(np.any(np.sign(ends) != self.branch))
 
     def transmission_angle_over(self, interval: Interval) -> float:
-        """The smallest transmission angle over an interval of the coordinate, exactly; NaN where it does not close there."""
+        """Return the exact smallest transmission angle over an interval of the coordinate; NaN if the loop opens in it."""
         if not self.closes_over(interval):
             return math.nan
         first, last = float(interval.first), float(interval.last)
-        return float(np.min(self.body([first, last, *self._worst_places(first, last)]).transmission_angle))
+        return float(np.min(self.body([first, last, *self._extreme_positions(first, last)]).transmission_angle))
 
     def transmission_angle_min(self, interval: Interval) -> float:
-        """The smallest transmission angle over travel from the first sample on; NaN where it does not close."""
+        """Return the smallest transmission angle over travel from the first sample; NaN if the loop opens."""
         return self.transmission_angle_over(interval.after(self.start))
 
     def arm_over(self, interval: Interval) -> float:
         """Return the smallest moment arm over an interval of the coordinate; NaN if the loop opens.
 
-        Between two points of the body it is exact, otherwise it is the smallest one at steps of at most a degree.
+        It is exact between two points of the body, and otherwise the minimum over steps of at most a degree.
         """
         if all(guide.holds_point for guide in self.local_guides):
             return abs(self._arm.middle) * math.sin(self.transmission_angle_over(interval))
         if not self.closes_over(interval):
             return math.nan
         first, last = float(interval.first), float(interval.last)
-        positions = [*self.travel_over(Interval(first, last)), *self._worst_places(first, last)]
+        positions = [*self.travel_over(Interval(first, last)), *self._extreme_positions(first, last)]
         return float(np.min(self.body(positions).arm))
 
-    def _worst_places(self, first: float, last: float) -> list[float]:
-        """Where between two coordinates the transmission angle, or the arm, may be smallest."""
+    def _extreme_positions(self, first: float, last: float) -> list[float]:
+        """Return the coordinates in an interval at which the transmission angle, or the arm, may be smallest."""
         positions = [extreme for condition in self.conditions for extreme in condition.extremes]
         if self.driver is not Driver.HINGE:
             positions += [*self._spread.turning_points, *self._arm.turning_points]
-        return places_within(positions, first, last, self.period)
+        return positions_within(positions, first, last, self.period)
 
     @cached_property
     def turns_fully(self) -> bool:
-        """Whether the drive turns, and turns fully; a four-bar that can fold flat does not."""
+        """True if the drive turns fully; a four-bar that can fold flat does not."""
         if self.is_four_bar:
             return self.family in FULL_CRANK
         return self.driver.turns and self.closes_over(Interval(self.start, self.start + TURN))
 
     def travel_over(self, interval: Interval) -> Floats:
-        """Travel over an interval from the first sample, in even steps, of at most a degree for angles."""
+        """Return the travel over an interval from the first sample in even steps, of at most a degree for angles."""
         first, last = interval
         steps = _POINTS
         if self.driver.turns:
@@ -847,9 +877,10 @@ class Linkage:
         return np.linspace(first, last, steps)
 
     def along(self, index: int, travel: ArrayLike) -> Floats:
-        """The coordinate of a rail or slot (the first or second guide) over travel (n,) of the drive.
+        """Return the coordinate of a rail or slot (the first or second guide) over travel (n,) of the drive.
 
-        Where the body point lies on the rail, from the rail's point; where the pin lies in the slot, from the body point.
+        On a rail it is the position of the body point from the rail's point; in a slot, the position of the pin
+        from the body point.
         """
         guide = self.guides[index]
         q = self.start + np.atleast_1d(np.asarray(travel, dtype=float))
@@ -859,27 +890,27 @@ class Linkage:
         return guide.coordinate_of(found.position, np.exp(1j * found.rotation))
 
     def used(self, index: int, interval: Interval) -> tuple[float, float]:
-        """The least and the largest coordinate of a rail or slot over an interval of travel of the drive.
+        """Return the smallest and the largest coordinate of a rail or slot over an interval of travel of the drive.
 
-        Where it turns back in between is found from its derivative, between steps of at most a degree.
+        Turning points in the interval are found from the derivative, between steps of at most a degree.
         """
         travel = self.travel_over(interval)
-        at = np.array([float(interval.first), float(interval.last)])
+        ends = np.array([float(interval.first), float(interval.last)])
         if index == 1 or self.driver.turns:
             rate = self.along_rate(index, travel)
             turns = np.flatnonzero(rate[:-1] * rate[1:] < 0)
             low, high, sign = travel[turns], travel[turns + 1], np.sign(rate[turns])
-            for _ in range(_LOOKS if turns.size else 0):
-                looks = np.linspace(low, high, _NODES)
-                before = self.along_rate(index, looks.ravel()).reshape(looks.shape) * sign > 0
+            for _ in range(_REFINEMENTS if turns.size else 0):
+                steps = np.linspace(low, high, _NODES)
+                before = self.along_rate(index, steps.ravel()).reshape(steps.shape) * sign > 0
                 last = np.clip(np.argmin(before, axis=0) - 1, 0, _NODES - 2)
-                low, high = (np.take_along_axis(looks, (last + k)[None], 0)[0] for k in (0, 1))
-            at = np.concatenate([at, low])
-        values = self.along(index, at)
+                low, high = (np.take_along_axis(steps, (last + k)[None], 0)[0] for k in (0, 1))
+            ends = np.concatenate([ends, low])
+        values = self.along(index, ends)
         return float(np.min(values)), float(np.max(values))
 
     def along_rate(self, index: int, travel: Floats) -> Floats:
-        """Derivative of `along`; its sign is right at a dead position's neighbours too."""
+        """Return the derivative of `along`; its sign is correct beside a dead position too."""
         guide = self.guides[index]
         body = self.motions(travel)[1]
         velocity = body.speed(guide.body_point)
@@ -906,7 +937,7 @@ def _mapped(
     turn: float = 0.0,
     turn_in_body: float = 0.0,
 ) -> Guide:
-    """A guide with the places of ground and body elsewhere, its radius scaled, directions times a way and turned."""
+    """Return a guide with mapped points of ground and body, a scaled radius, and directions reflected and turned."""
     fixed, point = complex(ground(guide[0])), complex(body(guide.body_point))
     if isinstance(guide, Circle):
         return Circle(fixed, guide.radius * scale, point)
@@ -946,7 +977,7 @@ def four_bar(
     coupler_point_polar: tuple[float, float] | None = None,
     body_offset: float | None = None,
 ) -> Linkage:
-    """Return the four-bar of four lengths: crank, coupler, rocker, ground; see `Linkage` for the rest."""
+    """Return the four-bar with the lengths of crank, coupler, rocker and ground; see `Linkage` for the rest."""
     crank, coupler, rocker, ground = links
     guides = Circle(0j, crank, 0j), Circle(complex(ground), rocker, complex(coupler))
     return Linkage(guides, Driver.CRANK, branch, start, pivot_a, ground_angle, coupler_point_polar, body_offset)
@@ -964,7 +995,7 @@ def with_links(linkage: Linkage, links: Lengths) -> Linkage:
 
 
 def through(guides: tuple[Guide, Guide], driver: Driver, rotation: float, position: complex) -> Linkage:
-    """Return the linkage on guides whose start and branch are those of a pose of the body."""
+    """Return the linkage on guides with the start and the branch of a pose of the body."""
     linkage = on_guides(guides, driver)
     q, sine = linkage.configuration(np.array([rotation]), np.array([position]))
     return replace(linkage, branch=1 if sine[0] >= 0 else -1, start=float(q[0]))

@@ -155,7 +155,7 @@ def limits_of(
     """Return the limits of a placement; by default with an arm of a fraction of the largest for a stroke."""
     reach = task.reach(reach_max, name)
     if arm_min is None:
-        arm_min = ARM_SHARE * (stroke or task.machine.seen(name, on).longest_way(reach)) / task.machine.span
+        arm_min = ARM_SHARE * (stroke or task.machine.seen(name, on).largest_shift(reach)) / task.machine.span
     return PlacementLimits(ground_box or task.box, reach, arm_min, extends)
 
 

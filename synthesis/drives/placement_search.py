@@ -221,7 +221,7 @@ class PlacementSearch(PlacementTask):
     def screen_sizes(self, sizes: Sizes, work: Work | None = None) -> GridPlacements | Refusal:
         """Return grid placements for free sizes, or why there are none."""
         if (
-            self.link.longest_way(self.limits.reach) <= TOLERANCE * self.size
+            self.link.largest_shift(self.limits.reach) <= TOLERANCE * self.size
         ):  # the link returns to its first position
             return Refusal("stroke", 0.0 if sizes.stroke_free else sizes.start.stroke)
         return self.screen(self._initial_sizes(sizes), work=work)
@@ -233,7 +233,7 @@ class PlacementSearch(PlacementTask):
         length.
         """
         options = self.options
-        longest = self.link.longest_way(self.limits.reach)
+        longest = self.link.largest_shift(self.limits.reach)
         farthest = float(np.abs(self.grounds - self.link.origin[0]).max()) + self.limits.reach
         fractions = np.array(options.stroke_fractions)
         found = []
