@@ -11,7 +11,7 @@ PORT ?= 8000
 export PIP_CONSTRAINT := constraints.txt
 export PIP_BUILD_CONSTRAINT := constraints.txt
 
-.PHONY: help run test fault audit parts lock wheel lint style types map report accept everyday engine poses function limits stability studies drives assembly solids bench docs site scenes clean setup
+.PHONY: help run test fault audit parts lock wheel lint style types map report accept everyday engine poses function limits stability studies drives assembly bench docs site scenes clean setup
 .DELETE_ON_ERROR:
 
 help:
@@ -20,7 +20,7 @@ help:
 	@echo "make lint       style of Python (ruff) and JavaScript (oxfmt, oxlint), types (mypy)"
 	@echo "make test       the default tests (five to six minutes), the slowest fifty listed"
 	@echo "make map        the packages by floor and who imports whom; fails on an arrow up or a circle"
-	@echo "make fault      what it withstands: kills, bit flips, hostile clients behind nginx: docs/reliability.md"
+	@echo "make fault      what it withstands: kills, bit flips, hostile clients behind nginx"
 	@echo "make audit      known weaknesses of the locked parts (asks a database over the network)"
 	@echo "make parts      the list of parts as CycloneDX: parts.cdx.json"
 	@echo "make lock       the parts of the container and of its build with their hashes: requirements.lock, build.lock"
@@ -28,19 +28,18 @@ help:
 	@echo "make docs       draw the pictures and fill the tables of all documents from the stored results, without measuring"
 	@echo "make site       build the documentation with its examples: site/index.html (a minute)"
 	@echo "make scenes     measure the scenes: docs/lift.md, docs/chain.md, docs/knotter.md (a few minutes)"
-	@echo "make report     error against run time: docs/error_vs_runtime.md (about half an hour)"
-	@echo "make everyday   everyday questions to the running service: docs/everyday.md (half an hour)"
-	@echo "make engine     every kind of search beside the best known answers: docs/engine.md (three quarters of an hour)"
-	@echo "make poses      poses without crank angles, noise and other programs: docs/free_timing.md (some minutes)"
-	@echo "make limits     requests within limits, beside general optimisers: docs/limits.md (some minutes)"
-	@echo "make function   named functions and other programs: docs/function.md (some minutes)"
-	@echo "make stability  extreme cases against high precision: docs/stability.md (a minute)"
-	@echo "make assembly   layers of random machines against shapely: docs/assembly.md (ten minutes)"
-	@echo "make drives     drives against finer grids, circles and equilibrium: docs/drives.md (some minutes)"
-	@echo "make studies    forces, tolerances of manufacture, stock lengths: docs/analysis.md (a few minutes)"
-	@echo "make solids     files of parts of the gallery: docs/export.md (a minute)"
-	@echo "make accept     1,000 random cases of every class, errors recomputed independently: docs/method.md (about half an hour)"
-	@echo "make bench      build, load, scan, larger atlases, many requests: docs/scaling.md, docs/file_format.md"
+	@echo "make report     error against run time (about half an hour)"
+	@echo "make everyday   everyday questions to the running service (half an hour)"
+	@echo "make engine     every kind of search beside the best known answers (three quarters of an hour)"
+	@echo "make poses      poses without crank angles, noise and other programs (some minutes)"
+	@echo "make limits     requests within limits, beside general optimisers (some minutes)"
+	@echo "make function   named functions and other programs (some minutes)"
+	@echo "make stability  extreme cases against high precision (a minute)"
+	@echo "make assembly   layers of random machines against shapely (ten minutes)"
+	@echo "make drives     drives against finer grids, circles and equilibrium (some minutes)"
+	@echo "make studies    forces, tolerances of manufacture, stock lengths (a few minutes)"
+	@echo "make accept     1,000 random cases of every class, errors recomputed independently (about half an hour)"
+	@echo "make bench      build, load, scan, larger atlases, many requests"
 	@echo "                (half an hour; needs 6 GB of disk, no other work on the machine)"
 	@echo "make clean      remove the environment and the atlas"
 
@@ -110,7 +109,6 @@ map: $(READY)
 bench: $(READY) $(ATLAS)
 	$(BIN)/python -m benchmarks.throughput --atlas $(ATLAS)
 	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.retrieval
-	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.sliders
 
 docs: $(READY)
 	$(BIN)/python -m docs.figures
@@ -129,7 +127,6 @@ scenes: $(READY)
 report: $(READY)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[test,docs,baselines]'
 	$(BIN)/python -m benchmarks.error_vs_runtime
-	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.profile
 
 accept: $(READY)
 	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.acceptance --cases 1000
@@ -159,12 +156,9 @@ assembly: $(READY)
 
 drives: $(READY)
 	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.drives
-	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.drive_machines
+
 studies: $(READY)
 	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.studies
-
-solids: $(READY)
-	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.solids
 
 clean:
 	rm -rf $(VENV) build dist *.egg-info synthesis/kernels/*.c synthesis/kernels/*.so synthesis/atlas/tree_kernel.c \

@@ -496,7 +496,7 @@ def judged(part: Mapping[str, Any]) -> dict[str, tuple[np.ndarray, np.ndarray]]:
 
 
 def blocks(results: Mapping[str, Any]) -> dict[str, str]:
-    """Return the table of docs/engine.md: a row for each heuristic."""
+    """Return the table of docs/background/measurements.md: a row for each heuristic."""
     parts = {name: judged(part) for name, part in results["classes"].items()}
     rows = []
     for heuristic in heuristics():

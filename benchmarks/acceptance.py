@@ -132,7 +132,7 @@ def outcome(part: str, result: dict[str, Any]) -> str:
 
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:
-    """Return the tables of section 10 of docs/method.md."""
+    """Return the tables of docs/background/measurements.md."""
     parts = {part: results["parts"][part] for part in PARTS if part in results["parts"]}
     rows = [
         {

@@ -61,15 +61,8 @@ def measure(cases: Annotated[int, "linkages of each kind"] = 400) -> Iterator[di
 
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:
-    """Return the comparison and the kinds of machines."""
-    sentences = []
-    for row in results["kinds"]:
-        times = " and ".join(report.significant(row[name]) for name in ("ms", "p99"))
-        sentences.append(
-            f"{row['pairs']:,} pairs of parts of {row['cases']:,} {row['kind']} at {row['places']:,} places: {row['wrong']} "
-            f"disagree; {row['free']} have free layers, in {times} ms at the median and 99 %"
-        )
-    return {"kinds": "; ".join(sentences)}
+    """Return a row for each kind of machine."""
+    return report.tables("assembly", results)
 
 
 if __name__ == "__main__":

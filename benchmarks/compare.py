@@ -75,7 +75,7 @@ def row(name: str, part: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def blocks(results: Mapping[str, Any]) -> dict[str, str]:
-    """Return the table of docs/engine.md."""
+    """Return the table of docs/background/measurements.md."""
     rows = [row(name, part) for name, part in results["classes"].items()]
     return report.tables("compare", {"classes": rows}) | {"other": results["other"]}
 

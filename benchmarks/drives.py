@@ -159,7 +159,7 @@ def _turned(
 
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:
-    """Return the tables of docs/drives.md."""
+    """Return the tables of docs/background/measurements.md."""
     return report.tables("drives", results["tables"])
 
 

@@ -490,7 +490,7 @@ def placed(reply: Any) -> float | None:
 
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:
-    """The tables of docs/engine.md."""
+    """The tables of docs/background/measurements.md."""
     references = References()
     newest = [row(name, results["parts"][name], references) for name in CLASSES if name in results["parts"]]
     rows = [

@@ -214,7 +214,7 @@ def lead(runs: dict[str, Any]) -> str:
 
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:
-    """Return the tables of docs/error_vs_runtime.md and README.md."""
+    """Return the tables of docs/background/measurements.md and README.md."""
     runs = results["runs"]
     exact, columns = summarise(runs, EXACT), report.TABLES["error_vs_runtime"]["runs"]
     best = []

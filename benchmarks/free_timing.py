@@ -83,7 +83,7 @@ def measure_baselines() -> list[dict[str, Any]]:
 
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:
-    """Return the tables of docs/free_timing.md."""
+    """Return the tables of docs/background/measurements.md."""
     noise = [
         row | {"times": ", ".join(report.significant(row[f"{which}_processor_ms"]) for which in ("median", "p99"))}
         for row in results["noise"]

@@ -203,7 +203,7 @@ def measure_pylinkage(case: NamedFunction) -> dict[str, Any]:
 
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:
-    """Return the tables of docs/function.md."""
+    """Return the tables of docs/background/measurements.md."""
     functions = [
         row
         | {

@@ -212,7 +212,7 @@ def measure_kept(cases: int) -> dict[str, Any]:
 
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:
-    """Return the tables of docs/limits.md."""
+    """Return the tables of docs/background/measurements.md."""
     rows = [row for part in results["parts"].values() for row in part]
     first_rows, exact = [row for row in rows if "first_ms" in row], results["kept"]
     shown = [row for row in rows if not row["method"].endswith(" ms")]

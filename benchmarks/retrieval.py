@@ -116,7 +116,7 @@ def measure(
 
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:
-    """Return the tables of docs/scaling.md."""
+    """Return the tables of docs/background/measurements.md."""
     default, *larger_atlases = results["atlases"]
     rows = []
     for number, row in enumerate(default["classes"]):

@@ -191,7 +191,7 @@ def synthesis(resources: product.ServiceResources, cases: int) -> Iterator[dict[
 
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:
-    """The tables of docs/stability.md."""
+    """The tables of docs/background/measurements.md."""
     tables: dict[str, list[dict[str, Any]]] = {}
     for part in ("kinematics", "synthesis"):
         for found in results["parts"][part]:

@@ -122,7 +122,7 @@ def stock(solved: list[tuple[dict[str, Any], la.Result]]) -> list[dict[str, Any]
 
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:
-    """The figures of docs/analysis.md."""
+    """The figures of docs/background/measurements.md."""
     forces, stock = (results["tables"][name] for name in ("forces", "stock"))
     tried = [
         f"{report.percent(row['same'])} of {row['cases']} motions after {row['tries']:,} ({row['ms']:.0f} ms)"

@@ -123,7 +123,7 @@ def compare(atlas: Path, bodies: dict[str, list], seconds: float) -> list[dict[s
 
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:
-    """The table of requests in docs/scaling.md."""
+    """The table of requests in docs/background/measurements.md."""
     services = results["services"]
 
     rows = [UNKNOWN | {"service": entry["service"], **load} for entry in services for load in entry["loads"]]

@@ -1,4 +1,4 @@
-"""The dearest requests of each kind that the service accepts, for tests of time limits and for `benchmarks.reliability`."""
+"""The dearest requests of each kind that the service accepts."""
 
 from __future__ import annotations
 
