@@ -32,7 +32,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from synthesis.arrays import Complexes, Floats
+from synthesis.arrays import Complexes, Floats, rows_at, rows_of_all
 from synthesis.kernels import crank_descent, four_bar_limits
 from synthesis.mechanism import Chart
 from synthesis.target import Samples
@@ -61,11 +61,11 @@ class Timed(NamedTuple):
 
     def take(self, indices: Any) -> Timed:
         """Select candidates."""
-        return Timed(*(column[indices] for column in self))
+        return rows_at(self, indices)
 
     def joined(self, *following: Timed) -> Timed:
         """Return these candidates followed by others."""
-        return Timed(*(np.concatenate(columns) for columns in zip(self, *following)))
+        return rows_of_all(self, *following)
 
 
 class Pool(NamedTuple):
@@ -76,11 +76,11 @@ class Pool(NamedTuple):
 
     def take(self, indices: Any) -> Pool:
         """Select candidates."""
-        return Pool(self.timed.take(indices), self.cost[indices])
+        return rows_at(self, indices)
 
-    def joined(self, following: Pool) -> Pool:
+    def joined(self, *following: Pool) -> Pool:
         """Return these candidates followed by others."""
-        return Pool(self.timed.joined(following.timed), np.concatenate([self.cost, following.cost]))
+        return rows_of_all(self, *following)
 
     @property
     def least(self) -> float:

@@ -33,7 +33,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from synthesis.arrays import Complexes, Flags, Floats
+from synthesis.arrays import Complexes, Flags, Floats, rows_at, rows_of_all
 from synthesis.descents import Pool, Stage, Timed
 from synthesis.fourbar.mechanism import AnyChart, GrashofChart
 from synthesis.free.joint import JointProblem
@@ -121,11 +121,11 @@ class Dyads(NamedTuple):
 
     def take(self, indices: Any) -> Dyads:
         """Select dyads."""
-        return Dyads(*(column[indices] for column in self))
+        return rows_at(self, indices)
 
-    def joined(self, following: Dyads) -> Dyads:
+    def joined(self, *following: Dyads) -> Dyads:
         """Return these dyads followed by others."""
-        return Dyads(*(np.concatenate(columns) for columns in zip(self, following)))
+        return rows_of_all(self, *following)
 
 
 class Body:
@@ -387,8 +387,7 @@ class Pairs(NamedTuple):
 
     def take(self, indices: Any) -> Pairs:
         """Select pairs."""
-        columns: Any = (column[indices] for column in self)
-        return Pairs(*columns)
+        return rows_at(self, indices)
 
 
 def pairs_of(body: Body, dyads: Dyads, cranks: slice = slice(None)) -> Pairs:

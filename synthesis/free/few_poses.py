@@ -22,10 +22,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from synthesis.arrays import Complexes, Floats
+from synthesis.arrays import Complexes, Flags, Floats, rows_at, rows_of_all
 from synthesis.constraints import Constraints
 from synthesis.defects import LEAVES_SAMPLES, SHORTEST_CHORD
 from synthesis.descents import Timed
+from synthesis.exact_family import ImprovementOptions, improved
 from synthesis.four_bar import coupler_angle, transmission_angle_over
 from synthesis.fourbar.mechanism import AnyChart
 from synthesis.free.dyads import (
@@ -49,8 +50,8 @@ from synthesis.work import Work
 
 
 @dataclass(frozen=True)
-class FewPosesOptions:
-    """Options of the search for four-bars through two to four poses."""
+class FewPosesOptions(ImprovementOptions):
+    """Options of the search for four-bars through two to four poses; steps are fractions of the motion's extent, or radians."""
 
     pairs: int = 20_000
     """Random pairs of dyads in a batch, for two and three poses."""
@@ -64,20 +65,6 @@ class FewPosesOptions:
     """Number of crank angles over the motion at which links are compared with obstacles."""
     enough: int = 200
     """Number of usable four-bars after which no further batch is drawn."""
-    examined: int = 400
-    """Number of sampled four-bars, best first, whose path between the poses is examined."""
-    regions: int = 24
-    """Number of sampled four-bars that are improved."""
-    region_size: float = 0.2
-    """Minimum distance between two of them in some pivot or pin, as a fraction of the motion's extent."""
-    rounds: int = 7
-    """Rounds of the improvement."""
-    trials: int = 50
-    """Random neighbours of each four-bar that are tried in a round."""
-    step: float = 0.2
-    """Standard deviation of the first round's changes: of centres as a fraction of the motion's extent, of tilts in radians."""
-    step_ratio: float = 0.65
-    """Ratio of the changes of two successive rounds."""
     nearest: float = 0.05
     """Smallest distance of a sampled pivot from the motion's middle where no box is given, over the motion's extent."""
     farthest: float = 5.0
@@ -114,8 +101,8 @@ class Parameters(NamedTuple):
     rocker_tilt: Floats
 
     def take(self, indices: Any) -> Parameters:
-        """Return the parameters of some four-bars."""
-        return Parameters(*(column[indices] for column in self))
+        """Select parameters."""
+        return rows_at(self, indices)
 
 
 class Candidates(NamedTuple):
@@ -131,24 +118,12 @@ class Candidates(NamedTuple):
     """(n,): index of each in the parameters that were evaluated."""
 
     def take(self, indices: Any) -> Candidates:
-        """Return some of the candidates."""
-        return Candidates(
-            self.parameters.take(indices),
-            self.lengths[indices],
-            self.timed.take(indices),
-            self.merit[indices],
-            self.origin[indices],
-        )
+        """Select candidates."""
+        return rows_at(self, indices)
 
-    def joined(self, other: Candidates) -> Candidates:
+    def joined(self, *following: Candidates) -> Candidates:
         """Return these candidates followed by others."""
-        return Candidates(
-            Parameters(*(np.concatenate(columns) for columns in zip(self.parameters, other.parameters))),
-            np.concatenate([self.lengths, other.lengths]),
-            self.timed.joined(other.timed),
-            np.concatenate([self.merit, other.merit]),
-            np.concatenate([self.origin, other.origin]),
-        )
+        return rows_of_all(self, *following)
 
 
 class ExactFamily:
@@ -322,6 +297,14 @@ class ExactFamily:
                 clear &= ~np.any(_touches((end + other) / 2 - centre, (other - end) / 2, half), axis=1)
         return clear
 
+    def usable(self, candidates: Candidates) -> Candidates:
+        """Return the candidates whose body takes no detour between poses."""
+        return candidates.take(np.flatnonzero(self.stays(candidates)))
+
+    def order(self, candidates: Candidates) -> tuple[Floats | Flags, ...]:
+        """Return the merit."""
+        return (candidates.merit,)
+
     def stays(self, candidates: Candidates) -> NDArray[np.bool_]:
         """Check that the body takes no detour between poses: neither its point nor its rotation."""
         if not candidates.merit.size:
@@ -387,8 +370,7 @@ def exact_four_bars(
     best = sampled.take(np.argsort(sampled.merit, kind="stable")[: options.examined])
     stays = family.stays(best)
     seeds = best.take(np.flatnonzero(stays)) if stays.any() else best
-    improved = _improved(family, seeds.take(_regions(family, seeds, options.regions)), work)
-    found = improved.joined(best)
+    found = improved(family, seeds.take(_regions(family, seeds, options.regions)), work).joined(best)
     found = found.take(np.lexsort((found.merit, ~family.stays(found))))
     first = _regions(family, found, found.merit.size)
     return found.take([*first, *np.setdiff1d(np.arange(found.merit.size), first)])
@@ -398,25 +380,3 @@ def _regions(family: ExactFamily, candidates: Candidates, maximum: int) -> NDArr
     """Return the indices of the first candidates that differ from all before them in some pivot or length."""
     numbers = np.stack([*candidates.timed.pose.T, *candidates.lengths.T], axis=1)
     return distinct_rows(numbers, family.options.region_size * family.extent, maximum)
-
-
-def _improved(family: ExactFamily, candidates: Candidates, work: Work) -> Candidates:
-    """Return each candidate moved by random steps within the exact family to lower merit.
-
-    Law: no candidate has a higher merit than before.
-    """
-    options, step = family.options, family.options.step
-    for _ in range(options.rounds):
-        if work.expired() or not candidates.merit.size:
-            break
-        parents = np.repeat(np.arange(candidates.merit.size), options.trials)
-        trials = family.evaluate(family.moved(candidates.parameters.take(parents), step))
-        trials = trials.take(np.flatnonzero(family.stays(trials)))
-        every = candidates._replace(origin=np.arange(candidates.merit.size)).joined(
-            trials._replace(origin=parents[trials.origin])
-        )
-        order = np.lexsort((every.merit, every.origin))
-        first = np.flatnonzero(np.diff(every.origin[order], prepend=-1))
-        candidates = every.take(order[first])
-        step *= options.step_ratio
-    return candidates

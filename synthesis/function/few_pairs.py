@@ -20,8 +20,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from synthesis.arrays import Floats
+from synthesis.arrays import Flags, Floats, rows_at, rows_of_all
 from synthesis.constraints import Constraints
+from synthesis.exact_family import ImprovementOptions, improved
 from synthesis.four_bar import close_loop, transmission_angle_over
 from synthesis.function.dial_zeros import zeros_of_five_pairs, zeros_of_four_pairs
 from synthesis.function.wanted import TargetFunction
@@ -40,27 +41,20 @@ _EQUAL = 1e-12
 
 
 @dataclass(frozen=True)
-class FewPairsOptions:
-    """Options of the search for four-bars that meet two to five pairs."""
+class FewPairsOptions(ImprovementOptions):
+    """Options of the search for four-bars that meet two to five pairs; steps are in radians and in logarithms of a ratio."""
 
     samples: int = 16_000
     """Random members of the family."""
     samples_on_curve: int = 1440
     """Number of samples for four pairs, whose zeros lie on a curve."""
     examined: int = 1000
-    """Number of sampled four-bars, best first, whose rocker is followed between the pairs."""
     regions: int = 20
-    """Number of sampled four-bars that are improved."""
     region_size: float = 0.12
-    """Minimum difference of two of them in some length over the longest."""
     rounds: int = 6
-    """Rounds of the improvement."""
     trials: int = 30
-    """Random neighbours of each four-bar that are tried in a round."""
     step: float = 0.3
-    """Standard deviation of the first round's changes, in radians and in logarithms of a ratio."""
     step_ratio: float = 0.6
-    """Ratio of the changes of two successive rounds."""
     farthest: float = 2.2
     """Largest logarithm of a sampled ratio of crank or rocker to the ground, either sign."""
     tracked_angles: int = 41
@@ -82,8 +76,8 @@ class Parameters(NamedTuple):
     """Logarithm of crank or rocker over the ground; used for two pairs only."""
 
     def take(self, indices: Any) -> Parameters:
-        """Return the parameters of some four-bars."""
-        return Parameters(*(column[indices] for column in self))
+        """Select parameters."""
+        return rows_at(self, indices)
 
 
 class Candidates(NamedTuple):
@@ -101,22 +95,12 @@ class Candidates(NamedTuple):
     """Index of each in the parameters that were evaluated."""
 
     def take(self, indices: Any) -> Candidates:
-        """Return some of the candidates."""
-        return Candidates(
-            self.parameters.take(indices),
-            self.lengths[indices],
-            self.branch[indices],
-            self.forward[indices],
-            self.merit[indices],
-            self.origin[indices],
-        )
+        """Select candidates."""
+        return rows_at(self, indices)
 
-    def joined(self, following: Candidates) -> Candidates:
+    def joined(self, *following: Candidates) -> Candidates:
         """Return these candidates followed by others."""
-        return Candidates(
-            Parameters(*(np.concatenate(columns) for columns in zip(self.parameters, following.parameters))),
-            *(np.concatenate(columns) for columns in zip(self[1:], following[1:])),
-        )
+        return rows_of_all(self, *following)
 
 
 class ExactFamily:
@@ -286,6 +270,18 @@ class ExactFamily:
         speed = np.sign(np.imag(np.conj(coupler) * crank) * np.imag(np.conj(coupler) * rocker))
         return np.where(same, side[:, 0], 0.0), np.all(speed == self._direction, axis=1) | (self._direction == 0)
 
+    def order(self, candidates: Candidates) -> tuple[Floats | Flags, ...]:
+        """Return the merit, and flags of the rockers that turn back."""
+        return candidates.merit, ~candidates.forward
+
+    def usable(self, candidates: Candidates) -> Candidates:
+        """Return the candidates whose rockers turn as wanted, best first; those that turn back come last, or not at all."""
+        turns, forward = self.follows(candidates)
+        found = candidates._replace(forward=forward).take(
+            np.flatnonzero(turns & (forward | (not self.wanted.one_way)))
+        )
+        return found.take(np.lexsort(self.order(found)))
+
     def follows(self, candidates: Candidates) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Check that rockers turn as far as the output, without additional whole turns, and turn back only slightly."""
         share = (1 - np.cos(np.linspace(0.0, np.pi, self.options.tracked_angles))) / 2
@@ -360,45 +356,17 @@ def exact_functions(
     options = options or FewPairsOptions()
     family = ExactFamily(target, limits, sized, options)
     sampled = family.evaluate(family.sample()).joined(family.parallelograms())
-    sampled = _following(family, sampled.take(np.lexsort((sampled.merit, ~sampled.forward))[: options.examined]))
-    improved = _improved(family, sampled.take(_regions(sampled, options, options.regions)), work)
-    found = _following(family, improved.joined(sampled))
+    sampled = family.usable(sampled.take(np.lexsort(family.order(sampled))[: options.examined]))
+    seeds = sampled.take(_regions(sampled, options, options.regions))
+    free = family.pairs < MOST_PAIRS
+    found = family.usable((improved(family, seeds, work) if free else seeds).joined(sampled))
     first = _regions(found, options, options.returned)
     found = found.take([*first, *np.setdiff1d(np.arange(found.merit.size), first)][: options.returned])
     rows = zip(found.lengths, found.branch, found.parameters.start)
     return [four_bar(as_lengths(row), int(side), float(start)) for row, side, start in rows], found.parameters.offset
 
 
-def _following(family: ExactFamily, candidates: Candidates) -> Candidates:
-    """Return the candidates whose rockers turn as wanted, best first; those that turn back come last, or not at all."""
-    turns, forward = family.follows(candidates)
-    keep = np.flatnonzero(turns & (forward | (not family.wanted.one_way)))
-    order = np.lexsort((candidates.merit[keep], ~forward[keep]))
-    return candidates._replace(forward=forward).take(keep[order])
-
-
 def _regions(candidates: Candidates, options: FewPairsOptions, maximum: int) -> NDArray[np.intp]:
     """Return the indices of the first candidates that differ from all before them in some length or the branch."""
     numbers = np.column_stack([candidates.lengths / candidates.lengths.max(axis=1, keepdims=True), candidates.branch])
     return distinct_rows(numbers, options.region_size, maximum)
-
-
-def _improved(family: ExactFamily, candidates: Candidates, work: Work) -> Candidates:
-    """Return each candidate moved by random steps within the exact family to lower merit.
-
-    Law: no candidate has a higher merit than before, unless its rocker turned back then.
-    """
-    options, step = family.options, family.options.step
-    for _ in range(options.rounds if family.pairs < MOST_PAIRS else 0):
-        if work.expired() or not candidates.merit.size:
-            break
-        parents = np.repeat(np.arange(candidates.merit.size), options.trials)
-        trials = family.evaluate(family.moved(candidates.parameters.take(parents), step))
-        trials = _following(family, trials)
-        combined = candidates._replace(origin=np.arange(candidates.merit.size)).joined(
-            trials._replace(origin=parents[trials.origin])
-        )
-        order = np.lexsort((combined.merit, ~combined.forward, combined.origin))
-        candidates = combined.take(order[np.flatnonzero(np.diff(combined.origin[order], prepend=-1))])
-        step *= options.step_ratio
-    return candidates

@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from synthesis.arrays import Flags, Floats, Ints
+from synthesis.arrays import Floats, Ints, rows_at, rows_of_all
 from synthesis.constraints import BEGIN, END, Constraints, keeps
 from synthesis.four_bar import Family
 from synthesis.fourbar.mechanism import AnyChart
@@ -53,7 +53,7 @@ from synthesis.mechanism import Placed
 from synthesis.pose import whole_turns
 from synthesis.ranking import APART, PROPORTION, Status, counted_error, distinct
 from synthesis.scores import NEAR_CHANGE_POINT
-from synthesis.search.multistart import Incumbents, MultiStart
+from synthesis.search.multistart import Incumbents, MultiStart, SearchProblem
 from synthesis.search.options import Schedule, SearchOptions
 from synthesis.search.report import SearchReport, StoppedBy, stopped_by
 from synthesis.search.search import SEARCH_SAMPLES, search
@@ -326,12 +326,12 @@ class Candidates(NamedTuple):
     """Index of the answer that a candidate is, or -1."""
 
     def take(self, indices: Any) -> Candidates:
-        """Return some of the candidates."""
-        return Candidates(*(column[indices] for column in self))
+        """Select candidates."""
+        return rows_at(self, indices)
 
-    def joined(self, *others: Candidates) -> Candidates:
-        """Return these candidates and others after them."""
-        return Candidates(*(np.concatenate(columns) for columns in zip(self, *others)))
+    def joined(self, *following: Candidates) -> Candidates:
+        """Return these candidates followed by others."""
+        return rows_of_all(self, *following)
 
 
 def candidates_at(unknowns: Floats, branch: Floats, cost: Floats | None = None) -> Candidates:
@@ -347,13 +347,8 @@ def first_of_cells(cells: Floats, cost: Floats, max_count: int) -> Ints:
     return order[np.sort(np.unique(cells[order], axis=0, return_index=True)[1])[:max_count]]
 
 
-class FunctionSearch:
+class FunctionSearch(SearchProblem):
     """A function that the search for motions does not serve, as a problem of the multistart search."""
-
-    key = None
-    groups = 1
-    on_all_samples = True
-    keeps_converged = False
 
     def __init__(
         self, target: TargetFunction, limits: Limits, largest: bool, top: int, tolerance: float, work: Work
@@ -386,44 +381,13 @@ class FunctionSearch:
         """Return numbers of order one that differ between basins."""
         return np.column_stack([unknowns[:, :3], np.cos(unknowns[:, 3]), np.sin(unknowns[:, 3])])
 
-    def group(self, candidates: Candidates) -> Ints:
-        """Return zeros: all candidates belong to the same group."""
-        return np.zeros(candidates.cost.size, dtype=np.intp)
-
-    def signature(self, candidates: Candidates) -> tuple[Floats, Floats]:
-        """Return numbers that differ between basins, of order 1."""
-        return self.identity(candidates), np.ones(candidates.cost.size)
-
     def identity(self, candidates: Candidates) -> Floats:
         """Return numbers that differ between basins, of order 1."""
         return np.column_stack([self.place(candidates.unknowns), candidates.branch])
 
-    def strays(self, candidates: Candidates) -> Flags:
-        """Return False for all candidates."""
-        return np.zeros(candidates.cost.size, dtype=bool)
-
-    def may_answer(self, candidates: Candidates) -> bool:
-        """Return True: candidates may satisfy the limits at every stage."""
-        return True
-
-    def restart(self, candidates: Candidates) -> Candidates:
-        """Return candidates as starting points."""
-        return candidates
-
-    def relatives(self, new: Candidates) -> None:
-        """Return no further starting points."""
-
     def perturb(self, origins: Candidates, copies: int) -> Candidates:
         """Return no starting points: the grid covers all basins."""
         return origins.take([])
-
-    def complete(self, candidates: Candidates) -> Candidates:
-        """Return the candidates: they are at all samples."""
-        return candidates
-
-    def polish(self, answers: Candidates, stages: Sequence[Any]) -> Candidates:
-        """Return no candidates: answers have converged."""
-        return answers.take([])
 
     def refine(
         self, starts: Candidates, stages: Sequence[Fit], between: Callable[[Any], None] | None = None

@@ -51,7 +51,7 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from synthesis.arrays import Complexes, Flags, Floats
+from synthesis.arrays import Complexes, Flags, Floats, rows_at, rows_of_all
 from synthesis.free.dyads import Body, Dyads
 from synthesis.kernels import pair_descent
 from synthesis.limits import REACH, Limits
@@ -76,11 +76,11 @@ class Guides(NamedTuple):
 
     def take(self, indices: Any) -> Guides:
         """Select guides."""
-        return Guides(*(column[indices] for column in self))
+        return rows_at(self, indices)
 
     def joined(self, *following: Guides) -> Guides:
         """Return these guides followed by others."""
-        return Guides(*(np.concatenate(columns) for columns in zip(self, *following)))
+        return rows_of_all(self, *following)
 
     @property
     def straight(self) -> Flags:
@@ -212,15 +212,11 @@ class Pairs(NamedTuple):
 
     def take(self, indices: Any) -> Pairs:
         """Select pairs."""
-        return Pairs(self.first.take(indices), self.second.take(indices), self.hinge[indices])
+        return rows_at(self, indices)
 
     def joined(self, *following: Pairs) -> Pairs:
         """Return these pairs followed by others."""
-        return Pairs(
-            self.first.joined(*(pairs.first for pairs in following)),
-            self.second.joined(*(pairs.second for pairs in following)),
-            np.concatenate([self.hinge, *(pairs.hinge for pairs in following)]),
-        )
+        return rows_of_all(self, *following)
 
     @property
     def number(self) -> int:

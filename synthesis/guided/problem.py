@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from synthesis.arrays import Flags, Floats, Ints
+from synthesis.arrays import Floats, Ints, rows_at, rows_of_all
 from synthesis.free.dyads import FEW, Body
 from synthesis.guided.answers import as_guides, linkage_of
 from synthesis.guided.pairs import OWN, Chart, Guides, Looked, Motion, Pairs, Problem, Samples, Stage
@@ -22,7 +22,7 @@ from synthesis.kernels import distinct
 from synthesis.limits import Limits
 from synthesis.linkage import Linkage
 from synthesis.poses import Poses
-from synthesis.search.multistart import Incumbents
+from synthesis.search.multistart import Incumbents, SearchProblem
 from synthesis.search.options import Schedule, SearchOptions
 from synthesis.solution import Solution
 from synthesis.violations import violations_of
@@ -124,18 +124,15 @@ class Candidates(NamedTuple):
     """(n,): prescribed drive at the first sample."""
 
     def take(self, indices: Any) -> Candidates:
-        """Return some of the candidates."""
-        return Candidates(self.pairs.take(indices), *(column[indices] for column in self[1:]))
+        """Select candidates."""
+        return rows_at(self, indices)
 
-    def joined(self, *more: Candidates) -> Candidates:
-        """Return these candidates and others after them."""
-        pairs = self.pairs.joined(*(found.pairs for found in more))
-        return Candidates(
-            pairs, *(np.concatenate(columns) for columns in zip(self[1:], *(found[1:] for found in more)))
-        )
+    def joined(self, *following: Candidates) -> Candidates:
+        """Return these candidates followed by others."""
+        return rows_of_all(self, *following)
 
 
-class PairProblem:
+class PairProblem(SearchProblem):
     """Poses for linkages of two guides whose drive is free.
 
     Parameters
@@ -152,10 +149,6 @@ class PairProblem:
     prescribed : ndarray, shape (N,), optional
         Prescribed drive from the first sample on.
     """
-
-    key = None
-    on_all_samples = True
-    keeps_converged = False
 
     def __init__(
         self,
@@ -202,14 +195,6 @@ class PairProblem:
         """Return the drives of candidates."""
         return candidates.drive
 
-    def restart(self, candidates: Candidates) -> Candidates:
-        """Return candidates as starting points."""
-        return candidates
-
-    def signature(self, candidates: Candidates) -> tuple[Floats, Floats]:
-        """Return numbers that differ between pairs, of order 1."""
-        return self.identity(candidates), np.ones(candidates.cost.size)
-
     def identity(self, candidates: Candidates) -> Floats:
         """Return numbers that differ between pairs, of order 1, (n, 12)."""
         columns: list[Any] = []
@@ -220,17 +205,9 @@ class PairProblem:
             columns += [np.log1p(np.abs(guide.curvature)), np.log(size)]
         return np.stack(columns, axis=1)
 
-    def strays(self, candidates: Candidates) -> Flags:
-        """Return False for all candidates: the limits examine the motion between the samples."""
-        return np.zeros(candidates.cost.size, dtype=bool)
-
     def may_answer(self, candidates: Candidates) -> bool:
         """Return False: candidates violate limits before they converge."""
         return False
-
-    def complete(self, candidates: Candidates) -> Candidates:
-        """Return the candidates: they are at all samples."""
-        return candidates
 
     def measured(self, pairs: Pairs, drive: Ints, problem: Problem, sweeps: int = 2) -> Candidates:
         """Return pairs with squared error, branch and direction at the poses that they allow."""

@@ -7,9 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from synthesis.arrays import Flags, Floats, Ints
+from synthesis.arrays import Floats
 from synthesis.descents import Pool, Problem, Stage, Timed
 from synthesis.mechanism import Chart
+from synthesis.search.multistart import SearchProblem
 from synthesis.search.options import SearchOptions
 from synthesis.work import Work
 
@@ -25,7 +26,7 @@ class Refinements(NamedTuple):
     """The samples of the search, within the limits if the search satisfies them."""
 
 
-class CrankDriven:
+class CrankDriven(SearchProblem):
     """A motion whose candidates have a shape, a pose, a branch and crank angles.
 
     The search refines at some of the samples, answers at all of them.
@@ -51,7 +52,7 @@ class CrankDriven:
     ) -> None:
         self.refinements, self.on_all_samples, self.work, self.options = refinements, on_all_samples, work, options
         self.key = self.chart
-        self.groups, self.keeps_converged = 1, True
+        self.keeps_converged = True
         self.has_limits = refinements.within.limited
         self.within_limits = refinements.search.limited or not self.has_limits
         self.tolerance = tolerance
@@ -80,15 +81,7 @@ class CrankDriven:
         """Return perturbed crank angles (n, N)."""
         raise NotImplementedError
 
-    def strays(self, pool: Pool) -> Flags:
-        """Return whether candidates leave the motion between the samples, (n,)."""
-        return np.zeros(pool.cost.size, dtype=bool)
-
     # -- candidates -------------------------------------------------------------------------------------------------
-
-    def group(self, candidates: Pool) -> Ints:
-        """Return zeros: all candidates belong to the same group."""
-        return np.zeros(candidates.cost.size, dtype=np.intp)
 
     def identity(self, pool: Pool) -> Floats:
         """Return shape, start and branch."""
@@ -101,9 +94,6 @@ class CrankDriven:
     def may_answer(self, pool: Pool) -> bool:
         """Return whether the search satisfies the limits, or a candidate is exact."""
         return self.within_limits or pool.least <= self.tolerance
-
-    def relatives(self, new: Pool) -> None:
-        """Return no further starting points."""
 
     # -- refinement -------------------------------------------------------------------------------------------------
 

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
@@ -32,56 +32,69 @@ Starts = Any
 """A problem's starting points, with ``take(indices)`` and ``joined(*others)``."""
 
 
-class SearchProblem(Protocol):
-    """Interface of a problem that a multistart search solves."""
+class SearchProblem:
+    """Problem that a multistart search solves; the defaults suit a single group that is refined on all samples."""
 
-    key: Any
+    key: Any = None
     """Key of the incumbents: candidates of the same key can be compared in their unknowns."""
-    groups: int
+    groups = 1
     """Number of groups."""
-    on_all_samples: bool
+    on_all_samples = True
     """True if the refinement uses all samples."""
-    keeps_converged: bool
+    keeps_converged = False
     """True if converged candidates compete in the pool; otherwise they are answers only."""
-
-    def group(self, candidates: Any) -> Ints:
-        """Return the groups of candidates or starting points, (n,)."""
 
     def refine(self, starts: Starts, stages: Sequence[Any], between: Callable[[Any], None] | None) -> Candidates:
         """Refine starting points; ``between`` may receive the candidates after each stage but the last."""
+        raise NotImplementedError
 
     def converge(self, candidates: Candidates, stages: Sequence[Any]) -> Candidates:
         """Refine new basins to convergence."""
-
-    def restart(self, candidates: Candidates) -> Starts:
-        """Return candidates as starting points."""
+        raise NotImplementedError
 
     def perturb(self, origins: Candidates, copies: int) -> Starts:
         """Return perturbed copies of basins."""
-
-    def relatives(self, new: Candidates) -> Starts | None:
-        """Return further starting points that new basins suggest."""
-
-    def signature(self, candidates: Candidates) -> tuple[Floats, Floats]:
-        """Return numbers (n, m) that differ between basins, and the scale (n,) of their differences."""
+        raise NotImplementedError
 
     def identity(self, candidates: Candidates) -> Floats:
         """Return numbers (n, m) that differ between exact candidates."""
-
-    def strays(self, candidates: Candidates) -> Flags:
-        """Return whether candidates leave the motion between the samples, (n,)."""
-
-    def may_answer(self, candidates: Candidates) -> bool:
-        """Return whether candidates of a round may be answers before they converge."""
-
-    def complete(self, candidates: Candidates) -> Candidates:
-        """Refine candidates on all samples."""
+        raise NotImplementedError
 
     def satisfying(self, candidates: Candidates, steps: int) -> Iterable[Candidates]:
         """Return answers within the limits near candidates at all samples."""
+        raise NotImplementedError
+
+    def signature(self, candidates: Candidates) -> tuple[Floats, Floats]:
+        """Return numbers (n, m) that differ between basins, and the scale (n,) of their differences."""
+        return self.identity(candidates), np.ones(candidates.cost.size)
+
+    def group(self, candidates: Any) -> Ints:
+        """Return the groups of candidates or starting points, (n,)."""
+        return np.zeros(candidates.cost.size, dtype=np.intp)
+
+    def restart(self, candidates: Candidates) -> Starts:
+        """Return candidates as starting points."""
+        return candidates
+
+    def relatives(self, new: Candidates) -> Starts | None:
+        """Return further starting points that new basins suggest."""
+        return None
+
+    def strays(self, candidates: Candidates) -> Flags:
+        """Return whether candidates leave the motion between the samples, (n,)."""
+        return np.zeros(candidates.cost.size, dtype=bool)
+
+    def may_answer(self, candidates: Candidates) -> bool:
+        """Return whether candidates of a round may be answers before they converge."""
+        return True
+
+    def complete(self, candidates: Candidates) -> Candidates:
+        """Refine candidates on all samples."""
+        return candidates
 
     def polish(self, answers: Candidates, stages: Sequence[Any]) -> Candidates:
         """Refine answers once more, on all samples and within the limits."""
+        return answers.take([])
 
 
 class Incumbents:

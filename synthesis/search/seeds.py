@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from synthesis.arrays import Complexes, Floats, Singles
+from synthesis.arrays import Complexes, Floats, Singles, rows_at
 from synthesis.descents import Pool, Timed
 from synthesis.mechanism import Boxes, Chart, Constraints, Mechanism, Placed
 from synthesis.search.error_table import ErrorTable
@@ -243,7 +243,7 @@ class Fits(NamedTuple):
 
     def take(self, indices: Any) -> Fits:
         """Select windows."""
-        return Fits(*(column[indices] for column in self))
+        return rows_at(self, indices)
 
     def within(
         self, rho: Complexes, boxes: Boxes, reach: tuple[Floats, Floats]
