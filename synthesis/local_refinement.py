@@ -40,7 +40,7 @@ from synthesis.free.limited import limited_problem, refined_within
 from synthesis.free.search import solutions_of, within_limits
 from synthesis.function.answers import Generator
 from synthesis.function.search import FunctionSearch
-from synthesis.function.wanted import TargetFunction
+from synthesis.function.target_function import TargetFunction
 from synthesis.limits import Limits, in_family
 from synthesis.linkage import Linkage, with_links
 from synthesis.mechanism import Bounded

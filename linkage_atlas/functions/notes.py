@@ -25,10 +25,10 @@ from synthesis.function.quick_return import (
     exact_crank_rockers,
     slider_crank_transmission,
 )
+from synthesis.function.target_function import TargetFunction
 from synthesis.function.travel_search import (
     ANGLE,
 )
-from synthesis.function.wanted import TargetFunction
 from synthesis.ranking import PROPORTION
 
 _STEEP = 8.0

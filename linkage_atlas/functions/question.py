@@ -34,6 +34,7 @@ from linkage_atlas.limits import read_function_limits
 from linkage_atlas.motions import unwound
 from synthesis.arrays import Floats
 from synthesis.errors import FieldError
+from synthesis.function.target_function import TargetFunction
 from synthesis.function.travel_search import (
     ANGLE,
     LAWS,
@@ -41,7 +42,6 @@ from synthesis.function.travel_search import (
     Law,
     TravelLimits,
 )
-from synthesis.function.wanted import TargetFunction
 from synthesis.search.search import DEFAULT_TOLERANCE
 from synthesis.target import MAX_LENGTH, Target, make_target
 

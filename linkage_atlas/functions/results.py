@@ -20,11 +20,11 @@ from linkage_atlas.solutions import Verdict
 from synthesis.arrays import Floats
 from synthesis.errors import FieldError
 from synthesis.function.answers import to_csv
+from synthesis.function.target_function import TargetFunction
 from synthesis.function.travel_search import (
     ANGLE,
     LENGTH,
 )
-from synthesis.function.wanted import TargetFunction
 from synthesis.sheet import csv_text
 from synthesis.target import Target
 

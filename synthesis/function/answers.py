@@ -12,7 +12,7 @@ from synthesis.arrays import Floats
 from synthesis.export.layout import closed_motions
 from synthesis.four_bar import FULL_CRANK, Family, close_loop, family, principal, transmission_angle_over
 from synthesis.fourbar.mechanism import FourBar
-from synthesis.function.wanted import TargetFunction
+from synthesis.function.target_function import TargetFunction
 from synthesis.limits import Limits, in_family
 from synthesis.linkage import Linkage, with_links
 from synthesis.pose import rotation_residual, whole_turns
@@ -272,13 +272,13 @@ class Generators(FourBar):
     """
 
     def __init__(self, target: TargetFunction, ground: float) -> None:
-        self.wanted, self.ground = target, ground
+        self.function, self.ground = target, ground
 
     def assess(
         self, target: Target, linkages: Sequence[Linkage], /, *, rows: Sequence[int] | None = None
     ) -> list[Any]:
         """Return the linkages exchanged back, as generators with the errors of their rockers."""
-        return finished(self.wanted, [exchanged(linkage).scaled(self.ground) for linkage in linkages], False)
+        return finished(self.function, [exchanged(linkage).scaled(self.ground) for linkage in linkages], False)
 
     def within(self, samples: Samples, limits: Limits, solutions: Sequence[Any]) -> list[Any]:
         """Return the solutions of the family that close over the interval."""

@@ -1,14 +1,15 @@
-"""Sequential quadratic steps for function generators within limits: least squares, or the least largest error.
+"""Sequential quadratic steps for function generators within limits: least squares, or the minimax error.
 
-Unknowns of a candidate are x = (ln L1/L4, ln L2/L4, ln L3/L4, theta1', offset). With the weighted errors e and the limits'
-conditions c linear in a step d, a step is the solution of one convex program in (d, h, s)::
+Unknowns of a candidate are x = (ln L1/L4, ln L2/L4, ln L3/L4, theta1', offset). With the weighted errors e and the
+conditions c of the limits linearized in a step d, a step is the solution of a convex program in (d, h, s)::
 
-    least largest error   minimise h + nu s              over |e + J d| <= h
+    minimax error         minimise h + nu s              over |e + J d| <= h
     least squares         minimise |e + J d|^2 / (2 |e|) + nu s
     both                  over c + C d + s >= 0, s >= 0, |d| <= radius, x + d in the box
 
-It is taken where h + nu s, at its true values, falls; the radius grows and shrinks with how well the program
-foretold it (Madsen and Schjaer-Jacobsen, Linearly constrained minimax optimization, Math. Programming 14 (1978) 208-223).
+The step is accepted if h + nu s decreases at its true values; the radius grows and shrinks with the quality of the
+prediction (Madsen and Schjaer-Jacobsen, Linearly constrained minimax optimization, Math. Programming 14 (1978)
+208-223).
 """
 
 from __future__ import annotations
@@ -25,7 +26,8 @@ from synthesis.work import Work
 Ints = NDArray[np.intp]
 
 PENALTY = 1000.0
-"""nu: what leaving a condition by one radian, or by one in a logarithm, costs; more than an error can gain there by it."""
+"""nu: penalty of a violation by 1 radian, or by 1 in a logarithm; larger than any reduction of the error that it allows.
+"""
 FIRST_RADIUS = 0.2
 _LARGEST_RADIUS, _LEAST_RADIUS = 1.0, 1e-12
 
@@ -34,7 +36,7 @@ class Linear(NamedTuple):
     """Errors and conditions of candidates with their derivatives by the k free unknowns."""
 
     error: Floats
-    """(n, M): weighted; infinite where a candidate is impossible."""
+    """(n, M): weighted; infinite if a candidate is impossible."""
     slope: Floats
     """(n, M, k)"""
     condition: Floats
@@ -44,10 +46,10 @@ class Linear(NamedTuple):
 
 
 class Linearise(Protocol):
-    """The errors and conditions of a problem."""
+    """Linearization of a problem."""
 
     def __call__(self, unknowns: Floats, which: Ints) -> Linear:
-        """Those of the candidates ``which`` at unknowns (n, 5)."""
+        """Return errors and conditions of the candidates ``which`` at unknowns (n, 5)."""
 
 
 class Descended(NamedTuple):
@@ -55,17 +57,17 @@ class Descended(NamedTuple):
 
     unknowns: Floats
     size: Floats
-    """(n,): the largest error, or the root of the mean square."""
+    """(n,): the largest error, or the root mean square error."""
     broken: Floats
-    """(n,): by how much the worst condition is broken."""
+    """(n,): violation of the worst condition."""
     ended: Flags
-    """(n,): whether the linear program foretells no further gain."""
+    """(n,): True if the linear program predicts no further gain."""
     radius: Floats
-    """(n,): of a next step."""
+    """(n,): radius of the next step."""
 
     @property
     def merit(self) -> Floats:
-        """Size and what broken conditions cost, (n,)."""
+        """Size and the penalty of violated conditions, (n,)."""
         return self.size + PENALTY * self.broken
 
 
@@ -81,30 +83,31 @@ def descend(
     work: Work,
     radius: Floats | float = FIRST_RADIUS,
 ) -> Descended:
-    """Candidates (n, 5) led to a least error, all at once.
+    """Minimize the error of candidates (n, 5), all at once.
 
     Parameters
     ----------
     linear : callable
-        ``linear(unknowns, which)`` of the candidates ``which`` at unknowns.
+        ``linear(unknowns, which)`` linearizes the candidates ``which`` at unknowns.
     unknowns : ndarray, shape (n, 5)
     free : ndarray of int, shape (k,)
         Unknowns that move.
     box : tuple of ndarray, shape (5,)
-        Least and largest of each unknown.
+        Lower and upper bounds of the unknowns.
     largest : bool
-        The least largest error; else least squares.
+        Minimize the largest error; otherwise the squared errors.
     steps : int
+        Maximum number of steps.
     gain : float
-        A candidate has ended when its program foretells a smaller part than this to be gained.
+        A candidate has ended if its program predicts a smaller relative gain.
     work : Work
     radius : ndarray, shape (n,), or float
-        Of the first step.
+        Radius of the first step.
 
     Returns
     -------
     Descended
-        Law: size + PENALTY broken of a candidate is never above that of its beginning.
+        Law: size + PENALTY broken of a candidate never exceeds its initial value.
     """
     unknowns = np.clip(unknowns, *box)
     count = len(unknowns)
@@ -119,13 +122,13 @@ def descend(
             break
         active_model = Linear(*(values[active] for values in here))
         low, high = (edge[free] - unknowns[active][:, free] for edge in box)
-        step, foretold = _program(active_model, radii[active], low, high, largest, accuracy)
+        step, predicted = _program(active_model, radii[active], low, high, largest, accuracy)
         trial = _moved(unknowns[active], free, step, box)
         there = linear(trial, active)
         new = _merit(there, largest)
-        # along a curved valley the step leaves its floor: once more, with what the first step missed (Fletcher, Practical
+        # in a curved basin the step leaves the floor: correct it by the error of the first step (Fletcher, Practical
         # Methods of Optimization, 14.4)
-        repeated = np.flatnonzero((merit[active] - new < 0.5 * (merit[active] - foretold)) & np.isfinite(new))
+        repeated = np.flatnonzero((merit[active] - new < 0.5 * (merit[active] - predicted)) & np.isfinite(new))
         if repeated.size:
             part = Linear(*(values[repeated] for values in active_model))
             missed = there.error[repeated] - (part.slope @ step[repeated][:, :, None])[:, :, 0]
@@ -140,7 +143,7 @@ def descend(
             trial[rows], new[rows], step[rows] = corrected[helped], value[helped], back[helped]
             for column, found in zip(there, corrected_model):
                 column[rows] = found[helped]
-        expected = merit[active] - foretold
+        expected = merit[active] - predicted
         ratio = (merit[active] - new) / np.maximum(expected, 1e-300)
         better = (new < merit[active]) & (ratio > 1e-3)
         took = active[better]
@@ -181,11 +184,11 @@ def _merit(model: Linear, largest: bool) -> Floats:
 def _program(
     model: Linear, radius: Floats, low: Floats, high: Floats, largest: bool, accuracy: float
 ) -> tuple[Floats, Floats]:
-    """Steps (n, k) of the programs, and the merits (n,) that they foretell."""
+    """Return the steps (n, k) of the programs, and the merits (n,) that they predict."""
     count, samples, size = model.slope.shape
     conditions = model.condition.shape[1]
     low, high = np.maximum(low, -radius[:, None]), np.minimum(high, radius[:, None])
-    # an unknown at its edge: a hair of room, so that the beginning lies inside
+    # give an unknown at its bound a little room, so that the starting point lies inside
     room = 1e-12 * radius[:, None]
     low, high = np.minimum(low, -room), np.maximum(high, room)
     z = np.zeros((count, size + 2))

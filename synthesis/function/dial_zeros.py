@@ -1,11 +1,11 @@
-"""Zeros of the dials for which one four-bar meets four or five pairs of a function.
+"""Zeros of the dials for which a single four-bar meets four or five pairs of a function.
 
-Freudenstein's equations of four pairs are dependent for some zeros only, those for which the determinant of the rows
-(cos psi, cos phi, 1, cos(phi - psi)) vanishes. With one zero given it is a quadratic form in the cosine and the sine of the
-other zero, which has two roots in each half turn. Two such forms, of the first four pairs and of the first three with the fifth,
-have a common root where their resultant vanishes. It is a polynomial of degree eight in the tangent of the first zero, so that
-five pairs are met by at most eight four-bars (Bottema and Roth, Theoretical Kinematics, 1979, chapter VIII, for the equal number
-of pivots through five poses).
+Freudenstein's equations of four pairs are dependent only for zeros for which the determinant of the rows (cos psi, cos
+phi, 1, cos(phi - psi)) vanishes. If a zero is prescribed, it is a quadratic form in the cosine and the sine of the
+other zero, which has two roots in each half turn. Two such forms, of the first four pairs and of the first three with
+the fifth, have a common root if their resultant vanishes. The resultant is a polynomial of degree eight in the tangent
+of the first zero, so that at most eight four-bars meet five pairs (Bottema and Roth, Theoretical Kinematics, 1979,
+chapter VIII, for the equal number of pivots through five poses).
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ import numpy as np
 from synthesis.arrays import Floats
 
 _SAMPLES = 32
-"""Number of given zeros at which the resultant, of order four in twice the angle, is sampled."""
+"""Number of prescribed zeros at which the resultant, of order four in twice the angle, is sampled."""
 _ORDER = 4
 _NEAR_CIRCLE = 0.05
-"""Distance from the unit circle up to which a root of the resultant may be real but for rounding."""
+"""Distance from the unit circle up to which a root of the resultant may be real apart from rounding."""
 _NEWTON_STEPS = 12
 _SOLVED = 1e-9
 """Residual of the equations above which a root is discarded."""
@@ -30,7 +30,7 @@ def quadratic_forms(fixed: Floats, turning: Floats) -> Floats:
     Parameters
     ----------
     fixed : ndarray, shape (n, 4)
-        Angles of one dial from the ground line.
+        Angles of a dial from the ground line.
     turning : ndarray, shape (4,)
         Angles of the other dial; an angle x is subtracted from all of them.
 
@@ -40,12 +40,12 @@ def quadratic_forms(fixed: Floats, turning: Floats) -> Floats:
         Coefficients of cos(x)^2, cos(x) sin(x) and sin(x)^2.
     """
     difference = fixed - turning
-    cosine, one = np.cos(fixed), np.ones_like(fixed)
-    first = np.cos(turning) * one, np.sin(turning) * one
+    cosine, ones = np.cos(fixed), np.ones_like(fixed)
+    first = np.cos(turning) * ones, np.sin(turning) * ones
     last = np.cos(difference), -np.sin(difference)
 
     def determinant(i: int, j: int) -> Floats:
-        return np.linalg.det(np.stack([first[i], cosine, one, last[j]], axis=2))
+        return np.linalg.det(np.stack([first[i], cosine, ones, last[j]], axis=2))
 
     return np.stack([determinant(0, 0), determinant(0, 1) + determinant(1, 0), determinant(1, 1)], axis=1)
 
@@ -80,7 +80,7 @@ def zeros_of_five_pairs(crank: Floats, output: Floats) -> tuple[Floats, Floats]:
 
 
 def _refined(crank: Floats, output: Floats, start: Floats, offset: Floats) -> tuple[Floats, Floats]:
-    """Return the zeros after Newton's steps on all five equations, those that satisfy them."""
+    """Return the zeros after Newton steps on all five equations, without those that do not converge."""
     phi, psi = start[:, None] + crank, output - offset[:, None]
     matrix = np.stack([np.cos(psi), -np.cos(phi), np.ones_like(phi)], axis=2)
     ratios = (np.linalg.pinv(matrix) @ np.cos(phi - psi)[:, :, None])[:, :, 0]

@@ -25,7 +25,7 @@ from synthesis.constraints import Constraints
 from synthesis.exact_family import ImprovementOptions, improved
 from synthesis.four_bar import close_loop, transmission_angle_over
 from synthesis.function.dial_zeros import zeros_of_five_pairs, zeros_of_four_pairs
-from synthesis.function.wanted import TargetFunction
+from synthesis.function.target_function import TargetFunction
 from synthesis.limits import Limits, in_family
 from synthesis.linkage import Linkage, as_lengths, four_bar
 from synthesis.mechanism import Placed
@@ -118,7 +118,7 @@ class ExactFamily:
     """
 
     def __init__(self, target: TargetFunction, limits: Limits, sized: bool, options: FewPairsOptions) -> None:
-        self.wanted, self.limits, self.sized, self.options = target, limits, sized, options
+        self.function, self.limits, self.sized, self.options = target, limits, sized, options
         self.pairs = target.crank.size
         self.random = np.random.default_rng(20)
         self._constraints = Constraints(replace(limits, links=(None,) * 4))
@@ -134,7 +134,7 @@ class ExactFamily:
 
     def sample(self) -> Parameters:
         """Draw members of the family evenly over its free numbers."""
-        options, target = self.options, self.wanted
+        options, target = self.options, self.function
         if self.pairs > 3:
             return self._sample_on_curve()
         ratio_is_free = self.pairs == 2 and self._held is None
@@ -148,7 +148,7 @@ class ExactFamily:
 
     def _sample_on_curve(self) -> Parameters:
         """Return both roots for zeros all around, or for the given zero; the few four-bars of five pairs."""
-        options, target = self.options, self.wanted
+        options, target = self.options, self.function
         if self.pairs == 5:
             start, offset = zeros_of_five_pairs(target.crank, target.output)
             return Parameters(start, offset, np.zeros_like(start))
@@ -160,14 +160,14 @@ class ExactFamily:
 
     def _other_zeros(self, zeros: Floats) -> Floats:
         """Return the two offsets for starts (n,), or the two starts for given offsets, of four pairs, (n, 2)."""
-        crank, output = self.wanted.crank, self.wanted.output
-        if self.wanted.offset is None:
+        crank, output = self.function.crank, self.function.output
+        if self.function.offset is None:
             return zeros_of_four_pairs(zeros[:, None] + crank, output)
         return -zeros_of_four_pairs(output - zeros[:, None], crank)
 
     def _on_curve(self, parameters: Parameters) -> Parameters:
         """Return parameters of four pairs with the nearest zero for which the equations are dependent."""
-        free = "offset" if self.wanted.offset is None else "start"
+        free = "offset" if self.function.offset is None else "start"
         initial = getattr(parameters, free)
         roots = self._other_zeros(parameters.start if free == "offset" else parameters.offset)
         away = roots - initial[:, None]
@@ -181,8 +181,8 @@ class ExactFamily:
         size = step * 10.0 ** self.random.uniform(-1.5, 0.0, count)
         start, offset, ratio = size * self.random.standard_normal((3, count))
         return Parameters(
-            parameters.start + (start if self.wanted.start is None else 0.0),
-            parameters.offset + (offset if self.wanted.offset is None else 0.0),
+            parameters.start + (start if self.function.start is None else 0.0),
+            parameters.offset + (offset if self.function.offset is None else 0.0),
             parameters.ratio + (ratio if self._held is None else 0.0),
         )
 
@@ -197,8 +197,8 @@ class ExactFamily:
         if self.pairs == 4:
             parameters = self._on_curve(parameters)
         pairs = np.unique(np.linspace(0, self.pairs - 1, 3).round().astype(int))
-        crank = parameters.start[:, None] + self.wanted.crank[pairs]
-        rocker = self.wanted.output[pairs] - parameters.offset[:, None]
+        crank = parameters.start[:, None] + self.function.crank[pairs]
+        rocker = self.function.output[pairs] - parameters.offset[:, None]
         columns = [np.cos(rocker), -np.cos(crank), np.ones_like(crank)]
         right = np.cos(crank - rocker)
         ratio = np.exp(-parameters.ratio)
@@ -211,12 +211,12 @@ class ExactFamily:
             if self.pairs == 2:
                 found = np.insert(found, 0 if self._by_crank else 1, ratio, axis=1)
             first, second, third = found.T
-            start = parameters.start + np.where((first < 0) & (self.wanted.start is None), np.pi, 0.0)
-            offset = parameters.offset - np.where((second < 0) & (self.wanted.offset is None), np.pi, 0.0)
-            third = third * np.where(self.wanted.start is None, np.sign(first), 1.0)
-            third = third * np.where(self.wanted.offset is None, np.sign(second), 1.0)
-            first = np.abs(first) if self.wanted.start is None else first
-            second = np.abs(second) if self.wanted.offset is None else second
+            start = parameters.start + np.where((first < 0) & (self.function.start is None), np.pi, 0.0)
+            offset = parameters.offset - np.where((second < 0) & (self.function.offset is None), np.pi, 0.0)
+            third = third * np.where(self.function.start is None, np.sign(first), 1.0)
+            third = third * np.where(self.function.offset is None, np.sign(second), 1.0)
+            first = np.abs(first) if self.function.start is None else first
+            second = np.abs(second) if self.function.offset is None else second
             l1, l3 = 1 / first, 1 / second
             l2 = np.sqrt(l1 * l1 + l3 * l3 + 1 - 2 * l1 * l3 * third)
         lengths = np.stack([l1, l2, l3, np.ones_like(l1)], axis=1)
@@ -225,7 +225,7 @@ class ExactFamily:
 
     def parallelograms(self) -> Candidates:
         """Return the parallelograms that turn the output as far as the input, for which the equations are dependent."""
-        options, target, (crank, _, rocker, _) = self.options, self.wanted, self.limits.links
+        options, target, (crank, _, rocker, _) = self.options, self.function, self.limits.links
         gap = target.output - target.crank
         starts = [] if target.start is None else [target.start]
         starts += [] if target.offset is None else [float(target.output[0] - target.offset)]
@@ -247,7 +247,7 @@ class ExactFamily:
         ratio = lengths.max(axis=1) / lengths.min(axis=1)
         origin = np.flatnonzero((ratio < PROPORTION) & in_family(self.limits.family, lengths))
         branch, forward = self._at_pairs(parameters.take(origin), lengths[origin])
-        used = self.wanted.interval.after(parameters.start[origin])
+        used = self.function.interval.after(parameters.start[origin])
         transmission = np.nan_to_num(transmission_angle_over(lengths[origin], used))
         inside = (branch != 0) & (transmission > 0) & (transmission >= self.limits.transmission_angle_min)
         if not self.limits.only_family:
@@ -262,8 +262,8 @@ class ExactFamily:
 
     def _at_pairs(self, parameters: Parameters, lengths: Floats) -> tuple[Floats, NDArray[np.bool_]]:
         """Return the branch (n,), 0 if it differs between pairs, and whether the rocker turns the wanted way at all pairs."""
-        crank = lengths[:, :1] * np.exp(1j * (parameters.start[:, None] + self.wanted.crank))
-        rocker = lengths[:, 2:3] * np.exp(1j * (self.wanted.output - parameters.offset[:, None]))
+        crank = lengths[:, :1] * np.exp(1j * (parameters.start[:, None] + self.function.crank))
+        rocker = lengths[:, 2:3] * np.exp(1j * (self.function.output - parameters.offset[:, None]))
         coupler = 1 + rocker - crank
         side = np.sign(np.imag(np.conj(1 - crank) * coupler))
         same = np.all(side == side[:, :1], axis=1)
@@ -285,13 +285,13 @@ class ExactFamily:
     def follows(self, candidates: Candidates) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Check that rockers turn as far as the output, without additional whole turns, and turn back only slightly."""
         share = (1 - np.cos(np.linspace(0.0, np.pi, self.options.tracked_angles))) / 2
-        travel = np.concatenate([self.wanted.crank, share * self.wanted.crank[-1]])
+        travel = np.concatenate([self.function.crank, share * self.function.crank[-1]])
         closure = close_loop(candidates.lengths, candidates.parameters.start[:, None] + travel)
         at_pairs, between = np.split(closure.rocker_angle(candidates.branch), [self.pairs], axis=1)
-        gap = at_pairs - at_pairs[:, :1] - (self.wanted.output - self.wanted.output[0])
+        gap = at_pairs - at_pairs[:, :1] - (self.function.output - self.function.output[0])
         turns = np.all(np.abs(gap) < 1.0, axis=1)
         back = np.minimum(np.diff(between, axis=1) * self._direction, 0.0).sum(axis=1)
-        allowed = 0.0 if self.wanted.one_way else HARDLY_BACK * np.ptp(self.wanted.output)
+        allowed = 0.0 if self.function.one_way else HARDLY_BACK * np.ptp(self.function.output)
         return turns, np.nan_to_num(back, nan=-np.inf) >= -allowed
 
 

@@ -1,13 +1,14 @@
 """Quick-return linkages by their dead centres: slider-cranks of a given stroke, crank-rockers of a given swing, and a time ratio.
 
-At both dead centres crank and rod (or coupler) lie on one line through the crank pivot A: the far end E of the output's motion is
-at the distance p = rod + crank from A, the near end N at q = rod - crank. The slow motion takes half a turn of the crank and the
-angle alpha more, the fast motion as much less, so A sees the ends under the angle alpha::
+At both dead centres crank and rod (or coupler) lie on a line through the crank pivot A: the far end E of the output's
+motion is at the distance p = rod + crank from A, the near end N at q = rod - crank. The slow motion takes half a turn
+of the crank plus the angle alpha, the fast motion half a turn less alpha, so that A sees the ends under the angle
+alpha::
 
     time ratio = (180 + alpha) / (180 - alpha),   EN^2 = p^2 + q^2 - 2 p q cos(alpha)
 
-(H. Alt, Der Übertragungswinkel und seine Bedeutung für das Konstruieren periodischer Getriebe, Werkstattstechnik 26 (1932) 61-65;
-E. Söylemez, Mechanisms, section 7.1). One free number is left, q over EN.
+(H. Alt, Der Übertragungswinkel und seine Bedeutung für das Konstruieren periodischer Getriebe, Werkstattstechnik 26
+(1932) 61-65; E. Söylemez, Mechanisms, section 7.1). A single number remains free, q over EN.
 """
 
 from __future__ import annotations
@@ -25,8 +26,8 @@ from synthesis.constraints import keeps
 from synthesis.four_bar import close_loop, transmission_angle_over
 from synthesis.function.answers import Generator, finished
 from synthesis.function.few_pairs import function_merit
+from synthesis.function.target_function import TargetFunction
 from synthesis.function.travel_search import ANGLE, LAWS, TravelGenerator, TravelLimits, TravelSearch
-from synthesis.function.wanted import TargetFunction
 from synthesis.guides import Kind
 from synthesis.limits import Limits
 from synthesis.linkage import as_lengths, four_bar
@@ -36,9 +37,9 @@ from synthesis.target import TURN, Interval
 from synthesis.work import Work
 
 _ROUNDING = 1e-9
-"""Part by which rounding may violate a limit that an answer meets exactly."""
+"""Relative violation of a limit by rounding, for an answer at the limit."""
 _EXACT = 1e-6
-"""Error of a crank-rocker in radians below which it is exact but for rounding."""
+"""Error of a crank-rocker in radians that counts as rounding."""
 _SAMPLES = 1500
 """Number of members of a family that are rated."""
 _APART = 0.1
@@ -48,7 +49,7 @@ _NEAREST, _FARTHEST = 1e-2, 1e2
 
 
 class SliderCranks(NamedTuple):
-    """Slider-cranks of stroke 1 whose slow motion leads away from the crank pivot, the crank turning counter-clockwise."""
+    """Slider-cranks of stroke 1 whose slow motion leads away from the crank pivot; the crank turns counter-clockwise."""
 
     lengths: Floats
     """(n, 3): crank, rod, and the offset of the rail, which lies below the crank pivot."""
@@ -59,10 +60,10 @@ class SliderCranks(NamedTuple):
 
 
 class CrankRockers(NamedTuple):
-    """Four-bars whose rocker rises from one dead centre to the other; some of them are no crank-rockers, or turn too fast."""
+    """Four-bars whose rocker rises from a dead centre to the other; some may not be crank-rockers, or turn too fast."""
 
     lengths: Floats
-    """(n, 4): crank, coupler, rocker, ground over the ground."""
+    """(n, 4): crank, coupler, rocker and ground over the ground."""
     branch: Floats
     """(n,)"""
     start: Floats
@@ -75,7 +76,7 @@ def excess_angle(time_ratio: float) -> float:
 
 
 def slider_cranks(alpha: float, near_end: Floats) -> SliderCranks:
-    """Return the slider-cranks of given distances q (n,) of the near end over the stroke; 0 < q < cot(alpha)."""
+    """Return the slider-cranks with the distance q (n,) of the near end over the stroke; 0 < q < cot(alpha)."""
     sine, cosine = np.sin(alpha), np.cos(alpha)
     far_end = near_end * cosine + np.sqrt(1 - (near_end * sine) ** 2)
     offset = 0.0 - far_end * near_end * sine
@@ -85,9 +86,9 @@ def slider_cranks(alpha: float, near_end: Floats) -> SliderCranks:
 
 
 def all_slider_cranks(alpha: float, prescribed: Sequence[tuple[int, float]] = ()) -> SliderCranks:
-    """Return slider-cranks of the whole family, or those in which a length (index, value over the stroke) is given.
+    """Return the slider-cranks of the family, or only those with prescribed lengths (index, value over the stroke).
 
-    There are none from alpha = 90 degrees on, a time ratio of 3: the crank could not turn fully.
+    The family is empty from alpha = 90 degrees, a time ratio of 3: the crank could not turn fully.
     """
     if alpha >= np.pi / 2:
         return slider_cranks(alpha, np.empty(0))
@@ -99,7 +100,7 @@ def all_slider_cranks(alpha: float, prescribed: Sequence[tuple[int, float]] = ()
 
 
 def all_crank_rockers(alpha: float, swing: float, prescribed: Sequence[tuple[int, float]] = ()) -> CrankRockers:
-    """Return the candidates for crank-rockers of a swing in radians, or those in which a length over the ground is given.
+    """Return candidates for crank-rockers of a swing in radians, or only those with prescribed lengths over the ground.
 
     The rocker turns counter-clockwise while the crank turns by half a turn and alpha.
     """
@@ -120,10 +121,10 @@ def all_crank_rockers(alpha: float, swing: float, prescribed: Sequence[tuple[int
 
 
 def _crank_rockers(alpha: float, swing: float, first: int, side: int, q: Floats) -> CrankRockers:
-    """Return candidates for given distances q (n,) of the near end over that of both ends.
+    """Return candidates with the distance q (n,) of the near end over the distance of both ends.
 
-    The rocker has the length 1 and its pivot in the origin. ``first``: 1 if the motion begins at the far dead centre, -1 at the
-    near one. ``side``: of the chord of both ends on which the crank pivot lies.
+    The rocker has the length 1 and its pivot in the origin. ``first``: 1 if the motion begins at the far dead centre,
+    -1 at the near dead centre. ``side``: side of the chord of both ends on which the crank pivot lies.
     """
     chord, sine = 2 * np.sin(swing / 2), np.sin(alpha)
     q = q * chord
@@ -146,9 +147,9 @@ def _crank_rockers(alpha: float, swing: float, first: int, side: int, q: Floats)
 def slider_crank_answers(
     target: TargetFunction, alpha: float, limits: TravelLimits, top: int, tolerance: float, work: Work
 ) -> list[TravelGenerator]:
-    """Return slider-cranks within limits, different from one another, the best to build first; lengths over the stroke."""
+    """Return distinct slider-cranks within limits, the most practical first; lengths over the stroke."""
     law = next(law for law in LAWS if (law.kind, law.input) == (Kind.SLIDER_CRANK, ANGLE))
-    prescribed = [(law.lengths.index(name), value) for name, value in limits.given.items()]
+    prescribed = [(law.lengths.index(name), value) for name, value in limits.prescribed.items()]
     family = all_slider_cranks(alpha, prescribed)
     crank, rod, _ = family.lengths.T
     transmission = slider_crank_transmission(family)
@@ -157,7 +158,7 @@ def slider_crank_answers(
     found: list[TravelGenerator] = []
     for k in np.argsort(merits, kind="stable").tolist():
         shape = family.lengths[k].copy()
-        for index, value in prescribed:  # as it was given, to the last bit
+        for index, value in prescribed:  # restore the prescribed value to the last bit
             shape[index] = np.copysign(value, shape[index])
         if len(found) == top or work.expired():
             break
@@ -183,7 +184,7 @@ def slider_crank_transmission(family: SliderCranks) -> Floats:
 def exact_crank_rockers(
     target: TargetFunction, alpha: float, prescribed: Sequence[tuple[int, float]] = ()
 ) -> CrankRockers:
-    """Return the candidates of `all_crank_rockers` that neither turn too fast on the way nor pass to the other branch."""
+    """Return the candidates of `all_crank_rockers` that do not turn too fast on the way and stay on their branch."""
     found = all_crank_rockers(alpha, float(np.ptp(target.output)), prescribed)
     output = close_loop(found.lengths, found.start[:, None] + target.crank).rocker_angle(found.branch)
     exact = np.all(np.abs(output - output[:, :1] - target.output) < _EXACT, axis=1)
@@ -198,7 +199,7 @@ def crank_rocker_transmission(lengths: Floats) -> Floats:
 def crank_rocker_answers(
     target: TargetFunction, alpha: float, limits: Limits, top: int, tolerance: float
 ) -> list[Generator]:
-    """Return crank-rockers within limits, different from one another, the best to build first."""
+    """Return distinct crank-rockers within limits, the most practical first."""
     ground = limits.links[3] or 1.0
     over = replace(limits.over(ground), family="crank_rocker" if limits.family == "any" else limits.family)
     prescribed = [(k, length) for k, length in enumerate(over.links[:3]) if length is not None]
@@ -218,7 +219,7 @@ def crank_rocker_answers(
             for solution in found
         ):
             links = lengths[k] * ground
-            for index, _ in prescribed:  # as it was given, to the last bit
+            for index, _ in prescribed:  # restore the prescribed value to the last bit
                 links[index] = limits.links[index]
             linkage = four_bar(as_lengths(links), int(branch[k]), float(start[k]))
             found += [
@@ -233,7 +234,7 @@ def _between(count: int) -> Floats:
 
 
 def _roots(lengths: Callable[[Floats], Floats], index: int, target: float, parameters: Floats) -> Floats:
-    """Return the places at which a length of a family has a wanted value, to rounding."""
+    """Return the parameters at which a length of a family has a given value, to rounding."""
     from scipy.optimize import brentq
 
     def gap(q: Floats) -> Floats:

@@ -1,14 +1,14 @@
-"""Search for function generators: by the search for motions if that applies, otherwise within limits or for the largest error.
+"""Search for function generators: by the search for motions if it applies, or within limits, or for the largest error.
 
 Data flow::
 
-    wanted --(clockwise: mirrored)--> the coupler of the linkage with coupler and rocker exchanged turns as wanted
-      -> least squares, nothing limited but the family: `search.search`
-      -> else: a coarse grid of all ratios, then linkages within the limits
-      -> least squares, limits as penalties, all at once
-      -> sequential quadratic steps over fixed places -> different ones, best first
-      -> steps over the extremes of each candidate's own error curve, until they are level
-      -> coupler and rocker exchanged back -> errors recomputed from the linkage's numbers, within the limits, different
+    function --(clockwise: mirrored)--> the coupler of the linkage with coupler and rocker exchanged makes the function
+      -> least squares, limited only by family: `search.search`
+      -> otherwise a coarse grid of all ratios, then linkages within the limits
+      -> least squares of all candidates at once, with the limits as penalties
+      -> sequential quadratic steps over fixed inputs -> distinct candidates, best first
+      -> steps over the extremes of the error curve of each candidate, until they are level
+      -> coupler and rocker exchanged back -> distinct linkages within the limits, with recomputed errors
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ from synthesis.function.descent import (
     descend,
 )
 from synthesis.function.few_pairs import HARDLY_BACK, MOST_PAIRS, exact_functions, function_merit, is_few
-from synthesis.function.wanted import TargetFunction
+from synthesis.function.target_function import TargetFunction
 from synthesis.least_squares import Evaluation, minimise
 from synthesis.limits import Limits
 from synthesis.linkage import Linkage, as_lengths, four_bar, with_links
@@ -64,7 +64,7 @@ from synthesis.work import Work
 # -- errors and their derivatives ---------------------------------------------------------------------------------------
 
 LEVELLED = 1e-7
-"""The least largest error has been found where the linear program over the extremes foretells a smaller part to be gained."""
+"""Predicted relative gain of the linear program over the extremes below which the minimax error counts as found."""
 
 
 @dataclass(frozen=True)
@@ -74,13 +74,13 @@ class LimitOptions:
     ratio_max: float = 20.0
     """Largest ratio of a length to the ground, and of the ground to a length, for the largest error if no limit is smaller."""
     wide_ratio_max: float = 1e6
-    """The same ratio for least squares."""
+    """The largest such ratio for least squares."""
     transmission_min: float = 1e-4
-    """Smallest transmission angle in radians: where the linkage locks, the output has no derivative."""
+    """Smallest transmission angle in radians: at a locked position the output has no derivative."""
     margin: float = 1e-9
     """Margin by which descents satisfy the limits of angles and family."""
     rates: int = 9
-    """Number of inputs at which the output may not turn back."""
+    """Number of inputs at which the output must not turn back."""
     rate_min: float = 1e-3
     """Smallest rate of the output relative to its mean rate."""
     difference: float = 1e-6
@@ -88,7 +88,7 @@ class LimitOptions:
     even_ratio_max: float = 20.0
     """Largest ratio of two links if the best linkage is out of proportion."""
     ranked: int = 10
-    """Smallest number of answers, of which exact ones are ordered by merit."""
+    """Smallest number of candidates for the answers, among which exact linkages are ordered by merit."""
     usable: float = float(np.deg2rad(20.0))
     """Transmission angle of an exact four-bar above which nothing else is searched."""
     locked: float = float(np.deg2rad(5.0))
@@ -96,67 +96,68 @@ class LimitOptions:
     rounding: float = 1e-12
     """Fraction of the longest length by which rounding may violate a limit."""
     nearby_starts: tuple[float, ...] = (0.0, 0.4, -0.4)
-    """Starts relative to the start of a solution, in radians: rounded links may be best in another basin."""
+    """Starts relative to the start of a solution, in radians: the best rounded links may lie in another basin."""
 
 
 OPTIONS = LimitOptions()
 
 
 class OutputCurve(NamedTuple):
-    """The output of candidates over their input."""
+    """Output of candidates over their input."""
 
     value: Floats
-    """(n, M): without the offset; an angle up to whole turns; any number where a candidate is impossible."""
+    """(n, M): without the offset; angles up to whole turns; arbitrary if a candidate is impossible."""
     slope: Floats
-    """(n, 4, M): derivatives by the shape's unknowns and the zero; the last is that by the input too."""
+    """(n, 4, M): derivatives by the unknowns of the shape and by the zero, which is also the derivative by the input.
+    """
     possible: NDArray[np.bool_]
-    """(n, M), or (n, 1): where it closes."""
+    """(n, M), or (n, 1): True if the linkage closes."""
 
 
 class FunctionProblem:
-    """A wanted function and limits made ready for many evaluations: errors and conditions with derivatives, for any linkage.
+    """A function and limits, prepared for many evaluations of errors and conditions with derivatives, for any linkage.
 
-    Unknowns are three of the shape, the zero and the offset.
+    The unknowns are three numbers of the shape, the zero and the offset.
     """
 
-    wanted: TargetFunction
+    function: TargetFunction
     free: NDArray[np.intp]
-    """Unknowns that are not given."""
+    """Unknowns that are not prescribed."""
     moving: Sequence[int] = range(4)
-    """Unknowns by which the output changes."""
+    """Unknowns that change the output."""
     rate_inputs: Floats
-    """Inputs (q,) at which the output must go on, where it may not turn back."""
+    """Inputs (q,) at which the output must advance, if it must not turn back."""
     offset: float | None
-    """The unknown one, where it is given."""
+    """The prescribed offset, if there is any."""
     turns: bool
-    """Whether the output is an angle, so that whole turns of the offset do not count,"""
+    """True if the output is an angle, so that whole turns of the offset do not count."""
     wraps: bool
-    """and whether outputs are known up to whole turns only."""
+    """True if outputs are known up to whole turns only."""
 
     def at(self, unknowns: Floats, branch: Floats, crank: Floats, derivatives: bool = True) -> OutputCurve:
-        """Outputs at inputs (n, M) from the first sample, with slopes where they are wanted."""
+        """Return the outputs at inputs (n, M) from the first sample, with slopes if required."""
         raise NotImplementedError
 
     def conditions(self, unknowns: Floats) -> tuple[Floats, Floats]:
-        """The conditions at unknowns (n, 5), at least 0 where they are kept, (n, m), and derivatives (n, m, 5)."""
+        """Return the conditions at unknowns (n, 5), not negative if satisfied, (n, m), and their derivatives (n, m, 5)."""
         raise NotImplementedError
 
     def wrapped_error(self, gap: Floats) -> Floats:
-        """Errors as they count: to the nearest whole turn, where outputs are known up to whole turns."""
+        """Return errors to the nearest whole turn if outputs are known up to whole turns."""
         return gap - whole_turns(gap) if self.wraps else gap
 
     def gap(self, unknowns: Floats, branch: Floats, crank: Floats) -> Floats:
-        """Errors (n, M) at inputs (n, M) of the candidates' own; infinite where it does not close."""
+        """Return the errors (n, M) at inputs (n, M) that differ by candidate; infinite if the linkage does not close."""
         found = self.at(unknowns, branch, crank, derivatives=False)
-        with np.errstate(invalid="ignore"):  # an output beyond all numbers
-            gap = self.wrapped_error(self.wanted.curve(crank) - unknowns[:, 4:] - found.value)
+        with np.errstate(invalid="ignore"):  # the output may overflow
+            gap = self.wrapped_error(self.function.curve(crank) - unknowns[:, 4:] - found.value)
         return np.where(found.possible, gap, np.inf)
 
     def with_offset(self, unknowns: Floats, branch: Floats, crank: Floats, root: Floats) -> Floats:
-        """Candidates with the given offset, or the best over inputs (M,), whose errors count ``root`` (M,)."""
+        """Set the prescribed offset, or the best offset over inputs (M,) with errors multiplied by ``root`` (M,)."""
         angles, share = np.broadcast_to(crank, (len(unknowns), crank.size)), root**2 / np.sum(root**2)
         found = self.at(unknowns, branch, angles, derivatives=False)
-        gap = np.where(found.possible, self.wanted.curve(angles) - found.value, 0.0)
+        gap = np.where(found.possible, self.function.curve(angles) - found.value, 0.0)
         out = unknowns.copy()
         middle = np.angle(np.exp(1j * gap) @ share) if self.wraps else np.zeros(len(out))
         best = middle + self.wrapped_error(gap - middle[:, None]) @ share
@@ -166,10 +167,10 @@ class FunctionProblem:
         return out
 
     def _rates(self, unknowns: Floats, branch: Floats) -> tuple[Floats, Floats]:
-        """How fast the output goes the wanted way, less a little, at some places (n, q), and derivatives (n, q, 5)."""
-        rise = self.wanted.output[-1] - self.wanted.output[0]
-        sense = np.sign(rise) * np.sign(self.wanted.crank[-1])
-        smallest = OPTIONS.rate_min * abs(rise / self.wanted.crank[-1])
+        """Return the rate of the output less a margin at some inputs (n, q), and derivatives (n, q, 5)."""
+        rise = self.function.output[-1] - self.function.output[0]
+        sense = np.sign(rise) * np.sign(self.function.crank[-1])
+        smallest = OPTIONS.rate_min * abs(rise / self.function.crank[-1])
         inputs = np.broadcast_to(self.rate_inputs, (len(unknowns), self.rate_inputs.size))
 
         def rate(at: Floats) -> Floats:
@@ -182,8 +183,8 @@ class FunctionProblem:
         return rate(unknowns) - smallest, by
 
     def linear(self, branch: Floats, crank: Floats, root: Floats) -> Linearise:
-        """The errors at inputs (n, M) times ``root`` (n, M), and the conditions, ready for `descent.descend`."""
-        curve = self.wanted.curve(crank)
+        """Return the linearized errors at inputs (n, M), times ``root`` (n, M), and conditions for `descent.descend`."""
+        curve = self.function.curve(crank)
 
         def evaluate(unknowns: Floats, which: Ints) -> Linear:
             scale = root[which]
@@ -194,7 +195,7 @@ class FunctionProblem:
             slope[:, :, :4] = -found.slope.transpose(0, 2, 1) * scale[:, :, None]
             slope[:, :, 4] = -scale
             condition, by = self.conditions(unknowns)
-            if self.wanted.one_way:
+            if self.function.one_way:
                 rate, by_rate = self._rates(unknowns, branch[which])
                 condition, by = np.concatenate([condition, rate], axis=1), np.concatenate([by, by_rate], axis=1)
             return Linear(error, np.clip(slope, -1e9, 1e9)[:, :, self.free], condition, by[:, :, self.free])
@@ -203,32 +204,32 @@ class FunctionProblem:
 
 
 class Problem(FunctionProblem):
-    """A wanted function and limits made ready for many evaluations, for linkages with coupler and rocker exchanged.
+    """A function and limits, prepared for many evaluations, for linkages with coupler and rocker exchanged.
 
-    Least and largest lengths, and lengths that are given, are edges of a box; all other limits are conditions on the unknowns.
+    Limits of lengths and prescribed lengths are the edges of a box; all other limits are conditions on the unknowns.
 
     Parameters
     ----------
     target : TargetFunction
-        With a crank that turns counter-clockwise.
+        The function, with a crank that turns counter-clockwise.
     limits : Limits
-        Of the exchanged linkages, lengths over the ground's.
+        Limits of the exchanged linkages, with lengths over the ground.
     largest : bool
-        Whether ratios are sought within `OPTIONS.ratio_max`, or as far as numbers go where no limit says otherwise.
+        Search ratios within `OPTIONS.ratio_max`; otherwise as far as numbers allow if no limit is smaller.
     """
 
     turns, wraps = True, False
 
     def __init__(self, target: TargetFunction, limits: Limits, largest: bool) -> None:
-        self.wanted, self.offset = target, target.target.offset
+        self.function, self.offset = target, target.target.offset
         self.chart = AnyChart()
         smallest_angle = max(limits.transmission_angle_min, OPTIONS.transmission_min)
         in_box = replace(
             limits, transmission_angle_min=smallest_angle, link_min=None, link_max=None, links=(None,) * 4
         )
         self.constraints = Constraints(in_box, smooth=True)
-        self.given = prescribed = np.log([np.nan if length is None else length for length in limits.links[:3]])
-        """ln of the ratios that are given, NaN of the others, (3,)."""
+        self.prescribed = prescribed = np.log([np.nan if length is None else length for length in limits.links[:3]])
+        """Logarithms of the prescribed ratios, NaN for the others, (3,)."""
         held = np.concatenate([~np.isnan(prescribed), [target.start is not None, target.offset is not None]])
         self.free = np.flatnonzero(~held)
         ratio = limits.link_ratio_max or (OPTIONS.ratio_max if largest else OPTIONS.wide_ratio_max)
@@ -239,9 +240,9 @@ class Problem(FunctionProblem):
         self.rate_inputs = (1 - np.cos(np.linspace(0.0, np.pi, OPTIONS.rates))) / 2 * target.crank[-1]
 
     def conditions(self, unknowns: Floats) -> tuple[Floats, Floats]:
-        """Of lengths, angles and family."""
+        """Return the conditions of lengths, angles and family."""
         lengths = np.concatenate([np.exp(unknowns[:, :3]), np.ones((len(unknowns), 1))], axis=1)
-        used = self.wanted.interval.after(unknowns[:, 3])
+        used = self.function.interval.after(unknowns[:, 3])
         found = self.constraints(Placed(lengths, np.ones(len(lengths)), used))
         slopes = np.zeros((*found.values.shape, 5))
         slopes[:, :, :3] = found.slopes[:, :, :3] * lengths[:, None, :3]
@@ -249,7 +250,7 @@ class Problem(FunctionProblem):
         return found.values - OPTIONS.margin * np.array([name != "link_ratio_max" for name in found.names]), slopes
 
     def at(self, unknowns: Floats, branch: Floats, crank: Floats, derivatives: bool = True) -> OutputCurve:
-        """theta2 of the exchanged linkages."""
+        """Return theta2 of the exchanged linkages."""
         found = self.chart.at(unknowns[:, :3], unknowns[:, 3:4] + crank, branch, derivatives)
         return OutputCurve(found.angle, found.slope, found.closes[:, None])
 
@@ -260,8 +261,8 @@ class Problem(FunctionProblem):
 class Fit(NamedTuple):
     """A descent to least squares, with the limits as penalties."""
 
-    places: int
-    """Number of inputs at which the largest error is looked at."""
+    inputs: int
+    """Number of inputs at which the largest error is evaluated."""
     samples: int
     """Number of samples of a fit by least squares."""
     steps: int
@@ -270,10 +271,10 @@ class Fit(NamedTuple):
 class Level(NamedTuple):
     """Sequential quadratic steps over fixed inputs."""
 
-    places: int
+    inputs: int
     steps: int
     gain: float
-    """A candidate ends when its program predicts a smaller relative gain."""
+    """Predicted relative gain below which a candidate ends."""
     spare: int
     """Number of candidates that continue, beyond the requested answers."""
 
@@ -293,7 +294,7 @@ class FunctionOptions(SearchOptions):
     first_answers: int = 8
     """Number of candidates of a stage that may be answers."""
     soft: float = 0.5
-    """Weight of a violated condition beside errors in radians, while a descent finds its basin."""
+    """Weight of a violated condition beside errors in radians while a descent finds its basin."""
     grid_starts: int = 24
     """Number of starts of the grid."""
     grid_levels: tuple[int, ...] = (1, 200, 21, 7)
@@ -302,7 +303,7 @@ class FunctionOptions(SearchOptions):
     """Logarithm of the largest ratio of the grid."""
     grid_seeds: int = 160
     """Number of seeds that the grid gives."""
-    grid_places: int = 9
+    grid_inputs: int = 9
     """Number of inputs at which the grid is evaluated."""
     evaluated_at_once: int = 1 << 13
     """Number of candidates of the grid whose conditions are evaluated together: some megabytes."""
@@ -353,9 +354,9 @@ class FunctionSearch(SearchProblem):
     def __init__(
         self, target: TargetFunction, limits: Limits, largest: bool, top: int, tolerance: float, work: Work
     ) -> None:
-        self.wanted, self.limits, self.largest = target, limits.exchanged(), largest
+        self.function, self.limits, self.largest = target, limits.exchanged(), largest
         self.ratios = self.limits.over(ground_of(limits))
-        """The limits of the exchanged linkages, lengths over the ground's."""
+        """Limits of the exchanged linkages, with lengths over the ground."""
         self.begin_with(Problem(target, self.ratios, largest), top, tolerance, work)
 
     def begin_with(self, problem: Any, top: int, tolerance: float, work: Work) -> None:
@@ -366,7 +367,7 @@ class FunctionSearch(SearchProblem):
         self.settled = False
         self.trace: list[tuple[float, float]] = []
         self.answers: list[Any] = []
-        """All answers that were found."""
+        """All answers found."""
         options = FunctionOptions()
         finished = max(options.candidates, top + 8)
         self.options = replace(
@@ -377,13 +378,13 @@ class FunctionSearch(SearchProblem):
 
     # -- problem of the multistart search -----------------------------------------------------------------------------
 
-    def place(self, unknowns: Floats) -> Floats:
-        """Return numbers of order one that differ between basins."""
+    def basin_coordinates(self, unknowns: Floats) -> Floats:
+        """Return numbers of order 1 that differ between basins."""
         return np.column_stack([unknowns[:, :3], np.cos(unknowns[:, 3]), np.sin(unknowns[:, 3])])
 
     def identity(self, candidates: Candidates) -> Floats:
         """Return numbers that differ between basins, of order 1."""
-        return np.column_stack([self.place(candidates.unknowns), candidates.branch])
+        return np.column_stack([self.basin_coordinates(candidates.unknowns), candidates.branch])
 
     def perturb(self, origins: Candidates, copies: int) -> Candidates:
         """Return no starting points: the grid covers all basins."""
@@ -394,8 +395,8 @@ class FunctionSearch(SearchProblem):
     ) -> Candidates:
         """Refine starting points by least squares."""
         for stage in stages:
-            places = stage.places if self.largest else stage.samples
-            unknowns, cost = self.least_squares(starts.unknowns, starts.branch, places, stage.steps)
+            count = stage.inputs if self.largest else stage.samples
+            unknowns, cost = self.least_squares(starts.unknowns, starts.branch, count, stage.steps)
             starts = candidates_at(unknowns, starts.branch, cost)
         return starts
 
@@ -406,9 +407,11 @@ class FunctionSearch(SearchProblem):
         for stage in stages:
             if not branch.size or self.work.expired():
                 return candidates.take([])
-            crank, root = (np.broadcast_to(row, (branch.size, row.size)) for row in self.error_samples(stage.places))
+            crank, root = (np.broadcast_to(row, (branch.size, row.size)) for row in self.error_samples(stage.inputs))
             done = self.stepped(unknowns, branch, crank, root, stage.steps, stage.gain, radii)
-            cells = np.round(np.column_stack([self.place(done.unknowns), branch]) / self.options.pool_distance)
+            cells = np.round(
+                np.column_stack([self.basin_coordinates(done.unknowns), branch]) / self.options.pool_distance
+            )
             best = first_of_cells(cells, done.merit, self.top + stage.spare)
             unknowns, branch = done.unknowns[best], branch[best]
             radii = np.maximum(2 * done.radius[best], self.options.radius_min)
@@ -419,38 +422,40 @@ class FunctionSearch(SearchProblem):
 
     def satisfying(self, candidates: Candidates, steps: int) -> Iterator[Candidates]:
         """Yield the candidates that satisfy the limits, with the errors of their linkages."""
-        some = candidates
+        leading = candidates
         if not (self.multistart.incumbents.reached or candidates.cost.min(initial=np.inf) < self.tolerance**2):
-            some = candidates.take(slice(0, max(self.options.first_answers, self.top + 4)))
+            leading = candidates.take(slice(0, max(self.options.first_answers, self.top + 4)))
         good, found = [], []
-        for index, answer in enumerate(self.assessed(some.unknowns, some.branch)):
+        for index, answer in enumerate(self.assessed(leading.unknowns, leading.branch)):
             if answer is not None:
                 good.append(index)
                 found.append(answer)
         first = len(self.answers)
         self.answers += found
         cost = np.array([answer.errors.objective**2 for answer in found])
-        yield some.take(np.array(good, dtype=np.intp))._replace(cost=cost, answer=np.arange(first, len(self.answers)))
+        yield leading.take(np.array(good, dtype=np.intp))._replace(
+            cost=cost, answer=np.arange(first, len(self.answers))
+        )
 
-    # -- places -------------------------------------------------------------------------------------------------------
+    # -- inputs -------------------------------------------------------------------------------------------------------
 
     def error_samples(self, count: int) -> tuple[Floats, Floats]:
-        """Crank angles at which errors count, and what each is multiplied with, (M,) each.
+        """Return the crank angles at which errors count and their factors, (M,) each.
 
-        For the least largest error places that are denser towards the ends; for least squares the samples themselves.
+        The largest error uses angles that are denser towards the ends, and least squares uses the samples.
         """
         if self.largest:
-            crank = (1 - np.cos(np.linspace(0.0, np.pi, count))) / 2 * self.wanted.crank[-1]
-            return crank, self.wanted.weight(crank)
-        thinned = self.wanted.target.thinned(count)
+            crank = (1 - np.cos(np.linspace(0.0, np.pi, count))) / 2 * self.function.crank[-1]
+            return crank, self.function.weight(crank)
+        thinned = self.function.target.thinned(count)
         return thinned.crank, np.broadcast_to(thinned.rotation_mean.root, thinned.crank.shape)
 
-    # -- beginnings ---------------------------------------------------------------------------------------------------
+    # -- starting points --------------------------------------------------------------------------------------------------
 
     def grid(self, within: bool = False) -> tuple[Floats, Floats]:
-        """The most promising of a grid of all ratios, starts and branches: unknowns (n, 5) and branches.
+        """Return the most promising points of a grid of all ratios, starts and branches: unknowns (n, 5) and branches.
 
-        ``within``: only those that keep the limits.
+        ``within``: only points that satisfy the limits.
         """
         problem, options = self.problem, self.options
         low, high = problem.box[0][:3], problem.box[1][:3]
@@ -458,28 +463,29 @@ class FunctionSearch(SearchProblem):
             np.maximum(low, np.minimum(high, -options.grid_reach)),
             np.minimum(high, np.maximum(low, options.grid_reach)),
         )
-        free = np.isnan(problem.given)
+        free = np.isnan(problem.prescribed)
         levels = options.grid_levels[int(free.sum())]
         axes = [np.linspace(a, b, levels) if moves else np.array([a]) for a, b, moves in zip(low, high, free)]
         shapes = np.array(list(itertools.product(*axes)))
         starts = np.arange(options.grid_starts) * (TURN / options.grid_starts)
-        if self.wanted.start is not None:
-            starts = np.array([self.wanted.start])
+        if self.function.start is not None:
+            starts = np.array([self.function.start])
         unknowns = np.zeros((len(shapes) * starts.size, 5))
         unknowns[:, :3], unknowns[:, 3] = np.repeat(shapes, starts.size, axis=0), np.tile(starts, len(shapes))
-        crank, root = self.error_samples(options.grid_places)
+        crank, root = self.error_samples(options.grid_inputs)
         if within:
             unknowns = unknowns[(self.problem.conditions(unknowns)[0] >= 0).all(axis=1)]
         return self.screened_from(unknowns, crank, root, (1.0, -1.0), options.grid_seeds // 2, [0.5, 0.5, 0.5, 0.4])
 
     def candidate(self, linkage: Linkage, offset: float | None = None) -> tuple[Floats, Floats]:
-        """A linkage with coupler and rocker exchanged: unknowns (1, 5) and its branch; numbers that are given replace its own.
+        """Return the unknowns (1, 5) and the branch of a linkage with coupler and rocker exchanged.
 
-        ``offset``: output = theta3 + offset, theta3 in (-pi, pi] at the first sample; default: the best.
+        Prescribed numbers replace its own. ``offset``: output = theta3 + offset, theta3 in (-pi, pi] at the first sample;
+        default: the best offset.
         """
-        target, problem, exchanged_linkage = self.wanted, self.problem, exchanged(linkage)
+        target, problem, exchanged_linkage = self.function, self.problem, exchanged(linkage)
         lengths, branch = np.array(exchanged_linkage.links), np.array([float(exchanged_linkage.branch)])
-        ratios = np.where(np.isnan(problem.given), np.log(lengths[:3] / lengths[3]), problem.given)
+        ratios = np.where(np.isnan(problem.prescribed), np.log(lengths[:3] / lengths[3]), problem.prescribed)
         start = exchanged_linkage.start if target.start is None else target.start
         crank, root = self.error_samples(SEARCH_SAMPLES)
         begin = problem.with_offset(np.array([[*ratios, start, 0.0]]), branch, crank, root)
@@ -497,9 +503,10 @@ class FunctionSearch(SearchProblem):
         max_count: int,
         cell: Any = None,
     ) -> tuple[Floats, Floats]:
-        """The most promising of beginnings (n, 5) and their branches: of each branch at most so many, and one a cell.
+        """Return the most promising starting points (n, 5) and their branches, at most ``max_count`` of a branch.
 
-        ``cell``: of the unknowns but the offset; default: of `place`.
+        Each cell gives at most a single point. ``cell``: its size in the unknowns except the offset; default: cells of
+        `basin_coordinates`.
         """
         problem, found, sides = self.problem, [], []
         parts = np.array_split(unknowns, 1 + len(unknowns) // self.options.evaluated_at_once)
@@ -512,7 +519,7 @@ class FunctionSearch(SearchProblem):
             # also infinite if a sample of weight 0 cannot be reached
             gap = np.multiply(root, gap, out=np.full_like(gap, np.inf), where=np.isfinite(gap))
             cost = np.sum(gap * gap, axis=1) / np.sum(root * root) + penalty
-            cells = self.place(placed) / 0.4 if cell is None else placed[:, :4] / cell
+            cells = self.basin_coordinates(placed) / 0.4 if cell is None else placed[:, :4] / cell
             first = first_of_cells(np.floor(cells), cost, max_count)
             found.append(placed[first])
             sides.append(side[first])
@@ -521,7 +528,7 @@ class FunctionSearch(SearchProblem):
     # -- descents -----------------------------------------------------------------------------------------------------
 
     def least_squares(self, unknowns: Floats, branch: Floats, count: int, steps: int) -> tuple[Floats, Floats]:
-        """Candidates after a descent to least squares, limits and box as penalties, and their costs."""
+        """Minimize squared errors with the limits and the box as penalties; return the candidates and their costs."""
         problem, free = self.problem, self.problem.free
         crank, root = self.error_samples(count)
         root = root / np.sqrt(np.sum(root * root))
@@ -563,7 +570,7 @@ class FunctionSearch(SearchProblem):
         gain: float,
         radius: Floats | float = FIRST_RADIUS,
     ) -> Descended:
-        """Candidates after sequential quadratic steps over places (n, M)."""
+        """Take sequential quadratic steps over inputs (n, M)."""
         return descend(
             self.problem.linear(branch, crank, root),
             unknowns,
@@ -577,7 +584,7 @@ class FunctionSearch(SearchProblem):
         )
 
     def run(self) -> list[Any]:
-        """Return the best answers of a search from the grid, different from one another."""
+        """Return the best distinct answers of a search from the grid."""
         unknowns, branch = self.grid()
         self.screened, self.seeds = self.work.elapsed, len(branch)
         if not (self.best_from(unknowns, branch) or self.work.expired()):
@@ -586,7 +593,7 @@ class FunctionSearch(SearchProblem):
 
     @property
     def known(self) -> list[Any]:
-        """The best answers so far, different from one another."""
+        """Return the best distinct answers found."""
         pool = self.multistart.incumbents.pools.get(None)
         return [] if pool is None else distinct([self.answers[k] for k in pool.answer], self.top, APART)
 
@@ -601,28 +608,28 @@ class FunctionSearch(SearchProblem):
         return self.known
 
     def levelled(self, unknowns: Floats, branch: Floats, radii: Floats) -> Floats:
-        """Candidates led on over the extremes of their own error curves, which are looked up again after each few steps."""
+        """Take steps over the extremes of the error curves, which are located again after every few steps."""
         if not self.largest:
             crank, root = (
                 np.broadcast_to(values, (len(branch), values.size))
-                for values in self.error_samples(self.wanted.crank.size)
+                for values in self.error_samples(self.function.crank.size)
             )
             done = self.stepped(unknowns, branch, crank, root, 40, 1e-5, radii)
             self.settled = bool(done.ended[np.argmin(done.merit)])
             return done.unknowns
         best, smallest = unknowns.copy(), np.full(len(branch), np.inf)
         rows = np.arange(len(branch))
-        looked, coarse = look(self.wanted), self.error_samples(self.options.grid_places)[0]
+        inspection, coarse = look(self.function), self.error_samples(self.options.grid_inputs)[0]
         peaks = np.broadcast_to(coarse, (len(rows), coarse.size))
         for turn in range(self.options.exchanges):
-            found = extremes(self.weighted_gap(unknowns[rows], branch[rows]), looked, PEAKS // 2)
+            found = extremes(self.weighted_gap(unknowns[rows], branch[rows]), inspection, PEAKS // 2)
             broken = np.minimum(self.problem.conditions(unknowns[rows])[0], 0.0).min(axis=1)
             largest = found.size.max(axis=1)
             merit = largest - PENALTY * broken
             better = merit < smallest[rows]
-            # no longer falling: the places that the steps saw were all the extremes that there are
+            # no longer falling: the steps saw all the extremes
             first = rows == np.argmin(smallest)
-            # those behind the best are alternatives: they may be a little short of level
+            # candidates behind the best are alternatives, which may be slightly short of level
             level = merit >= smallest[rows] * (1 - np.where(first, LEVELLED, self.options.nearly_level))
             best[rows[better]], smallest[rows[better]] = unknowns[rows[better]], merit[better]
             if turn and level.any():
@@ -639,7 +646,7 @@ class FunctionSearch(SearchProblem):
                 best[rows],
                 branch[rows],
                 angles,
-                self.wanted.weight(angles),
+                self.function.weight(angles),
                 self.options.exchange_steps,
                 LEVELLED,
                 radii[rows],
@@ -648,33 +655,35 @@ class FunctionSearch(SearchProblem):
         return best
 
     def weighted_gap(self, unknowns: Floats, branch: Floats) -> Callable[[Floats], Floats]:
-        """The weighted errors of candidates as a function of crank angles (n, q)."""
+        """Return the weighted errors of candidates as a function of crank angles (n, q)."""
 
         def error(crank: Floats) -> Floats:
             each = np.broadcast_to(crank, (len(branch), crank.shape[-1]))
-            return self.wanted.weight(each) * self.problem.gap(unknowns, branch, each)
+            return self.function.weight(each) * self.problem.gap(unknowns, branch, each)
 
         return error
 
     # -- answers ------------------------------------------------------------------------------------------------------
 
     def assessed(self, unknowns: Floats, branch: Floats) -> list[Generator | None]:
-        """Return candidates as generators, with coupler and rocker exchanged back; None for those that violate a limit."""
-        ratios = np.where(np.isnan(self.problem.given), unknowns[:, :3], self.problem.given)
+        """Return candidates as generators, with coupler and rocker exchanged back; None if a limit is violated."""
+        ratios = np.where(np.isnan(self.problem.prescribed), unknowns[:, :3], self.problem.prescribed)
         ground = ground_of(self.limits)
         lengths = ground * np.concatenate([np.exp(ratios), np.ones((len(ratios), 1))], axis=1)
-        for k, given in enumerate(self.limits.links):
-            if given is not None:  # equal to the last bit
-                lengths[:, k] = given
+        for k, length in enumerate(self.limits.links):
+            if length is not None:  # equal to the last bit
+                lengths[:, k] = length
         start = unknowns[:, 3] % TURN
-        placed = Placed(lengths / ground, branch, self.wanted.interval.after(start))
-        within = np.flatnonzero(keeps(self.wanted.target, self.ratios, placed, OPTIONS.rounding))
+        placed = Placed(lengths / ground, branch, self.function.interval.after(start))
+        within = np.flatnonzero(keeps(self.function.target, self.ratios, placed, OPTIONS.rounding))
         linkages = [exchanged(four_bar(as_lengths(lengths[k]), int(branch[k]), float(start[k]))) for k in within]
-        # the offset of least squares is fitted anew, that of the largest error is the candidate's own
+        # least squares fits the offset again, the largest error uses the candidate's offset
         offsets = unknowns[within, 4] - np.pi if self.largest else None
         answers: list[Generator | None] = [None] * len(branch)
-        backs = turns_back(self.wanted, linkages) if self.wanted.one_way else [None] * len(linkages)
-        for k, generator, back in zip(within.tolist(), finished(self.wanted, linkages, self.largest, offsets), backs):
+        backs = turns_back(self.function, linkages) if self.function.one_way else [None] * len(linkages)
+        for k, generator, back in zip(
+            within.tolist(), finished(self.function, linkages, self.largest, offsets), backs
+        ):
             if back is None:
                 answers[k] = generator
         return answers
@@ -685,7 +694,7 @@ class FunctionSearch(SearchProblem):
 
 
 def ground_of(limits: Limits) -> float:
-    """The ground of a function generator, 1 where it is not given."""
+    """Return the ground of a function generator, 1 if it is not prescribed."""
     return limits.links[3] or 1.0
 
 
@@ -698,29 +707,31 @@ def generate(
     tolerance: float,
     work: Work | None = None,
 ) -> tuple[list[Generator], SearchReport]:
-    """The best linkages for a wanted function.
+    """Find the best linkages for a function.
 
     Parameters
     ----------
     tables : SeedTables
-        Of the four-bar.
+        Tables of the four-bar.
     target : TargetFunction
+        The function.
     limits : Limits
-        Lengths in the unit of the ground's, see `ground_of`.
+        Limits, with lengths in the unit of the ground, see `ground_of`.
     largest : bool
-        Make the largest error over the interval least, or else the root of the mean square at the samples.
+        Minimize the largest error over the interval; otherwise the root mean square error at the samples.
     top : int
-        At most this many, different from one another, best first.
+        Maximum number of linkages.
     tolerance : float
-        Stop the search when the objective is below it.
+        Stop the search when the objective is below this value.
     work : Work, optional
-        Once it has expired the best found so far is returned.
+        When it expires, return the best linkages found.
 
     Returns
     -------
     generators : list of Generator
-        All within the limits. Law: a mirrored function gives the mirrored linkages.
+        Distinct linkages within the limits, best first. Law: a mirrored function gives the mirrored linkages.
     report : SearchReport
+        How the search ended.
     """
     work = work or Work()
     if target.clockwise:
@@ -754,8 +765,8 @@ def _generate_any(
         reached = Status.of(found, tolerance) is Status.REACHED
         if work.expired() or not (lopsided or (prescribed and not reached)):
             return found, report
-        # with given zeros the search for motions ends with full cranks; and where its answer is of lengths that nobody makes,
-        # as for a parallelogram's function, others may do as well
+        # With prescribed zeros the search for motions only finds full cranks.
+        # If its best linkage is out of proportion, as for the function of a parallelogram, others may be as good.
         within = (
             replace(limits, link_ratio_max=OPTIONS.even_ratio_max)
             if lopsided and not (prescribed and not reached)
@@ -777,7 +788,7 @@ def _generate_any(
 
 
 def _is_lopsided(found: Sequence[Generator], tolerance: float) -> bool:
-    """Check that all exact linkages are out of all proportion, or the one of least error if none is exact."""
+    """Check that all exact linkages are out of proportion, or the linkage with the smallest error if none is exact."""
     exact = [generator for generator in found if generator.errors.objective < tolerance]
     best = exact or sorted(found, key=lambda generator: generator.errors.objective)[:1]
     return all(generator.linkage.link_ratio > PROPORTION for generator in best)
@@ -786,14 +797,14 @@ def _is_lopsided(found: Sequence[Generator], tolerance: float) -> bool:
 def exact_generators(
     target: TargetFunction, limits: Limits, max_count: int, tolerance: float, work: Work
 ) -> list[Generator]:
-    """Return linkages that meet two to five pairs, different from one another, the best to build first."""
+    """Return distinct linkages that meet two to five pairs, the most practical first."""
     ground = ground_of(limits)
     linkages, offsets = exact_functions(target, limits.over(ground), limits.links[3] is not None, work)
     prescribed = [(k, length) for k, length in enumerate(limits.links) if length is not None]
     scaled = []
     for linkage in linkages:
         lengths = np.array(linkage.links) * ground
-        for k, length in prescribed:  # as it was given, to the last bit
+        for k, length in prescribed:  # restore the prescribed value to the last bit
             lengths[k] = length
         scaled.append(with_links(linkage, as_lengths(lengths)))
     found = [
@@ -808,7 +819,7 @@ def exact_generators(
 
 
 def is_usable(generator: Generator) -> bool:
-    """Check that a rocker comes near no dead position, and near no position of a change point."""
+    """Check that a rocker stays away from dead positions and from a change point."""
     change_point = generator.family is Family.CHANGE_POINT
     return generator.transmission_angle_min >= (NEAR_CHANGE_POINT if change_point else OPTIONS.locked)
 
@@ -816,10 +827,11 @@ def is_usable(generator: Generator) -> bool:
 def best_built(
     target: TargetFunction, found: list[Generator], top: int, tolerance: float, sized: bool
 ) -> list[Generator]:
-    """Return the first of answers: exact ones by merit, others by `counted_error`, the best at least second.
+    """Return the leading answers: exact linkages by merit, others by `counted_error`.
 
-    Exact ones whose rocker turns back on the way come behind the other exact ones, and those that cannot be used behind all
-    others. ``sized``: see `function_merit`.
+    The linkage with the smallest error is among the first two.
+    Exact linkages whose rocker turns back on the way come behind the other exact linkages, and linkages that cannot be
+    used come last. ``sized``: see `function_merit`.
     """
     if not found:
         return []
@@ -840,7 +852,7 @@ def best_built(
     ordered = sorted(ranked, key=key)
     built = [generator for generator in ordered if generator.linkage.link_ratio <= PROPORTION]
     best = ranked[0] if exact else min(ranked, key=lambda generator: generator.errors.objective)
-    # of the linkages out of proportion, only the best is listed
+    # only the best of the linkages out of proportion is listed
     if built and all(generator is not best for generator in built):
         built.insert(0 if best is ordered[0] else 1 if is_usable(best) else top - 1, best)
     return (built or ordered)[:top]
@@ -849,7 +861,7 @@ def best_built(
 def refit(
     target: TargetFunction, generator: Generator, links: Floats, largest: bool, tolerance: float, work: Work
 ) -> Generator | None:
-    """A generator with other lengths (4,) near its own, its zeros fitted anew; None where it does not close."""
+    """Return a generator with lengths (4,) near its own and zeros fitted again; None if it does not close."""
     if target.clockwise:
         found = refit(target.mirrored(), generator.mirrored(), links, largest, tolerance, work)
         return None if found is None else found.mirrored()
@@ -859,7 +871,7 @@ def refit(
     if target.start is not None:
         start = np.array([target.start])
     unknowns = np.zeros((start.size, 5))
-    unknowns[:, :3], unknowns[:, 3] = run.problem.given, start
+    unknowns[:, :3], unknowns[:, 3] = run.problem.prescribed, start
     branch = np.full(start.size, -float(generator.linkage.branch))
     crank, root = run.error_samples(SEARCH_SAMPLES)
     return next(iter(run.best_from(run.problem.with_offset(unknowns, branch, crank, root), branch)), None)

@@ -1,8 +1,9 @@
-"""Symmetric four-bars for functions: steering, whose left and right arm are mirror images of one another.
+"""Symmetric four-bars for functions: steering linkages, whose left and right arm are mirror images.
 
-Input and output are measured from the position in which the linkage is its own mirror image, an isosceles trapezoid. With the arm
-a over the ground and the angle t of the left arm there, the coupler is 1 - 2 a cos(t), and the right arm has the angle 180 - t.
-These two numbers are all that is free, so both are searched on a grid whose best cells are refined.
+Input and output are measured from the position in which the linkage is its own mirror image, an isosceles trapezoid.
+With the arm a over the ground and the angle t of the left arm there, the coupler is 1 - 2 a cos(t), and the right arm
+has the angle 180 - t. Only these two numbers are free, so that both are searched on a grid whose best cells are
+refined.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from synthesis.arrays import Floats
 from synthesis.constraints import keeps
 from synthesis.four_bar import close_loop
 from synthesis.function.answers import Generator, finished
-from synthesis.function.wanted import TargetFunction
+from synthesis.function.target_function import TargetFunction
 from synthesis.limits import Limits
 from synthesis.linkage import as_lengths, four_bar
 from synthesis.mechanism import Placed
@@ -29,15 +30,17 @@ class SymmetricOptions:
     """Options of the search for symmetric four-bars."""
 
     arm_min: float = 0.1
-    """Shortest arm over the ground if no limit says otherwise; shorter ones let the play of their pins turn a wheel by much."""
+    """Shortest arm over the ground if no limit is smaller; in shorter arms the play of the pins turns a wheel considerably.
+    """
     arm_max: float = 0.2
-    """Longest arm over the ground if no limit says otherwise; longer ones take much room and hardly reduce the error."""
+    """Longest arm over the ground if no limit is larger; longer arms need much room and reduce the error only slightly.
+    """
     arms: int = 12
     """Arms on the grid."""
     angles: int = 360
     """Angles on the grid."""
     error_samples: int = 65
-    """Places at which the largest error is looked at."""
+    """Number of inputs at which the largest error is evaluated."""
     cells: int = 12
     """Number of cells of the grid that are refined."""
     refined: int = 5
@@ -47,17 +50,17 @@ class SymmetricOptions:
 
 
 class SymmetricProblem:
-    """A wanted function, limits, and the errors of symmetric four-bars.
+    """A function, limits, and the errors of symmetric four-bars.
 
     Parameters
     ----------
-    wanted : TargetFunction
+    target : TargetFunction
     first : tuple of float
         Input and output at the first sample, from the symmetric position, in radians.
     limits : Limits
-        Lengths over the ground.
+        Limits, with lengths over the ground.
     largest : bool
-        Whether the largest error over the interval counts, or the root of the mean square at the samples.
+        The objective is the largest error over the interval; otherwise the root mean square error at the samples.
     options : SymmetricOptions
     """
 
@@ -69,10 +72,10 @@ class SymmetricProblem:
         largest: bool,
         options: SymmetricOptions,
     ) -> None:
-        self.wanted, self.first, self.limits, self.largest, self.options = target, first, limits, largest, options
+        self.function, self.first, self.limits, self.largest, self.options = target, first, limits, largest, options
         crank, _, rocker, _ = limits.links
         length = crank if crank is not None else rocker
-        ratio = limits.link_ratio_max  # one that the arms within the usual range satisfy does not widen the range
+        ratio = limits.link_ratio_max  # a limit that the usual range of arms satisfies does not widen the range
         tight = ratio is not None and ratio * options.arm_max < 1 + 2 * options.arm_max
         bounded = limits.link_min is not None or limits.link_max is not None or tight
         self.arms = (
@@ -89,7 +92,7 @@ class SymmetricProblem:
         self.output = target.curve(self.crank)
 
     def lengths(self, arm: Floats, angle: Floats) -> Floats:
-        """Return the lengths (n, 4) over the ground; not above 0 where there is no coupler."""
+        """Return the lengths (n, 4) over the ground; not positive if there is no coupler."""
         return np.stack([arm, 1 - 2 * arm * np.cos(angle), arm, np.ones_like(arm)], axis=1)
 
     def branch(self, arm: Floats, angle: Floats) -> Floats:
@@ -105,19 +108,19 @@ class SymmetricProblem:
         cost = np.full(arm.size, np.inf)
         if not good.size:
             return cost
-        used = self.wanted.interval.after(start[good])
-        inside = keeps(self.wanted.target, self.limits, Placed(lengths[good], branch[good], used))
+        used = self.function.interval.after(start[good])
+        inside = keeps(self.function.target, self.limits, Placed(lengths[good], branch[good], used))
         good = good[inside]
         output = close_loop(lengths[good], start[good, None] + self.crank).rocker_angle(branch[good])
-        # the output from the symmetric position, where the right arm has the angle pi - t
-        gap = self.output - self.wanted.output[0] + self.first[1] - (output - (np.pi - angle[good])[:, None])
+        # output from the symmetric position, in which the right arm has the angle pi - t
+        gap = self.output - self.function.output[0] + self.first[1] - (output - (np.pi - angle[good])[:, None])
         gap -= whole_turns(gap[:, :1])
         size = np.abs(gap) * self.weight
         cost[good] = size.max(axis=1) if self.largest else np.sqrt(np.sum(size * size, axis=1))
         return np.where(np.isnan(cost), np.inf, cost)
 
     def search(self, work: Work) -> tuple[Floats, Floats]:
-        """Return arms and angles (n,) of different local minima, best first."""
+        """Return arms and angles (n,) of distinct local minima, best first."""
         options, (shortest, longest) = self.options, self.arms
         arms = np.geomspace(shortest, longest, options.arms if longest > shortest else 1)
         angles = np.linspace(-np.pi, np.pi, options.angles, endpoint=False)
@@ -149,17 +152,17 @@ def symmetric_four_bars(
     work: Work,
     options: SymmetricOptions | None = None,
 ) -> list[Generator]:
-    """Search for symmetric four-bars that make a function, different from one another, the least error first.
+    """Search for distinct symmetric four-bars that make a function, the smallest error first.
 
-    ``first``: input and output at the first sample, from the symmetric position, in radians. ``limits``: lengths in the unit
-    of the ground, which is 1 if it is not given.
+    ``first``: input and output at the first sample, from the symmetric position, in radians. ``limits``: lengths in the
+    unit of the ground, which is 1 if it is not prescribed.
     """
     ground = limits.links[3] or 1.0
     problem = SymmetricProblem(target, first, limits.over(ground), largest, options or SymmetricOptions())
     arms, angles = problem.search(work)
     lengths, branches = problem.lengths(arms, angles) * ground, problem.branch(arms, angles)
     length = limits.links[0] if limits.links[0] is not None else limits.links[2]
-    if length is not None:  # as it was given, to the last bit
+    if length is not None:  # restore the prescribed value to the last bit
         lengths[:, [0, 2]] = length
     linkages = [
         four_bar(as_lengths(row), int(branch), float(angle + first[0]))

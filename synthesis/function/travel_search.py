@@ -1,31 +1,31 @@
-"""The search for functions with travel: linkages with a slider or a cylinder whose output follows their input as wanted.
+"""Search for function generators with travel: linkages with a slider or a cylinder whose output follows a function of the input.
 
-That of `search` with other linkages: beginnings spread over all shapes and zeros, least squares, then sequential quadratic steps
-within the limits, for the largest error over the extremes of each candidate's own error curve. Inputs and outputs are radians,
-or lengths over one scale, in which all lengths are.
+The steps are those of `search` with other linkages: starting points spread over all shapes and zeros, least squares,
+then sequential quadratic steps within the limits, for the largest error over the extremes of the error curve of each
+candidate. Inputs and outputs are radians, or lengths over a scale that all lengths share.
 
-An input or an output is the angle of a crank or lever, or a travel: of a slider along its rail, or of a cylinder. With u the way
-from the first sample on, every law is y(u) + offset, of five unknowns: three of the shape, the *zero*, where the input is first,
-and the offset. Lengths are over one scale; those that must be above 0 are logarithms. Frames as in `slider`: pivot of the
-crank in the origin, the rail on y = e, fixed pin d on the x axis.
+An input or an output is the angle of a crank or lever, or the travel of a slider along its rail or of a cylinder. Each
+law is y(u) + offset, with the input u from the first sample and five unknowns: three of the shape, the *zero*, which is
+the input at the first sample, and the offset. Lengths that must be positive are represented by their logarithms. Frames
+as in `slider`: the pivot of the crank in the origin, the rail on y = e, the fixed pin d on the x axis.
 
 ======================  ============================  ========================================================================
-kind                    input to output               law
-======================  ============================  ========================================================================
-slider_crank            crank to slider               y = r cos t + b sqrt(l^2 - (e - r sin t)^2),   t = zero + u
-slider_crank            slider to crank               |p + i e - r e^{iy}| = l,                      p = zero + u
-swinging_block          crank to cylinder             y = |d - r e^{it}|,                            t = zero + u
-swinging_block          cylinder to crank             |d - r e^{iy}| = s,                            s = zero + u
-two_rails               slider to slider              y^2 + p^2 - 2 y p cos delta = l^2,             p = zero + u
-rail_slot               slider to slotted lever       i e - p = e^{iy} (s + i h),                    p = zero + u
-rail_slot               slider to cylinder            y^2 = p^2 + e^2,                               p = zero + u
-rail_slot               cylinder to slider            y^2 = s^2 - e^2,                               s = zero + u
-======================  ============================  ========================================================================
+kind                    input to output               law ======================  ============================
+======================================================================== slider_crank            crank to slider
+y = r cos t + b sqrt(l^2 - (e - r sin t)^2),   t = zero + u slider_crank            slider to crank               |p + i
+e - r e^{iy}| = l,                      p = zero + u swinging_block          crank to cylinder             y = |d - r
+e^{it}|,                            t = zero + u swinging_block          cylinder to crank             |d - r e^{iy}| =
+s,                            s = zero + u two_rails               slider to slider              y^2 + p^2 - 2 y p cos
+delta = l^2,             p = zero + u rail_slot               slider to slotted lever       i e - p = e^{iy} (s + i h),
+p = zero + u rail_slot               slider to cylinder            y^2 = p^2 + e^2,                               p =
+zero + u rail_slot               cylinder to slider            y^2 = s^2 - e^2,                               s = zero +
+u ======================  ============================
+========================================================================
 
-The branch b tells the two solutions apart; where there is but one it is +1. An offset of the swinging block's cylinder from its
-pins would give no other functions: its length depends on two numbers alone. Nor would one of the cylinder on a slider: h^2 goes
-with e^2. Derivatives of angles come from the closed loop
-(design note on sliders, section 5).
+The branch b distinguishes two solutions; it is +1 if there is a single solution. An offset of the swinging block's
+cylinder from its pins would add no functions, because the length of the cylinder only depends on two numbers; the same
+holds for the cylinder on a slider, because h^2 and e^2 only occur as a sum. Derivatives of angles come from the closed
+loop.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from numpy.typing import NDArray
 from synthesis.arrays import Floats
 from synthesis.function.answers import FunctionErrors, errors_of, turning_back
 from synthesis.function.search import FunctionProblem, FunctionSearch, OutputCurve, candidates_at
-from synthesis.function.wanted import TargetFunction
+from synthesis.function.target_function import TargetFunction
 from synthesis.guides import Circle, Driver, Guide, Kind, Rail, Slot
 from synthesis.limits import Limits
 from synthesis.linkage import Linkage, through
@@ -56,7 +56,7 @@ from synthesis.work import Work
 
 ANGLE, LENGTH = "angle", "length"
 _ROUNDING = 1e-9
-"""Part by which rounding may break a limit that an answer stands at."""
+"""Relative violation of a limit by rounding, for an answer at the limit."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ class TravelOptions:
     seeds: int = 120
     """Number of starting points that descend."""
     spare: int = 4
-    """Number of further answers, of which some prove to lie in the same basin."""
+    """Number of further answers, because some prove to lie in the same basin."""
     looks: tuple[int, ...] = (33, 33, 33, 33)
     """Numbers of nodes of closer looks at the smallest transmission angle."""
     short_steps: int = 40
@@ -90,20 +90,20 @@ class TravelOptions:
     continued_steps: int = 300
     """Number of steps of these continued descents."""
     open_error: float = 1e3
-    """Error where a linkage does not close."""
+    """Error of a linkage that does not close."""
     answer_max: float = 0.1
     """Error above which a law has no answer if another law is much better."""
     much_better: float = 10.0
     """Ratio of errors above which another law is much better."""
     rounding: float = 1e-9
-    """Fraction of the output below which a turn back is rounding."""
+    """Fraction of the output below which a reversal is rounding."""
 
 
 OPTIONS = TravelOptions()
 
 
 class Law(NamedTuple):
-    """How the output of a kind of linkage follows its input."""
+    """Relation of output and input for a kind of linkage."""
 
     kind: Kind
     driver: Driver
@@ -112,29 +112,29 @@ class Law(NamedTuple):
     lengths: tuple[str, ...]
     """Names of the unknowns of the shape."""
     positive: tuple[bool, ...]
-    """Which of them are lengths above 0, and stand as logarithms."""
+    """Unknowns of the shape that are positive lengths, represented by their logarithms."""
     branches: tuple[int, ...]
     follow: Callable[[Floats, Floats, Floats, Floats], OutputCurve]
-    """``follow(lengths (n, 3, 1), branch (n, 1), place (n, M), zero)``: slopes by lengths, not logarithms."""
+    """``follow(lengths (n, 3, 1), branch (n, 1), input (n, M), zero)``: slopes by lengths, not by logarithms."""
     sine: Callable[[Floats, Floats], Floats]
-    """``sine(lengths (n, 3, 1), place (n, M))``: sine of the transmission angle; of complex numbers too."""
+    """``sine(lengths (n, 3, 1), input (n, M))``: sine of the transmission angle, also of complex numbers."""
     mounted: Callable[[Floats, int, float], tuple[tuple[Guide, Guide], float, complex]]
-    """``mounted(lengths, branch, place)``: guides, and rotation and place of the body where the input is there."""
+    """``mounted(lengths, branch, input)``: guides, and rotation and position of the body at this input."""
 
     @property
     def size(self) -> int:
-        """How many unknowns its shape has."""
+        """Number of unknowns of the shape."""
         return len(self.lengths)
 
     def of(self, unknowns: Floats) -> Floats:
-        """Lengths (n, 3) of unknowns (n, 5); 0 where there is none."""
+        """Return the lengths (n, 3) of unknowns (n, 5); 0 if the shape has fewer."""
         out = np.zeros((len(unknowns), 3), dtype=unknowns.dtype)
         for k, above in enumerate(self.positive):
             out[:, k] = np.exp(unknowns[:, k]) if above else unknowns[:, k]
         return out
 
     def at(self, unknowns: Floats, branch: Floats, travel: Floats) -> OutputCurve:
-        """The output at inputs (n, M) from the first sample on, and derivatives by the unknowns (n, 5), but the offset."""
+        """Return the output at inputs (n, M) from the first sample, and derivatives by the unknowns (n, 5) except the offset."""
         lengths = self.of(unknowns)
         with np.errstate(all="ignore"):
             found = self.follow(lengths[:, :, None], branch[:, None], unknowns[:, 3:4] + travel, unknowns[:, 3:4])
@@ -145,13 +145,13 @@ class Law(NamedTuple):
         return OutputCurve(np.nan_to_num(found.value), slope, found.possible & np.isfinite(found.value))
 
     def sines(self, unknowns: Floats, travel: Floats) -> Floats:
-        """Sines of the transmission angle at inputs (n, M); 0 where it does not close."""
+        """Return sines of the transmission angle at inputs (n, M); 0 if the linkage does not close."""
         with np.errstate(all="ignore"):
             found = self.sine(self.of(unknowns)[:, :, None], unknowns[:, 3:4] + travel)
         return np.where(np.isfinite(found), found, 0.0)
 
     def linkage(self, lengths: Floats, branch: int, zero: float) -> Linkage:
-        """The linkage, its input at the zero."""
+        """Return the linkage with its input at the zero."""
         guides, rotation, position = self.mounted(lengths, branch, zero)
         return through(guides, self.driver, rotation, position)
 
@@ -161,7 +161,7 @@ def _columns(lengths: Floats) -> tuple[Floats, Floats, Floats]:
 
 
 def _safe(value: Floats) -> Floats:
-    """A divisor that is not 0."""
+    """Replace 0 in a divisor."""
     return np.where(np.abs(value) > OPTIONS.divisor_min, value, np.copysign(OPTIONS.divisor_min, value))
 
 
@@ -207,7 +207,7 @@ def _slider_crank(lengths: Floats, branch: int, t: float) -> tuple[tuple[Guide, 
 
 
 def _triangle(first: Floats, second: Floats, opposite: Floats) -> tuple[Floats, Floats]:
-    """The angle between two sides of a triangle by all three, and 16 times its squared area; NaN where there is none."""
+    """Return the angle between two sides of a triangle and 16 times its squared area; NaN if there is no triangle."""
     outer = (first + second - opposite) * (first + second + opposite)
     inner = (opposite - (first - second)) * (opposite + (first - second))
     square = outer * inner
@@ -324,7 +324,7 @@ def _slider_to_lever(lengths: Floats, branch: Floats, p: Floats, zero: Floats) -
     square = p * p + (e - h) * (e + h)
     s = np.sqrt(square)
     lever = _safe(s)
-    # continuous: the pin lies on one side of the rail
+    # continuous: the pin lies on the same side of the rail throughout
     y = np.sign(e) * (np.pi / 2 + np.arctan2(p, np.abs(e))) - np.arctan2(h, s)
     none = np.zeros_like(p)
     slope = np.stack([np.cos(y) / lever, -1 / lever, none, np.sin(y) / lever], axis=1)
@@ -474,7 +474,7 @@ LAWS = (
         _driven_on_rail,
     ),
 )
-"""All there are, those that are built most often first."""
+"""All laws, the most common linkages first."""
 
 
 # -- the search ---------------------------------------------------------------------------------------------------------
@@ -484,32 +484,32 @@ Ints = NDArray[np.intp]
 
 @dataclass(frozen=True)
 class TravelLimits:
-    """What a linkage with a slider must keep to: limits of shape and lengths, and lengths that are ``given``, by their names."""
+    """Limits of shape and lengths for a linkage with a slider, and ``prescribed`` lengths by their names."""
 
     limits: Limits
-    given: Mapping[str, float] = field(default_factory=dict)
+    prescribed: Mapping[str, float] = field(default_factory=dict)
 
     def over(self, scale: float) -> TravelLimits:
-        """The same with lengths over a scale."""
-        scaled = {name: value if name == "angle" else value / scale for name, value in self.given.items()}
+        """Return the limits with lengths over a scale."""
+        scaled = {name: value if name == "angle" else value / scale for name, value in self.prescribed.items()}
         return TravelLimits(self.limits.over(scale), scaled)
 
 
 class TravelProblem(FunctionProblem):
-    """A wanted function, a law and limits; unknowns that the law has not, or that are given, are held."""
+    """A function, a law and limits; unknowns that the law does not have, or that are prescribed, are fixed."""
 
     def __init__(self, target: TargetFunction, law: Law, limits: TravelLimits, largest: bool) -> None:
-        self.wanted, self.law, self.limits = target, law, limits.limits
+        self.function, self.law, self.limits = target, law, limits.limits
         self.offset, self.turns, self.wraps = target.offset, law.output == ANGLE, law.output == ANGLE
         self.moving = [*range(law.size), 3]
         self.least_sine = max(np.sin(self.limits.transmission_angle_min), OPTIONS.sine_min)
         prescribed = np.full(3, np.nan)
         prescribed[law.size :] = 0.0
-        for name, value in limits.given.items():
+        for name, value in limits.prescribed.items():
             if name in law.lengths:
                 index = law.lengths.index(name)
                 prescribed[index] = np.log(value) if law.positive[index] else value
-        self.given = prescribed
+        self.prescribed = prescribed
         held = np.concatenate([~np.isnan(prescribed), [target.start is not None, target.offset is not None]])
         self.free = np.flatnonzero(~held)
         low, high = np.full(5, -np.inf), np.full(5, np.inf)
@@ -530,7 +530,7 @@ class TravelProblem(FunctionProblem):
     # -- conditions ---------------------------------------------------------------------------------------------------
 
     def conditions(self, unknowns: Floats) -> tuple[Floats, Floats]:
-        """Of transmission angles, at some places and where they are least, and of the lengths' ratio."""
+        """Return the conditions of transmission angles, at some inputs and at the minimum, and of the ratio of lengths."""
         inputs = self.lowest(unknowns)
         sines = self.law.sines(unknowns, inputs)
         value, slope = [sines - self.least_sine - OPTIONS.margin], [np.zeros((*sines.shape, 5))]
@@ -551,7 +551,7 @@ class TravelProblem(FunctionProblem):
         return np.concatenate(value, axis=1), np.concatenate(slope, axis=1)
 
     def lowest(self, unknowns: Floats) -> Floats:
-        """The places, and that between them where the transmission angle is least, (n, q + 1)."""
+        """Return the fixed inputs and the input of the smallest transmission angle between them, (n, q + 1)."""
         fixed = np.broadcast_to(self.rate_inputs, (len(unknowns), self.rate_inputs.size))
         best = np.argmin(self.law.sines(unknowns, fixed), axis=1)
         ends = (
@@ -564,13 +564,13 @@ class TravelProblem(FunctionProblem):
     # -- errors -------------------------------------------------------------------------------------------------------
 
     def at(self, unknowns: Floats, branch: Floats, crank: Floats, derivatives: bool = True) -> OutputCurve:
-        """By the law."""
+        """Evaluate the law."""
         return self.law.at(unknowns, branch, crank)
 
-    # -- beginnings ---------------------------------------------------------------------------------------------------
+    # -- starting points --------------------------------------------------------------------------------------------------
 
     def beginnings(self, count: int) -> Floats:
-        """Shapes and zeros (n, 5) spread over all that may serve; the same ones each time."""
+        """Spread shapes and zeros (n, 5) over the useful range; the same each time."""
         random, law = np.random.default_rng(21), self.law
         out = np.zeros((count, 5))
         size = np.exp(random.uniform(-1.5, 4.5, (count, 1)) + random.uniform(-1.2, 1.2, (count, 3)))
@@ -583,7 +583,7 @@ class TravelProblem(FunctionProblem):
                 out[:, k] = reach * np.where(random.random(count) < 0.2, 0.0, random.uniform(-0.8, 0.8, count))
             elif law.lengths[k] == "slot_offset":
                 out[:, k] = out[:, 0] * random.uniform(-1.2, 1.2, count) * (random.random(count) > 0.3)
-        out[:, :3] = np.where(np.isnan(self.given), out[:, :3], self.given)
+        out[:, :3] = np.where(np.isnan(self.prescribed), out[:, :3], self.prescribed)
         lengths = law.of(out)
         if law.input == ANGLE:
             out[:, 3] = random.uniform(0, TURN, count)
@@ -592,44 +592,44 @@ class TravelProblem(FunctionProblem):
             if "angle" in law.lengths:
                 reach = lengths[:, 0] / np.maximum(np.abs(np.sin(lengths[:, 1])), 0.1)
             out[:, 3] = (
-                1.2 * reach * random.uniform(-1, 1, count) - random.uniform(0, 1, count) * self.wanted.crank[-1]
+                1.2 * reach * random.uniform(-1, 1, count) - random.uniform(0, 1, count) * self.function.crank[-1]
             )
             if law.driver is Driver.CYLINDER:
                 out[:, 3] = np.abs(out[:, 3])
-        if self.wanted.start is not None:
-            out[:, 3] = self.wanted.start
+        if self.function.start is not None:
+            out[:, 3] = self.function.start
         return out
 
 
 class TravelGenerator(NamedTuple):
-    """A linkage whose output follows its input as wanted; lengths over the scale."""
+    """Linkage whose output follows the function; lengths over the scale."""
 
     law: Law
     lengths: Floats
-    """(k,): those of the law."""
+    """(k,): lengths of the law."""
     branch: int
     zero: float
-    """The input at the first sample."""
+    """Input at the first sample."""
     offset: float
-    """output = its own + offset; an angle's own lies in (-pi, pi] at the first sample."""
+    """Added to the linkage's own output, whose angle lies in (-pi, pi] at the first sample, to give the output."""
     errors: FunctionErrors
     linkage: Linkage
     transmission_angle_min: float
-    """Over the used interval, exactly."""
+    """Exact minimum over the used interval."""
 
     @property
     def identity(self) -> Floats:
-        """Numbers that tell linkages apart."""
+        """Numbers that differ between linkages."""
         angle = np.array(self.law.lengths) == "angle"
         size = np.abs(self.lengths[~angle]).max()
-        # two sliders do the same in a mirror
+        # two sliders make the same function in a mirror
         shape = np.where(angle, np.abs(self.lengths), self.lengths / size)
         missing = np.zeros(3 - shape.size)
         return np.array([*shape, *missing, np.log(size), self.branch, LAWS.index(self.law)])
 
     @property
     def looks(self) -> Floats:
-        """Numbers of which two linkages that look alike in a picture differ by less than one."""
+        """Numbers that differ by less than 1 for linkages whose pictures look the same."""
         return self.identity / 0.02
 
     def output(self, travel: Floats) -> Floats:
@@ -648,7 +648,7 @@ class TravelGenerator(NamedTuple):
 
 
 class TravelSearch(FunctionSearch):
-    """One request to one law."""
+    """Search with a single law."""
 
     def __init__(
         self,
@@ -660,11 +660,11 @@ class TravelSearch(FunctionSearch):
         tolerance: float,
         work: Work,
     ) -> None:
-        self.wanted, self.law, self.travel_limits, self.largest = target, law, limits, largest
+        self.function, self.law, self.travel_limits, self.largest = target, law, limits, largest
         self.begin_with(TravelProblem(target, law, limits, largest), top, tolerance, work)
 
     def least_squares(self, unknowns: Floats, branch: Floats, count: int, steps: int) -> tuple[Floats, Floats]:
-        """As of four-bars; the best go on, as far as narrow valleys need: next to a dead position."""
+        """Minimize squared errors; the best candidates continue, because basins near a dead position are narrow."""
         unknowns, cost = super().least_squares(unknowns, branch, count, steps)
         best = np.argsort(cost, kind="stable")[: OPTIONS.continued]
         if steps > OPTIONS.short_steps and best.size and cost[best[0]] > (0.3 * self.tolerance) ** 2:
@@ -674,18 +674,18 @@ class TravelSearch(FunctionSearch):
         return unknowns, cost
 
     def weighted_gap(self, unknowns: Floats, branch: Floats) -> Callable[[Floats], Floats]:
-        """As of four-bars; very large where a candidate does not close between the places that its steps looked at."""
+        """As for four-bars; very large if a candidate does not close between the inputs of its steps."""
         error = super().weighted_gap(unknowns, branch)
         return lambda crank: np.minimum(error(crank), OPTIONS.open_error)
 
-    def place(self, unknowns: Floats) -> Floats:
-        """Where candidates lie, in numbers of order one."""
+    def basin_coordinates(self, unknowns: Floats) -> Floats:
+        """Return numbers of order 1 that differ between basins."""
         zero = unknowns[:, 3]
         around = [np.cos(zero), np.sin(zero)] if self.law.input == ANGLE else [np.arcsinh(zero), 0 * zero]
         return np.column_stack([np.arcsinh(unknowns[:, :3]), *around])
 
     def run(self) -> list[Any]:
-        """The best candidates, different ones, within the limits."""
+        """Return the best distinct candidates within the limits."""
         before, branches = self.work.elapsed, self.law.branches
         begin = self.problem.beginnings(OPTIONS.starting_points)
         begin, root = self.screened_from(
@@ -693,22 +693,22 @@ class TravelSearch(FunctionSearch):
         )
         self.screened = self.work.elapsed - before
         self.seeds = len(root)
-        if not self.problem.free.size:  # everything is given: nothing is left to search
+        if not self.problem.free.size:  # everything is prescribed: nothing is left to search
             self.settled = True
             self.multistart.accept(candidates_at(begin, root))
             return self.known
         return self.best_from(begin, root)
 
     def assessed(self, unknowns: Floats, branch: Floats) -> list[Any]:
-        """Return candidates as generators with recomputed errors; None for those that violate a limit."""
-        problem, target, law = self.problem, self.wanted, self.law
+        """Return candidates as generators with recomputed errors; None if a limit is violated."""
+        problem, target, law = self.problem, self.function, self.law
         if not self.largest:
             root = np.broadcast_to(target.mean.root, target.crank.shape)
             unknowns = problem.with_offset(unknowns, branch, target.crank, root)
         lengths = law.of(unknowns)[:, : law.size]
         for k, name in enumerate(law.lengths):
-            if name in self.travel_limits.given:
-                lengths[:, k] = self.travel_limits.given[name]
+            if name in self.travel_limits.prescribed:
+                lengths[:, k] = self.travel_limits.prescribed[name]
         crank = np.broadcast_to(target.crank, (len(branch), target.crank.size))
         good = np.all(np.isfinite(problem.gap(unknowns, branch, crank)), axis=1)
         rows = zip(unknowns, lengths, branch, good)
@@ -716,7 +716,7 @@ class TravelSearch(FunctionSearch):
 
     def generator(self, unknowns: Floats, lengths: Floats, branch: int) -> TravelGenerator | None:
         """Return a linkage with its errors; None if it violates a limit."""
-        law, target, limits = self.law, self.wanted, self.travel_limits.limits
+        law, target, limits = self.law, self.function, self.travel_limits.limits
         zero = float(unknowns[3])
         all_lengths = np.zeros(3)
         all_lengths[: law.size] = lengths
@@ -745,7 +745,7 @@ class TravelSearch(FunctionSearch):
         own = float(generator.output(np.zeros(1))[0])
         raw = float(law.at(unknowns[None], np.array([float(branch)]), np.zeros((1, 1))).value[0, 0])
         generator = generator._replace(offset=offset + raw - own)
-        if law.output == ANGLE:  # the nearest to the wanted one by whole turns
+        if law.output == ANGLE:  # nearest to the function by whole turns
             generator = generator._replace(
                 offset=generator.offset + float(whole_turns(target.output[0] - own - generator.offset))
             )
@@ -755,13 +755,13 @@ class TravelSearch(FunctionSearch):
 
 
 def travel_turns_back(target: TargetFunction, generator: TravelGenerator) -> str | None:
-    """A sentence where the output turns back though the wanted one goes one way."""
+    """Return a sentence if the output reverses although the function is monotonic."""
     back = turning_back(target, generator.output, OPTIONS.rounding * abs(target.output[-1] - target.output[0]))
     return None if back is None else f"the output turns back at {100 * back[1]:.3g} % of the interval"
 
 
 def laws_for(kinds: Sequence[str], input: str, output: str) -> list[Law]:
-    """The laws of some kinds from an input to an output, each "angle" or "length"."""
+    """Return the laws of some kinds from an input to an output, each "angle" or "length"."""
     return [law for law in LAWS if law.kind in kinds and (law.input, law.output) == (input, output)]
 
 
@@ -774,9 +774,9 @@ def generate_travel(
     tolerance: float,
     work: Work | None = None,
 ) -> tuple[list[Any], SearchReport]:
-    """The best linkages of some laws for a wanted function, best first, different from one another, of each kind the best.
+    """Find the best distinct linkages of some laws for a function, best first, including the best of each kind.
 
-    Arguments and reply are those of `search.generate`; lengths are over the scale.
+    Arguments and results are as in `search.generate`; lengths are over the scale.
     """
     work = work or Work()
     of_each: list[list[Any]] = []

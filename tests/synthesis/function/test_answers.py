@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from synthesis.four_bar import close_loop
 from synthesis.function.answers import alternations, exchanged, extremes, finished, look, rocker_angles, turns_back
-from synthesis.function.wanted import TargetFunction
+from synthesis.function.target_function import TargetFunction
 from synthesis.linkage import four_bar
 
 LENGTH = st.floats(0.05, 20.0)

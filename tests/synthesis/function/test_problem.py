@@ -10,7 +10,7 @@ import pytest
 
 from synthesis.constraints import keeps
 from synthesis.function.search import Problem
-from synthesis.function.wanted import TargetFunction
+from synthesis.function.target_function import TargetFunction
 from synthesis.limits import Limits
 from synthesis.mechanism import Placed
 

@@ -9,7 +9,7 @@ import pytest
 import linkage_atlas as la
 from linkage_atlas.task import seed_tables
 from synthesis.function.search import Problem, generate
-from synthesis.function.wanted import TargetFunction
+from synthesis.function.target_function import TargetFunction
 from synthesis.limits import Limits
 from tests.conftest import some_of
 from tests.oracles.function_cases import CLASSES, function_case, recompute_rms, zeros_kept

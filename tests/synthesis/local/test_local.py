@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from synthesis.constraints import keeps
 from synthesis.function.answers import exchanged, finished, rocker_angles
-from synthesis.function.wanted import TargetFunction
+from synthesis.function.target_function import TargetFunction
 from synthesis.limits import Limits
 from synthesis.linkage import Linkage, four_bar, with_links
 from synthesis.local_refinement import refine_function, refine_motion, refine_poses
