@@ -278,7 +278,7 @@ class ExactFamily:
         """Return the candidates whose rockers turn as wanted, best first; those that turn back come last, or not at all."""
         turns, forward = self.follows(candidates)
         found = candidates._replace(forward=forward).take(
-            np.flatnonzero(turns & (forward | (not self.wanted.one_way)))
+            np.flatnonzero(turns & (forward | (not self.function.one_way)))
         )
         return found.take(np.lexsort(self.order(found)))
 

@@ -30,7 +30,7 @@ def candidates(seed: int, count: int = 400) -> np.ndarray:
 
 
 def kept_by(limits: Limits, x: np.ndarray, span: float) -> np.ndarray:
-    request = problem(limits, span).wanted
+    request = problem(limits, span).function
     lengths = np.concatenate([np.exp(x[:, :3]), np.ones((len(x), 1))], axis=1)
     return keeps(request.target, limits, Placed(lengths, np.ones(len(x)), request.interval.after(x[:, 3])))
 
