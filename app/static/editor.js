@@ -30,15 +30,12 @@ export class Editor {
     this.chosen = 0;
     this.cellFaults = new Map();
     this.history = new History(emptyMotion(), () => this.#soon(), beside);
-    const edit = (change, kind) =>
-        this.history.change((motion) => {
-          change(motion);
-        }, kind),
-      settle = () => {
-        if (this.waits) this.#soon();
-        this.history.settle();
-        document.dispatchEvent(new Event("settled"));
-      };
+    const edit = (change, kind) => this.history.change(change, kind);
+    const settle = () => {
+      if (this.waits) this.#soon();
+      this.history.settle();
+      document.dispatchEvent(new Event("settled"));
+    };
     this.board = new Board($("canvas"), $("canvas-help"), {
       edit,
       settle,
@@ -72,10 +69,7 @@ export class Editor {
   replace(motion, fit = true, clear = () => {}) {
     this.chosen = 0;
     this.#forget();
-    this.history.change(() => {
-      clear();
-      return motion;
-    });
+    this.history.replace(motion, clear);
     if (fit) this.board.fit();
   }
 

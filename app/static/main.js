@@ -485,10 +485,7 @@ async function start() {
   startEntry(() => editor.motion.unit, showEntered);
   startStage(
     editor.board,
-    (change) =>
-      editor.history.change((motion) => {
-        change(motion);
-      }),
+    (change) => editor.history.change(change),
     (mode) => editor.setMode(mode),
   );
   editor.refresh();

@@ -218,12 +218,19 @@ export class History {
     this.future = [];
   }
 
-  /** Applies `edit(value)`, which changes the value in place or returns another one. */
+  /** Applies `edit(value)`, which changes the value in place. */
   change(edit, kind = null) {
     this.keep(kind);
-    const made = edit(this.value);
-    if (made) this.value = made;
+    edit(this.value);
     this.onChange(this.value);
+  }
+
+  /** Puts another value in place of this one; `clear()` removes what is beside it. */
+  replace(value, clear) {
+    this.keep();
+    clear();
+    this.value = value;
+    this.onChange(value);
   }
 
   /** Ends a step: the next change begins a new one. */

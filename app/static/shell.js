@@ -11,11 +11,32 @@ export const counted = (count, noun) => `${count} ${noun}${count === 1 ? "" : "s
 
 export const $ = (id) => document.getElementById(id);
 
-/** An HTML element with properties and children. */
+/** Calls `act` at events of an element; `events` are names with spaces between them. */
+export function listen(id, events, act) {
+  for (const name of events.split(" ")) $(id).addEventListener(name, act);
+}
+
+/** The items that are there, with commas between them. */
+export const listed = (...items) => items.filter(Boolean).join(", ");
+
+/** An HTML element with properties or attributes, and children. */
 export function build(name, properties = {}, ...children) {
-  const made = Object.assign(document.createElement(name), properties);
-  made.append(...children);
+  const made = document.createElement(name);
+  for (const [key, value] of Object.entries(properties))
+    if (key in made) made[key] = value;
+    else made.setAttribute(key, value);
+  made.append(...children.flat());
   return made;
+}
+
+/** The value of plain data at a path as "limits.min". */
+export const valueAt = (data, path) => path.split(".").reduce((part, name) => part[name], data);
+
+/** Sets that value. */
+export function setAt(data, path, value) {
+  const names = path.split("."),
+    last = names.pop();
+  names.reduce((part, name) => part[name], data)[last] = value;
 }
 
 /** Writes the status line; `bad` marks an error. */
