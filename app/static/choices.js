@@ -1,4 +1,4 @@
-// The drives and springs that are offered: the best of a reply, their names, and the numbers by which they are compared.
+// The drives and springs that are offered: the best of a reply, their names, and their numbers in words.
 
 import { text } from "./drawing.js";
 import { settled } from "./fit.js";
@@ -10,54 +10,115 @@ export const BEST = 3; // drives that are offered
 export const plain = (link) => link.replaceAll("_", " ");
 
 /** A number with its thousands apart. */
-export const grouped = (number) => number.replace(/^-?\d+/, (whole) => whole.replace(/\B(?=(\d{3})+$)/g, "\u202f"));
+const grouped = (number) => number.replace(/^-?\d+/, (whole) => whole.replace(/\B(?=(\d{3})+$)/g, "\u202f"));
 
-/** What a card calls a drive or a set of springs. */
+const times = ({ count }) => (count > 1 ? `${count} × ` : "");
+
+/** The name of a drive or a set of springs on its card. */
 export function nameOf(drive) {
   if (drive.springs)
-    return drive.springs
-      .map(({ count, kind, name }) => `${count > 1 ? `${count} × ` : ""}${name ?? `ideal ${kind} spring`}`)
-      .join(" and ");
+    return drive.springs.map((one) => times(one) + (one.name ?? `ideal ${one.kind} spring`)).join(" and ");
   const sizes = drive.retracted ? ` ${text(drive.retracted, 4)} + ${text(drive.stroke, 4)}` : "";
   return `${drive.name ?? `${KINDS[drive.kind]}${sizes}`} on the ${plain(drive.link)}`;
 }
 
-/** The best drives of a reply, at most one of each kind if there are several, or its springs, a set each: that which leaves least torque first. */
+/** The best drives of a reply, at most one of each kind if there are several, or its sets of springs by the torque that they leave. */
 export function optionsOf({ drives, springs }) {
-  const kinds = [...new Set(drives.map(({ kind }) => kind))],
-    sets = [...new Set(springs.map(({ set }) => set))];
+  const kinds = [...new Set(drives.map(({ kind }) => kind))];
   const best = kinds.length > 1 ? kinds.map((kind) => drives.find((one) => one.kind === kind)) : drives.slice(0, BEST);
-  const left = ({ springs: [one] }) => one.torque.after.rms;
-  return [
-    ...best,
-    ...sets
-      .map((set) => ({ springs: springs.filter((one) => one.set === set) }))
-      .sort((a, b) => left(a) - left(b))
-      .slice(0, BEST),
-  ];
+  const sets = [...new Set(springs.map(({ set }) => set))].map((set) => springs.filter((one) => one.set === set)),
+    left = ([one]) => one.torque.after.rms;
+  sets.sort((a, b) => left(a) - left(b));
+  return [...best, ...sets.slice(0, BEST).map((set) => ({ springs: set }))];
+}
+
+/** The unit of a moment arm: a change of length by the angle, or by the travel, of what drives the linkage. */
+export const armUnit = (unit, turns) => (turns ? `${unit} a radian` : `${unit} a ${unit} of travel`);
+
+/** How numbers are written: forces in newtons, or in the load's own unit. */
+function wordsOf({ unit, newtons }) {
+  const force = (value) => `${grouped(text(value, 4))}${newtons ? " N" : ""}`,
+    torque = (value) => `${force(value)}${newtons ? `·${unit}` : ""}`;
+  const point = (pair, digits = 5) => `${pair.map((value) => text(value, digits)).join(", ")} ${unit}`,
+    left = ({ before, after }) => `${torque(settled(after.rms, before.rms))} of ${torque(before.rms)}`;
+  return { force, torque, point, left, length: (value) => `${text(value, 4)} ${unit}` };
 }
 
 /** Rows [name, words] by which drives are compared: force, stroke, price and place. */
-export function factsOf(drive, unit, newtons) {
-  const rows = [],
-    amount = (one, more = "") => `${grouped(text(one, 4))}${newtons ? ` N${more}` : ""}`,
-    torque = (one) => amount(one, `·${unit}`);
-  const point = (pair) => `${pair.map((one) => text(one, 4)).join(", ")} ${unit}`;
+export function factsOf(drive, how) {
+  const { force, torque, point, left, length } = wordsOf(how);
   if (drive.springs) {
     const [first] = drive.springs,
-      { before, after } = first.torque;
-    return [
-      ["torque left", `${torque(settled(after.rms, before.rms))} of ${torque(before.rms)}`],
-      ["where", drive.springs.map((one) => one.between.join(" to ")).join(", ")],
-      ["by itself", first.motion_at_ends],
-    ];
+      ends = drive.springs.map(({ between }) => between.join(" to ")).join(", ");
+    return Object.entries({ "torque left": left(first.torque), where: ends, "by itself": first.motion_at_ends });
   }
-  if (Number.isFinite(drive.peak_torque)) rows.push(["torque", torque(drive.peak_torque)]);
-  else if (Number.isFinite(drive.peak_force)) rows.push(["force", amount(drive.peak_force)]);
-  if (drive.stroke) rows.push(["stroke", `${text(drive.stroke, 4)} ${unit}`]);
-  else if (Number.isFinite(drive.swing)) rows.push(["swing", `${text(drive.swing, 4)}°`]);
-  if (Number.isFinite(drive.price)) rows.push(["price", text(drive.price, 3)]);
-  const at = drive.motor ?? drive.ground_point;
-  if (at) rows.push(["where", drive.on && drive.on !== "ground" ? `on the ${plain(drive.on)}` : point(at)]);
-  return rows;
+  const at = drive.motor ?? drive.ground_point,
+    { peak_torque: moment, peak_force: push, swing, stroke, price, on } = drive;
+  const rows = [
+    Number.isFinite(moment) ? ["torque", torque(moment)] : Number.isFinite(push) && ["force", force(push)],
+    stroke ? ["stroke", length(stroke)] : Number.isFinite(swing) && ["swing", `${text(swing, 4)}°`],
+    Number.isFinite(price) && ["price", text(price, 3)],
+    at && ["where", on && on !== "ground" ? `on the ${plain(on)}` : point(at, 4)],
+  ];
+  return rows.filter(Boolean);
+}
+
+function springRows(spring, { unit, ...how }) {
+  const { force, point, left } = wordsOf({ unit, ...how }),
+    number = (value, digits = 5) => text(value, digits),
+    { kind, name, stiffness, between, twist, curve, length } = spring;
+  const place =
+    kind === "torsion"
+      ? {
+          "its joint": point(spring.point),
+          "its twist": `${twist.map((one) => number(one, 4)).join(" to ")}°, ${number(curve.twist[0], 4)}° at the first pose`,
+        }
+      : {
+          "its ends": spring.points.map((one) => point(one)).join(" and "),
+          "its length": `${length.map((one) => number(one)).join(" to ")} ${unit}`,
+        };
+  return [
+    [`${times(spring)}${kind} spring`, `${name ?? `${force(stiffness)} per ${unit}`}, ${between.join(" to ")}`],
+    ...Object.entries(place),
+    ["torque left (rms)", left(spring.torque)],
+    ["by itself", spring.motion_at_ends],
+  ];
+}
+
+/** Rows [name, value] of a drive or its springs; `how` has the `unit` of length, `newtons`, whether the linkage's own drive `turns`, and its `item`. */
+export function rowsOf(drive, how) {
+  const units = how.newtons ? [] : [["forces, torques", `in the load’s unit, and that times ${how.unit}`]];
+  if (drive.springs) return [...drive.springs.flatMap((one) => springRows(one, how)), ...units];
+  const { unit, turns, item } = how,
+    { force, torque, point } = wordsOf(how),
+    number = (value, digits = 5) => text(value, digits),
+    { kind, count, retracted, stroke, dead, arm_min: arm, peak_force: push, peak_force_ratio: ratio } = drive,
+    { peak_torque: moment, buckling, six_bar: bars, lock } = drive;
+  const side = count > 1 ? `, ${count} side by side` : "",
+    moves = drive.extends ? "extends" : "retracts",
+    bound = ratio ? `, ${number(ratio, 4)} × the least there can be` : "",
+    safe = buckling?.safety === null ? "never pushed" : `${number(buckling?.safety, 3)} times safe`;
+  const rows = [
+    ["drive", `${drive.name ?? KINDS[kind]} on the ${plain(drive.link)}${side}${drive.byHand ? ", by hand" : ""}`],
+    drive.motor && ["motor", point(drive.motor)],
+    drive.ground_point && ["ground point", point(drive.ground_point)],
+    drive.pin && [`pin at ${item} 1`, point(drive.pin)],
+    drive.pin && ["pin on the link", point(drive.pin_on_link)],
+    retracted && ["retracted, stroke", `${number(retracted)} + ${number(stroke)} ${unit}, ${moves}`],
+    Number.isFinite(dead) && ["dead point", `at ${number(dead)}${turns ? "°" : ` ${unit}`}`],
+    Number.isFinite(arm) && ["least arm", `${number(arm)} ${armUnit(unit, turns)}`],
+    Number.isFinite(push) && ["peak force", force(push) + bound],
+    Number.isFinite(moment) && [kind === "toggle" ? "torque at the handle" : "peak torque", torque(moment)],
+    drive.holding && ["holding, first and last", drive.holding.map(kind === "rotary" ? torque : force).join(", ")],
+    buckling && ["buckling", safe],
+    bars && ["crank and rod", `${number(bars.crank)}, ${number(bars.coupler)} ${unit}`],
+    bars && ["time ratio", number(bars.time_ratio, 4)],
+    bars && ["transmission of the rod", `${number(bars.transmission_angle_min, 4)}° or more`],
+    lock && ["handle and strut", `${number(lock.handle)}, ${number(lock.strut)} ${unit}`],
+    lock && ["over centre", `${number(lock.over_centre, 3)}° at the ${lock.at} pose`],
+    ["stops", drive.stops],
+    ["without power", drive.holds],
+    ...((push ?? moment) ? units : []),
+  ];
+  return rows.filter(Boolean);
 }

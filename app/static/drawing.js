@@ -4,6 +4,7 @@ import { build } from "./shell.js";
 
 const SVG = "http://www.w3.org/2000/svg";
 
+/** An SVG element in `parent`; the attribute `text` is its content. */
 export function make(name, attributes = {}, parent = null) {
   const made = document.createElementNS(SVG, name);
   put(made, attributes);
@@ -11,42 +12,44 @@ export function make(name, attributes = {}, parent = null) {
   return made;
 }
 
-export function put(made, attributes) {
+export function put(made, { text: content, ...attributes }) {
+  if (content !== undefined) made.textContent = content;
   for (const [key, value] of Object.entries(attributes))
     if (made.getAttribute(key) !== String(value)) made.setAttribute(key, value);
 }
 
-/** An HTML element with a class and text. */
-export function element(name, className, content = "") {
-  return build(name, { className, textContent: content });
-}
+/** An HTML element with a class, and text or elements in it. */
+export const element = (name, className, ...content) => build(name, { className }, ...content);
 
 /** A button that does `act` when it is pressed. */
-export function button(words, act, className = "") {
-  const made = Object.assign(element("button", className, words), { type: "button" });
-  made.addEventListener("click", act);
-  return made;
+export const button = (words, act, className = "", more = {}) =>
+  build("button", { className, type: "button", onclick: act, ...more }, words);
+
+/** A list of terms and their descriptions, rows [term, words or element]. */
+export function definitions(rows) {
+  const parts = rows.map(([term, words]) => [
+    element("dt", "", term),
+    words.nodeType ? words : element("dd", "", words),
+  ]);
+  return build("dl", {}, ...parts);
+}
+
+/** A table with rows of cells; `head` names its columns, and with `named` the first cell of each row names that row. */
+export function tableOf(head, rows, named = false) {
+  const cell = (content, scope) =>
+    scope && content !== "" ? build("th", { scope }, content) : element("td", "", content);
+  const line = (cells) => build("tr", {}, cells),
+    top = head?.map((name) => cell(name, "col")),
+    lines = rows.map((row) => line(row.map((content, k) => cell(content, named && !k && "row"))));
+  return build("table", {}, top && build("thead", {}, line(top)), build("tbody", {}, lines));
 }
 
 /** A table of rows [name, value]. */
-export function namedRows(rows) {
-  const table = document.createElement("table");
-  for (const [name, value] of rows) {
-    const row = table.insertRow();
-    row.append(Object.assign(element("th", "", name), { scope: "row" }));
-    row.insertCell().textContent = value;
-  }
-  return table;
-}
+export const namedRows = (rows) => tableOf(null, rows, true);
 
 /** A sign, which screen readers skip, and what it stands for. */
-export function signed(name, className, sign, words) {
-  const made = element(name, className),
-    symbol = element("span", "sign", sign);
-  symbol.setAttribute("aria-hidden", "true");
-  made.append(symbol, ` ${words}`);
-  return made;
-}
+export const signed = (name, className, sign, words) =>
+  element(name, className, build("span", { className: "sign", "aria-hidden": "true" }, sign), ` ${words}`);
 
 /** Path data of the icons of a button that runs and stops. */
 export const ICONS = { Play: "M6 3.5v13l11-6.5z", Pause: "M5.5 3.5h3v13h-3zM11.5 3.5h3v13h-3z" };

@@ -1,82 +1,59 @@
 // What drives the selected linkage: asks for cylinders, motors, locks and springs, moves one, and lets its pins be dragged.
 
 import { redrawOn, titledChart } from "./charts.js";
-import { BEST, KINDS, factsOf, grouped, nameOf, optionsOf, plain } from "./choices.js";
+import { BEST, KINDS, armUnit, factsOf, nameOf, optionsOf, plain, rowsOf } from "./choices.js";
 import { numberIn } from "./decimal.js";
-import { button, element, make, namedRows, put, text } from "./drawing.js";
+import { button, definitions, element, make, namedRows, pathData, put, text } from "./drawing.js";
 import { driveTurns } from "./drive.js";
-import { alike, fitOf, settled } from "./fit.js";
+import { alike, fitOf } from "./fit.js";
 import { itemOf } from "./motion.js";
 import { RAD, add, less, turned } from "./plane.js";
 import { ask } from "./service.js";
-import { $, capital } from "./shell.js";
+import { $, capital, listen } from "./shell.js";
 
-const FIELDS = [
-  "kind",
-  "catalogue",
-  "retracted",
-  "stroke",
-  "ratio",
-  "reach",
-  "force-x",
-  "force-y",
-  "torque",
-  "mass",
-  "holds-open",
-  "holds-closed",
-  "hold-force",
-  "hand-force",
-  "wanted-first",
-  "wanted-last",
-  "count",
-  "link",
-  "ground-x",
-  "ground-y",
-  "pin-x",
-  "pin-y",
-  "on",
-  "parts",
-  "box-0",
-  "box-1",
-  "box-2",
-  "box-3",
-];
 const WIDE = 0.09; // of a cylinder's body, over its retracted length
 const HANDLE = 8; // pixels
 const EARLIER = "What is shown was found for other entries: Find asks again.";
+const AGAIN = "Looking again: what is shown is of the linkage before it was moved.";
+/** What each kind of spring is asked with. */
+const SPRINGS = { tension: { catalogue: "tension_springs" }, gas: {}, compression: {}, torsion: {} };
 
 const value = (id) => numberIn(`drive-${id}`);
+const checked = (id) => $(`drive-${id}`).checked;
 const given = (fields) => Object.fromEntries(Object.entries(fields).filter(([, one]) => one !== null && one !== ""));
 /** What the fields have asked, whatever the service has said of the linkage since. */
 const questionOf = ({ load, drives, springs }) => JSON.stringify({ load, drives, springs });
+/** Numbers that are given together, null if none is. Throws an error if only some are. */
+function together(ids, sentence) {
+  const numbers = ids.map(value);
+  if (numbers.every((one) => one === null)) return null;
+  if (numbers.includes(null)) throw new Error(sentence);
+  return numbers;
+}
 /** The behaviour that springs of a catalogue are asked for. */
 function behaviour() {
-  const open = $("drive-holds-open").checked,
-    closed = $("drive-holds-closed").checked,
-    first = value("wanted-first"),
-    last = value("wanted-last");
-  const holds = open || closed ? { open, closed, ...given({ force_min: value("hold-force") }) } : null;
+  const [open, closed] = ["holds-open", "holds-closed"].map(checked),
+    [first, last] = ["wanted-first", "wanted-last"].map(value);
   return given({
-    holds,
+    holds: open || closed ? { open, closed, ...given({ force_min: value("hold-force") }) } : null,
     hand_force_max: value("hand-force"),
     target: first === null && last === null ? null : { torque: [first ?? last, last ?? first] },
     count: value("count"),
   });
 }
-/** Both ends of a cylinder that are given at the first pose, and its link; nothing if they are free. */
-function givenEnds() {
-  const [ground, pin] = ["ground", "pin"].map((end) => [value(`${end}-x`), value(`${end}-y`)]);
-  if ([...ground, ...pin].every((one) => one === null)) return {};
-  if ([...ground, ...pin].includes(null))
-    throw new Error("Ends: give x and y of the ground point and of the pin, or none of them.");
-  return { links: [$("drive-link").value], ground_point: ground, pin };
-}
-/** The box in which ends on the ground must lie; null without one. */
-function mountingBox() {
-  const box = [0, 1, 2, 3].map((k) => value(`box-${k}`));
-  if (box.every((one) => one === null)) return null;
-  if (box.includes(null)) throw new Error("Where may it be mounted? Give all four sides of the box, or none of them.");
-  return box;
+/** The load in the fields. */
+function loadOf() {
+  const force = [value("force-x") ?? 0, value("force-y") ?? 0],
+    acts = force.some(Boolean),
+    mass = value("mass"),
+    link = $("drive-on").value;
+  return given({
+    force: acts && link === "body" ? force : null,
+    forces: acts && link !== "body" ? [{ link, force }] : null,
+    torque: value("torque"),
+    masses: mass ? [{ link, mass }] : null,
+    parts: checked("parts") || null,
+  });
 }
 
 /** The joints of a four-bar's links: from them an arm leads to a pin of a drive. */
@@ -92,19 +69,15 @@ const armsOf = (drive, joints, ground, pin) =>
   );
 
 /** The value of a curve at a place between its even steps, numbers or points. */
-function between(curve, values, at) {
-  const x = curve.crank_angle,
-    last = x.length - 1,
+function between({ crank_angle: x }, values, at) {
+  const last = x.length - 1,
     share = Math.min(1, Math.max(0, (at - x[0]) / (x[last] - x[0] || 1))) * last,
     k = Math.min(last - 1, Math.floor(share)),
-    t = share - k;
+    mix = (one, other) => one + (share - k) * (other - one);
   const [one, other] = [values[k], values[k + 1]];
   if (one === null || other === null) return null;
-  return Array.isArray(one) ? one.map((part, i) => part + t * (other[i] - part)) : one + t * (other - one);
+  return Array.isArray(one) ? one.map((part, i) => mix(part, other[i])) : mix(one, other);
 }
-
-/** The unit of a moment arm: a change of length by the angle, or by the travel, of what drives the linkage. */
-const armUnit = (unit, turns) => (turns ? `${unit} a radian` : `${unit} a ${unit} of travel`);
 
 /** A drive with other ends, its lengths, arms and forces computed here from the torque of the load. */
 function moved(drive, linkage, torque) {
@@ -152,39 +125,35 @@ function moved(drive, linkage, torque) {
 }
 
 export class Driving {
+  answer = null;
+  solution = null;
+  reply = null;
+  drive = null;
+  control = null;
+  options = [];
+  charts = [];
+  kept = new WeakMap(); // the reply for each solution
+  asked = new WeakMap(); // the question of each reply
+
   constructor(board, player) {
-    Object.assign(this, {
-      board,
-      player,
-      answer: null,
-      solution: null,
-      reply: null,
-      drive: null,
-      control: null,
-      charts: [],
-      kept: new WeakMap(),
-      asked: new WeakMap(),
-    });
-    $("drive-find").addEventListener("click", () => this.#find());
-    $("drive-kind").addEventListener("change", () => this.#offer());
-    $("drive-catalogue").addEventListener("change", () => {
+    Object.assign(this, { board, player });
+    listen("drive-find", "click", () => this.#find());
+    listen("drive-kind", "change", () => this.#offer());
+    listen("drive-catalogue", "change", () => {
       this.#offer();
       if ($("drive-catalogue").value === "own") $("drive-file").click();
     });
-    $("drive-file").addEventListener("change", async () => {
+    listen("drive-file", "change", async () => {
       const [file] = $("drive-file").files;
       this.table = await file?.text();
       this.#say(file ? `Rows of ${file.name}.` : "");
     });
-    for (const id of FIELDS)
-      for (const name of ["input", "change"]) $(`drive-${id}`).addEventListener(name, () => this.#compare());
-    for (const id of FIELDS)
-      $(`drive-${id}`).addEventListener("keydown", (event) => {
-        if (event.key === "Enter") {
-          event.preventDefault();
-          this.#find();
-        }
-      });
+    for (const name of ["input", "change"]) $("drive-card").addEventListener(name, () => this.#compare(), true);
+    listen("drive-card", "keydown", (event) => {
+      if (event.key !== "Enter" || !event.target.matches("input, select")) return;
+      event.preventDefault();
+      this.#find();
+    });
     board.driven = () => this.lines().flat();
     board.seen.push(() => this.#draw());
     board.redrawn.push(() => this.#draw());
@@ -242,9 +211,11 @@ export class Driving {
     return this.drive && this.drive.kind ? this.drive : null;
   }
 
-  /** Whether forces are newtons: a mass, a bundled catalogue or its gas springs say so. Else they have the load's own unit. */
-  get #newtons() {
-    return /"masses"|"catalogue":"\w+"|"gas"|"compression"|"torsion"/.test(this.asked.get(this.reply));
+  /** How numbers are shown. Forces are newtons if a mass, a bundled catalogue or its gas springs say so. */
+  get #how() {
+    const newtons = /"masses"|"catalogue":"\w+"|"gas"|"compression"|"torsion"/.test(this.asked.get(this.reply)),
+      { motion } = this.answer;
+    return { newtons, unit: motion.unit, turns: driveTurns(this.solution), item: itemOf(motion) };
   }
 
   #offer() {
@@ -261,67 +232,47 @@ export class Driving {
   }
 
   /** The part of a question that says which linkage it is about. */
-  #about() {
-    const {
-      solution,
-      answer: { request, motion },
-    } = this;
-    return { linkage: solution, request, length_unit: motion.unit, top: BEST };
+  get #about() {
+    const { request, motion } = this.answer;
+    return { linkage: this.solution, request, length_unit: motion.unit, top: BEST };
   }
 
   #request() {
     const kind = $("drive-kind").value,
-      catalogue = $("drive-catalogue").value;
-    const force = [value("force-x") ?? 0, value("force-y") ?? 0],
-      mass = value("mass");
-    const on = $("drive-on").value,
-      acts = force.some(Boolean);
-    const load = given({
-      force: acts && on === "body" ? force : null,
-      forces: acts && on !== "body" ? [{ link: on, force }] : null,
-      torque: value("torque"),
-      masses: mass ? [{ link: on, mass }] : null,
-      parts: $("drive-parts").checked || null,
-    });
-    const rows = catalogue === "own" ? (this.table ?? "") : catalogue;
-    const sizes = catalogue === "" ? { retracted: value("retracted"), stroke: value("stroke") } : { catalogue: rows };
-    const reach = value("reach"),
-      box = mountingBox(),
-      ends = kind === "actuator" ? givenEnds() : {};
+      catalogue = $("drive-catalogue").value,
+      reach_max = value("reach");
+    const box = together(
+      [0, 1, 2, 3].map((k) => `box-${k}`),
+      "Where may it be mounted? Give all four sides of the box, or none of them.",
+    );
+    const ground_box = box,
+      question = { ...this.#about, load: loadOf(), drives: [] };
+    if (kind === "ideal") return { ...question, springs: [given({ kind: "tension", ground_box })] };
+    const kinds = Object.keys(SPRINGS).filter((one) => kind === one || kind === "springs"),
+      spring = (one) => ({
+        kind: one,
+        ...SPRINGS[one],
+        ...behaviour(),
+        ...(box && one !== "torsion" && { ground_box }),
+      });
+    if (kinds.length) return { ...question, springs: kinds.map(spring) };
+    const sized = catalogue === "",
+      sizes = sized
+        ? { retracted: value("retracted"), stroke: value("stroke") }
+        : { catalogue: catalogue === "own" ? (this.table ?? "") : catalogue };
+    const cylinder = kind === "actuator",
+      sentence = "Ends: give x and y of the ground point and of the pin, or none of them.",
+      ends = cylinder ? together(["ground-x", "ground-y", "pin-x", "pin-y"], sentence) : null,
+      fixed = ends && { links: [$("drive-link").value], ground_point: ends.slice(0, 2), pin: ends.slice(2) };
+    const count = cylinder ? value("count") : null;
     const wishes = {
       rotary: {},
-      actuator: {
-        ...sizes,
-        ...ends,
-        reach_max: reach,
-        count: kind === "actuator" ? value("count") : null,
-        ground_box: ends.pin ? null : box,
-      },
-      dyad: { time_ratio: value("ratio"), reach_max: reach, motor_box: box },
-      toggle: { reach_max: reach, ground_box: box },
+      actuator: { ...sizes, ...fixed, reach_max, count, ground_box: ends ? null : box },
+      dyad: { time_ratio: value("ratio"), reach_max, motor_box: box },
+      toggle: { reach_max, ground_box },
     };
-    const catalogues = { tension: { catalogue: "tension_springs" }, gas: {}, compression: {}, torsion: {} };
-    const question = { ...this.#about(), load };
-    if (kind === "ideal") return { ...question, drives: [], springs: [given({ kind: "tension", ground_box: box })] };
-    const springs = Object.keys(catalogues).filter((one) => kind === one || kind === "springs");
-    if (springs.length)
-      return {
-        ...question,
-        drives: [],
-        springs: springs.map((one) => ({
-          kind: one,
-          ...catalogues[one],
-          ...behaviour(),
-          ...(box && one !== "torsion" ? { ground_box: box } : {}),
-        })),
-      };
-    return {
-      ...question,
-      drives: (kind === "any" ? ["rotary", "actuator", "dyad"] : [kind]).map((one) => ({
-        kind: one,
-        ...given(wishes[one]),
-      })),
-    };
+    const drives = kind === "any" ? ["rotary", "actuator", "dyad"] : [kind];
+    return { ...question, drives: drives.map((one) => ({ kind: one, ...given(wishes[one]) })) };
   }
 
   /** Asks what the fields say, or for a linkage that was moved `again` what was asked for the one before. */
@@ -331,32 +282,21 @@ export class Driving {
     const control = new AbortController(),
       by = again && this.drive?.byHand ? this.drive : null;
     this.control = control;
-    this.#say(again ? "Looking again: what is shown is of the linkage before it was moved." : "Looking…");
+    this.#say(again ? AGAIN : "Looking…");
     try {
-      const request = again ? { ...this.#about(), ...again } : this.#request();
+      const request = again ? { ...this.#about, ...again } : this.#request();
       this.pending = questionOf(request);
       const reply = await (await ask("/v2/drives", request, control.signal)).json();
       if (control.signal.aborted) return;
       this.kept.set(this.solution, reply);
       this.asked.set(reply, this.pending);
-      const found = reply.drives.length + reply.springs.length,
-        sort = request.springs ? "spring" : "drive";
+      const found = reply.drives.length + reply.springs.length;
       this.#use(reply, again && this.drive?.kind);
-      if (by && this.drive?.kind === by.kind) {
-        this.drive = { ...moved(by, fitOf(this.solution, this.answer.motion).linkage, reply.torque), from: this.drive };
-        this.#list();
-        this.#describe();
-      }
+      if (by && this.drive?.kind === by.kind) this.#moveBy(by, this.drive);
       if (!again) this.board.reveal(this.board.driven());
-      this.#say(
-        [
-          found ? "" : `No sensible ${sort}${reply.refused.length ? ", because of what is listed below" : ""}.`,
-          ...reply.notes.map((one) => `${capital(one)}.`),
-        ]
-          .join(" ")
-          .trim(),
-        !found,
-      );
+      const because = reply.refused.length ? ", because of what is listed below" : "",
+        none = found ? [] : [`No sensible ${request.springs ? "spring" : "drive"}${because}.`];
+      this.#say([...none, ...reply.notes.map((one) => `${capital(one)}.`)].join(" "), !found);
       this.#compare();
     } catch (error) {
       if (error.name === "AbortError") return;
@@ -371,135 +311,50 @@ export class Driving {
   #use(reply, kind = null) {
     this.reply = reply;
     this.options = reply ? optionsOf(reply) : [];
-    this.drive = this.options.find((one) => one.kind === kind) ?? this.options[0] ?? null;
+    this.#choose(this.options.find((one) => one.kind === kind) ?? this.options[0] ?? null);
+  }
+
+  #choose(drive) {
+    this.drive = drive;
     this.#list();
-    this.#describe();
+    $("drive-numbers").replaceChildren(...(drive ? [namedRows(this.rows())] : []));
+    this.#curves();
+    this.#draw();
+  }
+
+  /** Chooses a drive whose ends were put by hand, `from` one of the options. */
+  #moveBy(drive, from) {
+    const { linkage } = fitOf(this.solution, this.answer.motion);
+    this.#choose({ ...moved(drive, linkage, this.reply.torque), from });
   }
 
   #list() {
-    const { reply } = this,
-      buttons = this.options.map((drive) => {
-        const one = button("", () => {
-            this.drive = drive;
-            this.#list();
-            this.#describe();
-            this.board.reveal(this.board.driven());
-          }),
-          facts = document.createElement("dl");
-        for (const [name, words] of factsOf(drive, this.answer.motion.unit, this.#newtons))
-          facts.append(element("dt", "", name), element("dd", "", words));
-        one.append(element("strong", "", nameOf(drive)), facts);
-        one.setAttribute(
-          "aria-pressed",
-          String(drive === this.drive || (this.drive?.byHand && this.drive.from === drive)),
-        );
-        return one;
-      });
-    $("drive-found").replaceChildren(...buttons);
-    $("drive-found").hidden = !buttons.length;
-    const refused = reply?.refused ?? [];
+    const refused = this.reply?.refused ?? [];
+    const cards = this.options.map((drive) => {
+      const act = () => {
+        this.#choose(drive);
+        this.board.reveal(this.board.driven());
+      };
+      const pressed = drive === this.drive || (this.drive?.byHand && this.drive.from === drive),
+        one = button("", act, "", { "aria-pressed": String(Boolean(pressed)) });
+      one.append(element("strong", "", nameOf(drive)), definitions(factsOf(drive, this.#how)));
+      return one;
+    });
+    $("drive-found").replaceChildren(...cards);
+    $("drive-found").hidden = !cards.length;
     $("drive-reasons").hidden = !refused.length;
-    $("drive-reasons").open = !buttons.length;
+    $("drive-reasons").open = !cards.length;
     $("drive-refused").replaceChildren(
-      ...refused.map(({ kind, link, name, reason }) =>
-        element(
-          "li",
-          "",
-          `${KINDS[kind] ? `${KINDS[kind]} on the ${plain(link)}` : `${kind} spring, ${link}`}${name ? ` (${name})` : ""}: ${reason.replace("reach_max", "“pin within”")}.`,
-        ),
-      ),
+      ...refused.map(({ kind, link, name, reason }) => {
+        const sort = KINDS[kind] ? `${KINDS[kind]} on the ${plain(link)}` : `${kind} spring, ${link}`;
+        return element("li", "", `${sort}${name ? ` (${name})` : ""}: ${reason.replace("reach_max", "“pin within”")}.`);
+      }),
     );
   }
 
   /** Rows [name, value] of what is shown: for the card and for the sheet. */
   rows() {
-    const { drive } = this,
-      unit = this.answer?.motion.unit ?? "";
-    if (!drive) return [];
-    const newtons = this.#newtons,
-      number = (one, digits = 5) => text(one, digits),
-      place = (pair) => `${pair.map((one) => number(one)).join(", ")} ${unit}`;
-    const force = (one) => `${grouped(text(one, 4))}${newtons ? " N" : ""}`,
-      torque = (one) => `${force(one)}${newtons ? `·${unit}` : ""}`;
-    const units = newtons ? [] : [["forces, torques", `in the load’s unit, and that times ${unit}`]];
-    if (drive.springs) {
-      return [
-        ...drive.springs.flatMap((one) => [
-          [
-            `${one.count > 1 ? `${one.count} × ` : ""}${one.kind} spring`,
-            `${one.name ?? `${force(one.stiffness)} per ${unit}`}, ${one.between.join(" to ")}`,
-          ],
-          ...(one.kind === "torsion"
-            ? [
-                ["its joint", place(one.point)],
-                [
-                  "its twist",
-                  `${number(one.twist[0], 4)} to ${number(one.twist[1], 4)}°, ${number(one.curve.twist[0], 4)}° at the first pose`,
-                ],
-              ]
-            : [
-                ["its ends", one.points.map(place).join(" and ")],
-                ["its length", `${number(one.length[0])} to ${number(one.length[1])} ${unit}`],
-              ]),
-          [
-            "torque left (rms)",
-            `${torque(settled(one.torque.after.rms, one.torque.before.rms))} of ${torque(one.torque.before.rms)}`,
-          ],
-          ["by itself", one.motion_at_ends],
-        ]),
-        ...units,
-      ];
-    }
-    const turns = driveTurns(this.solution),
-      rows = [
-        [
-          "drive",
-          `${drive.name ?? KINDS[drive.kind]} on the ${plain(drive.link)}${drive.count > 1 ? `, ${drive.count} side by side` : ""}${drive.byHand ? ", by hand" : ""}`,
-        ],
-      ];
-    if (drive.motor) rows.push(["motor", place(drive.motor)]);
-    if (drive.ground_point) rows.push(["ground point", place(drive.ground_point)]);
-    if (drive.pin)
-      rows.push(
-        [`pin at ${itemOf(this.answer.motion)} 1`, place(drive.pin)],
-        ["pin on the link", place(drive.pin_on_link)],
-      );
-    if (drive.retracted)
-      rows.push([
-        "retracted, stroke",
-        `${number(drive.retracted)} + ${number(drive.stroke)} ${unit}, ${drive.extends ? "extends" : "retracts"}`,
-      ]);
-    if (drive.dead !== undefined && drive.dead !== null)
-      rows.push(["dead point", `at ${number(drive.dead)}${turns ? "°" : ` ${unit}`}`]);
-    if (drive.arm_min !== null && drive.arm_min !== undefined)
-      rows.push(["least arm", `${number(drive.arm_min)} ${armUnit(unit, turns)}`]);
-    if (Number.isFinite(drive.peak_force))
-      rows.push([
-        "peak force",
-        `${force(drive.peak_force)}${drive.peak_force_ratio ? `, ${number(drive.peak_force_ratio, 4)} × the least there can be` : ""}`,
-      ]);
-    if (Number.isFinite(drive.peak_torque))
-      rows.push([drive.kind === "toggle" ? "torque at the handle" : "peak torque", torque(drive.peak_torque)]);
-    if (drive.holding)
-      rows.push(["holding, first and last", drive.holding.map(drive.kind === "rotary" ? torque : force).join(", ")]);
-    if (drive.buckling)
-      rows.push([
-        "buckling",
-        drive.buckling.safety === null ? "never pushed" : `${number(drive.buckling.safety, 3)} times safe`,
-      ]);
-    if (drive.six_bar)
-      rows.push(
-        ["crank and rod", `${number(drive.six_bar.crank)}, ${number(drive.six_bar.coupler)} ${unit}`],
-        ["time ratio", number(drive.six_bar.time_ratio, 4)],
-        ["transmission of the rod", `${number(drive.six_bar.transmission_angle_min, 4)}° or more`],
-      );
-    if (drive.lock)
-      rows.push(
-        ["handle and strut", `${number(drive.lock.handle)}, ${number(drive.lock.strut)} ${unit}`],
-        ["over centre", `${number(drive.lock.over_centre, 3)}° at the ${drive.lock.at} pose`],
-      );
-    rows.push(["stops", drive.stops], ["without power", drive.holds]);
-    return (drive.peak_force ?? drive.peak_torque) ? [...rows, ...units] : rows;
+    return this.drive ? rowsOf(this.drive, this.#how) : [];
   }
 
   /** Its parts at the first pose as lines, for the sheet. */
@@ -509,17 +364,9 @@ export class Driving {
     if (drive.springs) return drive.springs.map(({ points, point }) => points ?? [point]);
     if (drive.kind === "rotary") return [[drive.motor]];
     const { ground, knee, pin } = drive.curve,
-      joints = this.solution.links ? fitOf(this.solution, this.answer.motion).at[0] : null;
-    return [
-      [ground[0], knee?.[0], pin[0]].filter(Boolean),
-      ...(joints ? armsOf(drive, joints, ground[0], pin[0]) : []),
-    ];
-  }
-
-  #describe() {
-    $("drive-numbers").replaceChildren(...(this.drive ? [namedRows(this.rows())] : []));
-    this.#curves();
-    this.#draw();
+      joints = this.solution.links ? fitOf(this.solution, this.answer.motion).at[0] : null,
+      arms = joints ? armsOf(drive, joints, ground[0], pin[0]) : [];
+    return [[ground[0], knee?.[0], pin[0]].filter(Boolean), ...arms];
   }
 
   /** Force, torque and arm over the way, the force beside the least peak that any cylinder of this stroke has. */
@@ -530,59 +377,43 @@ export class Driving {
     this.charts = [];
     if (!drive || $("drive-card").hidden) return;
     const sense = this.player.shown?.pass.sense ?? 1,
-      unit = this.answer.motion.unit,
-      turns = driveTurns(this.solution),
+      { newtons, unit, turns } = this.#how,
       axis = turns ? { sense } : { sense, degreesX: false, xName: ` ${unit}` },
-      plot = (title, x, series) => {
-        const order = x.map((at, k) => [sense * at, k]).sort((a, b) => a[0] - b[0]);
-        this.charts.push(
-          titledChart(host, title, {
-            x: order.map(([at]) => at),
-            series: series.map((one) => ({ ...one, values: order.map(([, k]) => one.values[k]) })),
-            height: 140,
-            ...axis,
-          }),
-        );
-      };
-    const [newtons, moment] = this.#newtons ? [", N", `, N·${unit}`] : ["", ""];
+      x = (drive.springs?.[0] ?? drive).curve.crank_angle,
+      order = [...x.keys()].sort((i, j) => sense * (x[i] - x[j])),
+      inOrder = (values) => order.map((k) => values[k]);
+    const plot = (title, ...series) => {
+      const curves = series.map((one) => ({ ...one, values: inOrder(one.values) })),
+        options = { x: inOrder(x).map((at) => sense * at), series: curves, height: 140, ...axis };
+      this.charts.push(titledChart(host, title, options));
+    };
+    const [force, moment] = newtons ? [", N", `, N·${unit}`] : ["", ""],
+      thin = { dash: [6, 4], width: 1.2 };
     if (drive.springs) {
-      const { curve } = drive.springs[0];
-      plot(`Torque of the drive with the springs${moment} (dashed: without)`, curve.crank_angle, [
-        { values: curve.torque, colour: "body" },
-        { values: reply.torque.torque, colour: "muted", dash: [6, 4], width: 1.2 },
-      ]);
+      plot(
+        `Torque of the drive with the springs${moment} (dashed: without)`,
+        { values: drive.springs[0].curve.torque, colour: "body" },
+        { values: reply.torque.torque, colour: "muted", ...thin },
+      );
       return;
     }
-    const { curve, peak_force_bound: bound } = drive,
-      level = (one) => ({ values: curve.crank_angle.map(() => one), colour: "box", dash: [6, 4], width: 1.2 });
-    if (curve.force) {
-      const amounts = curve.force.map(Math.abs);
+    const { curve, kind, peak_force_bound: bound } = drive,
+      level = bound ? [{ values: x.map(() => bound), colour: "box", ...thin }] : [];
+    const name = { dyad: "Torque of the motor, forwards", toggle: "Torque at the handle" }[kind] ?? "Torque",
+      dashed = bound ? " (dashed: no peak is below this)" : "";
+    if (curve.force)
       plot(
-        `Force of the ${KINDS[drive.kind]}, push or pull${newtons}${bound ? " (dashed: no peak is below this)" : ""}`,
-        curve.crank_angle,
-        [{ values: amounts, colour: "body" }, ...(bound ? [level(bound)] : [])],
+        `Force of the ${KINDS[kind]}, push or pull${force}${dashed}`,
+        { values: curve.force.map(Math.abs), colour: "body" },
+        ...level,
       );
-    }
-    if (curve.torque)
-      plot(
-        (drive.kind === "dyad"
-          ? "Torque of the motor, forwards"
-          : drive.kind === "toggle"
-            ? "Torque at the handle"
-            : "Torque") + moment,
-        curve.crank_angle,
-        [{ values: curve.torque, colour: "body" }],
-      );
-    if (curve.arm)
-      plot(`Moment arm, ${armUnit(unit, turns)}`, curve.crank_angle, [
-        { values: curve.arm.map(Math.abs), colour: "path" },
-      ]);
+    if (curve.torque) plot(name + moment, { values: curve.torque, colour: "body" });
+    if (curve.arm) plot(`Moment arm, ${armUnit(unit, turns)}`, { values: curve.arm.map(Math.abs), colour: "path" });
     this.#mark();
   }
 
   #mark() {
-    const travel = this.board.joints ? Number($("slider").value) : null;
-    if (travel !== null) for (const one of this.charts) one.mark(travel);
+    if (this.board.joints) for (const one of this.charts) one.mark(Number($("slider").value));
   }
 
   /** The drive on the canvas at the crank's place: its parts, and handles at its ends. */
@@ -595,74 +426,54 @@ export class Driving {
     layer.replaceChildren();
     if (!drive || !joints || !board.linkage || board.stale || solution !== this.player.shown?.solution) return;
     const at = this.player.shown.pass.turns ? joints.travel / RAD : this.player.travel;
-    if (drive.springs) {
-      for (const { curve, kind, point, between: links } of drive.springs) {
-        if (kind === "torsion") {
-          // a joint of two moving links is shown where it is at the first pose only by the numbers
-          if (links.includes("ground")) this.#dot(point, "motor");
-          continue;
-        }
-        const ends = between(
-          curve,
-          curve.ends.map((pair) => pair.flat()),
-          at,
+    if (drive.springs) for (const spring of drive.springs) this.#drawSpring(spring, at);
+    else if (drive.kind === "rotary") this.#dot(drive.motor, "motor");
+    else {
+      const { curve } = drive,
+        [ground, pin, knee] = ["ground", "pin", "knee"].map((name) =>
+          curve[name] ? between(curve, curve[name], at) : drive.motor,
         );
-        if (ends) this.#line(kind === "gas" ? "rod" : "spring", [ends.slice(0, 2), ends.slice(2)]);
-      }
+      if (!ground || !pin) return;
+      if (solution.links) for (const arm of armsOf(drive, joints, ground, pin)) this.#line("arm", arm);
+      if (curve.knee && knee) {
+        this.#line("rod", [ground, knee, pin]);
+        for (const place of [ground, knee, pin]) this.#dot(place, "joint");
+      } else this.#drawCylinder(ground, pin);
+    }
+  }
+
+  #drawSpring({ curve, kind, point, between: links }, at) {
+    // a torsion spring between two moving links is shown only by its numbers
+    if (kind === "torsion") {
+      if (links.includes("ground")) this.#dot(point, "motor");
       return;
     }
-    const { curve } = drive,
-      [ground, pin, knee] = ["ground", "pin", "knee"].map((name) =>
-        curve[name] ? between(curve, curve[name], at) : drive.motor,
-      );
-    if (drive.kind === "rotary") {
-      this.#dot(drive.motor, "motor");
-      return;
-    }
-    if (!ground || !pin) return;
-    if (solution.links) for (const arm of armsOf(drive, joints, ground, pin)) this.#line("arm", arm);
-    if (curve.knee && knee) {
-      this.#line("rod", [ground, knee, pin]);
-      for (const place of [ground, knee, pin]) this.#dot(place, "joint");
-      return;
-    }
-    const length = Math.hypot(...less(pin, ground)),
-      way = less(pin, ground).map((part) => part / length),
+    const pairs = curve.ends.map((pair) => pair.flat()),
+      ends = between(curve, pairs, at);
+    if (ends) this.#line(kind === "gas" ? "rod" : "spring", [ends.slice(0, 2), ends.slice(2)]);
+  }
+
+  #drawCylinder(ground, pin) {
+    const { drive, solution } = this,
+      rod = less(pin, ground),
+      length = Math.hypot(...rod),
+      [x, y] = rod.map((part) => part / length),
       body = 0.85 * drive.retracted,
-      half = (WIDE / 2) * drive.retracted;
-    const corner = (along, across) => [
-      ground[0] + way[0] * along - way[1] * across,
-      ground[1] + way[1] * along + way[0] * across,
-    ];
+      half = (WIDE / 2) * drive.retracted,
+      corner = (along, across) => add(ground, [x * along - y * across, y * along + x * across]);
+    const low = 0.04 * body,
+      corners = [corner(low, half), corner(body, half), corner(body, -half), corner(low, -half)];
     this.#line("rod", [ground, pin]);
-    this.#line(
-      "cylinder",
-      [corner(0.04 * body, half), corner(body, half), corner(body, -half), corner(0.04 * body, -half)],
-      true,
-    );
+    this.#line("cylinder", corners, true);
     const free = drive.on === "ground" && Boolean(JOINTS[drive.link]) && Boolean(solution.links);
     this.#handle(ground, "ground", free);
     this.#handle(pin, "pin", free);
-    put(layer, { "data-length": text(length, 6) });
+    put(this.board.driveLayer, { "data-length": text(length, 6) });
   }
 
   #line(name, points, closed = false) {
-    const { view } = this.board;
-    make(
-      "path",
-      {
-        class: `drive-${name}`,
-        d: `M${points
-          .map((place) =>
-            view
-              .at(place)
-              .map((one) => one.toFixed(1))
-              .join(" "),
-          )
-          .join("L")}${closed ? "Z" : ""}`,
-      },
-      this.board.driveLayer,
-    );
+    const { view, driveLayer } = this.board;
+    make("path", { class: `drive-${name}`, d: pathData(points, view) + (closed ? "Z" : "") }, driveLayer);
   }
 
   #dot(place, name) {
@@ -672,51 +483,31 @@ export class Driving {
 
   /** An end of a cylinder, which drags and arrow keys move. */
   #handle(place, end, free) {
-    const dot = this.#dot(place, "end");
+    const dot = this.#dot(place, "end"),
+      label = `${end === "ground" ? "Ground point" : "Pin"} of the cylinder: drag, or arrow keys`;
     if (!free) return;
-    put(dot, {
-      r: HANDLE,
-      tabindex: 0,
-      role: "button",
-      "data-end": end,
-      "aria-label":
-        end === "ground"
-          ? "Ground point of the cylinder: drag, or arrow keys"
-          : "Pin of the cylinder: drag, or arrow keys",
-    });
+    put(dot, { r: HANDLE, tabindex: 0, role: "button", "data-end": end, "aria-label": label });
     if (this.focused === end) dot.focus({ preventScroll: true });
     dot.addEventListener("keydown", (event) => {
       const by = this.board.nudge(event);
       if (!by) return;
       event.preventDefault();
       event.stopPropagation();
-      this.#put(
-        end,
-        place.map((part, i) => part + by[i]),
-      );
+      this.#put(end, add(place, by));
     });
     dot.addEventListener("pointerdown", (event) => {
+      const move = (px, py) => this.#put(end, this.board.view.world(px, py));
       event.stopPropagation();
       this.player.stop();
-      this.board.follow(
-        event,
-        (px, py) => this.#put(end, this.board.view.world(px, py)),
-        () => {},
-      );
+      this.board.follow(event, move, () => {});
     });
   }
 
   /** One end is put elsewhere by hand, where the crank stands now. */
   #put(end, place) {
-    const { drive, board } = this,
-      { at, angle } = board.joints.frames[drive.link],
-      from = drive.from ?? drive;
+    const { drive } = this,
+      { at, angle } = this.board.joints.frames[drive.link];
     const ends = end === "ground" ? { ground_point: place } : { pin_on_link: turned(less(place, at), -angle) };
-    this.drive = {
-      ...moved({ ...drive, ...ends }, fitOf(this.solution, this.answer.motion).linkage, this.reply.torque),
-      from,
-    };
-    this.#list();
-    this.#describe();
+    this.#moveBy({ ...drive, ...ends }, drive.from ?? drive);
   }
 }

@@ -25,7 +25,7 @@ export function build(name, properties = {}, ...children) {
   for (const [key, value] of Object.entries(properties))
     if (key in made) made[key] = value;
     else made.setAttribute(key, value);
-  made.append(...children.flat());
+  made.append(...children.flat().filter((child) => child || child === 0));
   return made;
 }
 
