@@ -1,0 +1,118 @@
+// The numbers of a solution: its dimensions, errors, verdict and crank angles, as rows and as blocks of the page.
+
+import { button, definitions, element, namedRows, signed, text } from "./drawing.js";
+import { driveName, drivePlaces, driveTurns } from "./drive.js";
+import { errorText, fitOf, guideRows, roundedLinks, roundedText, settled } from "./fit.js";
+import { itemOf, unitOf } from "./motion.js";
+import { build, capital } from "./shell.js";
+import { studyRows } from "./studies.js";
+import { passing } from "./timing.js";
+import { judged, limitName, reasons } from "./verdict.js";
+
+export const DIGITS = 4; // of numbers that are shown; their titles and copies have more
+const LINKS = ["crank", "coupler", "rocker", "ground"];
+const ILL_POSED =
+  "Clearly different linkages make this motion about equally well: the motion does not determine the link lengths.";
+const BY_HAND = "Changed by hand: its errors are computed in this page, and nothing is judged.";
+const FROM_THERE =
+  " The service can refine it to the nearest optimum from just there, or search anew with both pivots near where you put them.";
+
+/** Rows [name, value] of a solution, its lengths and angles with `digits` digits. */
+export function numberRows(solution, { motion, size }, digits = DIGITS) {
+  const { links, mount, rounded, errors, transmission_angle_min_turn: whole } = solution,
+    unit = unitOf(motion),
+    item = itemOf(motion),
+    { places, turns, worst } = fitOf(solution, motion);
+  const number = (value) => text(value, digits),
+    place = (value) => number(settled(value, size)),
+    length = (value) => `${place(value)} ${unit}`,
+    point = (pair) => `${pair.map(place).join(", ")} ${unit}`,
+    degrees = (value) => `${number(value)}°`;
+  const at = (k, error) => (error === "rounding" ? error : `${error} at ${item} ${k + 1}`),
+    turnError = (value) => errorText(value, 57, "°"),
+    placeError = (value) => errorText(value, size, ` ${unit}`),
+    angle = (value) => `${text(value, DIGITS)}°`;
+  const start = driveTurns(solution) ? degrees : length,
+    polar = mount?.coupler_point_polar,
+    held = solution.determination?.active_limits ?? [],
+    off = roundedText(solution, size, ` ${unit}`),
+    lengths = off && rounded.closes && roundedLinks(rounded).map(([name, one]) => `${name} ${number(one)}`);
+  const rows = [
+    ...(links ? LINKS.map((name) => [capital(name), length(links[name])]) : guideRows(solution, number, place, length)),
+    ["Branch", solution.branch > 0 ? "+1" : "−1"],
+    links ? ["Start angle", degrees(solution.start_angle)] : [`Drive at the first ${item}`, start(solution.start)],
+    Number.isFinite(solution.body_offset) && ["Body offset", degrees(solution.body_offset)],
+    mount && ["Pivot A", point(mount.pivot_a)],
+    mount && ["Pivot B", point(mount.pivot_b)],
+    mount && ["Ground angle", degrees(settled(mount.ground_angle, 57))],
+    polar && ["Coupler point", `${length(polar.radius)} at ${degrees(polar.angle)}`],
+    worst.turn !== null && ["Angle error, largest", at(worst.turn, turnError(Math.abs(turns[worst.turn])))],
+    worst.place !== null && ["Position error, largest", at(worst.place, placeError(places[worst.place]))],
+    errors.rotation_rms !== null && ["Angle error, rms", turnError(errors.rotation_rms)],
+    errors.position_rms !== null && ["Position error, rms", placeError(errors.position_rms)],
+    Number.isFinite(solution.size) && ["Size", `${number(solution.size)} × motion`],
+    Number.isFinite(solution.excursion) && [`Detour between ${item}s`, `${text(solution.excursion, 3)} × distance`],
+    ["Transmission", angle(solution.transmission_angle_min)],
+    Number.isFinite(solution.arm_min) && ["Moment arm, least", length(solution.arm_min)],
+    Number.isFinite(whole) && ["Transmission, whole turn", angle(whole)],
+    held.length && ["Limited by", held.map(limitName).join(", ")],
+    lengths && ["Rounded links", `${lengths.join(", ")} ${unit}`],
+    off && ["Error when rounded", off],
+  ];
+  return [...rows.filter(Boolean), ...studyRows(solution, unit)];
+}
+
+/** The places of the drive at the samples with their unit; null where the request gives them. */
+export function placesInWords(solution, motion, digits = DIGITS) {
+  const sign = driveTurns(solution) ? "°" : ` ${motion.unit}`;
+  return drivePlaces(solution)?.map((place) => `${text(place, digits)}${sign}`) ?? null;
+}
+
+function verdictBlock(solution, motion) {
+  const { verdict } = solution,
+    item = itemOf(motion),
+    rows = judged(verdict, motion, item, driveName(solution), driveTurns(solution)),
+    sentences = reasons(verdict, item);
+  const list = definitions(
+    rows.map(([name, good, words]) => {
+      const kind = good ? "good" : ["Practical limits", "Tolerance", "Layers"].includes(name) ? "poor" : "bad";
+      return [name, signed("dd", kind, { good: "✓", poor: "!", bad: "✕" }[kind], words)];
+    }),
+  );
+  const why = sentences.map((one) => element("li", "", one));
+  return element("div", "judged", element("h3", "", "Verdict"), list, why.length && build("ul", {}, why));
+}
+
+/** The crank angles that a solution brings along, in the order in which the samples are passed. */
+function crankBlock(solution, motion) {
+  const item = itemOf(motion),
+    words = placesInWords(solution, motion),
+    { order } = passing(solution, motion, false),
+    table = namedRows(order.map((k) => [`${capital(item)} ${k + 1}`, words[k]]));
+  const title = driveTurns(solution) ? "Crank angles" : `Travel of the ${solution.driver}`;
+  return build("details", {}, element("summary", "", `${title} at the ${item}s`), table);
+}
+
+/** What can be done with a linkage that was changed by hand. */
+function handBlock({ links }) {
+  const act = (id, words, event) => button(words, () => document.dispatchEvent(new Event(event)), "", { id }),
+    acts = [
+      act("refine-here", "Refine from there", "refinehere"),
+      act("search-near", "Search near here", "searchnear"),
+    ];
+  const sentence = element("p", "note", BY_HAND + (links ? FROM_THERE : ""));
+  return element("div", "judged", sentence, element("div", "group wrap", links && acts));
+}
+
+/** All that is said of a solution of an answer, as elements. */
+export function numberBlocks(solution, answer) {
+  const { motion } = answer,
+    table = namedRows(numberRows(solution, answer));
+  numberRows(solution, answer, 8).forEach(([, value], k) => (table.rows[k].cells[1].title = value));
+  return [
+    solution.verdict ? verdictBlock(solution, motion) : solution.source === "hand" && handBlock(solution),
+    table,
+    drivePlaces(solution) && crankBlock(solution, motion),
+    solution.determination?.ill_posed && element("p", "note", ILL_POSED),
+  ].filter(Boolean);
+}
