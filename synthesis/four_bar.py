@@ -30,7 +30,7 @@ from synthesis.target import TURN, Interval
 
 
 class Family(StrEnum):
-    """How a four-bar can turn, by Grashof's rule; ``change_point`` where it can fold flat."""
+    """Grashof family: how the links of a four-bar can turn; ``change_point`` if it can fold flat."""
 
     CRANK_ROCKER = "crank_rocker"
     DOUBLE_CRANK = "double_crank"
@@ -59,9 +59,9 @@ def _pair_difference(a: Floats, b: Floats, c: Floats, d: Floats) -> Floats:
 
 
 _PAIRINGS = ((1, 2, 1), (3, 3, 2), (0, 0, 0), (2, 1, 3))
-"""Of the three excesses: the links that are added, and those that are taken off."""
+"""Links that are added, and links that are subtracted, in each of the three excesses."""
 EXCESSES = np.array([[-1.0, 1.0, -1.0, 1.0], [-1.0, -1.0, 1.0, 1.0], [-1.0, 1.0, 1.0, -1.0]])
-"""The same as coefficients: derivatives of the three excesses by the lengths."""
+"""Derivatives of the three excesses by the lengths, as coefficients."""
 
 
 def grashof_excesses(lengths: ArrayLike) -> tuple[Floats, Floats, Floats]:
@@ -82,7 +82,7 @@ def grashof_excesses(lengths: ArrayLike) -> tuple[Floats, Floats, Floats]:
 
 
 _AT_CHANGE_POINT = 1e-12
-"""Part of the longest link up to which a difference of two pairings is none: to so much an answer keeps given lengths."""
+"""Fraction of the longest link up to which a difference of two pairings counts as 0: the accuracy of given lengths."""
 _CHANGE_POINT = 8
 _BY_SIGNS = np.full(9, Family.TRIPLE_ROCKER, dtype=object)
 """The family by which of the three excesses are above zero, as bits."""
@@ -109,7 +109,7 @@ def family(lengths: ArrayLike) -> NDArray[np.object_]:
 
 
 def _scaled(lengths: ArrayLike) -> tuple[Floats, NDArray[Any]]:
-    """Lengths over a power of two near the longest, so that squares neither overflow nor vanish; exact."""
+    """Return lengths over a power of two near the longest length, so that squares neither overflow nor vanish; exact."""
     lengths = np.asarray(lengths, dtype=float)
     if lengths.shape[-1:] != (4,):
         raise ValueError(f"lengths: wanted shape (..., 4), found {lengths.shape}")
@@ -122,7 +122,7 @@ def _scaled(lengths: ArrayLike) -> tuple[Floats, NDArray[Any]]:
 
 @dataclass(frozen=True)
 class Closure:
-    """The closed loop at given crank angles; further angles are computed when asked for.
+    """Closed loop at given crank angles; further angles are computed on access.
 
     Attributes
     ----------
@@ -131,7 +131,7 @@ class Closure:
     crank_angle : ndarray, shape (..., N)
         theta1 in radians.
     excess_x, excess_y : ndarray, shape (..., N)
-        X and Y of the module's head, in scaled units; NaN where the loop does not close.
+        X and Y of the module's head, in scaled units; NaN if the loop does not close.
     diagonal : ndarray, shape (..., N)
         r = DB in scaled units.
     closed : ndarray of bool, shape (..., N)
@@ -198,12 +198,10 @@ class Closure:
         return 2 * np.arctan2(np.sqrt(np.minimum(x, y)), np.sqrt(np.maximum(x, y)))
 
     def coupler_angle_gradient(self, branch: ArrayLike) -> Floats:
-        """Derivatives of theta2 by L1, L2, L3, L4 (per unit of length) and theta1.
+        """Derivatives of theta2 by L1, L2, L3, L4 (per unit of length) and theta1, shape (..., N, 5).
 
-        From the loop's differential, its real part after multiplication by e^{-i theta3}. Infinite at a dead position,
-        where it is NaN; it grows like 1 / sin(transmission angle).
-
-        Shape (..., N, 5).
+        They are the real part of the differential of the loop, multiplied by e^{-i theta3}. They grow like 1 /
+        sin(transmission angle), and are NaN at a dead position.
         """
         sign = np.asarray(branch, dtype=float)[..., None]
         l1, l3 = self.lengths[..., 0], self.lengths[..., 2]
@@ -215,18 +213,19 @@ class Closure:
             [np.cos(t1 - t3), np.cos(t2 - t3), -np.ones_like(t3), -np.cos(t3), -l1 * np.sin(t1 - t3)], axis=-1
         )
         gradient = numerators / lever[..., None]
-        with np.errstate(over="ignore"):  # infinite per unit of length where the lengths are all but zero
+        with np.errstate(over="ignore"):  # infinite per unit of length if the lengths are nearly zero
             gradient[..., :4] = np.ldexp(gradient[..., :4], -self.exponent[..., None, None])
         return gradient
 
 
 def close_loop(lengths: ArrayLike, crank_angle: ArrayLike) -> Closure:
-    """The closed loop of linkages at crank angles.
+    """Close the loop of linkages at crank angles.
 
     ``lengths`` (..., 4): L1, L2, L3, L4 in any unit; a linkage with a length that is not positive and finite never
-    closes. ``crank_angle`` (..., N): theta1 in radians; leading axes are broadcast against those of ``lengths``.
+    closes. ``crank_angle`` (..., N): theta1 in radians; leading axes are broadcast against the leading axes of
+    ``lengths``.
 
-    With NaN and ``closed == False`` where the four lengths reach no closed loop; never a wrong number. Law: angles are
+    If the loop does not close, the result is NaN and ``closed == False``, never a wrong number. Law: angles are
     the same for ``k * lengths``, bit for bit if k is a power of two.
     """
     scaled, exponent = _scaled(lengths)
@@ -256,7 +255,7 @@ def close_loop(lengths: ArrayLike, crank_angle: ArrayLike) -> Closure:
 
 
 def coupler_angle(lengths: ArrayLike, branch: ArrayLike, crank_angle: ArrayLike) -> Floats:
-    """theta2 of linkages at crank angles, shape (..., N): `close_loop` and `Closure.coupler_angle` in one."""
+    """Return theta2 of linkages at crank angles, shape (..., N): `close_loop` and `Closure.coupler_angle` combined."""
     return close_loop(lengths, crank_angle).coupler_angle(branch)
 
 

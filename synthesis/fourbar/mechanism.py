@@ -1,8 +1,8 @@
-"""The four-bar as scan and search see it: how it turns, charts of its shapes, its linkages.
+"""The four-bar as a mechanism for scan and search: its motion, charts of its shapes, and its linkages.
 
-Each chart maps its unknowns, without bounds or with change points at bounds, to four lengths (their common scale is free, the
-pose takes it up) and to the two constants X0, Y0 of the closure (see `kinematics`), formed without cancellation;
-`synthesis.kernels.crank_loops` computes both.
+Each chart maps its unknowns, without bounds or with change points at bounds, to four lengths (their common scale is
+free, and the pose absorbs it) and to the two constants X0, Y0 of the closure (see `kinematics`), computed without
+cancellation; `synthesis.kernels.crank_loops` computes both.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ from synthesis.violations import within
 
 
 class FourBarChart(Chart):
-    """What charts of the four-bar without bounds share."""
+    """Common base of the charts of the four-bar without bounds."""
 
     cell = np.array([0.7, 1.0, 1.0, 0.6])
     hop = np.array([0.7, 1.5, 1.5, 0.4])
 
     def place(self, unknowns: Floats) -> Floats:
-        """Where shapes lie: logarithms of length ratios, (n, 3)."""
+        """Return logarithms of length ratios, (n, 3), in which distances of shapes are measured."""
         lengths = self.shape(unknowns).lengths
         return np.log(lengths[:, :3] / lengths[:, 3:]) / 0.7
 
@@ -63,7 +63,7 @@ class FullCrankChart(FourBarChart):
     """Largest |p|, |u|, |w|: beyond, the lengths no longer change in double precision."""
 
     def unknowns(self, lengths: ArrayLike) -> Floats:
-        """Unknowns (n, 3) of lengths (n, 4)."""
+        """Return the unknowns (n, 3) of lengths (n, 4)."""
         lengths = np.asarray(lengths, dtype=float)
         l1, l4 = lengths[..., 0], lengths[..., 3]
         a, b, c = grashof_excesses(lengths)
@@ -77,12 +77,12 @@ class FullCrankChart(FourBarChart):
 
 @dataclass(frozen=True)
 class AnyChart(FourBarChart):
-    """All four-bars: the logarithms of L1 / L4, L2 / L4, L3 / L4. Most points close over a part of the turn only."""
+    """All four-bars: the logarithms of L1 / L4, L2 / L4, L3 / L4. Most points close only over a fraction of the turn."""
 
     kind = codes.ANY
 
     def unknowns(self, lengths: ArrayLike) -> Floats:
-        """Unknowns (n, 3) of lengths (n, 4)."""
+        """Return the unknowns (n, 3) of lengths (n, 4)."""
         lengths = np.asarray(lengths, dtype=float)
         return np.log(lengths[..., :3] / lengths[..., 3:])
 
@@ -91,23 +91,23 @@ class AnyChart(FourBarChart):
 class GrashofChart(Chart):
     """All four-bars whose crank turns fully, by homogeneous unknowns (l, x, y, z), x, y, z >= 0.
 
-    |l| is the shortest link, the crank where l > 0 (crank-rocker) and the ground where l < 0 (double-crank);
+    |l| is the shortest link: the crank if l > 0 (crank-rocker), the ground if l < 0 (double-crank);
     L2 = |l| + (x + y) / 2, L3 = |l| + (x + z) / 2, and the fourth length is |l| + (y + z) / 2. Then
-    X0 = x (4 |l| + x + y + z) and Y0 = y z, without cancellation. The common scale is free: `within` makes
-    the sum of magnitudes one.
+    X0 = x (4 |l| + x + y + z) and Y0 = y z, without cancellation. The common scale is free: `within` normalizes
+    the sum of magnitudes to 1.
     Law: ``unknowns(shape(x).lengths) == within(x)``.
     """
 
     LEAST = 1e-9
-    """Least magnitude of an unknown: at change points the slope of theta2 has no limit."""
+    """Smallest magnitude of an unknown: at change points the slope of theta2 has no limit."""
 
     cell = np.append(np.full(4, 0.1), FourBarChart.cell[3])
     hop = np.array([0.4, 0.8, 0.8, 0.8, 0.3])
-    """Of the logarithms of the magnitudes, and of the start."""
+    """Standard deviations of perturbations: of the logarithms of the magnitudes, and of the start."""
     kind = codes.GRASHOF
 
     def unknowns(self, lengths: ArrayLike) -> Floats:
-        """Unknowns (n, 4) of lengths (n, 4)."""
+        """Return the unknowns (n, 4) of lengths (n, 4)."""
         lengths = np.asarray(lengths, dtype=float)
         a, b, c = grashof_excesses(lengths)
         rocker = lengths[..., 0] < lengths[..., 3]
@@ -123,19 +123,19 @@ class GrashofChart(Chart):
         return self.within(out)
 
     def within(self, unknowns: Floats) -> Floats:
-        """The nearest unknowns within the bounds, each of its own sign of l, and of scale one."""
+        """Return the nearest unknowns within the bounds, each with its own sign of l, with scale 1."""
         unknowns = unknowns / np.sum(np.abs(unknowns), axis=-1, keepdims=True)
         out = np.maximum(unknowns, self.LEAST)
         out[..., 0] = np.copysign(np.maximum(np.abs(unknowns[..., 0]), self.LEAST), unknowns[..., 0])
         return out
 
     def hopped(self, unknowns: Floats, noise: Floats) -> Floats:
-        """Unknowns whose logarithms moved by noise (n, 4); excesses at a bound are lifted off it first."""
+        """Perturb the logarithms of unknowns by noise (n, 4); excesses at a bound are lifted off it first."""
         side = np.sign(unknowns)
         return self.within(side * np.maximum(np.abs(unknowns), 1e-4) * np.exp(np.clip(noise, -8.0, 8.0)))
 
     def place(self, unknowns: Floats) -> Floats:
-        """Where shapes lie, whatever their scale: the family, and logarithms of ratios of the unknowns, (n, 4)."""
+        """Return scale-free numbers of shapes, (n, 4): the family, and logarithms of ratios of the unknowns."""
         size = np.log(np.maximum(np.abs(unknowns), 1e-5 * np.sum(np.abs(unknowns), axis=1, keepdims=True)))
         ratios = size[:, :3] - size[:, 3:]
         return np.hstack([2 * np.sign(unknowns[:, :1]), ratios / [0.7, 1.0, 1.0]])
@@ -144,18 +144,18 @@ class GrashofChart(Chart):
 _TABLE_PERIMETER = 40
 _PERIMETER = 32
 _EDGE = 1e-5
-"""An excess of types next to a change point, of the sum of shortest link and excesses."""
+"""Excess of types next to a change point, relative to the sum of shortest link and excesses."""
 _ANY = (1.0, 1.7, 3.0, 4.5)
 """Length ratios of types of all families."""
 _FREE = (0.05, 4.0), (1, 40, 12)
-"""Range of lengths that are free over the longest that is given, and how many of each: of none, one or two."""
+"""Range of free lengths over the longest prescribed length, and their number of values, by the number of free lengths."""
 _EVERYWHERE: Box = (-np.inf, -np.inf, np.inf, np.inf)
 
 
 def search_spaces(target: Samples, limits: Limits, posed: bool | None = None) -> list[Bounded]:
-    """How four-bars within limits are looked for: among full cranks, and then, where any family will do, among all.
+    """Return the search spaces of four-bars within limits: full cranks, and then all four-bars if any family is allowed.
 
-    ``posed``: whether the pose is an unknown beside the shape; default: where limits concern it.
+    ``posed``: the pose is an unknown beside the shape; default: if limits concern the pose.
     """
     if posed is None:
         posed = target.position is not None and not limits.on_shape
@@ -176,7 +176,7 @@ def search_spaces(target: Samples, limits: Limits, posed: bool | None = None) ->
 
 
 def _boxes(limits: Limits, middle: complex, scale: float) -> Boxes:
-    """Where the limits leave pivots and lengths: as far as boxes can say it."""
+    """Return the boxes that the limits impose on pivots and lengths."""
     boxes = []
     for name in PIVOTS:
         box, point, reach = limits.box(f"{name}_box") or _EVERYWHERE, getattr(limits, name), limits.pivot_reach
@@ -202,7 +202,7 @@ def _boxes(limits: Limits, middle: complex, scale: float) -> Boxes:
 
 
 def given_types(limits: Limits) -> Floats:
-    """Lengths (T, 4) that have what is given of them, at least two; those that are free on a grid."""
+    """Return lengths (T, 4) with at least two prescribed lengths; free lengths lie on a grid."""
     known = [length for length in limits.links if length is not None]
     if len(known) < 2:
         return np.empty((0, 4))
@@ -212,10 +212,11 @@ def given_types(limits: Limits) -> Floats:
 
 
 def bounded_types(family: str) -> Floats:
-    """Lengths (T, 4) of the types that a search within limits begins with.
+    """Return the lengths (T, 4) of the initial types of a search within limits.
 
-    Full cranks of a small perimeter, and others next to each change point and to two at once: with the fold of a change point
-    inside the window a curve is kinked, and no smooth descent leads there. For any family rockers as well.
+    They are full cranks of a small perimeter, and types next to each change point and next to two at once, because a
+    curve with the fold of a change point inside the window is kinked, and no smooth descent leads to it. If any family
+    is allowed, they include rockers.
     """
     full = enumerate_types(TypeRule(_PERIMETER, 1, OrderRule.FULL_CRANK)).astype(float)
     chart = GrashofChart()
@@ -277,20 +278,20 @@ class FourBar:
 
     @cached_property
     def coarse_types(self) -> Floats:
-        """Crank-rockers and double-cranks of whole lengths and a small perimeter."""
+        """Return crank-rockers and double-cranks of integer lengths and a small perimeter."""
         return enumerate_types(TypeRule(_TABLE_PERIMETER, 1, OrderRule.FULL_CRANK)).astype(float)
 
     def winding(self, lengths: Floats) -> NDArray[np.int8]:
-        """One for double-cranks, whose coupler turns with the crank; for full cranks only."""
+        """Return 1 for double-cranks, whose coupler turns with the crank; for full cranks only."""
         return (lengths[:, 0] > lengths[:, 3]).astype(np.int8)
 
     def in_family(self, family: str, lengths: Floats) -> NDArray[np.bool_]:
-        """Which full-crank types are of a family of `limits.FAMILIES`."""
+        """Return the mask of full-crank types that belong to a family of `limits.FAMILIES`."""
         longer = lengths[:, 0] > lengths[:, 3]
         return {"crank_rocker": ~longer, "double_crank": longer}.get(family, np.ones(len(lengths), dtype=bool))
 
     def charts(self, family: str) -> list[Any]:
-        """Full cranks first; all four-bars after them where any family will do."""
+        """Return the chart of full cranks, and after it the chart of all four-bars if any family is allowed."""
         if family == "any":
             return [FullCrankChart(), AnyChart()]
         return [FullCrankChart({"crank_rocker": -1, "double_crank": 1}.get(family, 0))]
@@ -298,7 +299,7 @@ class FourBar:
     def posed(
         self, lengths: Floats, branch: Floats, start: Floats, pose: tuple[Complexes, Floats, Complexes] | None
     ) -> list[Linkage]:
-        """Linkages in a given pose."""
+        """Return linkages in a given pose."""
         linkages = [
             four_bar(as_lengths(row), int(side), float(at))
             for row, side, at in zip(lengths, branch, np.asarray(start) % TURN)
@@ -319,7 +320,7 @@ class RockerOutput(FourBar):
 
     @staticmethod
     def body_angle(lengths: ArrayLike, branch: ArrayLike, crank_angle: ArrayLike) -> Floats:
-        """The rocker angle."""
+        """Return the rocker angle."""
         return coupler_angle(np.asarray(lengths)[:, [0, 2, 1, 3]], -np.asarray(branch), crank_angle) + np.pi
 
 

@@ -1,10 +1,10 @@
-"""Poses without crank angles within limits: seeds that know the limits, and descents in shape, pose and all angles.
+"""Poses without crank angles within limits: seeds within the limits, and descents in shape, pose and all angles.
 
 Data flow::
 
-    windows at guessed timings in poses within the limits, and whatever else `rounds` begin from
-      -> descents in which broken limits are rows of growing weight beside the samples'
-      -> at the angles that were found, moved onto the limits that are still broken
+    windows at guessed timings in poses within the limits, and the other starting points of the search
+      -> descents in which violated limits are rows of growing weight beside the rows of the samples
+      -> at the resulting angles, moved onto the limits that are still violated
 """
 
 from __future__ import annotations
@@ -34,27 +34,32 @@ _SPANS = np.deg2rad([130.0, 40.0, 260.0, 80.0, 190.0, 330.0])
 _SEEDS = 24
 """Windows of each guess."""
 _APART = 1e-6
-"""A crank shorter than this part of the length scale is none."""
+"""Ratio of the crank to the length scale below which there is no crank."""
 _GO_IN = (*SELECTED_LATE.first, *SELECTED_LATE.continuation, *POLISH)
-"""How a candidate that may be far outside of the limits is led into them, and on to its end."""
+"""Stages that lead a candidate from far outside of the limits into them, and to convergence."""
 
 
 def limited_problem(poses: Poses, chart: Chart, limits: Limits) -> JointProblem:
-    """What descends toward poses within limits."""
+    """Return the problem of poses within limits."""
     constraints = Constraints(limits, poses.middle, poses.length_scale, exact=False)
     return JointProblem(poses, chart, constraints.compiled(True))
 
 
 def refined_within(poses: Poses, limits: Limits, timed: Timed, work: Work) -> Pool:
-    """Candidates refined within limits and moved onto those that they still break; their costs are J squared."""
+    """Refine candidates within limits and move them onto the limits that they still violate; the costs are J squared."""
     problem = limited_problem(poses, chart_of(limits.family), limits)
     return problem.moved_onto(problem.descended(timed, _GO_IN, 0.0, work, steps_after_first=np.inf).timed)[0]
 
 
 def placed_within(problem: JointProblem, timed: Timed, boxes: Boxes) -> tuple[Timed, NDArray[np.intp]]:
-    """Candidates in the best pose that boxes for pivots and lengths leave them.
+    """Move candidates into the best pose that the boxes for pivots and lengths allow.
 
-    Those come first that fit well and keep the limits; then the places of those that keep all limits, best first.
+    Returns
+    -------
+    candidates : Timed
+        Candidates that have a crank, sorted by fit and violation of the limits.
+    within : ndarray of int
+        Indices of the candidates that satisfy all limits, best first.
     """
     start = timed.angles[:, 0]
     crank: Complexes = np.exp(1j * (timed.angles - start[:, None]))
@@ -73,7 +78,7 @@ def placed_within(problem: JointProblem, timed: Timed, boxes: Boxes) -> tuple[Ti
 
 
 def guessed_windows(poses: Poses, limits: Limits, windows: Windows) -> Iterator[Timed]:
-    """Seeds within limits at guessed crank angles, even along the way, for both senses of the crank; a guess at a time."""
+    """Yield seeds within limits at guessed crank angles, evenly along the path, for both senses of the crank, guess by guess."""
     assert poses.position is not None
     steps = np.abs(np.diff(poses.position))
     share = np.concatenate([[0.0], np.cumsum(steps + 0.3 * steps.mean())])
@@ -95,7 +100,7 @@ def guessed_windows(poses: Poses, limits: Limits, windows: Windows) -> Iterator[
 
 
 def _seeds(target: Target, limits: Limits, windows: Windows, chart: Chart, sense: int) -> Timed:
-    """The best windows of a target, for a crank that turns the other way in a mirror."""
+    """Return the best windows of a target; a crank of the other sense turns in a mirror."""
     if sense < 0:
         target, limits = target.mirrored(), limits.mirrored()
     direction = search_spaces(target, limits, posed=True)[0]
@@ -106,7 +111,7 @@ def _seeds(target: Target, limits: Limits, windows: Windows, chart: Chart, sense
 
 
 def _mirrored(timed: Timed, sense: int) -> Timed:
-    """Candidates in a mirror where the crank turns clockwise."""
+    """Mirror candidates if the crank turns clockwise."""
     if sense > 0:
         return timed
     return timed._replace(pose=np.conj(timed.pose), angles=-timed.angles, branch=-timed.branch)

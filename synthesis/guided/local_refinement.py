@@ -29,7 +29,7 @@ REACH = 3.0
 def refine_guided(
     poses: Poses, limits: Limits, linkage: Linkage, tolerance: float, work: Work, drive: Floats | None = None
 ) -> tuple[list[Solution], SearchReport]:
-    """Find the best linkage that descents from a given one lead to.
+    """Find the best linkage by descents from a given linkage.
 
     Parameters
     ----------
@@ -41,15 +41,15 @@ def refine_guided(
     tolerance : float
         Objective below which a linkage is exact.
     work : Work
-        If it has expired, the best linkage found so far is returned.
+        If it has expired, the best linkage found is returned.
     drive : ndarray, shape (N,), optional
         Given travel of the drive from the first sample, in radians or in the unit of length.
 
     Returns
     -------
     solutions : list of Solution
-        A single linkage within the limits; empty if no descent led into them.
-        Law: if the linkage itself satisfies the limits, the error of the solution is no larger than its own.
+        At most a single linkage, within the limits; empty if no descent led into them.
+        Law: if the given linkage satisfies the limits, the error of the solution is no larger than its error.
     report : SearchReport
     """
     travel = fitting_travel(poses, linkage) if drive is None else drive
@@ -83,7 +83,7 @@ def fitting_travel(poses: Poses, linkage: Linkage) -> Floats | None:
 
 
 def _assessed(poses: Poses, limits: Limits, linkage: Linkage, travel: Floats, is_given: bool) -> list[Solution]:
-    """Return the linkage as it is, if it passes the samples in their order within the limits."""
+    """Return the given linkage if it passes the samples in their order within the limits."""
     steps = np.diff(travel)
     if poses.ordered and not is_given and not (np.all(steps > 0) or np.all(steps < 0)):
         return []

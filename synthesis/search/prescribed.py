@@ -1,4 +1,4 @@
-"""Motions whose crank angles are given, made ready for descents, and the linkages that candidates are."""
+"""Problems of motions with prescribed crank angles, and the conversion of candidates to linkages."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from synthesis.target import Samples, Target
 
 
 class GivenProblem(Problem):
-    """A target, a chart and limits made ready for many candidates.
+    """A target, a chart and limits, prepared for many candidates.
 
     Parameters
     ----------
     target : Target
-        With a crank that turns counter-clockwise.
+        The motion, with a crank that turns counter-clockwise.
     chart : Chart
     constraints : Constraints, optional
     posed : bool
-        Whether they concern the pose, over the length scale, or the shape and the start alone.
+        The constraints concern the pose, over the length scale; otherwise only the shape and the start.
     """
 
     def __init__(
@@ -41,14 +41,14 @@ class GivenProblem(Problem):
         )
 
     def goal(self, samples: Samples) -> Floats | None:
-        """The rotations from their mean, or from an offset that is given."""
+        """Return the rotations from their mean, or from a prescribed offset."""
         if samples.rotation is None:
             return None
         offset = self.target.offset
         return samples.rotation - (samples.rotation_mean(samples.rotation) if offset is None else offset)
 
     def linkages(self, mechanism: Mechanism, pool: Pool) -> list[Any]:
-        """The linkages that candidates are: in their pose where limits concern it, otherwise in their best."""
+        """Return candidates as linkages: in their own pose if limits concern it, otherwise in their best pose."""
         timed, target = pool.timed, self.target
         lengths, start = self.chart.shape(timed.shape).lengths, timed.angles[:, 0]
         if not self.posed:
@@ -59,12 +59,12 @@ class GivenProblem(Problem):
 
 
 def problem_of(target: Target, space: Bounded) -> GivenProblem:
-    """The problem of a target within limits."""
+    """Return the problem of a target within limits."""
     return GivenProblem(target, space.chart, space.constraints, space.boxes is not None)
 
 
 def candidates_at(shape: Floats, branch: Floats, start: Floats, pose: Complexes | None = None) -> Timed:
-    """Candidates of shapes (n, k) in a chart, branches and starts (n,), and poses (n, 3) where they are known."""
+    """Return candidates of shapes (n, k) in a chart, branches and starts (n,), and poses (n, 3) if known."""
     count = len(branch)
     pose = np.zeros((count, 3), dtype=complex) if pose is None else pose
     return Timed(np.asarray(shape), pose, np.zeros(count), np.asarray(start)[:, None], np.asarray(branch))

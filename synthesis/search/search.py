@@ -5,15 +5,15 @@ Data flow of a request::
     target --(clockwise: mirrored)--> squared errors of all windows of a coarse table (two matrix products)
       -> best start of each type and branch -> thinned out over cells of the chart -> seeds
       -> refine all at once -> pool -> reached? otherwise the next round of the schedule
-      -> polish on all samples -> solutions, recomputed from their numbers, different from one another, within the limits
+      -> polish on all samples -> distinct solutions within the limits, with recomputed errors
 
-Where no linkage may be exact, or limits hold::
+If no linkage may be exact, or limits apply::
 
-    windows of a coarse table in the best pose within the limits -> seeds, the first that keep all limits are answers
+    windows of a coarse table in the best pose within the limits -> seeds; the first that satisfy all limits are answers
       -> rounds within the limits (`synthesis.search.multistart`) until they gain nothing
 
-Rounds without limits grow: one runs only where those before it did not reach the tolerance. Their numbers were chosen on
-the random classes of the acceptance benchmark.
+The rounds without limits increase in size: each runs only if the rounds before it did not reach the tolerance. Their
+numbers were chosen on the random classes of the acceptance benchmark.
 """
 
 from __future__ import annotations
@@ -48,13 +48,13 @@ class Round(NamedTuple):
     fresh: int = 0
     """Number of best starts of the coarse table, of each branch, up to this round."""
     best: int = 0
-    """Number of best basins so far that continue."""
+    """Number of the best basins that continue."""
     every: bool = False
     """True if all descents continue to their end after an exact answer, to find alternatives."""
 
 
 FIRST_LOOK = (Round(15, fresh=16, every=True), Round(20, fresh=60, best=12))
-"""Before a search within limits: half of all reachable motions end in the first round, most in the second."""
+"""Rounds before a search within limits: half of all reachable motions end in the first round, most in the second."""
 TO_THE_END = Round(1000, best=12)
 """Schedule for a nearly exact answer, since narrow basins require many steps."""
 
@@ -63,7 +63,7 @@ TO_THE_END = Round(1000, best=12)
 
 DEFAULT_TOLERANCE = 1e-10
 SEARCH_SAMPLES = 64
-"""Samples that the rounds look at; longer requests are thinned for them and polished on all samples."""
+"""Number of samples in the rounds; longer requests are thinned for them and polished on all samples."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ class TimedOptions:
     in_sight: float = 1e-4
     """Error below which further rounds look for an exact answer in another basin."""
     idle_in_sight: int = 6
-    """Number of idle rounds that end these."""
+    """Number of idle rounds that end the search for such an answer."""
     continued_damping: float = 1e-6
     """Damping of descents that continue where others ended."""
     few_steps: int = 6
@@ -114,7 +114,7 @@ class _Search:
         self.use(self.mechanism.charts(limits.family)[0])
 
     def use(self, chart: Chart) -> None:
-        """Go on in another chart, with an empty pool."""
+        """Continue in another chart, with an empty pool."""
         self.chart = chart
         self.problem = GivenProblem(self.thin_target, chart)
         nothing = np.empty(0)
@@ -160,7 +160,7 @@ class _Search:
         return bool(self.pool.cost.size and self.pool.cost.min() < self.tolerance**2)
 
     def note(self, cost: Floats) -> None:
-        """Add the best objective so far to the trace."""
+        """Add the smallest objective to the trace."""
         best = float(np.sqrt(cost.min())) if cost.size else np.inf
         if self.trace:
             best = min(best, self.trace[-1][1])
@@ -172,7 +172,7 @@ class _Search:
         return self.work.expired() or Status.of(solutions, self.tolerance) is Status.REACHED
 
     def polished(self, count: int, iterations: int) -> list[Any]:
-        """The best of the pool, refined on all samples of the request, as solutions within the limits."""
+        """Refine the best of the pool on all samples of the request; return the solutions within the limits."""
         best = thinned(self.pool, count, 0.02).timed
         if not best.branch.size:
             return []
@@ -184,7 +184,7 @@ class _Search:
     # -- within limits, or if no linkage is exact ---------------------------------------------------------------------
 
     def look(self, rounds: Sequence[Round], top: int) -> list[Any]:
-        """Exact answers without limits, where a few rounds lead near them: those within the limits."""
+        """Return exact answers without limits that satisfy the limits, if a few rounds lead near them."""
         if not self.reached:
             self.free_search(*rounds)
         is_close = self.pool.cost.min(initial=np.inf) < OPTIONS.close**2
@@ -192,7 +192,7 @@ class _Search:
             return []
         if not self.reached and self.pool.cost.min() < OPTIONS.nearer**2:
             self.free_search(TO_THE_END)
-        # where the tolerance is reached, alternatives are worth a few steps, not a search of their own
+        # if the tolerance is reached, alternatives are worth a few steps, not another search
         return self.polished(
             max(top + 4, OPTIONS.finished), 30 if is_close and not self.reached else OPTIONS.few_steps
         )
@@ -201,7 +201,7 @@ class _Search:
         """Continue within the limits, in each chart in turn; return new solutions and the better ones of the given solutions."""
         charts, spaces = self.mechanism.charts(self.limits.family), self.mechanism.bounded(self.target, self.limits)
         if self.target.start is not None or self.target.offset is not None:
-            spaces = []  # they find the start and the offset themselves
+            spaces = []  # these spaces treat the start and the offset as unknowns
         is_tested = self.limits.only_family
         if not spaces:
             solutions = solutions if is_tested else self.look(FIRST_LOOK[:1], top)
@@ -238,7 +238,7 @@ class _Search:
                 if space.chart in found.pools:
                     solutions = solutions + self._finished(problem, found.pools[space.chart], chart, top)
                 smallest = min((solution.errors.objective for solution in solutions), default=np.inf)
-                # where J is so small, an exact answer may lie in another valley
+                # if J is so small, an exact answer may lie in another basin
                 if self.reached or self.work.expired() or not self.tolerance < smallest < OPTIONS.in_sight:
                     break
             if self.done(sorted(solutions, key=lambda solution: solution.errors.objective)):
@@ -248,7 +248,7 @@ class _Search:
         return solutions + [solution for solution in first if reached or solution.errors.objective < best]
 
     def _finished(self, problem: PrescribedTiming, pool: Pool, chart: Chart, top: int) -> list[Any]:
-        """Solutions of a pool; near an exact answer in the chart without bounds too."""
+        """Return the solutions of a pool; near an exact answer also in the chart without bounds."""
         chosen = problem.within.linkages(self.mechanism, pool.take(slice(0, 8 * top + 20)))
         solutions = self.mechanism.within(self.target, self.limits, self.mechanism.assess(self.target, chosen))
         close = pool.take(pool.cost < OPTIONS.close**2)
@@ -266,7 +266,7 @@ class _Search:
         """Return the report of the search with the errors of the returned solutions."""
         best = solutions[0].errors.objective if solutions else np.inf
         stopped = stopped_by(solutions, self.tolerance, self.work)
-        # rounds see a thinned target or stop a rounding earlier: what counts is the objective of the reply's own numbers
+        # rounds use thinned samples and end with rounding errors: recompute the objective from the linkage
         trace = [(seconds, max(objective, best)) for seconds, objective in self.trace] if solutions else []
         if solutions and (not trace or trace[-1][1] != best):
             trace.append((self.work.elapsed, best))
@@ -295,9 +295,10 @@ def search(
     tolerance : float
         Objective below which the search ends.
     work : Work, optional
-        When it has expired, the best solutions so far are returned.
+        When it expires, the best solutions found are returned.
     mechanism : Mechanism, optional
-        Mechanism that moves as the mechanism of the tables but builds other solutions. Default: the mechanism of the tables.
+        Mechanism that moves as the mechanism of the tables but builds other solutions. Default: the mechanism of the
+        tables.
 
     Returns
     -------

@@ -1,9 +1,9 @@
 """Velocities, accelerations and forces of a body on two guides whose drive moves at a constant speed.
 
-The other guide pushes along f through X; with the drive locked the body turns about the pin Z (with the hinge locked it slides
-along its slot). So the moments about Z (the forces along the slot) give that push, the rest of the forces that of the driven
-guide, and the driven link's balance the torque or force of the drive. Guides have no friction. Everything is a quotient over
-sin mu: at a dead position there is none.
+The other guide pushes along f through X. If the drive is locked, the body turns about the pin Z (with a hinge, it
+slides along the slot). Therefore the moments about Z (or the forces along the slot) determine this push, the remaining
+forces the push of the driven guide, and the balance of the driven link the torque or force of the drive. Guides have no
+friction. All results are quotients over sin mu, so that they do not exist at a dead position.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from synthesis.linkage import BODY, Linkage, LinkMotion, Mass
 
 
 class PointForce(NamedTuple):
-    """A force at a point of a link that does not turn with it; ``at`` in the link's frame."""
+    """Force of constant direction at a point of a link; ``at`` in the frame of the link."""
 
     link: str
     at: complex
@@ -27,24 +27,24 @@ class PointForce(NamedTuple):
 
 
 class Load(NamedTuple):
-    """What acts on the body, in directions that do not turn with it, and what the links weigh."""
+    """Loads on the body, in fixed directions, and masses of the links."""
 
     force: complex = 0j
-    """At the body's place."""
+    """Force at the position of the body."""
     torque: float = 0.0
     masses: tuple[Mass, ...] = ()
     gravity: complex = 0j
-    """Force of a unit of mass."""
+    """Force on a unit of mass."""
     speed: float = 0.0
-    """Of the drive, constant: masses resist their acceleration too."""
+    """Constant speed of the drive; masses also resist their acceleration."""
     metre: float = 1.0
-    """Force of a unit of mass that gains a unit of length a second every second: 0.001 for kg, mm and N."""
+    """Force that accelerates a unit of mass by a unit of length per second squared: 0.001 for kg, mm and N."""
     forces: tuple[PointForce, ...] = ()
-    """At points of links; `forces` takes them as pulls."""
+    """Forces at points of links; `forces` takes them as pulls."""
 
 
 class Pull(NamedTuple):
-    """What acts on a link besides: a force (n,) at places (n,) of the plane, and a couple."""
+    """Additional load on a link: a force (n,) at points (n,) of the plane, and a couple."""
 
     link: str
     place: Complexes
@@ -53,22 +53,22 @@ class Pull(NamedTuple):
 
 
 class Forces(NamedTuple):
-    """What holds a load in equilibrium, (n,) each. Law: ``drive`` times its speed is minus the power of all that acts."""
+    """Forces in equilibrium with a load, (n,) each. Law: ``drive`` times its speed is minus the power of all loads."""
 
     drive: Floats
     """Counter-clockwise torque of a crank or hinge; force of a slider along its rail, of a cylinder outwards."""
     driven: Complexes
-    """By the driven guide's link on the body."""
+    """Force on the body by the link of the driven guide."""
     other: Complexes
-    """By the other guide's link on the body."""
+    """Force on the body by the link of the other guide."""
     driven_ground: Complexes
-    """On the driven guide's link, by the ground and a drive that slides."""
+    """Force on the link of the driven guide by the ground and by a sliding drive."""
     other_ground: Complexes
-    """By the ground on the other guide's link."""
+    """Force on the link of the other guide by the ground."""
 
 
 def on_links(load: Load, linkage: Linkage) -> Load:
-    """A load of masses on ``body`` and links, those of a four-bar's coupler from the crank pin along it, as `forces` takes it."""
+    """Convert masses on ``body`` and on a coupler (from the crank pin along it) to masses of `forces`."""
 
     def on_link(mass: Mass) -> Mass:
         if mass.link == BODY:
@@ -79,11 +79,12 @@ def on_links(load: Load, linkage: Linkage) -> Load:
 
 
 def forces(linkage: Linkage, travel: Floats, load: Load, pulls: Sequence[Pull] = ()) -> Forces:
-    """What holds a load on the body, and pulls on any link, position by position, while the drive moves.
+    """Compute the forces that hold loads on the body and on links, position by position, while the drive moves.
 
-    ``travel`` (n,): of the drive from the first sample. Masses are on links of `Linkage.link_names`, in their frames.
+    ``travel`` (n,): travel of the drive from the first sample. Masses are on links of `Linkage.link_names`, in their
+    frames.
 
-    NaN at a dead position, where no finite force holds the load, and where the loop does not close.
+    NaN at a dead position, at which no finite force holds the load, and if the loop does not close.
     """
     links = linkage.motions(travel)
     found = linkage.body(linkage.start + travel)
@@ -95,7 +96,7 @@ def forces(linkage: Linkage, travel: Floats, load: Load, pulls: Sequence[Pull] =
         on_body, about_place = acting[BODY]
         on_body = on_body + load.force
         about_place = about_place + load.torque
-        # where the other guide pushes, which way, and what its link's own mass adds
+        # contact and direction of the push of the other guide, and the share of the mass of its link
         at, push = second.contact(body.origin, turned), second.push(body.origin, turned)
         extra, couple = 0j * turned, np.zeros(turned.shape)
         own, turning = acting[links[2].name]

@@ -1,10 +1,11 @@
-"""Linkages whose lengths lie on a grid or are stock lengths, with everything else fitted again.
+"""Linkages with lengths on a grid or from stock, and everything else fitted again.
 
-`round_lengths` is the entry for all kinds. The search for combinations of the lengths of four-bars is `four_bar_rounding`.
+`round_lengths` is the entry for all kinds. The search for combinations of the lengths of four-bars is
+`four_bar_rounding`.
 
-The lengths are those of cranks and rockers and, where both guides lead a point of the body, the distance of these points. Where
-the guides stand, how the body lies on them and where the drive is at each sample are refined by least squares; where the drive is
-free, what it could do itself is projected out of each sample's error.
+The lengths are the lengths of cranks and rockers and, if both guides hold a point of the body, the distance of these
+points. The positions of the guides, the position of the body on them, and the drive at each sample are refined by least
+squares; if the drive is free, the error that it could remove is projected out at each sample.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ _STALL = 1e-5
 _TRAVEL_STEPS = 30
 """Largest number of Newton steps towards the travel at which the body is nearest to a sample."""
 _ARRIVED = 1e-7
-"""Step, as a fraction of the longest one, below which it is the last: the next would be its square."""
+"""Step, relative to the longest step, that is the last: the next step would be its square."""
 _BACK = 20
 """Largest number of halvings of a step that would increase a sample's error, or open the loop."""
 
@@ -148,7 +149,7 @@ def _nearest(length: float, grid: float | None, stock: Sequence[float] | None) -
 
 
 class _Chart:
-    """Linkages of given lengths by what is left of their dimensions, in units of their size."""
+    """Linkages with given lengths; the unknowns are changes of the remaining dimensions, in units of the linkage's size."""
 
     def __init__(self, linkage: Linkage, lengths: dict[str, float], timed: bool) -> None:
         self.linkage, self.lengths, self.timed = linkage, lengths, timed
@@ -158,20 +159,20 @@ class _Chart:
         self.count = 2 * 4 + timed
 
     def at(self, x: Floats) -> Linkage:
-        """The linkage at changes x of the one that it began with."""
+        """Return the linkage after changes x."""
         guides: list[Guide] = []
         for index, (name, guide) in enumerate(self.linkage.named_guides):
             own = x[4 * index : 4 * index + 4]
             fixed = guide[0] + self.size * complex(own[0], own[1])
             point = guide.body_point + self.size * complex(own[2], own[3])
             if index and "coupler" in self.lengths:
-                # the second body point goes round the first; what would lengthen the coupler does nothing
+                # the second body point turns about the first; a change along the coupler has no effect
                 turn = self.along + float(own[2])
                 point = complex(guides[0].body_point + self.lengths["coupler"] * np.exp(1j * turn))
             if isinstance(guide, Circle):
                 guides.append(Circle(fixed, self.lengths.get(name, guide.radius), point))
             elif isinstance(guide, Rail):
-                # one change shifts the line, the other turns it
+                # a single change shifts the line, the other turns it
                 normal = 1j * np.exp(1j * guide.direction)
                 shifted = complex(guide.point + self.size * own[0] * normal)
                 guides.append(Rail(shifted, guide.direction + float(own[1]), point))
@@ -185,10 +186,7 @@ class _Chart:
 
 
 def fitted(samples: Poses | Target, solution: Solution, lengths: dict[str, float], work: Work) -> Solution | None:
-    """A linkage of given lengths by least squares from a solution, as far as the time allows.
-
-    None where its loop does not close at every sample.
-    """
+    """Fit a linkage of given lengths by least squares, starting from a solution; None if the loop opens at a sample."""
     timed = isinstance(samples, Target)
     chart = _Chart(solution.linkage, lengths, timed)
     begin = solution.travel if timed else solution.travel[: samples.samples]
@@ -211,7 +209,7 @@ def fitted(samples: Poses | Target, solution: Solution, lengths: dict[str, float
 
 
 def _complete_travel(samples: Poses | Target, linkage: Linkage, travel: Floats) -> Floats:
-    """Travel at all samples that were asked for: of a closed way whose last sample repeats the first a turn on, or back there."""
+    """Return the travel at all requested samples, including the last sample of a closed path, which repeats the first."""
     if not isinstance(samples, Poses) or samples.requested is None:
         return travel
     return samples.whole(travel) if linkage.turns_fully else np.append(travel, travel[0])
@@ -234,7 +232,7 @@ def _evaluated(samples: Poses | Target, chart: _Chart, x: Floats, travel: Floats
         if not chart.timed:
             step = _STEP * (1.0 if linkage.driver.turns else chart.size)
             slope = (_rows(samples, linkage, travel + step) - _rows(samples, linkage, travel - step)) / (2 * step)
-            # what the drive could do at a sample is no error of the linkage
+            # remove the error that the drive could remove at a sample
             square = np.sum(slope**2, axis=0)
             part = np.einsum("rn,krn->kn", slope, jacobian) / np.where(square > 0, square, 1.0)
             jacobian = jacobian - slope * part[:, None]
@@ -257,22 +255,22 @@ def _rows(samples: Poses | Target, linkage: Linkage, travel: Floats) -> Floats:
     return rows
 
 
-# -- where the drive is -----------------------------------------------------------------------------------------------
+# -- travel of the drive ----------------------------------------------------------------------------------------------
 
 
 def nearest_travel(samples: Samples, linkage: Linkage, begin: Floats) -> Floats:
-    """Travel of the drive from the linkage's start at which the body comes nearest to each sample, by Newton's method.
+    """Return the travel from the linkage's start at which the body is nearest to each sample, by Newton's method.
 
-    ``samples``: rotations count modulo a turn. ``begin`` (N,): where each begins; the loop closes there.
+    ``samples``: rotations count modulo a turn. ``begin`` (N,): initial travel, at which the loop closes.
 
-    Law: at every sample the error's derivative by the travel is zero, unless the drive is at the end of its way.
+    Law: at every sample the derivative of the error by the travel is zero, unless the drive is at an end of its range.
     """
     travel = np.array(begin, dtype=float)
     square = squared_errors(samples, linkage, travel)
     weights = _weights(samples)
     for _ in range(_TRAVEL_STEPS):
         first, second = _slopes(samples, linkage, travel, weights)
-        # towards a minimum where the error is convex, along the first-order step where it is not
+        # towards a minimum if the error is convex, otherwise along the first-order step
         step = np.nan_to_num(-first / np.where(second > 0, second, np.inf))
         longest = 0.3 if linkage.driver.turns else 0.3 * samples.length_scale
         step = np.clip(step, -longest, longest)
@@ -294,8 +292,8 @@ def nearest_travel(samples: Samples, linkage: Linkage, begin: Floats) -> Floats:
 
 
 def _weights(samples: Samples) -> tuple[Floats, Floats]:
-    """What a square of an error of rotation, and of position, counts at each sample, (N,)."""
-    # a sample on its own: only the ratio of both counts
+    """Return the weights of squared errors of rotation and of position at each sample, (N,)."""
+    # for a single sample only the ratio of both matters
     turning: Floats = np.zeros(samples.samples)
     placing = turning
     if samples.rotation is not None:
@@ -306,7 +304,7 @@ def _weights(samples: Samples) -> tuple[Floats, Floats]:
 
 
 def _gaps(samples: Samples, linkage: Linkage, travel: Floats) -> tuple[Floats, Complexes]:
-    """Errors of rotation (to the nearest whole turn) and position, zeros where there is none."""
+    """Return errors of rotation (to the nearest whole turn) and position; zeros if the sample does not prescribe them."""
     found = linkage.body(linkage.start + travel)
     turned: Floats = np.zeros(travel.shape)
     if samples.rotation is not None:
@@ -317,7 +315,7 @@ def _gaps(samples: Samples, linkage: Linkage, travel: Floats) -> tuple[Floats, C
 
 
 def squared_errors(samples: Samples, linkage: Linkage, travel: Floats) -> Floats:
-    """Return the weighted squared error at each sample, (N,); infinite where the loop does not close."""
+    """Return the weighted squared error at each sample, (N,); infinite if the loop does not close."""
     turning, placing = _weights(samples)
     turned, off = _gaps(samples, linkage, travel)
     square = turning * turned**2 + placing * np.abs(off) ** 2
@@ -327,7 +325,7 @@ def squared_errors(samples: Samples, linkage: Linkage, travel: Floats) -> Floats
 def _slopes(
     samples: Samples, linkage: Linkage, travel: Floats, weights: tuple[Floats, Floats]
 ) -> tuple[Floats, Floats]:
-    """First derivatives of half the squares by the travel, and second ones, at least those of first-order errors."""
+    """Return first and second derivatives of half the squared error by the travel; the second has a lower bound."""
     turning, placing = weights
     turned, off = _gaps(samples, linkage, travel)
     rates = linkage.rates(linkage.start + travel)
