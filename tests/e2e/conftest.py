@@ -1,4 +1,4 @@
-"""One service and one browser for all browser tests of a process: starting them takes longer than most tests."""
+"""Start the service and the browser once for all browser tests: starting them takes longer than most tests."""
 
 import shutil
 from pathlib import Path
@@ -21,20 +21,20 @@ OPTIONS += tuple(f"--disable-{name}" for name in WITHOUT)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """These come first, one process has them all; of a file those that share a page before those that load one each."""
+    """Run browser tests first, and in each file the tests that share a page before the tests that load a page."""
 
     def order(item: pytest.Item) -> tuple[Any, ...]:
         here = item.path.parent == Path(__file__).parent
-        return (0, item.path, "standing" not in item.fixturenames) if here else (1,)
+        return (0, item.path, "shared" not in item.fixturenames) if here else (1,)
 
     items.sort(key=order)
 
 
 def with_cache(app: Any) -> Any:
-    """The service, whose modules of the page the browser need not ask for again; test_page.py looks at their headers.
+    """Wrap the service so that the browser caches its modules, and repeated requests get the stored reply.
 
-    What a page has asked before, to the letter, gets the same reply: each one that opens has its machine's layers looked for.
-    What is asked while a hand moves goes on from the answer before, and is computed each time.
+    Each page that opens requests the layers of its machine again. Requests with ``start_from`` are always computed.
+    test_page.py checks the real cache headers.
     """
     replies: dict[Any, list[Any]] = {}
 
@@ -70,14 +70,14 @@ def with_cache(app: Any) -> Any:
 
 @pytest.fixture(scope="session")
 def address():
-    """The service on a free port, without an atlas, whatever lies in the working folder: the page needs none."""
+    """Address of a service without an atlas on a free port."""
     with listening(with_cache(create_app(Settings(with_atlas=False)))) as (port, _):
         yield f"http://127.0.0.1:{port}"
 
 
 @pytest.fixture(scope="session")
 def served(tmp_path_factory):
-    """The service as `serve` runs it: in processes, each request with the memory that it is given by default."""
+    """Address of a service with worker processes and the default memory limit, as `serve` runs it."""
     folder = tmp_path_factory.mktemp("served")
     with started(folder, "-m", "app.start", "serve", "--no-atlas", "--port", "0") as (_, port, _):
         yield f"http://127.0.0.1:{port}"
@@ -97,7 +97,7 @@ def browser(tmp_path_factory, downloads):
         pytest.skip("there is no chromium with chromedriver (Debian: chromium, chromium-driver)")
     options = webdriver.ChromeOptions()
     options.binary_location = CHROMIUM
-    options.page_load_strategy = "eager"  # tests wait for what they need
+    options.page_load_strategy = "eager"  # tests wait for the elements that they use
     for option in (*OPTIONS, f"--user-data-dir={tmp_path_factory.mktemp('profile')}", "--window-size=1280,900"):
         options.add_argument(option)
     options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
@@ -111,7 +111,7 @@ def browser(tmp_path_factory, downloads):
 
 @pytest.fixture
 def moving(browser):
-    """Pages that are opened run by themselves, as they do for most people."""
+    """Let pages start their animation, as without the preference for reduced motion."""
     motion = {"name": "prefers-reduced-motion", "value": "no-preference"}
     browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [motion]})
     yield
@@ -120,7 +120,7 @@ def moving(browser):
 
 @pytest.fixture(scope="session")
 def pages(browser, address, downloads) -> MotionPage:
-    """The browser as tests use it, with nothing opened yet."""
+    """The browser before any page is opened."""
     return MotionPage(browser, address, downloads)
 
 
@@ -133,29 +133,26 @@ def page(pages):
 
 
 @pytest.fixture
-def standing(pages, request):
-    """The page as the test before in the same file has left it, if that took this fixture too: for tests of what they put in.
-
-    To load the page takes longer than most of them.
-    """
-    if pages.run("return window.standing") == request.module.__name__:
+def shared(pages, request):
+    """The page as the previous test of the same file left it, because loading a page takes longer than most tests."""
+    if pages.run("return window.shared") == request.module.__name__:
         pages.renew()
     else:
         pages.load()
-        pages.run("window.standing = arguments[0]", request.module.__name__)
+        pages.run("window.shared = arguments[0]", request.module.__name__)
     yield pages
     pages.assert_no_errors()
 
 
 @pytest.fixture
-def opened(standing):
-    """The page as the test before has left it, with its first machine opened again and at rest."""
-    standing.choose("casement")
-    return standing
+def opened(shared):
+    """The shared page with the first machine of the gallery opened and paused."""
+    shared.choose("casement")
+    return shared
 
 
 @pytest.fixture
 def edited(opened):
-    """The page with its first machine at rest, in the mode that edits the linkage."""
+    """The shared page with its first machine paused, in the mode that edits the linkage."""
     opened.mode("hand")
     return opened

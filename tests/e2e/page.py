@@ -1,4 +1,4 @@
-"""A page in the browser as the tests use it: its parts by their ids, what it shows, and what a user does to it."""
+"""A page in the browser: find elements by id, read their text, and act as a user does."""
 
 from __future__ import annotations
 
@@ -30,38 +30,40 @@ WATCH = (
     "(function look() { let met; try { met = Boolean(CONDITION) } catch (error) { return done(String(error)) }"
     "if (met || performance.now() > end) done(met); else setTimeout(look, 20) })()"
 )
-"""Looks for a condition within the page for a second: to ask the browser each time costs more than what is waited for."""
+"""Script that polls a condition within the page for a second; a call of the browser per poll would take longer."""
 OPEN = (
     "const e = document.querySelector(arguments[0]), step = e?.closest('.step');"
     "if (step?.hidden || (step && document.body.matches('.folded'))) document.getElementById(`tab-${step.id}`).click();"
 )
-"""Finds an element, and opens the step of the panel in which it lies, as a user does."""
+"""Script that finds an element and opens the step of the panel that contains it."""
 IN_SIGHT = OPEN + (
     "const b = document.querySelector('.scene .solve');"
     "if (e && b && !b.contains(e) && e.getBoundingClientRect().bottom > b.getBoundingClientRect().top)"
     "e.scrollIntoView({block: 'center'}); return e"
 )
-"""An element in the open step; on the other pages scrolled out from under the bar with Solve. By one call of the browser."""
+"""Script that returns an element in the open step, scrolled out from under the bar with Solve on other pages."""
 SERIOUS = (
     "const rules = Object.fromEntries(axe._audit.rules.filter((one) => ['minor', 'moderate'].includes(one.impact))"
     ".map((one) => [one.id, {enabled: false}]));"
     "axe.run(arguments[0], {resultTypes: ['violations'], rules}).then(arguments[1])"
 )
-"""What axe-core finds without the rules whose findings would be passed over: each finding has the impact of its rule."""
-ASKED = (
-    "window.asked=[];const own=window.fetch;window.fetch=async(...a)=>{"
+"""Script that runs the axe-core rules of serious and critical impact."""
+RECORD = (
+    "window.requests=[];const own=window.fetch;window.fetch=async(...a)=>{"
     "if(a[0]==='/v2/assembly')return window.stub?new Promise(()=>{}):own(...a);"
     "if(!String(a[0]).startsWith('/v2/')||a[0]==='/v2/motion')return own(...a);"
-    "window.asked.push(JSON.parse(a[1].body));const s=a[0]==='/v2/synthesize'&&window.stub;"
+    "window.requests.push(JSON.parse(a[1].body));const s=a[0]==='/v2/synthesize'&&window.stub;"
     "return s?new Response(JSON.stringify(s),{headers:{'content-type':'application/json'}}):own(...a)}"
 )
-"""Keeps the bodies of the page's requests; a reply in `window.stub` stands in for the service's. Requests for layers follow by
-themselves: they are not kept, and of a stub are never answered."""
+"""Script that records request bodies and answers with `window.stub` if it is set.
+
+Requests for layers are not recorded, and stay unanswered while a stub is set.
+"""
 MOUNT = {"pivot_a": (10, 5), "ground_angle": 8, "coupler_point_polar": (40, 35), "body_offset": 12}
 FREE = la.FourBar(20, 60, 55, 58, start_angle=30, **MOUNT)
-"""A crank-rocker whose motions the tests ask for."""
+"""A crank-rocker whose motions the tests request."""
 GOOD = re.compile(r"✓ (within practical limits|buildable in \d layers)")
-"""What a card says of a linkage within practical limits, before and after its layers are known."""
+"""Verdict on a card of a linkage within practical limits, before and after its layers are known."""
 WORKS = {
     "order": True,
     "branch": True,
@@ -79,7 +81,7 @@ VERDICTS += [WORKS | {"within_tolerance": False, "reasons": LATE}, WORKS | FAULT
 
 
 def keep(page: Page, name: str) -> None:
-    """A picture of docs/img anew, in few colours, if there is one and ``LINKAGE_ATLAS_SCREENSHOTS=1`` asks for it."""
+    """Replace a picture of docs/img if it exists and ``LINKAGE_ATLAS_SCREENSHOTS=1`` is set."""
     if (ROOT / f"docs/img/{name}.png").exists() and os.environ.get("LINKAGE_ATLAS_SCREENSHOTS"):
         from PIL import Image
 
@@ -102,21 +104,21 @@ class Page:
     def run(self, script: str, *arguments: Any) -> Any:
         return self.browser.execute_script(script, *arguments)
 
-    def later(self, script: str, *arguments: Any) -> Any:
-        """What a script gives to the function that is its last argument."""
+    def run_async(self, script: str, *arguments: Any) -> Any:
+        """Return the value that a script passes to its last argument."""
         return self.browser.execute_async_script(script, *arguments)
 
     def cdp(self, command: str, arguments: dict[str, Any]) -> Any:
         return self.browser.execute_cdp_cmd(command, arguments)
 
     def wait(self, condition: str, seconds: float = PATIENCE) -> None:
-        """Until a JavaScript expression is true."""
+        """Wait until a JavaScript expression is true."""
         end, met = time.monotonic() + seconds, False
         while met is not True:
             assert not met, f"{condition}: {met}"
             assert time.monotonic() < end, f"waited for {condition}"
             try:
-                met = self.later(WATCH.replace("CONDITION", condition))
+                met = self.run_async(WATCH.replace("CONDITION", condition))
             except JavascriptException as error:  # another page has come meanwhile
                 if "unloaded" not in str(error):
                     raise
@@ -129,10 +131,10 @@ class Page:
     def find(self, name: str) -> Any:
         return self.pick(f"#{name}")
 
-    def one(self, selector: str) -> Any:
+    def element(self, selector: str) -> Any:
         return self.browser.find_element(By.CSS_SELECTOR, selector)
 
-    def all(self, selector: str) -> list[Any]:
+    def elements(self, selector: str) -> list[Any]:
         return self.browser.find_elements(By.CSS_SELECTOR, selector)
 
     @property
@@ -140,7 +142,7 @@ class Page:
         return self.browser.switch_to.active_element
 
     def read(self, selector: str) -> str:
-        """Text of a part as it is shown: none of a part that is hidden. By one call: the page may put another in its place."""
+        """Return the displayed text of an element, empty if it is hidden; by a single call, as the page may replace it."""
         script = f"{OPEN} return e.checkVisibility() ? e.innerText : ''"
         return re.sub("[ \t]+", " ", self.run(script, selector)).strip()
 
@@ -152,7 +154,7 @@ class Page:
         return self.run("return document.activeElement.id")
 
     def content(self, name: str) -> str:
-        """Text of a part, also where it is not shown."""
+        """Return the text of an element, even if it is hidden."""
         return self.run("return document.getElementById(arguments[0]).textContent", name)
 
     def texts(self, selector: str) -> list[str]:
@@ -172,7 +174,7 @@ class Page:
 
     @property
     def width(self) -> int:
-        """Pixels that the page is wide, with what sticks out."""
+        """Width of the page in pixels, including overflow."""
         return self.run("return document.documentElement.scrollWidth")
 
     # -- what a user does ---------------------------------------------------------------------------------------------
@@ -189,7 +191,7 @@ class Page:
         self.browser.get(f"{self.address}/static/icon.svg")
 
     def forget(self) -> None:
-        """Leave the page; its browser knows it no longer."""
+        """Leave the page and clear its storage."""
         self.leave()
         self.run("sessionStorage.clear()")
         self.cdp("Storage.clearDataForOrigin", {"origin": self.address, "storageTypes": "local_storage"})
@@ -199,7 +201,7 @@ class Page:
         self.wait(READY)
 
     def load(self, path: str = "", width: int = 1280) -> None:
-        """Load a page as if for the first time: what is stored goes before its first script, without a page in between."""
+        """Load a page with empty storage."""
         self.resize(width)
         self.browser.get_log("browser")
         script = self.cdp(
@@ -227,10 +229,10 @@ class Page:
         self.run("arguments[0].scrollIntoView({block: 'center'})", element)
         return element
 
-    def press(self, selector: str, way: str = "mouse") -> None:
-        """A button, by mouse, by Enter or by a tap."""
+    def press(self, selector: str, device: str = "mouse") -> None:
+        """Press a button by mouse, Enter or tap."""
         element = self.pick(selector)
-        if way == "keyboard":
+        if device == "keyboard":
             element.send_keys(Keys.ENTER)
         else:
             self.centre(element).click()
@@ -243,7 +245,7 @@ class Page:
             self.run(f"{OPEN} e.open = true", f"#{name}")
 
     def type_into(self, name: str, entry: str) -> None:
-        """What a user does: go to the field, select all, type."""
+        """Focus a field, select its text and type."""
         self.run("document.getElementById(arguments[0]).closest('details')?.setAttribute('open', '')", name)
         self.find(name).send_keys(Keys.CONTROL, "a", Keys.NULL, entry)
 
@@ -254,12 +256,12 @@ class Page:
         chain = self.actions(50).move_to_element_with_offset(element, *begin)
         chain.click_and_hold().move_by_offset(dx, dy).release().perform()
 
-    def saved(self, name: str, button: str = "", way: str = "mouse") -> bytes:
-        """A file that the page gives, once its button has been pressed if one is named."""
+    def saved(self, name: str, button: str = "", device: str = "mouse") -> bytes:
+        """Return a downloaded file, after a press of its button if a selector is passed."""
         file, end = self.downloads / name, time.monotonic() + PATIENCE
         if button:
             file.unlink(missing_ok=True)
-            self.press(button, way)
+            self.press(button, device)
         while not (file.exists() and file.stat().st_size):
             assert time.monotonic() < end, f"{name} was not saved"
             time.sleep(0.01)
@@ -269,10 +271,10 @@ class Page:
         script = "const f = arguments[0].getBoundingClientRect(); return [f.x + f.width / 2, f.y + f.height / 2]"
         return tuple(self.run(script, self.centre(element)))
 
-    def touch(self, places: list[tuple[float, float]]) -> None:
-        """A finger that comes down at the first place, goes through the others, and is lifted."""
+    def touch(self, points: list[tuple[float, float]]) -> None:
+        """Move a finger along points."""
         self.cdp("Emulation.setTouchEmulationEnabled", {"enabled": True})
-        for k, (x, y) in enumerate(places):
+        for k, (x, y) in enumerate(points):
             points = {"type": "touchMove" if k else "touchStart", "touchPoints": [{"x": x, "y": y}]}
             self.cdp("Input.dispatchTouchEvent", points)
         self.cdp("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
@@ -283,10 +285,10 @@ class Page:
             self.click("theme")
 
     def faults(self, within: str = "html") -> list[str]:
-        """What axe-core calls serious or critical, on the page or within a part of it, where the rest is as it was."""
+        """Return serious and critical findings of axe-core within a selector."""
         if not self.run("return Boolean(window.axe)"):
             self.run((ROOT / "tests/vendor/axe.min.js").read_text())
-        found = self.later(SERIOUS, within)
+        found = self.run_async(SERIOUS, within)
         return [
             f"{row['id']}: {row['nodes'][0]['html'][:150]} {row['nodes'][0].get('failureSummary', '')[:200]}"
             for row in found["violations"]
@@ -294,46 +296,46 @@ class Page:
         ]
 
     def follow_link(self) -> None:
-        """Copy the link to what is there, leave the page, and open the link."""
+        """Copy the link, leave the page and open the link."""
         self.press("#link")
         self.wait("location.hash.length > 10")
         link = self.browser.current_url
         self.leave()
         self.browser.get(link)
 
-    def listen(self) -> None:
-        """Keep the bodies of requests from now on."""
-        self.run(f"if (window.asked) window.asked = []; else {{ {ASKED} }}")
+    def record_requests(self) -> None:
+        """Record request bodies from now on."""
+        self.run(f"if (window.requests) window.requests = []; else {{ {RECORD} }}")
 
-    def asked(self) -> dict[str, Any]:
-        """The last request."""
-        return self.run("return window.asked.at(-1)")
+    def last_request(self) -> dict[str, Any]:
+        """Return the body of the last request."""
+        return self.run("return window.requests.at(-1)")
 
 
 class MotionPage(Page):
     """The page of motions and paths."""
 
     def load(self, path: str = "", width: int = 1280) -> None:
-        """Load the page as if for the first time, and without a path open the first machine of the gallery, which is solved."""
+        """Load the page with empty storage; without a path open the first machine of the gallery."""
         super().load(path, width)
         if not path:
             self.choose("casement")
 
     def choose(self, name: str) -> None:
-        """Open a machine of the gallery, which need not be drawn for it; what the machine does is at rest."""
+        """Open a machine of the gallery and pause it."""
         self.run(f"document.querySelector('#gallery [data-example={name}]').click()")
-        self.rest()
+        self.pause()
 
     def renew(self, machine: str = "") -> None:
-        """Take back what a test has put in place of the service, and open a machine of the gallery if one is named."""
+        """Remove stubs and open a machine of the gallery if a name is passed."""
         self.resize(1280)
         self.run("window.stub = window.guided = null; window.restage?.()")
         self.run("for (const one of document.querySelectorAll('details')) one.open = false")
         if machine:
             self.choose(machine)
 
-    def rest(self) -> None:
-        """Let the linkage stand still at the first sample."""
+    def pause(self) -> None:
+        """Pause the linkage at the first sample."""
         self.run(
             "const p = document.getElementById('play'), s = document.getElementById('slider');"
             "if (p.ariaLabel === 'Pause') p.click(); s.value = 0; s.dispatchEvent(new Event('input'))"
@@ -354,7 +356,7 @@ class MotionPage(Page):
             ".map(row => [...row.querySelectorAll('input')].map(input => Number(input.value)))"
         )
 
-    def placed(self) -> np.ndarray:
+    def positions(self) -> np.ndarray:
         """Positions of the table."""
         return np.array([row[1:3] for row in self.table()])
 
@@ -370,7 +372,7 @@ class MotionPage(Page):
         )
         self.wait("!document.getElementById('paste-use').disabled")
 
-    def take(self, request: dict[str, Any]) -> None:
+    def load_request(self, request: dict[str, Any]) -> None:
         self.paste(json.dumps(request))
         assert self.text("paste-error") == ""
 
@@ -383,9 +385,9 @@ class MotionPage(Page):
     def limits(self) -> dict[str, Any]:
         return self.request().get("limits", {})
 
-    def undo(self, again: bool = False) -> None:
+    def undo(self, redo: bool = False) -> None:
         keys = self.actions().key_down(Keys.CONTROL)
-        keys = keys.key_down(Keys.SHIFT).send_keys("z").key_up(Keys.SHIFT) if again else keys.send_keys("z")
+        keys = keys.key_down(Keys.SHIFT).send_keys("z").key_up(Keys.SHIFT) if redo else keys.send_keys("z")
         keys.key_up(Keys.CONTROL).perform()
 
     # -- the canvas ---------------------------------------------------------------------------------------------------
@@ -393,31 +395,31 @@ class MotionPage(Page):
     def canvas(self) -> Any:
         return self.centre(self.find("canvas"))
 
-    def click_canvas(self, *places: tuple[float, float]) -> None:
+    def click_canvas(self, *points: tuple[float, float]) -> None:
         canvas, chain = self.canvas(), self.actions(0)
-        for x, y in places:
+        for x, y in points:
             chain.move_to_element_with_offset(canvas, x, y).click()
         chain.perform()
 
-    def trace(self, places: list[tuple[float, float]], on: str = "canvas") -> None:
-        """Drag along places, in pixels from the middle of the canvas, or of another part."""
-        x, y = places[0]
+    def trace(self, points: list[tuple[float, float]], on: str = "canvas") -> None:
+        """Drag along points, in pixels from the middle of the canvas, or of another part."""
+        x, y = points[0]
         chain = self.actions(5).move_to_element_with_offset(self.centre(self.find(on)), x, y).click_and_hold()
-        for u, v in places[1:]:
+        for u, v in points[1:]:
             chain.move_by_offset(u - x, v - y)
             x, y = u, v
         chain.release().perform()
 
-    def draw(self, places: list[tuple[float, float]]) -> None:
+    def draw(self, points: list[tuple[float, float]]) -> None:
         self.mode("path")
-        self.trace(places)
+        self.trace(points)
 
     def view(self) -> tuple[float, float, float]:
         """Middle and scale of the canvas."""
         return tuple(map(float, self.find("canvas").get_attribute("data-view").split(" ")))
 
     def all_drawn(self) -> dict[str, complex]:
-        """Where each joint is drawn, in world coordinates."""
+        """Return the drawn position of each joint in world coordinates."""
         found, width, height, shown = self.run(
             "const s=document.getElementById('canvas'),f=s.getBoundingClientRect();"
             "const at=(one)=>{const c=one.getBoundingClientRect();"
@@ -432,7 +434,7 @@ class MotionPage(Page):
         return self.all_drawn()[joint]
 
     def in_view(self) -> bool:
-        """Whether all joints and poses lie inside the canvas."""
+        """Return true if all joints and poses lie inside the canvas."""
         return self.run(
             "const f = document.getElementById('canvas').getBoundingClientRect();"
             "return [...document.querySelectorAll('#canvas [data-joint], #canvas .dot')]"
@@ -445,11 +447,11 @@ class MotionPage(Page):
     def solve(self) -> None:
         self.click("solve")
         self.wait(IDLE)
-        self.rest()
+        self.pause()
 
     def budgets(self, *stages: float) -> None:
-        """Let the page, until it is loaded or taken by another test, search with these budgets in milliseconds."""
-        self.later(
+        """Set the budgets in milliseconds of the stages of a search until the page is loaded or renewed."""
+        self.run_async(
             "const [stages, done] = arguments; import('/static/service.js').then(({ STAGES }) => {"
             "window.usual ??= [...STAGES]; STAGES.splice(0, STAGES.length, ...stages);"
             "window.restage = () => STAGES.splice(0, STAGES.length, ...window.usual); done(); })",
@@ -457,11 +459,11 @@ class MotionPage(Page):
         )
 
     def unhurried(self) -> None:
-        """One stage, as long as a slow machine may take: a search that ends by itself has the same answer on every machine."""
+        """Search in a single stage to its end, so that the answer is the same on every machine."""
         self.budgets(30_000)
 
-    def found(self) -> None:
-        """Until the first linkages are there, and no waiting for better ones."""
+    def wait_for_results(self) -> None:
+        """Wait for the first linkages and stop the search."""
         self.wait(f"{CARDS} && !document.getElementById('results').hidden")
         self.run("const s = document.getElementById('stop'); if (!s.hidden) s.click()")
         self.wait(IDLE)
@@ -469,14 +471,14 @@ class MotionPage(Page):
     def solve_soon(self) -> None:
         self.run("document.getElementById('solutions').replaceChildren()")
         self.click("solve")
-        self.found()
-        self.rest()
+        self.wait_for_results()
+        self.pause()
 
     def cards(self) -> list[Any]:
-        return self.all("#solutions button")
+        return self.elements("#solutions button")
 
     def choose_card(self, k: int) -> None:
-        """By one call: cards are drawn again when their layers are known."""
+        """Select a card by a single call: cards are redrawn when their layers are known."""
         self.run("document.querySelectorAll('#solutions button')[arguments[0]].click()", k)
 
     def links(self) -> list[float]:
@@ -486,11 +488,11 @@ class MotionPage(Page):
         return [float(found[name].split()[0]) for name in ("Crank", "Coupler", "Rocker", "Ground")]
 
     def card(self) -> str:
-        """Text of the card that is chosen."""
+        """Return the text of the selected card."""
         return self.read("#solutions [aria-pressed=true]")
 
-    def earlier(self) -> bool | None:
-        """Whether each card that is shown says that it is of an earlier request; they all do, or none."""
+    def outdated(self) -> bool | None:
+        """Return true if all visible cards are marked as results of an earlier request, false if none is, None without cards."""
         script = (
             "document.getElementById('tab-choose').click();"
             "return [...document.querySelectorAll('[data-earlier]')].filter((one) => one.closest('.card').checkVisibility())"
@@ -499,14 +501,14 @@ class MotionPage(Page):
         (all_of_them,) = set(self.run(script)) or {None}
         return all_of_them
 
-    def answered(self, request: dict[str, Any], angles: Any, verdicts: Any = VERDICTS) -> None:
-        """Take a request and have it answered by `stub`."""
-        self.take(request)
+    def solve_with_reply(self, request: dict[str, Any], angles: Any, verdicts: Any = VERDICTS) -> None:
+        """Load a request and solve it with a stub."""
+        self.load_request(request)
         self.stub(request, angles, verdicts)
         self.solve()
 
     def stub(self, request: dict[str, Any], angles: Any, verdicts: Any = VERDICTS) -> None:
-        """Let the next answers be `FREE` at these crank angles, once for each verdict."""
+        """Reply to the next requests with `FREE` at some crank angles, repeated for each verdict."""
         turned = (0.3, 0.5) if "rotation" in request else (None, None)
         errors = {"rotation_rms": turned[0], "rotation_max": turned[1], "position_rms": 0.4, "position_max": 0.9}
         solution = FREE.to_dict() | {"errors": errors | {"objective": 0.01}, "crank_angle": list(map(float, angles))}
@@ -520,4 +522,4 @@ class MotionPage(Page):
             "solutions": [solution | {"rank": k + 1, "verdict": verdict} for k, verdict in enumerate(verdicts)],
             "report": report | {"length_scale": 30.0, "seeds": 9, "windows": None, "exhaustive": None, "notes": []},
         }
-        self.run(f"window.stub = arguments[0]; if (!window.asked) {{ {ASKED} }}", reply)
+        self.run(f"window.stub = arguments[0]; if (!window.requests) {{ {RECORD} }}", reply)

@@ -35,59 +35,56 @@ def title(page) -> str:
     return page.card().splitlines()[0].split(" ", 1)[1].split(" · ")[0]
 
 
-@pytest.mark.parametrize("part", DRAGGED)
-def test_the_linkage_follows_each_thing_that_is_dragged(part, standing) -> None:
-    standing.choose("pick")
-    joints, links, kind = standing.all_drawn(), standing.links(), title(standing)
-    hold(standing, DRAGGED[part], (9, -7), (9, -7))
-    standing.wait("[...document.querySelectorAll('[data-earlier]')].some((one) => one.checkVisibility())")
-    held = standing.all_drawn()
-    assert any(abs(held[name] - joints[name]) > 1 / standing.view()[2] for name in "abcd"), "in the browser, at once"
-    standing.actions(0).release().perform()
-    standing.wait(MOVED)
-    assert standing.earlier() is False
-    assert title(standing) == kind and standing.links() != links
-    assert standing.links() == pytest.approx(links, rel=0.3), "the same linkage, somewhat changed"
-    standing.click("undo")
-    assert standing.links() == pytest.approx(links, rel=1e-6)
+def test_the_linkage_follows_what_is_dragged_and_returns(shared) -> None:
+    for part, selector in DRAGGED.items():
+        shared.choose("pick")
+        joints, links, kind = shared.all_drawn(), shared.links(), title(shared)
+        hold(shared, selector, (9, -7), (9, -7))
+        shared.wait("[...document.querySelectorAll('[data-earlier]')].some((one) => one.checkVisibility())")
+        held = shared.all_drawn()
+        assert any(abs(held[name] - joints[name]) > 1 / shared.view()[2] for name in "abcd"), f"{part}, at once"
+        shared.actions(0).release().perform()
+        shared.wait(MOVED)
+        assert shared.outdated() is False
+        assert title(shared) == kind and shared.links() != links, part
+        assert shared.links() == pytest.approx(links, rel=0.3), f"the same linkage after {part}, somewhat changed"
+        shared.click("undo")
+        assert shared.links() == pytest.approx(links, rel=1e-6), part
+    for name in ("wiper", "carton"):
+        shared.choose(name)
+        links, status = shared.links(), shared.text("status")
+        hold(shared, DRAGGED["a pose"], (30, -20), (25, 15))
+        shared.actions(50).move_by_offset(-55, 5).release().perform()
+        shared.wait(f"document.getElementById('status').textContent === {json.dumps(status)}")
+        assert shared.links() == pytest.approx(links, rel=1e-6) and shared.outdated() is False
 
 
-@pytest.mark.parametrize("name", ["wiper", "carton"])
-def test_a_drag_back_to_the_start_restores_the_linkage(name, standing) -> None:
-    standing.choose(name)
-    links, status = standing.links(), standing.text("status")
-    hold(standing, DRAGGED["a pose"], (30, -20), (25, 15))
-    standing.actions(50).move_by_offset(-55, 5).release().perform()
-    standing.wait(f"document.getElementById('status').textContent === {json.dumps(status)}")
-    assert standing.links() == pytest.approx(links, rel=1e-6) and standing.earlier() is False
+def test_the_linkage_follows_arrow_keys_and_numbers_in_the_table(shared) -> None:
+    shared.choose("carton")
+    links, kind, (_, x, *_) = shared.links(), title(shared), shared.table()[4]
+    shared.pick("[data-pose='4']").send_keys(Keys.ARROW_RIGHT)
+    shared.wait(MOVED)
+    moved = shared.links()
+    assert moved != links and title(shared) == kind
+    shared.cell("Pose 5, x", str(x + 4), Keys.TAB)
+    shared.wait(f"{MOVED} && document.getElementById('numbers').textContent.length")
+    shared.cell("Pose 5, x", str(x), Keys.TAB)
+    shared.wait("!document.getElementById('status').textContent.startsWith('Moved')")
+    assert shared.links() == pytest.approx(links, rel=1e-6)
 
 
-def test_the_linkage_follows_arrow_keys_and_numbers_in_the_table(standing) -> None:
-    standing.choose("carton")
-    links, kind, (_, x, *_) = standing.links(), title(standing), standing.table()[4]
-    standing.pick("[data-pose='4']").send_keys(Keys.ARROW_RIGHT)
-    standing.wait(MOVED)
-    moved = standing.links()
-    assert moved != links and title(standing) == kind
-    standing.cell("Pose 5, x", str(x + 4), Keys.TAB)
-    standing.wait(f"{MOVED} && document.getElementById('numbers').textContent.length")
-    standing.cell("Pose 5, x", str(x), Keys.TAB)
-    standing.wait("!document.getElementById('status').textContent.startsWith('Moved')")
-    assert standing.links() == pytest.approx(links, rel=1e-6)
-
-
-def test_a_better_linkage_is_offered_beside_the_one_that_was_moved(standing) -> None:
+def test_a_better_linkage_is_offered_beside_the_one_that_was_moved(shared) -> None:
     example = next(one for one in EXAMPLES if one["name"] == "carton")
-    standing.choose("carton")
-    standing.stub(example["request"], [0.0] * len(example["request"]["position"]))
-    standing.drag(standing.pick(DRAGGED["a pose"]), 40, -30)
-    standing.wait("document.getElementById('status').textContent.includes('A better linkage was found')")
-    assert "Moved" in standing.card() and len(standing.cards()) > 1
-    links = standing.links()
-    standing.run(
+    shared.choose("carton")
+    shared.stub(example["request"], [0.0] * len(example["request"]["position"]))
+    shared.drag(shared.pick(DRAGGED["a pose"]), 40, -30)
+    shared.wait("document.getElementById('status').textContent.includes('A better linkage was found')")
+    assert "Moved" in shared.card() and len(shared.cards()) > 1
+    links = shared.links()
+    shared.run(
         "[...document.querySelectorAll('#solutions button')].find((one) => one.innerText.includes('better')).click()"
     )
-    assert standing.links() != links and "better" in standing.card()
+    assert shared.links() != links and "better" in shared.card()
 
 
 def refined() -> list[dict]:
@@ -137,11 +134,11 @@ Promise.all(["follow", "formats", "hand"].map((name) => import(`/static/${name}.
 """
 
 
-def test_refinement_in_the_browser_agrees_with_pythons(standing) -> None:
+def test_refinement_in_the_browser_agrees_with_pythons(shared) -> None:
     """Python recomputes the same errors, and its own refinement leaves errors of about the same size."""
     cases = refined()
     ratios = []
-    for case, solution in zip(cases, standing.later(FOLLOW, cases)):
+    for case, solution in zip(cases, shared.run_async(FOLLOW, cases)):
         request, errors = case["after"], solution["errors"]
         drive = solution.get("crank_angle") or solution.get("travel") or request.get("crank_angle")
         if drive is None:

@@ -24,8 +24,8 @@ def solve(page) -> None:
     page.wait("!document.getElementById('status').textContent.startsWith('Searching')")
 
 
-def test_the_page_opens_with_an_answer_to_its_own_question(page) -> None:
-    """Which is no draft, and moves neither focus nor page; a link that cannot be read is said, and not asked over."""
+def test_the_page_answers_its_own_question_in_sight(page) -> None:
+    """The first answer is not a draft and moves neither focus nor scroll position; a damaged link is reported."""
     page.wait(CARDS)
     assert page.text("status").startswith("Best found") and page.shown("picture-card")
     assert not page.shown("draft") and page.run("return localStorage.getItem('linkage-atlas-function')") is None
@@ -35,9 +35,7 @@ def test_the_page_opens_with_an_answer_to_its_own_question(page) -> None:
     page.forget()
     page.go("/function#j=damaged")
     assert "bad" in page.find("status").get_attribute("class") and not page.count("#solutions li")
-
-
-def test_solve_and_its_answer_are_in_sight_on_a_laptop(page) -> None:
+    page.load("/function")
     page.resize(1366, 768)
     page.wait(CARDS)
     assert page.run("return document.getElementById('status').getBoundingClientRect().bottom < innerHeight")
@@ -45,7 +43,7 @@ def test_solve_and_its_answer_are_in_sight_on_a_laptop(page) -> None:
     assert page.run("return document.activeElement.getBoundingClientRect().bottom < innerHeight")
 
 
-def test_a_chosen_function_shows_linkage_and_error_and_is_saved(page) -> None:
+def test_a_chosen_function_is_drawn_and_saved_with_its_own_ends(page) -> None:
     solve(page)
     assert re.fullmatch(r"Best found: off by at most 0\.0\d+°\.", page.text("status"))
     assert len(page.cards()) >= 1
@@ -54,17 +52,15 @@ def test_a_chosen_function_shows_linkage_and_error_and_is_saved(page) -> None:
         "Error (got minus wanted) in units of y",
     ]
     assert "Extremes as large, alternating" in page.text("numbers")
-    before = page.one("#canvas .crank").get_attribute("d")
+    before = page.element("#canvas .crank").get_attribute("d")
     page.slide(1)
     assert page.text("where").startswith("60°")
-    # at the last x the rocker has turned by the whole dial, but for the error
+    # at the last x the rocker has turned by the whole dial, except for the error
     assert abs(float(page.text("where").split("rocker ")[1].rstrip("°")) - 90) < 0.5
-    assert page.one("#canvas .crank").get_attribute("d") != before
+    assert page.element("#canvas .crank").get_attribute("d") != before
     assert page.saved("function-1.csv", "#exports [data-format=csv]").startswith(b"input,output_wanted")
-
-
-def test_a_function_of_angles_begins_with_its_own_ends(page) -> None:
-    """A sine from 1 to 2 degrees would be a straight line; ends that were typed stay."""
+    page.load("/function")
+    # A sine from 1 to 2 degrees would be a straight line; ends that were typed stay.
     ends = ("x0", "x1")
     page.select("name", "sin")
     assert [page.value(name) for name in ends] == ["0", "90"]
@@ -78,15 +74,6 @@ def test_a_function_of_angles_begins_with_its_own_ends(page) -> None:
     assert [page.value(name) for name in ("name", *ends)] == ["tan", "1", "2"]
 
 
-def test_a_drawn_function_and_what_is_missing(page) -> None:
-    page.select("name", "drawn")
-    solve(page)
-    assert page.text("status") == "Draw the function from left to right first."
-    page.trace([(-120 + 10 * k, 70 - round(140 * (k / 24) ** 2)) for k in range(25)], "pad")
-    solve(page)
-    assert page.cards()
-
-
 PAIRS = "input;output\n0;0\n20;11,5\n45;33\n80;61\n110;84\n"
 
 
@@ -98,14 +85,14 @@ def ask_table(page, rows: str, kind: str = "table") -> None:
     page.wait("!document.body.dataset.reading")
 
 
-def test_angle_pairs_are_asked_for_as_they_are(page) -> None:
+def test_angle_pairs_are_requested_as_typed_in_their_unit(page) -> None:
     """Not stretched to the spans that the fields for numbers hold."""
-    page.listen()
+    page.record_requests()
     ask_table(page, PAIRS)
     assert page.value("name") == "pairs", "the columns' names say so"
     assert not page.shown("crank-span") and not page.shown("output-span")
     solve(page)
-    request = page.asked()
+    request = page.last_request()
     assert request["input"] == [0, 20, 45, 80, 110] and request["output"] == [0, 11.5, 33, 61, 84]
     assert not {"function", "crank_span", "angle_unit"} & request.keys()
     hint = "To meet these rows only, choose root mean square error."
@@ -121,16 +108,14 @@ def test_angle_pairs_are_asked_for_as_they_are(page) -> None:
     table = page.saved("function-1.csv", "#exports [data-format=csv]").decode().splitlines()[1:]
     rows = np.array([row.split(",")[:2] for row in table], float)
     assert np.allclose(rows, np.array([request["input"], request["output"]]).T)
-
-
-def test_angle_pairs_keep_their_unit_and_their_zeros(page) -> None:
-    page.listen()
+    page.load("/function")
+    page.record_requests()
     radians = [[0.5, 1.0], [0.8, 1.1], [1.2, 1.35], [1.7, 1.8], [2.0, 2.1]]
     rows = "\n".join(f"{x} {y}" for x, y in radians)
     ask_table(page, f"crank (rad) output (rad)\n{rows}")
     page.find("transmission").send_keys("40")
     solve(page)
-    request = page.asked()
+    request = page.last_request()
     assert "angle_unit" not in request, "the table is in radians, and its fields are in degrees"
     pairs = np.column_stack([request["input"], request["output"]])
     assert np.allclose(pairs, np.degrees(radians)) and request["limits"]["transmission_angle_min"] == 40
@@ -150,24 +135,22 @@ def test_angle_pairs_keep_their_unit_and_their_zeros(page) -> None:
     ask_table(page, "output\n0\n10\n30\n40")
     page.type_into("crank-span", "70")
     solve(page)
-    assert page.asked()["output"] == [0, 10, 30, 40] and page.asked()["crank_span"] == 70
+    assert page.last_request()["output"] == [0, 10, 30, 40] and page.last_request()["crank_span"] == 70
 
 
-def test_numbers_take_a_decimal_comma_and_say_what_is_wrong(page) -> None:
-    page.listen()
+def test_wrong_entries_are_named(page) -> None:
+    page.record_requests()
     page.type_into("x1", "1,5")
     solve(page)
-    assert page.asked()["function"]["x"] == [1, 1.5]
+    assert page.last_request()["function"]["x"] == [1, 1.5]
     for name, entry, said in (("x1", "two", "“two” is not a number."), ("ratio", "0,5", "0.5 is less than 1.")):
         before = page.value(name)
-        page.listen()
+        page.record_requests()
         page.type_into(name, entry)
         page.click("solve")
-        assert page.run("return document.activeElement.validationMessage") == said and page.asked() is None
+        assert page.run("return document.activeElement.validationMessage") == said and page.last_request() is None
         page.type_into(name, before or Keys.BACKSPACE)
-
-
-def test_rounded_links_need_a_length(page) -> None:
+    page.load("/function")
     page.type_into("round", "0,5")
     solve(page)
     assert page.text("status") == "To round links, give the distance of the pivots: it says how long they are."
@@ -179,9 +162,7 @@ def test_rounded_links_need_a_length(page) -> None:
         for words, name in (("With rounded links:", "status"), ("Largest error when rounded", "numbers"))
     )
     assert described == pytest.approx(listed, rel=0.01)
-
-
-def test_rows_that_are_no_table_of_a_function_are_named(page) -> None:
+    page.load("/function")
     ask_table(page, "x;y;angle\n0;0;0\n1;2;10\n2;3;30")
     page.wait("document.getElementById('table-note').textContent.includes('paste the table on the page “Four-bar”')")
     ask_table(page, "0, 0\n1, a")
@@ -190,10 +171,17 @@ def test_rows_that_are_no_table_of_a_function_are_named(page) -> None:
     ask_table(page, "input [kg];output\n0;0\n1;10\n2;30")
     solve(page)
     assert "has the unit 'kg'" in page.text("status")
+    page.load("/function")
+    page.select("name", "drawn")
+    solve(page)
+    assert page.text("status") == "Draw the function from left to right first."
+    page.trace([(-120 + 10 * k, 70 - round(140 * (k / 24) ** 2)) for k in range(25)], "pad")
+    solve(page)
+    assert page.cards()
 
 
 def test_a_question_of_ones_own_is_kept_and_a_link_is_answered(page) -> None:
-    page.listen()
+    page.record_requests()
     ask_table(page, PAIRS)
     page.click("one-way")
     assert page.text("draft-text").startswith("Draft, kept in this browser")
@@ -252,9 +240,9 @@ def test_a_function_with_travel_is_asked_drawn_and_saved(page, drive: str, named
     assert page.cards() and "off by at most" in page.text("status")
     assert page.run("return axis.values(null, [30])") == ["30°" if drive == "crank_slider" else "30"]
     assert "driven by its" in page.text("numbers") and "Largest error" in page.text("numbers")
-    before = page.one("#canvas .block").get_attribute("d")
+    before = page.element("#canvas .block").get_attribute("d")
     page.slide(1)
-    assert page.one("#canvas .block").get_attribute("d") != before
+    assert page.element("#canvas .block").get_attribute("d") != before
     turns = drive == "cylinder_crank"
     assert abs(float(page.text("where").split("output ")[1].rstrip("°")) - 90) < (10 if turns else 5)
     assert page.saved("function-1.csv", "#exports [data-format=csv]").startswith(b"input,output_wanted")

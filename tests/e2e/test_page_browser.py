@@ -1,6 +1,6 @@
-"""The page in a real browser: drawn, solved, watched, page away. Skipped where there is no Chromium or no Selenium.
+"""The page in a real browser: drawn, solved, watched, taken away. Skipped without Chromium or Selenium.
 
-With ``LINKAGE_ATLAS_SCREENSHOTS=1`` the picture docs/img/page.png is made anew.
+With ``LINKAGE_ATLAS_SCREENSHOTS=1`` the picture docs/img/page.png is replaced.
 """
 
 import base64
@@ -27,73 +27,78 @@ DEG = np.pi / 180
 FIRST_RESULT_MS = 300
 
 
-def test_a_motion_is_drawn_solved_watched_and_comes_into_view(standing) -> None:
-    standing.click("new-motion")
-    assert standing.table() == []
-    standing.click_canvas((-150, 60), (-80, 10), (0, -20), (80, -10), (150, 40))
-    assert len(standing.table()) == 5
-    cx, cy, scale = standing.view()
-    assert standing.table()[0][1:3] == pytest.approx([cx - 150 / scale, cy - 60 / scale], abs=2 / scale)
-    standing.mode("move")
+def test_a_motion_is_drawn_solved_watched_and_comes_into_view(shared) -> None:
+    shared.click("new-motion")
+    assert shared.table() == []
+    shared.click_canvas((-150, 60), (-80, 10), (0, -20), (80, -10), (150, 40))
+    assert len(shared.table()) == 5
+    cx, cy, scale = shared.view()
+    assert shared.table()[0][1:3] == pytest.approx([cx - 150 / scale, cy - 60 / scale], abs=2 / scale)
+    shared.mode("move")
     for k, angle in enumerate([0, 8, 20, 30, 35]):
-        standing.cell(f"Pose {k + 1}, angle", str(angle), Keys.TAB)
-    assert not standing.shown("span") and standing.shown("any-order")
-    standing.select("timing", "even")
-    standing.type_into("span", "120")
-    standing.solve_soon()
-    standing.slide(60)
-    assert standing.text("travel") == "60.0°"
-    standing.renew()
-    standing.click("new-motion")
-    standing.click("add-row")
-    standing.cell("Pose 1, y", "1100", Keys.TAB)
-    standing.click("add-row")
-    standing.cell("Pose 2, x", "900", Keys.TAB)
-    assert standing.in_view()
-    standing.click("zoom-in")
-    view = standing.view()
-    standing.cell("Pose 2, x", "5000", Keys.TAB)
-    assert standing.view() == view, "that the user has moved stays"
-    standing.click("new-path")
-    standing.draw([(0, 0), (100, 20), (600, 60)])
-    assert len(standing.table()) == 24 and standing.in_view()
+        shared.cell(f"Pose {k + 1}, angle", str(angle), Keys.TAB)
+    assert not shared.shown("span") and shared.shown("any-order")
+    shared.select("timing", "even")
+    shared.type_into("span", "120")
+    shared.solve_soon()
+    shared.slide(60)
+    assert shared.text("travel") == "60.0°"
+    shared.renew()
+    shared.click("new-motion")
+    shared.click("add-row")
+    shared.cell("Pose 1, y", "1100", Keys.TAB)
+    shared.click("add-row")
+    shared.cell("Pose 2, x", "900", Keys.TAB)
+    assert shared.in_view()
+    shared.click("zoom-in")
+    view = shared.view()
+    shared.cell("Pose 2, x", "5000", Keys.TAB)
+    assert shared.view() == view, "that the user has moved stays"
+    shared.click("new-path")
+    shared.draw([(0, 0), (100, 20), (600, 60)])
+    assert len(shared.table()) == 24 and shared.in_view()
 
 
 SHOWN = ("Crank", "Coupler", "Rocker", "Ground", "Start angle")
-NAMES = sorted((one["name"] for one in EXAMPLES), key=lambda name: name not in ("casement", "line"))
 
 
-@pytest.mark.parametrize("example", some_of(NAMES, 2))
-def test_joints_are_drawn_where_the_reply_says(standing, example) -> None:
-    standing.choose(example)
-    standing.run(
-        "window.replies=[];const own=window.fetch;window.fetch=async(...a)=>{const r=await own(...a);"
+def test_joints_are_drawn_where_the_reply_says(shared) -> None:
+    for example in ("casement", "line"):
+        check_joints(shared, example)
+
+
+def check_joints(shared, example: str) -> None:
+    shared.renew(example)
+    shared.run(
+        "window.replies=[];const own=window.own??=window.fetch;window.fetch=async(...a)=>{const r=await own(...a);"
         "if(a[0]!=='/v2/synthesize')return r;const t=await r.text();window.replies.push(JSON.parse(t));"
         "return new Response(t,{status:r.status,headers:r.headers})}"
     )
-    standing.solve_soon()
-    replied = [one for reply in standing.run("return window.replies") for one in reply["solutions"]]
+    shared.solve_soon()
+    replied = [one for reply in shared.run("return window.replies") for one in reply["solutions"]]
     request = next(e["request"] for e in EXAMPLES if e["name"] == example)
-    for rank in (0, min(2, len(standing.cards()) - 1)):
-        standing.choose_card(rank)
-        rows = standing.run(
+    for rank in (0, min(2, len(shared.cards()) - 1)):
+        shared.choose_card(rank)
+        rows = shared.run(
             "const rows = [...document.querySelectorAll('#numbers tr')];"
             "return Object.fromEntries(rows.map(r => [r.cells[0].textContent, r.cells[1].title]))"
         )
-        told = {name.lower(): float(text.split()[0].rstrip("°")) for name, text in rows.items() if name in SHOWN}
-        start = told.pop("start angle")
-        # a further stage keeps what an earlier one found: the one that is shown may be of either
-        alike = [one for one in replied if one["links"] == pytest.approx(told, rel=1e-7)]
+        dimensions = {
+            name.lower(): float(text.split()[0].rstrip("°")) for name, text in rows.items() if name in SHOWN
+        }
+        start = dimensions.pop("start angle")
+        # a further stage keeps results of an earlier stage: the displayed linkage may come from either reply
+        alike = [one for one in replied if one["links"] == pytest.approx(dimensions, rel=1e-7)]
         shown = [one for one in alike if one["start_angle"] == pytest.approx(start, abs=1e-4)][-1]
         own = shown["crank_angle"]
         span = own[-1] if own else request.get("crank_span") or request["crank_angle"][-1]
         linkage = la.Linkage.from_dict(shown)
         for share in (0.0, 0.37, 1.0):
-            standing.slide(abs(span) * share)
+            shared.slide(abs(span) * share)
             wanted = linkage.joints([share * span])
-            places = wanted.pivot_a, wanted.pivot_b, wanted.crank_pin[0], wanted.coupler_pin[0], wanted.body_point[0]
-            joints, half_pixel = standing.all_drawn(), 0.5 / standing.view()[2]
-            for joint, place in zip("abdcp", places):
+            points = wanted.pivot_a, wanted.pivot_b, wanted.crank_pin[0], wanted.coupler_pin[0], wanted.body_point[0]
+            joints, half_pixel = shared.all_drawn(), 0.5 / shared.view()[2]
+            for joint, place in zip("abdcp", points):
                 assert abs(joints[joint] - complex(*place)) < half_pixel, joint
 
 
@@ -114,39 +119,39 @@ def test_the_first_result_is_there_soon(page) -> None:
         assert min(times) < FIRST_RESULT_MS, f"{example['name']}: {times} ms"
 
 
-def test_formats_are_exported_and_a_pivot_box_is_kept_to(standing) -> None:
-    standing.choose("worked")
-    standing.solve()
-    standing.find("exports")
-    for button in standing.all("#files-card [data-format]"):
-        standing.centre(button).click()
-        standing.wait("document.getElementById('export-note').textContent.startsWith('Saved')")
-    whole = json.loads(standing.saved("linkage-1.json"))
+def test_formats_are_exported_and_a_pivot_box_is_kept_to(shared) -> None:
+    shared.choose("worked")
+    shared.solve()
+    shared.find("exports")
+    for button in shared.elements("#files-card [data-format]"):
+        shared.centre(button).click()
+        shared.wait("document.getElementById('export-note').textContent.startsWith('Saved')")
+    whole = json.loads(shared.saved("linkage-1.json"))
     assert whole["linkage"]["links"]["crank"] == pytest.approx(19, abs=1e-6)
-    rows = list(csv.DictReader(io.StringIO(standing.saved("linkage-1.csv").decode())))
+    rows = list(csv.DictReader(io.StringIO(shared.saved("linkage-1.csv").decode())))
     assert len(rows) == 16 and float(rows[5]["position_error"]) < 1e-9
-    assert ElementTree.fromstring(standing.saved("linkage-1.svg")).tag.endswith("svg")
-    assert not ezdxf.read(io.StringIO(standing.saved("linkage-1.dxf").decode())).audit().errors
-    assert ElementTree.fromstring(standing.saved("linkage-1.xml")).tag == "mujoco"
-    standing.renew()
-    standing.choose("worked")
-    standing.unhurried()
-    standing.unfold("limits")
-    standing.mode("box")
+    assert ElementTree.fromstring(shared.saved("linkage-1.svg")).tag.endswith("svg")
+    assert not ezdxf.read(io.StringIO(shared.saved("linkage-1.dxf").decode())).audit().errors
+    assert ElementTree.fromstring(shared.saved("linkage-1.xml")).tag == "mujoco"
+    shared.renew()
+    shared.choose("worked")
+    shared.unhurried()
+    shared.unfold("limits")
+    shared.mode("box")
     for _ in range(4):
-        standing.click("zoom-out")
-    standing.drag(standing.canvas(), 360, 260, (-180, -130))
-    box = [float(standing.value(f"box-{k}")) for k in range(4)]
-    cx, cy, scale = standing.view()
+        shared.click("zoom-out")
+    shared.drag(shared.canvas(), 360, 260, (-180, -130))
+    box = [float(shared.value(f"box-{k}")) for k in range(4)]
+    cx, cy, scale = shared.view()
     wide, high = 180 / scale, 130 / scale
     assert box == pytest.approx([cx - wide, cy - high, cx + wide, cy + high], abs=2 / scale)
-    standing.solve()
-    slack = 1 / standing.view()[2]
+    shared.solve()
+    slack = 1 / shared.view()[2]
     for joint in ("a", "b"):
-        at = standing.drawn(joint)
+        at = shared.drawn(joint)
         assert box[0] - slack <= at.real <= box[2] + slack and box[1] - slack <= at.imag <= box[3] + slack
-    standing.click("box-clear")
-    assert standing.value("box-0") == ""
+    shared.click("box-clear")
+    assert shared.value("box-0") == ""
 
 
 def test_what_a_designer_asks_next_is_shown_and_taken_away(page) -> None:
@@ -162,7 +167,7 @@ def test_what_a_designer_asks_next_is_shown_and_taken_away(page) -> None:
     titles = page.texts("#curves h3")
     for name in ("Velocity", "Acceleration", "Angular velocity", "Torque of the drive", "Transmission"):
         assert any(title.startswith(name) for title in titles), name
-    # the band: as far from the path as the service says, where its factor is page out
+    # the width of the band agrees with the tolerance study, after division by the displayed factor
     note = page.run("return document.querySelector('#canvas .band-note').textContent")
     factor = float(note.rpartition("drawn ")[2].partition(" times")[0]) if "drawn" in note else 1.0
     outline = page.run("return document.querySelector('#canvas .band').getAttribute('d')")
@@ -223,11 +228,11 @@ def test_sizes_and_refusals_have_the_words_of_the_page(page) -> None:
     assert {circle.dxf.radius for circle in plates.modelspace().query("CIRCLE")} == {1.125}, "half of 4.5 as a model"
     page.type_into("layer-width", "wide" + Keys.TAB)
     page.wait("document.getElementById('layers-note').textContent === 'Width mm: “wide” is not a number.'")
-    page.listen()
+    page.record_requests()
     page.type_into("drive-mass", "-1")
     page.click("drive-find")
     page.wait("document.getElementById('drive-note').textContent === 'Mass kg: -1 is less than 0.'")
-    assert page.asked() is None
+    assert page.last_request() is None
     page.load()
     page.unfold("limits")
     page.type_into("tolerance-position", "0")
@@ -276,135 +281,113 @@ def test_a_link_holds_the_whole_request_and_a_damaged_one_says_so(page) -> None:
         page.run("document.getElementById('status').textContent = ''")
 
 
-def test_poses_move_by_mouse_and_keyboard_and_back(standing) -> None:
-    standing.choose("carton")
-    start = standing.table()
-    scale = standing.view()[2]
-    standing.drag(standing.pick("[data-pose='4'] .hit"), 40, -30)
-    moved = standing.table()
+def test_poses_move_by_mouse_and_keyboard_and_back(shared) -> None:
+    shared.choose("carton")
+    start = shared.table()
+    scale = shared.view()[2]
+    shared.drag(shared.pick("[data-pose='4'] .hit"), 40, -30)
+    moved = shared.table()
     assert moved[4][1] - start[4][1] == pytest.approx(40 / scale, abs=2 / scale)
     assert moved[4][2] - start[4][2] == pytest.approx(30 / scale, abs=2 / scale)
-    standing.drag(standing.pick("[data-pose='4'] circle.turner"), -20, 25)
-    assert standing.table()[4][3] != moved[4][3] and standing.table()[4][1:3] == moved[4][1:3]
-    standing.click("undo")
-    assert standing.table() == moved
-    standing.click("undo")
-    assert standing.table() == start
-    standing.click("redo")
-    assert standing.table() == moved
-    group = standing.pick("[data-pose='4']")
+    shared.drag(shared.pick("[data-pose='4'] circle.turner"), -20, 25)
+    assert shared.table()[4][3] != moved[4][3] and shared.table()[4][1:3] == moved[4][1:3]
+    shared.click("undo")
+    assert shared.table() == moved
+    shared.click("undo")
+    assert shared.table() == start
+    shared.click("redo")
+    assert shared.table() == moved
+    group = shared.pick("[data-pose='4']")
     group.send_keys(Keys.ARROW_RIGHT * 2, "[")
-    assert standing.table()[4][1] > moved[4][1] and standing.table()[4][3] == pytest.approx(moved[4][3] + 1, abs=1e-3)
+    assert shared.table()[4][1] > moved[4][1] and shared.table()[4][3] == pytest.approx(moved[4][3] + 1, abs=1e-3)
     group.send_keys(Keys.PAGE_DOWN)
-    assert standing.run("return document.activeElement.dataset.pose") == "5"
-    standing.active.send_keys(Keys.DELETE)
-    assert len(standing.table()) == len(start) - 1
-    standing.undo()
-    assert len(standing.table()) == len(start)
+    assert shared.run("return document.activeElement.dataset.pose") == "5"
+    shared.active.send_keys(Keys.DELETE)
+    assert len(shared.table()) == len(start) - 1
+    shared.undo()
+    assert len(shared.table()) == len(start)
 
 
 PASTED = [
     ("crank,x,y,angle\n0,0,0,0\n10,1,2,3\n30,4,5,6\n", [[0, 0, 0, 0], [10, 1, 2, 3], [30, 4, 5, 6]]),
-    ("0;1,5;2;3\n-10;2,5;3;4\n-20;3,5;4;5", [[0, 1.5, 2, 3], [10, 2.5, 3, 4], [20, 3.5, 4, 5]]),
-    ("x\ty\n1\t2\n3\t4\n5\t7", [[1, 2], [3, 4], [5, 7]]),
-    ("angle y x\n1 2 3\n4 5 6", [[3, 2, 1], [6, 5, 4]]),
     ("angle\n1\n2\n7", [[0, 1], [45, 2], [90, 7]]),
     ("x,y,angle\n1,2,3\n,,4\n5,6,\n", [[1, 2, 3], [None, None, 4], [5, 6, None]]),
-    ("x [mm];y [mm];theta [deg]\n1,5;2;10\n3;4,25;20", [[1.5, 2, 10], [3, 4.25, 20]]),
     ("X\tY\tφ (rad)\n1,5\t2\t0\n3\t4\t1", [[1.5, 2, 0], [3, 4, 57.2958]]),
-    ("x y phi\n1,5 2,5 3\n4 5 6,5", [[1.5, 2.5, 3], [4, 5, 6.5]]),
-    ("x,y,angle\n1.5,2,3\n4,5,6", [[1.5, 2, 3], [4, 5, 6]]),
-    ("No\tx\ty\tphi\n1\t1\u00a0234,5\t2\t\u22128,3 °\n2\t3\t1'000\t5°", [[1234.5, 2, -8.3], [3, 1000, 5]]),
-    ("1.000,5;2,5;3,0\n2;1.234.567,0;4", [[1000.5, 2.5, 3], [2, 1234570, 4]]),
-    ("1,000.5\t2.5\t1,000\n3\t4\t5", [[1000.5, 2.5, 1000], [3, 4, 5]]),
     ("x in, y in\n1, 2\n3, 4", [[1, 2], [3, 4]]),  # the last: the unit stays
 ]
 
 
-def test_rows_are_pasted(standing) -> None:
+def test_tables_are_pasted_or_refused_with_a_reason(shared) -> None:
     """With names, units and decimal commas. Without a column of crank angles these are free, and the table has none."""
     for rows, wanted in PASTED:
-        standing.click("new-motion")
-        standing.paste(rows)
-        assert standing.text("paste-error") == "", rows
-        shown = standing.run(
+        shared.click("new-motion")
+        shared.paste(rows)
+        assert shared.text("paste-error") == "", rows
+        shown = shared.run(
             "const cells = (row) => [...row.querySelectorAll('input')].filter((cell) => cell.checkVisibility());"
             "return [...document.querySelectorAll('#poses tbody tr')]"
             ".map((row) => cells(row).map((cell) => cell.value === '' ? null : Number(cell.value)))"
         )
-        assert shown == wanted and standing.value("length-unit") == ("in" if "x in" in rows else "mm"), rows
+        assert shown == wanted and shared.value("length-unit") == ("in" if "x in" in rows else "mm"), rows
+    before = shared.table()
+    for rows, message in (
+        ("{", "JSON"),
+        ("input;output\n0;0\n10;12", "These are columns of a function: paste the table on the page “Function”."),
+        ("x,y,phi\n1,2,3\n4,two,6", "Line 3, column 2 (y): 'two' is not a number."),
+    ):
+        shared.paste(rows)
+        assert message in shared.text("paste-error") and shared.table() == before, rows
+        shared.click("paste-cancel")
 
 
-UNREADABLE = [
-    *((rows, None) for rows in ("", "a,b\n1,2", "1,2,3\n1,x,3", "{", '{"x": 1}')),
-    ("input;output\n0;0\n10;12", "These are columns of a function: paste the table on the page “Function”."),
-    ("x,y,phi\n1,2,3\n4,two,6", "Line 3, column 2 (y): 'two' is not a number."),
-    ("x,y,angle\n1,2\n3,4,5", "Line 2: wanted 3 cells, found 2."),
-    (
-        "x [furlong],y\n1,2\n3,4",
-        "Line 1: the head 'x [furlong]' has the unit 'furlong', and the unit of x must be known: known are um, mm, cm, m, "
-        "in, ft.",
-    ),
-    (
-        "x;y\n1,5;2\n2.5;3",
-        "Line 3, column 1 (x): '2.5': wanted one decimal mark in the whole table, found comma and point.",
-    ),
-    ("x,y\n0,0\n1e308,1", "Line 3, column 1 (x): '1e308' is more than 1e+50."),
-    ("x;y;phi\n1;2;5°30'", "Line 2, column 3 (phi): '5°30'' is not a number."),
-    (
-        "300,0,0\n296,-43,0",
-        "Line 1: the third of three columns without heads is 0 in every row, which may be a z or an angle: write x,y,z or "
-        "x,y,angle above them; or choose the columns below.",
-    ),
-]
-
-
-def test_rows_that_cannot_be_read_say_why(standing) -> None:
-    before = standing.table()
-    for rows, said in UNREADABLE:
-        standing.run("document.getElementById('paste-error').textContent = ''")
-        standing.paste(rows)
-        found = standing.text("paste-error")
-        assert found == said if said else len(found) > 10, rows
-        assert standing.table() == before, rows
-        standing.click("paste-cancel")
-
-
-def test_the_page_says_how_a_table_was_read_and_columns_are_picked(standing) -> None:
-    standing.paste("Frame,Part,X (cm),Y (cm),Z,theta\n1,arm,0,0,0,0\n2,arm,22,5,0,0.21\n3,arm,41,17,0,\n")
-    said = standing.text("example-note")
+def test_columns_are_picked_and_files_without_a_table_are_named(shared, tmp_path) -> None:
+    shared.paste("Frame,Part,X (cm),Y (cm),Z,theta\n1,arm,0,0,0,0\n2,arm,22,5,0,0.21\n3,arm,41,17,0,\n")
+    said = shared.text("example-note")
     assert (
         "Columns read: x from 'X (cm)', y from 'Y (cm)', angle from 'theta'; not read: 'Frame', 'Part', 'Z'" in said
     )
     assert "no angle for sample 3" in said, "a missing angle is no longer accepted silently"
-    assert standing.value("length-unit") == "cm"
-    standing.paste("x,y,theta\n0,0,0\n22,5,0.21\n41,17,0.475\n")
-    assert "If they are radians, write the unit in the heading of the column, as in angle [rad]." in standing.text(
+    assert shared.value("length-unit") == "cm"
+    shared.paste("x,y,theta\n0,0,0\n22,5,0.21\n41,17,0.475\n")
+    assert "If they are radians, write the unit in the heading of the column, as in angle [rad]." in shared.text(
         "example-note"
     )
-    assert ".." not in standing.text("example-note")
-    standing.renew()
-    standing.paste("left,right,lift,turn,color\n0,1,2,3,red\n4,5,6,7,red\n8,9,9,8,red\n")
-    assert "or choose the columns below" in standing.text("paste-error") and standing.shown("columns-use")
-    standing.select("column-x", "2")
+    assert ".." not in shared.text("example-note")
+    shared.renew()
+    shared.paste("left,right,lift,turn,color\n0,1,2,3,red\n4,5,6,7,red\n8,9,9,8,red\n")
+    assert "or choose the columns below" in shared.text("paste-error") and shared.shown("columns-use")
+    shared.select("column-x", "2")
     for head, message in (
         ("", "Line 1: wanted both x and y, or neither"),
         ("5", "'red' is not a number"),
         ("2", "The column 'right' is chosen for x and for y: choose a different column for each."),
     ):
-        standing.select("column-y", head)
-        standing.click("columns-use")
-        standing.wait("!document.getElementById('paste-use').disabled")
-        assert message in standing.text("paste-error")
-        assert standing.value("column-x") == "2" and standing.shown("columns-use"), "a wrong choice can be corrected"
+        shared.select("column-y", head)
+        shared.click("columns-use")
+        shared.wait("!document.getElementById('paste-use').disabled")
+        assert message in shared.text("paste-error")
+        assert shared.value("column-x") == "2" and shared.shown("columns-use"), "a wrong choice can be corrected"
     for name, head in (("x", "2"), ("y", "3"), ("angle", "4")):
-        standing.select(f"column-{name}", head)
-    standing.click("columns-use")
-    standing.wait("document.getElementById('paste-error').textContent === ''")
-    assert [row[1:] for row in standing.table()] == [[1, 2, 3], [5, 6, 7], [9, 9, 8]]
-    assert not standing.shown("paste-box")
-    standing.choose("casement")
-    assert not standing.shown("columns"), "the choice belongs to the table that is gone"
+        shared.select(f"column-{name}", head)
+    shared.click("columns-use")
+    shared.wait("document.getElementById('paste-error').textContent === ''")
+    assert [row[1:] for row in shared.table()] == [[1, 2, 3], [5, 6, 7], [9, 9, 8]]
+    assert not shared.shown("paste-box")
+    shared.choose("casement")
+    assert not shared.shown("columns"), "the choice belongs to the table that is gone"
+    shared.renew()
+    for name, (content, said) in NO_TABLES.items():
+        (tmp_path / name).write_bytes(content)
+        shared.find("file").send_keys(str(tmp_path / name))
+        shared.wait(f"document.getElementById('status').textContent.startsWith({json.dumps(said)})")
+        assert "save the samples as CSV" in shared.text("status")
+    shared.paste("x,y\n1,two\n")
+    assert shared.text("paste-error")
+    file = tmp_path / "points.csv"
+    file.write_bytes("x;y\n1,5;2\n3;4\n5;7\n".encode("utf-16"))
+    shared.find("file").send_keys(str(file))
+    shared.wait("document.querySelectorAll('#poses tbody tr').length === 3")
+    assert shared.text("paste-error") == "" and not shared.shown("paste-box")
 
 
 NO_TABLES = {
@@ -416,21 +399,6 @@ NO_TABLES = {
 }
 
 
-def test_a_file_that_is_no_table_is_named_until_a_good_one_comes(standing, tmp_path) -> None:
-    for name, (content, said) in NO_TABLES.items():
-        (tmp_path / name).write_bytes(content)
-        standing.find("file").send_keys(str(tmp_path / name))
-        standing.wait(f"document.getElementById('status').textContent.startsWith({json.dumps(said)})")
-        assert "save the samples as CSV" in standing.text("status")
-    standing.paste("x,y\n1,two\n")
-    assert standing.text("paste-error")
-    file = tmp_path / "points.csv"
-    file.write_bytes("x;y\n1,5;2\n3;4\n5;7\n".encode("utf-16"))
-    standing.find("file").send_keys(str(file))
-    standing.wait("document.querySelectorAll('#poses tbody tr').length === 3")
-    assert standing.text("paste-error") == "" and not standing.shown("paste-box")
-
-
 PASTE = (
     "const cell = document.querySelector(`#poses [aria-label='${arguments[0]}']`), data = new DataTransfer();"
     "cell.focus(); data.setData('text/plain', arguments[1]);"
@@ -438,54 +406,54 @@ PASTE = (
 )
 
 
-def test_rows_are_pasted_into_cells_and_poses_that_repeat_or_wrap_are_named(standing) -> None:
-    standing.paste("x,y,angle\n1,2,3\n4,5,6\n7,8,10\n")
-    standing.run(PASTE, "Pose 2, x", "40,5\t50\r\n70\t\r\n90\t91\r\n")
-    assert [row[1:3] for row in standing.table()] == [[1, 2], [40.5, 50], [70, 0], [90, 91]]
-    before = standing.table()
-    standing.run(PASTE, "Pose 1, y", "X [mm]\t3\n4\t5\n")
-    assert standing.table() == before and "“X [mm]” is not a number" in standing.text("table-error")
-    standing.run(PASTE, "Pose 1, angle", "1\t2\n")
-    assert standing.table() == before and "has 2 cells" in standing.text("table-error")
-    standing.click("undo")
-    assert [row[1:3] for row in standing.table()] == [[1, 2], [4, 5], [7, 8]]
-    standing.paste("0,0,0\n10,4,6\n10,4,6\n20,5,15")
+def test_rows_are_pasted_into_cells_and_poses_that_repeat_or_wrap_are_named(shared) -> None:
+    shared.paste("x,y,angle\n1,2,3\n4,5,6\n7,8,10\n")
+    shared.run(PASTE, "Pose 2, x", "40,5\t50\r\n70\t\r\n90\t91\r\n")
+    assert [row[1:3] for row in shared.table()] == [[1, 2], [40.5, 50], [70, 0], [90, 91]]
+    before = shared.table()
+    shared.run(PASTE, "Pose 1, y", "X [mm]\t3\n4\t5\n")
+    assert shared.table() == before and "“X [mm]” is not a number" in shared.text("table-error")
+    shared.run(PASTE, "Pose 1, angle", "1\t2\n")
+    assert shared.table() == before and "has 2 cells" in shared.text("table-error")
+    shared.click("undo")
+    assert [row[1:3] for row in shared.table()] == [[1, 2], [4, 5], [7, 8]]
+    shared.paste("0,0,0\n10,4,6\n10,4,6\n20,5,15")
     said = "Pasted. Columns without heads were read as x, y, angle. Poses 2 and 3 are the same: a crank that turns on cannot meet"
-    assert standing.text("example-note").startswith(said)
-    standing.paste("x,y,angle\n0,0,0\n10,3,350\n20,5,10")
-    assert [row[3] for row in standing.table()] == [0, 350, 10], "nothing is changed unasked"
-    standing.click("unwrap-use")
-    assert [row[3] for row in standing.table()] == [0, -10, 10] and not standing.shown("unwrap")
+    assert shared.text("example-note").startswith(said)
+    shared.paste("x,y,angle\n0,0,0\n10,3,350\n20,5,10")
+    assert [row[3] for row in shared.table()] == [0, 350, 10], "nothing is changed unasked"
+    shared.click("unwrap-use")
+    assert [row[3] for row in shared.table()] == [0, -10, 10] and not shared.shown("unwrap")
 
 
-def test_the_parts_of_a_motion_are_checked_and_angles_alone_suffice(standing) -> None:
-    standing.click("new-motion")
-    standing.click("solve")
-    assert "two poses" in standing.text("status")
-    standing.select("timing", "even")
-    standing.click("solve")
-    assert "three poses" in standing.text("status")
-    standing.select("timing", "free")
-    standing.select("wanted", "rotation")
+def test_the_parts_of_a_motion_are_checked_and_angles_alone_suffice(shared) -> None:
+    shared.click("new-motion")
+    shared.click("solve")
+    assert "two poses" in shared.text("status")
+    shared.select("timing", "even")
+    shared.click("solve")
+    assert "three poses" in shared.text("status")
+    shared.select("timing", "free")
+    shared.select("wanted", "rotation")
     for _ in range(3):
-        standing.click("add-row")
-    standing.click("solve")
-    assert "positions are needed" in standing.text("status")
-    standing.select("wanted", "position")
-    assert standing.text("status") == "", "what was wrong is said no longer than it is"
-    standing.click("any-order")
-    standing.click("solve")
-    assert standing.text("status") == "Only three full poses or more can be passed in any order."
-    assert standing.focus == "any-order"
-    standing.renew()
-    standing.take({"rotation": [0, 10, 25, 30], "crank_span": 90})
-    standing.solve()
-    assert standing.text("status").startswith("Best found: ") and standing.cards()
-    lengths = standing.text("solutions") + standing.text("numbers") + standing.text("layers-note")
+        shared.click("add-row")
+    shared.click("solve")
+    assert "positions are needed" in shared.text("status")
+    shared.select("wanted", "position")
+    assert shared.text("status") == "", "what was wrong is said no longer than it is"
+    shared.click("any-order")
+    shared.click("solve")
+    assert shared.text("status") == "Only three full poses or more can be passed in any order."
+    assert shared.focus == "any-order"
+    shared.renew()
+    shared.load_request({"rotation": [0, 10, 25, 30], "crank_span": 90})
+    shared.solve()
+    assert shared.text("status").startswith("Best found: ") and shared.cards()
+    lengths = shared.text("solutions") + shared.text("numbers") + shared.text("layers-note")
     assert "1 × ground" in lengths and "mm" not in lengths, "a linkage without a place has no size"
-    standing.mode("hand")
-    standing.drag(standing.one("#canvas [data-joint=c]"), 30, 20)
-    assert standing.text("canvas-note") == "without positions a linkage has no place."
+    shared.mode("hand")
+    shared.drag(shared.element("#canvas [data-joint=c]"), 30, 20)
+    assert shared.text("canvas-note") == "without positions a linkage has no place."
 
 
 REFUSED = {
@@ -494,89 +462,88 @@ REFUSED = {
 }
 
 
-def test_a_motion_needs_no_crank_angles(standing) -> None:
-    standing.click("new-motion")
-    assert Select(standing.find("timing")).first_selected_option.text == "free"
-    standing.click_canvas((-100, 20), (60, -40))
-    standing.mode("move")
-    standing.pick("[data-pose='1']").send_keys("[[[{")
-    standing.listen()
-    standing.solve_soon()
-    body = standing.asked()
+def test_a_motion_needs_no_crank_angles(shared) -> None:
+    shared.click("new-motion")
+    assert Select(shared.find("timing")).first_selected_option.text == "free"
+    shared.click_canvas((-100, 20), (60, -40))
+    shared.mode("move")
+    shared.pick("[data-pose='1']").send_keys("[[[{")
+    shared.record_requests()
+    shared.solve_soon()
+    body = shared.last_request()
     assert body["timing"] == "free" and not {"crank_span", "crank_angle", "order", "closed"} & body.keys()
-    marks = standing.texts("#solutions .verdict")
+    marks = shared.texts("#solutions .verdict")
     assert marks and all(len(text) > 5 for text in marks)
-    texts = standing.run("return document.querySelector('.judged').textContent")
+    texts = shared.run("return document.querySelector('.judged').textContent")
     assert all(word in texts for word in ("Order", "Branch", "Circuit", "Practical limits"))
-    standing.renew()
-    standing.choose("carton")
-    before = standing.table()
-    assert standing.value("timing") == "table"
-    standing.select("timing", "free")
-    standing.click("any-order")
-    standing.click("closed")
-    assert not standing.shown("direction")
-    assert not standing.pick("#poses [aria-label='Pose 2, crank angle']").is_displayed()
-    standing.click("undo")
-    assert standing.ticked("any-order") and not standing.ticked("closed")
-    standing.click("undo")
-    standing.click("undo")
-    assert standing.value("timing") == "table" and standing.table() == before
-    standing.click("redo")
-    assert standing.value("timing") == "free"
+    shared.renew()
+    shared.choose("carton")
+    before = shared.table()
+    assert shared.value("timing") == "table"
+    shared.select("timing", "free")
+    shared.click("any-order")
+    shared.click("closed")
+    assert not shared.shown("direction")
+    assert not shared.pick("#poses [aria-label='Pose 2, crank angle']").is_displayed()
+    shared.click("undo")
+    assert shared.ticked("any-order") and not shared.ticked("closed")
+    shared.click("undo")
+    shared.click("undo")
+    assert shared.value("timing") == "table" and shared.table() == before
+    shared.click("redo")
+    assert shared.value("timing") == "free"
 
 
-def test_a_path_is_drawn_by_hand_point_by_point_or_by_a_finger(standing) -> None:
-    standing.choose("worked")
-    before = standing.table()
-    standing.draw([(-200, 100), (-200, -100), (-100, -100), (200, -100)])
-    places, (cx, cy, scale) = standing.placed(), standing.view()
-    assert len(places) == 24
-    steps = np.hypot(*np.diff(places, axis=0).T)
+def test_a_path_is_drawn_by_hand_point_by_point_or_by_a_finger(shared) -> None:
+    shared.choose("worked")
+    before = shared.table()
+    shared.draw([(-200, 100), (-200, -100), (-100, -100), (200, -100)])
+    points, (cx, cy, scale) = shared.positions(), shared.view()
+    assert len(points) == 24
+    steps = np.hypot(*np.diff(points, axis=0).T)
     assert np.sum(steps) * scale == pytest.approx(600, rel=0.03)
     assert np.all(steps * scale <= 600 / 23 * 1.02) and np.median(steps) * scale == pytest.approx(600 / 23, rel=0.02)
-    assert places[0] == pytest.approx([cx - 200 / scale, cy - 100 / scale], abs=2 / scale)
-    assert places[-1] == pytest.approx([cx + 200 / scale, cy + 100 / scale], abs=2 / scale)
-    assert standing.value("wanted") == "position"
-    assert standing.value("timing") == "free" and not standing.ticked("closed")
-    assert "24 points" in standing.text("example-note")
+    assert points[0] == pytest.approx([cx - 200 / scale, cy - 100 / scale], abs=2 / scale)
+    assert points[-1] == pytest.approx([cx + 200 / scale, cy + 100 / scale], abs=2 / scale)
+    assert shared.value("wanted") == "position"
+    assert shared.value("timing") == "free" and not shared.ticked("closed")
+    assert "24 points" in shared.text("example-note")
     ring = [(round(150 * np.cos(t)), round(-90 * np.sin(t))) for t in np.linspace(0, 2 * np.pi, 40)]
-    standing.trace(ring)
-    assert len(standing.placed()) == 24 and standing.ticked("closed")
-    gap = np.hypot(*(standing.placed()[0] - standing.placed()[-1]))
-    assert gap == pytest.approx(np.median(np.hypot(*np.diff(standing.placed(), axis=0).T)), rel=0.1)
-    standing.click("undo")
-    assert standing.placed() == pytest.approx(places)
-    standing.click("undo")
-    assert standing.table() == before and standing.value("timing") == "even"
-    standing.trace([(round(r * np.cos(7 * r / 30)), round(r * np.sin(7 * r / 30))) for r in np.linspace(60, 140, 40)])
-    assert not standing.ticked("closed"), "a long way whose ends are apart"
-    standing.click("undo")
-    standing.renew()
-    standing.mode("path")
-    standing.click_canvas((-150, 60), (-80, 10), (0, -20))
-    assert len(standing.table()) == 3, "the first click begins a new motion"
-    standing.press("#new-path", "keyboard")
-    assert standing.table() == []
-    standing.press("#add-row", "keyboard")
-    point = standing.active
+    shared.trace(ring)
+    assert len(shared.positions()) == 24 and shared.ticked("closed")
+    gap = np.hypot(*(shared.positions()[0] - shared.positions()[-1]))
+    assert gap == pytest.approx(np.median(np.hypot(*np.diff(shared.positions(), axis=0).T)), rel=0.1)
+    shared.click("undo")
+    assert shared.positions() == pytest.approx(points)
+    shared.click("undo")
+    assert shared.table() == before and shared.value("timing") == "even"
+    shared.trace([(round(r * np.cos(7 * r / 30)), round(r * np.sin(7 * r / 30))) for r in np.linspace(60, 140, 40)])
+    assert not shared.ticked("closed"), "a long way whose ends are apart"
+    shared.click("undo")
+    shared.renew()
+    shared.mode("path")
+    shared.click_canvas((-150, 60), (-80, 10), (0, -20))
+    assert len(shared.table()) == 3, "the first click begins a new motion"
+    shared.press("#new-path", "keyboard")
+    assert shared.table() == []
+    shared.press("#add-row", "keyboard")
+    point = shared.active
     assert (point.get_attribute("aria-label") or "").startswith("Point 1 of 1"), "as the help says, arrows move it"
     point.send_keys(Keys.ARROW_UP)
     for _ in range(3):
-        standing.active.send_keys(Keys.ENTER)
-        standing.active.send_keys(Keys.ARROW_UP)
-    assert len(standing.table()) == 4
-    assert np.all(np.diff(standing.placed(), axis=0) > 0)
-    assert standing.run("return document.activeElement.dataset.pose") == "3"
-    standing.renew()
-    page = standing
-    page.resize(360)
-    page.mode("path")
-    x, y = page.middle_of(page.find("canvas"))
-    scrolled = page.run("return scrollY")
-    page.touch([(x, y + 100), *((x + 2 * k, y + 100 - 10 * k) for k in range(20))])
-    assert len(page.table()) == 24, "a drag upwards must draw, not scroll"
-    assert page.run("return scrollY") == scrolled
+        shared.active.send_keys(Keys.ENTER)
+        shared.active.send_keys(Keys.ARROW_UP)
+    assert len(shared.table()) == 4
+    assert np.all(np.diff(shared.positions(), axis=0) > 0)
+    assert shared.run("return document.activeElement.dataset.pose") == "3"
+    shared.renew()
+    shared.resize(360)
+    shared.mode("path")
+    x, y = shared.middle_of(shared.find("canvas"))
+    scrolled = shared.run("return scrollY")
+    shared.touch([(x, y + 100), *((x + 2 * k, y + 100 - 10 * k) for k in range(20))])
+    assert len(shared.table()) == 24, "a drag upwards must draw, not scroll"
+    assert shared.run("return scrollY") == scrolled
 
 
 def next_sample(page) -> tuple[str, float]:
@@ -584,125 +551,125 @@ def next_sample(page) -> tuple[str, float]:
     return page.text("at-sample"), float(page.value("slider"))
 
 
-def test_a_path_is_solved_and_its_samples_are_passed(standing) -> None:
+def test_a_path_is_solved_and_its_samples_are_passed(shared) -> None:
     angles = -np.array([0, 20, 55, 100, 160, 200])
     request = path_request(angles)
-    standing.answered(request, angles)
-    assert standing.asked()["position"] == request["position"] and "rotation" not in standing.asked()
-    marks = standing.texts("#solutions .verdict")
+    shared.solve_with_reply(request, angles)
+    assert shared.last_request()["position"] == request["position"] and "rotation" not in shared.last_request()
+    marks = shared.texts("#solutions .verdict")
     assert marks == [
         "✓ within practical limits",
         "! point 3 is off by 2.4 times what is allowed, the most of all",
         "! transmission angle 21.9° over the used interval, below 35 (and 1 more)",
         "✕ order and branch defects",
     ]
-    standing.slide(0)
+    shared.slide(0)
     for k in range(1, 6):
-        assert next_sample(standing) == (f"point {k + 1}", pytest.approx(-angles[k]))
-        assert abs(standing.drawn("p") - complex(*request["position"][k])) < 1 / standing.view()[2]
-    assert standing.text("travel") == "-200.0°"
-    assert standing.count("#marks .mark") == 6
-    standing.choose_card(3)
-    details = standing.text("numbers")
+        assert next_sample(shared) == (f"point {k + 1}", pytest.approx(-angles[k]))
+        assert abs(shared.drawn("p") - complex(*request["position"][k])) < 1 / shared.view()[2]
+    assert shared.text("travel") == "-200.0°"
+    assert shared.count("#marks .mark") == 6
+    shared.choose_card(3)
+    details = shared.text("numbers")
     assert "different branches" in details and "dead position" in details
-    standing.pick("#numbers summary").click()
-    assert "-160°" in standing.text("numbers")
-    assert "ample" not in standing.run("return document.querySelector('main').innerText"), (
+    shared.pick("#numbers summary").click()
+    assert "-160°" in shared.text("numbers")
+    assert "ample" not in shared.run("return document.querySelector('main').innerText"), (
         "a row has one name throughout"
     )
-    assert standing.read("[data-mode=add]") == "Add points" and "Page Up" in standing.text("canvas-help")
-    assert "pose" not in standing.text("canvas-help")
+    assert shared.read("[data-mode=add]") == "Add points" and "Page Up" in shared.text("canvas-help")
+    assert "pose" not in shared.text("canvas-help")
 
 
-def test_how_sure_a_linkage_is_and_what_holds_it_are_named(standing) -> None:
+def test_how_sure_a_linkage_is_and_what_holds_it_are_named(shared) -> None:
     angles = -np.array([0, 20, 55, 100, 160, 200])
     reason = "the linkage is so near a change point that it may pass from one circuit to the other"
-    standing.answered(path_request(angles), angles, [WORKS | {"reasons": [reason]}])
-    assert standing.texts("#solutions .verdict") == [f"! {reason}"]
-    assert "one circuit, but near a change point" in standing.text("numbers")
-    standing.renew()
+    shared.solve_with_reply(path_request(angles), angles, [WORKS | {"reasons": [reason]}])
+    assert shared.texts("#solutions .verdict") == [f"! {reason}"]
+    assert "one circuit, but near a change point" in shared.text("numbers")
+    shared.renew()
     angles = -np.array([0, 20, 55, 100, 160, 200])
     request = path_request(angles)
-    standing.take(request)
-    standing.stub(request, angles, VERDICTS[:1])
-    standing.run("window.stub.solutions[0].determination.active_limits = ['link_min', 'links.crank', 'pivot_box']")
-    standing.solve()
-    assert "limited by the least link length, the given crank length and the pivot box." in standing.text("status")
-    standing.renew()
+    shared.load_request(request)
+    shared.stub(request, angles, VERDICTS[:1])
+    shared.run("window.stub.solutions[0].determination.active_limits = ['link_min', 'links.crank', 'pivot_box']")
+    shared.solve()
+    assert "limited by the least link length, the given crank length and the pivot box." in shared.text("status")
+    shared.renew()
     angles = -np.array([0, 20, 55, 100, 160, 200])
     request = path_request(angles, limits={"pivot_a": [10, 5]})
-    standing.take(request)
-    assert "given pivot A" in standing.text("limits-summary")
-    standing.stub(request, angles, VERDICTS[:1])
-    standing.run("window.stub.solutions[0].mount.ground_angle = 7e-15")
-    standing.solve()
-    assert re.search(r"Ground angle\s+0°", standing.text("numbers")), standing.text("numbers")
+    shared.load_request(request)
+    assert "given pivot A" in shared.text("limits-summary")
+    shared.stub(request, angles, VERDICTS[:1])
+    shared.run("window.stub.solutions[0].mount.ground_angle = 7e-15")
+    shared.solve()
+    assert re.search(r"Ground angle\s+0°", shared.text("numbers")), shared.text("numbers")
 
 
-def test_samples_are_marked_where_they_are_passed_and_the_picture_stops_there(standing) -> None:
+def test_samples_are_marked_where_they_are_passed_and_the_picture_stops_there(shared) -> None:
     angles = np.array([0, 340, 30, 355, 60])
     rotation = np.round(FREE.joints(angles).rotation, 6).tolist()
     request = path_request(angles, rotation=rotation, order="any")
-    standing.take(request)
-    assert standing.ticked("any-order")
-    standing.stub(request, angles, VERDICTS[:1])
-    standing.solve()
-    standing.select("range", "used")
-    assert standing.asked()["order"] == "any"
-    slider = standing.find("slider")
+    shared.load_request(request)
+    assert shared.ticked("any-order")
+    shared.stub(request, angles, VERDICTS[:1])
+    shared.solve()
+    shared.select("range", "used")
+    assert shared.last_request()["order"] == "any"
+    slider = shared.find("slider")
     assert float(slider.get_attribute("min")) == -20 and float(slider.get_attribute("max")) == 60
-    standing.slide(-20)
-    assert standing.text("at-sample") == "pose 2"
-    assert [next_sample(standing)[0] for _ in range(4)] == ["pose 4", "pose 1", "pose 3", "pose 5"]
-    assert abs(standing.drawn("p") - complex(*request["position"][4])) < 1 / standing.view()[2]
-    standing.select("range", "turn")
-    standing.slide(340)
-    assert standing.text("at-sample") == "pose 2"
-    assert standing.count("#curves [role=img]") == 4
-    standing.renew()
+    shared.slide(-20)
+    assert shared.text("at-sample") == "pose 2"
+    assert [next_sample(shared)[0] for _ in range(4)] == ["pose 4", "pose 1", "pose 3", "pose 5"]
+    assert abs(shared.drawn("p") - complex(*request["position"][4])) < 1 / shared.view()[2]
+    shared.select("range", "turn")
+    shared.slide(340)
+    assert shared.text("at-sample") == "pose 2"
+    assert shared.count("#curves [role=img]") == 4
+    shared.renew()
     angles = np.array([0.0, 60, 120])
     request = path_request(angles)
-    standing.answered(request, angles, VERDICTS[:1])
-    standing.slide(0)
-    standing.select("speed", "4")
-    seen = standing.later(
+    shared.solve_with_reply(request, angles, VERDICTS[:1])
+    shared.slide(0)
+    shared.select("speed", "4")
+    seen = shared.run_async(
         "const done=arguments[0],seen=[],s=document.getElementById('slider');"
         "document.getElementById('play').click();const look=()=>{seen.push(Number(s.value));"
         "if(seen.at(-1)<=60)requestAnimationFrame(look);else{document.getElementById('play').click();done(seen)}};look()"
     )
     assert min(abs(value - 60) for value in seen) < 1e-9, "between two frames it would pass it"
-    standing.renew()
-    standing.choose("worked")
-    standing.solve()
-    before = standing.drawn("d")
-    standing.click("play")
-    until(lambda: abs(standing.drawn("d") - before) > 0.5)
-    assert standing.find("play").get_attribute("aria-label") == "Pause"
-    standing.click("play")
-    standing.select("range", "turn")
-    standing.slide(300)
-    assert standing.text("travel") == "300.0°"
+    shared.renew()
+    shared.choose("worked")
+    shared.solve()
+    before = shared.drawn("d")
+    shared.click("play")
+    until(lambda: abs(shared.drawn("d") - before) > 0.5)
+    assert shared.find("play").get_attribute("aria-label") == "Pause"
+    shared.click("play")
+    shared.select("range", "turn")
+    shared.slide(300)
+    assert shared.text("travel") == "300.0°"
 
 
 BODIES = json.loads((ROOT / "tests/e2e/bodies.json").read_text())
 """Requests that between them have every field."""
 
 
-def test_requests_links_traces_and_units_are_read_whole_and_within_bounds(standing) -> None:
+def test_modules_of_the_page_agree_with_python(shared) -> None:
     # As a motion, in a link, and in rows of CSV where rows can hold them.
     for body in BODIES:
-        check_fields(standing, body | {"top": 5})
+        check_fields(shared, body | {"top": 5})
     for size, found in ((900_000, "900000"), (1_100_000, DAMAGED), (10**7, DAMAGED)):
         packer = zlib.compressobj(wbits=-15)
         text = base64.urlsafe_b64encode(packer.compress(json.dumps("x" * size).encode()) + packer.flush()).decode()
-        said = standing.later(
+        said = shared.run_async(
             "const [text, done] = arguments; import('/static/link.js').then(async (l) => {"
             "try { done(String((await l.fromFragment(text)).length)); } catch (error) { done(error.message); } })",
             f"z={text}",
         )
         assert said.startswith(found), size
-    # a long trace has as many points as before; two points are never within a pixel
-    counts = standing.later(
+    # a long trace has 24 points, and two points are never within a pixel
+    counts = shared.run_async(
         "const [lengths, done] = arguments; import('/static/pen.js').then(({Pen}) => done(lengths.map((length) => {"
         "const pen = new Pen(document.getElementById('canvas'), 0, 0);"
         "for (let x = 3; x <= length; x += 3) pen.move(x, 0); return pen.end().points.length; })))",
@@ -711,16 +678,19 @@ def test_requests_links_traces_and_units_are_read_whole_and_within_bounds(standi
     assert counts == [1, 3, 7, 22, 24]
     body = {"rotation": [0, 1], "position": [[0, 0], [1, 2]], "timing": "free", "angle_unit": "rad"}
     body |= {"crank_span_max": 1}
-    found = standing.later(
+    found = shared.run_async(
         "const [body, done] = arguments; import('/static/formats.js').then((f) => done(f.toRequest(f.fromRequest(body))))",
         {**body, "tolerances": {"rotation": [0.1, 0.2], "position": 3}},
     )
     assert found["rotation"][1] == pytest.approx(1 / DEG) and found["crank_span_max"] == pytest.approx(1 / DEG)
     assert found["tolerances"] == {"rotation": pytest.approx([0.1 / DEG, 0.2 / DEG]), "position": 3}
+    # Four-bars up to their change points, and linkages with rails and slots.
+    vectors = [json.loads((ROOT / f"tests/vectors/{name}.json").read_text()) for name in ("kinematics", "guided")]
+    assert shared.run_async(AGREE, vectors) == []
 
 
-def check_fields(standing, body) -> None:
-    again, linked, rows = standing.later(
+def check_fields(shared, body) -> None:
+    again, linked, rows = shared.run_async(
         "const [body, done] = arguments; import('/static/formats.js').then(async (f) => { const motion = f.fromRequest(body);"
         "const l = await import('/static/link.js');"
         "const again = f.toRequest(motion), link = await l.fromFragment(await l.toFragment(again));"
@@ -765,37 +735,31 @@ AGREE = """
     })"""
 
 
-def test_kinematics_in_the_browser_agree_with_pythons(standing) -> None:
-    """Four-bars up to their change points, and linkages with rails and slots."""
-    vectors = [json.loads((ROOT / f"tests/vectors/{name}.json").read_text()) for name in ("kinematics", "guided")]
-    assert standing.later(AGREE, vectors) == []
-
-
-def test_a_motion_is_shown_as_json_saved_as_rows_and_may_lack_values(standing, tmp_path) -> None:
-    standing.choose("casement")
-    standing.click("any-order")
-    shown = standing.request()
+def test_a_motion_is_shown_as_json_saved_as_rows_and_may_lack_values(shared, tmp_path) -> None:
+    shared.choose("casement")
+    shared.click("any-order")
+    shown = shared.request()
     example = next(e["request"] for e in EXAMPLES if e["name"] == "casement")
     assert shown == {**example, "order": "any", "top": 8}
-    standing.take(shown)
-    assert standing.ticked("any-order") and standing.request() == shown
-    standing.renew()
-    standing.choose("casement")
-    standing.cell("Pose 3, angle", Keys.DELETE, Keys.TAB)
-    standing.listen()
-    standing.solve_soon()
-    body = standing.asked()
+    shared.load_request(shown)
+    assert shared.ticked("any-order") and shared.request() == shown
+    shared.renew()
+    shared.choose("casement")
+    shared.cell("Pose 3, angle", Keys.DELETE, Keys.TAB)
+    shared.record_requests()
+    shared.solve_soon()
+    body = shared.last_request()
     assert body["rotation"][2] is None and body["position"][2] == [287, -87]
-    assert standing.text("at-sample") == "pose 1"
-    standing.renew()
-    standing.choose("casement")
-    rows = standing.saved("motion.csv", "#save").decode().splitlines()
+    assert shared.text("at-sample") == "pose 1"
+    shared.renew()
+    shared.choose("casement")
+    rows = shared.saved("motion.csv", "#save").decode().splitlines()
     assert rows[0] == "x [mm],y [mm],angle" and rows[2] == "296,-43,-8.3" and len(rows) == 9
     file = tmp_path / f"{'long' * 50}.csv"
     file.write_text("\n".join(rows[:4]))
-    standing.find("file").send_keys(str(file))
-    standing.wait("document.querySelectorAll('#poses tbody tr').length === 3")
-    assert "longlong" in standing.text("example-note") and standing.width <= 1280
+    shared.find("file").send_keys(str(file))
+    shared.wait("document.querySelectorAll('#poses tbody tr').length === 3")
+    assert "longlong" in shared.text("example-note") and shared.width <= 1280
 
 
 SIZES_AND_THEMES = [(1280, "dark"), (1280, "light"), (360, "dark"), (360, "light")]
@@ -812,7 +776,7 @@ def test_axe_finds_no_serious_fault_and_nothing_sticks_out(page, width, theme) -
     assert page.width <= width
     assert page.faults() == []
     request = path_request(np.linspace(0, 330, 12), closed=True)
-    page.take(request)
+    page.load_request(request)
     page.stub(request, np.linspace(0, 330, 12))
     page.solve()
     for k in range(len(VERDICTS)):
@@ -833,7 +797,7 @@ def test_files_come_from_this_service_alone_and_layers_are_asked_for_once(page) 
 
 
 def test_the_machine_of_the_readme_is_whole_in_its_picture(page) -> None:
-    """With ``LINKAGE_ATLAS_SCREENSHOTS=1`` docs/img/page.png is made anew."""
+    """With ``LINKAGE_ATLAS_SCREENSHOTS=1`` docs/img/page.png is replaced."""
     page.choose("worked")
     page.theme("light")
     page.solve()

@@ -1,4 +1,4 @@
-"""The machines' pages in a real browser: each question asked by its form, answered, drawn, run, and restored from a link."""
+"""The machines' pages in a real browser: each query is filled in, calculated, drawn, run and restored from a link."""
 
 import base64
 import json
@@ -42,7 +42,7 @@ def at(pages):
 
 
 def answered(page: Page, act: Callable[[], None]) -> None:
-    """Wait for the answer to what is done."""
+    """Act and wait for the result."""
     page.run("document.getElementById('status').textContent = ''")
     act()
     page.wait(ANSWERED)
@@ -70,12 +70,12 @@ def test_every_question_is_answered_and_no_part_sticks_out(at, scene, width) -> 
 
 
 def test_every_example_goes_through_the_form_unchanged(at) -> None:
-    """What the form reads back from an example's fields is the example: nothing is lost, nothing is typed as JSON."""
+    """The form reads back the example from its fields: no field is lost, and no field is typed as JSON."""
     page = at("lift")
     for query in (query for scene in SCENES for query in scene_details(scene)["queries"]):
         for name, example in query["examples"].items():
             page.run("document.body.innerHTML = '<section class=schema id=fields></section>'")
-            read = page.later(
+            read = page.run_async(
                 """const [schema, example, done] = arguments;
                 import("/static/form.js").then(({ buildForm }) =>
                   done(buildForm(document.getElementById("fields"), schema, example).read()))""",
@@ -104,7 +104,7 @@ def test_the_first_answer_is_there_at_once(at, scene) -> None:
 
 def test_a_link_restores_question_values_and_place(at) -> None:
     page = at("lift")
-    field = page.one("#fields input")
+    field = page.element("#fields input")
     field.clear()
     field.send_keys("310")
     answered(page, lambda: page.click("run"))
@@ -118,22 +118,24 @@ def test_a_link_restores_question_values_and_place(at) -> None:
     page.click("link")
     page.wait("document.getElementById('status').textContent === window.kept")
     page = at("lift", fragment=fragment)
-    assert page.one("#fields input").get_attribute("value") == "310"
-    assert float(page.one(".player input").get_attribute("value")) == 2.5
+    assert page.element("#fields input").get_attribute("value") == "310"
+    assert float(page.element(".player input").get_attribute("value")) == 2.5
     page = at("lift", fragment="#j=damaged")
-    assert page.one(".stage")
+    assert page.element(".stage")
     page = at("chain", fragment=fragment)
-    assert page.one(".stage") and page.text("status") == "The link is of another machine or version."
+    assert page.element(".stage") and page.text("status") == "The link is of another machine or version."
 
 
-def test_choosing_only_shows_a_double_click_asks_once_and_back_steps_through_answers(at) -> None:
+def test_choosing_only_shows_and_clicks_and_steps_back_ask_once(at) -> None:
     """Once a choice ran its question, a second click stopped it, and Back left the page."""
     page = at("lift")
     page.wait(ANSWERED)
     first = page.run("return [document.getElementById('query').value, location.hash]")
-    page.run("window.asked = 0; const own = fetch; window.fetch = (...a) => { window.asked++; return own(...a); }")
+    page.run(
+        "window.requests = 0; const own = fetch; window.fetch = (...a) => { window.requests++; return own(...a); }"
+    )
     page.select("query", "/v2/lift/batch")
-    assert page.run("return window.asked") == 0 and page.text("status") == "Press Calculate to see the result."
+    assert page.run("return window.requests") == 0 and page.text("status") == "Press Calculate to see the result."
     assert "of an earlier request" in page.text("facts-title") and not page.shown("stop")
     page.run(
         "const own = fetch; window.fetch = (...a) => new Promise((go, stop) => { window.go = () => go(own(...a));"
@@ -145,7 +147,7 @@ def test_choosing_only_shows_a_double_click_asks_once_and_back_steps_through_ans
     assert button.text == "Calculate" and page.shown("stop") and page.text("status") == "Calculating…"
     page.run("window.go()")
     page.wait(ANSWERED)
-    assert page.run("return window.asked") == 1 and not page.shown("stop")
+    assert page.run("return window.requests") == 1 and not page.shown("stop")
     page.click("run")
     page.wait("!document.getElementById('stop').hidden")
     page.click("stop")
@@ -160,23 +162,13 @@ def test_choosing_only_shows_a_double_click_asks_once_and_back_steps_through_ans
     page.wait(
         "document.getElementById('query').value === '/v2/lift/batch' && document.querySelector('#tables table')"
     )
-    assert page.run("return window.asked") == 1, "answers of this page are shown as they were"
-
-
-HELD = (
-    "const own = window.fetch; window.held = [];"
-    "window.fetch = (...a) => new Promise((done) => window.held.push(() => done(own(...a))))"
-)
-"""Holds each reply until the test gives it."""
-
-
-def test_a_double_click_asks_once_and_one_drawing_is_left_after_two_steps_back(at) -> None:
-    """Once a second click asked again if the first was already answered, and each of two quick steps back drew its motion."""
+    assert page.run("return window.requests") == 1, "answers of this page are shown as they were"
+    page = at("lift")
     page = at("lift")
     page.wait(ANSWERED)
     page.select("query", "/v2/lift/optimize")
     for length in ("310", "320", "330"):
-        field = page.one("#fields input")
+        field = page.element("#fields input")
         field.clear()
         field.send_keys(length)
         answered(page, lambda: page.click("run"))
@@ -194,9 +186,16 @@ def test_a_double_click_asks_once_and_one_drawing_is_left_after_two_steps_back(a
     assert page.count("#picture .stage") == 1 and page.count("#picture .player") == 1
 
 
+HELD = (
+    "const own = window.fetch; window.held = [];"
+    "window.fetch = (...a) => new Promise((done) => window.held.push(() => done(own(...a))))"
+)
+"""Holds each reply until the test gives it."""
+
+
 def test_what_is_wrong_is_said_at_its_field_and_earlier_answers_are_marked(at) -> None:
     page = at("lift")
-    fields = page.all("#fields input")
+    fields = page.elements("#fields input")
     fields[0].clear()
     fields[0].send_keys("abc")
     page.click("run")
@@ -215,9 +214,9 @@ def test_what_is_wrong_is_said_at_its_field_and_earlier_answers_are_marked(at) -
     page = at("lift")
     page.select("query", "/v2/lift/batch")
     answered(page, lambda: page.click("run"))
-    page.press("#fields .row .link")  # the first goes, and one is added behind
+    page.press("#fields .row .link")  # remove the first cylinder and append a cylinder
     page.press("#fields .rows + button")
-    lengths = page.all("#fields .row fieldset .field:first-child input")
+    lengths = page.elements("#fields .row fieldset .field:first-child input")
     refusal = {"errors": [{"pointer": "#/cylinders/1/length", "detail": "Field required"}]}
     page.run(f"window.fetch = async () => new Response({json.dumps(json.dumps(refusal))}, {{status: 422}})")
     page.click("run")
@@ -225,7 +224,7 @@ def test_what_is_wrong_is_said_at_its_field_and_earlier_answers_are_marked(at) -
     assert page.active == lengths[1] and page.count("#fields .invalid") == 1
     assert page.text("status") == "Cylinders 2 length: Field required."
     page = at("lift")
-    mark, length = "of an earlier request", page.one("#fields input")
+    mark, length = "of an earlier request", page.element("#fields input")
     assert mark not in page.text("facts-title")
     length.send_keys(Keys.HOME, "x")
     assert mark in page.text("picture-title") and mark in page.text("facts-title")
@@ -242,17 +241,17 @@ def test_what_is_wrong_is_said_at_its_field_and_earlier_answers_are_marked(at) -
 
 
 MOVING = {"lift": ".stage .body", "chain": ".stage .link.thin", "knotter": ".stage .rope"}
-"""What moves in each drawing."""
+"""Selector of a moving element in each drawing."""
 
 
 @pytest.mark.timed
 @pytest.mark.parametrize("scene", MOVING)
 def test_a_drawing_runs_smoothly_and_stops(at, scene) -> None:
     page = at(scene)
-    button, part = page.one(".player button"), page.one(MOVING[scene])
+    button, part = page.element(".player button"), page.element(MOVING[scene])
     before = part.get_attribute("d")
     button.click()
-    frames = page.later(
+    frames = page.run_async(
         """const [name, done] = arguments, path = document.querySelector(name);
         let frames = 0;
         const watch = new MutationObserver((rows) => { frames += rows.length ? 1 : 0; });
@@ -282,21 +281,21 @@ def slide(page, value: float) -> None:
     )
 
 
-def test_the_chains_pins_wheels_and_slot_are_drawn_and_follow_the_phase(at) -> None:
+def test_the_chain_is_drawn_for_any_number_of_links_and_samples(at) -> None:
     page = at("chain")
     chain, window = (f"#picture .stage:nth-of-type({k})" for k in (1, 2))
     assert page.count("#picture .stage") == 2
     assert page.count(f"{chain} circle.pin") == 15 and page.count(f"{chain} circle.wheel") == 2
-    labels = [label.text for label in page.all(f"{chain} .symbol")]
+    labels = [label.text for label in page.elements(f"{chain} .symbol")]
     assert {"slot", "P1", "P14", "R0", "R1", "R2", "O1", "O2"} <= set(labels)
     lowest = {}
     for theta in (29.6, 74.6):
         slide(page, theta)
-        lowest[theta] = float(page.one(f"{window} circle.point").get_attribute("cy"))
-        assert page.one(f"{chain} .link.thin").get_attribute("d").count("L") == 15
+        lowest[theta] = float(page.element(f"{window} circle.point").get_attribute("cy"))
+        assert page.element(f"{chain} .link.thin").get_attribute("d").count("L") == 15
     assert lowest[74.6] > lowest[29.6] + 20  # the free pin hangs deepest in the middle of the window
     # the angles have a chart of the card's whole width, in the colours of the parts of the track
-    last = page.one("#curves .curves-list:last-child canvas")
+    last = page.element("#curves .curves-list:last-child canvas")
     wide, high = (int(last.get_property(name)) for name in ("clientWidth", "clientHeight"))
     assert wide > 800 and high > 300 and "upper arc (red)" in page.text("curves")
     assert "All lengths are in the unit of the pitch." in page.text("facts")
@@ -306,9 +305,6 @@ def test_the_chains_pins_wheels_and_slot_are_drawn_and_follow_the_phase(at) -> N
     page.wait("document.querySelectorAll('#picture .wall').length === 4")
     assert "52.09" in page.text("facts")
     assert "t^0" in page.text("tables")
-
-
-def test_a_chain_of_many_samples_or_links_is_drawn(at) -> None:
     page = at("chain")
     for path, entries in (("slot", {"samples": "4000"}), ("track", {"links": "900", "pitch": "1", "samples": "99"})):
         if path == "track":
@@ -349,25 +345,20 @@ SLIDER_STEPS = """
       shown.push(names.length);
     }
     return [shown[0], [...met]]"""
-"""How many names a drawing shows at first, and which lie on one another at some time; boxes are larger than the letters."""
+"""Script that returns the number of names at the start and the names that overlap during the motion."""
 
 
-@pytest.mark.parametrize(
-    ("scene", "width"), some_of([*zip(SCENES, (1440, 360, 360)), *zip(SCENES, (360, 1440, 1440))], 3)
-)
-def test_names_do_not_lie_on_one_another(at, scene, width) -> None:
-    page = at(scene, width)
-    shown, met = page.run(SLIDER_STEPS)
-    assert met == []
-    if scene == "lift" and width > 400:
-        assert shown == 12, "all find room"
+def test_names_do_not_lie_on_one_another(at) -> None:
+    for scene, width in zip(SCENES, (1440, 360, 360)):
+        shown, overlapping = at(scene, width).run(SLIDER_STEPS)
+        assert overlapping == [] and (scene != "lift" or shown == 12), "all find room"
 
 
-def test_the_lift_is_saved_and_named_as_asked(at) -> None:
+def test_the_lift_is_saved_and_drawn_at_the_requested_times(at) -> None:
     page = at("lift")
     saved = json.loads(page.saved("lift-motion.json", "#exports [data-format=json]"))
     assert len(saved["reply"]["time"]) == saved["request"]["samples"] and saved["request"]["include"] == ["points"]
-    assert len(page.saved("lift-motion.csv", "#exports [data-format=csv]").splitlines()) == 52  # as was asked for
+    assert len(page.saved("lift-motion.csv", "#exports [data-format=csv]").splitlines()) == 52
     page = at("lift")
     slide(page, 99)
     assert page.read(".player output").endswith("height 510 mm, 0 mm/s")
@@ -380,39 +371,36 @@ def test_the_lift_is_saved_and_named_as_asked(at) -> None:
     Select(page.find("query")).select_by_index(1)
     answered(page, lambda: page.click("run"))
     assert "dead point at least, jerk at most" in page.text("facts")
-
-
-def test_a_lift_at_times_of_ones_own_is_drawn_over_its_whole_motion(at) -> None:
     page = at("lift")
-    curve = page.one("#picture .curve.turn").get_attribute("d")
-    samples = next(field for field in page.all("#fields input") if field.get_attribute("value") == "51")
+    curve = page.element("#picture .curve.turn").get_attribute("d")
+    samples = next(field for field in page.elements("#fields input") if field.get_attribute("value") == "51")
     samples.clear()
     page.run("document.querySelector('#fields > details').open = true")
-    times = page.one("#fields > details input")
+    times = page.element("#fields > details input")
     for entry in ("2", "3 1 2"):
         times.clear()
         times.send_keys(entry)
         answered(page, lambda: page.click("run"))
-        assert page.one("#picture .curve.turn").get_attribute("d") == curve
+        assert page.element("#picture .curve.turn").get_attribute("d") == curve
         page.run("const fold = document.getElementById('all-fold'); fold.open = false; fold.open = true")
         page.wait("document.getElementById('all').childElementCount")
         assert "cylinder length\n" + ("682.2" if entry == "2" else "782.2, 582.2, 682.2") in page.text("all")
 
 
-def test_the_knotter_shows_entries_and_verdicts_and_can_be_turned(at) -> None:
+def test_the_knotter_shows_entries_verdicts_and_ranges(at) -> None:
     page = at("knotter")
     verdict = page.read(".verdicts-list")
     assert "wraps over S3S4 at 90.1396°" in verdict and "bites the rope over S8S9 at 311.963°" in verdict
-    drawing = page.one("#picture .stage")
+    drawing = page.element("#picture .stage")
     assert len(drawing.find_elements("css selector", "circle.enter:not(.wrong)")) == 2
 
     def drawn(part: str) -> str:
-        return page.one(f"#picture .stage {part}").get_attribute("d")
+        return page.element(f"#picture .stage {part}").get_attribute("d")
 
     # at the wrap's entry the mark lies on the rope: the drawing opens there
     rope = drawn(".rope")
     ends = [tuple(map(float, part.split())) for part in rope.lstrip("M").split("L")]
-    mark = page.one("#picture .stage circle.enter")
+    mark = page.element("#picture .stage circle.enter")
     x, y = (float(mark.get_attribute(name)) for name in ("cx", "cy"))
     (x0, y0), (x1, y1) = ends
     off = abs((x1 - x0) * (y - y0) - (y1 - y0) * (x - x0)) / ((x1 - x0) ** 2 + (y1 - y0) ** 2) ** 0.5
@@ -420,7 +408,7 @@ def test_the_knotter_shows_entries_and_verdicts_and_can_be_turned(at) -> None:
     before = drawn(".body")
     page.drag(drawing, 90, 20)
     assert drawn(".body") != before
-    view = Select(page.one(".view-choice select"))
+    view = Select(page.element(".view-choice select"))
     assert view.first_selected_option.text == "as turned"
     shapes = set()
     for k in range(4):
@@ -431,10 +419,7 @@ def test_the_knotter_shows_entries_and_verdicts_and_can_be_turned(at) -> None:
     page.click("run")
     page.wait("document.querySelector('.verdicts-list li.no')")
     assert "through S5S3" in page.read(".verdicts-list")
-    assert page.all("circle.enter.wrong")
-
-
-def test_ranges_and_long_lists_of_the_knotter_are_said_whole(at) -> None:
+    assert page.elements("circle.enter.wrong")
     page = at("knotter")
     page.select("query", "/v2/knotter/limit")
     answered(page, lambda: page.click("run"))
@@ -445,7 +430,7 @@ def test_ranges_and_long_lists_of_the_knotter_are_said_whole(at) -> None:
     page.select("query", "/v2/knotter/scan")
     answered(page, lambda: page.click("run"))
     page.run("for (const fold of document.querySelectorAll('#fields details')) fold.open = true")
-    for field, values in zip(page.all("#fields .wide input"), (range(30), range(20, 61))):
+    for field, values in zip(page.elements("#fields .wide input"), (range(30), range(20, 61))):
         field.send_keys(", ".join(map(str, values)))
     answered(page, lambda: page.click("run"))
     assert "0 20 no -0.9707" in page.text("tables").replace("\t", " ")
@@ -470,7 +455,7 @@ def test_lists_and_tables_are_read_as_rows_are_elsewhere(at) -> None:
     bounded = {"type": "number", "minimum": -1e9, "maximum": 1e9}
     for entry, expected in ENTRIES:
         for items in (bounded, {"type": "array", "items": bounded}):
-            found = page.later(
+            found = page.run_async(
                 """const [items, entry, done] = arguments;
                 import("/static/form.js").then(({ buildForm }) => {
                   const host = document.getElementById("fields");

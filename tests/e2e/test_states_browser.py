@@ -1,6 +1,6 @@
 """Each state of the page at three widths, light and dark: nothing sticks out, axe-core finds no serious fault.
 
-With ``LINKAGE_ATLAS_SCREENSHOTS=1`` the pictures docs/img/<state>-<width>-<theme>.png are made anew.
+With ``LINKAGE_ATLAS_SCREENSHOTS=1`` the pictures docs/img/<state>-<width>-<theme>.png are replaced.
 """
 
 import itertools
@@ -15,7 +15,7 @@ SIZES = {360: 740, 1280: 800, 1440: 900}
 
 
 def start(page) -> None:
-    page.rest()
+    page.pause()
     page.slide(14)
 
 
@@ -32,7 +32,7 @@ def limits(page) -> None:
 def solved(page) -> None:
     page.click("solve")
     page.wait(f"{CARDS} && {IDLE}")
-    page.rest()
+    page.pause()
     page.run("document.getElementById('results').scrollIntoView({block: 'start'})")
 
 
@@ -42,7 +42,7 @@ def hand(page) -> None:
     page.click("show-menu")
     page.mode("hand")
     page.canvas()
-    page.drag(page.one("#canvas [data-joint=c]"), 10, -8)
+    page.drag(page.element("#canvas [data-joint=c]"), 10, -8)
 
 
 def sheet(page) -> None:
@@ -58,7 +58,7 @@ STATES = {
     "solved": (solved, "main"),
     "sheet": (sheet, "html"),
 }
-"""How each comes about, and where it differs from those before."""
+"""Function that produces each state, and the selector of the elements that it changes."""
 
 
 @pytest.mark.parametrize(("width", "theme"), some_of([*itertools.product(SIZES, ("light", "dark"))], 1))

@@ -29,7 +29,7 @@ def good_dxf(content: bytes) -> set[str]:
 def test_the_first_screen_has_four_entries_and_a_machine_moves(moving, page) -> None:
     page.reload()
     assert page.text("lead") == "Draw the motion you need. Get linkages that make it."
-    assert len(page.all(".entries > *")) == 4 and not page.shown("last-project")
+    assert len(page.elements(".entries > *")) == 4 and not page.shown("last-project")
     assert page.faults() == []
     page.press("[data-begin=open-gallery]")
     page.press("[data-example=casement]")
@@ -43,58 +43,57 @@ def test_the_first_screen_has_four_entries_and_a_machine_moves(moving, page) -> 
 
 
 def test_nothing_is_cut_off_at_any_size(opened) -> None:
-    page = opened
     cut = (
         "const frame = document.getElementById('canvas').getBoundingClientRect();"
         "return [...document.querySelectorAll('#canvas .dot')].map((one) => one.getBoundingClientRect()).filter((one) =>"
         "one.top < frame.top || one.bottom > frame.bottom || one.left < frame.left || one.right > frame.right).length"
     )
     for size in ((1440, 900), (1280, 800), (360, 740), (1280, 800), (900, 700)):
-        page.resize(*size)
-        assert page.count("#canvas .dot") == 8 and page.run(cut) == 0, size
-    page.resize(360, 740)
-    page.run("for (const one of document.querySelectorAll('#solutions dd')) one.textContent = '0.0001234 mm (12)'")
-    assert page.width <= 360, "long numbers stay within a phone"
-    page.resize(390, 844)
-    page.choose("casement")
+        opened.resize(*size)
+        assert opened.count("#canvas .dot") == 8 and opened.run(cut) == 0, size
+    opened.resize(360, 740)
+    opened.run("for (const one of document.querySelectorAll('#solutions dd')) one.textContent = '0.0001234 mm (12)'")
+    assert opened.width <= 360, "long numbers stay within a phone"
+    opened.resize(390, 844)
+    opened.choose("casement")
     longest = "return Math.max(...[...document.querySelectorAll('#canvas .miss')].map((one) => one.getTotalLength()))"
-    assert 10 < page.run(longest) < 35, "errors are seen, and hide neither poses nor linkage"
+    assert 10 < opened.run(longest) < 35, "errors are seen, and hide neither poses nor linkage"
 
 
-def test_the_gallery_and_explained_terms(standing) -> None:
-    standing.click("open-gallery")
-    machines = standing.all("#machines button")
+def test_the_gallery_and_explained_terms(shared) -> None:
+    shared.click("open-gallery")
+    machines = shared.elements("#machines button")
     assert len(machines) == 8 and all("off by at most" in one.text for one in machines)
-    assert standing.faults("#gallery") == []
+    assert shared.faults("#gallery") == []
     machines[4].click()
-    assert "Film advance" in standing.text("example-note") and not standing.shown("gallery")
-    assert "off by" in standing.text("status") and "Searched beforehand" in standing.text("status")
-    standing.renew()
-    standing.unfold("limits")
-    for button in standing.all("#limits .explain"):
-        standing.centre(button).click()
+    assert "Film advance" in shared.text("example-note") and not shared.shown("gallery")
+    assert "off by" in shared.text("status") and "Searched beforehand" in shared.text("status")
+    shared.renew()
+    shared.unfold("limits")
+    for button in shared.elements("#limits .explain"):
+        shared.centre(button).click()
         assert button.get_attribute("aria-expanded") == "true"
-    assert all(one.is_displayed() for one in standing.all("#limits .explanation"))
-    assert standing.faults("#limits") == []
+    assert all(one.is_displayed() for one in shared.elements("#limits .explanation"))
+    assert shared.faults("#limits") == []
 
 
 # -- tasks, from the empty page to DXF -----------------------------------------------------------------------------------
 
 
-def ask_motion(page, way: str) -> None:
-    page.press("#new-motion", way)
+def ask_motion(page, device: str) -> None:
+    page.press("#new-motion", device)
     page.wait("!document.querySelectorAll('#poses tbody tr').length")
-    places = (-140, 40), (-20, -30), (110, -10)
-    if way == "mouse":
-        page.click_canvas(*places)
+    points = (-140, 40), (-20, -30), (110, -10)
+    if device == "mouse":
+        page.click_canvas(*points)
         page.mode("move")
         page.drag(page.pick("[data-pose='2'] circle.turner"), -20, -30)
-    elif way == "phone":
+    elif device == "phone":
         x, y = page.middle_of(page.find("canvas"))
-        for dx, dy in places:
+        for dx, dy in points:
             page.touch([(x + dx, y + dy)])
     else:
-        page.press("#add-row", way)
+        page.press("#add-row", device)
         page.pick("[data-pose='0']").send_keys(Keys.ENTER)
         keys = Keys.SHIFT + Keys.ARROW_RIGHT + Keys.ARROW_UP + Keys.NULL + "[[["
         page.active.send_keys(keys)
@@ -102,10 +101,10 @@ def ask_motion(page, way: str) -> None:
     assert len(page.table()) == 3
 
 
-def ask_path(page, way: str) -> None:
-    page.press("#new-path", way)
-    if way == "keyboard":
-        page.press("#add-row", way)
+def ask_path(page, device: str) -> None:
+    page.press("#new-path", device)
+    if device == "keyboard":
+        page.press("#add-row", device)
         page.pick("[data-pose='0']").send_keys(Keys.ENTER)
         for keys in (Keys.ARROW_RIGHT, Keys.ARROW_UP, Keys.ARROW_LEFT + Keys.ARROW_UP):
             page.active.send_keys(Keys.SHIFT + keys + Keys.NULL)
@@ -115,7 +114,7 @@ def ask_path(page, way: str) -> None:
     x, y = page.middle_of(page.find("canvas"))
     turn = np.linspace(0, 2 * np.pi, 24)
     ring = [(x + 90 * np.cos(t), y + 50 * np.sin(t)) for t in turn]
-    if way == "phone":
+    if device == "phone":
         page.touch(ring)
     else:
         for k, (u, v) in enumerate((*ring, ring[-1])):
@@ -125,41 +124,41 @@ def ask_path(page, way: str) -> None:
     assert len(page.table()) == 24 and page.ticked("closed")
 
 
-def ask_function(page, way: str) -> None:
-    page.press(".tasks a", way)
+def ask_function(page, device: str) -> None:
+    page.press(".tasks a", device)
     page.wait("document.body?.dataset.ready && location.pathname === '/function'")
 
 
 ASK = {"motion": ask_motion, "path": ask_path, "function": ask_function}
-WAYS = ("mouse", "keyboard", "phone")
+DEVICES = ("mouse", "keyboard", "phone")
 
 
-def tasks_and_ways() -> list:
-    """Each task in each way; the default run has each task once and each way once."""
+def tasks_and_devices() -> list:
+    """Return each task with each device; the default run has each task once and each device once."""
     return [
-        pytest.param(task, way, marks=[pytest.mark.wide] * (k != other))
+        pytest.param(task, device, marks=[pytest.mark.wide] * (k != index))
         for k, task in enumerate(("motion", "function", "path"))
-        for other, way in enumerate(WAYS)
+        for index, device in enumerate(DEVICES)
     ]
 
 
-@pytest.mark.parametrize(("task", "way"), tasks_and_ways())
-def test_each_task_from_the_empty_page_to_dxf(page, task, way) -> None:
-    """By mouse; by keys alone; and by fingers on a phone, where the linkage is in view after Solve."""
-    page.resize(*((360, 740) if way == "phone" else (1280, 800)))
-    ASK[task](page, way)
-    page.press("#solve", way)
+@pytest.mark.parametrize(("task", "device"), tasks_and_devices())
+def test_each_task_from_the_empty_page_to_dxf(page, task, device) -> None:
+    """By mouse, keyboard and touch; on a phone the linkage is in view after Solve."""
+    page.resize(*((360, 740) if device == "phone" else (1280, 800)))
+    ASK[task](page, device)
+    page.press("#solve", device)
     if task == "function":
         page.wait(CARDS)
     else:
-        page.found()
-    if way == "phone":
+        page.wait_for_results()
+    if device == "phone":
         edges = "const f = document.getElementById('canvas').getBoundingClientRect(); return [f.top, f.bottom]"
         top, bottom = page.run(edges)
         assert task == "function" or (-50 < top < 400 and bottom < 740), "the linkage is in view after Solve"
         assert page.width <= 360
     name = "function" if task == "function" else "linkage"
-    layers = good_dxf(page.saved(f"{name}-1.dxf", "#exports [data-format=dxf]", way))
+    layers = good_dxf(page.saved(f"{name}-1.dxf", "#exports [data-format=dxf]", device))
     assert task == "function" or layers >= {"GROUND", "LINKS", "BODY"}
 
 
@@ -175,11 +174,11 @@ def test_the_tutorial(opened) -> None:
     entries = {"link-min": "60", "link-max": "500", "box-0": "-100", "box-1": "-250", "box-2": "400", "box-3": "150"}
     for name, entry in entries.items():
         opened.type_into(name, entry)
-    opened.listen()
+    opened.record_requests()
     opened.click("solve")
     opened.wait(f"{CARDS} && {IDLE}")
     limits = {"preset": "practical", "pivot_box": [-100, -250, 400, 150], "link_min": 60, "link_max": 500}
-    assert opened.asked()["limits"] == limits
+    assert opened.last_request()["limits"] == limits
     assert GOOD.fullmatch(opened.read("#solutions .verdict"))
     assert good_dxf(opened.saved("linkage-1.dxf", "#exports [data-format=dxf]")) >= {"GROUND", "LINKS", "BODY"}
     sheet = opened.cdp("Page.printToPDF", {"preferCSSPageSize": True})["data"]
@@ -188,7 +187,7 @@ def test_the_tutorial(opened) -> None:
     assert "worst place" in printed and "pivot box-100, -250, 400, 150" in printed
 
 
-# -- what is typed -------------------------------------------------------------------------------------------------------
+# -- typed entries -------------------------------------------------------------------------------------------------------
 
 
 def test_nothing_that_is_typed_is_changed_silently(opened) -> None:
@@ -226,22 +225,50 @@ def test_nothing_that_is_typed_is_changed_silently(opened) -> None:
     assert opened.value("stock") == "20 30 40", "as in other lists commas alone separate"
 
 
-def test_lengths_and_the_pivot_box_are_checked_as_they_are_typed(standing) -> None:
-    standing.take({**path_request([0, 60, 120]), "limits": {"link_min": 9, "link_max": 5}})
-    standing.listen()
-    standing.click("solve")
-    assert standing.text("status") == "Links at least, 9, may not be more than links at most, 5."
-    assert standing.focus == "link-min" and standing.run("return window.asked.length") == 0
-    standing.renew()
-    standing.click("new-motion")
-    standing.type_into("box-1", f"5{Keys.TAB}")
-    standing.click("box-clear")
-    assert standing.text("box-error") == "" and standing.value("box-1") == "", "half a pivot box can be removed"
+def test_limits_are_checked_as_typed_and_follow_the_timing(shared) -> None:
+    shared.load_request({**path_request([0, 60, 120]), "limits": {"link_min": 9, "link_max": 5}})
+    shared.record_requests()
+    shared.click("solve")
+    assert shared.text("status") == "Links at least, 9, may not be more than links at most, 5."
+    assert shared.focus == "link-min" and shared.run("return window.requests.length") == 0
+    shared.renew()
+    shared.click("new-motion")
+    shared.type_into("box-1", f"5{Keys.TAB}")
+    shared.click("box-clear")
+    assert shared.text("box-error") == "" and shared.value("box-1") == "", "half a pivot box can be removed"
     for k, entry in enumerate(["-10", "-20,5", "30", "40"]):
-        standing.type_into(f"box-{k}", entry + Keys.TAB)
-        assert standing.value(f"box-{k}") == entry
-        assert (standing.text("box-error") == "") is (k == 3)
-    assert standing.request()["limits"]["pivot_box"] == [-10, -20.5, 30, 40]
+        shared.type_into(f"box-{k}", entry + Keys.TAB)
+        assert shared.value(f"box-{k}") == entry
+        assert (shared.text("box-error") == "") is (k == 3)
+    assert shared.request()["limits"]["pivot_box"] == [-10, -20.5, 30, 40]
+    shared.renew()
+    shared.click("new-motion")
+    shared.unfold("limits")
+    assert shared.ticked("practical") and "off" not in shared.text("timing-note")
+    shared.select("timing", "even")
+    assert not shared.ticked("practical") and shared.limits() == {}
+    assert "The practical limits are off" in shared.text("timing-note")
+    shared.click("practical")
+    assert shared.limits() == {"preset": "practical"} and "off" not in shared.text("timing-note")
+    shared.select("timing", "free")
+    shared.click("keep-use")
+    shared.select("timing", "even")
+    assert shared.ticked("keep-turn"), "what was chosen stays"
+    shared.renew()
+    shared.click("new-motion")
+    shared.unfold("limits")
+    assert shared.limits() == {"preset": "practical"}
+    shared.click("keep-turn")
+    assert shared.limits() == {"preset": "practical", "transmission_angle_min_turn": 0}
+    shared.click("keep-reach")
+    assert shared.limits() == {"preset": "none", "transmission_angle_min": 35, "link_ratio_max": 10}
+    shared.select("timing", "even")
+    assert shared.limits() == {"transmission_angle_min": 35, "link_ratio_max": 10}
+    shared.select("timing", "free")
+    shared.load_request({"position": [[0, 0], [3, 4]], "timing": "free", "limits": shared.limits()})
+    assert not shared.ticked("keep-turn") and shared.ticked("keep-ratio")
+    shared.click("practical")
+    assert shared.limits() == {"preset": "practical", "transmission_angle_min": 35, "link_ratio_max": 10}
 
 
 def test_keep_out_boxes_and_a_ground_line_are_typed_drawn_and_observed(opened) -> None:
@@ -261,79 +288,49 @@ def test_keep_out_boxes_and_a_ground_line_are_typed_drawn_and_observed(opened) -
     assert not opened.limits().keys() & {"keep_out", "envelope"}
 
 
-def test_practical_limits_follow_the_crank_until_they_are_chosen_one_by_one(standing) -> None:
-    standing.click("new-motion")
-    standing.unfold("limits")
-    assert standing.ticked("practical") and "off" not in standing.text("timing-note")
-    standing.select("timing", "even")
-    assert not standing.ticked("practical") and standing.limits() == {}
-    assert "The practical limits are off" in standing.text("timing-note")
-    standing.click("practical")
-    assert standing.limits() == {"preset": "practical"} and "off" not in standing.text("timing-note")
-    standing.select("timing", "free")
-    standing.click("keep-use")
-    standing.select("timing", "even")
-    assert standing.ticked("keep-turn"), "what was chosen stays"
-    standing.renew()
-    standing.click("new-motion")
-    standing.unfold("limits")
-    assert standing.limits() == {"preset": "practical"}
-    standing.click("keep-turn")
-    assert standing.limits() == {"preset": "practical", "transmission_angle_min_turn": 0}
-    standing.click("keep-reach")
-    assert standing.limits() == {"preset": "none", "transmission_angle_min": 35, "link_ratio_max": 10}
-    standing.select("timing", "even")
-    assert standing.limits() == {"transmission_angle_min": 35, "link_ratio_max": 10}
-    standing.select("timing", "free")
-    standing.take({"position": [[0, 0], [3, 4]], "timing": "free", "limits": standing.limits()})
-    assert not standing.ticked("keep-turn") and standing.ticked("keep-ratio")
-    standing.click("practical")
-    assert standing.limits() == {"preset": "practical", "transmission_angle_min": 35, "link_ratio_max": 10}
-
-
-def test_what_is_preferred_is_asked_for_and_kept(opened) -> None:
-    page = opened
-    page.unfold("limits")
+def test_the_preferred_linkage_is_requested_kept_and_first(opened) -> None:
+    opened.unfold("limits")
 
     def prefers() -> tuple[str, str | None]:
-        return page.value("prefer"), page.request().get("prefer")
+        return opened.value("prefer"), opened.request().get("prefer")
 
     assert prefers() == ("balanced", None)
-    page.type_into("tolerance-position", "2" + Keys.TAB)
+    opened.type_into("tolerance-position", "2" + Keys.TAB)
     assert prefers() == ("balanced", None), "the service's own default"
     for name in ("error", "transmission", "crank_span", "size", "crank_span"):
-        page.select("prefer", name)
+        opened.select("prefer", name)
         assert prefers() == (name, name)
-    assert "shortest swing" in page.text("limits-summary")
-    page.reload()
-    page.unfold("limits")
+    assert "shortest swing" in opened.text("limits-summary")
+    opened.reload()
+    opened.unfold("limits")
     assert prefers() == ("crank_span", "crank_span"), "kept in the draft"
-    page.select("timing", "even")
+    opened.select("timing", "even")
     assert prefers() == ("size", None), "all linkages turn alike far"
-    assert not page.pick("#prefer [value=crank_span]").is_enabled()
-    page.select("timing", "free")
-    page.select("prefer", "size")
-    page.select("wanted", "position")
+    assert not opened.pick("#prefer [value=crank_span]").is_enabled()
+    opened.select("timing", "free")
+    opened.select("prefer", "size")
+    opened.select("wanted", "position")
     assert prefers() == ("size", "size")
-    page.select("timing", "even")
-    page.select("wanted", "rotation")
-    assert prefers() == ("error", None) and not page.pick("#prefer [value=size]").is_enabled()
-
-
-def test_the_first_card_is_the_smallest_linkage_if_that_is_preferred(opened) -> None:
-    """As the service ranks them, through both of its answers; the least error is a card further down or gone."""
+    opened.select("timing", "even")
+    opened.select("wanted", "rotation")
+    assert prefers() == ("error", None) and not opened.pick("#prefer [value=size]").is_enabled()
+    opened.renew("casement")
+    # As the service ranks them, through both of its answers; the least error is a card further down or gone.
     stored = next(one["reply"]["solutions"][0] for one in EXAMPLES if one["name"] == "casement")
-    opened.rest()
+    opened.pause()
     opened.type_into("tolerance-position", "2" + Keys.TAB)
     opened.type_into("tolerance-rotation", "1" + Keys.TAB)
     opened.unfold("limits")
     opened.select("prefer", "size")
-    opened.listen()
+    opened.record_requests()
     opened.budgets(200, 30_000)
     opened.click("solve")
-    opened.wait(f"window.asked.length && {IDLE}")
-    assert opened.asked()["prefer"] == "size" and opened.asked()["tolerances"] == {"rotation": 1, "position": 2}
-    assert len(opened.run("return window.asked")) == 2, "one for a first answer, one for the final one"
+    opened.wait(f"window.requests.length && {IDLE}")
+    assert opened.last_request()["prefer"] == "size" and opened.last_request()["tolerances"] == {
+        "rotation": 1,
+        "position": 2,
+    }
+    assert len(opened.run("return window.requests")) == 2, "one for a first answer, one for the final one"
     sizes = opened.run(
         "return [...document.querySelectorAll('#solutions dt')].filter((one) => one.textContent === 'size')"
         ".map((one) => Number.parseFloat(one.nextSibling.textContent))"
@@ -342,34 +339,12 @@ def test_the_first_card_is_the_smallest_linkage_if_that_is_preferred(opened) -> 
     assert opened.text("status").startswith("Within the allowed errors at every pose, the smallest found: off by")
 
 
-def test_allowed_errors_own_limits_and_digits_are_said_whole(standing) -> None:
-    standing.answered(path_request([0, 60, 120], tolerances={"position": 0.1}), [0, 60, 120], VERDICTS[2:3])
-    assert standing.text("status").endswith("The allowed errors are not kept at every point.")
-    standing.renew()
-    # The landing gear asks for 30 degrees of transmission, less than the practical limit, and gets them: stored and searched.
-    standing.choose("gear")
-    assert "transmission ≥ 30°" in standing.text("limits-summary")
-    for _ in range(2):
-        marks = standing.texts("#solutions .verdict")
-        assert GOOD.fullmatch(marks[0]) and not any("used interval" in mark for mark in marks)
-        standing.solve()
-    assert "30°" in standing.read("#solutions li")
-    standing.renew()
-    values = {"rotation": [0, -123.456, 360.25], "position": [[-1234.56, 1234.56], [-12345.6, 0.12345], [1e6, 2]]}
-    standing.take({**values, "crank_angle": [0, 33.3333, 66.6667]})
-    clipped = standing.run(
-        "const cells = [...document.querySelectorAll('#poses input')];"
-        "return cells.filter(e => e.scrollWidth > e.clientWidth).map(e => e.value)"
-    )
-    assert clipped == []
-
-
 # -- faults that were seen -----------------------------------------------------------------------------------------------
 
 
-def test_stages_keep_the_order_of_the_service(standing) -> None:
+def test_stages_keep_the_order_of_the_service(shared) -> None:
     # only linkages better than all found later stay, not earlier versions of the same linkages
-    shown = standing.later(
+    shown = shared.run_async(
         "const [done] = arguments; Promise.all([import('/static/service.js'), import('/static/fit.js')]).then(async ([s, f]) => {"
         "const one = (size, objective) => ({links: {crank: 1, coupler: size, rocker: 3, ground: 3}, branch: 1, mount: null,"
         "verdict: {order: true, branch: true, circuit: true, within_tolerance: null}, errors: {objective}});"
@@ -385,7 +360,7 @@ def test_stages_keep_the_order_of_the_service(standing) -> None:
     assert shown[2:4] == [[2, 4, 5], [2, 4, 6]], "a better one of before stays, in its place"
     assert shown[4:6] == [[2, 4, 5], [6, 4]], "what else is preferred is the service's to say"
     assert shown[6:] == [[], [], [2, 4, 5]], "where there is none, a last one is given more time"
-    shown = standing.run(
+    shown = shared.run(
         "return import('/static/service.js').then((s) => {"
         "const one = (size, objective, practical = true) => ({links: {coupler: size}, errors: {objective},"
         "verdict: {order: true, branch: true, circuit: true, practical}});"
@@ -396,7 +371,7 @@ def test_stages_keep_the_order_of_the_service(standing) -> None:
         "return [join([], reply), join(before, reply), join([one(7, 0.5)], far)]; })"
     )
     assert shown == [[1, 2, 3], [5, 1, 4, 2, 3, 6], [8, 7]]
-    shown = standing.run(
+    shown = shared.run(
         "return import('/static/service.js').then((s) => {"
         "const one = (size, objective, rounded) => ({links: {crank: size}, errors: {objective}, verdict: {},"
         "rounded: {errors: rounded === undefined ? null : {objective: rounded}}});"
@@ -408,36 +383,39 @@ def test_stages_keep_the_order_of_the_service(standing) -> None:
 
 
 def test_solve_is_near_and_the_status_in_view(page) -> None:
-    page.rest()
+    page.pause()
     page.run("document.activeElement.blur(); scrollTo(0, 0)")
     page.run("window.passed = []; addEventListener('focusin', ({target}) => passed.push(target.id))")
     page.actions().send_keys(Keys.TAB * 49).perform()
     assert "solve" in page.run("return passed")
     page.solve_soon()
     page.press("#solve", "keyboard")
-    page.found()
+    page.wait_for_results()
     assert page.focus == "solve"
     page.load()
     page.resize(1280, 800)
     page.run("document.getElementById('limits').open = true; scrollTo(0, 0)")
     box = page.run("const f=document.getElementById('status').getBoundingClientRect();return [f.top, f.bottom]")
     assert 0 < box[0] < box[1] <= 800
-    page.run("window.fetch = () => Promise.reject(new TypeError('gone'))")
-    page.click("solve")
-    page.wait("document.getElementById('status').classList.contains('bad')")
-    assert "cannot be reached" in page.text("status")
+    for response, message in (
+        ("reject(new TypeError('gone'))", "cannot be reached"),
+        ("""resolve(new Response('{"detail": "the service is ending"}', {status: 503}))""", "The service is ending."),
+    ):
+        page.run(f"window.fetch = () => Promise.{response}")
+        page.click("solve")
+        page.wait(f"document.querySelector('#status.bad')?.textContent.includes({json.dumps(message)}) && {IDLE}")
     box = page.find("status").rect
     assert page.run("return scrollY") + 800 >= box["y"] + box["height"]
 
 
-def test_texts_are_free_of_jargon(standing) -> None:
-    note = standing.later(
+def test_verdicts_and_texts_use_the_words_of_the_page(shared) -> None:
+    note = shared.run_async(
         "const [note, done] = arguments; import('/static/verdict.js').then(v => done(v.plainNote(note)))",
         ILL_POSED.format("2 %"),
     )
     assert note == "The problem is ill-posed: lengths that differ by 2 % make this motion about equally well."
     reason = "the body point goes 2.94 times as far between two samples as they are apart, above 2.5"
-    said = standing.later(
+    said = shared.run_async(
         "const [reasons, done] = arguments; import('/static/verdict.js').then(v => done("
         "[v.mark({order: true, branch: true, circuit: true, practical: false, reasons}, 'pose').text,"
         "...v.reasons({reasons}, 'pose')]))",
@@ -445,32 +423,50 @@ def test_texts_are_free_of_jargon(standing) -> None:
     )
     posed = reason.replace("samples", "poses")
     assert said == ["long detour between two poses (2.94 times their distance)", f"{posed[0].upper()}{posed[1:]}."]
-    assert "determination" not in standing.run("return document.body.innerText")
-    marked = standing.later(
+    assert "determination" not in shared.run("return document.body.innerText")
+    marked = shared.run_async(
         "import('/static/verdict.js').then(v => arguments[0]([1, 2].map((count) => v.mark({order: true, branch: true,"
         "circuit: true, practical: true, within_tolerance: null, assembly: {count}}).text)))"
     )
     assert marked == ["buildable in 1 layer", "buildable in 2 layers"]
-
-
-def test_a_broken_limit_is_red_and_rows_of_a_path_are_called_points(standing) -> None:
+    shared.renew()
     request = path_request([0, 60, 120])
-    standing.answered(request, [0, 60, 120])
-    cards = standing.cards()  # of a stub, whose layers never come
+    shared.solve_with_reply(request, [0, 60, 120])
+    cards = shared.cards()  # of a stub, whose layers never come
     assert "broken" in cards[2].get_attribute("class") and "transmission angle 21.9° over" in cards[2].text, (
         "after usable ones"
     )
     assert "broken" not in cards[0].get_attribute("class")
-    assert "Position error, largest" in standing.text("numbers") and "mm at point" in standing.text("numbers")
-    assert standing.count("#canvas .worst") == 1
-    standing.renew()
-    standing.answered(path_request([0, 60, 120]), [0, 55, 120])
-    said = [*map(standing.text, ("status", "results-note", "numbers")), standing.content("canvas")]
+    assert "Position error, largest" in shared.text("numbers") and "mm at point" in shared.text("numbers")
+    assert shared.count("#canvas .worst") == 1
+    shared.renew()
+    shared.solve_with_reply(path_request([0, 60, 120]), [0, 55, 120])
+    said = [*map(shared.text, ("status", "results-note", "numbers")), shared.content("canvas")]
     assert all("point" in one and "pose" not in one for one in said), said
-    standing.paste("x,y\n0,0\n10,4\n10,4\n20,5")
-    assert "Points 2 and 3 are the same" in standing.text("example-note")
-    standing.cell("Pose 2, x", "ten", Keys.TAB)
-    assert standing.text("table-error").startswith("Point 2, x: “ten”")
+    shared.paste("x,y\n0,0\n10,4\n10,4\n20,5")
+    assert "Points 2 and 3 are the same" in shared.text("example-note")
+    shared.cell("Pose 2, x", "ten", Keys.TAB)
+    assert shared.text("table-error").startswith("Point 2, x: “ten”")
+    shared.renew()
+    shared.solve_with_reply(path_request([0, 60, 120], tolerances={"position": 0.1}), [0, 60, 120], VERDICTS[2:3])
+    assert shared.text("status").endswith("The allowed errors are not kept at every point.")
+    shared.renew()
+    # The landing gear asks for 30 degrees of transmission, less than the practical limit, and gets them: stored and searched.
+    shared.choose("gear")
+    assert "transmission ≥ 30°" in shared.text("limits-summary")
+    for _ in range(2):
+        marks = shared.texts("#solutions .verdict")
+        assert GOOD.fullmatch(marks[0]) and not any("used interval" in mark for mark in marks)
+        shared.solve()
+    assert "30°" in shared.read("#solutions li")
+    shared.renew()
+    values = {"rotation": [0, -123.456, 360.25], "position": [[-1234.56, 1234.56], [-12345.6, 0.12345], [1e6, 2]]}
+    shared.load_request({**values, "crank_angle": [0, 33.3333, 66.6667]})
+    clipped = shared.run(
+        "const cells = [...document.querySelectorAll('#poses input')];"
+        "return cells.filter(e => e.scrollWidth > e.clientWidth).map(e => e.value)"
+    )
+    assert clipped == []
 
 
 EXCLUDED = [
@@ -479,37 +475,37 @@ EXCLUDED = [
 ENDS = [("unknown", [], "the time was up"), ("infeasible", EXCLUDED, "ran to its end")]
 
 
-def test_no_linkage_is_said_without_a_claim_that_was_not_proved(standing) -> None:
+def test_no_linkage_is_said_without_a_claim_that_was_not_proved(shared) -> None:
     for status, notes, said in ENDS:
         request = {**path_request([0, 60, 120]), "limits": {"link_min": 99}}
-        standing.take(request)
-        standing.stub(request, [0, 60, 120], [])
-        standing.run("window.stub.status = arguments[0]; window.stub.report.notes = arguments[1]", status, notes)
-        standing.click("solve")
-        standing.wait(IDLE)
-        assert said in standing.text("status")
+        shared.load_request(request)
+        shared.stub(request, [0, 60, 120], [])
+        shared.run("window.stub.status = arguments[0]; window.stub.report.notes = arguments[1]", status, notes)
+        shared.click("solve")
+        shared.wait(IDLE)
+        assert said in shared.text("status")
         if notes:
-            assert standing.text("status").endswith("; with links of at least 42.5 there is one.")
-            button = standing.pick("#suggestions button")
+            assert shared.text("status").endswith("; with links of at least 42.5 there is one.")
+            button = shared.pick("#suggestions button")
             assert button.text == "Set the least link length to 42.5"
             button.click()
-            standing.wait(IDLE)
-            assert standing.asked()["limits"]["link_min"] == 42.5
+            shared.wait(IDLE)
+            assert shared.last_request()["limits"]["link_min"] == 42.5
 
 
-def test_a_tray_that_stays_level_hangs_on_a_parallelogram(standing) -> None:
+def test_a_tray_that_stays_level_hangs_on_a_parallelogram(shared) -> None:
     """The parallelogram of a toolbox needs no crank that turns fully."""
-    standing.take({"position": [[0, 0], [-80, 90], [-180, 120]], "rotation": [0, 0, 0], "timing": "free"})
-    standing.run("window.stub = null")
-    standing.unhurried()
-    standing.solve()
-    assert "family" not in standing.limits() and standing.value("family") == "any"
-    assert "met to within rounding" in standing.text("status") and not standing.shown("suggestions")
+    shared.load_request({"position": [[0, 0], [-80, 90], [-180, 120]], "rotation": [0, 0, 0], "timing": "free"})
+    shared.run("window.stub = null")
+    shared.unhurried()
+    shared.solve()
+    assert "family" not in shared.limits() and shared.value("family") == "any"
+    assert "met to within rounding" in shared.text("status") and not shared.shown("suggestions")
 
 
 def test_a_linkage_is_changed_by_hand(opened) -> None:
-    """What the page computes of it is what the library computes: at the crank angles found its errors are no larger there."""
-    opened.rest()
+    """The page and the library compute the same errors of the edited linkage."""
+    opened.pause()
     opened.unhurried()
     opened.mode("hand")
     before = opened.drawn("c")
@@ -547,14 +543,31 @@ def test_a_link_brings_the_chosen_card_back_and_a_path_has_no_direction(page) ->
     page.follow_link()
     page.wait(f"{CARDS} && {IDLE}")
     assert page.read("#numbers tr") == longest and longest.endswith("cm")
-    page.take(path_request(np.linspace(0, 120, 8)))
+    page.load_request(path_request(np.linspace(0, 120, 8)))
     page.solve_soon()
     assert not page.run("return document.querySelector('#canvas .carried').getAttribute('d')")
     page.choose("bucket")
     assert page.run("return document.querySelector('#canvas .carried').getAttribute('d')")
 
 
-def test_a_drag_adds_no_pose_and_cards_leave_the_scale(opened) -> None:
+def test_cards_are_compared_and_a_drag_adds_no_pose(opened) -> None:
+    pins = "#solutions li:nth-child({}) [type=checkbox]"
+    opened.press(pins.format(1))
+    assert opened.text("compare") == "Choose a second linkage to compare."
+    opened.press(pins.format(2))
+    opened.press(pins.format(3))
+    assert opened.count("#solutions :checked") == 2, "the first gives device"
+    rows = opened.run("return [...document.querySelectorAll('#compare tr')].map((row) => row.cells.length)")
+    assert len(rows) > 15 and set(rows) == {3}
+    assert opened.count("[data-layer=overlay] .small") == 2 and opened.faults("#choose") == []
+    crank = "return document.querySelector('#solutions li:nth-child(2) .crank').getAttribute('d')"
+    before = opened.run(crank)
+    opened.slide(50)
+    assert opened.run(crank) != before
+    opened.press(pins.format(2))
+    opened.press(pins.format(3))
+    assert not opened.shown("compare")
+    opened.renew("casement")
     scale = opened.view()
     for k in range(len(opened.cards())):
         opened.choose_card(k)
@@ -576,25 +589,6 @@ def test_a_drag_adds_no_pose_and_cards_leave_the_scale(opened) -> None:
     assert len(opened.table()) == len(before) and opened.view() != middle, "a drag beside the poses moves the view"
     opened.click_canvas((300, 180))
     assert len(opened.table()) == len(before) + 1
-
-
-def test_two_linkages_are_compared_and_cards_move_with_the_slider(opened) -> None:
-    pins = "#solutions li:nth-child({}) [type=checkbox]"
-    opened.press(pins.format(1))
-    assert opened.text("compare") == "Choose a second linkage to compare."
-    opened.press(pins.format(2))
-    opened.press(pins.format(3))
-    assert opened.count("#solutions :checked") == 2, "the first gives way"
-    rows = opened.run("return [...document.querySelectorAll('#compare tr')].map((row) => row.cells.length)")
-    assert len(rows) > 15 and set(rows) == {3}
-    assert opened.count("[data-layer=overlay] .small") == 2 and opened.faults("#choose") == []
-    crank = "return document.querySelector('#solutions li:nth-child(2) .crank').getAttribute('d')"
-    before = opened.run(crank)
-    opened.slide(50)
-    assert opened.run(crank) != before
-    opened.press(pins.format(2))
-    opened.press(pins.format(3))
-    assert not opened.shown("compare")
 
 
 CODES = "0 SECTION 2 ENTITIES 0 LWPOLYLINE 70 1 90 4 10 0 20 0 10 40 20 0 42 1 10 40 20 20 10 0 20 20 0 ENDSEC 0 EOF"
@@ -638,7 +632,7 @@ def test_a_body_has_an_outline_and_a_picture_lies_behind_it(page, tmp_path) -> N
 
 
 def test_layers_come_by_themselves_and_collisions_are_shown_where_they_are(page) -> None:
-    """Of the machine on the first screen: the stack, plates on the canvas, and with wide ones the place of a collision."""
+    """Check the stack and the plates of the first machine, and the position of a collision of wide plates."""
     page.wait("document.querySelectorAll('#stack rect').length > 4")
     assert page.text("layers-note").startswith("Nothing collides in 3 layers")
     assert "crank in layer" in page.find("stack").get_attribute("aria-label")
