@@ -91,9 +91,6 @@ def test_a_table_is_the_motion_of_every_command(command, run, files, tmp_path) -
     assert code in (Exit.OK, Exit.INFEASIBLE) and "Columns read: x from 'x', y from 'y', angle from 'phi'." in err
 
 
-# -- fields -----------------------------------------------------------------------------------------------------------
-
-
 # -- help and mistakes ------------------------------------------------------------------------------------------------
 
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 
-import mpmath
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
@@ -134,58 +133,3 @@ def rounded_polygon(rng):
         sweep = (headings[(index + 1) % corners] - heading) % (2 * np.pi)
         parts.append(("arc", *centres[(index + 1) % corners], radius, heading - np.pi / 2, sweep))
     return Path(parts)
-
-
-class Transfer:
-    """Relations of the source between the angles of two consecutive pins, on an arc (u) and on a wheel (v).
-
-    Both angles are measured away from the common tangent point. ``arithmetic`` is numpy or mpmath.
-    """
-
-    def __init__(self, pitch, r0, r1, r2, arithmetic=np):
-        self.pitch, self.r0, self.r1, self.r2, self.m = pitch, r0, r1, r2, arithmetic
-        self.c, self.a = r1 + r0, r2 - r0
-        self.dq, self.du, self.dd = (2 * arithmetic.asin(pitch / (2 * radius)) for radius in (r0, r1, r2))
-
-    def _angle(self, p, q, squares):
-        m = self.m
-        return m.atan2(q, p) - m.acos((self.pitch**2 - squares) / m.hypot(p, q))
-
-    def f(self, u):
-        """Return the angle on the wheel for a pin on the lower arc."""
-        a, r0, r2, cos, sin = self.a, self.r0, self.r2, self.m.cos(u), self.m.sin(u)
-        return self._angle(2 * r0 * (a - r2 * cos), 2 * r0 * r2 * sin, r2**2 + a**2 + r0**2 - 2 * a * r2 * cos)
-
-    def f_back(self, v):
-        """Return the angle on the lower arc for a pin on the wheel."""
-        a, r0, r2, cos, sin = self.a, self.r0, self.r2, self.m.cos(v), self.m.sin(v)
-        return self._angle(-2 * r2 * (a + r0 * cos), 2 * r0 * r2 * sin, r2**2 + a**2 + r0**2 + 2 * a * r0 * cos)
-
-    def g(self, u):
-        """Return the angle on the wheel for a pin on the upper arc."""
-        c, r0, r1, cos, sin = self.c, self.r0, self.r1, self.m.cos(u), self.m.sin(u)
-        return self._angle(2 * r0 * (r1 * cos - c), 2 * r0 * r1 * sin, c**2 + r0**2 + r1**2 - 2 * c * r1 * cos)
-
-    def g_back(self, v):
-        """Return the angle on the upper arc for a pin on the wheel."""
-        c, r0, r1, cos, sin = self.c, self.r0, self.r1, self.m.cos(v), self.m.sin(v)
-        return self._angle(2 * r1 * (r0 * cos - c), 2 * r0 * r1 * sin, c**2 + r0**2 + r1**2 - 2 * c * r0 * cos)
-
-
-def free_pin_at_100_degrees(pitch, r1, r2, digits=50):
-    """Return P14 for P1 at 100 deg on the left wheel.
-
-    P3 .. P9 are on the lower arc, P10 and P11 on the right wheel, and P12 and P13 on the upper arc.
-    """
-    with mpmath.workdps(digits):
-        length, r1, r2 = mpmath.mpf(pitch), mpmath.mpf(r1), mpmath.mpf(r2)
-        relations = Transfer(length, length / mpmath.sqrt(2), r1, r2, mpmath)
-        xi = mpmath.atan2(mpmath.sqrt(relations.a**2 - relations.c**2), relations.c)
-        alpha, quarter, theta1 = mpmath.pi / 2 - xi, mpmath.pi / 2, mpmath.radians(100)
-        lower = relations.f_back(mpmath.pi + xi - (theta1 + quarter)) - alpha + 6 * relations.dd  # P9
-        wheel = mpmath.pi + xi - relations.f(alpha - lower) - quarter  # P11
-        theta13 = quarter - relations.g_back(wheel) - relations.du
-        theta15 = relations.g_back(theta1 - quarter) - quarter  # P16 is on the wheel
-        half, middle = (theta13 - theta15) / 2, (theta13 + theta15) / 2
-        r = r1 * mpmath.cos(half) + mpmath.sqrt(length**2 - (r1 * mpmath.sin(half)) ** 2)
-        return complex(r * mpmath.sin(middle), -r * mpmath.cos(middle))

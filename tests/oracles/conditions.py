@@ -19,17 +19,3 @@ def condition_of_closure(lengths, branch, crank_angle):
     gradient = np.abs(closure.coupler_angle_gradient(branch))
     lengths = np.asarray(lengths, dtype=float)[..., None, :]
     return (gradient[..., :4] * lengths).sum(-1) + gradient[..., 4] * np.abs(closure.crank_angle)
-
-
-def position_condition(crank, angle):
-    """Return the condition number of the fit of A, z1, z2: of the columns {1, e^{it}, e^{i theta2}}, each of unit
-    norm.
-    """
-    columns = np.stack([np.ones_like(crank), np.exp(1j * crank), np.exp(1j * angle)], axis=-1)
-    singular = np.linalg.svd(columns, compute_uv=False)
-    return singular[0] / max(singular[-1], np.finfo(float).tiny)
-
-
-def feature_distance(details, second):
-    """Rms difference of two curves after the best constant offset, from their orthonormal details."""
-    return np.sqrt(np.sum((details - second) ** 2) / (details.size + 1))

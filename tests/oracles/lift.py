@@ -1,8 +1,7 @@
-"""Independent implementation of the lift: textbook poses, 60 digits, integration and a plain search.
+"""Independent implementation of the lift: textbook poses, 60 digits, the loop equations and a plain search.
 
 The formulas are taken from the source and from textbooks, not from `synthesis.scenes.lift`, which only provides
-types, initial guesses, the initial state of an integration, and the exact values with which an integration is
-compared.
+types and initial guesses.
 """
 
 from __future__ import annotations
@@ -13,9 +12,8 @@ from itertools import pairwise
 import mpmath
 import numpy as np
 
-from synthesis.scenes.lift.motion import angular_velocities, link_angles, loop_residuals, motion
 from synthesis.scenes.lift.optimum import Task
-from synthesis.scenes.lift.pose import Cylinder, Design, pose_at_turn, turn_at_length
+from synthesis.scenes.lift.pose import Cylinder, Design, turn_at_length
 
 DIGITS = 60
 """Decimal digits of `Exact`."""
@@ -32,18 +30,6 @@ def pose(design: Design, turn: float) -> dict[str, float]:
     s = math.sqrt(l5**2 - (l3 * math.cos(mu)) ** 2) - l3 * math.sin(mu)
     x, y = -b + l2 * math.cos(mu - gamma), s + l2 * math.sin(mu - gamma)
     return {"height": s, "length": math.hypot(x, y), "x": x, "y": y}
-
-
-def arccos_gain(design: Design, height: float) -> float:
-    """Return v_s / v_l, with the direction of AC from a plain arccos of the height."""
-    l2, l3, l4, l5, b = design.as_tuple()
-    turn = math.acos(min(1.0, max(-1.0, (l3**2 + height**2 - l5**2) / (2 * l3 * height))))
-    gamma = math.acos((l2**2 + l3**2 - l4**2) / (2 * l2 * l3))
-    r = math.sqrt(l5**2 - (l3 * math.sin(turn)) ** 2)
-    s1 = -l3 * l3 * math.sin(turn) * math.cos(turn) / r - l3 * math.sin(turn)
-    x, y = l2 * math.sin(turn - gamma) - b, height - l2 * math.cos(turn - gamma)
-    rate = x * l2 * math.cos(turn - gamma) + y * (s1 + l2 * math.sin(turn - gamma))
-    return s1 * math.hypot(x, y) / rate
 
 
 class Exact:
@@ -139,68 +125,6 @@ class Loops:
             y + w4 * l4 * s4 - w5 * l5 * s5,
         )
         return np.linalg.solve(self.matrix, self.right)
-
-    def equation(self, cylinder: Cylinder):
-        """Return (14) as y' = f(t, y) with y = (theta1..5, s, omega1..5, v_s), for a step-by-step simulation."""
-
-        def derivative(t, y):
-            l1 = cylinder.length + cylinder.speed * t + 0.5 * cylinder.acceleration * t * t
-            vl = cylinder.speed + cylinder.acceleration * t
-            change = self.accelerations(y[:5].tolist(), y[6:11].tolist(), l1, vl, cylinder.acceleration)
-            return np.concatenate([y[6:], change])
-
-        return derivative
-
-
-def start_state(design: Design, cylinder: Cylinder):
-    """Return the exact initial state of `Loops.equation`."""
-    start = motion(design, cylinder, [0.0])
-    rates = angular_velocities(start.pose, start.cylinder_speed)[0]
-    return np.concatenate([link_angles(start.pose)[0], start.pose.height, rates, start.velocity])
-
-
-def euler_step(f, t, y, h):
-    """Make a step of the explicit Euler method."""
-    return y + h * f(t, y)
-
-
-def rk4_step(f, t, y, h):
-    """Make a step of the classical Runge-Kutta method."""
-    a = f(t, y)
-    b = f(t + 0.5 * h, y + 0.5 * h * a)
-    c = f(t + 0.5 * h, y + 0.5 * h * b)
-    return y + h / 6 * (a + 2 * b + 2 * c + f(t + h, y + h * c))
-
-
-def integrate(design: Design, cylinder: Cylinder, step: float, rule=rk4_step):
-    """Integrate (14) with fixed steps up to the last whole step before the top, and return times and states.
-
-    If the integration diverges (a singular matrix, or a state that is not finite), it ends early with a state of NaN.
-    """
-    duration = float(motion(design, cylinder, [0.0]).stroke.duration)
-    f, y = Loops(design).equation(cylinder), start_state(design, cylinder)
-    states = [y]
-    with np.errstate(all="ignore"):
-        for k in range(int(duration / step)):
-            try:
-                y = rule(f, k * step, y, step)
-            except (np.linalg.LinAlgError, OverflowError, ValueError):
-                y = np.full(y.shape, np.nan)
-            if not np.all(np.isfinite(y)):
-                states.append(np.full(y.shape, np.nan))
-                break
-            states.append(y)
-    return step * np.arange(len(states)), np.array(states)
-
-
-def integration_error(design: Design, cylinder: Cylinder, times, states) -> tuple[float, float]:
-    """Return the largest error of the height and the largest loop residual; NaN if the integration diverged."""
-    if not np.all(np.isfinite(states)):
-        return math.nan, math.nan
-    length = cylinder.length + cylinder.speed * times + 0.5 * cylinder.acceleration * times**2
-    height = pose_at_turn(design, turn_at_length(design, length)).height
-    residuals = loop_residuals(design, states[:, :5], length, states[:, 5])
-    return float(np.max(np.abs(states[:, 5] - height))), float(np.max(np.abs(residuals)))
 
 
 # -- the objective, and a search ------------------------------------------------------------------------------

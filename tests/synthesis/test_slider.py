@@ -10,7 +10,6 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from synthesis.kernels import crank_loops
 from synthesis.slider import (
     RAIL,
     SLOT,
@@ -18,33 +17,11 @@ from synthesis.slider import (
     SliderChart,
     SliderCrankChart,
     SwingingBlockChart,
-    excesses,
 )
 
 CHARTS = [SliderCrankChart(), SwingingBlockChart(), AnySliderChart(RAIL), AnySliderChart(SLOT)]
 every_chart = pytest.mark.parametrize("chart", CHARTS, ids=["slider", "block", "any slider", "any block"])
 unknown = st.floats(-3, 3).filter(lambda q: abs(q) > 1e-3)
-
-
-def turned(guide: int, lengths: Any, crank: Any, derivatives: bool = False) -> Any:
-    lengths = np.atleast_2d(np.asarray(lengths, dtype=float))
-    crank = np.atleast_2d(np.asarray(crank, dtype=float))
-    return crank_loops.body_angles(guide, lengths, *excesses(guide, lengths), np.ones(1), crank, derivatives)
-
-
-@pytest.mark.parametrize(
-    ("guide", "lengths", "angle", "slopes"),
-    [
-        (RAIL, (1, 2, 0.3), -13.475068128, (-0.393864763, 0.119809292, 0.514153933, -0.330491777)),
-        (SLOT, (1, 2, 0.5), -48.154355394, (-0.670614768, 0.504673445, -0.677464242, 0.096091789)),
-    ],
-    ids=["slider-crank", "swinging block"],
-)
-def test_checkpoints_of_the_design_note(guide: int, lengths: Any, angle: float, slopes: Any) -> None:
-    found, by, possible = turned(guide, lengths, np.deg2rad(50.0), True)
-    assert possible[0, 0]
-    assert np.rad2deg(found[0, 0]) == pytest.approx(angle, abs=1e-9)
-    np.testing.assert_allclose(by[0, :, 0], slopes, atol=1e-9)
 
 
 @every_chart
@@ -62,22 +39,6 @@ def test_the_body_is_where_its_guide_says(chart: SliderChart, p: float, w: float
         slot = (long - pin) * np.conj(body)
         assert slot.imag == pytest.approx(offset, abs=size * (crank + long))
         assert slot.real >= 0
-
-
-@every_chart
-def test_slopes_are_the_derivatives(chart: SliderChart) -> None:
-    random = np.random.default_rng(3)
-    q, theta1, side, h = random.uniform(0.2, 1.5, (60, 2)), random.uniform(0, 6, (60, 1)), np.ones(60), 1e-6
-    found = chart.at(q, theta1, side)
-    keep = found.closes
-    for k in range(3):
-        moved = [
-            chart.at(q + sign * h * np.eye(3)[k, :2], theta1 + sign * h * (k == 2), side, False) for sign in (1, -1)
-        ]
-        keep = keep & moved[0].closes & moved[1].closes
-        difference = (moved[0].angle - moved[1].angle)[:, 0] / (2 * h)
-        np.testing.assert_allclose(found.slope[keep, k, 0], difference[keep], rtol=1e-5, atol=1e-6)
-    assert keep.sum() > 20
 
 
 @pytest.mark.parametrize("guide", [RAIL, SLOT])

@@ -6,7 +6,6 @@ A type that is missing, repeated or a mirror image of another type would show he
 import numpy as np
 import pytest
 
-from synthesis.errors import FieldError
 from synthesis.slider import SliderTypeRule, count_slider_types, enumerate_slider_types
 
 
@@ -39,12 +38,3 @@ def test_the_default_has_more_than_fifty_thousand_none_of_which_is_another_or_it
     assert (lengths[:, 2] == 0).sum() == 318
     large = SliderTypeRule(10_000)
     assert enumerate_slider_types(large, count_slider_types(large) - 1).tolist() == [[4999, 5001, 0]]
-
-
-@pytest.mark.parametrize(
-    ("values", "field"), [((3, 2), "/perimeter"), ((10_001, 2), "/perimeter"), ((40, 0), "/smallest")]
-)
-def test_what_is_refused(values: tuple[int, int], field: str) -> None:
-    with pytest.raises(FieldError) as error:
-        SliderTypeRule(*values)
-    assert error.value.field == field

@@ -16,20 +16,7 @@ from synthesis.fourbar.mechanism import FOURBAR, FullCrankChart
 from synthesis.pose import objective
 from synthesis.search import prescribed
 from synthesis.search.prescribed import GivenProblem
-from synthesis.target import TURN, Interval, Mean, Target, make_target
-
-LINE = np.array([0.0, 1, 3, 4])
-
-
-@pytest.mark.parametrize(
-    "make", [lambda p: p.real.astype(int), lambda p: np.repeat(p, 2)[::2], list, lambda p: p.astype("c8")]
-)
-def test_positions_may_be_any_kind_of_array(make) -> None:
-    plain = make_target(position=LINE + 0j, crank_span=1.0)
-    converted = make_target(position=make(LINE + 0j if make is not list else LINE), crank_span=1.0)
-    assert np.array_equal(converted.position, plain.position)
-    assert converted.length_scale == plain.length_scale == 2.0
-
+from synthesis.target import Mean, Target, make_target
 
 # -- weights ----------------------------------------------------------------------------------------------------------
 
@@ -91,18 +78,6 @@ def test_the_scan_ignores_samples_of_weight_0(scan, weights, replacements) -> No
 
 
 @LAW
-@given(st.floats(1e-9, 1e9))
-def test_equal_weights_give_exactly_the_target_without_weights(weight) -> None:
-    plain = make_target(**motion())
-    weights = np.full(SAMPLES, weight)
-    weighted = make_target(**motion(), rotation_weights=weights, position_weights=weights)
-    assert weighted.rotation_weights is None and weighted.position_weights is None
-    assert weighted.length_scale == plain.length_scale and weighted.extent == plain.extent
-    for name in ("crank", "rotation", "position"):
-        assert np.array_equal(getattr(weighted, name), getattr(plain, name))
-
-
-@LAW
 @given(st.lists(st.integers(0, 4), min_size=SAMPLES, max_size=SAMPLES).filter(any), st.floats(1e-3, 1e3))
 def test_a_whole_weight_equals_repetition_of_the_sample(times, unit) -> None:
     values = np.random.default_rng(sum(times)).normal(size=(3, SAMPLES))
@@ -115,38 +90,4 @@ def test_a_whole_weight_equals_repetition_of_the_sample(times, unit) -> None:
     np.testing.assert_allclose(np.sum((mean.root * values) ** 2, axis=1), (repeated**2).mean(axis=1), atol=1e-13)
 
 
-def test_a_thinned_target_keeps_the_samples_that_are_not_missing() -> None:
-    samples = 600
-    crank, weights = np.linspace(0, 3, samples), np.zeros(samples)
-    weights[100:110] = np.arange(1, 11)
-    target = make_target(np.sin(crank), crank + 1j * crank**2, crank_angle=crank, rotation_weights=weights)
-    thin = target.thinned(64)
-    assert thin.samples < 80 and np.sum(thin.rotation_weights > 0) == 10
-    assert thin.crank[0] == 0 and thin.crank[-1] == 3 and thin.length_scale == target.length_scale
-    assert np.array_equal(thin.rotation, np.sin(thin.crank)) and thin.position.size == thin.samples
-    assert target.thinned(600) is target
-
-
 # -- intervals and mirrors --------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("span", [2.0, -2.0, 3 * TURN])
-def test_the_interval_covers_the_crank_angles_of_the_motion(span) -> None:
-    target = make_target(LINE, crank_span=span)
-    assert target.interval == Interval(0.0, span) and target.clockwise == (span < 0)
-    assert target.interval.after(1.5) == (1.5, 1.5 + span)
-    first, last = target.interval.after(np.array([1.0, 2.0]))
-    assert np.array_equal(first, [1.0, 2.0]) and np.array_equal(last, [1 + span, 2 + span])
-
-
-def test_mirroring_twice_restores_the_target() -> None:
-    target = make_target(**motion(), rotation_weights=np.arange(1.0, 13), position_weights=np.arange(2.0, 14))
-    mirror = target.mirrored()
-    assert mirror.clockwise and np.array_equal(mirror.crank, -target.crank)
-    restored = mirror.mirrored()
-    for name in ("crank", "rotation", "position", "rotation_weights", "position_weights", "length_scale"):
-        assert np.array_equal(getattr(restored, name), getattr(target, name)), name
-    lengths = np.array([19.0, 72, 144, 165])
-    angle = coupler_angle(lengths, 1, 1 + target.crank)[None]
-    mirrored_angle = coupler_angle(lengths, -1, -1 + mirror.crank)[None]
-    assert objective(mirror, mirrored_angle) == pytest.approx(objective(target, angle), rel=1e-12)

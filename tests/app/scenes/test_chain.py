@@ -63,9 +63,6 @@ def test_exports_alike_over_http_and_on_the_command_line(client, tmp_path) -> No
         assert response.status_code == 200 and b"SPLINE" in response.content
 
 
-# Other tracks
-
-
 # Stretch, pins, powers, tolerances
 
 

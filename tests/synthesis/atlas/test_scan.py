@@ -6,10 +6,8 @@ Catches a bound that is not a bound (a window lost), a tie broken otherwise, and
 import numpy as np
 import pytest
 
-from synthesis.atlas.request import RotationRequest
 from synthesis.atlas.scan import STARTS, Scan
-from synthesis.atlas.table import AtlasRule, compute_series
-from synthesis.atlas.tree import PIECES, build_tree
+from synthesis.atlas.table import AtlasRule
 from synthesis.atlas.windows import TIE, Windows, best_of
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule
 from synthesis.fourbar.mechanism import FOURBAR, ROCKER
@@ -102,40 +100,6 @@ def test_random_requests_are_answered_as_by_evaluating_every_window(scans, part:
     for seed in range(30 * part, 30 * part + 30):
         scan = scans[list(TABLES)[seed % len(TABLES)]]
         check(scan, random_request(scan, seed, positions=seed % 4 == 3), top=(10, 1, 37)[seed % 3])
-
-
-def test_bounds_hold_in_every_window_of_every_node(scans) -> None:
-    """The bound of a node is at most the error of each type below it, and its bound on slopes holds."""
-    mechanism, lengths = TABLES["any order"]
-    series = compute_series(lengths, mechanism)
-    tree, scan = build_tree(series), scans["any order"]
-    below = 8 ** (len(tree.levels) - 1)
-    crank = np.linspace(0, TURN, 36 * 25 + 1)[:-1]
-    harmonic = np.arange(1, 32)
-
-    def slopes(coefficients: np.ndarray) -> np.ndarray:
-        waves = 1j * harmonic * np.exp(1j * np.outer(crank, harmonic))
-        return coefficients[:1] + waves.real @ coefficients[2::2] + waves.imag @ coefficients[3::2]
-
-    for node in range(0, len(tree.rows) // below, 2):
-        mean = slopes(tree.levels[0].series[node].astype(float))
-        for row in tree.rows[node * below : (node + 1) * below : 5]:
-            if row >= 0:
-                gap = np.abs(slopes(series.coefficients[row]) - mean).reshape(PIECES, -1).max(axis=1)
-                assert (gap <= tree.levels[0].slopes[node]).all()
-    random = np.random.default_rng(3)
-    for seed in range(12):
-        target = random_request(scan, 300 + seed, positions=False)
-        request = RotationRequest(target, 2, scan._amplitudes)
-        windows = random.integers(0, 720, 40)
-        for level in range(len(tree.levels)):
-            size = 8 ** (len(tree.levels) - 1 - level)
-            blocks = np.repeat(np.arange(len(tree.levels[level].series) // 8), windows.size)
-            found = scan._expand(level, request, blocks, np.tile(windows, blocks.size // windows.size), np.inf)
-            for node, window, bound, _ in list(zip(*found))[::97]:
-                rows = tree.rows[node * size : (node + 1) * size]
-                ids = rows[rows >= 0].astype(np.int64) * 720 + window
-                assert (scan.errors(target, scan.numbering.windows(ids)) >= bound * (1 - 1e-9) - TIE).all()
 
 
 @pytest.mark.parametrize("positions", [False, True])

@@ -8,7 +8,6 @@ import pytest
 
 from synthesis.drives.catalogue import CatalogueRow, choose_rows
 from synthesis.drives.links import SAMPLES, hinged_at, motions_of
-from synthesis.drives.placement_descent import PlacementProblem
 from synthesis.drives.placement_search import PlacementSearch
 from synthesis.drives.placements import Actuator, Placement, PlacementLimits, Refusal, Sizes
 from synthesis.linkage import four_bar
@@ -74,25 +73,6 @@ def _without_pivot(link):
     from dataclasses import replace
 
     return replace(link, pivot=None)
-
-
-@pytest.mark.parametrize("free", [(False, False), (True, False), (False, True), (True, True)])
-@pytest.mark.parametrize("seed", range(4))
-def test_derivatives_of_the_descent_are_exact(seed: int, free: tuple[bool, bool]) -> None:
-    question, actuator = random_question(3 * seed + 1)
-    begin = question.screen([actuator])
-    if isinstance(begin, Refusal):
-        pytest.skip("no place to begin from")
-    linkage = PlacementProblem(question, Sizes(actuator, *free), bool(begin.extends[0]))
-    z = linkage.start(complex(begin.grounds[0]), complex(begin.pins[0]), 0.999)
-    slopes, step = np.vstack([linkage.constraint_jacobian(z), linkage.equality_jacobian(z)]), 1e-6
-    for k in range(z.size):
-        there, here = z.copy(), z.copy()
-        there[k] += step
-        here[k] -= step
-        rows = [np.append(linkage.constraints(at), linkage.equalities(at)) for at in (there, here)]
-        measured = (rows[0] - rows[1]) / (2 * step)
-        assert measured == pytest.approx(slopes[:, k], rel=1e-4, abs=1e-4 * max(1, np.abs(slopes[:, k]).max()))
 
 
 def test_the_closed_form_has_the_largest_least_arm() -> None:

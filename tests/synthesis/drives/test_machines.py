@@ -5,14 +5,11 @@ A wrong virtual work or a wrong frame of a link would show here.
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from synthesis.drives.links import LinkMotions, motions_of
+from synthesis.drives.links import motions_of
 from synthesis.studies.forces import PointForce
-from synthesis.target import Interval
 from tests.conftest import some_of
-from tests.oracles.driven_cases import any_linkage, loads, random_linkage
+from tests.oracles.driven_cases import any_linkage, loads
 from tests.oracles.newton_euler import bodies
 
 
@@ -45,38 +42,3 @@ def test_all_kinds_hold_three_bodies_in_equilibrium(seed: int) -> None:
     second = there if on == "ground" else machine.links[on].point_at(there)
     expected = [three.force(state, load, name, pin, on, second) for state in states]
     assert force == pytest.approx(np.array(expected), rel=1e-9, abs=1e-9 * np.abs(expected).max())
-
-
-@given(st.integers(0, 10_000))
-def test_rates_are_derivatives_also_as_seen_from_another_link(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    linkage, _ = random_linkage(rng)
-    machine = motions_of(linkage, Interval(0.0, 0.05), 241)
-    first, second = rng.permutation(["crank", "coupler", "rocker"])[:2]
-    seen = machine.links[first].seen_from(machine.links[second])
-    _are_derivatives(LinkMotions(machine.at, {first: seen}, None))
-    # distances between points of both links are the same seen from either
-    p, q = complex(*rng.normal(size=2)), complex(*rng.normal(size=2))
-    apart = np.abs(machine.links[first].place(p) - machine.links[second].place(q))
-    there = machine.links[second].place(q)[0]
-    assert np.abs(seen.place(p) - there) == pytest.approx(apart, abs=1e-12)
-
-
-def _are_derivatives(machine: LinkMotions) -> None:
-    """Rates and their changes against differences of fourth order."""
-    step = machine.at[1] - machine.at[0]
-
-    def difference(values: np.ndarray) -> np.ndarray:
-        return (values[:-4] - 8 * values[1:-3] + 8 * values[3:-1] - values[4:]) / (12 * step)
-
-    for link in machine.links.values():
-        assert np.all(np.isfinite(link.origin))
-        size = max(1.0, np.abs(link.acceleration).max(), np.abs(link.rate_change).max()) ** 2
-        point = 0.7 - 0.4j
-        for values, slope in (
-            (link.place(point), link.speed(point)),
-            (link.speed(point), link.change(point)),
-            (np.unwrap(np.angle(link.direction)), link.rate),
-            (link.rate, link.rate_change),
-        ):
-            assert difference(values) == pytest.approx(slope[2:-2], abs=2e-7 * size**2)

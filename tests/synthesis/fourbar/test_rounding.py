@@ -5,12 +5,9 @@ A linkage that does not close, or that is not refitted, would show here.
 
 import heapq
 import itertools
-from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
-from hypothesis import strategies as st
 
 from synthesis.four_bar import coupler_angle
 from synthesis.fourbar.mechanism import mounted
@@ -22,13 +19,9 @@ from synthesis.studies.four_bar_rounding import (
     MOST_OPEN,
     best_from_stock,
     nearest_of,
-    round_to_grid,
 )
 from synthesis.target import Target, make_target
 from synthesis.work import Work
-
-LAW = settings(derandomize=True, deadline=None, max_examples=12)
-FREE = Limits("any")
 
 
 def exact_case(seed: int, with_rotation: bool = True, crank_length: float = 20.0) -> tuple[Target, Solution]:
@@ -42,46 +35,6 @@ def exact_case(seed: int, with_rotation: bool = True, crank_length: float = 20.0
     position = 10 - 3j + turned * (lengths[0] * np.exp(1j * (start + crank)) + (15 + 9j) * np.exp(1j * angle))
     target = make_target(angle if with_rotation else None, position, crank_angle=crank)
     return target, assess(target, mounted(target, lengths[None], [branch], [start]))[0]
-
-
-def on_grid(target: Target, solution: Solution, grid: float, limits: Limits = FREE) -> Solution | None:
-    return round_to_grid(target, solution, grid, limits, 200, Work()).solution
-
-
-@LAW
-@given(st.integers(0, 10_000), st.floats(1e-3, 4.0), st.booleans())
-def test_links_lie_on_the_grid_and_near_the_old_ones(seed, grid, with_rotation) -> None:
-    target, solution = exact_case(seed, with_rotation)
-    found = round_to_grid(target, solution, grid, FREE, 200, Work())
-    rounded = found.solution
-    assume(rounded is not None)
-    links, old = np.array(rounded.linkage.links), np.array(solution.linkage.links)
-    steps = links / grid
-    np.testing.assert_allclose(steps, np.round(steps), rtol=0, atol=1e-9)
-    assert np.all(np.abs(links - np.maximum(np.round(old / grid), 1) * grid) <= grid * (1 + 1e-9))
-    assert rounded.errors.objective >= 0.5 * solution.errors.objective
-    assert rounded.linkage.branch == solution.linkage.branch
-
-
-def changes_of(linkage, target: Target):
-    """The linkage with small changes of start and pose."""
-    radius, angle = linkage.coupler_point_polar
-    step, size = 1e-4, 1e-4 * target.length_scale
-    changes = [replace(linkage, start=linkage.start + sign * step) for sign in (1, -1)]
-    changes += [replace(linkage, ground_angle=linkage.ground_angle + sign * step) for sign in (1, -1)]
-    changes += [replace(linkage, pivot_a=linkage.pivot_a + direction * size) for direction in (1, -1, 1j, -1j)]
-    changes += [replace(linkage, coupler_point_polar=(radius + sign * size, angle)) for sign in (1, -1)]
-    return changes + [replace(linkage, coupler_point_polar=(radius, angle + sign * step)) for sign in (1, -1)]
-
-
-@LAW
-@given(st.integers(0, 10_000), st.booleans())
-def test_the_rest_is_fitted_anew(seed, with_rotation) -> None:
-    """No small change of start or pose makes the rounded linkage better."""
-    target, solution = exact_case(seed, with_rotation)
-    rounded = on_grid(target, solution, 1.0)
-    for changed in assess(target, changes_of(rounded.linkage, target)):
-        assert changed.errors.objective >= rounded.errors.objective * (1 - 1e-9)
 
 
 # -- stock ------------------------------------------------------------------------------------------------------------

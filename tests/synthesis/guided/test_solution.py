@@ -6,13 +6,8 @@ A sample matched to a distant position of the drive would show here.
 import numpy as np
 import pytest
 
-from synthesis.defects import practical_faults
-from synthesis.excursions import excursions_of
-from synthesis.limits import Limits
 from synthesis.linkage import Linkage
 from synthesis.poses import make_poses
-from synthesis.scores import size_of
-from synthesis.solution import assess
 from synthesis.studies.rounding import nearest_travel
 from tests.oracles.guided_cases import DRIVES, NAMES, good_linkage
 
@@ -20,26 +15,6 @@ from tests.oracles.guided_cases import DRIVES, NAMES, good_linkage
 def _used(random: np.random.Generator, drive) -> tuple[Linkage, np.ndarray]:
     """A linkage and travel over which it transmits well."""
     return good_linkage(random, drive, -0.3, 0.9, 0.3), np.linspace(0.0, 0.6, 8)
-
-
-@pytest.mark.parametrize("drive", DRIVES, ids=NAMES)
-def test_an_exact_motion_is_met_from_nearby(drive) -> None:
-    random = np.random.default_rng(31)
-    for _ in range(10):
-        linkage, travel = _used(random, drive)
-        body = linkage.motions(travel)[1]
-        poses = make_poses(body.angle + 0.3, body.origin)
-        begin = travel + random.uniform(-0.05, 0.05, travel.size)
-        found = nearest_travel(poses, linkage.turned_body(0.3), begin)
-        assert np.allclose(found, travel, atol=1e-7)
-        solution = assess(poses, [linkage], found)[0]
-        # the offset of the rotation is found with the errors
-        assert solution.errors.objective < 1e-7 * (1 + np.abs(body.origin).max())
-        turned = solution.linkage.body(solution.linkage.start).rotation[0] - body.angle[0] - 0.3
-        assert abs(np.exp(1j * turned) - 1) < 1e-6
-        assert solution.transmission_angle_min > 0.29
-        assert size_of(solution.linkage, poses, solution.interval) > 0 and excursions_of([solution], poses)[0] >= 1
-        assert isinstance(practical_faults(solution, poses, Limits(), solution.interval), list)
 
 
 @pytest.mark.parametrize("drive", DRIVES, ids=NAMES)

@@ -8,11 +8,10 @@ import re
 import numpy as np
 import pytest
 
-from synthesis.solids.mesh import on_bed
 from synthesis.solids.prism import Hole, Prism
 from synthesis.solids.solid import Posed, Solid
 from synthesis.solids.step import real, to_step
-from tests.oracles.solids import TABLE, built, step_shells
+from tests.oracles.solids import built, step_shells
 from tests.synthesis.solids.test_solid import CASES as ARRANGED
 
 CASES = [*ARRANGED, ("E2", "both", True, ()), ("E4", "below", False, ())]
@@ -61,18 +60,6 @@ def occt():
     from tests.oracles import occt
 
     return occt
-
-
-@pytest.mark.parametrize(("name", "boards", "heads", "body"), CASES)
-def test_reopened_every_part_is_what_it_was(occt, tmp_path, name, boards, heads, body) -> None:
-    solids = built(name, boards, heads, "H7", body, fillet=4.0)
-    travel = float(np.deg2rad(TABLE[name]["used"][1])) / 3
-    for positions in (solids.posed(travel), on_bed(solids.parts)):
-        title, parts = occt.reopened(to_step(solids.parts, positions, "linkage"), tmp_path)
-        assert title == "linkage"
-        assert [part.name for part in parts] == [part.name for part in solids.parts]
-        for found, part, position in zip(parts, solids.parts, positions, strict=True):
-            check(found, part, position)
 
 
 def check(found, part: Solid, position: Posed) -> None:

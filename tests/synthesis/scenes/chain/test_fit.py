@@ -4,7 +4,6 @@ The tests would detect stored parameters that do not reproduce the fit, and digi
 """
 
 import json
-from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +12,7 @@ from numpy.polynomial import chebyshev
 
 from synthesis.errors import FieldError
 from synthesis.scenes.chain import crescent as chain
-from synthesis.scenes.chain.fit import exact_slot, fit_error, fit_slot, power_basis, power_error
+from synthesis.scenes.chain.fit import exact_slot, fit_error, fit_slot
 
 REFERENCE = json.loads((Path(__file__).parents[3] / "reference" / "chain.json").read_text())
 
@@ -85,35 +84,3 @@ def test_orders_out_of_range(kind, order, slot) -> None:
     with pytest.raises(FieldError) as caught:
         fit_slot(slot, kind, order)
     assert caught.value.field == "/fit/order"
-
-
-# Powers of a parameter from 0 to 1
-
-
-@pytest.fixture(scope="module")
-def exact(slot):
-    return exact_slot(slot, np.linspace(slot.start, slot.end, 3001))
-
-
-def horner(coefficients, t: Fraction) -> Fraction:
-    total = Fraction(0)
-    for coefficient in reversed(coefficients):
-        total = total * t + Fraction(float(coefficient))
-    return total
-
-
-@pytest.mark.parametrize(
-    ("kind", "order"), [("chebyshev", 1), ("chebyshev", 8), ("chebyshev", 12), ("polynomial", 12)]
-)
-def test_powers_are_the_same_curve(kind, order, slot, exact) -> None:
-    fit = fit_slot(slot, kind, order)
-    pieces = power_basis(slot, fit)
-    assert power_error(slot, pieces, exact) == pytest.approx(fit_error(slot, fit, exact).normal, abs=1e-9)
-    if kind == "chebyshev":
-        for piece in pieces:
-            for share in (0, 1, 3, 8):
-                phase = piece.phase[0] + share / 8 * (piece.phase[1] - piece.phase[0])
-                found = [float(horner(row, Fraction(share, 8))) for row in (piece.x, piece.y)]
-                # just inside: at a break two pieces meet
-                inside = np.clip(phase, piece.phase[0] + 1e-9, piece.phase[1] - 1e-9)
-                assert complex(*found) == pytest.approx(complex(fit.evaluate(np.array([inside]))[0]), abs=1e-7)

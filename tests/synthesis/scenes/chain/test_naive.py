@@ -13,7 +13,7 @@ from synthesis.scenes.chain import crescent as chain
 from synthesis.scenes.chain.slot import analyse_slot
 from synthesis.scenes.chain.track import Track, arc, line
 from tests.conftest import some_of
-from tests.oracles.chain import Path, crescent, free_pin, rounded_polygon, smallest_overrun, stadium
+from tests.oracles.chain import crescent, free_pin, rounded_polygon, smallest_overrun, stadium
 
 
 def track_of(path):
@@ -94,37 +94,3 @@ def test_unseen_sizes_agree_with_bracketing_search(pitch, links, upper, wheel) -
     v, a = (after - before) / (2 * h), (after - 2 * at + before) / h**2
     radius = np.abs(v) ** 3 / np.abs(v.real * a.imag - v.imag * a.real)
     assert facts.radius_min == pytest.approx(radius.min(), rel=2e-3)
-
-
-def test_a_meandering_track_agrees_with_bracketing_search() -> None:
-    """Use arcs of both senses and of more than half a turn."""
-    r = 50.0
-    lobes = 5
-    ring = 2 * r / (2 * math.sin(math.pi / lobes))
-    centres = [ring * np.array([math.cos(a), math.sin(a)]) for a in 2 * np.pi * np.arange(lobes) / lobes]
-    # Inner arcs of radius rho touch two neighbouring lobes from outside.
-    rho = 30.0
-    apart = math.hypot(*(centres[1] - centres[0])) / 2
-    # Move the lobes apart so that there is room between them.
-    scale = 1.3
-    centres = [scale * c for c in centres]
-    apart *= scale
-    distance = scale * ring * math.cos(math.pi / lobes) + math.sqrt((r + rho) ** 2 - apart**2)
-    parts = []
-    for index in range(lobes):
-        here, there = centres[index], centres[(index + 1) % lobes]
-        middle = 2 * math.pi * (index + 0.5) / lobes
-        before = 2 * math.pi * (index - 0.5) / lobes
-        dip = distance * np.array([math.cos(middle), math.sin(middle)])
-        dip_before = distance * np.array([math.cos(before), math.sin(before)])
-        a0 = math.atan2(*(dip_before - here)[::-1])
-        a1 = math.atan2(*(dip - here)[::-1])
-        parts.append(("arc", *here, r, a0, (a1 - a0) % (2 * math.pi)))
-        b0, b1 = math.atan2(*(here - dip)[::-1]), math.atan2(*(there - dip)[::-1])
-        parts.append(("arc", *dip, rho, b0, -((b0 - b1) % (2 * math.pi))))
-    path = Path(parts)
-    track = track_of(path)
-    for s in np.linspace(0, path.total, 41):
-        for pitch in (5.0, 33.0, 55.0):
-            ours = track.arc_length(track.step(track.locate(s), pitch))[0]
-            assert ours == pytest.approx(path.next(s, pitch, cells=100), abs=1e-9)

@@ -54,28 +54,6 @@ def test_motion_is_the_derivative(track, share, links, direction) -> None:
     assert second == pytest.approx(motion.acceleration[2], abs=2e-4 * (1 + abs(motion.acceleration[2])))
 
 
-@settings(derandomize=True, deadline=None, max_examples=40)
-@given(track=tracks(), share=st.floats(0, 0.999), offset=st.floats(-0.5, 0.5))
-def test_foot_of_a_point_beside_the_track(track, share, offset) -> None:
-    position = track.locate(share * track.total)
-    points = track.beside(position, np.array([offset]))
-    along, found = track.feet(int(position.segment[0]), points)
-    assert along[0] == pytest.approx(position.along[0], abs=1e-9)
-    assert found[0] == pytest.approx(offset, abs=1e-12)
-    # the offset is less than the smallest radius, so no other segment of these tracks is nearer
-    assert track.distance(int(position.segment[0]), points)[0] == pytest.approx(abs(offset), abs=1e-12)
-
-
-def test_the_reverse_track_is_the_same_loop() -> None:
-    track = level_crescent(92.63, 181.78, 1.25).track
-    s = np.linspace(0, track.total, 200, endpoint=False)
-    position = track.locate(s)
-    mirrored = track.mirror(position)
-    assert np.abs(track.reverse.points(mirrored) - track.points(position)).max() < 1e-11
-    assert np.abs(track.reverse.tangents(mirrored) + track.tangents(position)).max() < 1e-13
-    assert np.abs(track.reverse.arc_length(mirrored) + s - track.total).max() < 1e-10
-
-
 @pytest.mark.parametrize(
     ("segments", "message"),
     [

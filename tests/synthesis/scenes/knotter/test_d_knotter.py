@@ -90,9 +90,6 @@ def test_bite_events(key: str, reference) -> None:
         assert result.point[item] == pytest.approx(FIGURES["E2_10_25"], abs=1e-8)
 
 
-# Clearance (A9, A10)
-
-
 # The published pattern (A12)
 
 
@@ -104,15 +101,6 @@ def test_published_pattern_is_reproduced(inputs: str) -> None:
         assert result.conditions["wrap"].holds[item_of(key)] == holds, key
     for key, holds in paper["clearance_pattern"].items():
         assert (result.conditions["clearance"].value[item_of(key)] < 0) == holds, key
-
-
-# The limit of a parameter (A14)
-
-
-# The needle with other dimensions
-
-
-# Corrections of the source in docs/knotter.md
 
 
 # Curves over the bill's angle

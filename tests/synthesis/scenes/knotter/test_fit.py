@@ -57,7 +57,7 @@ def reproduces_pattern(machine) -> bool:
 
 @pytest.fixture(scope="module")
 def best(pattern):
-    return fit_pattern(pattern, 128, 4, seed=1)[0][0]
+    return fit_pattern(pattern, 64, 2, seed=1)[0][0]
 
 
 def machine_at(pattern, unknowns):

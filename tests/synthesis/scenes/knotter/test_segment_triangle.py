@@ -77,29 +77,6 @@ def test_no_wrong_sign_next_to_an_edge(distance: float, offset) -> None:
         assert list(crosses) == [case == CrossingCase.CROSSES for case in expected]
 
 
-NAMED = {
-    "inside": (((1, 4, -10), (-1, 4, -10)), CrossingCase.CROSSES),
-    "outside": (((1, 40, -10), (-1, 40, -10)), CrossingCase.MISSES),
-    "edge": (((1, 12, -20), (-1, 12, -20)), CrossingCase.TOUCHES),
-    "vertex": (((1, 16, -12), (-1, 16, -12)), CrossingCase.TOUCHES),
-    "end in plane": (((0, 6, -10), (-1, 6, -10)), CrossingCase.TOUCHES),
-    "end in plane outside": (((0, 60, -10), (-1, 60, -10)), CrossingCase.MISSES),
-    "one side": (((1, 6, -10), (2, 60, -10)), CrossingCase.SAME_SIDE),
-    "parallel": (((1, 6, -10), (1, 60, -10)), CrossingCase.PARALLEL),
-    "in the plane": (((0, 6, -10), (0, 60, -10)), CrossingCase.IN_PLANE),
-    "a point": (((1, 6, -10), (1, 6, -10)), CrossingCase.PARALLEL),
-}
-
-
-@pytest.mark.parametrize("name", NAMED)
-def test_named_cases(name: str) -> None:
-    (p, q), expected = NAMED[name]
-    found = classify(p, q, *TRIANGLE)
-    assert found == expected
-    assert CrossingCase(int(found)).sentence
-    assert classify(q, p, TRIANGLE[1], TRIANGLE[0], TRIANGLE[2]) == expected  # independent of the order of the points
-
-
 def naive_segment_triangle_distance(p, q, a, b, c) -> float:
     """Solve for the distance as a quadratic program, by scipy."""
     from scipy.optimize import minimize

@@ -29,7 +29,6 @@ from synthesis.scenes.lift.motion import (
     forces,
     minimum_bore,
     motion,
-    stroke,
 )
 from synthesis.scenes.lift.pose import (
     Cylinder,
@@ -94,27 +93,6 @@ def solved_loops(moved: Motion) -> tuple[np.ndarray, np.ndarray]:
 
 
 # -- acceptance values ---------------------------------------------------------------------------------------
-
-
-@BOTH
-def test_a3_jacobian_is_the_derivative_of_the_loops(name) -> None:
-    design, h = DESIGNS[name], 1e-6
-    moved = motion(design, CYLINDER, samples=7)
-    angles = lift_loops.link_angles(moved.pose)
-    matrix = lift_loops.jacobian(design, angles, moved.cylinder_length)
-    for k in range(6):
-        ends = []
-        for sign in (1, -1):
-            shifted, height = angles.copy(), moved.pose.height.copy()
-            if k < 5:
-                shifted[:, k] += sign * h
-            else:
-                height = height + sign * h
-            ends.append(lift_loops.loop_residuals(design, shifted, moved.cylinder_length, height))
-        np.testing.assert_allclose(matrix[:, :, k], (ends[0] - ends[1]) / (2 * h), rtol=0, atol=1e-5)
-    sine = np.sin(angles[:, 1] - angles[:, 3]) * np.sin(angles[:, 4])
-    law = moved.cylinder_length * moved.pose.length_1 * design.l2 * design.l4 * design.l5 * sine
-    np.testing.assert_allclose(np.abs(np.linalg.det(matrix)), np.abs(law), rtol=1e-9)
 
 
 @BOTH
@@ -192,26 +170,6 @@ def test_random_lifts_close_and_solve_the_linear_systems(lift) -> None:
     assert np.max(np.abs(rates[:, :5] - own)[bounded], initial=0.0) < 1e-9 * np.max(np.abs(own))
     own = lift_loops.angular_accelerations(trajectory.pose, trajectory.cylinder_speed, cylinder.acceleration)
     assert np.max(np.abs(changes[:, :5] - own)[bounded], initial=0.0) < 1e-9 * np.max(np.abs(own))
-
-
-@LAW
-@given(lifts())
-def test_rates_are_time_derivatives(lift) -> None:
-    design, cylinder = lift
-    duration = float(stroke(design, cylinder).duration)
-    assume(duration > 0)
-    step = 1e-5 * duration
-    middle = duration * np.array([0.3, 0.5, 0.7])
-    before, at, after = (motion(design, cylinder, middle + k * step) for k in (-1, 0, 1))
-    scale = np.max(np.abs(at.velocity))
-    slope = (after.pose.height - before.pose.height) / (2 * step)
-    np.testing.assert_allclose(slope, at.velocity, rtol=0, atol=1e-5 * scale)
-    slope = (after.velocity - before.velocity) / (2 * step)
-    tolerance = 1e-5 * np.max(np.abs(at.acceleration)) + 1e-5 * scale / duration
-    np.testing.assert_allclose(slope, at.acceleration, rtol=0, atol=tolerance)
-    rates = (lift_loops.link_angles(after.pose) - lift_loops.link_angles(before.pose)) / (2 * step)
-    own = lift_loops.angular_velocities(at.pose, at.cylinder_speed)
-    np.testing.assert_allclose(rates, own, rtol=0, atol=1e-5 * np.max(np.abs(own)))
 
 
 # -- extremes ------------------------------------------------------------------------------------------------

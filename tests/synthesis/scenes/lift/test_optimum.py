@@ -116,9 +116,6 @@ def test_the_objective_agrees_with_a_direct_sum(kind) -> None:
         assert values[k] == pytest.approx(oracle.objective(design, problem), rel=2e-6)
 
 
-# -- laws ----------------------------------------------------------------------------------------------------
-
-
 # -- refusals ------------------------------------------------------------------------------------------------
 
 
