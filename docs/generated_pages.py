@@ -9,6 +9,13 @@ from pathlib import Path
 from typing import Any
 
 FOLDER = Path(__file__).parent / "generated"
+BOUNDS = {
+    "minimum": "at least",
+    "maximum": "at most",
+    "exclusiveMinimum": "above",
+    "exclusiveMaximum": "below",
+}
+"""Keys of JSON schema in words."""
 
 
 def write_pages(app: object = None) -> None:
@@ -75,7 +82,19 @@ def _fields(schema: dict[str, Any]) -> Iterator[tuple[str, str, str]]:
         is_required = name in schema.get("required", ())
         default = "" if field.get("default") is None else f" Default: `{json.dumps(field['default'])}`."
         meaning = " ".join(str(field.get("description", "")).split()) + default
-        yield f"`{name}`{' (required)' if is_required else ''}", _type_of(field), meaning
+        yield f"`{name}`{' (required)' if is_required else ''}", _type_of(field) + _bounds(field), meaning
+
+
+def _bounds(field: dict[str, Any]) -> str:
+    """Return the bounds of a number, or of the number of items of a list, in words."""
+    for schema in (field, *field.get("anyOf", ())):
+        for names, suffix in ((BOUNDS, ""), (("minItems", "maxItems"), " items")):
+            bounds = [(words, schema[name]) for name, words in zip(names, BOUNDS.values()) if name in schema]
+            if len(bounds) == 2 and bounds[0][1] == bounds[1][1]:
+                return f", {bounds[0][1]:,g}{suffix}"
+            if bounds:
+                return ", " + " and ".join(f"{words} {bound:,g}" for words, bound in bounds) + suffix
+    return ""
 
 
 def _type_of(schema: dict[str, Any]) -> str:

@@ -30,7 +30,8 @@ DOCUMENTS = [
     *(path for shelf in SHELVES for path in sorted((ROOT / "docs" / shelf).glob("*.md"))),
 ]
 EXAMPLES = sorted((ROOT / "docs" / "examples").glob("ex*.py"))
-HTTP = (ROOT / "docs" / "http.md").read_text()
+GENERATED = {"http_fields.md": generated_pages.http_routes(json.loads(FILE.read_text()))}
+"""Content of pages of the reference that is generated when the site is built."""
 
 
 def names(path: Path) -> str:
@@ -64,56 +65,11 @@ def assert_same_output(found: str, expected: str) -> None:
     assert numbers[0] == pytest.approx(numbers[1], rel=1e-3, abs=1e-10), found
 
 
-# -- docs/http.md -----------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("name", Settings.model_fields)
-def test_every_setting_is_documented(name) -> None:
-    default = Settings.model_fields[name].default
-    default = f"{default:g}" if isinstance(default, float) and default < 1e6 else str(default)
-    row = f"| `{name}` | `LINKAGE_ATLAS_{name.upper()}` | `{default}` |"
-    assert row in HTTP, f"docs/http.md lacks the line {row} ..."
-
-
-def test_no_setting_is_documented_that_does_not_exist() -> None:
-    documented = set(re.findall(r"LINKAGE_ATLAS_([A-Z_]+)", HTTP))
-    assert {name.lower() for name in documented} == set(Settings.model_fields)
-
-
-FIELDS = [
-    ("MatchRequest", "http", "POST /v2/match"),
-    ("SynthesizeRequest", "http", "POST /v2/synthesize"),
-    ("LimitsRequest", "http", "POST /v2/synthesize"),
-    ("ExportRequest", "http", "POST /v2/export"),
-    ("AssemblyRequest", "assembly", "POST /v2/assembly"),
-    ("FunctionRequest", "function", "POST /v2/function"),
-    ("ChainSlotRequest", "chain", "Requests"),
-]
-
-
-def test_every_route_and_field_is_documented() -> None:
-    document = json.loads(FILE.read_text())  # see tests/app/test_openapi.py
-    all_cases = "".join(path.read_text() for path in DOCUMENTS)
-    for path, methods in document["paths"].items():
-        text = HTTP if path in ("/v2/match", "/v2/synthesize") or "get" in methods else all_cases
-        route = f"{next(iter(methods)).upper()} {path}"
-        assert re.search(rf"{re.escape(route)}(?![\w/])", text), f"{route} is documented nowhere"
-    for model, page, heading in FIELDS:
-        text = (ROOT / "docs" / f"{page}.md").read_text()
-        (section,) = re.findall(rf"^## .*{heading}$(.*?)(?=^## |\Z)", text, re.MULTILINE | re.DOTALL)
-        for field in document["components"]["schemas"][model]["properties"]:
-            assert re.search(rf"`(limits\.)?{field}`", section), f"{model}.{field}"
-
-
-def test_the_documented_bounds_are_those_of_the_description() -> None:
-    description = FILE.read_text()
-    assert '"maximum": 1e+50' in description and "1e50" in HTTP
-    assert '"maxItems": 1024' in description and "1,024" in HTTP
+# -- generated pages -------------------------------------------------------------------------------------------------
 
 
 def test_the_generated_pages_have_every_route_field_and_setting() -> None:
-    document = json.loads(FILE.read_text())
-    page = generated_pages.http_routes(document)
+    document, page = json.loads(FILE.read_text()), GENERATED["http_fields.md"]
     schemas = document["components"]["schemas"].values()
     assert all(f"{path}\n" in page for path in document["paths"])
     assert all(f"`{name}`" in page for schema in schemas for name in schema.get("properties", ()))
@@ -126,7 +82,7 @@ def test_the_generated_pages_have_every_route_field_and_setting() -> None:
 
 def anchors(path: Path) -> set[str]:
     """Fragments of a document's headings, as they are shown on the web."""
-    text = re.sub(r"^```.*?^```", "", path.read_text(), flags=re.MULTILINE | re.DOTALL)
+    text = re.sub(r"^```.*?^```", "", path.read_text() + GENERATED.get(path.name, ""), flags=re.MULTILINE | re.DOTALL)
     titles = (re.sub(r"\[([^]]*)\]\([^)]*\)", r"\1", title) for title in re.findall(r"^#+ (.+)$", text, re.MULTILINE))
     return {re.sub(r"[^\w\- ]", "", title.strip().lower()).replace(" ", "-") for title in titles}
 
