@@ -1,5 +1,6 @@
 // SVG drawing in world coordinates (y up): elements, views, paths, linkages; and numbers as text.
 
+import { add, along, times, turned } from "./plane.js";
 import { build } from "./shell.js";
 
 const SVG = "http://www.w3.org/2000/svg";
@@ -81,19 +82,15 @@ export class View {
 
   /** Fits all points into the view with a border of `pad` pixels. */
   fit(points, pad) {
-    const good = points.filter((p) => p && Number.isFinite(p[0]) && Number.isFinite(p[1]));
+    const good = points.filter((p) => p && p.every(Number.isFinite));
     if (!good.length) good.push([-60, -40], [60, 40]);
-    const xs = good.map((p) => p[0]),
-      ys = good.map((p) => p[1]);
-    const [left, right] = [xs.reduce((a, b) => Math.min(a, b)), xs.reduce((a, b) => Math.max(a, b))];
-    const [low, high] = [ys.reduce((a, b) => Math.min(a, b)), ys.reduce((a, b) => Math.max(a, b))];
-    const least = 1e-9 * Math.max(Math.abs(left), Math.abs(right), Math.abs(low), Math.abs(high)) || 1;
-    this.cx = (left + right) / 2;
-    this.cy = (low + high) / 2;
-    this.scale = Math.min(
-      Math.max(this.width - 2 * pad, 20) / Math.max(right - left, least),
-      Math.max(this.height - 2 * pad, 20) / Math.max(high - low, least),
-    );
+    const ends = [0, 1].map((i) =>
+        good.reduce(([low, high], p) => [Math.min(low, p[i]), Math.max(high, p[i])], [Infinity, -Infinity]),
+      ),
+      least = 1e-9 * Math.max(...ends.flat().map(Math.abs)) || 1,
+      scale = (pixels, [low, high]) => Math.max(pixels - 2 * pad, 20) / Math.max(high - low, least);
+    [this.cx, this.cy] = ends.map(([low, high]) => (low + high) / 2);
+    this.scale = Math.min(scale(this.width, ends[0]), scale(this.height, ends[1]));
   }
 
   zoom(factor, px = this.width / 2, py = this.height / 2) {
@@ -106,19 +103,20 @@ export class View {
 
 const short = (value) => Math.round(value * 100) / 100;
 
-/** Path data of a polyline; a null point interrupts it. */
-export function pathData(points, view) {
-  let data = "",
-    pen = "M";
-  for (const point of points) {
-    if (!point) {
-      pen = "M";
-      continue;
-    }
-    data += `${pen}${short(view.x(point[0]))} ${short(view.y(point[1]))}`;
-    pen = "L";
-  }
-  return data;
+/** Path data of a polyline, without a view of pixels; a null point interrupts it. */
+export function pathData(points, view = null) {
+  const step = (point, k) => {
+    if (!point) return "";
+    const [x, y] = view ? view.at(point) : point;
+    return `${points[k - 1] ? "L" : "M"}${short(x)} ${short(y)}`;
+  };
+  return points.map(step).join("");
+}
+
+/** Path data of the way of the body point, or else of C, of a linkage at joints of `Linkage.at`. */
+export function pointPath(joints, view) {
+  const places = joints.map((j) => j && (j.p ?? j.c));
+  return pathData(places, view);
 }
 
 /** 1, 2 or 5 times a power of ten, at least `least`. */
@@ -136,60 +134,54 @@ export function text(value, digits = 6) {
   return size >= 1e7 || size < 1e-4 ? rounded.toExponential() : String(rounded);
 }
 
-const NAMES = { a: "A", b: "B", c: "C", d: "D", p: "P" };
+/** Names of joints, and the class and radius of their pins. */
+const JOINTS = {
+  a: ["A", "fixed", 1.5],
+  b: ["B", "fixed", 1.5],
+  c: ["C", "pin", 0],
+  d: ["D", "pin", 0],
+  p: ["P", "point", 0],
+};
+/** The lines of a linkage, from the lowest up, with their classes. */
+const LINES = {
+  bases: "bearing",
+  rails: "rail",
+  ground: "ground",
+  body: "body",
+  slots: "slot",
+  blocks: "block",
+  crank: "link crank",
+  rocker: "link rocker",
+};
+const HATCHES = [-12, -6, 0, 6, 12];
 
 /** A pivot's bearing on hatched ground, in pixels. */
 const bearing = ([x, y]) =>
-  `M${x} ${y}l-8 14h16zM${x - 14} ${y + 14}h28${[-12, -6, 0, 6, 12].map((dx) => `M${x + dx} ${y + 14}l-5 6`).join("")}`;
+  `M${x} ${y}l-8 14h16zM${x - 14} ${y + 14}h28${HATCHES.map((dx) => `M${x + dx} ${y + 14}l-5 6`).join("")}`;
 
 /** The SVG elements of one linkage; `detail` false makes small pins and leaves bearings, names and the body's direction out. */
 export class LinkageShape {
   constructor(parent, detail = true) {
     this.group = make("g", { "aria-hidden": "true", class: detail ? "large" : "small" }, parent);
-    this.bases = make("path", { class: "bearing" }, this.group);
-    this.rails = make("path", { class: "rail" }, this.group);
-    this.ground = make("path", { class: "ground" }, this.group);
-    this.body = make("path", { class: "body" }, this.group);
-    this.slots = make("path", { class: "slot" }, this.group);
-    this.blocks = make("path", { class: "block" }, this.group);
-    this.crank = make("path", { class: "link crank" }, this.group);
-    this.rocker = make("path", { class: "link rocker" }, this.group);
-    const pin = detail ? 5 : 2.6;
-    const dots = {
-      a: ["fixed", pin + 1.5],
-      b: ["fixed", pin + 1.5],
-      d: ["pin", pin],
-      c: ["pin", pin],
-      p: ["point", pin],
-    };
-    this.joints = Object.fromEntries(
-      Object.entries(dots).map(([name, [kind, r]]) => [
-        name,
-        make("circle", { class: kind, r, "data-joint": name }, this.group),
-      ]),
-    );
+    for (const [name, kind] of Object.entries(LINES)) this[name] = make("path", { class: kind }, this.group);
+    Object.assign(this, { detail, joints: {}, names: {} });
+    for (const [name, [, kind, more]] of Object.entries(JOINTS))
+      this.joints[name] = make("circle", { class: kind, r: (detail ? 5 : 2.6) + more, "data-joint": name }, this.group);
     this.carried = make("path", { class: "carried" }, this.group);
-    this.names = Object.fromEntries(
-      Object.entries(NAMES).map(([name, letter]) => [
-        name,
-        Object.assign(make("text", { class: "joint-name" }, this.group), { textContent: letter }),
-      ]),
-    );
-    this.detail = detail;
+    for (const [name, [letter]] of Object.entries(JOINTS))
+      this.names[name] = make("text", { class: "joint-name", text: letter }, this.group);
   }
 
   /** A slider or block, turned by an angle, as path data. */
-  #block([x, y], angle) {
-    const [long, wide] = this.detail ? [15, 8] : [7, 4],
-      cosine = Math.cos(angle),
-      sine = -Math.sin(angle);
-    const corners = [
-      [-long, -wide],
-      [long, -wide],
-      [long, wide],
-      [-long, wide],
-    ].map(([u, v]) => `${short(x + cosine * u - sine * v)} ${short(y + sine * u + cosine * v)}`);
-    return `M${corners.join("L")}Z`;
+  #block(at, angle) {
+    const [u, v] = this.detail ? [15, 8] : [7, 4],
+      corners = [
+        [-u, -v],
+        [u, -v],
+        [u, v],
+        [-u, v],
+      ];
+    return `${pathData(corners.map((corner) => add(at, turned(corner, -angle))))}Z`;
   }
 
   /** Draws the linkage at joints of `Linkage.at`, and the body's direction if it counts; null hides it. */
@@ -198,8 +190,9 @@ export class LinkageShape {
     if (!joints) return;
     const { a, b, c, d, p, rails, slots, blocks, links, ground, fixed } = joints;
     put(this.ground, { d: ground ? pathData(ground, view) : "" });
-    put(this.rails, { d: rails.map((line) => pathData(line, view)).join("") });
-    put(this.slots, { d: slots.map((line) => pathData(line, view)).join("") });
+    const lines = (all) => all.map((line) => pathData(line, view)).join("");
+    put(this.rails, { d: lines(rails) });
+    put(this.slots, { d: lines(slots) });
     put(this.blocks, { d: blocks.map(([at, angle]) => this.#block(view.at(at), angle)).join("") });
     put(this.body, { d: `${pathData(p ? [d, c, p] : [d, c], view)}Z` });
     put(this.crank, { d: links[0] ? pathData(links[0], view) : "" });
@@ -213,18 +206,12 @@ export class LinkageShape {
       put(dot, { cx: x, cy: y });
       put(this.names[name], { x: x + 10, y: y - 8 });
     }
-    if (this.detail)
-      put(this.bases, {
-        d: [a, b]
-          .filter((_, k) => fixed[k])
-          .map((place) => bearing(view.at(place)))
-          .join(""),
-      });
-    if (!directed) put(this.carried, { d: "" });
-    else if (p && this.detail) {
-      const [x, y] = view.at(p),
-        turn = joints.rotation;
-      put(this.carried, { d: `M${x} ${y}L${x + 26 * Math.cos(turn)} ${y - 26 * Math.sin(turn)}` });
+    if (!this.detail) return;
+    const pivots = [a, b].filter((_, k) => fixed[k]);
+    put(this.bases, { d: pivots.map((place) => bearing(view.at(place))).join("") });
+    if (p || !directed) {
+      const at = p && view.at(p);
+      put(this.carried, { d: directed ? pathData([at, add(at, times(along(-joints.rotation), 26))]) : "" });
     }
   }
 }
@@ -240,17 +227,7 @@ export function thumbnail(linkage, [first, last], targets, width = 160, height =
   const start = used.find(Boolean);
   if (!start) return svg;
   view.fit([start.a, start.b, ...used.flatMap((j) => (j ? [j.d, j.c, j.p] : [])), ...targets], 12);
-  make(
-    "path",
-    {
-      class: "curve",
-      d: pathData(
-        used.map((j) => j && (j.p ?? j.c)),
-        view,
-      ),
-    },
-    svg,
-  );
+  make("path", { class: "curve", d: pointPath(used, view) }, svg);
   const shape = new LinkageShape(svg, false);
   shape.show(start, view);
   svg.move = (share) => shape.show(linkage.at(first + share * (last - first)) ?? start, view);

@@ -1,100 +1,76 @@
 // What lies around the poses on the canvas: grid, pivot box, way, path and errors, ghosts, body outline, overlay.
 
-import { LinkageShape, make, pathData, roundStep, text } from "./drawing.js";
+import { LinkageShape, make, pathData, pointPath, roundStep, text } from "./drawing.js";
 import { itemOf, placeOf, placesOf, wantsAngles, wantsPlaces } from "./motion.js";
-import { RAD } from "./plane.js";
+import { RAD, add, less, size, times as scaled, turned } from "./plane.js";
 
 const MOST_GHOSTS = 40;
 
 const times = (factor) => (factor < 1e5 ? factor : factor.toExponential(0));
 
 /** Polylines of a body, moved to a place and turned by an angle in radians, as path data. */
-function placedOutline(outline, [x, y], turn, view) {
-  const cosine = Math.cos(turn),
-    sine = Math.sin(turn);
-  return outline
-    .map((line) =>
-      pathData(
-        line.map(([u, v]) => [x + cosine * u - sine * v, y + sine * u + cosine * v]),
-        view,
-      ),
-    )
-    .join("");
+function placedOutline(outline, place, turn, view) {
+  const placed = (point) => add(place, turned(point, turn));
+  return outline.map((line) => pathData(line.map(placed), view)).join("");
 }
 
 /** Draws the grid into `layer`; returns its step. */
 export function drawGrid(layer, view) {
+  const { width, height } = view,
+    step = roundStep(56 / view.scale),
+    digits = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
+  const name = (value) => (Math.abs(value) >= 1e6 || digits > 5 ? text(value, 4) : value.toFixed(Math.min(digits, 20))),
+    [left, high] = view.world(0, 0),
+    [right, low] = view.world(width, height);
+  const lines = (from, to, pixel) => {
+    const first = Math.ceil(from / step),
+      count = Math.min(400, Math.floor(to / step) - first + 1);
+    return Array.from({ length: Math.max(0, count) }, (_, n) => [
+      first + n,
+      Math.round(pixel((first + n) * step)) + 0.5,
+    ]);
+  };
+  const paths = { grid: "", axis: "" },
+    ticks = [];
+  for (const [k, x] of lines(left, right, (value) => view.x(value))) {
+    paths[k ? "grid" : "axis"] += `M${x} 0V${height}`;
+    if (x > 34 && x < width - 14) ticks.push({ x, y: height - 6, "text-anchor": "middle", text: name(k * step) });
+  }
+  for (const [k, y] of lines(low, high, (value) => view.y(value))) {
+    paths[k ? "grid" : "axis"] += `M0 ${y}H${width}`;
+    if (y > 14 && y < height - 22) ticks.push({ x: 5, y: y - 3, text: name(k * step) });
+  }
   layer.replaceChildren();
-  const step = roundStep(56 / view.scale);
-  const [left, high] = view.world(0, 0),
-    [right, low] = view.world(view.width, view.height);
-  let minor = "",
-    axis = "";
-  const digits = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
-  const name = (value) => (Math.abs(value) >= 1e6 || digits > 5 ? text(value, 4) : value.toFixed(Math.min(digits, 20)));
-  for (let k = Math.ceil(left / step); k <= right / step && layer.childElementCount < 400; k++) {
-    const x = Math.round(view.x(k * step)) + 0.5;
-    if (k === 0) axis += `M${x} 0V${view.height}`;
-    else minor += `M${x} 0V${view.height}`;
-    if (x > 34 && x < view.width - 14)
-      make(
-        "text",
-        { class: "tick", x, y: view.height - 6, "text-anchor": "middle", "aria-hidden": "true" },
-        layer,
-      ).textContent = name(k * step);
-  }
-  for (let k = Math.ceil(low / step); k <= high / step && layer.childElementCount < 800; k++) {
-    const y = Math.round(view.y(k * step)) + 0.5;
-    if (k === 0) axis += `M0 ${y}H${view.width}`;
-    else minor += `M0 ${y}H${view.width}`;
-    if (y > 14 && y < view.height - 22)
-      make("text", { class: "tick", x: 5, y: y - 3, "aria-hidden": "true" }, layer).textContent = name(k * step);
-  }
-  layer.prepend(make("path", { class: "grid", d: minor }), make("path", { class: "axis", d: axis }));
+  for (const [kind, d] of Object.entries(paths)) make("path", { class: kind, d }, layer);
+  for (const tick of ticks) make("text", { class: "tick", "aria-hidden": "true", ...tick }, layer);
   return step;
+}
+
+/** A rectangle of a box [left, bottom, right, top], whose sides that are far away lie just outside the canvas. */
+function drawRectangle(kind, [left, bottom, right, top], view, layer) {
+  const clip = (value, side) => Math.min(Math.max(value, -9), side + 9),
+    [x, x1] = [left, right].map((value) => clip(view.x(value), view.width)),
+    [y, y1] = [top, bottom].map((value) => clip(view.y(value), view.height));
+  make("rect", { class: kind, x, y, width: x1 - x, height: y1 - y }, layer);
 }
 
 export function drawBox(layer, motion, view) {
   layer.replaceChildren();
   if (!motion || !wantsPlaces(motion)) return;
-  const {
-    box,
-    extra: { keep_out: zones = [], envelope },
-  } = motion.limits;
-  const kinds = [...(zones ?? []).map((zone) => ["keep-out", zone]), ...(envelope ? [["envelope", envelope]] : [])];
-  for (const [name, zone] of kinds) {
-    // sides that are far away lie just outside the canvas
-    const [x0, y0, x1, y1] = [...view.at([zone[0], zone[3]]), ...view.at([zone[2], zone[1]])].map((one, k) =>
-      Math.min(Math.max(one, -9), (k % 2 ? view.height : view.width) + 9),
-    );
-    make("rect", { class: name, x: x0, y: y0, width: x1 - x0, height: y1 - y0 }, layer);
-  }
+  const { box, extra } = motion.limits;
+  for (const zone of extra.keep_out ?? []) drawRectangle("keep-out", zone, view, layer);
+  if (extra.envelope) drawRectangle("envelope", extra.envelope, view, layer);
   if (!box) return;
   const [x0, y0] = view.at([box[0], box[3]]),
-    [x1, y1] = view.at([box[2], box[1]]);
-  make(
-    "rect",
-    {
-      class: "pivot-box",
-      x: Math.min(x0, x1),
-      y: Math.min(y0, y1),
-      width: Math.abs(x1 - x0),
-      height: Math.abs(y1 - y0),
-    },
-    layer,
-  );
-  make("text", { class: "tick", x: Math.min(x0, x1) + 7, y: Math.min(y0, y1) + 16 }, layer).textContent = "pivots";
-  for (const [x, y, i, j] of [
-    [x0, y0, 0, 3],
-    [x1, y0, 2, 3],
-    [x1, y1, 2, 1],
-    [x0, y1, 0, 1],
-  ])
-    make(
-      "rect",
-      { class: "box-handle", x: x - 5, y: y - 5, width: 10, height: 10, rx: 2, "data-corner": `${i} ${j}` },
-      layer,
-    );
+    [x1, y1] = view.at([box[2], box[1]]),
+    [x, y] = [Math.min(x0, x1), Math.min(y0, y1)];
+  make("rect", { class: "pivot-box", x, y, width: Math.abs(x1 - x0), height: Math.abs(y1 - y0) }, layer);
+  make("text", { class: "tick", x: x + 7, y: y + 16, text: "pivots" }, layer);
+  for (const corner of ["0 3", "2 3", "2 1", "0 1"]) {
+    const [i, j] = corner.split(" "),
+      place = { x: view.x(box[i]) - 5, y: view.y(box[j]) - 5 };
+    make("rect", { class: "box-handle", ...place, width: 10, height: 10, rx: 2, "data-corner": corner }, layer);
+  }
 }
 
 /** The way from pose to pose where the crank angles are free, and `invitation`, what to do on an empty canvas. */
@@ -102,19 +78,9 @@ export function drawWay(layer, motion, view, invitation) {
   layer.replaceChildren();
   const places = placesOf(motion);
   if (invitation) {
-    const size = view.width < 500 ? 15 : 18;
-    make(
-      "text",
-      {
-        class: "invite",
-        x: view.width / 2,
-        y: view.height / 2 - size,
-        "font-size": size,
-        "text-anchor": "middle",
-        "aria-hidden": "true",
-      },
-      layer,
-    ).textContent = invitation;
+    const letter = view.width < 500 ? 15 : 18,
+      style = { class: "invite", "font-size": letter, "text-anchor": "middle", "aria-hidden": "true" };
+    make("text", { ...style, x: view.width / 2, y: view.height / 2 - letter, text: invitation }, layer);
   }
   if (motion.timing !== "free" || motion.anyOrder || places.length < 2) return;
   make("path", { class: "way", d: pathData(places, view) }, layer);
@@ -149,17 +115,7 @@ export function drawBody(layer, outline, joints, view) {
 export function drawOverlay(layer, others, view) {
   layer.replaceChildren();
   for (const { at, used } of others) {
-    make(
-      "path",
-      {
-        class: "curve",
-        d: pathData(
-          used.map((j) => j && (j.p ?? j.c)),
-          view,
-        ),
-      },
-      layer,
-    );
+    make("path", { class: "curve", d: pointPath(used, view) }, layer);
     new LinkageShape(layer, false).show(at.find(Boolean) ?? null, view);
   }
 }
@@ -170,63 +126,46 @@ export function drawCurves(curves, targets, { linkage, stale, view, unit }) {
   targets.replaceChildren();
   if (!linkage) return;
   drawBand(curves, targets, linkage.band, view);
-  const way = (list) =>
-    pathData(
-      list.map((j) => j && (j.p ?? j.c)),
-      view,
-    );
-  if (linkage.turn) make("path", { class: "curve turn", d: way(linkage.turn) }, curves);
-  make("path", { class: "curve", d: way(linkage.used), "data-curve": "used" }, curves);
+  if (linkage.turn) make("path", { class: "curve turn", d: pointPath(linkage.turn, view) }, curves);
+  make("path", { class: "curve", d: pointPath(linkage.used, view), "data-curve": "used" }, curves);
   if (!linkage.errors || stale) return;
-  const longest = Math.max(
-    0,
-    ...linkage.errors.filter(Boolean).map(([from, to]) => Math.hypot(to[0] - from[0], to[1] - from[1])),
-  );
-  const pixels = longest * view.scale;
+  const off = linkage.errors.map((pair) => pair && less(pair[1], pair[0])),
+    longest = Math.max(0, ...off.filter(Boolean).map(size)),
+    pixels = longest * view.scale;
   if (!(pixels > 1e-7)) return;
   const factor = pixels >= 3 ? 1 : roundStep(12 / pixels);
-  for (const pair of linkage.errors) {
-    if (!pair) continue;
-    const [x, y] = view.at(pair[0]),
-      go = [0, 1].map((i) => (pair[1][i] - pair[0][i]) * view.scale * factor);
-    make("path", { class: "miss", d: `M${x} ${y}l${go[0]} ${-go[1]}` }, targets);
+  for (const [k, error] of off.entries()) {
+    if (!error) continue;
+    const [x, y] = view.at(linkage.errors[k][0]),
+      [dx, dy] = scaled(error, view.scale * factor);
+    make("path", { class: "miss", d: `M${x} ${y}l${dx} ${-dy}` }, targets);
   }
   const k = linkage.worst.place,
-    [x, y] = view.at(linkage.errors[k][0]);
-  make("circle", { class: "worst", cx: x, cy: y, r: 9, "data-worst": k + 1 }, targets);
-  const note = make("text", { class: "miss-note", y: 18, "text-anchor": "end" }, targets),
+    [cx, cy] = view.at(linkage.errors[k][0]),
     narrow = view.width < 420;
-  const told = [
-    `worst: ${itemOf(linkage.motion)} ${k + 1}, ${text(longest, 3)} ${unit};`,
-    ` ${narrow ? "" : "errors "}drawn ${factor === 1 ? "to scale" : `${times(factor)} times larger`}`,
-  ];
-  const lines = narrow ? told : [told.join("")];
-  lines.forEach((line, row) => {
-    make("tspan", { x: view.width - 10, dy: row ? 16 : 0 }, note).textContent = line;
-  });
+  make("circle", { class: "worst", cx, cy, r: 9, "data-worst": k + 1 }, targets);
+  const note = make("text", { class: "miss-note", y: 18, "text-anchor": "end" }, targets),
+    worst = `worst: ${itemOf(linkage.motion)} ${k + 1}, ${text(longest, 3)} ${unit};`,
+    scale = ` ${narrow ? "" : "errors "}drawn ${factor === 1 ? "to scale" : `${times(factor)} times larger`}`;
+  for (const [row, line] of (narrow ? [worst, scale] : [worst + scale]).entries())
+    make("tspan", { x: view.width - 10, dy: row ? 16 : 0, text: line }, note);
 }
 
 /** The band around the path that 95 % of the linkages made keep to; wider than it is where it would not be seen. */
 function drawBand(curves, targets, band, view) {
-  const along = band?.filter(Boolean) ?? [];
-  const widest = Math.max(0, ...along.map(([, radius]) => radius)) * view.scale;
+  const along = band?.filter(Boolean) ?? [],
+    widest = Math.max(0, ...along.map(([, radius]) => radius)) * view.scale;
   if (along.length < 2 || !(widest > 1e-7)) return;
-  const factor = widest >= 3 ? 1 : roundStep(5 / widest);
-  const edges = [[], []];
-  along.forEach(([place, radius], k) => {
-    const [x, y] = view.at(place),
-      [x0, y0] = view.at(along[Math.max(0, k - 1)][0]),
-      [x1, y1] = view.at(along[Math.min(along.length - 1, k + 1)][0]);
-    const length = Math.hypot(x1 - x0, y1 - y0) || 1,
-      far = radius * view.scale * factor;
-    for (const side of [0, 1])
-      edges[side].push([
-        x + ((side ? 1 : -1) * far * (y1 - y0)) / length,
-        y - ((side ? 1 : -1) * far * (x1 - x0)) / length,
-      ]);
-  });
-  const outline = [...edges[0], ...edges[1].reverse()].map(([x, y]) => `${x.toFixed(2)} ${y.toFixed(2)}`);
-  make("path", { class: "band", d: `M${outline.join("L")}Z` }, curves);
-  make("text", { class: "band-note", x: view.width - 10, y: 36, "text-anchor": "end" }, targets).textContent =
-    `95 % of those made are within the band${factor === 1 ? "" : `, drawn ${times(factor)} times wider`}`;
+  const factor = widest >= 3 ? 1 : roundStep(5 / widest),
+    places = along.map(([place]) => view.at(place));
+  const edge = (side) =>
+    along.map(([, radius], k) => {
+      const [dx, dy] = less(places[Math.min(along.length - 1, k + 1)], places[Math.max(0, k - 1)]),
+        far = (side * radius * view.scale * factor) / (Math.hypot(dx, dy) || 1);
+      return add(places[k], [far * dy, -far * dx]);
+    });
+  const wider = factor === 1 ? "" : `, drawn ${times(factor)} times wider`,
+    at = { class: "band-note", x: view.width - 10, y: 36, "text-anchor": "end" };
+  make("path", { class: "band", d: `${pathData([...edge(-1), ...edge(1).reverse()])}Z` }, curves);
+  make("text", { ...at, text: `95 % of those made are within the band${wider}` }, targets);
 }
