@@ -1,9 +1,9 @@
 // The chain's page: the chain in motion on its track with wheels and slot, the slot enlarged, and what wear does to it.
 
 import { curves, facts, note, table } from "./answer.js";
-import { make, put } from "./drawing.js";
+import { add, along, less, size, times } from "./plane.js";
 import { seldom } from "./play.js";
-import { dot, grid, line, stage, symbol } from "./stage.js";
+import { circle, dot, grid, line, path, stage, steps, symbol } from "./stage.js";
 
 const MOST_PINS = 60_000; // listed in an answer to a drawing
 const FEWEST = 46; // samples of a drawing: steps of two degrees of P1 on a wheel of four pins
@@ -15,192 +15,120 @@ const PARTS = {
   upper_arc: ["pose", "red"],
 };
 const UNIT = "All lengths are in the unit of the pitch.";
+const TOLERANCE = "/v2/chain/tolerance";
+
+const short = (value) => Math.round(value * 100) / 100;
+const clip = (name) => name.replace("_", " ");
 
 /** SVG path data of a closed contour of rows x, y, bulge: the tangent of a quarter of the turn to the next row. */
 function contour(rows, view) {
-  const short = (value) => Math.round(value * 100) / 100,
-    place = ([x, y]) => `${short(view.x(x))} ${short(view.y(y))}`;
-  return `M${place(rows[0])}${rows
-    .map(([x, y, bulge], k) => {
-      const next = rows[(k + 1) % rows.length],
-        turn = 4 * Math.atan(bulge);
-      if (!bulge) return `L${place(next)}`;
-      const radius = short((view.scale * Math.hypot(next[0] - x, next[1] - y)) / (2 * Math.sin(Math.abs(turn) / 2)));
-      return `A${radius} ${radius} 0 ${Math.abs(turn) > Math.PI ? 1 : 0} ${turn > 0 ? 0 : 1} ${place(next)}`;
-    })
-    .join("")}Z`;
-}
-
-/** All pins at a phase between two samples, each [x, y]. */
-function pinsAt(phases, rows) {
-  const [first, last] = [phases[0], phases.at(-1)];
-  return (phase) => {
-    const at = Math.min(Math.max((phase - first) / (last - first), 0), 1) * (phases.length - 1),
-      k = Math.min(Math.floor(at), phases.length - 2);
-    return rows[k].map(([x, y], pin) => {
-      const [u, v] = rows[k + 1][pin];
-      return [x + (at - k) * (u - x), y + (at - k) * (v - y)];
-    });
+  const place = ([x, y]) => `${short(view.x(x))} ${short(view.y(y))}`;
+  const piece = ([x, y, bulge], k) => {
+    const next = rows[(k + 1) % rows.length],
+      turn = 4 * Math.atan(bulge);
+    if (!bulge) return `L${place(next)}`;
+    const chord = size(less(next, [x, y])),
+      radius = short((view.scale * chord) / (2 * Math.sin(Math.abs(turn) / 2)));
+    return `A${radius} ${radius} 0 ${Math.abs(turn) > Math.PI ? 1 : 0} ${turn > 0 ? 0 : 1} ${place(next)}`;
   };
+  return `M${place(rows[0])}${rows.map(piece).join("")}Z`;
 }
 
-const clip = (name) => name.replace("_", " ");
+const outlined = (kind, rows) => rows && path(kind, (view) => contour(rows, view));
+const walls = (outline) => [outline?.left, outline?.right].map((rows) => outlined("wall", rows));
 
-/** The wheels of the crescent: centres, and a pin whose angle turns each. */
-function wheels({ geometry: g }, unit) {
-  const eps = unit === "rad" ? g.epsilon : (g.epsilon * Math.PI) / 180,
-    c = g.upper_radius + g.wheel_radius;
-  const spokes = Math.round((unit === "rad" ? 2 * Math.PI : 360) / g.delta_wheel);
-  return [-1, 1].map((side) => ({
-    centre: [side * c * Math.cos(eps), c * Math.sin(eps)],
-    radius: g.wheel_radius,
-    spokes,
-  }));
+/** The wheels of the crescent: centres, and the number of their spokes. */
+function wheelsOf({ geometry: g, angle_unit: unit }) {
+  if (!g) return [];
+  const turn = unit === "rad" ? 2 * Math.PI : 360,
+    [x, y] = times(along((g.epsilon * 2 * Math.PI) / turn), g.upper_radius + g.wheel_radius),
+    spokes = Math.round(turn / g.delta_wheel);
+  return [-x, x].map((side) => ({ centre: [side, y], radius: g.wheel_radius, spokes }));
 }
 
-/** Pins that lie on a wheel turn it: its spokes lead to the first of them. */
-function turnWheel(path, wheel, pins, view) {
-  const on = pins.find(
-    ([x, y]) => Math.abs(Math.hypot(x - wheel.centre[0], y - wheel.centre[1]) - wheel.radius) < 1e-3 * wheel.radius,
-  );
-  if (!on) return;
-  const start = Math.atan2(on[1] - wheel.centre[1], on[0] - wheel.centre[0]);
-  let data = "";
-  for (let k = 0; k < wheel.spokes; k++) {
-    const angle = start + (2 * Math.PI * k) / wheel.spokes;
-    data += `M${view.x(wheel.centre[0])} ${view.y(wheel.centre[1])}L${view.x(wheel.centre[0] + wheel.radius * Math.cos(angle))} ${view.y(wheel.centre[1] + wheel.radius * Math.sin(angle))}`;
-  }
-  put(path, { d: data });
+/** Spokes of a wheel, of which the first leads to a pin that lies on it. */
+function spokesOf({ centre, radius, spokes }, pins) {
+  const on = pins.find((pin) => Math.abs(size(less(pin, centre)) - radius) < 1e-3 * radius);
+  if (!on) return [];
+  const start = Math.atan2(on[1] - centre[1], on[0] - centre[0]);
+  return Array.from({ length: spokes }, (_, k) => {
+    const tip = add(centre, times(along(start + (2 * Math.PI * k) / spokes), radius));
+    return [centre, tip, null];
+  }).flat();
 }
 
-const middle = (list) => list[Math.floor(list.length / 2)];
-
-/** Track, groove, wheels and links; returns a function that draws them into a layer. */
-function machine(reply, phases, at) {
-  const { slot: made, pins, outline, geometry } = reply,
-    turning = geometry ? wheels(reply, reply.angle_unit) : [],
+/** Track, groove, wheels and links; the state of the drawing is the list of its pins. */
+function machine({ slot: made, pins, outline, geometry: g, ...reply }) {
+  const wheels = wheelsOf({ geometry: g, ...reply }),
     free = made.free_pin - 1;
-  return (layer, view) => {
-    grid(layer, view);
-    for (const wheel of turning)
-      make(
-        "circle",
-        { class: "wheel", cx: view.x(wheel.centre[0]), cy: view.y(wheel.centre[1]), r: wheel.radius * view.scale },
-        layer,
-      );
-    for (const wall of [outline?.left, outline?.right])
-      if (wall) make("path", { class: "wall", d: contour(wall, view) }, layer);
-    if (outline) make("path", { class: "ground", d: contour(outline.path, view) }, layer);
-    line(layer, "curve", made.xy, view);
-    const arms = turning.map(() => make("path", { class: "wheel" }, layer)),
-      chain = line(layer, "link crank thin", null, null, true);
-    const dots = pins.xy[0].map((_, k) => dot(layer, k === free ? "point" : "pin", k === free ? 6 : 4));
-    const low = middle(made.xy);
-    const names = [
-      [0, "P1"],
-      [free, `P${made.free_pin}`],
-    ].map(([pin, name]) => [pin, symbol(layer, name)]);
-    const still = [["slot", low, -48, 26]];
-    if (geometry) {
-      for (const wheel of turning) {
-        dot(layer, "fixed", 4)(wheel.centre, view);
-        still.push(["R0", wheel.centre, 8, 16]);
-      }
-      for (const [name, place] of [
-        ["O1", [0, 0]],
-        ["O2", [0, geometry.eccentricity]],
-      ]) {
-        dot(layer, "fixed", 3)(place, view);
-        still.push([name, place, 8, -4]);
-      }
-      still.push(
-        ["R1", [geometry.upper_radius * Math.cos(-2.2), geometry.upper_radius * Math.sin(-2.2)], -26, 0],
-        [
-          "R2",
-          [geometry.lower_radius * Math.cos(-2), geometry.eccentricity + geometry.lower_radius * Math.sin(-2)],
-          -8,
-          20,
-        ],
-      );
-    }
-    const stay = still.map(([name, ...where]) => [symbol(layer, name), where]);
-    return (phase) => {
-      const places = at(phase);
-      chain(places, view);
-      dots.forEach((move, k) => move(places[k], view));
-      turning.forEach((wheel, k) => turnWheel(arms[k], wheel, places, view));
-      for (const [pin, move] of names) move(places[pin], view);
-      for (const [move, [place, ...off]] of stay) move(place, view, ...off);
-    };
-  };
+  const names = g
+    ? [
+        ...wheels.map(({ centre }) => symbol("R0", centre, 8, 16)),
+        symbol("O1", [0, 0], 8, -4),
+        symbol("O2", [0, g.eccentricity], 8, -4),
+        symbol("R1", times(along(-2.2), g.upper_radius), -26, 0),
+        symbol("R2", add([0, g.eccentricity], times(along(-2), g.lower_radius)), -8, 20),
+      ]
+    : [];
+  const centres = g ? [...wheels.map(({ centre }) => [centre, 4]), [[0, 0], 3], [[0, g.eccentricity], 3]] : [];
+  return [
+    grid(),
+    ...wheels.map(({ centre, radius }) => circle("wheel", centre, radius)),
+    ...walls(outline),
+    outlined("ground", outline?.path),
+    line("curve", made.xy),
+    ...wheels.map((wheel) => line("wheel", (places) => spokesOf(wheel, places))),
+    line("link crank thin", (places) => places, true),
+    ...pins.xy[0].map((_, k) => dot(k === free ? "point" : "pin", (places) => places[k], k === free ? 6 : 4)),
+    ...centres.map(([centre, radius]) => dot("fixed", centre, radius)),
+    ...[0, free].map((pin) => symbol(`P${pin + 1}`, (places) => places[pin])),
+    symbol("slot", made.xy[Math.floor(made.xy.length / 2)], -48, 26),
+    ...names,
+  ];
 }
 
 /** The slot enlarged, its bare arc and walls, with the free pin and its neighbours. */
-function closeUp(host, reply, at) {
-  const { slot: made, outline } = reply,
-    xs = made.xy.map(([x]) => x),
-    ys = made.xy.map(([, y]) => y),
-    free = made.free_pin - 1;
-  const box = [Math.min(...xs), Math.max(...xs), Math.min(...ys), Math.max(...ys)],
-    room = 0.06 * Math.max(box[1] - box[0], box[3] - box[2]);
-  let move = null;
-  stage(host, {
-    label: `The slot of pin P${made.free_pin}, enlarged`,
-    extent: [
-      [box[0] - room, box[2] - room],
-      [box[1] + room, box[3] + room],
-    ],
-    draw(layer, view) {
-      grid(layer, view);
-      for (const wall of [outline?.left, outline?.right])
-        if (wall) make("path", { class: "wall", d: contour(wall, view) }, layer);
-      if (reply.geometry)
-        make(
-          "circle",
-          { class: "bare", cx: view.x(0), cy: view.y(0), r: reply.geometry.upper_radius * view.scale },
-          layer,
-        );
-      line(layer, "curve", made.xy, view);
-      const links = line(layer, "link crank thin"),
-        pin = dot(layer, "point", 7),
-        name = symbol(layer, `P${made.free_pin}`);
-      if (reply.geometry) symbol(layer, "R1")(made.xy[Math.round(made.xy.length / 5)], view, 4, -18);
-      move = (phase) => {
-        const places = at(phase),
-          count = places.length;
-        links([places[(free + count - 1) % count], places[free], places[(free + 1) % count]], view);
-        pin(places[free], view);
-        name(places[free], view, 10, 20);
-      };
-      return move;
-    },
+function closeUp(host, { slot: made, outline, geometry }, state) {
+  const [xs, ys] = [0, 1].map((i) => made.xy.map((place) => place[i])),
+    [low, high] = [Math.min, Math.max].map((end) => [end(...xs), end(...ys)]),
+    room = 0.06 * Math.max(...less(high, low)),
+    free = made.free_pin - 1,
+    name = `P${made.free_pin}`;
+  const parts = [
+    grid(),
+    ...walls(outline),
+    geometry && circle("bare", [0, 0], geometry.upper_radius),
+    line("curve", made.xy),
+    line("link crank thin", (places) => [places.at(free - 1), places[free], places[(free + 1) % places.length]]),
+    dot("point", (places) => places[free], 7),
+    symbol(name, (places) => places[free], 10, 20),
+    geometry && symbol("R1", made.xy[Math.round(made.xy.length / 5)], 4, -18),
+  ];
+  const extent = [less(low, [room, room]), add(high, [room, room])];
+  return stage(host, {
+    label: `The slot of pin ${name}, enlarged`,
+    extent,
+    parts,
+    state,
+    value: made.theta1?.[0] ?? 0,
   });
-  return (phase) => move(phase);
 }
 
 function powers(host, fit, unit) {
-  const rows = (fit?.power?.pieces ?? []).flatMap((piece, k) =>
-    ["x", "y"].map((axis) => [`${k + 1} ${axis}`, ...(piece.theta1 ?? piece.position ?? [null, null]), ...piece[axis]]),
-  );
+  const rows = (fit?.power?.pieces ?? []).flatMap((piece, k) => {
+    const ends = piece.theta1 ?? piece.position ?? [null, null];
+    return ["x", "y"].map((axis) => [`${k + 1} ${axis}`, ...ends, ...piece[axis]]);
+  });
   if (!rows.length) return;
-  const most = Math.max(...rows.map((row) => row.length)) - 3;
-  table(
-    host,
-    "The fitted slot by powers of t, 0 to 1 over each piece",
-    ["piece", { name: "from", unit }, { name: "to", unit }, ...Array.from({ length: most }, (_, k) => `t^${k}`)],
-    rows.map((row) => [...row, ...Array(most + 3 - row.length).fill(null)]),
-  );
+  const most = Math.max(...rows.map((row) => row.length)),
+    names = Array.from({ length: most - 3 }, (_, k) => `t^${k}`),
+    cells = rows.map((row) => [...row, ...Array(most - row.length).fill(null)]);
+  const title = "The fitted slot by powers of t, 0 to 1 over each piece";
+  table(host, title, ["piece", ["from", unit], ["to", unit], ...names], cells);
 }
 
-/** An answer, and what is drawn of it: `drawn`, the same with pins and outline. */
-function slot(reply, drawn, hosts) {
-  const angle = reply.angle_unit === "rad" ? "rad" : "°",
-    { slot: made, checks, geometry } = reply,
-    { pins, outline } = drawn,
-    phases = drawn.slot.theta1 ?? drawn.slot.position;
-  const unit = made.theta1 ? angle : "",
-    name = made.theta1 ? "θ1" : "way of P1";
-  facts(hosts.facts, [
+function slotFacts(host, { slot: made, checks, geometry: g, fit, ...reply }, angle) {
+  facts(host, [
     ["status", reply.status],
     ["depth of the slot", made.depth_max],
     ["smallest curvature radius", made.radius_min],
@@ -210,78 +138,70 @@ function slot(reply, drawn, hosts) {
     ["stretched", checks.stretched],
     ["roller fits", checks.roller_fits],
   ]);
-  if (geometry)
-    facts(
-      hosts.facts,
-      [
-        ["R0", geometry.wheel_radius],
-        ["R1", geometry.upper_radius],
-        ["R2", geometry.lower_radius],
-        ["b", geometry.eccentricity],
-        ["ξ", geometry.xi, angle],
-        ["α", geometry.alpha, angle],
-        ["start of the window", geometry.phase_start, angle],
-        ["wheels out of phase by", reply.wheel_phase_conflict, angle],
-      ],
-      "Layout",
-    );
-  if (reply.fit)
-    facts(
-      hosts.facts,
-      [
-        ["kind", `${reply.fit.kind}, order ${reply.fit.order}`],
-        ["error square to the slot", reply.fit.max_normal],
-        ["error of a link", reply.fit.max_chord],
-        ["error by powers", reply.fit.power?.max_normal],
-      ],
-      "Fit",
-    );
-  note(hosts.facts, UNIT);
-  table(
-    hosts.tables,
-    "Pins that pass a joint: the slot's curvature jumps",
-    [{ name, unit }, "pin", "onto"],
-    reply.crossings.map((one) => [
-      one.theta1 ?? one.position,
-      `P${one.pin}`,
-      one.to ? clip(one.to) : `segment ${one.to_segment}`,
-    ]),
-  );
-  powers(hosts.tables, reply.fit, unit);
-  const marks = [
-    curves(hosts.curves, {
-      x: made.theta1 ?? made.position,
-      xUnit: unit,
-      list: [{ title: "Slack at the free pin", values: made.slack, colour: "path" }],
-    }),
+  const layout = g && [
+    ["R0", g.wheel_radius],
+    ["R1", g.upper_radius],
+    ["R2", g.lower_radius],
+    ["b", g.eccentricity],
+    ["ξ", g.xi, angle],
+    ["α", g.alpha, angle],
+    ["start of the window", g.phase_start, angle],
+    ["wheels out of phase by", reply.wheel_phase_conflict, angle],
   ];
-  if (pins?.theta) {
-    const of = (pin, part) => pins.theta.map((row, j) => (pins.segment[j][pin] === part ? row[pin] : null));
-    const series = pins.theta[0].flatMap((_, k) =>
-      pins.segments.map((part, n) => ({
-        values: of(k, n),
-        colour: PARTS[part][0],
-        width: k + 1 === made.free_pin ? 3 : 1.4,
-      })),
-    );
-    const title = `Angles θ1 … θ${reply.links} of the pins on the ${pins.segments.map((part) => `${clip(part)} (${PARTS[part][1]})`).join(", ")}, ${angle}; thick: P${made.free_pin}`;
-    marks.push(
-      curves(hosts.curves, {
-        x: phases,
-        xUnit: unit,
-        list: [{ title, height: 320, series: series.filter(({ values }) => values.some((value) => value !== null)) }],
-      }),
-    );
-  }
-  const mark = (phase) => marks.forEach((one) => one(phase));
-  const at = pinsAt(phases, pins.xy),
-    draw = machine(drawn, phases, at),
-    extent = [...pins.xy[0], ...(outline.right ?? outline.path)];
-  const follow = [seldom(mark)];
+  if (layout) facts(host, layout, "Layout");
+  const fitted = fit && [
+    ["kind", `${fit.kind}, order ${fit.order}`],
+    ["error square to the slot", fit.max_normal],
+    ["error of a link", fit.max_chord],
+    ["error by powers", fit.power?.max_normal],
+  ];
+  if (fitted) facts(host, fitted, "Fit");
+  note(host, UNIT);
+}
+
+/** The angles of all pins over the phase, in the colours of the parts of the track; returns what marks a phase. */
+function angleCurves(host, { pins, slot: made }, { phases, unit, angle }) {
+  const pieces = pins.theta[0].flatMap((_, pin) =>
+    pins.segments.map((part, n) => ({
+      values: pins.theta.map((row, j) => (pins.segment[j][pin] === n ? row[pin] : null)),
+      colour: PARTS[part][0],
+      width: pin + 1 === made.free_pin ? 3 : 1.4,
+    })),
+  );
+  const series = pieces.filter(({ values }) => values.some((value) => value !== null)),
+    parts = pins.segments.map((part) => `${clip(part)} (${PARTS[part][1]})`).join(", ");
+  const title = `Angles θ1 … θ${pins.theta[0].length} of the pins on the ${parts}, ${angle}; thick: P${made.free_pin}`;
+  return curves(host, { x: phases, xUnit: unit, list: [{ title, height: 320, series }] });
+}
+
+/** An answer, and what is drawn of it: `drawn`, the same with pins and outline. */
+function slot(reply, drawn, hosts) {
+  const { slot: made } = reply,
+    { pins, outline } = drawn,
+    angle = reply.angle_unit === "rad" ? "rad" : "°",
+    phases = drawn.slot.theta1 ?? drawn.slot.position,
+    [unit, name, sign] = made.theta1 ? [angle, "θ1", "θ1"] : ["", "way of P1", "P1"];
+  slotFacts(hosts.facts, reply, angle);
+  const crossings = reply.crossings.map((one) => {
+    const onto = one.to ? clip(one.to) : `segment ${one.to_segment}`;
+    return [one.theta1 ?? one.position, `P${one.pin}`, onto];
+  });
+  const title = "Pins that pass a joint: the slot's curvature jumps";
+  table(hosts.tables, title, [[name, unit], "pin", "onto"], crossings);
+  powers(hosts.tables, reply.fit, unit);
+  const slack = [{ title: "Slack at the free pin", values: made.slack, colour: "path" }],
+    marks = [curves(hosts.curves, { x: made.theta1 ?? made.position, xUnit: unit, list: slack })];
+  if (pins?.theta) marks.push(angleCurves(hosts.curves, drawn, { phases, unit, angle }));
+  const between = (k, share) =>
+      pins.xy[k].map((place, pin) => add(place, times(less(pins.xy[k + 1][pin], place), share))),
+    state = steps(phases, between),
+    mark = seldom((phase) => marks.forEach((one) => one(phase)));
+  let beside = null;
   const run = stage(hosts.picture, {
     label: `A chain of ${reply.links} links on its track; pin P${made.free_pin} hangs in the slot`,
-    extent,
-    draw,
+    extent: [...pins.xy[0], ...(outline.right ?? outline.path)],
+    parts: machine(drawn),
+    state,
     play: {
       name: made.theta1 ? "Angle of P1" : "Way of P1",
       from: phases[0],
@@ -289,18 +209,22 @@ function slot(reply, drawn, hosts) {
       seconds: 3,
       round: true,
     },
-    words: (phase) => `${made.theta1 ? "θ1" : "P1"} ${phase.toFixed(unit === "rad" ? 4 : 2)}${unit}`,
-    follow: (phase) => follow.forEach((one) => one(phase)),
+    words: (phase) => `${sign} ${phase.toFixed(unit === "rad" ? 4 : 2)}${unit}`,
+    follow: (phase) => {
+      mark(phase);
+      beside?.go(phase);
+    },
   });
-  follow.push(closeUp(hosts.picture, drawn, at));
+  beside = closeUp(hosts.picture, drawn, state);
   run.go(run.value);
   return run;
 }
 
-function tolerance({ reply }, hosts) {
-  const { tolerance: made } = reply,
-    errors = reply.wear.map((row) => row.pitch_error),
-    column = (name) => reply.wear.map((row) => row[name]);
+const WEAR = ["pitch error", "least slack", "largest slack", "stretched", "depth of the free pin", "past the slot"];
+
+function tolerance({ tolerance: made, wear, ...reply }, hosts) {
+  const column = (name) => wear.map((row) => row[name]),
+    errors = column("pitch_error");
   facts(hosts.facts, [
     ["layout within its tolerances", reply.status],
     ["just stretched at a pitch error of", reply.pitch_error_min],
@@ -310,32 +234,20 @@ function tolerance({ reply }, hosts) {
     ["nominal slack", [reply.slack_min, reply.slack_max]],
   ]);
   note(hosts.facts, UNIT);
+  const series = [
+    { values: column("slack_max"), colour: "path" },
+    { values: column("slack_min"), colour: "crank" },
+  ];
+  const list = [
+    { title: "Slack over the pitch error, least and largest", series },
+    { title: "Free pin past the slot, at most", values: column("beyond_slot"), colour: "body" },
+  ];
   if (errors.length > 1 && errors.every((error, k) => !k || error > errors[k - 1]))
-    curves(hosts.curves, {
-      x: errors,
-      list: [
-        {
-          title: "Slack over the pitch error, least and largest",
-          series: [
-            { values: column("slack_max"), colour: "path" },
-            { values: column("slack_min"), colour: "crank" },
-          ],
-        },
-        { title: "Free pin past the slot, at most", values: column("beyond_slot"), colour: "body" },
-      ],
-    });
-  table(
-    hosts.tables,
-    "Pitch wear",
-    ["pitch error", "least slack", "largest slack", "stretched", "depth of the free pin", "past the slot"],
-    reply.wear.map((row) => Object.values(row)),
-  );
-  table(
-    hosts.tables,
-    "Change of the least slack",
-    ["length", "per unit"],
-    Object.entries(made.sensitivity).map(([name, value]) => [clip(name), value]),
-  );
+    curves(hosts.curves, { x: errors, list });
+  const rows = wear.map((row) => Object.values(row)),
+    changes = Object.entries(made.sensitivity).map(([name, value]) => [clip(name), value]);
+  table(hosts.tables, "Pitch wear", WEAR, rows);
+  table(hosts.tables, "Change of the least slack", ["length", "per unit"], changes);
   return null;
 }
 
@@ -344,25 +256,16 @@ const drawable = (request, samples) => ({ ...request, samples, include: ["pins",
 
 export const chain = {
   request(query, request) {
-    if (query.path === "/v2/chain/tolerance") return request;
+    if (query.path === TOLERANCE) return request;
     const samples = Math.max(request.samples ?? USUAL, FEWEST);
     return samples * (request.links ?? 200) > MOST_PINS ? request : drawable(request, samples);
   },
   numbers: ({ pins, outline, ...reply }) => reply,
   async show({ query, request, reply, ask }, hosts) {
-    if (query.path === "/v2/chain/tolerance") return tolerance({ reply }, hosts);
-    return slot(
-      reply,
-      reply.pins && reply.outline
-        ? reply
-        : await ask(
-            query.path,
-            drawable(
-              { ...request, fit: null, power_decimals: null },
-              Math.min(USUAL, Math.floor(MOST_PINS / reply.links)),
-            ),
-          ),
-      hosts,
-    );
+    if (query.path === TOLERANCE) return tolerance(reply, hosts);
+    if (reply.pins && reply.outline) return slot(reply, reply, hosts);
+    const samples = Math.min(USUAL, Math.floor(MOST_PINS / reply.links)),
+      bare = { ...request, fit: null, power_decimals: null };
+    return slot(reply, await ask(query.path, drawable(bare, samples)), hosts);
   },
 };

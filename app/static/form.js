@@ -1,51 +1,40 @@
 // Builds a form of labelled fields from the JSON schema of a request, reads the request back, and marks wrong fields.
 
-import { typed, unreadable } from "./decimal.js";
-import { readCells } from "./rows.js";
-import { build } from "./shell.js";
+import { readCells, typed, unreadable } from "./decimal.js";
+import { button, element } from "./drawing.js";
+import { build, listed } from "./shell.js";
 
 let serial = 0;
 
 /** A schema with its references resolved; `nullable` where null was one of its alternatives. */
-function plain(schema, root) {
-  if (schema.$ref) {
-    const { $ref, ...rest } = schema;
-    return plain({ ...root.$defs[$ref.split("/").at(-1)], ...rest }, root);
-  }
-  if (schema.allOf?.length === 1) return plain({ ...schema.allOf[0], ...schema, allOf: undefined }, root);
-  const { anyOf, ...rest } = schema,
-    kinds = (anyOf ?? []).filter((kind) => kind.type !== "null");
-  if (anyOf && kinds.length < anyOf.length)
-    return {
-      ...plain(kinds.length === 1 ? { ...kinds[0], ...rest } : { oneOf: kinds, ...rest }, root),
-      nullable: true,
-    };
-  return anyOf ? { oneOf: anyOf, ...rest } : schema;
+function plain({ $ref, allOf, anyOf, ...rest }, root) {
+  if ($ref) return plain({ ...root.$defs[$ref.split("/").at(-1)], ...rest }, root);
+  if (allOf?.length === 1) return plain({ ...allOf[0], ...rest }, root);
+  if (!anyOf) return rest;
+  const kinds = anyOf.filter((kind) => kind.type !== "null");
+  if (kinds.length === anyOf.length) return { oneOf: anyOf, ...rest };
+  const only = kinds.length === 1 ? { ...kinds[0], ...rest } : { oneOf: kinds, ...rest };
+  return { ...plain(only, root), nullable: true };
 }
 
+const spaced = (name) => String(name).replaceAll("_", " ");
 const isAuto = (title, name) => title.toLowerCase().replaceAll(" ", "_") === name.toLowerCase();
 
 /** What a field is called: the schema's own title, or the name of the property. */
-const label = (name, schema = {}) =>
-  schema.title && schema.type !== "object" && !isAuto(schema.title, name) ? schema.title : name.replaceAll("_", " ");
+const label = (name, { title, type } = {}) =>
+  title && type !== "object" && !isAuto(title, name) ? title : spaced(name);
 
 /** The range of a number in signs; bounds that only keep numbers within what can be computed are not worth any. */
-function range(schema) {
-  const { minimum, exclusiveMinimum, maximum, exclusiveMaximum } = schema,
-    whole = schema.type === "integer";
-  const low = minimum ?? exclusiveMinimum,
-    high = maximum ?? (whole ? exclusiveMaximum - 1 : exclusiveMaximum);
-  const open = exclusiveMinimum !== undefined || (low > 0 && low < 1e-6),
-    from = low !== undefined && low > -1e6,
-    to = high < 1e6;
-  const start = low < 1e-6 && open ? 0 : low;
-  if (from && to && !open && (whole || exclusiveMaximum === undefined)) return `${start} … ${high}`;
-  return [
-    from && `${open ? ">" : "≥"} ${start}`,
-    to && `${exclusiveMaximum === undefined || whole ? "≤" : "<"} ${high}`,
-  ]
-    .filter(Boolean)
-    .join(", ");
+function range({ type, minimum, exclusiveMinimum, maximum, exclusiveMaximum }) {
+  const whole = type === "integer",
+    low = minimum ?? exclusiveMinimum,
+    high = maximum ?? (whole ? exclusiveMaximum - 1 : exclusiveMaximum),
+    open = exclusiveMinimum !== undefined || (low > 0 && low < 1e-6),
+    closed = whole || exclusiveMaximum === undefined,
+    [from, to] = [low !== undefined && low > -1e6, high < 1e6],
+    start = low < 1e-6 && open ? 0 : low;
+  if (from && to && !open && closed) return `${start} … ${high}`;
+  return listed(from && `${open ? ">" : "≥"} ${start}`, to && `${closed ? "≤" : "<"} ${high}`);
 }
 
 /** The number that was typed. Throws Error with what is wanted instead. */
@@ -54,56 +43,55 @@ function number(entered, schema) {
   if (!Number.isFinite(found)) throw new Error(unreadable(entered));
   if (schema.type === "integer" && !Number.isInteger(found))
     throw new Error(`a whole number is wanted, found ${entered}`);
-  const { minimum = -Infinity, maximum = Infinity, exclusiveMinimum = -Infinity, exclusiveMaximum = Infinity } = schema;
-  const told = range(schema) || `${minimum} to ${maximum}`;
+  const { minimum = -Infinity, maximum = Infinity, exclusiveMinimum = -Infinity, exclusiveMaximum = Infinity } = schema,
+    told = range(schema) || `${minimum} to ${maximum}`,
+    above = /^[>≥][^,]*$/.test(told) ? `≤ ${maximum}` : told;
   if (found < minimum || found <= exclusiveMinimum) throw new Error(`${told} is wanted, found ${entered}`);
-  if (found > maximum || found >= exclusiveMaximum)
-    throw new Error(`${/^[>≥][^,]*$/.test(told) ? `≤ ${maximum}` : told} is wanted, found ${entered}`);
+  if (found > maximum || found >= exclusiveMaximum) throw new Error(`${above} is wanted, found ${entered}`);
   return found;
 }
 
 /** What the schema says of a field, for a reader who sees fields and not JSON. */
 const help = ({ description }) => description.replaceAll("`", "").replaceAll(/\bnull\b/g, "blank");
 
-const isNumber = (schema) => schema.type === "number" || schema.type === "integer";
-const shown = (value) => (value === undefined || value === null ? "" : String(value));
+const isNumber = ({ type }) => type === "number" || type === "integer";
+const isNone = (value) => value === undefined || value === null;
+const shown = (value) => (isNone(value) ? "" : String(value));
+const described = (schema, more) => ({ ...schema, description: [schema.description, more].filter(Boolean).join(" ") });
 
 /** The parts of one form: what each field is called and how it says that it is wrong. */
 class Fields {
+  known = new Map();
+  units = [];
+  lists = new Map();
+
   constructor(root) {
-    Object.assign(this, { root, known: new Map(), units: [], lists: new Map() });
+    this.root = root;
   }
 
   /** A labelled control, its unit, help and range, and a place for what is wrong with it. */
   field(at, name, schema, control, wide = false) {
     const id = `field-${++serial}`,
-      wrong = build("span", { className: "error", id: `${id}-wrong` }),
-      block = build("div", { className: wide ? "field wide" : "field" });
-    const title = build("label", { htmlFor: id, textContent: label(name, schema) }),
-      about = [],
-      told = range(schema);
+      part = (kind, content) => build("span", { className: kind, id: `${id}-${kind}` }, content),
+      title = build("label", { htmlFor: id }, label(name, schema), schema.unit && [" ", this.unit(schema.unit)].flat()),
+      told = isNumber(schema) && range(schema) && part("range", range(schema)),
+      about = schema.description && part("help", help(schema)),
+      wrong = part("error", "");
     control.id = id;
-    if (schema.unit) title.append(" ", this.unit(schema.unit));
-    block.append(title);
-    if (told && isNumber(schema))
-      about.push(build("span", { className: "range", id: `${id}-range`, textContent: told }));
-    block.append(...about, control);
-    if (schema.description)
-      about.push(build("span", { className: "help", id: `${id}-help`, textContent: help(schema) }));
-    block.append(...about.slice(-1).filter((one) => one.className === "help"), wrong);
-    control.setAttribute("aria-describedby", [...about, wrong].map((one) => one.id).join(" "));
+    const parts = [told, about, wrong].filter(Boolean);
+    control.setAttribute("aria-describedby", parts.map((one) => one.id).join(" "));
     this.known.set(at, { control, wrong, title: label(name, schema) });
-    return block;
+    return element("div", wide ? "field wide" : "field", title, told, control, about, wrong);
   }
 
   /** The unit beside a name; "angle" and "angle/s" follow the form's unit of angle. */
   unit(name) {
-    const mark = build("span", { className: "unit" });
+    const mark = element("span", "unit");
     this.units.push([mark, name]);
     return mark;
   }
 
-  showUnits(angle) {
+  showUnits(angle = this.angle?.()) {
     for (const [mark, name] of this.units) mark.textContent = name.replace("angle", angle === "rad" ? "rad" : "°");
   }
 
@@ -148,101 +136,71 @@ class Fields {
 
   /** Adds the controls of one property to `host`; returns a function that reads them, undefined for left out. */
   build(host, at, name, given, value, required = true) {
-    const schema = plain(given, this.root);
-    if (schema.oneOf) return this.variants(host, at, name, schema, value);
-    if (schema.type === "object")
-      return schema.nullable
-        ? this.optional(host, at, name, schema, value)
-        : this.group(host, at, name, schema, value, !required);
-    if (schema.enum || schema.const !== undefined || schema.type === "boolean")
-      return this.choice(host, at, name, schema, value);
-    if (schema.type === "array") return this.list(host, at, name, schema, value);
-    return this.entry(host, at, name, schema, value, (entered) =>
-      isNumber(schema) ? number(entered, schema) : entered,
-    );
+    const schema = plain(given, this.root),
+      { type } = schema,
+      place = [host, at, name, schema, value];
+    if (schema.oneOf) return this.variants(...place);
+    if (type === "object") return schema.nullable ? this.optional(...place) : this.group(...place, !required);
+    if (schema.enum || schema.const !== undefined || type === "boolean") return this.choice(...place);
+    if (type === "array") return this.list(...place);
+    return this.entry(...place, (entered) => (isNumber(schema) ? number(entered, schema) : entered));
   }
 
   entry(host, at, name, schema, value, parse, wide = false) {
     // where blank stands for the default, null has to be written: none
-    const lifts = schema.nullable && schema.default !== undefined && schema.default !== null;
+    const lifts = schema.nullable && !isNone(schema.default),
+      told = lifts ? described(schema, "“none” takes it away.") : schema;
     const control = build("input", {
       type: "text",
       spellcheck: false,
       value: lifts && value === null ? "none" : shown(value),
+      placeholder: shown(Array.isArray(schema.default) ? schema.default.join(", ") : schema.default),
+      inputMode: isNumber(schema) && !lifts ? "decimal" : "",
     });
-    if (isNumber(schema) && !lifts) control.inputMode = "decimal";
-    control.placeholder = shown(Array.isArray(schema.default) ? schema.default.join(", ") : schema.default);
-    host.append(
-      this.field(
-        at,
-        name,
-        lifts ? { ...schema, description: `${schema.description ?? ""} “none” takes it away.`.trim() } : schema,
-        control,
-        wide,
-      ),
-    );
-    return () =>
-      this.read(at, control, (entered) => (lifts && entered.toLowerCase() === "none" ? null : parse(entered)));
+    host.append(this.field(at, name, told, control, wide));
+    const read = (entered) => (lifts && entered.toLowerCase() === "none" ? null : parse(entered));
+    return () => this.read(at, control, read);
   }
 
   choice(host, at, name, schema, value) {
-    const options = schema.enum ?? (schema.const === undefined ? [true, false] : [schema.const]),
-      word = (option) => (option === true ? "yes" : option === false ? "no" : String(option).replaceAll("_", " "));
-    const control = build("select");
-    if (schema.const === undefined)
-      control.append(
-        new Option(
-          schema.default === undefined || schema.default === null ? "–" : `${word(schema.default)} (default)`,
-          "",
-        ),
-      );
-    for (const option of options) control.append(new Option(word(option), JSON.stringify(option)));
-    control.value =
-      schema.const !== undefined
-        ? JSON.stringify(schema.const)
-        : value === undefined || value === null
-          ? ""
-          : JSON.stringify(value);
-    if (name === "angle_unit")
-      control.addEventListener("change", () =>
-        this.showUnits(control.value ? JSON.parse(control.value) : schema.default),
-      );
+    const fixed = schema.const !== undefined,
+      options = schema.enum ?? (fixed ? [schema.const] : [true, false]),
+      word = (option) => (typeof option === "boolean" ? (option ? "yes" : "no") : spaced(option)),
+      blank = isNone(schema.default) ? "–" : `${word(schema.default)} (default)`,
+      chosen = fixed ? schema.const : value;
+    const control = build("select", {}, fixed ? [] : new Option(blank, ""));
+    control.append(...options.map((option) => new Option(word(option), JSON.stringify(option))));
+    control.value = isNone(chosen) ? "" : JSON.stringify(chosen);
+    const read = () => (control.value === "" ? undefined : JSON.parse(control.value));
+    if (name === "angle_unit") control.addEventListener("change", () => this.showUnits(read() ?? schema.default));
     host.append(this.field(at, name, schema, control));
-    return () => (control.value === "" ? undefined : JSON.parse(control.value));
+    return read;
   }
 
   /** A box with a name, a sentence and room for fields; `folded` shows only the name until it is asked for more. */
   box(host, title, schema, folded = false) {
-    const grid = build("div", { className: "fields" }),
-      box = build("fieldset"),
-      said = schema.description ? [build("p", { className: "help", textContent: help(schema) })] : [];
-    if (folded)
-      box.append(
-        build("legend", { className: "hidden", textContent: title }),
-        build("details", {}, build("summary", { textContent: title }), ...said, grid),
-      );
-    else box.append(build("legend", {}, title), ...said, grid);
-    host.append(box);
+    const grid = element("div", "fields"),
+      said = schema.description && element("p", "help", help(schema)),
+      fold = folded && build("details", {}, build("summary", {}, title), said, grid);
+    host.append(
+      build("fieldset", {}, element("legend", folded ? "hidden" : "", title), ...(fold ? [fold] : [said, grid])),
+    );
     return grid;
   }
 
   /** The properties of an object below its name. */
   group(host, at, name, schema, value, folded) {
-    return this.properties(
-      this.box(host, label(name, schema), schema, folded && value === undefined),
-      at,
-      schema,
-      value,
-    );
+    const grid = this.box(host, label(name, schema), schema, folded && value === undefined);
+    return this.properties(grid, at, schema, value);
   }
 
   properties(grid, at, schema, value, left = []) {
-    const readers = Object.entries(schema.properties ?? {})
-      .filter(([part]) => !left.includes(part))
-      .map(([part, kind]) => [
-        part,
-        this.build(grid, `${at}/${part}`, part, kind, value?.[part], schema.required?.includes(part)),
-      ]);
+    const parts = Object.entries(schema.properties ?? {}).filter(([part]) => !left.includes(part)),
+      isRequired = (part) => schema.required?.includes(part);
+    const readers = parts.map(([part, kind]) => {
+      const read = this.build(grid, `${at}/${part}`, part, kind, value?.[part], isRequired(part));
+      return [part, read];
+    });
     return () => {
       const entries = readers.map(([part, read]) => [part, read()]).filter(([, found]) => found !== undefined);
       return entries.length ? Object.fromEntries(entries) : undefined;
@@ -251,56 +209,38 @@ class Fields {
 
   /** An object that may be left out: a switch, and its properties while that is on. */
   optional(host, at, name, schema, value) {
-    const toggle = build("input", { type: "checkbox" }),
-      stands = value === undefined ? schema.default : value;
-    const grid = this.box(host, build("label", { className: "check" }, toggle, label(name, schema)), schema);
-    toggle.checked = stands !== undefined && stands !== null;
-    const read = this.properties(grid, at, schema, stands ?? undefined),
-      show = () => {
-        grid.hidden = !toggle.checked;
-      };
+    const stands = value === undefined ? schema.default : value,
+      toggle = build("input", { type: "checkbox", checked: !isNone(stands) }),
+      grid = this.box(host, build("label", { className: "check" }, toggle, label(name, schema)), schema),
+      read = this.properties(grid, at, schema, stands ?? undefined);
+    const show = () => (grid.hidden = !toggle.checked);
     toggle.addEventListener("change", show);
     show();
-    return () =>
-      toggle.checked ? (read() ?? {}) : schema.default === undefined || schema.default === null ? undefined : null;
+    const none = isNone(schema.default) ? undefined : null;
+    return () => (toggle.checked ? (read() ?? {}) : none);
   }
 
   /** One of several kinds of value: which one, and the fields of that kind. */
   variants(host, at, name, schema, value) {
     const tag = schema.discriminator?.propertyName,
-      kinds = schema.oneOf.map((kind) => plain(kind, this.root));
-    const word = (kind) =>
-      String(kind.properties?.[tag]?.const ?? kind.title ?? (kind.type === "array" ? "list" : kind.type)).replaceAll(
-        "_",
-        " ",
-      );
-    const stands = value ?? schema.default;
-    const fits = (kind) =>
-      tag
-        ? kind.properties[tag].const === stands?.[tag]
-        : kind.type === (Array.isArray(stands) ? "array" : typeof stands);
-    const chosen = build("select"),
-      box = build("fieldset"),
-      grid = build("div", { className: "fields" });
-    if (schema.nullable) chosen.append(new Option("–", ""));
-    for (const [k, kind] of kinds.entries()) chosen.append(new Option(word(kind), k));
-    chosen.value =
-      stands === undefined || stands === null
-        ? schema.nullable
-          ? ""
-          : "0"
-        : String(Math.max(0, kinds.findIndex(fits)));
-    box.append(
-      build("legend", { className: "hidden", textContent: label(name, schema) }),
-      this.field(at, name, { ...schema, type: "kind" }, chosen),
-      grid,
-    );
-    host.append(box);
+      kinds = schema.oneOf.map((kind) => plain(kind, this.root)),
+      stands = value ?? schema.default,
+      type = Array.isArray(stands) ? "array" : typeof stands;
+    const word = ({ properties, title, type: own }) =>
+        spaced(properties?.[tag]?.const ?? title ?? (own === "array" ? "list" : own)),
+      fits = (kind) => (tag ? kind.properties[tag].const === stands?.[tag] : kind.type === type),
+      options = kinds.map((kind, k) => new Option(word(kind), k)),
+      chosen = build("select", {}, schema.nullable ? new Option("–", "") : [], options),
+      grid = element("div", "fields"),
+      none = schema.nullable ? "" : "0";
+    chosen.value = isNone(stands) ? none : String(Math.max(0, kinds.findIndex(fits)));
+    const title = element("legend", "hidden", label(name, schema));
+    host.append(build("fieldset", {}, title, this.field(at, name, { ...schema, type: "kind" }, chosen), grid));
     let read = () => undefined;
     const show = (now) => {
+      const kind = kinds[Number(chosen.value)];
       for (const known of this.known.keys()) if (known.startsWith(`${at}/`)) this.known.delete(known);
       grid.replaceChildren();
-      const kind = kinds[Number(chosen.value)];
       if (chosen.value === "") read = () => undefined;
       else if (tag) {
         const rest = this.properties(grid, at, kind, now, [tag]);
@@ -309,7 +249,7 @@ class Fields {
     };
     chosen.addEventListener("change", () => {
       show(undefined);
-      this.showUnits(this.angle?.());
+      this.showUnits();
     });
     show(stands);
     return () => read();
@@ -317,83 +257,65 @@ class Fields {
 
   list(host, at, name, schema, value) {
     const items = plain(schema.items ?? {}, this.root),
-      count = schema.maxItems === schema.minItems ? schema.maxItems : 0;
-    if (items.enum) return this.checks(host, at, name, schema, items, value);
-    if (items.properties || items.oneOf) return this.rows(host, at, name, schema, items, value);
-    if (items.type === "array") return this.matrix(host, at, name, schema, items, value);
-    if (count && count <= 4) return this.tuple(host, at, name, schema, items, count, value);
-    const described = {
-      ...schema,
-      description: [schema.description, "Numbers, with spaces, semicolons or commas between."]
-        .filter(Boolean)
-        .join(" "),
-    };
-    return this.entry(
-      host,
-      at,
-      name,
-      described,
-      value?.join(", "),
-      (entered) => readCells([entered])[0].map((part) => number(part, items)),
-      true,
-    );
+      count = schema.maxItems === schema.minItems ? schema.maxItems : 0,
+      place = [host, at, name, schema, items, value];
+    if (items.enum) return this.checks(...place);
+    if (items.properties || items.oneOf) return this.rows(...place);
+    if (items.type === "array") return this.matrix(...place);
+    if (count && count <= 4) return this.tuple(...place, count);
+    const told = described(schema, "Numbers, with spaces, semicolons or commas between."),
+      parse = (entered) => readCells([entered])[0].map((part) => number(part, items));
+    return this.entry(host, at, name, told, value?.join(", "), parse, true);
   }
 
   /** A few numbers that belong together, a field for each; `parts` of the schema names them. */
-  tuple(host, at, name, schema, items, count, value) {
-    const unit = schema.unit ? ` (${schema.unit.replace("angle", "angle unit")})` : "";
-    const grid = this.box(
-      host,
-      `${label(name, schema)}${unit}`,
-      schema,
-      schema.nullable && (value === undefined || value === null),
-    );
+  tuple(host, at, name, schema, items, value, count) {
+    const unit = schema.unit ? ` (${schema.unit.replace("angle", "angle unit")})` : "",
+      title = label(name, schema),
+      grid = this.box(host, title + unit, schema, schema.nullable && isNone(value)),
+      names = schema.parts ?? ["x", "y", "z", "w"].slice(0, count),
+      defaults = schema.default ?? [];
     grid.classList.add("tuple");
-    const names = schema.parts ?? ["x", "y", "z", "w"].slice(0, count),
-      partly = items.nullable;
-    const readers = names.map((part, k) =>
-      this.build(grid, `${at}/${k}`, part, { ...items, unit: undefined, default: schema.default?.[k] }, value?.[k]),
-    );
+    const readers = names.map((part, k) => {
+      const item = { ...items, unit: undefined, default: defaults[k] };
+      return this.build(grid, `${at}/${k}`, part, item, value?.[k]);
+    });
     return () => {
-      const found = readers.map((read) => read());
+      const found = readers.map((read) => read()),
+        missing = found.indexOf(undefined);
       if (found.every((part) => part === undefined)) return undefined;
-      if (partly) return found.map((part, k) => (part === undefined ? (schema.default?.[k] ?? null) : part));
-      const missing = found.indexOf(undefined);
-      if (missing >= 0) this.mark(`${at}/${missing}`, "wanted with the others");
-      if (missing >= 0) throw new Error(`${label(name, schema)}: ${names[missing]} is missing.`);
-      return found;
+      if (items.nullable) return found.map((part, k) => (part === undefined ? (defaults[k] ?? null) : part));
+      if (missing < 0) return found;
+      this.mark(`${at}/${missing}`, "wanted with the others");
+      throw new Error(`${title}: ${names[missing]} is missing.`);
     };
   }
 
   /** Rows of numbers, a line for each. */
   matrix(host, at, name, schema, items, value) {
-    const control = build("textarea", {
-      spellcheck: false,
-      value: (value ?? []).map((row) => row.join(", ")).join("\n"),
-    });
-    const described = {
-      ...schema,
-      description: [schema.description, `A row on each line, ${items.maxItems ?? "some"} numbers in it.`]
-        .filter(Boolean)
-        .join(" "),
-    };
-    host.append(this.field(at, name, described, control, true));
+    const lines = (value ?? []).map((row) => row.join(", ")).join("\n"),
+      control = build("textarea", { spellcheck: false, value: lines }),
+      { minItems, maxItems } = items,
+      told = described(schema, `A row on each line, ${maxItems ?? "some"} numbers in it.`);
+    host.append(this.field(at, name, told, control, true));
     const row = (cells, k) => {
-      const found = cells.map((part) => number(part, items.items ?? {}));
-      if (items.maxItems && (found.length < items.minItems || found.length > items.maxItems))
-        throw new Error(`line ${k + 1} has ${found.length} numbers instead of ${items.maxItems}`);
+      const found = cells.map((part) => number(part, items.items ?? {})),
+        count = found.length;
+      if (maxItems && (count < minItems || count > maxItems))
+        throw new Error(`line ${k + 1} has ${count} numbers instead of ${maxItems}`);
       return found;
     };
-    return () =>
-      this.read(at, control, (entered) => readCells(entered.split("\n").filter((line) => line.trim())).map(row));
+    const parse = (entered) => readCells(entered.split("\n").filter((line) => line.trim())).map(row);
+    return () => this.read(at, control, parse);
   }
 
   checks(host, at, name, schema, items, value) {
-    const grid = this.box(host, label(name, schema), schema);
+    const grid = this.box(host, label(name, schema), schema),
+      chosen = value ?? schema.default ?? [];
     grid.className = "checks";
     const controls = items.enum.map((option) => {
-      const control = build("input", { type: "checkbox", checked: (value ?? schema.default ?? []).includes(option) });
-      grid.append(build("label", { className: "check" }, control, String(option).replaceAll("_", " ")));
+      const control = build("input", { type: "checkbox", checked: chosen.includes(option) });
+      grid.append(build("label", { className: "check" }, control, spaced(option)));
       return [option, control];
     });
     return () => controls.filter(([, control]) => control.checked).map(([option]) => option);
@@ -401,38 +323,29 @@ class Fields {
 
   /** A list of groups with buttons that add and remove them. */
   rows(host, at, name, schema, items, value) {
-    const box = build("fieldset"),
-      rows = build("div", { className: "rows" }),
-      add = build("button", { type: "button", textContent: "Add one" });
-    const title = label(name, schema),
-      entries = [];
+    const rows = element("div", "rows"),
+      title = label(name, schema),
+      entries = [],
+      item = { ...items, title: undefined, description: undefined };
     this.lists.set(at, entries);
-    box.append(build("legend", { textContent: title }), rows, add);
-    host.append(box);
     const append = (one) => {
-      const row = build("div", { className: "row" }),
-        entry = { row, read: null, at: ++serial },
-        gone = build("button", { type: "button", className: "link", textContent: "Remove" });
-      entry.read = this.build(
-        row,
-        `${at}/${entry.at}`,
-        `${title} ${entries.length + 1}`,
-        { ...items, title: undefined, description: undefined },
-        one,
-      );
-      gone.setAttribute("aria-label", `Remove ${title} ${entries.length + 1}`);
-      gone.addEventListener("click", () => {
+      const row = element("div", "row"),
+        entry = { at: ++serial },
+        numbered = `${title} ${entries.length + 1}`;
+      entry.read = this.build(row, `${at}/${entry.at}`, numbered, item, one);
+      const remove = () => {
         entries.splice(entries.indexOf(entry), 1);
         row.remove();
-        add.focus();
-      });
-      row.append(gone);
+        add.focus(); // oxlint-disable-line no-use-before-define
+      };
+      row.append(button("Remove", remove, "link", { "aria-label": `Remove ${numbered}` }));
       entries.push(entry);
       rows.append(row);
-      this.showUnits(this.angle?.());
+      this.showUnits();
     };
+    const add = button("Add one", () => append(entries.at(-1)?.read() ?? {}));
+    host.append(build("fieldset", {}, build("legend", {}, title), rows, add));
     for (const one of value ?? []) append(one);
-    add.addEventListener("click", () => append(entries.at(-1)?.read() ?? {}));
     return () => (entries.length ? entries.map((entry) => entry.read() ?? {}) : undefined);
   }
 }
@@ -443,27 +356,23 @@ class Fields {
  */
 export function buildForm(host, schema, example) {
   const fields = new Fields(schema),
-    near = build("div", { className: "fields" }),
-    far = build("div", { className: "fields" });
+    near = element("div", "fields"),
+    far = element("div", "fields");
   const readers = Object.entries(schema.properties ?? {}).map(([name, kind]) => {
     // optional parameters that the example does not set go into the folded part
     const folded = example[name] === undefined && !(schema.required ?? []).includes(name);
     return [name, fields.build(folded ? far : near, `/${name}`, name, kind, example[name], !folded)];
   });
-  const angle = readers.find(([name]) => name === "angle_unit")?.[1];
-  fields.angle = () => angle?.();
-  fields.showUnits(fields.angle());
+  fields.angle = readers.find(([name]) => name === "angle_unit")?.[1];
+  fields.showUnits();
   host.replaceChildren(near);
-  if (far.childElementCount)
-    host.append(
-      build("details", { open: !near.childElementCount }, build("summary", { textContent: "More parameters" }), far),
-    );
+  const open = !near.childElementCount;
+  if (far.childElementCount) host.append(build("details", { open }, build("summary", {}, "More parameters"), far));
   return {
     read() {
       fields.clear();
-      const known = Object.fromEntries(
-        readers.map(([name, read]) => [name, read()]).filter(([, found]) => found !== undefined),
-      );
+      const entries = readers.map(([name, read]) => [name, read()]).filter(([, found]) => found !== undefined),
+        known = Object.fromEntries(entries);
       // null differs from leaving out: a null of the example is sent as long as its field is blank
       for (const [name, value] of Object.entries(example)) if (value === null && !(name in known)) known[name] = null;
       return known;
@@ -471,9 +380,8 @@ export function buildForm(host, schema, example) {
     mark(rows) {
       for (const { pointer, detail } of rows.toReversed()) {
         const at = fields.place((pointer ?? "").replace(/^#/, "")),
-          found = [...fields.known.keys()]
-            .filter((one) => at === one || at.startsWith(`${one}/`))
-            .sort((a, b) => b.length - a.length)[0];
+          holding = [...fields.known.keys()].filter((one) => at === one || at.startsWith(`${one}/`)),
+          [found] = holding.sort((a, b) => b.length - a.length);
         if (found) fields.mark(found, detail);
       }
     },
