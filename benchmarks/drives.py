@@ -138,7 +138,7 @@ def _turned(
 
     def pin(at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         link = motions_at(linkage, at).links[name]
-        return link.place(found.pin), link.speed(found.pin)
+        return link.position(found.pin), link.speed(found.pin)
 
     start = float(found.motor_angle[0, 0])
     with np.errstate(all="ignore"):

@@ -108,7 +108,7 @@ def sub(letter: str, index: str) -> str:
 def joints(linkage: Linkage, travel: Any) -> list[Any]:
     """Return positions (n,) of crank pin, coupler pin and body point at travel of the drive."""
     body = linkage.motions(travel)[1]
-    return [*(body.place(guide.body_point) for guide in linkage.guides), body.origin]
+    return [*(body.position(guide.body_point) for guide in linkage.guides), body.origin]
 
 
 def notation() -> None:

@@ -27,7 +27,7 @@ PRESETS = ("practical", "none")
 """Sets of limits by name; the default with free crank angles, and the default with given ones."""
 LIMITS = {name: form for name, form in FORMS.items() if form.kind != "reach"}
 """The limits of a request, beside its ``preset``."""
-FUNCTION_LIMITS = {name: form for name, form in LIMITS.items() if form.concerns not in ("place", "sliders")}
+FUNCTION_LIMITS = {name: form for name, form in LIMITS.items() if form.concerns not in ("position", "sliders")}
 """The limits of a request for function generators."""
 _STEPS = 6
 """Number of bisection steps for the value at which a limit no longer excludes every linkage."""

@@ -67,7 +67,7 @@ class Form(NamedTuple):
 
     kind: Literal["family", "angle", "length", "ratio", "links", "point", "box", "boxes", "reach"]
     """Form of the value; a request cannot contain ``reach``, which is set by the practical limits."""
-    concerns: Literal["shape", "lengths", "place", "sliders"]
+    concerns: Literal["shape", "lengths", "position", "sliders"]
     """Subject: length ratios and the start only, actual lengths, position of the linkage, or rails and slots."""
     says: str
     """Description in a request."""
@@ -93,28 +93,30 @@ class Limits:
             "Smallest transmission angle over the whole turn, where the crank turns fully.",
         ),
     ] = 0.0
-    pivot_a: Annotated[complex | None, Form("point", "place", "The crank's fixed pivot is given.")] = None
-    pivot_b: Annotated[complex | None, Form("point", "place", "The rocker's fixed pivot is given.")] = None
+    pivot_a: Annotated[complex | None, Form("point", "position", "The crank's fixed pivot is given.")] = None
+    pivot_b: Annotated[complex | None, Form("point", "position", "The rocker's fixed pivot is given.")] = None
     pivot_box: Annotated[
         Box | None,
-        Form("box", "place", "xmin, ymin, xmax, ymax for both fixed pivots, used travel of rails and pins of slots."),
+        Form(
+            "box", "position", "xmin, ymin, xmax, ymax for both fixed pivots, used travel of rails and pins of slots."
+        ),
     ] = None
-    pivot_a_box: Annotated[Box | None, Form("box", "place", "The same for the crank's pivot.")] = None
-    pivot_b_box: Annotated[Box | None, Form("box", "place", "The same for the rocker's pivot.")] = None
-    pivot_reach: Annotated[Reach | None, Form("reach", "place", "The distance of the pivots.")] = None
-    keep_out: Annotated[tuple[Box, ...], Form("boxes", "place", "Boxes in which no fixed pivot may lie.")] = ()
+    pivot_a_box: Annotated[Box | None, Form("box", "position", "The same for the crank's pivot.")] = None
+    pivot_b_box: Annotated[Box | None, Form("box", "position", "The same for the rocker's pivot.")] = None
+    pivot_reach: Annotated[Reach | None, Form("reach", "position", "The distance of the pivots.")] = None
+    keep_out: Annotated[tuple[Box, ...], Form("boxes", "position", "Boxes in which no fixed pivot may lie.")] = ()
     link_ratio_max: Annotated[float | None, Form("ratio", "shape", "Longest link over the shortest, at most.")] = None
     link_min: Annotated[float | None, Form("length", "lengths", "Shortest length of any link.", least=True)] = None
     link_max: Annotated[float | None, Form("length", "lengths", "Longest length of any link.")] = None
     links: Annotated[tuple[float | None, ...], Form("links", "lengths", "Lengths that are given.")] = (None,) * 4
     coupler_radius_max: Annotated[
-        float | None, Form("length", "place", "Farthest place of the body point from the crank pin.")
+        float | None, Form("length", "position", "Farthest place of the body point from the crank pin.")
     ] = None
     envelope: Annotated[
         Box | None,
         Form(
             "box",
-            "place",
+            "position",
             "A box for all joints and the body point over the used interval: xmin, ymin, xmax, ymax.",
         ),
     ] = None
@@ -232,7 +234,7 @@ class Limits:
         if samples.position is not None:
             return
         for name, form in FORMS.items():
-            if form.concerns in ("place", "sliders") and getattr(self, name) not in (None, ()):
+            if form.concerns in ("position", "sliders") and getattr(self, name) not in (None, ()):
                 raise FieldError(f"/limits/{name}", "needs `position`: without it nothing is mounted")
         if self.links[3] not in (None, 1.0):
             raise FieldError("/limits/links/ground", "without `position` the ground is 1")
@@ -263,14 +265,14 @@ class Limits:
         values: dict[str, Any] = {
             name: value / ground if FORMS[name].kind == "length" else value
             for name in self.given
-            if FORMS[name].concerns not in ("place", "sliders") and (value := getattr(self, name)) is not None
+            if FORMS[name].concerns not in ("position", "sliders") and (value := getattr(self, name)) is not None
         }
         return Limits(**values | {"links": (*links, None)})
 
     @property
     def given(self) -> list[str]:
         """Names of the limits that are set, in the order shape, lengths, positions, sliders, and the family last."""
-        order = ("shape", "lengths", "place", "sliders")
+        order = ("shape", "lengths", "position", "sliders")
         names = [name for name in FORMS if getattr(self, name) != _FREE[name]]
         return sorted(names, key=lambda name: (name == "family", order.index(FORMS[name].concerns)))
 

@@ -141,7 +141,7 @@ class LinkMotion:
         turned = float(abs(self.direction[-1] - self.direction[0]))
         return float(abs(self.origin[-1] - self.origin[0])) + reach * turned
 
-    def place(self, point: complex) -> Complexes:
+    def position(self, point: complex) -> Complexes:
         """Return the position of a point of the link, (n,)."""
         return self.origin + self.direction * point
 
@@ -155,7 +155,7 @@ class LinkMotion:
 
     def leverage(self, ground: complex, point: complex) -> tuple[Floats, Floats]:
         """Return the distance from a fixed point to a point of the link, and its derivative, (n,)."""
-        v = self.place(point) - ground
+        v = self.position(point) - ground
         length = np.abs(v)
         return length, dot(v, self.speed(point)) / length
 
@@ -918,7 +918,7 @@ class Linkage:
             return dot(np.exp(1j * guide.direction), velocity)
         assert isinstance(guide, Slot)
         along = np.exp(1j * (body.angle + guide.body_direction))
-        return -dot(along, velocity) + body.rate * cross(along, guide.pin - body.place(guide.body_point))
+        return -dot(along, velocity) + body.rate * cross(along, guide.pin - body.position(guide.body_point))
 
 
 _LINK_OF: dict[type, str] = {Circle: "crank", Rail: "slider", Slot: "block"}

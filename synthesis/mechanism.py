@@ -84,7 +84,7 @@ class Chart:
         """Perturb unknowns by noise (n, k) in units of order one."""
         return unknowns + np.clip(noise, -8.0, 8.0)
 
-    def place(self, unknowns: Floats) -> Floats:
+    def shape_coordinates(self, unknowns: Floats) -> Floats:
         """Return coordinates (n, c) of shapes, independent of scale; shapes in the same unit cell are similar."""
         raise NotImplementedError
 

@@ -51,7 +51,7 @@ class SliderChart(Chart):
     cell = np.array([0.7, 0.7, 0.6])
     hop = np.array([0.7, 1.0, 0.4])
 
-    def place(self, unknowns: Floats) -> Floats:
+    def shape_coordinates(self, unknowns: Floats) -> Floats:
         """Return coordinates of shapes: the logarithm of a ratio of lengths, and the offset relative to them, (n, 2)."""
         crank, long, offset = self.shape(unknowns).lengths.T
         return np.stack([np.log(long / crank) / 0.7, 3 * offset / (crank + long)], axis=1)

@@ -52,7 +52,7 @@ def _placed(task: DriveTask, request: MotorRequest, name: str) -> MotorCycle | s
     reach = task.reach(request.reach_max, name)
     if request.motor is not None:
         pin = task.given_pin(name, request.pin, request.pin_on_link)
-        first, last = np.abs(link.place(pin) - request.motor)[[0, -1]].tolist()
+        first, last = np.abs(link.position(pin) - request.motor)[[0, -1]].tolist()
         crank, rod = abs(last - first) / 2, (first + last) / 2
         found = evaluate_motor(link, task.torque, request.motor, pin, crank, rod, last > first)
         return (
@@ -68,7 +68,7 @@ def _placed(task: DriveTask, request: MotorRequest, name: str) -> MotorCycle | s
 
 def _add(task: DriveTask, name: str, cycle: MotorCycle) -> None:
     operation, coarse = task.operation, slice(None, None, (FINE - 1) // (task.machine.at.size - 1))
-    pin = task.fine.links[name].place(cycle.pin)
+    pin = task.fine.links[name].position(cycle.pin)
     interval = Interval(*task.fine.at[[0, -1]].tolist())
     six = Swung(operation.poses, interval, Motor(name, cycle.motor, cycle.crank, cycle.rod, cycle.pin))
     bar, motor = _six_bar(task, six, cycle), np.full(FINE, cycle.motor)
@@ -117,7 +117,7 @@ def _six_bar(task: DriveTask, six: Swung, cycle: MotorCycle) -> SixBar:
     force = plain.torque(task.question.load) / dot(rod.direction, plain.links[motor.link].speed(motor.pin))
     (forwards, backwards), dwell = six.turn, six.dwell(DWELL_SHARE)
     joints = _joints(task, six)
-    points = {joint.name: xy(joint.place[0]) for joint in joints}
+    points = {joint.name: xy(joint.position[0]) for joint in joints}
     names = {
         link: [joint.name for joint in joints if link in (joint.first, joint.second)]
         for link in (GROUND, *machine.links)

@@ -230,7 +230,7 @@ class SixBarLinkage(Linkage):
         travel = np.reshape(six.travel(flat), turned.shape) / self._base._unit
         return SixBarJoints(
             {
-                joint.name: plane(np.broadcast_to(joint.place, flat.shape).reshape(turned.shape))
+                joint.name: plane(np.broadcast_to(joint.position, flat.shape).reshape(turned.shape))
                 for joint in joints_of(self._base.plain, six.motor, machine)
             },
             self._base.joints(travel),
@@ -444,7 +444,7 @@ def on_hinge(six: SixBar, radian: float) -> Linkage:
     """Return motor, rod and a link with a fixed pivot as a four-bar whose rocker is the link."""
     motor, link = six.motor, six.machine(np.zeros(1)).links[six.motor.link]
     pivot = complex(link.origin[0])
-    knee, pin = complex(six.knee(np.zeros(1))[0]), complex(link.place(motor.pin)[0])
+    knee, pin = complex(six.knee(np.zeros(1))[0]), complex(link.position(motor.pin)[0])
     line = float(np.angle(pivot - motor.at))
     return FourBar(
         motor.crank,

@@ -104,7 +104,7 @@ class DriveTask:
         for link, at, force in load.forces:
             # the body is the coupler with another frame
             name = "coupler" if link == "body" else link
-            acting.append(Pull(name, machine.link(link).place(at), np.full(machine.at.size, force)))
+            acting.append(Pull(name, machine.link(link).position(at), np.full(machine.at.size, force)))
         states = [forces(linkage, machine.at, load, [*acting, *pulls]) for pulls in directions]
         pins = [(state.driven_ground, state.driven, state.other, state.other_ground) for state in states]
         return PinPeaks(*(float(np.abs(pin).max()) for pin in zip(*pins)))

@@ -128,7 +128,7 @@ class Attached:
                 continue
             joints = [complex(self.machine.link(name).origin[0])]
             if name in self.machine.middles:
-                joints.append(complex(self.machine.link(name).place(2 * self.machine.middles[name])[0]))
+                joints.append(complex(self.machine.link(name).position(2 * self.machine.middles[name])[0]))
             lines.append(np.array([joints[0], end, *joints[1:]]))
         return lines
 

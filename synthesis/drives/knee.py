@@ -89,7 +89,7 @@ def _bend(
     shortening = np.sqrt(1 - 4 * handle_fraction * (1 - handle_fraction) * np.sin(over_centre / 2) ** 2)
     straight = float(length[end] / shortening)
     handle, strut = handle_fraction * straight, (1 - handle_fraction) * straight
-    pin, speed = link.place(placement.pin), link.speed(placement.pin)
+    pin, speed = link.position(placement.pin), link.speed(placement.pin)
     angle = angle_at(handle, strut, length)
     angle[end] = -angle[end]
     bends = []

@@ -74,7 +74,7 @@ class LinkMotions:
 
     def end(self, name: str, point: complex) -> Complexes:
         """Return the path (n,) of a point that is given in a link's frame; for the ground in the plane."""
-        return np.full(self.at.size, point, dtype=complex) if name == GROUND else self.link(name).place(point)
+        return np.full(self.at.size, point, dtype=complex) if name == GROUND else self.link(name).position(point)
 
     def point_on(self, name: str, position: complex) -> complex:
         """Return the point of a link, in its frame, that lies at a position of the plane at the first sample."""
@@ -151,7 +151,7 @@ def motions_at(linkage: Linkage, at: Floats) -> LinkMotions:
     pin = linkage.on_body(0j)
     coupler = replace(
         body,
-        origin=body.place(pin),
+        origin=body.position(pin),
         angle=body.angle - (linkage.body_offset or 0.0),
         velocity=body.speed(pin),
         acceleration=body.change(pin),
@@ -192,5 +192,5 @@ def hinged_at(pivot: complex, start: float, length: float, at: Floats) -> LinkMo
     """
     ones, still, end = np.ones(at.size), np.zeros(at.size, dtype=complex), complex(length)
     rocker = LinkMotion("rocker", pivot + still, start + at, still, ones, still, 0 * ones, pivot)
-    body = LinkMotion("body", rocker.place(end), start + at, rocker.speed(end), ones, rocker.change(end), 0 * ones)
+    body = LinkMotion("body", rocker.position(end), start + at, rocker.speed(end), ones, rocker.change(end), 0 * ones)
     return LinkMotions(at, {"rocker": rocker}, body, "rocker", length, {"rocker": length}, {"rocker": end / 2})

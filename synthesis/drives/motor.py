@@ -112,7 +112,7 @@ def evaluate_motor(
     MotorCycle or None
         None if motor and rod do not drive the link.
     """
-    v = link.place(pin) - motor
+    v = link.position(pin) - motor
     length = np.abs(v)
     along = v / length
     steps = np.diff(length)

@@ -250,7 +250,7 @@ def _finish(
             return None
         z[:2] -= difference * slope / np.dot(slope, slope)
     motor, pin = problem.points(z)
-    first, last = np.abs(task.link.place(pin)[[0, -1]] - motor).tolist()
+    first, last = np.abs(task.link.position(pin)[[0, -1]] - motor).tolist()
     crank, rod = abs(last - first) / 2, (first + last) / 2
     return evaluate_motor(task.link, torque, motor, pin, crank, rod, start.extends)
 
@@ -305,7 +305,7 @@ class _TransmissionProblem(MaxMinProblem):
         return float(z[4] - (0.0 if self.angle is None else abs(self.equalities(z)[0])))
 
     def _evaluate(self, motor: complex, pin: complex) -> _Angles:
-        v, velocity = self.link.place(pin) - motor, self.link.speed(pin)
+        v, velocity = self.link.position(pin) - motor, self.link.speed(pin)
         length = np.abs(v)
         part = np.conj(v) * velocity
         part *= self.sign / np.maximum(np.abs(part), 1e-300)

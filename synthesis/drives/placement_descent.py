@@ -111,7 +111,7 @@ class PlacementProblem(MaxMinProblem):
         )
 
     def _evaluate(self, ground: complex, pin: complex) -> _Leverage:
-        v, speed = self.task.link.place(pin) - ground, self.task.link.speed(pin)
+        v, speed = self.task.link.position(pin) - ground, self.task.link.speed(pin)
         length = np.maximum(np.abs(v), 1e-300)
         along = v / length
         return _Leverage(self, pin, length, along, speed, dot(along, speed) * (self.sign / self.unit))

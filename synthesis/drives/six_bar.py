@@ -66,7 +66,7 @@ class Joint(NamedTuple):
     name: str
     first: str
     second: str
-    place: Complexes
+    position: Complexes
     normal: Complexes | None = None
     """Direction of the force in a slide; None for a pin."""
 
@@ -118,7 +118,7 @@ class SixBar:
         with np.errstate(all="ignore"):
             if self.motor.link in self._coarse.links and self._cycle is not None:
                 machine = self.machine(turned)
-                off = machine.links[self.motor.link].place(self.motor.pin) - machine.links[ROD].origin
+                off = machine.links[self.motor.link].position(self.motor.pin) - machine.links[ROD].origin
                 if np.abs(np.abs(off) - self.motor.rod).max() < 1e-9 * size:
                     return
         raise FieldError(
@@ -144,7 +144,7 @@ class SixBar:
     @cached_property
     def extends(self) -> bool:
         """True if motor crank and rod are folded at the first end."""
-        length = abs(self._coarse.links[self.motor.link].place(self.motor.pin)[0] - self.motor.at)
+        length = abs(self._coarse.links[self.motor.link].position(self.motor.pin)[0] - self.motor.at)
         return bool(
             abs(length - (self.motor.rod - self.motor.crank)) < abs(length - (self.motor.rod + self.motor.crank))
         )
@@ -157,7 +157,7 @@ class SixBar:
     @cached_property
     def start(self) -> float:
         """Direction of the motor's crank at the first end, from the x axis, in radians."""
-        towards = self._coarse.links[self.motor.link].place(self.motor.pin)[0] - self.motor.at
+        towards = self._coarse.links[self.motor.link].position(self.motor.pin)[0] - self.motor.at
         return float(np.angle(-towards if self.extends else towards))
 
     @cached_property
@@ -217,7 +217,7 @@ class SixBar:
         with np.errstate(all="ignore"):
             for _ in range(OPTIONS.newton_steps):
                 link = self.poses(at).links[self.motor.link]
-                off = link.place(self.motor.pin) - knee
+                off = link.position(self.motor.pin) - knee
                 length = np.abs(off)
                 step = (length - self.motor.rod) * length / dot(off, link.speed(self.motor.pin))
                 at = np.clip(at - step, low, high)
@@ -227,7 +227,7 @@ class SixBar:
 
     def turned(self, travel: Floats) -> Floats:
         """Return both angles (2, n) of the motor, from 0 to a turn, at coordinates (n,) of the linkage's drive, sorted."""
-        away = self.poses(np.asarray(travel)).links[self.motor.link].place(self.motor.pin) - self.motor.at
+        away = self.poses(np.asarray(travel)).links[self.motor.link].position(self.motor.pin) - self.motor.at
         corner = angle_at(self.motor.crank, self.motor.rod, np.abs(away))
         both = (np.angle(away) - self.start + np.stack([corner, -corner])) % TURN
         return np.sort(both, axis=0)
@@ -260,7 +260,7 @@ class SixBar:
         link = plain.links[motor.link]
         knee = self.knee(turned)
         arm = knee - motor.at
-        off, speed = link.place(motor.pin) - knee, link.speed(motor.pin)
+        off, speed = link.position(motor.pin) - knee, link.speed(motor.pin)
         along = dot(off, speed)
         rate = dot(off, 1j * arm) / along
         slip = speed * rate - 1j * arm
@@ -330,8 +330,8 @@ class SixBar:
             else:
                 pushes = ((joint.normal, 0.0), (zero, machine.extent))
             for column, (force, moment) in enumerate(pushes, 2 * k):
-                add(joint.second, joint.place, force, moment, matrix[:, :, column])
-                add(joint.first, joint.place, -force, -moment, matrix[:, :, column])
+                add(joint.second, joint.position, force, moment, matrix[:, :, column])
+                add(joint.first, joint.position, -force, -moment, matrix[:, :, column])
         matrix[:, 3 * names.index(MOTOR_CRANK) + 2, -1] = 1.0
         if machine.body is not None:
             add("body", machine.body.origin, zero + load.force, load.torque, right)
@@ -339,7 +339,7 @@ class SixBar:
             link = machine.link(mass.link)
             pull = mass.mass * (load.gravity - load.metre * load.speed**2 * link.change(mass.at))
             spin = load.metre * mass.inertia * load.speed**2 * link.rate_change
-            add(mass.link, link.place(mass.at), pull, -spin, right)
+            add(mass.link, link.position(mass.at), pull, -spin, right)
         found: Floats = np.asarray(np.linalg.solve(matrix, -right[:, :, None])[:, :, 0], dtype=float)
         forces = {}
         for k, joint in enumerate(joints):
@@ -390,5 +390,5 @@ def rod_joints(motor: Motor, machine: LinkMotions) -> list[Joint]:
     return [
         Joint("M", GROUND, MOTOR_CRANK, links[MOTOR_CRANK].origin),
         Joint("K", MOTOR_CRANK, ROD, rod.origin),
-        Joint("Q", ROD, motor.link, rod.place(complex(motor.rod))),
+        Joint("Q", ROD, motor.link, rod.position(complex(motor.rod))),
     ]

@@ -268,7 +268,7 @@ class _SpringProblem:
         """Return the length and its derivatives (n, 4), and the torque and its derivatives (n, 4)."""
         first, second = self.ends(z)
         link, size, kind = self.link, self.size, self.kind
-        v = link.place(second) - first
+        v = link.position(second) - first
         length = np.maximum(np.abs(v), 1e-12 * size)
         along = v / length
         speed = link.speed(second)

@@ -107,8 +107,8 @@ def joint_of(machine: LinkMotions, between: Between) -> complex | None:
         (machine.links[second], machine.links[first]),
     ):
         for point in (0j, 2 * machine.middles.get(carrier.name, 0j)):
-            path = carrier.place(point)
-            distance = np.abs(partner.place(partner.point_at(complex(path[0]))) - path)
+            path = carrier.position(point)
+            distance = np.abs(partner.position(partner.point_at(complex(path[0]))) - path)
             if distance.max() <= JOINT_TOLERANCE * machine.extent:
                 return complex(path[0])
     return None

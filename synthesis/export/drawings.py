@@ -56,7 +56,7 @@ def to_svg(linkage: Linkage, target: Target, extra: Extra | None = None, length_
     layout = layout_of(linkage, target.interval)
     marks, turn = requested_positions(target), turn_path(linkage)
     rails, slots = layout.tracks(Rail), layout.tracks(Slot)
-    pins = [layout.links[1].place(guide.body_point) for guide in linkage.guides if guide.holds_point]
+    pins = [layout.links[1].position(guide.body_point) for guide in linkage.guides if guide.holds_point]
     fixed, moving = [*layout.fixed.values()], [*layout.moving.values()]
     points = [np.array(fixed, dtype=complex), *pins, *rails, *slots, marks]
     points += [curve for curve in (layout.path, turn) if curve is not None]

@@ -98,7 +98,7 @@ class Layout:
             return None
         ends = np.array([stroke[0] - _OVERHANG * self.size, stroke[1] + _OVERHANG * self.size])
         if not guide.holds_point:
-            return self.body.place(0j)[0] + self.body.direction[0] * guide.body_at(ends)
+            return self.body.position(0j)[0] + self.body.direction[0] * guide.body_at(ends)
         return guide.ground_at(ends)
 
     def tracks(self, kind: type[Rail] | type[Slot]) -> list[Complexes]:
@@ -132,7 +132,7 @@ class Layout:
         """Raise `FieldError` for a linkage whose coordinates in millimetres a reader of the file would not resolve."""
         points = [
             *self.links[1].origin,
-            *self.links[1].place(self.linkage.guides[1].body_point),
+            *self.links[1].position(self.linkage.guides[1].body_point),
             *self.fixed.values(),
         ]
         if not 1e-9 <= self.size * unit_mm or not float(np.max(np.abs(points))) * unit_mm <= LARGEST_MM:

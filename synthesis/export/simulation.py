@@ -117,7 +117,7 @@ class _Model:
             part = self.masses[name]
             mass, inertia, at = part.mass, part.inertia * self.metre**2, part.at * self.metre
             if name == BODY:
-                at = self.local(complex(self.layout.body.place(self.linkage.on_body(part.at))[0]) * self.metre)
+                at = self.local(complex(self.layout.body.position(self.linkage.on_body(part.at))[0]) * self.metre)
         elif self.masses is None and length is not None:
             mass, at = length / self.size, complex(length / 2) if centre is None else centre
             inertia = mass * max(length, self.thick) ** 2 / 12
@@ -277,7 +277,7 @@ def to_pylinkage(linkage: Linkage, target: Target, length_unit: str | None = Non
     closed_motions(linkage, target.interval)
     travel = target.interval.by_degrees()
     body = linkage.motions(np.zeros(1))[1]
-    pins = [complex(body.place(guide.body_point)[0]) for guide in linkage.guides]
+    pins = [complex(body.position(guide.body_point)[0]) for guide in linkage.guides]
     start = linkage.start + linkage.ground_angle
     first, last = (start + float(end) for end in target.interval)
 

@@ -36,7 +36,7 @@ class FourBarChart(Chart):
     cell = np.array([0.7, 1.0, 1.0, 0.6])
     hop = np.array([0.7, 1.5, 1.5, 0.4])
 
-    def place(self, unknowns: Floats) -> Floats:
+    def shape_coordinates(self, unknowns: Floats) -> Floats:
         """Return logarithms of length ratios, (n, 3), in which distances of shapes are measured."""
         lengths = self.shape(unknowns).lengths
         return np.log(lengths[:, :3] / lengths[:, 3:]) / 0.7
@@ -134,7 +134,7 @@ class GrashofChart(Chart):
         side = np.sign(unknowns)
         return self.within(side * np.maximum(np.abs(unknowns), 1e-4) * np.exp(np.clip(noise, -8.0, 8.0)))
 
-    def place(self, unknowns: Floats) -> Floats:
+    def shape_coordinates(self, unknowns: Floats) -> Floats:
         """Return scale-free numbers of shapes, (n, 4): the family, and logarithms of ratios of the unknowns."""
         size = np.log(np.maximum(np.abs(unknowns), 1e-5 * np.sum(np.abs(unknowns), axis=1, keepdims=True)))
         ratios = size[:, :3] - size[:, 3:]

@@ -139,13 +139,13 @@ class Body:
         ]
         self.rotation_root, self.position_root = root
 
-    def places(self, body: Complexes) -> Complexes:
+    def positions(self, body: Complexes) -> Complexes:
         """Return positions (n, N) of points of the body (n,)."""
         return self.position + self.turned * body[:, None]
 
     def with_radius(self, body: Complexes, fixed: Complexes) -> Dyads:
         """Dyads with their mean distance as radius."""
-        return Dyads(body, fixed, np.abs(self.places(body) - fixed[:, None]).mean(axis=1))
+        return Dyads(body, fixed, np.abs(self.positions(body) - fixed[:, None]).mean(axis=1))
 
 
 _QUADRICS = np.zeros((2, 8, 8))
@@ -259,7 +259,7 @@ def landscape(body: Body, steps: int = 20, max_count: int = 36, work: Work | Non
 
 def circles(body: Body, points: Complexes) -> Dyads:
     """Dyads of points of the body (n,): the circle through the places of each by linear least squares (Kasa)."""
-    points_in_plane = body.places(points)
+    points_in_plane = body.positions(points)
     middle = points_in_plane.mean(axis=1, keepdims=True)
     offsets = points_in_plane - middle
     rows = np.stack([2 * offsets.real, 2 * offsets.imag, np.ones(offsets.shape)], axis=2)
@@ -293,7 +293,7 @@ def sampled_dyads(body: Body, count: int, random: np.random.Generator) -> Dyads:
     else:
         points = np.concatenate([_cloud(count - count // 2, random), _near_poles(body, count // 2, random)])
     points = points[np.abs(points) < FARTHEST]  # a pole is at infinity where two poses have the same rotation
-    moved = body.places(points)
+    moved = body.positions(points)
     centre = _between(moved, random) if poses == 2 else circumcentre(moved[:, 0], moved[:, 1], moved[:, 2])
     proper = np.isfinite(centre) & (np.abs(centre) < FARTHEST)
     return body.with_radius(points[proper], centre[proper])
@@ -405,7 +405,7 @@ def paired(body: Body, crank: Dyads, rocker: Dyads) -> tuple[Pairs, NDArray[np.i
     proper = np.flatnonzero((lengths.min(axis=1) > OPTIONS.link_min) & (lengths.max(axis=1) < FARTHEST))
     crank, rocker = crank.take(proper), rocker.take(proper)
     coupler, ground, lengths = coupler[proper], ground[proper], lengths[proper]
-    crank_pins, coupler_pins = body.places(crank.body), body.places(rocker.body)
+    crank_pins, coupler_pins = body.positions(crank.body), body.positions(rocker.body)
     turn = np.angle(ground)
     angles = np.angle((crank_pins - crank.fixed[:, None]) * np.exp(-1j * turn)[:, None])
     diagonal = rocker.fixed[:, None] - crank_pins

@@ -114,7 +114,7 @@ class Motion(NamedTuple):
         turned = np.conj(self.turned)
         return self._replace(position=-turned * self.position, turned=turned, inverted=not self.inverted)
 
-    def places(self, points: Complexes) -> Complexes:
+    def positions(self, points: Complexes) -> Complexes:
         """Return the positions (n, N) of points (n,)."""
         return self.position + self.turned * points[:, None]
 
@@ -161,7 +161,7 @@ class Straight:
         k_real, k_imag, height = solved / self._scale[:, None]
         height = height + self._mean.real * k_real + self._mean.imag * k_imag
         point = np.conj((k_real + 1j * k_imag) / n)
-        middle = motion.places(point).mean(axis=1)
+        middle = motion.positions(point).mean(axis=1)
         # the foot of the places' mean on the line
         foot = middle + n * (height - (np.conj(n) * middle).real)
         return motion.lines(point, foot, normals)
@@ -169,7 +169,7 @@ class Straight:
 
 def lines_of(motion: Motion, points: Complexes) -> Guides:
     """The line that each point (n,) comes nearest to, by the least rms distance of its places."""
-    moved = motion.places(points)
+    moved = motion.positions(points)
     weight = motion.root**2 / np.sum(motion.root**2)
     middle = moved @ weight
     offsets = moved - middle[:, None]
@@ -179,7 +179,7 @@ def lines_of(motion: Motion, points: Complexes) -> Guides:
 
 def as_circles(body: Body, dyads: Dyads) -> Guides:
     """Dyads of two hinges as guides, each with the foot nearest to the middle of its places."""
-    middle = body.places(dyads.body).mean(axis=1)
+    middle = body.positions(dyads.body).mean(axis=1)
     inward = dyads.fixed - middle
     normal = np.angle(np.where(np.abs(inward) > 1e-12 * dyads.radius, inward, 1.0))
     foot = dyads.fixed - dyads.radius * np.exp(1j * normal)

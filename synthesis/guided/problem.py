@@ -618,7 +618,7 @@ def _distances(guides: Guides, motion: Motion) -> Floats:
     distance = np.empty(guides.point.size)
     for inverse, seen in ((False, motion), (True, motion.inverse)):
         own = guides.inverse == inverse
-        points = seen.places(guides.point[own])
+        points = seen.positions(guides.point[own])
         centre, curvature = guides.centre[own][:, None], guides.curvature[own][:, None]
         straight = guides.straight[own][:, None]
         inward = np.exp(1j * guides.normal[own])[:, None]

@@ -124,7 +124,7 @@ def _exact_lines(motion: Motion, drive: Floats | None) -> Guides:
 def _timely(lines: Straight, drive: Floats) -> Floats:
     """Return the few directions of a pencil along which the travel is most similar to the prescribed travel (N,)."""
     fine = lines.along(np.linspace(0.0, np.pi, OPTIONS.fine_directions, endpoint=False))
-    travel = (np.conj(1j * np.exp(1j * fine.normal))[:, None] * lines.motion.places(fine.point)).real
+    travel = (np.conj(1j * np.exp(1j * fine.normal))[:, None] * lines.motion.positions(fine.point)).real
     off = np.stack([travel - drive, travel + drive])
     miss = np.min(np.std(off, axis=2), axis=0)
     lowest = (miss <= np.roll(miss, 1)) & (miss <= np.roll(miss, -1))

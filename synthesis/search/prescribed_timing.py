@@ -78,7 +78,7 @@ class PrescribedTiming(CrankDriven):
     def signature(self, pool: Pool) -> tuple[Floats, Floats]:
         """Return shape, start and branch."""
         timed = pool.timed
-        rows = np.column_stack([self.chart.place(timed.shape), timed.angles[:, 0], 3 * timed.branch])
+        rows = np.column_stack([self.chart.shape_coordinates(timed.shape), timed.angles[:, 0], 3 * timed.branch])
         return rows, np.full(len(rows), self.options.start_width)
 
     def complete(self, pool: Pool) -> Pool:

@@ -156,7 +156,9 @@ class Windows:
             timed = candidates_at(problem.chart.unknowns(lengths[window]), branch, start[window])
         order = np.argsort(merit, kind="stable")
         order = order[np.isfinite(merit[order])]
-        coordinates = np.hstack([problem.chart.place(timed.shape), timed.angles / 0.6, timed.branch[:, None]])
+        coordinates = np.hstack(
+            [problem.chart.shape_coordinates(timed.shape), timed.angles / 0.6, timed.branch[:, None]]
+        )
         cells = np.floor(coordinates[order]).astype(np.int64)
         # a single number for each cell: many times faster to sort than rows
         _, first = np.unique((cells + 64) @ (1 << 8 * np.arange(cells.shape[1])), return_index=True)

@@ -44,7 +44,7 @@ def to_step(parts: Sequence[Solid], poses: Sequence[Posed], name: str) -> str:
         solid = data.solid(part.prism, part.name)
         shape = data.add(f"ADVANCED_BREP_SHAPE_REPRESENTATION({quoted(part.name)},{_list([own, solid])},{units})")
         data.add(f"SHAPE_DEFINITION_REPRESENTATION({definition},{shape})")
-        data.place(number, part.name, (assembly, whole_shape, origin), (product, shape, own), frame)
+        data.add_instance(number, part.name, (assembly, whole_shape, origin), (product, shape, own), frame)
         styled.append(data.coloured(solid, part.colour))
     data.add(f"MECHANICAL_DESIGN_GEOMETRIC_PRESENTATION_REPRESENTATION('',{_list(styled)},{units})")
     return data.text(name)
@@ -119,7 +119,9 @@ class _Data:
         definition = self.add(f"PRODUCT_DEFINITION('design','',{formation},{design})")
         return definition, self.add(f"PRODUCT_DEFINITION_SHAPE('','',{definition})")
 
-    def place(self, number: int, name: str, assembly: tuple[str, ...], part: tuple[str, ...], frame: str) -> None:
+    def add_instance(
+        self, number: int, name: str, assembly: tuple[str, ...], part: tuple[str, ...], frame: str
+    ) -> None:
         """Place a part in the assembly; both are given by definition, shape and frame."""
         use = self.add(
             f"NEXT_ASSEMBLY_USAGE_OCCURRENCE('{number}',{quoted(name)},{quoted(name)},{assembly[0]},{part[0]},$)"

@@ -47,7 +47,7 @@ class Pull(NamedTuple):
     """Additional load on a link: a force (n,) at points (n,) of the plane, and a couple."""
 
     link: str
-    place: Complexes
+    point: Complexes
     force: Complexes
     couple: Floats | float = 0.0
 
@@ -152,7 +152,7 @@ def _acting(link: LinkMotion, load: Load, pulls: Sequence[Pull]) -> tuple[Comple
     for pull in pulls:
         if pull.link == link.name:
             force = force + pull.force
-            moment = moment + cross(pull.place - link.origin, pull.force) + pull.couple
+            moment = moment + cross(pull.point - link.origin, pull.force) + pull.couple
     return force, moment
 
 

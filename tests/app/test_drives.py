@@ -77,8 +77,8 @@ def test_peaks_are_those_of_the_whole_way() -> None:
                 continue
             second = complex(*drive.ground_point)
             if drive.on != "ground":
-                second = machine.links[drive.on].place(machine.links[drive.on].point_at(second))
-            length = np.abs(link.place(complex(*drive.pin_on_link)) - second)
+                second = machine.links[drive.on].position(machine.links[drive.on].point_at(second))
+            length = np.abs(link.position(complex(*drive.pin_on_link)) - second)
             arm = np.gradient(length, at, edge_order=2)
             force = torque / arm
             assert drive.arm_min == pytest.approx(np.abs(arm).min(), rel=1e-7)

@@ -119,7 +119,7 @@ def test_a_drawing_for_cad_holds_the_geometry(linkage, unit, unit_mm) -> None:
     body = linkage.motions(0.0)[1]
     pins = []
     for guide in linkage.guides:
-        pins.append(unit_mm * complex(body.place(guide.body_point)[0]))
+        pins.append(unit_mm * complex(body.position(guide.body_point)[0]))
         if isinstance(guide, Rail):
             assert any(beside(pins[-1], line) < 1e-6 for line in lines["GROUND"])
         elif isinstance(guide, Slot):
@@ -266,6 +266,6 @@ def test_pylinkage_opens_it_and_draws_the_same_path(name, tmp_path) -> None:
     names = [joint.id for joint in theirs.joints]
     rows = list(theirs.step(travel.size - 1))
     body = linkage.motions(travel[1:])[1]
-    for joint, exact in (("body_point", body.origin), ("coupler_pin", body.place(linkage.guides[1].body_point))):
+    for joint, exact in (("body_point", body.origin), ("coupler_pin", body.position(linkage.guides[1].body_point))):
         path = np.array([complex(*row[names.index(joint)]) for row in rows])
         np.testing.assert_allclose(path, exact, atol=1e-9 * linkage.reach)

@@ -27,12 +27,12 @@ def load_of_links(names, random):
 
 def energy(machine, load, springs):
     """Return the energy of masses, force and springs in a position."""
-    total = -np.real(np.conj(load.force) * machine.body.place(0j))
+    total = -np.real(np.conj(load.force) * machine.body.position(0j))
     for mass in load.masses:
-        total -= mass.mass * np.real(np.conj(load.gravity) * machine.link(mass.link).place(mass.at))
+        total -= mass.mass * np.real(np.conj(load.gravity) * machine.link(mass.link).position(mass.at))
     for spring in springs:
         ends = [
-            np.full(machine.at.size, point) if name == "ground" else machine.link(name).place(point)
+            np.full(machine.at.size, point) if name == "ground" else machine.link(name).position(point)
             for name, point in zip(spring.between, spring.points)
         ]
         total += spring.stiffness / 2 * np.abs(ends[1] - ends[0]) ** 2

@@ -66,7 +66,7 @@ def test_the_actuator_on_the_crank_in_closed_form() -> None:
     assert found == pytest.approx((want["pin"], want["ground"], want["arm"]), abs=1e-6)
     position = problem.evaluate(ground, pin)
     assert [ground.real, ground.imag] == pytest.approx(want["ground_point"], abs=1e-6)
-    at_first = problem.link.place(pin)[0]
+    at_first = problem.link.position(pin)[0]
     assert [at_first.real, at_first.imag] == pytest.approx(want["pin_at"], abs=1e-6)
     assert position.length[[0, -1]] == pytest.approx([255, 405], abs=1e-9)
     assert position.peak == pytest.approx(want["peak"], abs=1e-6)
@@ -84,7 +84,7 @@ def test_the_same_actuator_on_coupler_and_rocker(link: str) -> None:
     assert found.peak / problem.force_bound(150) == pytest.approx(want["over"], abs=5e-4)
     assert found.length[[0, -1]] == pytest.approx([255, 405] if found.extends else [405, 255], abs=1e-9)
     if link == "coupler":
-        at_first = problem.link.place(found.pin)[0]
+        at_first = problem.link.position(found.pin)[0]
         assert found.extends
         assert [found.ground.real, found.ground.imag] == pytest.approx(want["ground"], abs=1e-4)
         assert [at_first.real, at_first.imag] == pytest.approx(want["pin"], abs=1e-4)
@@ -116,7 +116,7 @@ def motor_torque(row: dict, motor: complex, crank: float, rod: float, radius: fl
 
 
 def _extends(linkage: LinkMotions, motor: complex, radius: float) -> bool:
-    ends = np.abs(linkage.links["crank"].place(complex(radius))[[0, -1]] - motor)
+    ends = np.abs(linkage.links["crank"].position(complex(radius))[[0, -1]] - motor)
     return bool(ends[1] > ends[0])
 
 

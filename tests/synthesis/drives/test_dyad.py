@@ -75,7 +75,7 @@ def test_a_motor_that_is_turned_round_swings_a_linkage_of_any_kind(seed: int) ->
 
     def pin(at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         moving = motions_at(linkage, at).links[link.name]
-        return moving.place(found.pin), moving.speed(found.pin)
+        return moving.position(found.pin), moving.speed(found.pin)
 
     start = float(found.motor_angle[0, 0])
     solution = turned(pin, interval.first, found.motor, start, found.crank, found.rod, 1001)
@@ -112,7 +112,7 @@ def test_a_knee_goes_over_its_centre_and_holds_what_pushes_it(last: bool) -> Non
     found = place_knee(link, machine.at, push, expected, last, delta, share, Work())
     assert not isinstance(found, Refusal)
     assert found.placement.extends is last
-    pins = link.place(found.placement.pin)
+    pins = link.position(found.placement.pin)
     assert np.abs(found.knee - found.placement.ground) == pytest.approx(np.full(61, found.handle), abs=1e-9)
     assert np.abs(found.knee - pins) == pytest.approx(np.full(61, found.strut), abs=1e-9)
     bend = np.angle((pins - found.knee) / (found.knee - found.placement.ground))

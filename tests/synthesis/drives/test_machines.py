@@ -37,7 +37,7 @@ def test_all_kinds_hold_three_bodies_in_equilibrium(seed: int) -> None:
     name, on = three.names[seed % 3], ("ground", three.names[(seed + 1) % 3])[seed // 3 % 2]
     link = machine.links[name] if on == "ground" else machine.links[name].seen_from(machine.links[on])
     there, pin = complex(*rng.normal(size=2)) * 3, complex(*rng.normal(size=2))
-    off = link.place(pin) - there
+    off = link.position(pin) - there
     force = machine.torque(load) / (np.real(np.conj(off) * link.speed(pin)) / np.abs(off))
     second = there if on == "ground" else machine.links[on].point_at(there)
     expected = [three.force(state, load, name, pin, on, second) for state in states]

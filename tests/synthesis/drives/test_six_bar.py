@@ -29,7 +29,7 @@ CASES = [*((SixBar.of(*case), case[0]) for case in other_six_bars(6)), (watt(), 
 @pytest.mark.parametrize(("six", "linkage"), CASES)
 def test_everywhere_the_rod_keeps_its_length_and_the_linkage_its_way(six, linkage) -> None:
     moved = six.machine(TURNED)
-    off = moved.links[six.motor.link].place(six.motor.pin) - moved.links[ROD].origin
+    off = moved.links[six.motor.link].position(six.motor.pin) - moved.links[ROD].origin
     assert np.abs(off) == pytest.approx(np.full(TURNED.size, six.motor.rod), rel=1e-12)
     at = six.travel(np.linspace(0, TURN, 1001))
     first, last = six.used
@@ -55,7 +55,7 @@ def test_rates_are_what_differences_tend_to(six, linkage) -> None:
         if name == "body" and here.body is None:
             continue
         moving_link = here.link(name)
-        speed = (after.link(name).place(point) - before.link(name).place(point)) / (2 * h)
+        speed = (after.link(name).position(point) - before.link(name).position(point)) / (2 * h)
         change = (after.link(name).speed(point) - before.link(name).speed(point)) / (2 * h)
         assert np.abs(moving_link.speed(point) - speed).max() <= 1e-7 * (1 + np.abs(speed).max())
         assert np.abs(moving_link.change(point) - change).max() <= 1e-7 * (1 + np.abs(change).max())
