@@ -13,7 +13,8 @@ from linkage_atlas.notes import counted
 from linkage_atlas.records import Record, Values, Vectors, plain, plane
 from synthesis.arrays import Floats
 from synthesis.errors import FieldError
-from synthesis.linkage import Linkage, Mass
+from synthesis.link_motion import Mass
+from synthesis.linkage import Linkage
 from synthesis.studies.forces import Load, forces, on_links
 from synthesis.target import MAX_LENGTH, TURN, Interval
 

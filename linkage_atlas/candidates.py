@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -363,7 +363,7 @@ def _drawn_near(solution: Solution, motion: Motion, limits: Limits) -> Solution:
     shift = complex(np.mean(vectors))
     arm = (vectors[0] - shift) / coupler
     point = float(abs(arm)), wrap(float(np.angle(arm)))
-    nearby = assess(target, [linkage.placed(linkage.pivot_a + shift, linkage.ground_angle, point)])
+    nearby = assess(target, [replace(linkage, pivot_a=linkage.pivot_a + shift, coupler_point_polar=point)])
     for moved in within(target, limits, nearby):
         smaller = (size_of(moved.linkage, samples) or 0.0) < (size_of(linkage, samples) or 0.0)
         if smaller and abs(moved.errors.objective - solution.errors.objective) <= _ONLY_SHIFTED:

@@ -20,7 +20,8 @@ from synthesis.errors import FieldError
 from synthesis.export.drawings import to_dxf, to_svg
 from synthesis.export.simulation import ONLY_FOUR_BARS, to_mjcf, to_pylinkage
 from synthesis.export.tables import to_csv
-from synthesis.linkage import Linkage, Mass
+from synthesis.link_motion import Mass
+from synthesis.linkage import Linkage
 from synthesis.sheet import More
 from synthesis.target import Target
 

@@ -1,4 +1,4 @@
-"""Names of array types, rows of columns, products of plane vectors, and the angle of a triangle.
+"""Names of array types, rows of columns, and products of plane vectors.
 
 A plane vector is a complex number x + i y.
 """
@@ -39,26 +39,3 @@ def dot(a: Complexes | complex, b: NDArray[np.complexfloating] | complex) -> Flo
 def cross(a: Complexes | complex, b: NDArray[np.complexfloating] | complex) -> Floats:
     """Return the vector product of two plane vectors, positive if ``b`` is counter-clockwise of ``a``."""
     return np.imag(np.conj(a) * b)
-
-
-def angle_at(adjacent: Floats | float, opposite: Floats | float, r: Floats) -> Floats:
-    """Return the angle between two sides of a triangle, from its three sides.
-
-    Half of the angle is computed from its sine and cosine, in which differences are taken before sums.
-    Neither loses digits near a dead-centre position.
-
-    Parameters
-    ----------
-    adjacent, r : ndarray or float
-        Sides that enclose the angle.
-    opposite : ndarray or float
-        Side opposite the angle.
-
-    Returns
-    -------
-    ndarray
-        The angle, 0 to pi.
-    """
-    sine_square = np.maximum((opposite - (adjacent - r)) * (opposite + (adjacent - r)), 0.0)
-    cosine_square = np.maximum((adjacent + r - opposite) * (adjacent + r + opposite), 0.0)
-    return np.asarray(2 * np.arctan2(np.sqrt(sine_square), np.sqrt(cosine_square)))

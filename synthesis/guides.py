@@ -372,3 +372,21 @@ def positions_within(positions: Iterable[float], first: float, last: float, peri
             found.append(position + number * TURN)
             number += 1
     return found
+
+
+def mapped(
+    guide: Guide,
+    ground: Callable[[complex], complex],
+    body: Callable[[complex], complex],
+    scale: float = 1.0,
+    sense: float = 1.0,
+    turn: float = 0.0,
+    turn_in_body: float = 0.0,
+) -> Guide:
+    """Return a guide with mapped points of ground and body, a scaled radius, and directions reflected and turned."""
+    fixed, point = complex(ground(guide[0])), complex(body(guide.body_point))
+    if isinstance(guide, Circle):
+        return Circle(fixed, guide.radius * scale, point)
+    if isinstance(guide, Rail):
+        return Rail(fixed, guide.direction * sense + turn, point)
+    return Slot(fixed, point, guide.body_direction * sense + turn_in_body)

@@ -42,15 +42,14 @@ distance from the origin costs no accuracy.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from synthesis.arrays import Complexes, Floats, Ints, cross, dot
+from synthesis.arrays import Complexes, Floats, cross, dot
 from synthesis.four_bar import FULL_CRANK, Family, family, wrap
 from synthesis.guides import (
     DRIVERS,
@@ -65,196 +64,17 @@ from synthesis.guides import (
     Slot,
     Straight,
     Vector,
+    mapped,
     positions_within,
 )
+from synthesis.link_motion import BodyPoses, BodyRates, LinkMotion
 from synthesis.target import TURN, Interval
+from synthesis.triangle import Triangle
 
-_POINTS = 181
-"""Minimum number of steps over an interval."""
-_REFINEMENTS, _NODES = 4, 33
-"""Refinements, and nodes of each, for a turning point of a travel: located to 2e-8 radians, its value to all digits."""
 BODY = "coupler"
 """Name of the link that is the body."""
 Lengths = tuple[float, float, float, float]
 """Crank, coupler, rocker and ground of a four-bar."""
-
-
-class Mass(NamedTuple):
-    """Mass on a link: its centre in the frame of the link, and its inertia about the centre."""
-
-    link: str
-    mass: float
-    at: complex = 0j
-    inertia: float = 0.0
-
-
-class BodyPoses(NamedTuple):
-    """Poses of the body at n coordinates of the drive; NaN if the loop does not close."""
-
-    position: Complexes
-    rotation: Floats
-    """Radians, continuous in the coordinate."""
-    sine: Floats
-    """sin mu: its sign is the branch, its absolute value the sine of the transmission angle."""
-    arm: Floats
-    """|X - Z| |sin mu|, the moment arm of the other guide's push about the pin Z; with the hinge locked |sin mu|."""
-    transmission_angle: Floats
-    """From 0 (dead) to pi/2 (best), without the loss of accuracy of an arcsine near either."""
-
-
-class BodyRates(NamedTuple):
-    """First and second derivatives of a body's pose by the drive's coordinate, (n,); NaN at a dead position."""
-
-    position: Complexes
-    rotation: Floats
-    position_second: Complexes
-    rotation_second: Floats
-
-
-@dataclass(frozen=True)
-class LinkMotion:
-    """Motion of a link over n positions of a drive: origin X and angle (radians) of its frame, and their derivatives.
-
-    A point q of the link, in its frame, lies at ``X + q e^{i angle}``. Derivatives are by the drive, and NaN at a
-    dead position.
-
-    Law: `velocity` and `rate` are the limits of difference quotients of origin and angle, and so on.
-    """
-
-    name: str
-    origin: Complexes
-    angle: Floats
-    velocity: Complexes
-    rate: Floats
-    acceleration: Complexes
-    rate_change: Floats
-    pivot: complex | None = None
-    """Pivot of the link in the observer's frame, if it has a pivot; it is then the origin of the link's frame too."""
-
-    @cached_property
-    def direction(self) -> Complexes:
-        """Direction of the link's frame, of modulus 1, (n,)."""
-        return np.exp(1j * self.angle)
-
-    def largest_shift(self, reach: float) -> float:
-        """Return the largest shift, first to last position, of a point within ``reach`` of the origin."""
-        turned = float(abs(self.direction[-1] - self.direction[0]))
-        return float(abs(self.origin[-1] - self.origin[0])) + reach * turned
-
-    def position(self, point: complex) -> Complexes:
-        """Return the position of a point of the link, (n,)."""
-        return self.origin + self.direction * point
-
-    def speed(self, point: complex) -> Complexes:
-        """Return the first derivative of the position of a point by the drive, (n,)."""
-        return self.velocity + 1j * self.rate * self.direction * point
-
-    def change(self, point: complex) -> Complexes:
-        """Return the second derivative of the position of a point by the drive, (n,)."""
-        return self.acceleration + (1j * self.rate_change - self.rate**2) * self.direction * point
-
-    def leverage(self, ground: complex, point: complex) -> tuple[Floats, Floats]:
-        """Return the distance from a fixed point to a point of the link, and its derivative, (n,)."""
-        v = self.position(point) - ground
-        length = np.abs(v)
-        return length, dot(v, self.speed(point)) / length
-
-    def point_at(self, point: complex) -> complex:
-        """Return the point of the link, in its frame, that coincides with a fixed point at the first sample."""
-        return complex(np.conj(self.direction[0]) * (point - self.origin[0]))
-
-    def at(self, samples: Ints) -> LinkMotion:
-        """Return the motion at a selection of the samples."""
-        names = ("origin", "angle", "velocity", "rate", "acceleration", "rate_change")
-        return replace(self, **{name: getattr(self, name)[samples] for name in names})
-
-    def swing(self) -> float:
-        """Return the angle through which the link turns, in radians."""
-        turned = np.unwrap(self.angle)
-        return float(turned[-1] - turned[0])
-
-    def seen_from(self, observer: LinkMotion) -> LinkMotion:
-        """Return the motion relative to another link, whose frame coincides with the fixed frame at the first sample."""
-        level = observer.angle - observer.angle[0]
-        back, rate, change = np.exp(-1j * level), observer.rate, observer.rate_change
-        reach, speed = self.origin - observer.origin, self.velocity - observer.velocity
-        velocity = back * (speed - 1j * rate * reach)
-        acceleration = back * (
-            self.acceleration - observer.acceleration - 2j * rate * speed - (1j * change + rate**2) * reach
-        )
-        return replace(
-            self,
-            origin=observer.origin[0] + back * reach,
-            angle=self.angle - level,
-            velocity=velocity,
-            rate=self.rate - rate,
-            acceleration=acceleration,
-            rate_change=self.rate_change - change,
-            pivot=None,
-        )
-
-
-class _Triangle(NamedTuple):
-    """The triangle Z, C, X by four factors of 16 times its squared area, each free of cancellation, (n,).
-
-    Sides: distance D = |ZC|, arm L = |ZX|, radius r = |CX|.
-    """
-
-    total: Floats
-    """L + r + D"""
-    beyond: Floats
-    """L + r - D"""
-    less_arm: Floats
-    """D + r - L"""
-    less_radius: Floats
-    """D + L - r"""
-
-    @classmethod
-    def of(cls, varying: Floats, still: Floats, radius: float, shorter: Floats, longer: Floats) -> _Triangle:
-        """Build the triangle from its constant and its varying side.
-
-        If the arm varies instead of the distance, exchange ``beyond`` and ``less_arm``.
-
-        Parameters
-        ----------
-        varying, still : ndarray
-            The side that varies, and the constant side.
-        radius : float
-            The third side.
-        shorter : ndarray
-            Square of (still + radius) less the square of the varying side.
-        longer : ndarray
-            Square of the varying side less the square of (still - radius).
-        """
-        total = varying + still + radius
-        outer, inner = varying + radius - still, varying + still - radius
-        larger = np.maximum(outer, inner)
-        smaller = longer / np.where(larger > 0, larger, 1.0)
-        first = outer > inner
-        return cls(total, shorter / total, np.where(first, larger, smaller), np.where(first, smaller, larger))
-
-    @property
-    def root(self) -> Floats:
-        """L r sin mu."""
-        return np.sqrt(self.total * self.beyond) * np.sqrt(self.less_arm * self.less_radius) / 2
-
-    @property
-    def at_z(self) -> Floats:
-        """Angle between ZC and ZX."""
-        return 2 * np.arctan2(np.sqrt(self.beyond * self.less_arm), np.sqrt(self.total * self.less_radius))
-
-    @property
-    def at_c(self) -> Floats:
-        """Angle between CZ and CX."""
-        return 2 * np.arctan2(np.sqrt(self.beyond * self.less_radius), np.sqrt(self.total * self.less_arm))
-
-    @property
-    def at_x(self) -> Floats:
-        """Acute angle between the lines XZ and XC."""
-        sine_squared, cosine_squared = self.total * self.beyond, self.less_arm * self.less_radius
-        return 2 * np.arctan2(
-            np.sqrt(np.minimum(sine_squared, cosine_squared)), np.sqrt(np.maximum(sine_squared, cosine_squared))
-        )
 
 
 @dataclass(frozen=True)
@@ -346,7 +166,7 @@ class Linkage:
         along, arm, offset = np.exp(1j * self.ground_angle), self.arm, self.body_offset or 0.0
         back = np.exp(-1j * offset)
         first, second = (
-            _mapped(
+            mapped(
                 guide,
                 lambda z: self.pivot_a + along * z,
                 lambda z: (z - arm) * back,
@@ -420,7 +240,7 @@ class Linkage:
     def scaled(self, scale: float) -> Linkage:
         """Return the linkage with all lengths scaled about the origin."""
         first, second = (
-            _mapped(guide, lambda z: z * scale, lambda z: z * scale, scale) for guide in self.local_guides
+            mapped(guide, lambda z: z * scale, lambda z: z * scale, scale) for guide in self.local_guides
         )
         point = self.coupler_point_polar
         return replace(
@@ -439,14 +259,10 @@ class Linkage:
             ground_angle=self.ground_angle + turn,
         )
 
-    def placed(self, pivot_a: complex, ground_angle: float, coupler_point_polar: tuple[float, float]) -> Linkage:
-        """Return the linkage at another position and with another body point."""
-        return replace(self, pivot_a=pivot_a, ground_angle=ground_angle, coupler_point_polar=coupler_point_polar)
-
     def mirrored(self) -> Linkage:
         """Return the mirror image about the x axis: positions, directions and rotations change the sign of y."""
         first, second = (
-            _mapped(guide, complex.conjugate, complex.conjugate, sense=-1.0) for guide in self.local_guides
+            mapped(guide, complex.conjugate, complex.conjugate, sense=-1.0) for guide in self.local_guides
         )
         # mirroring changes the sign of a cross product and of a normal
         flips = (self.driver is Driver.HINGE) != isinstance(second, Circle)
@@ -470,7 +286,7 @@ class Linkage:
         angle -= TURN * round(angle / TURN)
         factor = complex(np.exp(-1j * angle))
         first, second = (
-            _mapped(guide, lambda z: z, lambda z: z * factor, turn_in_body=-angle) for guide in self.local_guides
+            mapped(guide, lambda z: z, lambda z: z * factor, turn_in_body=-angle) for guide in self.local_guides
         )
         return replace(self, local_guides=(first, second))
 
@@ -598,14 +414,14 @@ class Linkage:
         position = -self._pin.at(q) - np.exp(1j * rotation) * self.local_guides[0].body_at(q)
         return BodyPoses(position, rotation, side * sine, push, angle)
 
-    def _triangle(self, q: Floats) -> _Triangle:
+    def _triangle(self, q: Floats) -> Triangle:
         """Return the triangle of the pin Z and the pivot and body point of the other guide."""
         second = self.local_guides[1]
         assert isinstance(second, Circle)
         distance, length = np.abs(self._spread.at(q)), np.abs(self._arm.at(q))
         if self.driver is not Driver.CYLINDER:
-            return _Triangle.of(distance, length, second.radius, *self._closed(q))
-        found = _Triangle.of(length, distance, second.radius, *self._closed(q))
+            return Triangle.of(distance, length, second.radius, *self._closed(q))
+        found = Triangle.of(length, distance, second.radius, *self._closed(q))
         return found._replace(beyond=found.less_arm, less_arm=found.beyond)
 
     def _by_hinge(self, q: Floats, side: int) -> BodyPoses:
@@ -870,8 +686,7 @@ class Linkage:
 
     def travel_over(self, interval: Interval) -> Floats:
         """Return the travel over an interval from the first sample in even steps, of at most a degree for angles."""
-        first, last = interval
-        steps = _POINTS
+        (first, last), steps = interval, 181
         if self.driver.turns:
             steps = min(max(steps, int(np.ceil(np.rad2deg(abs(last - first)))) + 1), 7201)
         return np.linspace(first, last, steps)
@@ -900,10 +715,10 @@ class Linkage:
             rate = self.along_rate(index, travel)
             turns = np.flatnonzero(rate[:-1] * rate[1:] < 0)
             low, high, sign = travel[turns], travel[turns + 1], np.sign(rate[turns])
-            for _ in range(_REFINEMENTS if turns.size else 0):
-                steps = np.linspace(low, high, _NODES)
+            for _ in range(4 if turns.size else 0):  # to 2e-8 radians: the coordinate there to all digits
+                steps = np.linspace(low, high, 33)
                 before = self.along_rate(index, steps.ravel()).reshape(steps.shape) * sign > 0
-                last = np.clip(np.argmin(before, axis=0) - 1, 0, _NODES - 2)
+                last = np.clip(np.argmin(before, axis=0) - 1, 0, len(steps) - 2)
                 low, high = (np.take_along_axis(steps, (last + k)[None], 0)[0] for k in (0, 1))
             ends = np.concatenate([ends, low])
         values = self.along(index, ends)
@@ -926,24 +741,6 @@ _LINK_OF: dict[type, str] = {Circle: "crank", Rail: "slider", Slot: "block"}
 
 def _turned(vector: complex, angle: float) -> complex:
     return complex(vector * np.exp(1j * angle))
-
-
-def _mapped(
-    guide: Guide,
-    ground: Callable[[complex], complex],
-    body: Callable[[complex], complex],
-    scale: float = 1.0,
-    sense: float = 1.0,
-    turn: float = 0.0,
-    turn_in_body: float = 0.0,
-) -> Guide:
-    """Return a guide with mapped points of ground and body, a scaled radius, and directions reflected and turned."""
-    fixed, point = complex(ground(guide[0])), complex(body(guide.body_point))
-    if isinstance(guide, Circle):
-        return Circle(fixed, guide.radius * scale, point)
-    if isinstance(guide, Rail):
-        return Rail(fixed, guide.direction * sense + turn, point)
-    return Slot(fixed, point, guide.body_direction * sense + turn_in_body)
 
 
 def on_guides(guides: tuple[Guide, Guide], driver: Driver, branch: int = 1, start: float = 0.0) -> Linkage:

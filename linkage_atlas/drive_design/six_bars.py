@@ -25,7 +25,7 @@ from synthesis.arrays import Floats
 from synthesis.drives.links import ends_of
 from synthesis.drives.six_bar import MOTOR_CRANK, ROD, Motor, SixBar, joints_of
 from synthesis.errors import FieldError
-from synthesis.linkage import Mass
+from synthesis.link_motion import Mass
 from synthesis.target import TURN, Interval, Target
 from synthesis.work import Work
 

@@ -20,7 +20,7 @@ from synthesis.arrays import Complexes, Flags, Floats
 from synthesis.drives.motor import MotorCycle, evaluate_motor, return_angle
 from synthesis.drives.pivoted import direction_into_box
 from synthesis.four_bar import grashof_excesses, transmission_angle_over
-from synthesis.linkage import LinkMotion
+from synthesis.link_motion import LinkMotion
 from synthesis.mechanism import Box, outside
 from synthesis.target import TURN, Interval
 

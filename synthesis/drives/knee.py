@@ -12,10 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from synthesis.arrays import Complexes, Floats, angle_at
+from synthesis.arrays import Complexes, Floats
 from synthesis.drives.placement_search import PlacementSearch
 from synthesis.drives.placements import Actuator, Placement, PlacementLimits, Refusal, Sizes
-from synthesis.linkage import LinkMotion
+from synthesis.link_motion import LinkMotion
+from synthesis.triangle import angle_at
 from synthesis.work import Work
 
 

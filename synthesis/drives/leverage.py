@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from synthesis.arrays import Complexes, Floats, dot
-from synthesis.linkage import LinkMotion
+from synthesis.link_motion import LinkMotion
 
 
 def lengths_and_arms(link: LinkMotion, middle: complex, grounds: Complexes, pins: Complexes) -> tuple[Floats, Floats]:

@@ -13,7 +13,8 @@ import numpy as np
 
 from synthesis.arrays import Complexes, Floats, dot
 from synthesis.guides import Circle
-from synthesis.linkage import BODY, Linkage, LinkMotion
+from synthesis.link_motion import LinkMotion
+from synthesis.linkage import BODY, Linkage
 from synthesis.one_variable import closer_looks
 from synthesis.studies.forces import Load
 from synthesis.target import Interval

@@ -11,9 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from synthesis.arrays import Complexes, Floats, angle_at
-from synthesis.linkage import LinkMotion
+from synthesis.arrays import Complexes, Floats
+from synthesis.link_motion import LinkMotion
 from synthesis.target import TURN
+from synthesis.triangle import angle_at
 
 DEAD_CENTRE_TOLERANCE = 1e-5
 """Allowed distance of the ends of the motion from the dead centres, as a fraction of crank and rod together."""

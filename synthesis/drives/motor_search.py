@@ -17,7 +17,7 @@ from synthesis.drives.max_min import MaxMinProblem
 from synthesis.drives.motor import MotorCycle, evaluate_motor, return_angle
 from synthesis.drives.placement_search import PlacementSearch
 from synthesis.drives.placements import PlacementLimits
-from synthesis.linkage import LinkMotion
+from synthesis.link_motion import LinkMotion
 from synthesis.mechanism import Box, outside
 from synthesis.work import Work
 

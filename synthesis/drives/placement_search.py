@@ -18,7 +18,7 @@ from synthesis.drives.leverage import lengths_and_arms
 from synthesis.drives.pivoted import place_about_pivot
 from synthesis.drives.placement_descent import PlacementProblem
 from synthesis.drives.placements import TOLERANCE, Actuator, Placement, PlacementLimits, PlacementTask, Refusal, Sizes
-from synthesis.linkage import LinkMotion
+from synthesis.link_motion import LinkMotion
 from synthesis.mechanism import Box, outside
 from synthesis.work import Work
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from synthesis.arrays import Floats
-from synthesis.linkage import LinkMotion
+from synthesis.link_motion import LinkMotion
 from synthesis.mechanism import Box, outside
 
 TOLERANCE = 1e-7

@@ -19,13 +19,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from synthesis.arrays import Complexes, Floats, angle_at, cross, dot
+from synthesis.arrays import Complexes, Floats, cross, dot
 from synthesis.drives.links import GROUND, LinkMotions, motions_at
 from synthesis.drives.motor import MotorCycle, evaluate_motor
 from synthesis.errors import FieldError
-from synthesis.linkage import Linkage, LinkMotion
+from synthesis.link_motion import LinkMotion
+from synthesis.linkage import Linkage
 from synthesis.studies.forces import Load
 from synthesis.target import TURN, Interval
+from synthesis.triangle import angle_at
 
 MOTOR_CRANK, ROD = "motor_crank", "rod"
 """Names of the two links that the motor adds."""

@@ -11,7 +11,8 @@ import numpy as np
 from synthesis.arrays import Complexes, Floats
 from synthesis.errors import FieldError
 from synthesis.guides import Kind, Rail, Slot
-from synthesis.linkage import BODY, Linkage, LinkMotion
+from synthesis.link_motion import LinkMotion
+from synthesis.linkage import BODY, Linkage
 from synthesis.target import TURN, Interval, Target
 
 FARTHEST = 1e9

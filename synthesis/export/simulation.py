@@ -18,7 +18,8 @@ from synthesis.export.layout import (
     unit_in_words,
 )
 from synthesis.guides import Circle, Driver, Rail, Slot
-from synthesis.linkage import BODY, Linkage, Mass
+from synthesis.link_motion import Mass
+from synthesis.linkage import BODY, Linkage
 from synthesis.target import Target
 
 SPEED = 1.0

@@ -300,15 +300,13 @@ class FourBar:
         self, lengths: Floats, branch: Floats, start: Floats, pose: tuple[Complexes, Floats, Complexes] | None
     ) -> list[Linkage]:
         """Return linkages in a given pose."""
-        linkages = [
-            four_bar(as_lengths(row), int(side), float(at))
-            for row, side, at in zip(lengths, branch, np.asarray(start) % TURN)
-        ]
+        columns = zip(lengths, branch, np.asarray(start) % TURN)
+        rows = [(as_lengths(row), int(side), float(at)) for row, side, at in columns]
         if pose is None:
-            return linkages
+            return [four_bar(*row) for row in rows]
         return [
-            linkage.placed(complex(a), wrap(turn), (float(abs(z)), wrap(float(np.angle(z)) - turn)))
-            for linkage, a, turn, z in zip(linkages, *pose)
+            four_bar(*row, complex(a), wrap(turn), (float(abs(z)), wrap(float(np.angle(z)) - turn)))
+            for row, a, turn, z in zip(rows, *pose)
         ]
 
 

@@ -18,7 +18,8 @@ from synthesis.assembly.machine import Machine
 from synthesis.assembly.parts import Heights, Part, parts_of
 from synthesis.assembly.stacks import HEAD, Stack
 from synthesis.errors import FieldError
-from synthesis.linkage import BODY, Mass
+from synthesis.link_motion import Mass
+from synthesis.linkage import BODY
 from synthesis.solids.prism import Hole, MassProperties, Prism, filleted, rounded, together
 
 DENSITIES = {

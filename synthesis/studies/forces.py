@@ -15,7 +15,8 @@ import numpy as np
 
 from synthesis.arrays import Complexes, Floats, cross, dot
 from synthesis.guides import Circle, Driver, Rail, Slot
-from synthesis.linkage import BODY, Linkage, LinkMotion, Mass
+from synthesis.link_motion import LinkMotion, Mass
+from synthesis.linkage import BODY, Linkage
 
 
 class PointForce(NamedTuple):

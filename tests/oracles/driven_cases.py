@@ -7,7 +7,8 @@ import numpy as np
 from synthesis.drives.links import GROUND, LinkMotions, motions_of
 from synthesis.drives.placement_search import PlacementSearch
 from synthesis.drives.placements import Actuator, PlacementLimits
-from synthesis.linkage import Linkage, LinkMotion, Mass, four_bar
+from synthesis.link_motion import LinkMotion, Mass
+from synthesis.linkage import Linkage, four_bar
 from synthesis.studies.forces import Load
 from synthesis.target import Interval
 from tests.oracles.guided_cases import DRIVES, good_linkage

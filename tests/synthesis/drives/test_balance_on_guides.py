@@ -9,7 +9,7 @@ import pytest
 from synthesis.drives.balance import springs_on_pendulums
 from synthesis.drives.links import motions_at
 from synthesis.guides import Circle, Driver, Rail, Slot
-from synthesis.linkage import Mass
+from synthesis.link_motion import Mass
 from synthesis.studies.forces import Load
 from tests.oracles.guided_cases import DRIVES, NAMES, good_linkage
 

@@ -17,7 +17,8 @@ from synthesis.drives.motor import evaluate_motor
 from synthesis.drives.placement_search import PlacementSearch
 from synthesis.drives.placements import Actuator, PlacementLimits, Refusal
 from synthesis.drives.springs import Spring, mount_springs
-from synthesis.linkage import Linkage, Mass, four_bar
+from synthesis.link_motion import Mass
+from synthesis.linkage import Linkage, four_bar
 from synthesis.studies.forces import Load
 from synthesis.target import Interval
 from tests.oracles.driven_cases import straight

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from synthesis.drives.six_bar import ROD, Motor, SixBar, joints_of
-from synthesis.linkage import Mass, four_bar
+from synthesis.link_motion import Mass
+from synthesis.linkage import four_bar
 from synthesis.studies.forces import Load
 from synthesis.target import TURN, Interval
 from tests.oracles.assembly import other_six_bars

@@ -12,7 +12,7 @@ from synthesis.drives.balance import one_spring, potential_of, two_springs
 from synthesis.drives.links import motions_of
 from synthesis.drives.spring_search import best_spring
 from synthesis.drives.springs import Spring, SpringRegion, SpringRow, mount_springs, spring_torque
-from synthesis.linkage import Mass
+from synthesis.link_motion import Mass
 from synthesis.studies.forces import Load
 from synthesis.target import Interval
 from tests.oracles.driven_cases import random_linkage

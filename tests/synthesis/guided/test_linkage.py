@@ -12,7 +12,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from synthesis.guides import Circle, Driver, Guide, Rail, Slot
-from synthesis.linkage import BodyPoses, Linkage, four_bar, on_guides
+from synthesis.link_motion import BodyPoses
+from synthesis.linkage import Linkage, four_bar, on_guides
 from synthesis.target import Interval
 from tests.oracles.four_bar_joints import joints_at
 from tests.oracles.guided_cases import DRIVES, NAMES, random_linkage

@@ -11,7 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from synthesis.guides import Circle, Driver, Rail, Slot
-from synthesis.linkage import Linkage, Mass, four_bar
+from synthesis.link_motion import Mass
+from synthesis.linkage import Linkage, four_bar
 from synthesis.studies import forces as analysis
 from synthesis.studies.forces import Forces, Load, on_links
 from tests.oracles.four_bar_joints import Joints, joints_at
