@@ -11,8 +11,8 @@ The results that ``measure`` yields are published: `save` writes ``benchmarks/re
 and command, and `render` draws the pictures and fills the documents. A long benchmark yields its results after each part. A tree
 with uncommitted changes publishes nothing: there the option ``--try`` prints the blocks instead.
 
-**A marker** is the pair ``<!-- NAME.BLOCK -->`` and ``<!-- /NAME.BLOCK -->`` in README.md, docs/*.md or
-docs/background/*.md. If a line ends after the
+**A marker** is the pair ``<!-- NAME.BLOCK -->`` and ``<!-- /NAME.BLOCK -->`` in README.md, or in
+`docs` and its folders `background` and `howto`. If a line ends after the
 first marker, the text between the markers is a block of lines (a table), otherwise a few words of the line. Every block occurs at
 least once; the block ``made`` (machine, commit and command in words) is generated automatically.
 
@@ -57,7 +57,7 @@ RESULTS = ROOT / "benchmarks" / "results"
 DOCUMENTS = [
     ROOT / "README.md",
     *sorted((ROOT / "docs").glob("*.md")),
-    *sorted((ROOT / "docs" / "background").glob("*.md")),
+    *(path for shelf in ("background", "howto") for path in sorted((ROOT / "docs" / shelf).glob("*.md"))),
 ]
 
 

@@ -163,8 +163,8 @@ def test_each_task_from_the_empty_page_to_dxf(page, task, device) -> None:
 
 
 def test_the_tutorial(opened) -> None:
-    """The clicks of docs/tutorial.md, with the rows that it shows."""
-    tutorial = (ROOT / "docs/tutorial.md").read_text()
+    """The clicks of docs/start/page_in_five_minutes.md, with the rows that it shows."""
+    tutorial = (ROOT / "docs/start/page_in_five_minutes.md").read_text()
     rows = re.search(r"((?:    [^\n]+\n){9})", tutorial).group(1)
     opened.paste("\n".join(row.strip() for row in rows.splitlines()))
     assert len(opened.table()) == 8 and opened.value("timing") == "free"
