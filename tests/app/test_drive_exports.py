@@ -96,25 +96,6 @@ def test_an_arm_leads_from_the_link_to_the_pin(name: str) -> None:
     assert ends <= {pin.name for pin in layers.pins}
 
 
-@pytest.mark.parametrize("name", ["cylinder", "between links"])
-def test_a_cylinder_moves_between_its_ends_and_its_rod_stays_inside(name: str) -> None:
-    linkage, drive = moving(), drive_of(name)
-    layers = linkage.assembly(drive=drive)
-    machine = layers.machine
-    names = machine.movement.names
-    travel = np.radians(np.linspace(0, ANGLES[-1], 61))
-    bodies = machine.movement.bodies(travel)
-    tube, rod = names.index("cylinder"), names.index("piston_rod")
-    foot, pin = bodies.origin[tube] + machine.origin, bodies.origin[rod] + machine.origin
-    assert drive.curve.ground is not None and drive.curve.pin is not None
-    assert foot == pytest.approx(drive.curve.ground @ [1, 1j], abs=1e-9)
-    assert pin == pytest.approx(drive.curve.pin @ [1, 1j], abs=1e-9)
-    reach = max(machine.plate("cylinder").shape.core, key=abs), max(machine.plate("piston_rod").shape.core, key=abs)
-    overlap = abs(reach[0]) + abs(reach[1]) - np.abs(pin - foot)
-    assert overlap.min() > 0, "the rod is inside at every position"
-    assert layers.layers["cylinder"] == layers.layers["piston_rod"]
-
-
 @pytest.mark.parametrize("seed", some_of(range(6), 3))
 def test_a_free_assembly_with_a_cylinder_does_not_touch(seed: int) -> None:
     """Compare with dense samples of plates in the same layer, as capsules and polygons along their outline."""

@@ -5,7 +5,6 @@ These tests would catch a route or an ending that is not connected to its writer
 
 import csv
 import io
-import json
 import math
 from xml.etree import ElementTree
 
@@ -13,10 +12,7 @@ import ezdxf
 import numpy as np
 import pytest
 
-from app import cli
 from app.registry import worked_example
-
-FORMATS = ("csv", "svg", "dxf", "mjcf")
 
 
 @pytest.fixture(scope="module")
@@ -70,25 +66,6 @@ def test_a_linkage_is_exported_over_its_own_range_when_the_timing_is_free(client
     assert np.ptp(angles) == span if span else 60 < np.ptp(angles) < 359
     assert all(np.isfinite(float(row["transmission_angle"])) for row in rows)
     assert client.post("/v2/export", json={**body, "format": "dxf"}).status_code == 200
-
-
-def test_exports_by_ending_over_http_and_on_the_command_line(client, solved, tmp_path) -> None:
-    request, _ = solved
-    file = tmp_path / "request.json"
-    file.write_text(json.dumps(request))
-    for name in FORMATS:
-        over_http = client.post(f"/v2/synthesize.{name}", json=request)
-        assert over_http.status_code == 200, over_http.text
-        out = tmp_path / f"linkage.{name}"
-        assert cli.main(["synthesize", str(file), "--no-preset", "--export", str(out)]) == 0
-        if name == "csv":  # the command's linkage went through degrees, which may cost a last digit
-            ours, theirs = rows_of(out.read_text()), rows_of(over_http.text)
-            assert [list(row) for row in ours] == [list(row) for row in theirs]
-            numbers = [[[float(value) for value in row.values()] for row in rows] for rows in (ours, theirs)]
-            np.testing.assert_allclose(*numbers, rtol=1e-12, atol=1e-12)
-        elif name != "dxf":  # whose header holds a time and a new identity
-            assert out.read_bytes() == over_http.content
-    assert not ezdxf.readfile(tmp_path / "linkage.dxf").audit().errors
 
 
 def test_rotations_alone_and_radians(client, solved) -> None:

@@ -26,8 +26,7 @@ from app.registry import all_queries, worked_example
 from app.resources import ServiceResources
 from app.scenes import scene_queries
 from app.settings import Settings
-from tests.conftest import changed, finite, some_of
-from tests.oracles.recompute import broken_limits
+from tests.conftest import changed, finite
 
 EXAMPLE = worked_example()
 ROTATION, POSITION = EXAMPLE["rotation"], EXAMPLE["position"]
@@ -154,21 +153,6 @@ def matches(client: TestClient, **fields: Any) -> list[dict[str, Any]]:
     return ask(client, "/v2/match", **fields)["matches"]
 
 
-def test_features_come_with_the_reply_and_are_resampled(client) -> None:
-    reply = ask(client, "/v2/match", rotation=ROTATION, crank_span=70, top=2, features=True)
-    own = reply["report"]["features"]
-    assert own["samples"] == 16 and not own["resampled"]
-    assert np.deg2rad(own["details"][:3]) == pytest.approx([0.0825, 0.0422, 0.0383], abs=5e-5)
-    assert math.radians(own["average"]) == pytest.approx(0.2376, abs=5e-5)
-    for match in reply["matches"]:
-        theirs = match["features"]
-        assert len(theirs["details"]) == theirs["samples"] - 1 == 15
-        assert theirs["average"] + match["offset"] == pytest.approx(own["average"], abs=1e-9)
-    short = ask(client, "/v2/match", rotation=ROTATION[:11], crank_span=70 * 10 / 15, top=1, features=True)
-    assert short["report"]["features"]["samples"] == 16 and short["report"]["features"]["resampled"]
-    assert ask(client, "/v2/match", rotation=ROTATION, crank_span=70)["report"]["features"] is None
-
-
 # -- synthesize -------------------------------------------------------------------------------------------------------
 
 
@@ -226,18 +210,6 @@ def test_no_request_computes_longer_than_the_service_allows() -> None:
 
 RETAINED = [{"transmission_angle_min": 45}, {"link_min": 15, "link_max": 300}, {"pivot_box": [-60, -60, 260, 260]}]
 RETAINED += [{"family": family} for family in ("crank_rocker", "double_crank", "any")]
-EITHER = [(limits, ("atlas", "refine")[(k + turn) % 2]) for turn in range(2) for k, limits in enumerate(RETAINED)]
-
-
-@pytest.mark.parametrize(("limits", "effort"), some_of(EITHER, 4))
-def test_every_solution_keeps_the_limits(limits, effort, client) -> None:
-    fields = {**EXAMPLE, "top": 3, "effort": effort, "limits": limits, "budget_ms": 20_000}
-    reply = ask(client, "/v2/synthesize", **fields)
-    assert len(reply["solutions"]) == 3, "all of these limits can be kept"
-    for solution in reply["solutions"]:
-        assert broken_limits(fields, solution) == []
-        if limits.get("family", "any") != "any":
-            assert solution["family"] == limits["family"]
 
 
 # -- malformed requests -----------------------------------------------------------------------------------------------

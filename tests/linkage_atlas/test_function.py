@@ -3,14 +3,10 @@
 A wrong dial, an unusable first generator or a wrong rocker curve would show here.
 """
 
-import csv
-import io
 import json
 import math
-from pathlib import Path
 from typing import Any
 
-import ezdxf
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -105,21 +101,6 @@ def test_a_reply_tells_everything_and_holds_plain_numbers() -> None:
         moved = la.FourBar(*longer, found.linkage.branch, start_angle=found.linkage.start_angle).joints(travel)
         change = np.sqrt(np.mean(((moved.rocker_direction - plain) / 1e-5) ** 2))
         assert best["sensitivity"][k] == pytest.approx(change, rel=1e-3), name
-
-
-def test_files(tmp_path: Path) -> None:
-    limits = {"preset": "practical", "links": {"ground": 50}}
-    found = la.function(function=SQUARE, crank_span=90, limits=limits, top=1)
-    rows = list(csv.DictReader(io.StringIO(found.render("csv"))))
-    error = [float(row["error"]) for row in rows]
-    assert len(rows) == 101 and np.sqrt(np.mean(np.square(error))) == pytest.approx(found.best.errors.rms, rel=1e-9)
-    assert float(rows[-1]["output_wanted"]) == pytest.approx(90)
-    assert error == pytest.approx([float(row["output"]) - float(row["output_wanted"]) for row in rows], abs=1e-12)
-    (tmp_path / "one.dxf").write_text(found.render("dxf"), newline="")
-    assert not ezdxf.readfile(tmp_path / "one.dxf").audit().has_errors
-    assert found.render("svg").startswith("<") and "mujoco" in found.render("mjcf")
-    with pytest.raises(la.FieldError):
-        found.render("csv", rank=2)
 
 
 def test_radians_and_degrees_are_the_same() -> None:

@@ -18,7 +18,6 @@ from linkage_atlas.studies import read_studies
 from synthesis.solution import assess
 from synthesis.studies.rounding import nearest_travel
 from synthesis.work import Work
-from tests.conftest import some_of
 from tests.oracles.guided_cases import DRIVES, NAMES, good_linkage
 
 CRANK = {"guide": "circle", "pivot": [0, 0], "radius": 1, "body_point": [0, 0]}
@@ -99,55 +98,6 @@ def test_the_object_prints_draws_and_keeps_itself() -> None:
     assert block.kind == "swinging_block" and block.driver == "hinge"
     four = la.Linkage([CRANK, {**CRANK, "pivot": [3, 0], "body_point": [2.5, 0], "radius": 2}], "crank")
     assert four.kind == "four_bar" and four.turns_fully
-
-
-@pytest.mark.parametrize(
-    "drive", some_of([(DRIVES[k],) for k in (8, 5, 1, 9)], 2), ids=lambda drive_case: f"{drive_case[1]}"
-)
-def test_files_over_http_from_a_solution(client, drive) -> None:
-    solution, motion = reply_of(drive)
-    position = [[z.real, z.imag] for z in motion.requested.position]
-    request = {"position": position, "rotation": np.rad2deg(motion.requested.rotation).tolist(), "timing": "free"}
-    body = {"request": request, "linkage": json.loads(json.dumps(plain_of(solution)))}
-
-    def exported(kind: str, status: int, mark: str = "", **more) -> bytes:
-        reply = client.post("/v2/export", json={**body, **more, "format": kind})
-        assert reply.status_code == status and mark in (mark and reply.text), reply.text
-        return reply.content
-
-    marks = {"csv": "x_wanted", "svg": "<svg", "dxf": "AcDb", "mjcf": "<mujoco", "json": "guides"}
-    for kind, mark in marks.items():
-        exported(kind, 200, mark)
-    exported("pylinkage", 422, "pylinkage has no guides that move")
-    passed = {"travel": solution.travel} if solution.crank_angle is None else {"crank_angle": solution.crank_angle}
-    solids = {"solids": {"allow_collisions": True}}
-    for kind in ("step", "3mf", "stl", "parts", "plates"):
-        built = exported(kind, 200, **solids)
-        if kind != "plates":  # a DXF, which is stamped
-            assert built == solution.linkage.file(kind, motion, **solids, **passed)
-    for kind in ("urdf", "sdf"):
-        exported(kind, 422, "whose joints all turn", **solids)
-    del body["linkage"]["driver"]
-    exported("svg", 422, "/linkage/driver")
-    body["linkage"] = {"branch": 1}
-    exported("svg", 422, "/linkage/links")
-
-
-@pytest.mark.parametrize("drive", some_of([(drive,) for drive in DRIVES[1:]], 6), ids=NAMES[1:])
-def test_lengths_that_can_be_had_come_with_their_errors(drive) -> None:
-    rounded, motion = reply_of(drive, round_to=5.0)
-    found = rounded.rounded
-    assert found is not None and found.closes and found.combinations_examined > 0
-    for length in found.lengths.values():
-        assert length / 5 == pytest.approx(round(length / 5), abs=1e-9)
-    plain = json.loads(json.dumps(plain_of(rounded), allow_nan=False))["rounded"]
-    repeated = la.Linkage(plain["guides"], rounded.driver, plain["branch"], plain["start"])
-    joints = repeated.joints(plain["crank_angle"] or plain["travel"])
-    off = np.abs(joints.body_point @ [1, 1j] - motion.requested.position)
-    assert off.max() == pytest.approx(plain["errors"]["position_max"], rel=1e-6, abs=1e-9)
-    stocked, _ = reply_of(drive, lengths_from=[20, 40, 60, 80, 100, 120])
-    assert stocked.rounded is not None and stocked.rounded.combinations == 6 ** len(found.lengths)
-    assert all(round(length) in (20, 40, 60, 80, 100, 120) for length in stocked.rounded.lengths.values())
 
 
 def test_the_command_line_says_what_was_found_of_several_kinds() -> None:

@@ -3,11 +3,9 @@
 A part of a wrong size or mass, or a refusal without its reason, would show here.
 """
 
-import io
 import json
 from importlib.resources import files
 
-import ezdxf
 import numpy as np
 import pytest
 
@@ -162,25 +160,6 @@ def test_a_body_that_has_layers_can_be_made(name, point) -> None:
     parts = linkage.solids(body=outline, allow_collisions=True, **BOTH)
     rim = min(part.prism.thinnest_wall for part in parts.solids.parts if part.name in ("body", "coupler"))
     assert rim >= min(sizes.thickness, (sizes.width - sizes.hole) / 8) * (1 - 1e-9)
-
-
-def test_plates_of_an_assembly_are_its_parts_flat(linkage) -> None:
-    parts = linkage.solids(boards="both", fit="print", heads=True)
-    text = linkage.file("plates", assembly={"boards": "both", "heads": True}, solids={"fit": "print"}).decode()
-    # the file has a mark of its own each time it is written
-    assert len(text) == len(parts.file("plates").decode())
-    document = ezdxf.read(io.StringIO(text))
-    assert not document.audit().errors
-    space = document.modelspace()
-    for part in parts.solids.parts:
-        outlines = space.query(f'LWPOLYLINE[layer=="{part.name.upper()}"]')
-        assert len(outlines) == (part.kind not in ("pin", "post")), part.name
-        if outlines:
-            radii = sorted(circle.dxf.radius for circle in space.query(f'CIRCLE[layer=="{part.name.upper()}"]'))
-            assert radii == pytest.approx(sorted(hole.radius for hole in part.prism.holes))
-            bulges = [point[4] for point in outlines[0].get_points()]
-            assert bulges == pytest.approx(part.prism.outline[:, 2].tolist())
-    assert "BOARD_ABOVE" not in linkage.file("plates").decode()
 
 
 # -- the command and HTTP -----------------------------------------------------------------------------------------------

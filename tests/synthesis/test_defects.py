@@ -8,8 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
-from hypothesis import strategies as st
+from hypothesis import settings
 
 from synthesis.defects import passage, shared_positions, verdict
 from synthesis.guides import Circle, Driver, Rail, Slot
@@ -114,39 +113,6 @@ def test_as_the_tracker(count) -> None:
     assert min(drivers[name] for name in ("crank", "rocker", "None")) > count / 3
     defects = ("circuit defect", "branch defect, no circuit defect", "order defect alone")
     assert min(seen[name] for name in defects) > count / 3
-
-
-LENGTH = st.floats(0.1, 1.0)
-SAMPLE = st.tuples(st.floats(-4.0, 4.0), st.sampled_from([-1, 1]))
-CASE = st.tuples(st.tuples(LENGTH, LENGTH, LENGTH, LENGTH), st.lists(SAMPLE, min_size=2, max_size=5, unique=True))
-REQUEST = st.fixed_dictionaries({"ordered": st.booleans(), "closed": st.booleans(), "timed": st.booleans()})
-
-
-def flags(lengths, samples, request) -> list[bool]:
-    angle, side = np.array(samples).T
-    found = passage(four_bar(tuple(lengths)), angle, side, **request)
-    return [found.order, found.branch, found.circuit]
-
-
-@laws
-@given(CASE, REQUEST)
-def test_the_same_for_reversed_samples_another_size_and_the_mirror_image(case, request) -> None:
-    lengths, samples = case
-    found = flags(lengths, samples, request)
-    assert flags(lengths, samples[::-1], request) == found
-    assert flags([8 * length for length in lengths], samples, request) == found
-    assert flags(lengths, [(-angle, -side) for angle, side in samples], request) == found
-
-
-@laws
-@given(CASE, st.integers(-3, 3), st.booleans(), st.booleans())
-def test_whole_turns_do_not_count_without_timing(case, turns, ordered, closed) -> None:
-    """Except near a change point, where the rounding of a turn decides between the circuits."""
-    lengths, samples = case
-    request = {"ordered": ordered, "closed": closed}
-    assume(not passage(four_bar(lengths), *np.array(samples).T, **request).uncertain)
-    moved = [(angle + TURN * turns * (k % 2), side) for k, (angle, side) in enumerate(samples)]
-    assert flags(lengths, moved, request) == flags(lengths, samples, request)
 
 
 # -- every kind of linkage ---------------------------------------------------------------------------------------------

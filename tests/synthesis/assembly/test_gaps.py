@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import shapely
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
@@ -15,7 +14,7 @@ from synthesis.assembly.gaps import CarriedShape, Gaps
 from synthesis.assembly.linkage_machine import as_plates
 from synthesis.assembly.machine import Sizes
 from synthesis.assembly.movement import GROUND, BodyPoint, Crank, Dyad, Movement
-from synthesis.assembly.shapes import Shape, disc, distances, hull, signed_area
+from synthesis.assembly.shapes import Shape, disc, distances
 from synthesis.four_bar import grashof_excesses
 from synthesis.linkage import four_bar
 from synthesis.target import TURN, Interval
@@ -58,20 +57,6 @@ def test_gaps_are_those_of_the_table(name) -> None:
             assert smallest[k].gap == pytest.approx(expected["least"], abs=CLOSE)
             if "at" in expected:
                 assert np.rad2deg(smallest[k].at) == pytest.approx(expected["at"], abs=1e-6)
-
-
-def test_closed_forms() -> None:
-    """E3: the crank leaves pin B where its end's disc does; E4: B lies 20 from the crank's end."""
-    machine = machine_of(TABLE["E3"])
-    gaps = gaps_of(machine, [("crank", "B")])
-    (proof,) = gaps.prove(machine.used, Work())
-    angle = np.arcsin((1.75 + 4.375 + machine.clearance) / 30)
-    assert proof.hits[0].last == pytest.approx(angle, abs=1e-14)
-    assert proof.hits[1].first == pytest.approx(TURN - angle, abs=1e-14)
-    machine = machine_of(TABLE["E4"])
-    gaps = gaps_of(machine, [("crank", "B")])
-    gaps.prove(machine.used, Work())
-    assert gaps.minimum_gaps([0], machine.used)[0].gap == pytest.approx(20 - 3 - 9 - machine.clearance, abs=1e-13)
 
 
 # -- poses and their enclosures -----------------------------------------------------------------------------------------
@@ -142,20 +127,6 @@ def test_distances_are_those_of_shapely() -> None:
             expected = shapely_gap(a.core, b.core)
             found = distances(np.array([a.corners]), np.array([b.corners]))[0]
             assert found == pytest.approx(expected, abs=1e-12), (a, b)
-
-
-@settings(max_examples=50, deadline=None)
-@given(st.lists(st.complex_numbers(max_magnitude=10, allow_nan=False), min_size=1, max_size=8))
-def test_a_hull_holds_its_points(points) -> None:
-    corners = hull(points)
-    assume(len(corners) > 2)
-    assert signed_area(corners) > 0
-    shape = shapely.Polygon([(z.real, z.imag) for z in corners])
-    assert all(shape.distance(shapely.Point(z.real, z.imag)) < 1e-7 for z in points)
-
-
-def test_a_hull_has_no_corner_on_a_side() -> None:
-    assert hull([0, 1, 2, 2 + 1j, 2 + 2j]) == (0, 2, 2 + 2j)
 
 
 # -- proofs -------------------------------------------------------------------------------------------------------------

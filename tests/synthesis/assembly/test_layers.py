@@ -9,7 +9,7 @@ import pytest
 from synthesis.assembly.keep_out import outside
 from synthesis.assembly.linkage_machine import as_plates
 from synthesis.assembly.machine import Sizes
-from synthesis.assembly.stacks import BOARDS, CollisionFree, StackRequest, StackSearch, arrange
+from synthesis.assembly.stacks import BOARDS, StackRequest, StackSearch, arrange
 from synthesis.linkage import four_bar
 from synthesis.target import TURN, Interval
 from synthesis.work import Work
@@ -91,17 +91,6 @@ def test_the_search_finds_what_going_through_all_arrangements_finds(boards) -> N
     assert "free" in statuses
 
 
-def test_of_free_stacks_the_best_by_pins_held_on_both_sides() -> None:
-    for machine in random_machines(11, 6):
-        search = StackSearch(machine, StackRequest("both"), Work())
-        found = search.solve()
-        assert found.status == "free"
-        free = [stack for stack, _ in search.stacks(found.stack.count, search.strict, CollisionFree())]
-        assert found.stack.pins_held_twice == max(stack.pins_held_twice for stack in free)
-        alike = [stack for stack in free if stack.pins_held_twice == found.stack.pins_held_twice]
-        assert found.stack.pin_length == min(stack.pin_length for stack in alike)
-
-
 def test_a_blocked_machine_is_free_where_it_says_and_stopped_where_it_says() -> None:
     """A shaft through A that the coupler passes over: both pivots held on both sides."""
     case = TABLE["E4"]
@@ -114,18 +103,6 @@ def test_a_blocked_machine_is_free_where_it_says_and_stopped_where_it_says() -> 
     assert np.rad2deg(found.low.at) == pytest.approx(first, abs=1e-9)
     assert np.rad2deg(found.high.at) == pytest.approx(last, abs=1e-9)
     assert [collision.pair for collision in found.collisions] == [("coupler", "A")]
-
-
-def test_a_body_lies_in_a_layer_of_its_own_on_a_post() -> None:
-    square = (-5 - 5j, 5 - 5j, 5 + 5j, -5 + 5j)
-    machine = machine_of(TABLE["E1"], body=square)
-    found = arrange(machine, StackRequest("below"), Work())
-    assert found.stack.layers["body"] != found.stack.layers["coupler"]
-    assert "P" in found.stack.pins
-    # a body that does not hold its point is reached by a longer coupler
-    away = machine_of(TABLE["E1"], body=tuple(z + 40 for z in square))
-    shorter, longer = (len(assembly.plate("coupler").shape.core) for assembly in (machine, away))
-    assert longer > shorter
 
 
 def test_plates_in_an_envelope_and_out_of_boxes() -> None:

@@ -6,7 +6,6 @@ A better placement that is missed, or a wrong derivative, would show here.
 import numpy as np
 import pytest
 
-from synthesis.drives.catalogue import CatalogueRow, choose_rows
 from synthesis.drives.links import SAMPLES, hinged_at, motions_of
 from synthesis.drives.placement_search import PlacementSearch
 from synthesis.drives.placements import Actuator, Placement, PlacementLimits, Refusal, Sizes
@@ -14,44 +13,7 @@ from synthesis.linkage import four_bar
 from synthesis.studies.forces import Load
 from synthesis.target import Interval
 from tests.conftest import some_of
-from tests.oracles.driven_cases import Case, loads, random_linkage, straight
-
-
-def random_question(seed: int, grid: int = 60) -> tuple[PlacementSearch, Actuator]:
-    """A link of a random linkage with a random load, and an actuator that may fit; the box and the reach are of its size."""
-    rng = np.random.default_rng(seed)
-    linkage, interval = random_linkage(rng)
-    machine = motions_of(linkage, interval)
-    torque = machine.torque(loads(machine, rng)._replace(speed=0.0))
-    link = machine.links[("crank", "coupler", "rocker")[seed % 3]]
-    middle = complex(np.mean(link.origin))
-    box = (middle.real - 2.5, middle.imag - 2.5, middle.real + 2.5, middle.imag + 2.5)
-    stroke = rng.uniform(0.15, 0.8)
-    expected = PlacementLimits(box, 1.5, 0.02 * stroke)
-    return PlacementSearch(link, machine.at, torque, expected, grid), Actuator(stroke * rng.uniform(1.1, 2.5), stroke)
-
-
-@pytest.mark.parametrize("seed", some_of(sorted(range(24), key=lambda seed: seed not in (13, 16, 20)), 7))
-def test_no_grid_four_times_as_fine_finds_a_smaller_force(seed: int) -> None:
-    """The first three questions are refused."""
-    question, actuator = random_question(seed)
-    found = question.best(actuator)
-    fine, _ = random_question(seed, 240)
-    link, fine.link = fine.link, _without_pivot(fine.link)
-    begin = fine.screen([actuator])
-    if isinstance(found, Refusal):
-        if not isinstance(begin, Refusal):  # the finer grid has additional points between the coarse points
-            assert not isinstance(fine.best(actuator), Refusal)
-            assert link.pivot is None
-            assert begin.best_value < 0.05
-        return
-    assert question.satisfies_limits(found, 1e-6)
-    assert isinstance(begin, Refusal) or found.worst <= (1 + 1e-6) * question.torque_scale / begin.best_value
-    repeated = fine.best(actuator)
-    assert isinstance(repeated, Refusal) or found.worst <= repeated.worst * (1 + 1e-6)
-    ends = [actuator.retracted, actuator.retracted + actuator.stroke][:: 1 if found.extends else -1]
-    assert found.length[[0, -1]] == pytest.approx(ends, abs=1e-9)
-    assert found.worst >= question.force_bound(actuator.stroke) * (1 - 1e-3)
+from tests.oracles.driven_cases import Case, straight
 
 
 @pytest.mark.parametrize("seed", some_of(range(1, 33), 10))
@@ -151,29 +113,3 @@ def test_reasons_name_what_binds() -> None:
         _without_pivot(link), machine.at, torque, PlacementLimits((50.0, 50.0, 51.0, 51.0), 2.0, 0.0)
     )
     assert distant.best(Actuator(1.0, 0.5)).reason == "stroke"
-
-
-def test_a_catalogue_gives_its_cheapest_row_that_does() -> None:
-    machine = hinged_at(0j, 0.0, 1.0, np.linspace(0.0, np.deg2rad(60), SAMPLES))
-    expected = PlacementLimits((-3.0, -3.0, 3.0, 3.0), 2.0, 0.0)
-    question = PlacementSearch(machine.links["rocker"], machine.at, 100 * np.ones(61), expected, 30)
-    rows = [
-        CatalogueRow("dear", Actuator(1.0, 0.6), 500, 500, 90),
-        CatalogueRow("weak", Actuator(1.0, 0.6), 150, 150, 10),
-    ]
-    rows += [
-        CatalogueRow("cheap", Actuator(1.0, 0.5), 500, 500, 40),
-        CatalogueRow("long", Actuator(6.0, 5.0), 5000, 5000, 5),
-    ]
-    found, unfit = choose_rows(question, rows, 1)
-    assert [result.row.name for result in found] == ["cheap"]
-    assert {result.row.name for result in unfit} == {"weak", "long"}
-    weak = next(result for result in unfit if result.row.name == "weak")
-    assert weak.why == pytest.approx(100 * np.pi / 3 / 0.6)
-    unpriced, _ = choose_rows(
-        question, [row.__class__(row.name, row.actuator, row.push, row.pull) for row in rows], 5
-    )
-    assert unpriced[0].row.name == "dear"  # among equal forces the longer stroke pushes least
-    pulls = CatalogueRow("pulls", Actuator(1.0, 0.6), 500, 1)
-    pushes = CatalogueRow("pushes", Actuator(1.0, 0.6), 1, 500)
-    assert len(choose_rows(question, [pulls, pushes], 2)[0]) == 1

@@ -9,7 +9,7 @@ import pytest
 import linkage_atlas as la
 from synthesis.descents import Stage
 from synthesis.fourbar.mechanism import FullCrankChart
-from synthesis.free.dyads import Body, evaluate_dyads, linear_dyads, polished
+from synthesis.free.dyads import Body, linear_dyads, polished
 from synthesis.free.joint import JointProblem
 from synthesis.poses import Poses, make_poses
 from tests.conftest import some_of
@@ -78,24 +78,6 @@ def test_five_poses_have_the_dyads_that_brute_force_finds(seed) -> None:
         close = np.abs(mine.body - point) + np.abs(mine.fixed - centre)
         assert close.min() < 1e-4 * (1 + abs(point) + abs(centre))
     assert len(remaining) <= mine.radius.size
-
-
-def test_the_error_of_a_dyad_is_the_cheapest_way_to_move_the_poses_onto_it() -> None:
-    """To first order the error of a pose is the least-squares move and turn that take its point onto the circle."""
-    case = free_case(1, 6)
-    body = Body(make_poses(case.rotation, case.position))
-    m, c, radius = 0.4 - 1.1j, 1.3 + 0.2j, 1.7
-    arm = body.turned * m
-    gap = body.position + arm - c
-    normal = gap / np.abs(gap)
-    directions = np.stack([normal.real, normal.imag, (np.conj(normal) * 1j * arm).real], axis=1)
-    directions /= np.stack([body.position_root, body.position_root, body.rotation_root], axis=1)
-    moves = [
-        np.linalg.lstsq(direction[None], [off], rcond=None)[0]
-        for direction, off in zip(directions, np.abs(gap) - radius)
-    ]
-    found = evaluate_dyads(body, np.array([[m.real, m.imag, c.real, c.imag, radius]]))
-    assert found.cost[0] == pytest.approx(sum(move @ move for move in moves))
 
 
 @pytest.mark.parametrize("samples", [5, 8, 30])

@@ -10,13 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from synthesis.constraints import keeps
-from synthesis.function.answers import exchanged, finished, rocker_angles
-from synthesis.function.target_function import TargetFunction
 from synthesis.limits import Limits
 from synthesis.linkage import Linkage, four_bar, with_links
-from synthesis.local_refinement import refine_function, refine_motion, refine_poses
-from synthesis.mechanism import Placed
+from synthesis.local_refinement import refine_motion, refine_poses
 from synthesis.poses import make_poses
 from synthesis.solution import assess
 from synthesis.target import make_target
@@ -106,55 +102,3 @@ def test_no_refinement_is_worse_than_its_beginning_and_each_keeps_the_limits(see
     assert retained or not keeps
     assert not retained or found[0].errors.objective <= retained[0].errors.objective
     assert not found or report.trace[-1][1] == found[0].errors.objective
-
-
-@pytest.mark.parametrize("seed", [2, 3])
-def test_a_mirrored_request_gives_the_mirrored_linkage(seed: int) -> None:
-    """The limits are mirrored too: a box and a pivot."""
-    request, limits, begin = asked_and_begun(seed, keeps=True)
-    target = make_target(**request, crank_angle=CRANK)
-    (solution,), _ = refine_motion(target, limits, begin, 1e-10, Work())
-    (second,), _ = refine_motion(target.mirrored(), limits.mirrored(), begin.mirrored(), 1e-10, Work())
-    assert (
-        np.allclose(second.linkage.links, solution.linkage.links)
-        and second.linkage.branch == -solution.linkage.branch
-    )
-    assert np.isclose(second.linkage.pivot_a, np.conj(solution.linkage.pivot_a))
-
-
-@pytest.mark.parametrize("largest", [False, True])
-@pytest.mark.parametrize("sense", [1, -1])
-def test_a_function_generator_is_refined(largest: bool, sense: int) -> None:
-    true = TRUE["any"] if sense > 0 else TRUE["any"].mirrored()
-    random, crank = np.random.default_rng(7), sense * np.linspace(0, 0.9, 12)
-    output = rocker_angles([true], crank)[0]
-    expected = TargetFunction(crank, output)
-    for limits in (Limits("any"), Limits("any", transmission_angle_min=0.5, link_ratio_max=8.0)):
-        begin = moved(true, 0.01, random)
-        (found,), _ = refine_function(expected, limits, largest, begin, None, 1e-10, Work())
-        links = np.array(found.linkage.links)
-        if largest:  # between its samples the wanted curve is a spline
-            before = finished(expected, [begin], True)[0]
-            assert found.errors.objective < 0.01 * before.errors.objective
-        else:
-            assert np.allclose(links / links[3], np.array(true.links) / true.links[3], rtol=1e-6)
-            assert found.errors.objective < 1e-10
-        used = expected.interval.after(np.array([found.linkage.start]))
-        second = exchanged(found.linkage)
-        placed = Placed(np.array([second.links]), np.array([float(second.branch)]), used)
-        assert keeps(expected.target, limits.exchanged(), placed, 1e-12).all()
-
-
-@settings(max_examples=8)
-@given(st.integers(0, 10**6))
-def test_no_refined_generator_is_worse_than_its_beginning(seed: int) -> None:
-    random, crank = np.random.default_rng(seed), np.linspace(0, 0.9, 12)
-    expected = TargetFunction(crank, np.cumsum(np.abs(random.standard_normal(12))) * 0.1)
-    begins = (moved(TRUE["any"], size, random) for size in (0.3, 0.1, 0.03, 0.01, 0.0))
-    begin = next(begin for begin in begins if begin.transmission_angle_min(expected.interval) >= 0.2)
-    largest, offset = bool(seed % 2), float(random.standard_normal())
-    limits = Limits("any", transmission_angle_min=0.2)
-    found, report = refine_function(expected, limits, largest, begin, offset, 1e-10, Work())
-    own = finished(expected, [begin], largest, np.array([offset]) if largest else None)[0]
-    assert found[0].errors.objective <= own.errors.objective * (1 + 1e-9)
-    assert report.trace[0][1] == pytest.approx(own.errors.objective, rel=1e-9)

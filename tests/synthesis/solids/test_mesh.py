@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from synthesis.assembly.shapes import distances
-from synthesis.solids.mesh import Mesh, mesh_of, on_bed, ring_of, to_3mf, to_stl_zip
+from synthesis.solids.mesh import Mesh, mesh_of, on_bed, ring_of, to_stl_zip
 from synthesis.solids.prism import Prism
 from tests.oracles.solids import SASH, built
 from tests.oracles.surface import euler_characteristic, open_edges
@@ -70,29 +70,6 @@ def model_of(content: bytes) -> ElementTree.Element:
         assert archive.testzip() is None
         assert set(archive.namelist()) == {"[Content_Types].xml", "_rels/.rels", "3D/3dmodel.model"}
         return ElementTree.fromstring(archive.read("3D/3dmodel.model"))
-
-
-def test_3mf_holds_every_part_by_name_and_in_place(window) -> None:
-    positions = window.posed(-0.2)
-    content = to_3mf(window.parts, positions, "window & <frame>")
-    assert content == to_3mf(window.parts, positions, "window & <frame>")
-    model = model_of(content)
-    assert model.get("unit") == "millimeter"
-    objects = {element.get("id"): element for element in model.iter(f"{CORE}object")}
-    assert [element.get("name") for element in objects.values()] == [part.name for part in window.parts]
-    items = list(model.iter(f"{CORE}item"))
-    for part, (turn, shift, up), item in zip(window.parts, positions, items, strict=True):
-        item_object = objects[item.get("objectid")]
-        corners = np.array([[float(v.get(k)) for k in "xyz"] for v in item_object.iter(f"{CORE}vertex")])
-        triangles = np.array(
-            [[int(t.get(k)) for k in ("v1", "v2", "v3")] for t in item_object.iter(f"{CORE}triangle")]
-        )
-        mesh = Mesh(corners, triangles)
-        assert open_edges(mesh) == 0
-        assert mesh.volume == pytest.approx(mesh_of(part.prism).volume, rel=1e-6)
-        matrix = np.array(list(map(float, item.get("transform").split()))).reshape(4, 3)
-        expected = [turn.real, turn.imag, 0, -turn.imag, turn.real, 0, 0, 0, 1, shift.real, shift.imag, up]
-        assert matrix.ravel() == pytest.approx(expected, abs=1e-9)
 
 
 def test_stl_is_a_closed_surface_a_part(window) -> None:

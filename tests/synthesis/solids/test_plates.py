@@ -13,8 +13,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import linkage_atlas as la
-from synthesis.errors import FieldError
 from synthesis.linkage import Linkage, four_bar
 from synthesis.solids.plates import to_plates
 
@@ -100,20 +98,3 @@ ON_THE_LINE = [(0.0, 0.0), (72.0, 0.0), (36.0, 0.0), (100.0, 0.0), (30.0, np.pi)
 def test_a_body_point_on_the_coupler_line_or_at_a_pin_leaves_a_bar(point) -> None:
     linkage = four_bar((19.0, 72.0, 144.0, 165.0), coupler_point_polar=point)
     check(linkage, to_plates(linkage), 1.0, 5.7, 14.25)
-
-
-@pytest.mark.parametrize(
-    ("sizes", "field"),
-    [
-        ({"hole": 20.0}, "/assembly/hole"),
-        ({"hole": 5.0, "width": 5.0}, "/assembly/hole"),
-        ({"hole": -1.0}, "/assembly/hole"),
-        ({"hole": float("nan")}, "/assembly/hole"),
-        ({"diameter": 3.0}, "/assembly/diameter"),
-    ],
-)
-def test_sizes_that_leave_no_plate_are_named(sizes, field) -> None:
-    linkage = la.FourBar(19, 72, 144, 165)
-    with pytest.raises(FieldError) as error:
-        linkage.render("plates", assembly=sizes)
-    assert error.value.field == field

@@ -46,16 +46,6 @@ def distances_to(points, curve):
     return np.abs(points[:, None] - start - np.clip(share, 0, 1) * along).min(axis=1)
 
 
-def test_walls_are_a_roller_away_from_the_path(slot, dense) -> None:
-    phases = dense[::40]
-    walls = roller_walls(slot, phases, ROLLER)
-    path = slot.path(dense)
-    for wall in walls.values():
-        assert np.abs(distances_to(wall, path) - ROLLER).max() < 1e-4
-    # the direction of travel is from right to left, so the left wall is the lower wall
-    assert np.all(walls["left"].imag < walls["right"].imag)
-
-
 def test_csv_has_full_precision(slot, dense) -> None:
     phases = dense[::100]
     walls = roller_walls(slot, phases, ROLLER)

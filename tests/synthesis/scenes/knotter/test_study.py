@@ -163,17 +163,6 @@ def test_an_item_does_not_depend_on_its_neighbours() -> None:
                 assert in_batch == pytest.approx(expected, rel=1e-9, abs=1e-9, nan_ok=True), (name, field)
 
 
-def test_sensitivity_is_the_shift_of_the_entry() -> None:
-    """Moving S3 and S4 by h perpendicular to their edge moves the entry by h times the sensitivity."""
-    pair = {"alpha1": np.radians(10.0), "alpha3": np.radians(25.0)}
-    before = d_knotter.wrap().evaluate(d_knotter.mechanism(pair), 1)
-    (_, y3, z3), (_, y4, z4) = (d_knotter.POINTS[name] for name in ("S3", "S4"))
-    normal = np.array([z4 - z3, y3 - y4]) / np.hypot(z4 - z3, y3 - y4)
-    moved = {name: (0.0, *(np.array(d_knotter.POINTS[name][1:]) + 1e-6 * normal)) for name in ("S3", "S4")}
-    after = d_knotter.wrap().evaluate(d_knotter.mechanism(pair, points=moved), 1)
-    assert abs(after.enter[0] - before.enter[0]) == pytest.approx(1e-6 * before.sensitivity[0], rel=1e-4)
-
-
 def test_limits_are_found_on_both_sides() -> None:
     machine = d_knotter.mechanism({"alpha1": np.radians(10.0)})
     limits, holds_at_first = find_limits(machine, d_knotter.bite(), "alpha3", (0.0, 1.2))

@@ -9,7 +9,6 @@ import io
 import json
 import math
 import xml.etree.ElementTree as ElementTree
-from dataclasses import replace
 from pathlib import Path
 
 import ezdxf
@@ -22,12 +21,10 @@ from synthesis.errors import FieldError
 from synthesis.scenes.lift import motion as lift_loops
 from synthesis.scenes.lift.files import design_csv, design_dxf, design_svg
 from synthesis.scenes.lift.motion import (
-    BAR,
     Motion,
     Pneumatics,
     checked_stroke,
     forces,
-    minimum_bore,
     motion,
 )
 from synthesis.scenes.lift.pose import (
@@ -36,7 +33,6 @@ from synthesis.scenes.lift.pose import (
     dead_point,
     pose_at_turn,
     top_lever,
-    turn_at_length,
     turns_at_length,
 )
 from tests.oracles import lift as oracle
@@ -175,20 +171,6 @@ def test_random_lifts_close_and_solve_the_linear_systems(lift) -> None:
 # -- extremes ------------------------------------------------------------------------------------------------
 
 
-def test_extreme_triangles_and_branches_give_numbers_or_errors() -> None:
-    needle = Design(524835413.06299704, 3.888035458016452e-07, 524835413.0629967, 33595184722.833504, 4.8e-07)
-    assert np.isfinite(lift_loops.condition(needle, [0.1, 1.0])).all()
-    # the dead point and the top have the same length to rounding
-    point = Design(
-        7.993996895969692e-12, 2.8746930110551094e-10, 2.931748220137535e-10, 350105804.142949, 0.024167373669790323
-    )
-    assert np.isnan(turn_at_length(point, 350105804.142949))
-    thin = Design(1000.0, 0.01, 1000.0, 0.0101, 900.0)
-    limits = checked_stroke(thin, Cylinder(float(pose_at_turn(thin, 0.5 * dead_point(thin)).length), 1.0))
-    moved = motion(thin, Cylinder(float(pose_at_turn(thin, limits.turn_bottom).length), 1.0))
-    assert lift_loops.largest_residual(moved) < 1e-9
-
-
 @pytest.mark.parametrize(("time", "amount"), [(5.73, 0.009773), (-1.0, 1.0), (1e300, 1e300)])
 def test_times_outside_the_motion_are_refused(time, amount) -> None:
     with pytest.raises(FieldError) as caught:
@@ -221,14 +203,6 @@ def test_virtual_work_and_newton_agree(name, speed) -> None:
     total = found.pivot_o + found.pivot_d
     assert total[:, 1] == pytest.approx(found.weight, rel=1e-12)
     assert total[:, 0] + found.slide == pytest.approx(np.zeros(501), abs=1e-9 * scale)
-
-
-def test_the_minimum_bore_needs_the_available_pressure() -> None:
-    moved = motion(BUILDABLE, Cylinder(482.2, 100.0))
-    found = forces(moved, DRIVE)
-    assert found.pressure.max() * BAR * math.pi * 63**2 / 4 == pytest.approx(found.cylinder.max())
-    exact = forces(moved, replace(DRIVE, bore=minimum_bore(found, DRIVE)))
-    assert exact.pressure.max() == pytest.approx(DRIVE.pressure, rel=1e-12)
 
 
 def test_files_show_the_design() -> None:
