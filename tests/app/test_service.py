@@ -238,7 +238,7 @@ def quick() -> Iterator[TestClient]:
 
 
 @pytest.mark.timed
-@pytest.mark.parametrize("name", [name for name, request in LARGEST.items() if not request.atlas])
+@pytest.mark.parametrize("name", LARGEST)
 def test_the_largest_requests_keep_their_budget(name, quick) -> None:
     largest = LARGEST[name]
     begin = time.perf_counter()

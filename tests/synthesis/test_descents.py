@@ -9,12 +9,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from synthesis.constraints import Constraints
 from synthesis.descents import Problem, Stage, Timed
-from synthesis.four_bar import close_loop, coupler_angle
+from synthesis.four_bar import coupler_angle
 from synthesis.fourbar.mechanism import AnyChart, FullCrankChart, GrashofChart
 from synthesis.free.joint import JointProblem
 from synthesis.free.limited import limited_problem
@@ -218,57 +216,6 @@ def test_rows_and_derivatives_are_those_of_the_general_kinematics(
             np.testing.assert_allclose(
                 block["turn"].reshape(-1, problem.samples), np.einsum("iri->ri", own), atol=2e-8
             )
-
-
-@settings(max_examples=150)
-@given(
-    st.sampled_from(FOURBARS),
-    st.lists(st.floats(-9, 3), min_size=4, max_size=4),
-    st.sampled_from([-1.0, 1.0]),
-    st.lists(st.floats(-4, 4) | st.sampled_from([0.0, np.pi, -np.pi, 1e-6]), min_size=5, max_size=5),
-)
-def test_the_loop_closes_as_in_the_general_kinematics(
-    chart: Any, magnitudes: list[float], branch: float, crank: list[float]
-) -> None:
-    """Beside change points and dead positions too, with cranks much shorter and longer than the ground."""
-    unknowns = np.array([magnitudes[: len(chart.cell) - 1]])
-    if hasattr(chart, "within"):
-        unknowns = chart.within(np.exp(unknowns) * [branch if crank[0] > 0 else 1.0, 1, 1, 1])
-    lengths, turns = chart.shape(unknowns).lengths, np.array(crank)
-    closure = close_loop(lengths, turns[:, None])
-    expected = closure.coupler_angle(np.array([branch]))[:, 0]
-    # a single sample, so that each crank angle is a candidate, turned back by the expected angle
-    problem = JointProblem(Poses(np.zeros(1), None), chart)
-    timed = unposed(np.repeat(unknowns, 5, axis=0), turns[:, None], branch)._replace(offset=-np.nan_to_num(expected))
-    found = np.sqrt(problem.measured(timed, posed=False).cost)
-    # what rounding of the lengths makes of theta2, which has no slope where the loop folds
-    size = closure.lengths.sum(axis=-1)[:, 0] ** 2
-    root = np.sqrt(closure.excess_x * closure.excess_y)[:, 0]
-    sure = closure.closed[:, 0] & (root > 1e-7 * size)
-    assert np.all(found[sure] < 1e-15 * (16 + 8 * size[sure] / root[sure]))
-    diagonal = np.abs(lengths[0, 3] - lengths[0, 0] * np.exp(1j * turns))
-    beyond = np.maximum(diagonal - lengths[0, 1:3].sum(), np.abs(np.diff(lengths[0, 1:3])) - diagonal)
-    assert np.all(np.isinf(found[beyond > 1e-12 * lengths.sum()]))
-    for k in np.flatnonzero(sure & (root > 1e-5 * size)):
-        (block,) = problem.linearised(timed.take([k]), 1e-3)
-        by = closure.coupler_angle_gradient(np.array([branch]))[k, 0]
-        slope = np.append(by[:4] @ chart.shape(unknowns).jacobian[0], by[4])
-        own = np.append(block["rows"][1:-1, 0], block["turn"])
-        held = np.append(own[:-1] == 0, False)
-        np.testing.assert_allclose(own[~held], -slope[~held], rtol=1e-6, atol=1e-6 * np.abs(slope).max())
-
-
-@timings
-def test_the_best_pose_is_that_of_least_squares(timing: str) -> None:
-    problem, timed = candidates(GrashofChart(), timing=timing)
-    request, turned, angles = asked_of(problem), body_of(problem, timed), angles_of(problem, timed)
-    root = request.position_mean.root
-    for k in range(2):
-        columns = np.stack([np.ones(11), np.exp(1j * angles[k]), np.exp(1j * turned[k])], axis=1) * root[:, None]
-        fit = np.linalg.lstsq(columns, root * request.scaled, rcond=None)[0]
-        np.testing.assert_allclose(timed.pose[k], fit, rtol=1e-12)
-    rows = naive_residual(problem, timed)[:, :11]
-    np.testing.assert_allclose(rows @ request.rotation_mean.root, 0, atol=1e-15)
 
 
 @fourbars
