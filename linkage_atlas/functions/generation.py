@@ -27,17 +27,14 @@ from linkage_atlas.task import seed_tables
 from linkage_atlas.warm_start import FOR_STARTS, Start, StartingLinkage, check_local, pointing_to_start, read_starts
 from synthesis.errors import FieldError
 from synthesis.function.answers import Generator
+from synthesis.function.generators import best_built, generate
 from synthesis.function.quick_return import (
     crank_rocker_answers,
     slider_crank_answers,
 )
-from synthesis.function.search import best_built, generate
 from synthesis.function.symmetric import symmetric_four_bars
-from synthesis.function.travel_search import (
-    TravelGenerator,
-    generate_travel,
-    laws_for,
-)
+from synthesis.function.travel_laws import laws_for
+from synthesis.function.travel_search import TravelGenerator, generate_travel
 from synthesis.limits import Limits
 from synthesis.local_refinement import refine_function
 from synthesis.ranking import APART, Status, distinct

@@ -26,9 +26,7 @@ from synthesis.function.quick_return import (
     slider_crank_transmission,
 )
 from synthesis.function.target_function import TargetFunction
-from synthesis.function.travel_search import (
-    ANGLE,
-)
+from synthesis.function.travel_laws import ANGLE
 from synthesis.ranking import PROPORTION
 
 _STEEP = 8.0

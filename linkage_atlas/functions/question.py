@@ -35,13 +35,8 @@ from linkage_atlas.motions import unwound
 from synthesis.arrays import Floats
 from synthesis.errors import FieldError
 from synthesis.function.target_function import TargetFunction
-from synthesis.function.travel_search import (
-    ANGLE,
-    LAWS,
-    LENGTH,
-    Law,
-    TravelLimits,
-)
+from synthesis.function.travel_laws import ANGLE, LAWS, LENGTH, Law
+from synthesis.function.travel_search import TravelLimits
 from synthesis.search.search import DEFAULT_TOLERANCE
 from synthesis.target import MAX_LENGTH, Target, make_target
 

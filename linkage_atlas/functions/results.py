@@ -21,10 +21,7 @@ from synthesis.arrays import Floats
 from synthesis.errors import FieldError
 from synthesis.function.answers import to_csv
 from synthesis.function.target_function import TargetFunction
-from synthesis.function.travel_search import (
-    ANGLE,
-    LENGTH,
-)
+from synthesis.function.travel_laws import ANGLE, LENGTH
 from synthesis.sheet import csv_text
 from synthesis.target import Target
 

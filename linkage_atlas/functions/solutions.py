@@ -21,12 +21,8 @@ from synthesis.defects import faults_of, practical_faults, verdict
 from synthesis.fourbar.determination import determinations
 from synthesis.function.answers import Generator, exchanged, rocker_angles, turns_back
 from synthesis.function.search import refit
-from synthesis.function.travel_search import (
-    ANGLE,
-    TravelGenerator,
-    TravelLimits,
-    travel_turns_back,
-)
+from synthesis.function.travel_laws import ANGLE
+from synthesis.function.travel_search import TravelGenerator, TravelLimits, travel_turns_back
 from synthesis.limits import Limits
 from synthesis.linkage import Linkage as Plain
 from synthesis.studies.sensitivity import changes

@@ -27,7 +27,8 @@ from synthesis.four_bar import close_loop, transmission_angle_over
 from synthesis.function.answers import Generator, finished
 from synthesis.function.few_pairs import function_merit
 from synthesis.function.target_function import TargetFunction
-from synthesis.function.travel_search import ANGLE, LAWS, TravelGenerator, TravelLimits, TravelSearch
+from synthesis.function.travel_laws import ANGLE, LAWS
+from synthesis.function.travel_search import TravelGenerator, TravelLimits, TravelSearch
 from synthesis.guides import Kind
 from synthesis.limits import Limits
 from synthesis.linkage import as_lengths, four_bar

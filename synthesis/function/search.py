@@ -19,243 +19,24 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from synthesis.arrays import Floats, Ints, rows_at, rows_of_all
-from synthesis.constraints import BEGIN, END, Constraints, keeps
-from synthesis.four_bar import Family
-from synthesis.fourbar.mechanism import AnyChart
-from synthesis.function.answers import (
-    PEAKS,
-    Generator,
-    Generators,
-    exchanged,
-    extremes,
-    finished,
-    fraction_back,
-    look,
-    turns_back,
-)
-from synthesis.function.descent import (
-    FIRST_RADIUS,
-    PENALTY,
-    Descended,
-    Linear,
-    Linearise,
-    descend,
-)
-from synthesis.function.few_pairs import HARDLY_BACK, MOST_PAIRS, exact_functions, function_merit, is_few
+from synthesis.constraints import keeps
+from synthesis.function.answers import PEAKS, Generator, exchanged, extremes, finished, look, turns_back
+from synthesis.function.descent import FIRST_RADIUS, PENALTY, Descended, descend
+from synthesis.function.problem import Problem
 from synthesis.function.target_function import TargetFunction
 from synthesis.least_squares import Evaluation, minimise
 from synthesis.limits import Limits
-from synthesis.linkage import Linkage, as_lengths, four_bar, with_links
+from synthesis.linkage import Linkage, as_lengths, four_bar
 from synthesis.mechanism import Placed
 from synthesis.pose import whole_turns
-from synthesis.ranking import APART, PROPORTION, Status, counted_error, distinct
-from synthesis.scores import NEAR_CHANGE_POINT
+from synthesis.ranking import APART, distinct
 from synthesis.search.multistart import Incumbents, MultiStart, SearchProblem
 from synthesis.search.options import Schedule, SearchOptions
-from synthesis.search.report import SearchReport, StoppedBy, stopped_by
-from synthesis.search.search import SEARCH_SAMPLES, search
-from synthesis.search.seeds import SeedTables
+from synthesis.search.search import SEARCH_SAMPLES
 from synthesis.target import TURN
 from synthesis.work import Work
-
-# -- errors and their derivatives ---------------------------------------------------------------------------------------
-
-LEVELLED = 1e-7
-"""Predicted relative gain of the linear program over the extremes below which the minimax error counts as found."""
-
-
-@dataclass(frozen=True)
-class LimitOptions:
-    """Options of the limits of functions and of the choice of answers."""
-
-    ratio_max: float = 20.0
-    """Largest ratio of a length to the ground, and of the ground to a length, for the largest error if no limit is smaller."""
-    wide_ratio_max: float = 1e6
-    """The largest such ratio for least squares."""
-    transmission_min: float = 1e-4
-    """Smallest transmission angle in radians: at a locked position the output has no derivative."""
-    margin: float = 1e-9
-    """Margin by which descents satisfy the limits of angles and family."""
-    rates: int = 9
-    """Number of inputs at which the output must not turn back."""
-    rate_min: float = 1e-3
-    """Smallest rate of the output relative to its mean rate."""
-    difference: float = 1e-6
-    """Step of the differences of these rates."""
-    even_ratio_max: float = 20.0
-    """Largest ratio of two links if the best linkage is out of proportion."""
-    ranked: int = 10
-    """Smallest number of candidates for the answers, among which exact linkages are ordered by merit."""
-    usable: float = float(np.deg2rad(20.0))
-    """Transmission angle of an exact four-bar above which nothing else is searched."""
-    locked: float = float(np.deg2rad(5.0))
-    """Transmission angle below which a linkage nearly locks."""
-    rounding: float = 1e-12
-    """Fraction of the longest length by which rounding may violate a limit."""
-    nearby_starts: tuple[float, ...] = (0.0, 0.4, -0.4)
-    """Starts relative to the start of a solution, in radians: the best rounded links may lie in another basin."""
-
-
-OPTIONS = LimitOptions()
-
-
-class OutputCurve(NamedTuple):
-    """Output of candidates over their input."""
-
-    value: Floats
-    """(n, M): without the offset; angles up to whole turns; arbitrary if a candidate is impossible."""
-    slope: Floats
-    """(n, 4, M): derivatives by the unknowns of the shape and by the zero, which is also the derivative by the input.
-    """
-    possible: NDArray[np.bool_]
-    """(n, M), or (n, 1): True if the linkage closes."""
-
-
-class FunctionProblem:
-    """A function and limits, prepared for many evaluations of errors and conditions with derivatives, for any linkage.
-
-    The unknowns are three numbers of the shape, the zero and the offset.
-    """
-
-    function: TargetFunction
-    free: NDArray[np.intp]
-    """Unknowns that are not prescribed."""
-    moving: Sequence[int] = range(4)
-    """Unknowns that change the output."""
-    rate_inputs: Floats
-    """Inputs (q,) at which the output must advance, if it must not turn back."""
-    offset: float | None
-    """The prescribed offset, if there is any."""
-    turns: bool
-    """True if the output is an angle, so that whole turns of the offset do not count."""
-    wraps: bool
-    """True if outputs are known up to whole turns only."""
-
-    def at(self, unknowns: Floats, branch: Floats, crank: Floats, derivatives: bool = True) -> OutputCurve:
-        """Return the outputs at inputs (n, M) from the first sample, with slopes if required."""
-        raise NotImplementedError
-
-    def conditions(self, unknowns: Floats) -> tuple[Floats, Floats]:
-        """Return the conditions at unknowns (n, 5), not negative if satisfied, (n, m), and their derivatives (n, m, 5)."""
-        raise NotImplementedError
-
-    def wrapped_error(self, gap: Floats) -> Floats:
-        """Return errors to the nearest whole turn if outputs are known up to whole turns."""
-        return gap - whole_turns(gap) if self.wraps else gap
-
-    def gap(self, unknowns: Floats, branch: Floats, crank: Floats) -> Floats:
-        """Return the errors (n, M) at inputs (n, M) that differ by candidate; infinite if the linkage does not close."""
-        found = self.at(unknowns, branch, crank, derivatives=False)
-        with np.errstate(invalid="ignore"):  # the output may overflow
-            gap = self.wrapped_error(self.function.curve(crank) - unknowns[:, 4:] - found.value)
-        return np.where(found.possible, gap, np.inf)
-
-    def with_offset(self, unknowns: Floats, branch: Floats, crank: Floats, root: Floats) -> Floats:
-        """Set the prescribed offset, or the best offset over inputs (M,) with errors multiplied by ``root`` (M,)."""
-        angles, share = np.broadcast_to(crank, (len(unknowns), crank.size)), root**2 / np.sum(root**2)
-        found = self.at(unknowns, branch, angles, derivatives=False)
-        gap = np.where(found.possible, self.function.curve(angles) - found.value, 0.0)
-        out = unknowns.copy()
-        middle = np.angle(np.exp(1j * gap) @ share) if self.wraps else np.zeros(len(out))
-        best = middle + self.wrapped_error(gap - middle[:, None]) @ share
-        if self.offset is not None:
-            best = self.offset + (whole_turns(best - self.offset) if self.turns else np.zeros(len(out)))
-        out[:, 4] = best
-        return out
-
-    def _rates(self, unknowns: Floats, branch: Floats) -> tuple[Floats, Floats]:
-        """Return the rate of the output less a margin at some inputs (n, q), and derivatives (n, q, 5)."""
-        rise = self.function.output[-1] - self.function.output[0]
-        sense = np.sign(rise) * np.sign(self.function.crank[-1])
-        smallest = OPTIONS.rate_min * abs(rise / self.function.crank[-1])
-        inputs = np.broadcast_to(self.rate_inputs, (len(unknowns), self.rate_inputs.size))
-
-        def rate(at: Floats) -> Floats:
-            return sense * np.clip(self.at(at, branch, inputs).slope[:, 3], -1e3, 1e3)
-
-        by = np.zeros((*inputs.shape, 5))
-        for k in self.moving:
-            step = OPTIONS.difference * np.eye(5)[k]
-            by[:, :, k] = (rate(unknowns + step) - rate(unknowns - step)) / (2 * OPTIONS.difference)
-        return rate(unknowns) - smallest, by
-
-    def linear(self, branch: Floats, crank: Floats, root: Floats) -> Linearise:
-        """Return the linearized errors at inputs (n, M), times ``root`` (n, M), and conditions for `descent.descend`."""
-        curve = self.function.curve(crank)
-
-        def evaluate(unknowns: Floats, which: Ints) -> Linear:
-            scale = root[which]
-            found = self.at(unknowns, branch[which], crank[which])
-            error = self.wrapped_error(curve[which] - unknowns[:, 4:] - found.value) * scale
-            error[~found.possible.all(axis=1)] = np.inf
-            slope = np.empty((*error.shape, 5))
-            slope[:, :, :4] = -found.slope.transpose(0, 2, 1) * scale[:, :, None]
-            slope[:, :, 4] = -scale
-            condition, by = self.conditions(unknowns)
-            if self.function.one_way:
-                rate, by_rate = self._rates(unknowns, branch[which])
-                condition, by = np.concatenate([condition, rate], axis=1), np.concatenate([by, by_rate], axis=1)
-            return Linear(error, np.clip(slope, -1e9, 1e9)[:, :, self.free], condition, by[:, :, self.free])
-
-        return evaluate
-
-
-class Problem(FunctionProblem):
-    """A function and limits, prepared for many evaluations, for linkages with coupler and rocker exchanged.
-
-    Limits of lengths and prescribed lengths are the edges of a box; all other limits are conditions on the unknowns.
-
-    Parameters
-    ----------
-    target : TargetFunction
-        The function, with a crank that turns counter-clockwise.
-    limits : Limits
-        Limits of the exchanged linkages, with lengths over the ground.
-    largest : bool
-        Search ratios within `OPTIONS.ratio_max`; otherwise as far as numbers allow if no limit is smaller.
-    """
-
-    turns, wraps = True, False
-
-    def __init__(self, target: TargetFunction, limits: Limits, largest: bool) -> None:
-        self.function, self.offset = target, target.target.offset
-        self.chart = AnyChart()
-        smallest_angle = max(limits.transmission_angle_min, OPTIONS.transmission_min)
-        in_box = replace(
-            limits, transmission_angle_min=smallest_angle, link_min=None, link_max=None, links=(None,) * 4
-        )
-        self.constraints = Constraints(in_box, smooth=True)
-        self.prescribed = prescribed = np.log([np.nan if length is None else length for length in limits.links[:3]])
-        """Logarithms of the prescribed ratios, NaN for the others, (3,)."""
-        held = np.concatenate([~np.isnan(prescribed), [target.start is not None, target.offset is not None]])
-        self.free = np.flatnonzero(~held)
-        ratio = limits.link_ratio_max or (OPTIONS.ratio_max if largest else OPTIONS.wide_ratio_max)
-        low, high = np.log([limits.link_min or 1 / ratio, limits.link_max or ratio])
-        low, high = np.where(np.isnan(prescribed), low, prescribed), np.where(np.isnan(prescribed), high, prescribed)
-        wide = np.full(2, np.inf)
-        self.box = np.concatenate([low, -wide]), np.concatenate([high, wide])
-        self.rate_inputs = (1 - np.cos(np.linspace(0.0, np.pi, OPTIONS.rates))) / 2 * target.crank[-1]
-
-    def conditions(self, unknowns: Floats) -> tuple[Floats, Floats]:
-        """Return the conditions of lengths, angles and family."""
-        lengths = np.concatenate([np.exp(unknowns[:, :3]), np.ones((len(unknowns), 1))], axis=1)
-        used = self.function.interval.after(unknowns[:, 3])
-        found = self.constraints(Placed(lengths, np.ones(len(lengths)), used))
-        slopes = np.zeros((*found.values.shape, 5))
-        slopes[:, :, :3] = found.slopes[:, :, :3] * lengths[:, None, :3]
-        slopes[:, :, 3] = found.slopes[:, :, BEGIN] + found.slopes[:, :, END]
-        return found.values - OPTIONS.margin * np.array([name != "link_ratio_max" for name in found.names]), slopes
-
-    def at(self, unknowns: Floats, branch: Floats, crank: Floats, derivatives: bool = True) -> OutputCurve:
-        """Return theta2 of the exchanged linkages."""
-        found = self.chart.at(unknowns[:, :3], unknowns[:, 3:4] + crank, branch, derivatives)
-        return OutputCurve(found.angle, found.slope, found.closes[:, None])
-
-
-# -- the search ---------------------------------------------------------------------------------------------------------
 
 
 class Fit(NamedTuple):
@@ -315,6 +96,12 @@ class FunctionOptions(SearchOptions):
     """Relative gain below which an alternative to the best candidate is level."""
     radius_min: float = 1e-5
     """Smallest first radius of quadratic steps that continue."""
+    level: float = 1e-7
+    """Predicted relative gain of the linear program over the extremes below which the minimax error counts as found."""
+    rounding: float = 1e-12
+    """Fraction of the longest length by which rounding may violate a limit."""
+    nearby_starts: tuple[float, ...] = (0.0, 0.4, -0.4)
+    """Starts relative to the start of a solution, in radians: the best rounded links may lie in another basin."""
 
 
 class Candidates(NamedTuple):
@@ -630,7 +417,7 @@ class FunctionSearch(SearchProblem):
             # no longer falling: the steps saw all the extremes
             first = rows == np.argmin(smallest)
             # candidates behind the best are alternatives, which may be slightly short of level
-            level = merit >= smallest[rows] * (1 - np.where(first, LEVELLED, self.options.nearly_level))
+            level = merit >= smallest[rows] * (1 - np.where(first, self.options.level, self.options.nearly_level))
             best[rows[better]], smallest[rows[better]] = unknowns[rows[better]], merit[better]
             if turn and level.any():
                 self.settled = self.settled or bool(np.any(level & first))
@@ -648,7 +435,7 @@ class FunctionSearch(SearchProblem):
                 angles,
                 self.function.weight(angles),
                 self.options.exchange_steps,
-                LEVELLED,
+                self.options.level,
                 radii[rows],
             )
             unknowns[rows], radii[rows] = done.unknowns, np.maximum(2 * done.radius, self.options.radius_min)
@@ -675,7 +462,7 @@ class FunctionSearch(SearchProblem):
                 lengths[:, k] = length
         start = unknowns[:, 3] % TURN
         placed = Placed(lengths / ground, branch, self.function.interval.after(start))
-        within = np.flatnonzero(keeps(self.function.target, self.ratios, placed, OPTIONS.rounding))
+        within = np.flatnonzero(keeps(self.function.target, self.ratios, placed, self.options.rounding))
         linkages = [exchanged(four_bar(as_lengths(lengths[k]), int(branch[k]), float(start[k]))) for k in within]
         # least squares fits the offset again, the largest error uses the candidate's offset
         offsets = unknowns[within, 4] - np.pi if self.largest else None
@@ -698,166 +485,6 @@ def ground_of(limits: Limits) -> float:
     return limits.links[3] or 1.0
 
 
-def generate(
-    tables: SeedTables,
-    target: TargetFunction,
-    limits: Limits,
-    largest: bool,
-    top: int,
-    tolerance: float,
-    work: Work | None = None,
-) -> tuple[list[Generator], SearchReport]:
-    """Find the best linkages for a function.
-
-    Parameters
-    ----------
-    tables : SeedTables
-        Tables of the four-bar.
-    target : TargetFunction
-        The function.
-    limits : Limits
-        Limits, with lengths in the unit of the ground, see `ground_of`.
-    largest : bool
-        Minimize the largest error over the interval; otherwise the root mean square error at the samples.
-    top : int
-        Maximum number of linkages.
-    tolerance : float
-        Stop the search when the objective is below this value.
-    work : Work, optional
-        When it expires, return the best linkages found.
-
-    Returns
-    -------
-    generators : list of Generator
-        Distinct linkages within the limits, best first. Law: a mirrored function gives the mirrored linkages.
-    report : SearchReport
-        How the search ended.
-    """
-    work = work or Work()
-    if target.clockwise:
-        found, report = generate(tables, target.mirrored(), limits, largest, top, tolerance, work)
-        return [generator.mirrored() for generator in found], report
-    few, many = list[Generator](), max(top, OPTIONS.ranked)
-    if not largest and is_few(target, limits):
-        few = exact_generators(target, limits, many, tolerance, work)
-        if few and few[0].transmission_angle_min > OPTIONS.usable and target.crank.size < MOST_PAIRS:
-            trace = [(work.elapsed, few[0].errors.objective)]
-            return few[:top], SearchReport(StoppedBy.TOLERANCE, trace, work.elapsed, len(few))
-    found, report = _generate_any(tables, target, limits, largest, many, tolerance, work)
-    found = distinct(few + found, many, APART) if few else found
-    if found and not is_usable(min(found, key=lambda generator: generator.errors.objective)) and not work.expired():
-        within = replace(limits, transmission_angle_min=OPTIONS.usable)
-        more, _ = _generate_any(tables, target, within, largest, many, tolerance, work)
-        found = distinct(found + more, 2 * many, APART)
-    return best_built(target, found, top, tolerance, limits.links[3] is not None), report
-
-
-def _generate_any(
-    tables: SeedTables, target: TargetFunction, limits: Limits, largest: bool, many: int, tolerance: float, work: Work
-) -> tuple[list[Generator], SearchReport]:
-    """Search for ``many`` linkages for any number of pairs; see `generate`."""
-    ground = ground_of(limits)
-    if not largest and limits.over(ground).only_family and not target.one_way:
-        mechanism = Generators(target, ground)
-        found, report = search(tables, target.target, Limits(family=limits.family), many, tolerance, work, mechanism)
-        prescribed = target.start is not None or target.offset is not None
-        lopsided = _is_lopsided(found, tolerance)
-        reached = Status.of(found, tolerance) is Status.REACHED
-        if work.expired() or not (lopsided or (prescribed and not reached)):
-            return found, report
-        # With prescribed zeros the search for motions only finds full cranks.
-        # If its best linkage is out of proportion, as for the function of a parallelogram, others may be as good.
-        within = (
-            replace(limits, link_ratio_max=OPTIONS.even_ratio_max)
-            if lopsided and not (prescribed and not reached)
-            else limits
-        )
-        run = FunctionSearch(target, within, False, many, tolerance, work)
-        found = best_built(
-            target, distinct(found + run.run(), 2 * many, APART), many, tolerance, limits.links[3] is not None
-        )
-        trace = report.trace + [
-            (at, min(value, report.trace[-1][1]) if report.trace else value) for at, value in run.trace
-        ]
-        stopped = stopped_by(found, tolerance, work)
-        return found, SearchReport(stopped, trace, report.screen_seconds, report.seeds + run.seeds, run.settled)
-    run = FunctionSearch(target, limits, largest, many, tolerance, work)
-    found = run.run()
-    stopped = stopped_by(found, tolerance, work)
-    return found, SearchReport(stopped, run.trace, run.screened, run.seeds, run.settled or not found)
-
-
-def _is_lopsided(found: Sequence[Generator], tolerance: float) -> bool:
-    """Check that all exact linkages are out of proportion, or the linkage with the smallest error if none is exact."""
-    exact = [generator for generator in found if generator.errors.objective < tolerance]
-    best = exact or sorted(found, key=lambda generator: generator.errors.objective)[:1]
-    return all(generator.linkage.link_ratio > PROPORTION for generator in best)
-
-
-def exact_generators(
-    target: TargetFunction, limits: Limits, max_count: int, tolerance: float, work: Work
-) -> list[Generator]:
-    """Return distinct linkages that meet two to five pairs, the most practical first."""
-    ground = ground_of(limits)
-    linkages, offsets = exact_functions(target, limits.over(ground), limits.links[3] is not None, work)
-    prescribed = [(k, length) for k, length in enumerate(limits.links) if length is not None]
-    scaled = []
-    for linkage in linkages:
-        lengths = np.array(linkage.links) * ground
-        for k, length in prescribed:  # restore the prescribed value to the last bit
-            lengths[k] = length
-        scaled.append(with_links(linkage, as_lengths(lengths)))
-    found = [
-        generator for generator in finished(target, scaled, False, offsets) if generator.errors.objective < tolerance
-    ]
-    ranks = {id(generator): rank for rank, generator in enumerate(found)}
-    found = distinct(found, max_count, APART, order=lambda generator: ranks[id(generator)], exact=tolerance)
-    return sorted(
-        found,
-        key=lambda generator: (not is_usable(generator), fraction_back(target, generator.linkage) > HARDLY_BACK),
-    )
-
-
-def is_usable(generator: Generator) -> bool:
-    """Check that a rocker stays away from dead positions and from a change point."""
-    change_point = generator.family is Family.CHANGE_POINT
-    return generator.transmission_angle_min >= (NEAR_CHANGE_POINT if change_point else OPTIONS.locked)
-
-
-def best_built(
-    target: TargetFunction, found: list[Generator], top: int, tolerance: float, sized: bool
-) -> list[Generator]:
-    """Return the leading answers: exact linkages by merit, others by `counted_error`.
-
-    The linkage with the smallest error is among the first two.
-    Exact linkages whose rocker turns back on the way come behind the other exact linkages, and linkages that cannot be
-    used come last. ``sized``: see `function_merit`.
-    """
-    if not found:
-        return []
-    exact = [generator for generator in found if generator.errors.objective < tolerance]
-    back = np.array([fraction_back(target, generator.linkage) > HARDLY_BACK for generator in exact], bool)
-    lengths = np.array([generator.linkage.links for generator in exact]).reshape(-1, 4)
-    merits = function_merit(lengths, np.array([generator.transmission_angle_min for generator in exact]), sized)
-    ranked = [exact[k] for k in np.lexsort((merits, back))]
-    ranked += sorted(
-        (generator for generator in found if generator.errors.objective >= tolerance),
-        key=lambda generator: generator.errors.objective,
-    )
-
-    def key(generator: Generator) -> tuple[bool, float]:
-        own = 0.0 if generator.errors.objective < tolerance else generator.errors.objective
-        return not is_usable(generator), counted_error(own, generator.linkage.link_ratio, PROPORTION)
-
-    ordered = sorted(ranked, key=key)
-    built = [generator for generator in ordered if generator.linkage.link_ratio <= PROPORTION]
-    best = ranked[0] if exact else min(ranked, key=lambda generator: generator.errors.objective)
-    # only the best of the linkages out of proportion is listed
-    if built and all(generator is not best for generator in built):
-        built.insert(0 if best is ordered[0] else 1 if is_usable(best) else top - 1, best)
-    return (built or ordered)[:top]
-
-
 def refit(
     target: TargetFunction, generator: Generator, links: Floats, largest: bool, tolerance: float, work: Work
 ) -> Generator | None:
@@ -867,7 +494,7 @@ def refit(
         return None if found is None else found.mirrored()
     target = replace(target, one_way=False)
     run = FunctionSearch(target, Limits("any", links=as_lengths(links)), largest, 1, tolerance, work)
-    start = generator.linkage.start + np.array(OPTIONS.nearby_starts)
+    start = generator.linkage.start + np.array(run.options.nearby_starts)
     if target.start is not None:
         start = np.array([target.start])
     unknowns = np.zeros((start.size, 5))

@@ -8,7 +8,8 @@ import pytest
 
 import linkage_atlas as la
 from linkage_atlas.task import seed_tables
-from synthesis.function.search import Problem, generate
+from synthesis.function.generators import generate
+from synthesis.function.problem import Problem
 from synthesis.function.target_function import TargetFunction
 from synthesis.limits import Limits
 from tests.conftest import some_of
