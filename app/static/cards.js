@@ -1,10 +1,10 @@
 // The list of solutions: a card each with picture, largest errors and verdict; usable ones first, grouped by kind.
 
-import { button, element, signed, text, thumbnail } from "./drawing.js";
+import { button, definitions, element, signed, text, thumbnail } from "./drawing.js";
 import { fitOf, roundedText, worstRows } from "./fit.js";
 import { itemOf, placesOf, unitOf } from "./motion.js";
 import { RAD } from "./plane.js";
-import { capital } from "./shell.js";
+import { build, capital } from "./shell.js";
 import { mark } from "./verdict.js";
 
 const FAMILIES = {
@@ -50,15 +50,11 @@ export function grouped(solutions) {
   return [...groups];
 }
 
+const SOURCES = { hand: "By hand:", moved: "Moved:", link: "From the link:" };
+
 /** What a card calls a solution. */
 export const nameOf = ({ rank, source, family, kind, driver, links }) =>
-  `${source === "hand" ? "By hand:" : source === "moved" ? "Moved:" : source === "link" ? "From the link:" : `${rank}.`} ${links ? (FAMILIES[family] ?? family) : `${KINDS[kind] ?? kind}, ${driver}`}`;
-
-function facts(rows) {
-  const list = document.createElement("dl");
-  for (const [term, value] of rows) list.append(element("dt", "", term), element("dd", "", value));
-  return list;
-}
+  `${SOURCES[source] ?? `${rank}.`} ${links ? (FAMILIES[family] ?? family) : `${KINDS[kind] ?? kind}, ${driver}`}`;
 
 /** The sign of a verdict on a motion with its words. */
 export function sign(verdict, motion) {
@@ -72,35 +68,31 @@ export function sign(verdict, motion) {
 export function card(solution, motion, size, pinned, choose, compare) {
   const fit = fitOf(solution, motion),
     { sense, low, high } = fit.pass,
-    one = button("", choose),
-    item = element("li", "");
-  one.append(thumbnail(fit.linkage, [sense * low * RAD, sense * high * RAD], placesOf(motion)));
-  const worst = worstRows(fit, motion, size).map(([name, error, pose]) => [
-    name,
-    pose === null ? error : `${error} (${pose})`,
-  ]);
-  const figures = [
+    unit = unitOf(motion),
+    name = nameOf(solution),
+    rounded = roundedText(solution, size, ` ${unit}`),
+    worst = worstRows(fit, motion, size).map(([term, error, k]) => [term, k === null ? error : `${error} (${k})`]);
+  const facts = [
+    ...worst,
+    rounded && solution.rounded.closes && ["rounded", rounded],
     ["transmission", `${text(solution.transmission_angle_min, 3)}°`],
-    [solution.links ? "longest link" : "longest guide", `${text(longest(solution), 4)} ${unitOf(motion)}`],
+    [solution.links ? "longest link" : "longest guide", `${text(longest(solution), 4)} ${unit}`],
+    Number.isFinite(solution.size) && ["size", `${text(solution.size, 3)} × motion`],
   ];
-  const rounded = roundedText(solution, size, ` ${unitOf(motion)}`);
-  if (rounded && solution.rounded.closes) worst.push(["rounded", rounded]);
-  if (Number.isFinite(solution.size)) figures.push(["size", `${text(solution.size, 3)} × motion`]);
+  const words = name + (solution.has_smallest_error ? " · least error" : "") + (solution.better ? " · better" : ""),
+    one = button("", choose, unusable(solution) ? "broken" : ""),
+    box = {
+      type: "checkbox",
+      checked: pinned,
+      "aria-label": `Compare ${name}`,
+      onchange: ({ target }) => compare(target.checked),
+    },
+    pin = build("input", box);
   one.append(
-    element(
-      "span",
-      "name",
-      nameOf(solution) + (solution.has_smallest_error ? " · least error" : "") + (solution.better ? " · better" : ""),
-    ),
-    facts([...worst, ...figures]),
+    thumbnail(fit.linkage, [sense * low * RAD, sense * high * RAD], placesOf(motion)),
+    element("span", "name", words),
+    definitions(facts.filter(Boolean)),
     sign(solution.verdict, motion),
   );
-  one.classList.toggle("broken", unusable(solution));
-  const pin = Object.assign(document.createElement("input"), { type: "checkbox", checked: pinned }),
-    label = element("label", "check", " Compare");
-  pin.setAttribute("aria-label", `Compare ${nameOf(solution)}`);
-  pin.addEventListener("change", () => compare(pin.checked));
-  label.prepend(pin);
-  item.append(one, label);
-  return item;
+  return element("li", "", one, element("label", "check", pin, " Compare"));
 }

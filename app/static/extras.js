@@ -3,39 +3,32 @@
 import { element } from "./drawing.js";
 import { typed } from "./decimal.js";
 import { readOutline } from "./outline.js";
-import { $, say } from "./shell.js";
+import { $, listen, say } from "./shell.js";
 
 const MAX_BYTES = 5e6;
 
-/** What the canvas shows of a linkage of any kind by its joints; null stands for a four-bar. */
-function parts(joints) {
-  const { links, rails, slots, ground } = joints ?? { links: [true, true], rails: [], slots: [], ground: true };
-  const found = [
+const FOUR_BAR = { links: [true, true], rails: [], slots: [], ground: true };
+
+/** Shows what the canvas shows of a linkage of any kind by its joints; null stands for a four-bar. */
+function legend(joints) {
+  const { links, rails, slots, ground } = joints ?? FOUR_BAR,
+    plural = (word, list) => (list.length > 1 ? `${word}s` : word);
+  const rows = [
     links[0] && ["crank", "crank AD"],
     ["body", "body DCP"],
-    slots.length && ["body", `slot${slots.length > 1 ? "s" : ""} in the body`],
-  ];
-  found.push(
+    slots.length && ["body", `${plural("slot", slots)} in the body`],
     links[1] && ["rocker", links[0] ? "rocker BC" : "crank BC"],
-    rails.length && ["rail", `rail${rails.length > 1 ? "s" : ""}`],
+    rails.length && ["rail", plural("rail", rails)],
     ground && ["ground", "ground AB"],
-  );
-  return [...found.filter(Boolean), ["path", "path of P"], ["pose", "wanted"], ["bad", "error"]];
-}
-
-function legend(joints) {
-  const shown = parts(joints),
-    words = shown.map((one) => one[1]).join(),
-    list = $("legend");
+    ["path", "path of P"],
+    ["pose", "wanted"],
+    ["bad", "error"],
+  ].filter(Boolean);
+  const list = $("legend"),
+    words = rows.map((row) => row[1]).join();
   if (list.dataset.shown === words) return;
   list.dataset.shown = words;
-  list.replaceChildren(
-    ...shown.map(([name, said]) => {
-      const item = element("li", "", said);
-      item.prepend(element("span", `swatch ${name}`));
-      return item;
-    }),
-  );
+  list.replaceChildren(...rows.map(([name, said]) => element("li", "", element("span", `swatch ${name}`), said)));
 }
 
 /** A picture behind the canvas, `width` units wide, its middle at `at`. It is painted, not loaded by an address. */
@@ -61,11 +54,10 @@ class Backdrop {
   #draw(view) {
     const canvas = $("backdrop"),
       ratio = devicePixelRatio,
-      wide = Math.round(view.width * ratio),
-      tall = Math.round(view.height * ratio);
+      [width, height] = [view.width, view.height].map((pixels) => Math.round(pixels * ratio));
     canvas.hidden = !this.picture;
     if (!this.picture) return;
-    if (canvas.width !== wide || canvas.height !== tall) Object.assign(canvas, { width: wide, height: tall });
+    if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
     const pen = canvas.getContext("2d"),
       [x, y] = view.at(this.at),
       w = this.width * view.scale,
@@ -81,25 +73,24 @@ export function startStage(board, edit, setMode) {
   const backdrop = new Backdrop(board);
   legend(null);
   board.seen.push(() => legend(board.linkage && board.joints));
-  $("show-menu").addEventListener("click", () => {
+  listen("show-menu", "click", () => {
     $("show-panel").hidden = !$("show-panel").hidden;
     $("show-menu").setAttribute("aria-expanded", String(!$("show-panel").hidden));
   });
   for (const name of ["ghosts", "snap"])
-    $(name).addEventListener("change", () => {
+    listen(name, "change", () => {
       board[name] = $(name).checked;
       board.draw();
     });
-  $("names").addEventListener("change", () => $("canvas").classList.toggle("unnamed", !$("names").checked));
-  const choose = (button, input, take) => {
-    $(button).addEventListener("click", () => $(input).click());
-    $(input).addEventListener("change", async () => {
+  listen("names", "change", () => $("canvas").classList.toggle("unnamed", !$("names").checked));
+  const choose = (press, input, take) => {
+    listen(press, "click", () => $(input).click());
+    listen(input, "change", async () => {
       const [file] = $(input).files;
       $(input).value = "";
-      if (!file) return;
       try {
-        if (file.size > MAX_BYTES) throw new Error("The file is larger than 5 MB.");
-        await take(file);
+        if (file?.size > MAX_BYTES) throw new Error("The file is larger than 5 MB.");
+        if (file) await take(file);
       } catch (error) {
         say(error.name === "InvalidStateError" ? "The picture cannot be read." : error.message, true);
       }
@@ -107,36 +98,23 @@ export function startStage(board, edit, setMode) {
   };
   choose("outline-open", "outline-file", async (file) => {
     const outline = readOutline(await file.text(), file.name);
-    edit((motion) => {
-      motion.outline = outline;
-    });
+    edit((motion) => (motion.outline = outline));
     $("ghosts").checked = board.ghosts = true;
     board.draw();
   });
-  $("outline-draw").addEventListener("click", () => setMode("outline"));
-  $("outline-clear").addEventListener("click", () =>
-    edit((motion) => {
-      motion.outline = null;
-    }),
-  );
+  listen("outline-draw", "click", () => setMode("outline"));
+  listen("outline-clear", "click", () => edit((motion) => (motion.outline = null)));
   choose("picture-open", "picture-file", async (file) => {
     await backdrop.open(file);
     $("picture-width").value = backdrop.width;
   });
-  $("picture-width").addEventListener("input", () => {
-    const value = typed($("picture-width").value);
-    if (value > 0) {
-      backdrop.width = value;
-      board.draw();
-    }
-  });
-  for (const [k, name] of ["x", "y"].entries())
-    $(`picture-${name}`).addEventListener("input", () => {
-      const value = typed($(`picture-${name}`).value);
-      if (Number.isFinite(value)) {
-        backdrop.at[k] = value;
-        board.draw();
-      }
-    });
-  $("picture-clear").addEventListener("click", () => backdrop.clear());
+  const place = () => {
+    const [width, x, y] = ["width", "x", "y"].map((name) => typed($(`picture-${name}`).value));
+    if (width > 0) backdrop.width = width;
+    if (Number.isFinite(x)) backdrop.at[0] = x;
+    if (Number.isFinite(y)) backdrop.at[1] = y;
+    board.draw();
+  };
+  for (const name of ["width", "x", "y"]) listen(`picture-${name}`, "input", place);
+  listen("picture-clear", "click", () => backdrop.clear());
 }

@@ -58,69 +58,54 @@ class Following {
   }
 
   /** Begins at a linkage: limits that the reference satisfies for its own motion are kept. */
-  begin(solution, reference) {
+  begin(solution, { solution: before, motion }) {
     const { misfit } = this,
-      numbers = misfit.numbersOf(reference.solution),
-      made = misfit.made(numbers);
-    const own = misfit.free ? misfit.driveOf(reference.solution) : misfit.driveAt(numbers);
-    const { spots, closes } = this.#between(made, own);
-    Object.assign(this, {
-      reference: numbers,
-      closes,
-      bounds: new Bounds(misfit.motion, misfit.scale, {
-        made,
-        before: reference.motion,
-        spots,
-        family: reference.solution.family,
-      }),
-    });
-    this.sense = own.at(-1) < own[0] ? -1 : 1;
+      numbers = misfit.numbersOf(before),
+      made = misfit.made(numbers),
+      own = misfit.free ? misfit.driveOf(before) : misfit.driveAt(numbers),
+      { spots, closes } = this.#between(made, own),
+      held = { made, before: motion, spots, family: before.family };
+    Object.assign(this, { reference: numbers, closes, sense: own.at(-1) < own[0] ? -1 : 1 });
+    this.bounds = new Bounds(misfit.motion, misfit.scale, held);
     return this.#measured(misfit.numbersOf(solution), misfit.free ? misfit.driveOf(solution) : null);
   }
 
-  /**
-   * The ends of the interval of the drive, and where in it the transmission angle is least; whether the loop closes all
-   * along.
-   */
+  /** The ends of the interval of the drive, and where in it the transmission angle is least; whether the loop closes all along. */
   #between({ at }, drive) {
     const low = Math.min(...drive),
       high = Math.max(...drive),
-      { checks } = OPTIONS;
-    const places = Array.from({ length: checks + 1 }, (_, k) => low + ((high - low) * k) / checks),
-      angles = places.map((q) => at(q)?.transmission ?? -1);
-    const valleys = [...places.keys()]
-      .filter((k) => k > 0 && k < checks && angles[k] <= angles[k - 1] && angles[k] < angles[k + 1])
-      .sort((i, j) => angles[i] - angles[j]);
+      { checks } = OPTIONS,
+      step = (high - low) / checks,
+      angles = Array.from({ length: checks + 1 }, (_, k) => at(low + k * step)?.transmission ?? -1),
+      isValley = (k) => k > 0 && k < checks && angles[k] <= angles[k - 1] && angles[k] < angles[k + 1],
+      valleys = [...angles.keys()].filter(isValley).sort((i, j) => angles[i] - angles[j]);
     // the vertex of the parabola through three of them
-    const bottom = (k) =>
-      k === undefined
-        ? low
-        : places[k] +
-          ((places[1] - low) * (angles[k - 1] - angles[k + 1])) / 2 / (angles[k - 1] - 2 * angles[k] + angles[k + 1]);
-    return {
-      spots: [low, high, bottom(valleys[0]), bottom(valleys[1] ?? valleys[0])],
-      closes: angles.every((angle) => angle >= 0),
+    const bottom = (k) => {
+      if (k === undefined) return low;
+      const [before, here, after] = angles.slice(k - 1, k + 2);
+      return low + step * (k + (before - after) / 2 / (before - 2 * here + after));
     };
+    const spots = [low, high, bottom(valleys[0]), bottom(valleys[1] ?? valleys[0])];
+    return { spots, closes: angles.every((angle) => angle >= 0) };
   }
 
   /** A block of samples that are passed together: the drive position `z` at which they are met best, near `z`. */
   #foot(made, members, z) {
     const { misfit, sense } = this,
       gap = this.ordered && members.length > 1 ? OPTIONS.gap * misfit.unitOfDrive : 0;
-    const place = (from) => members.map((k, n) => from + sense * gap * (n - (members.length - 1) / 2));
     const look = (from) => {
-      const q = place(from),
+      const q = members.map((_, n) => from + sense * gap * (n - (members.length - 1) / 2)),
         joints = q.map(made.at);
       if (!joints.every(Boolean)) return { cost: Infinity };
       const errors = joints.map((one, n) => misfit.error(members[n], one));
-      return { z: from, q, joints, errors, cost: errors.reduce((sum, error) => sum + squares(error), 0) };
+      return { z: from, q, joints, errors, cost: squares(errors.flat()) };
     };
     let best = look(z);
     if (best.cost === Infinity) return best;
     for (let n = 0; n < OPTIONS.feet; n++) {
-      const slopes = best.joints.map((one, i) => misfit.derivatives(members[i], one, made.guides, best.q[i]).drive);
-      const along = slopes.reduce((sum, slope, i) => sum + product(slope, best.errors[i]), 0),
-        steep = slopes.reduce((sum, slope) => sum + squares(slope), 0);
+      const slopes = best.joints.flatMap((one, i) => misfit.derivatives(members[i], one, made.guides, best.q[i]).drive),
+        along = product(slopes, best.errors.flat()),
+        steep = squares(slopes);
       let step = steep > 0 ? -along / steep : 0,
         next = null;
       for (let half = 0; half < 8 && Math.abs(step) > 1e-13 * misfit.unitOfDrive; half++, step /= 2) {
@@ -136,21 +121,18 @@ class Following {
     return best;
   }
 
-  /** Blocks of samples with the drive positions at which they are met best; those out of order are pooled. */
+  /** Blocks of samples with the drive positions at which they are met best; those out of order are pooled. Null if a loop is open. */
   #blocks(made, drive) {
-    const blocks = [];
+    const blocks = [],
+      gap = OPTIONS.gap * this.misfit.unitOfDrive,
+      isLate = (block) => this.sense * (block.q[0] - blocks.at(-1).q.at(-1)) < gap;
     for (const [k, q] of drive.entries()) {
       let block = { members: [k], ...this.#foot(made, [k], q) };
-      while (
-        this.ordered &&
-        blocks.length &&
-        block.cost < Infinity &&
-        this.sense * (block.q[0] - blocks.at(-1).q.at(-1)) < OPTIONS.gap * this.misfit.unitOfDrive
-      ) {
+      while (this.ordered && blocks.length && block.cost < Infinity && isLate(block)) {
         const before = blocks.pop(),
           members = [...before.members, ...block.members],
-          middle = (before.z * before.members.length + block.z * block.members.length) / members.length;
-        block = { members, ...this.#foot(made, members, middle) };
+          sum = before.z * before.members.length + block.z * block.members.length;
+        block = { members, ...this.#foot(made, members, sum / members.length) };
       }
       if (block.cost === Infinity) return null;
       blocks.push(block);
@@ -158,38 +140,35 @@ class Following {
     return blocks;
   }
 
-  /**
-   * A linkage of these numbers with its errors; `drive` is where free drive positions are looked for. Null where it
-   * does not close.
-   */
+  /** The samples at the given positions of the drive, each a block; null if a loop is open. */
+  #given(made, drive) {
+    const joints = drive.map(made.at);
+    if (!joints.every(Boolean)) return null;
+    const turns = this.misfit.wholeTurns(joints);
+    return joints.map((one, k) => ({
+      members: [k],
+      q: [drive[k]],
+      joints: [one],
+      errors: [this.misfit.error(k, one, turns)],
+    }));
+  }
+
+  /** A linkage of these numbers with its errors; `drive` is where free drive positions are looked for. Null where it does not close. */
   #measured(numbers, drive) {
     const { misfit } = this,
-      made = misfit.made(numbers);
-    if (!made) return null;
-    let blocks;
-    if (misfit.free) blocks = this.#blocks(made, drive);
-    else {
-      const all = misfit.driveAt(numbers),
-        joints = all.map(made.at),
-        turns = joints.every(Boolean) && misfit.wholeTurns(joints);
-      blocks =
-        joints.every(Boolean) &&
-        joints.map((one, k) => ({ members: [k], q: [all[k]], joints: [one], errors: [misfit.error(k, one, turns)] }));
-    }
+      made = misfit.made(numbers),
+      blocks = made && (misfit.free ? this.#blocks(made, drive) : this.#given(made, misfit.driveAt(numbers)));
     if (!blocks) return null;
     const q = blocks.flatMap((block) => block.q),
       { spots, closes } = this.#between(made, q);
     if (this.closes && !closes) return null;
-    const cost =
-      blocks.reduce((sum, { errors }) => sum + errors.reduce((part, error) => part + squares(error), 0), 0) / q.length;
-    const margins = this.bounds.margins(made, spots),
-      violation = margins.reduce((sum, margin) => sum + Math.min(0, margin - INSIDE) ** 2, 0);
-    return { numbers, made, blocks, drive: q, spots, cost, margins, penalty: OPTIONS.penalty * violation };
+    const cost = blocks.reduce((sum, { errors }) => sum + squares(errors.flat()), 0) / q.length,
+      margins = this.bounds.margins(made, spots),
+      penalty = OPTIONS.penalty * squares(margins.map((margin) => Math.min(0, margin - INSIDE)));
+    return { numbers, made, blocks, drive: q, spots, cost, margins, penalty };
   }
 
-  /**
-   * The normal equations of the mean squared error: its matrix and half its slope, the free drive positions eliminated.
-   */
+  /** The normal equations of the mean squared error: its matrix and half its slope, the free drive positions eliminated. */
   #normal({ made, blocks, drive }) {
     const { misfit } = this,
       n = misfit.units.length,
@@ -197,17 +176,13 @@ class Following {
       slope = new Array(n).fill(0),
       shares = [];
     for (const { members, joints, errors, q } of blocks) {
-      const all = members.map((k, i) => misfit.derivatives(k, joints[i], made.guides, q[i]));
-      const columns = Array.from({ length: n }, (_, j) => all.flatMap(({ numbers }) => numbers[j])),
-        error = errors.flat(),
+      const all = members.map((k, i) => misfit.derivatives(k, joints[i], made.guides, q[i])),
         drives = all.flatMap((one) => one.drive),
-        steep = squares(drives);
-      const ratios = columns.map((column) => (misfit.free && steep > 0 ? product(column, drives) / steep : 0));
-      columns.forEach((column, j) =>
-        column.forEach((_, i) => {
-          column[i] -= ratios[j] * drives[i];
-        }),
-      );
+        steep = misfit.free ? squares(drives) : 0,
+        error = errors.flat();
+      const columns = slope.map((_, j) => all.flatMap(({ numbers }) => numbers[j])),
+        ratios = columns.map((column) => (steep > 0 ? product(column, drives) / steep : 0));
+      for (const [j, column] of columns.entries()) for (const i of column.keys()) column[i] -= ratios[j] * drives[i];
       shares.push(...members.map(() => ratios));
       for (let i = 0; i < n; i++) {
         slope[i] += product(columns[i], error) / drive.length;
@@ -223,29 +198,22 @@ class Following {
     const { free, unitOfDrive, units } = this.misfit,
       [low, high] = spots,
       [first, last] = [low, high].map((q) => shares[drive.indexOf(q)][j]);
-    return spots.map((q) =>
-      free ? ((q - high) * first + (low - q) * last) / (high - low || 1) : j === units.length - 1 ? unitOfDrive : 0,
-    );
+    if (!free) return spots.map(() => (j === units.length - 1 ? unitOfDrive : 0));
+    return spots.map((q) => ((q - high) * first + (low - q) * last) / (high - low || 1));
   }
 
   /** Slopes of the limits that are near, by differences: rows {margin, slope}. */
   #limits(state, shares) {
-    const { numbers, margins, spots } = state;
-    const near = margins.flatMap((margin, k) => (margin < OPTIONS.near ? [k] : []));
-    if (!near.length) return [];
-    const rows = near.map((k) => ({ margin: margins[k] - INSIDE, slope: [] }));
-    for (const j of numbers.keys()) {
-      const moved = this.misfit.made(numbers.map((value, i) => (i === j ? value + OPTIONS.slope : value))),
-        drift = this.#drift(state, shares, j);
-      const after =
-        moved &&
-        this.bounds.margins(
-          moved,
-          spots.map((q, k) => q + OPTIONS.slope * drift[k]),
-        );
-      near.forEach((k, n) =>
-        rows[n].slope.push(after?.length === margins.length ? (after[k] - margins[k]) / OPTIONS.slope : 0),
-      );
+    const { numbers, margins, spots } = state,
+      near = [...margins.keys()].filter((k) => margins[k] < OPTIONS.near),
+      rows = near.map((k) => ({ k, margin: margins[k] - INSIDE, slope: [] }));
+    for (const j of near.length ? numbers.keys() : []) {
+      const moved = this.misfit.made(numbers.with(j, numbers[j] + OPTIONS.slope)),
+        drift = this.#drift(state, shares, j),
+        places = spots.map((q, k) => q + OPTIONS.slope * drift[k]),
+        after = moved && this.bounds.margins(moved, places),
+        same = after?.length === margins.length;
+      for (const { k, slope } of rows) slope.push(same ? (after[k] - margins[k]) / OPTIONS.slope : 0);
     }
     return rows;
   }
@@ -254,19 +222,16 @@ class Following {
   #step({ matrix, slope }, limits, damping) {
     const taken = new Set(limits.filter(({ margin }) => margin < 0));
     for (let n = 0; ; n++) {
-      const left = matrix.map((row, i) => row.map((value, j) => value + (i === j ? damping : 0))),
+      const left = matrix.map((row, i) => row.with(i, row[i] + damping)),
         right = slope.map((value) => -value);
-      for (const { margin, slope: row } of taken) {
-        row.forEach((value, i) => {
+      for (const { margin, slope: row } of taken)
+        for (const [i, value] of row.entries()) {
           right[i] -= OPTIONS.penalty * margin * value;
-          row.forEach((other, j) => {
-            left[i][j] += OPTIONS.penalty * value * other;
-          });
-        });
-      }
-      const step = solved(left, right);
-      if (!step) return null;
-      const more = limits.filter((one) => !taken.has(one) && one.margin + product(one.slope, step) < 0);
+          for (const [j, other] of row.entries()) left[i][j] += OPTIONS.penalty * value * other;
+        }
+      const step = solved(left, right),
+        isBroken = (one) => !taken.has(one) && one.margin + product(one.slope, step) < 0,
+        more = step ? limits.filter(isBroken) : [];
       if (!more.length || n === 5) return step;
       for (const one of more) taken.add(one);
     }
@@ -282,22 +247,20 @@ class Following {
     const least = pull || !this.misfit.exact ? OPTIONS.damping : OPTIONS.exact;
     let damping = least;
     for (let n = 0; n < OPTIONS.steps && state.cost + state.penalty > OPTIONS.rounding; n++) {
-      const normal = this.#normal(state),
-        limits = this.#limits(state, normal.shares),
-        before = total(state);
-      normal.slope = normal.slope.map((value, j) => value + pull * (state.numbers[j] - this.reference[j]));
-      normal.matrix.forEach((row, j) => {
-        row[j] += pull;
-      });
+      const { matrix, slope, shares } = this.#normal(state),
+        limits = this.#limits(state, shares),
+        before = total(state),
+        { numbers, drive } = state;
+      const normal = {
+        slope: slope.map((value, j) => value + pull * (numbers[j] - this.reference[j])),
+        matrix: matrix.map((row, j) => row.with(j, row[j] + pull)),
+      };
       let next = null;
       for (; damping < 1e3 && !next; damping *= next ? 1 : 10) {
-        const step = this.#step(normal, limits, damping);
-        next =
-          step &&
-          this.#measured(
-            state.numbers.map((value, j) => value + step[j]),
-            state.drive.map((q, k) => q - product(normal.shares[k], step)),
-          );
+        const step = this.#step(normal, limits, damping),
+          moved = step?.map((value, j) => numbers[j] + value),
+          places = step && drive.map((q, k) => q - product(shares[k], step));
+        next = step && this.#measured(moved, places);
         if (next && !(total(next) < before)) next = null;
       }
       if (!next) return state;
@@ -318,23 +281,22 @@ class Following {
  */
 export function* followed(motion, solution, reference) {
   const following = new Following(motion, solution),
+    total = (state) => (state ? state.cost + state.penalty : Infinity),
     made =
       ({ numbers, drive }) =>
       () =>
         following.misfit.solution(numbers, drive, solution);
   const descents = function* (begin) {
     const first = following.begin(begin, reference);
-    return (
-      first &&
-      (yield* following.descend(yield* following.descend(first, OPTIONS.pull, OPTIONS.settled), 0, OPTIONS.gain))
-    );
+    if (!first) return null;
+    const near = yield* following.descend(first, OPTIONS.pull, OPTIONS.settled);
+    return yield* following.descend(near, 0, OPTIONS.gain);
   };
-  const total = (state) => (state ? state.cost + state.penalty : Infinity);
   let found = null;
   for (const begin of new Set([solution, reference.solution])) {
     const run = descents(begin);
     let step = run.next();
-    for (; !step.done; step = run.next()) yield found ? made(found) : made(step.value);
+    for (; !step.done; step = run.next()) yield made(found ?? step.value);
     if (total(step.value) < OPTIONS.better * total(found)) found = step.value;
   }
   if (found) yield made(found);

@@ -10,7 +10,8 @@ const CHANGE_POINT = 1e-12; // difference of two pairings of the links that coun
 /** Signs of the three excesses of `family`. */
 export const SIGNS = { crank_rocker: "+++", double_crank: "--+", rocker_crank: "+--", double_rocker: "-+-" };
 const FULL_CRANK = ["crank_rocker", "double_crank"];
-const FIXED = { circle: "pivot", rail: "point", slot: "pin" };
+/** The name of the fixed point of each kind of guide. */
+export const FIXED = { circle: "pivot", rail: "point", slot: "pin" };
 
 function twoSum(a, b) {
   const total = a + b,

@@ -2,32 +2,14 @@
 // their derivatives.
 
 import { drivePlaces, driveTurns } from "./drive.js";
-import { fromJoints } from "./hand.js";
-import { Linkage } from "./kinematics.js";
+import { UNKNOWN, fromJoints } from "./hand.js";
+import { FIXED, Linkage } from "./kinematics.js";
 import { placeOf, placesOf, travels, wantsAngles, wantsPlaces } from "./motion.js";
 import { RAD, add, along, dot, less, size, times, turned } from "./plane.js";
 
 const NUMBERS = 5; // of a guide: its fixed point, its radius or direction, its point on the body
-const FIXED = { circle: "pivot", rail: "point", slot: "pin" };
 const ANGLE = { rail: "direction", slot: "body_direction" };
 const TURN = 2 * Math.PI;
-/** What the service said of a solution and does not say of one that was moved from it. */
-const BARE = Object.fromEntries(
-  [
-    "rank",
-    "verdict",
-    "rounded",
-    "analysis",
-    "tolerance_study",
-    "excursion",
-    "transmission_angle_min_turn",
-    "arm_min",
-    "sensitivity",
-    "condition",
-    "determination",
-    "has_smallest_error",
-  ].map((name) => [name, null]),
-);
 
 const perpendicular = ([x, y]) => [-y, x];
 const dot3 = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
@@ -40,31 +22,21 @@ function inverted([a, b, c]) {
   return [0, 1, 2].map((i) => columns.map((column) => column[i] / determinant));
 }
 
-/**
- * The guides of a solution in the frames of the ground and of the body at its point, and the drive at the first sample.
- */
-export function guidesOf(solution) {
+/** The guides of a solution in the frames of the ground and of the body at its point, and the drive at the first sample. */
+function guidesOf(solution) {
   if (!solution.links) return solution;
-  const { links, mount, branch, start_angle } = solution,
-    offset = (solution.body_offset ?? 0) * RAD,
-    turn = (mount?.ground_angle ?? 0) * RAD;
-  const pivot = mount?.pivot_a ?? [0, 0],
-    other = mount?.pivot_b ?? add(pivot, times(along(turn), links.ground));
-  const point = mount?.coupler_point_polar
-    ? times(along(mount.coupler_point_polar.angle * RAD), mount.coupler_point_polar.radius)
-    : [0, 0];
-  const circle = (fixed, radius, held) => ({
-    guide: "circle",
-    pivot: fixed,
-    radius,
-    body_point: turned(less(held, point), -offset),
-  });
-  return {
-    guides: [circle(pivot, links.crank, [0, 0]), circle(other, links.rocker, [links.coupler, 0])],
-    driver: "crank",
-    branch,
-    start: start_angle + turn / RAD,
-  };
+  const { links, mount, branch, start_angle, body_offset } = solution,
+    turn = (mount?.ground_angle ?? 0) * RAD,
+    pivot = mount?.pivot_a ?? [0, 0],
+    other = mount?.pivot_b ?? add(pivot, times(along(turn), links.ground)),
+    { radius, angle } = mount?.coupler_point_polar ?? { radius: 0, angle: 0 },
+    point = times(along(angle * RAD), radius),
+    local = (held) => turned(less(held, point), -(body_offset ?? 0) * RAD);
+  const guides = [
+    { guide: "circle", pivot, radius: links.crank, body_point: local([0, 0]) },
+    { guide: "circle", pivot: other, radius: links.rocker, body_point: local([links.coupler, 0]) },
+  ];
+  return { guides, driver: "crank", branch, start: start_angle + turn / RAD };
 }
 
 /**
@@ -72,38 +44,22 @@ export function guidesOf(solution) {
  * and by the drive.
  */
 function equations({ place: p, rotation }, guides, driver, q) {
-  const cosine = Math.cos(rotation),
-    sine = Math.sin(rotation);
-  const parts = guides.map(({ guide, pivot, pin, point, radius, direction, body_direction, body_point: [u, v] }) => {
-    const held = [cosine * u - sine * v, sine * u + cosine * v],
-      [x, y] = pivot ?? pin ?? point,
-      beyond = [p[0] + held[0] - x, p[1] + held[1] - y];
-    return {
-      guide,
-      held,
-      beyond,
-      axis:
-        guide === "circle"
-          ? times(beyond, 1 / radius)
-          : along(guide === "rail" ? direction * RAD : body_direction * RAD + rotation),
-    };
+  const parts = guides.map((guide) => {
+    const held = turned(guide.body_point, rotation),
+      beyond = less(add(p, held), guide[FIXED[guide.guide]]),
+      angle = guide.direction === undefined ? guide.body_direction * RAD + rotation : guide.direction * RAD,
+      axis = guide.guide === "circle" ? times(beyond, 1 / guide.radius) : along(angle);
+    return { guide: guide.guide, held, beyond, axis };
   });
   // the distance in a direction that turns by `own` with its guide's angle and by `carried` with the body
-  const distance = ([x, y], { held: [u, v] }, own, carried, drive) => [
-    x,
-    y,
-    y * u - x * v + carried,
-    -x,
-    -y,
-    own,
-    cosine * x + sine * y,
-    cosine * y - sine * x,
-    drive,
-  ];
+  const [c, s] = along(rotation);
+  const distance = ([x, y], { held: [u, v] }, own, carried, drive) => {
+    return [x, y, y * u - x * v + carried, -x, -y, own, c * x + s * y, c * y - s * x, drive];
+  };
   const lines = parts.map((part) => {
-    const { guide, axis, beyond } = part;
+    const { guide, axis, beyond } = part,
+      slide = -dot(axis, beyond);
     if (guide === "circle") return distance(axis, part, -1, 0, 0);
-    const slide = -dot(axis, beyond);
     return distance(perpendicular(axis), part, slide, guide === "slot" ? slide : 0, 0);
   });
   const [driven] = parts,
@@ -118,21 +74,16 @@ function equations({ place: p, rotation }, guides, driver, q) {
 export class Misfit {
   constructor(motion, solution) {
     const { guides, driver, branch } = guidesOf(solution),
-      places = placesOf(motion);
-    const middle = [0, 1].map((i) => places.reduce((sum, place) => sum + place[i], 0) / (places.length || 1));
-    const reach = Math.max(
-      ...guides.map(({ radius, body_point }) => Math.max(radius ?? 0, size(body_point))),
-      Number.MIN_VALUE,
-    );
-    Object.assign(this, {
-      motion,
-      driver,
-      branch,
-      middle,
-      kinds: guides.map(({ guide }) => guide),
-      free: motion.timing === "free",
-      turns: driveTurns(solution),
-    });
+      places = placesOf(motion),
+      kinds = guides.map(({ guide }) => guide),
+      middle = [0, 1].map((i) => places.reduce((sum, place) => sum + place[i], 0) / (places.length || 1)),
+      reach = Math.max(
+        ...guides.map(({ radius = 0, body_point }) => Math.max(radius, size(body_point))),
+        Number.MIN_VALUE,
+      );
+    Object.assign(this, { motion, driver, branch, middle, kinds });
+    this.free = motion.timing === "free";
+    this.turns = driveTurns(solution);
     this.scale = Math.max(0, ...places.map((place) => size(less(place, middle)))) || reach;
     this.unit = this.turns ? RAD : 1; // of the drive's coordinate in a solution
     this.unitOfDrive = this.turns ? 1 : this.scale;
@@ -144,19 +95,11 @@ export class Misfit {
     this.travels = travels(motion).map((travel) => motion.direction * travel * this.unit);
     // whether linkages meet the samples exactly, a family of them: each sample takes as many numbers as it has errors
     // that no drive position removes
-    const rows = this.samples.reduce(
-      (sum, { place, angle }) => sum + (place ? 2 : 0) + (angle === null ? 0 : 1) - 1,
-      0,
-    );
-    this.exact = this.free && rows < 2 * NUMBERS - 1;
+    const rows = this.samples.map(({ place, angle }) => (place ? 2 : 0) + (angle === null ? 0 : 1) - 1);
+    this.exact = this.free && rows.reduce((sum, count) => sum + count, 0) < 2 * NUMBERS - 1;
     // of each number: the length or angle that stands for one
-    this.units = this.kinds.flatMap((kind) => [
-      this.scale,
-      this.scale,
-      kind === "circle" ? this.scale : 1,
-      this.scale,
-      this.scale,
-    ]);
+    const long = this.scale;
+    this.units = kinds.flatMap((kind) => [long, long, kind === "circle" ? long : 1, long, long]);
     if (!this.free) this.units.push(this.unitOfDrive);
   }
 
@@ -207,14 +150,11 @@ export class Misfit {
    * `counted`.
    */
   error(k, { place: got, rotation }, counted = 0) {
-    const {
-        place,
-        angle,
-        weights: [wp, wr],
-      } = this.samples[k],
-      off = place ? times(less(got, place), wp) : [0, 0],
-      gap = angle === null ? 0 : rotation - angle;
-    return [...off, wr * (gap - (this.free ? TURN * Math.round(gap / TURN) : angle === null ? 0 : counted))];
+    const { place, angle, weights } = this.samples[k],
+      off = place ? times(less(got, place), weights[0]) : [0, 0],
+      gap = rotation - angle,
+      whole = this.free ? TURN * Math.round(gap / TURN) : counted;
+    return [...off, angle === null ? 0 : weights[1] * (gap - whole)];
   }
 
   /** The whole turns by which the body is mounted away from what is wanted where crank angles are given. */
@@ -226,17 +166,13 @@ export class Misfit {
   /** Derivatives of `error` at joints, by the drive's coordinate q and by each number. */
   derivatives(k, joints, guides, q) {
     const rows = equations(joints, guides, this.driver, q),
-      inverse = inverted(rows.map((row) => row.slice(0, 3)));
-    const {
-        place,
-        angle,
-        weights: [wp, wr],
-      } = this.samples[k],
-      weights = [place ? wp : 0, place ? wp : 0, angle === null ? 0 : wr];
-    const [line, other, drive] = rows,
+      inverse = inverted(rows.map((row) => row.slice(0, 3))),
+      { place, angle, weights } = this.samples[k],
+      [wp, wr] = [place ? weights[0] : 0, angle === null ? 0 : weights[1]],
+      scales = [wp, wp, wr],
+      [line, other, drive] = rows;
+    const by = (a, b, c, unit) => scales.map((weight, i) => -weight * unit * dot3(inverse[i], [a, b, c])),
       columns = [];
-    const by = (a, b, c, unit) =>
-      [0, 1, 2].map((i) => -weights[i] * unit * (inverse[i][0] * a + inverse[i][1] * b + inverse[i][2] * c));
     for (let j = 0; j < NUMBERS; j++) columns.push(by(line[3 + j], 0, drive[3 + j], this.units[j]));
     for (let j = 0; j < NUMBERS; j++) columns.push(by(0, other[3 + j], 0, this.units[NUMBERS + j]));
     if (!this.free) columns.push(by(0, 0, drive[8], this.unitOfDrive));
@@ -250,28 +186,20 @@ export class Misfit {
   solution(numbers, drive, before) {
     const made = this.made(numbers),
       start = drive[0] / this.unit,
-      own = { ...BARE, source: "moved" };
-    const places = this.free
-      ? { [before.travel ? "travel" : "crank_angle"]: drive.map((q) => q / this.unit - start) }
-      : {};
-    if (!before.links) return { ...before, ...own, ...places, guides: made.guides, start };
+      own = { ...UNKNOWN, source: "moved" },
+      name = before.travel ? "travel" : "crank_angle";
+    if (this.free) own[name] = drive.map((q) => q / this.unit - start);
+    if (!before.links) return { ...before, ...own, guides: made.guides, start };
     const joints = made.linkage.at(this.turns ? drive[0] : drive[0] * RAD),
       whole = this.free ? 0 : this.wholeTurns(drive.map(made.at)),
-      { mount, links, body_offset, ...found } = fromJoints({ ...joints, rotation: joints.rotation - whole }, 0, before);
-    const offset = body_offset === null ? null : body_offset + (before.mount ? 0 : mount.ground_angle);
-    const placed = before.mount
-      ? { mount, links }
-      : {
-          mount: null,
-          links: Object.fromEntries(Object.entries(links).map(([name, length]) => [name, length / links.ground])),
-        };
-    return {
-      ...found,
-      ...own,
-      ...places,
-      ...placed,
-      body_offset:
-        this.free && offset !== null ? offset + 360 * Math.round((before.body_offset - offset) / 360) : offset,
-    };
+      found = fromJoints({ ...joints, rotation: joints.rotation - whole }, 0, before),
+      { mount, links } = found;
+    if (found.body_offset !== null) {
+      if (!before.mount) found.body_offset += mount.ground_angle;
+      if (this.free) found.body_offset += 360 * Math.round((before.body_offset - found.body_offset) / 360);
+    }
+    if (before.mount) return { ...found, ...own };
+    const relative = Object.entries(links).map(([side, length]) => [side, length / links.ground]);
+    return { ...found, ...own, mount: null, links: Object.fromEntries(relative) };
   }
 }

@@ -2,7 +2,7 @@
 
 import { button, definitions, element, namedRows, signed, text } from "./drawing.js";
 import { driveName, drivePlaces, driveTurns } from "./drive.js";
-import { errorText, fitOf, guideRows, roundedLinks, roundedText, settled } from "./fit.js";
+import { LINKS, errorText, fitOf, guideRows, roundedLinks, roundedText, settled } from "./fit.js";
 import { itemOf, unitOf } from "./motion.js";
 import { build, capital } from "./shell.js";
 import { studyRows } from "./studies.js";
@@ -10,7 +10,6 @@ import { passing } from "./timing.js";
 import { judged, limitName, reasons } from "./verdict.js";
 
 export const DIGITS = 4; // of numbers that are shown; their titles and copies have more
-const LINKS = ["crank", "coupler", "rocker", "ground"];
 const ILL_POSED =
   "Clearly different linkages make this motion about equally well: the motion does not determine the link lengths.";
 const BY_HAND = "Changed by hand: its errors are computed in this page, and nothing is judged.";
