@@ -1,144 +1,104 @@
 // Line charts over a shared abscissa, drawn by the vendored uPlot in the page's colours.
 
 import { element, text } from "./drawing.js";
+import { build } from "./shell.js";
 
 const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
 
-function axis(more = {}) {
-  return {
-    stroke: colour("muted"),
-    font: "11px system-ui, sans-serif",
-    labelFont: "12px system-ui, sans-serif",
-    grid: { stroke: colour("line"), width: 1 },
-    ticks: { stroke: colour("line"), width: 1, size: 4 },
-    ...more,
-  };
+const line = (name) => ({ stroke: colour("line"), width: 1, ...(name === "ticks" && { size: 4 }) });
+const axis = (more) => ({
+  stroke: colour("muted"),
+  font: "11px system-ui, sans-serif",
+  labelFont: "12px system-ui, sans-serif",
+  grid: line("grid"),
+  ticks: line("ticks"),
+  ...more,
+});
+
+const degrees = (value) => `${Number(value.toFixed(6))}°`;
+function brief(value) {
+  if (value === 0) return "0";
+  const small = Math.abs(value) >= 1e5 || Math.abs(value) < 1e-3;
+  return small ? Number(value.toPrecision(2)).toExponential().replace("+", "") : String(Number(value.toPrecision(4)));
 }
-
-const degrees = (u, values) => values.map((value) => `${Number(value.toFixed(6))}°`);
-const brief = (value) =>
-  value === 0
-    ? "0"
-    : Math.abs(value) >= 1e5 || Math.abs(value) < 1e-3
-      ? Number(value.toPrecision(2)).toExponential().replace("+", "")
-      : String(Number(value.toPrecision(4)));
-
 const decades = (u, splits) => splits.map((value) => (Math.abs(Math.log10(value) % 1) < 1e-9 ? value : null));
 
 /**
  * A chart that fills `host`. `x` holds the abscissas, `series` are {values, colour, points, steps, size, width, dash};
  * nulls are gaps; with `sense` -1 the abscissas are named by their negatives. Returns the uPlot; `mark(x)` moves its vertical line.
  */
-export function chart(
-  host,
-  {
-    x,
-    series,
-    height = 130,
-    degreesX = true,
-    degreesY = false,
-    logY = false,
-    range = null,
-    splits = null,
-    xName = "",
-    sense = 1,
-  },
-) {
-  host.replaceChildren();
-  const width = Math.max(200, host.clientWidth);
+export function chart(host, { x, series, height = 130, range = null, splits = null, xName = "", sense = 1, ...more }) {
+  const { degreesX = true, degreesY = false, logY = false } = more,
+    nameX = (v) => (degreesX ? degrees(sense * v) : `${brief(sense * v)}${xName}`),
+    nameY = (v) => (degreesY ? degrees(v) : v === null ? "" : brief(v)),
+    decimal = logY && { grid: { ...line("grid"), filter: decades }, ticks: { ...line("ticks"), filter: decades } };
   let marked = null;
+  const draw = (u) => {
+    if (marked === null) return;
+    const at = Math.round(u.valToPos(marked, "x", true)),
+      { top, height: tall } = u.bbox;
+    u.ctx.save();
+    u.ctx.setLineDash([]);
+    Object.assign(u.ctx, { strokeStyle: colour("ink"), lineWidth: devicePixelRatio });
+    u.ctx.beginPath();
+    u.ctx.moveTo(at, top);
+    u.ctx.lineTo(at, top + tall);
+    u.ctx.stroke();
+    u.ctx.restore();
+  };
+  const curve = ({ points, steps, size = 6, width = 1.8, dash, ...one }) => {
+    const stroke = colour(one.colour),
+      paths = points ? () => null : steps ? uPlot.paths.stepped({ align: 1 }) : undefined,
+      show = Boolean(points);
+    return { pxAlign: 0, stroke, width, dash, spanGaps: show, paths, points: { show, size, fill: stroke, stroke } };
+  };
+  host.replaceChildren();
   const options = {
-    width,
+    width: Math.max(200, host.clientWidth),
     height,
     legend: { show: false },
     cursor: { show: false },
     padding: [8, 26, 0, 0],
     scales: { x: { time: false }, y: logY ? { distr: 3 } : range ? { range } : {} },
     axes: [
-      axis({
-        size: 26,
-        space: 60,
-        values: (u, values) =>
-          degreesX
-            ? degrees(
-                u,
-                values.map((v) => sense * v),
-              )
-            : values.map((v) => `${brief(sense * v)}${xName}`),
-      }),
+      axis({ size: 26, space: 60, values: (u, values) => values.map(nameX) }),
       axis({
         size: 62,
         space: 22,
-        ...(splits ? { splits: () => splits } : {}),
-        ...(logY ? { grid: { ...axis().grid, filter: decades }, ticks: { ...axis().ticks, filter: decades } } : {}),
-        values: degreesY ? degrees : (u, values) => values.map((v) => (v === null ? "" : brief(v))),
+        ...(splits && { splits: () => splits }),
+        ...decimal,
+        values: (u, v) => v.map(nameY),
       }),
     ],
-    series: [
-      {},
-      ...series.map((one) => ({
-        pxAlign: 0,
-        stroke: colour(one.colour),
-        width: one.width ?? 1.8,
-        dash: one.dash,
-        spanGaps: Boolean(one.points),
-        paths: one.points ? () => null : one.steps ? uPlot.paths.stepped({ align: 1 }) : undefined,
-        points: {
-          show: Boolean(one.points),
-          size: one.size ?? 6,
-          fill: colour(one.colour),
-          stroke: colour(one.colour),
-        },
-      })),
-    ],
-    hooks: {
-      draw: [
-        (u) => {
-          if (marked === null) return;
-          const at = Math.round(u.valToPos(marked, "x", true)),
-            { top, height: tall } = u.bbox;
-          u.ctx.save();
-          u.ctx.setLineDash([]);
-          u.ctx.strokeStyle = colour("ink");
-          u.ctx.lineWidth = devicePixelRatio;
-          u.ctx.beginPath();
-          u.ctx.moveTo(at, top);
-          u.ctx.lineTo(at, top + tall);
-          u.ctx.stroke();
-          u.ctx.restore();
-        },
-      ],
-    },
+    series: [{}, ...series.map(curve)],
+    hooks: { draw: [draw] },
   };
   const plot = new uPlot(options, [x, ...series.map((one) => one.values)], host);
   plot.mark = (value) => {
     marked = value;
     plot.redraw(false, false);
   };
-  plot.root.querySelectorAll("canvas").forEach((canvas) => canvas.setAttribute("aria-hidden", "true"));
+  for (const canvas of plot.root.querySelectorAll("canvas")) canvas.setAttribute("aria-hidden", "true");
   return plot;
 }
 
 /** A chart below a heading, added to `host`. Screen readers get the heading and the range of the first series. */
 export function titledChart(host, title, options) {
-  const block = document.createElement("div"),
-    box = document.createElement("div");
-  const values = options.series[0].values.filter((value) => value !== null);
-  box.className = "chart";
-  box.setAttribute("role", "img");
-  box.setAttribute("aria-label", `${title}: from ${text(Math.min(...values), 4)} to ${text(Math.max(...values), 4)}`);
-  block.append(element("h3", "note", title), box);
-  host.append(block);
+  const values = options.series[0].values.filter((value) => value !== null),
+    range = [Math.min(...values), Math.max(...values)].map((value) => text(value, 4)).join(" to "),
+    box = build("div", { className: "chart", role: "img", "aria-label": `${title}: from ${range}` });
+  host.append(build("div", {}, element("h3", "note", title), box));
   return chart(box, options);
 }
 
-/** Calls `draw` when the page changes between light and dark, and when the width of `host` changes to other than 0. */
+/** Calls `draw` when the page changes between light and dark, and when the width of `host` changes to other than 0, while it is there. */
 export function redrawOn(host, draw) {
   let width = host.clientWidth;
+  const again = () => (host.isConnected ? draw() : document.removeEventListener("themechange", again));
   new ResizeObserver(() => {
     if (host.clientWidth === width) return;
     width = host.clientWidth;
     if (width) draw();
   }).observe(host);
-  document.addEventListener("themechange", draw);
+  document.addEventListener("themechange", again);
 }

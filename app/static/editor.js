@@ -5,14 +5,9 @@ import { pastedRows, typed, wrong } from "./decimal.js";
 import { button } from "./drawing.js";
 import { Fields } from "./fields.js";
 import { History, emptyMotion, itemOf, nextPose, travels, wantsAngles, wantsPlaces } from "./motion.js";
-import { $, capital } from "./shell.js";
+import { $, build, capital, listen } from "./shell.js";
 
-const COLUMNS = [
-  ["t", "crank angle"],
-  ["x", "x"],
-  ["y", "y"],
-  ["angle", "angle"],
-];
+const COLUMNS = { t: "crank angle", x: "x", y: "y", angle: "angle" };
 const ANY = [-1e50, 1e50];
 const KEYS = { ArrowUp: [-1, 0], ArrowDown: [1, 0], Enter: [1, 0] };
 
@@ -134,29 +129,24 @@ export class Editor {
   #showTable() {
     const { motion } = this,
       body = $("poses").tBodies[0],
-      angles = travels(motion);
-    const hides = {
-      "no-crank": motion.timing === "free",
-      "no-place": !wantsPlaces(motion),
-      "no-angle": !wantsAngles(motion),
-    };
+      angles = travels(motion),
+      [places, turns] = [wantsPlaces(motion), wantsAngles(motion)],
+      hides = { "no-crank": motion.timing === "free", "no-place": !places, "no-angle": !turns };
     for (const [name, hidden] of Object.entries(hides)) $("poses").classList.toggle(name, hidden);
     while (body.rows.length > motion.poses.length) body.deleteRow(-1);
     while (body.rows.length < motion.poses.length) body.append(this.#makeRow(body.rows.length));
-    motion.poses.forEach((pose, k) => {
-      const row = body.rows[k];
-      COLUMNS.forEach(([name], column) => {
-        const input = row.cells[column + 1].firstChild;
-        const value = name === "t" ? angles[k] : pose[name];
-        const asked = name === "angle" ? wantsAngles(motion) : wantsPlaces(motion);
-        const bad = this.cellFaults.has(cellOf(k, name));
+    for (const [k, pose] of motion.poses.entries())
+      for (const [column, name] of Object.keys(COLUMNS).entries()) {
+        const input = body.rows[k].cells[column + 1].firstChild,
+          value = name === "t" ? angles[k] : pose[name],
+          asked = name === "angle" ? turns : places,
+          bad = this.cellFaults.has(cellOf(k, name));
         input.classList.toggle("invalid", bad);
         if (!bad && input !== document.activeElement) input.value = value === null ? "" : Number(value.toPrecision(6));
         input.placeholder = value === null && asked ? "none" : "";
         if (name === "t") input.readOnly = motion.timing !== "table" || k === 0;
         else input.disabled = !asked;
-      });
-    });
+      }
     this.#markRow();
   }
 
@@ -169,62 +159,56 @@ export class Editor {
   }
 
   #makeRow(k) {
-    const row = document.createElement("tr");
-    row.insertCell().textContent = String(k + 1);
-    for (const [name, label] of COLUMNS) row.insertCell().append(this.#makeCell(k, name, label));
-    const remove = button("×", () => this.#remove(k), "quiet");
-    remove.setAttribute("aria-label", `Remove pose ${k + 1}`);
-    row.insertCell().append(remove);
-    return row;
+    const cells = Object.entries(COLUMNS).map(([name, label]) => this.#makeCell(k, name, label)),
+      remove = button("×", () => this.#remove(k), "quiet", { "aria-label": `Remove pose ${k + 1}` });
+    return build(
+      "tr",
+      {},
+      [String(k + 1), ...cells, remove].map((content) => build("td", {}, content)),
+    );
   }
 
   #makeCell(k, name, label) {
-    const input = document.createElement("input"),
-      key = cellOf(k, name);
+    const id = cellOf(k, name),
+      input = build("input", { id, inputMode: "decimal", "aria-label": `Pose ${k + 1}, ${label}` });
     let before = null; // what holds until the entry is good: of 1.234,5 the 1.234 does not count
-    input.id = key;
-    input.inputMode = "decimal";
-    input.setAttribute("aria-label", `Pose ${k + 1}, ${label}`);
-    input.addEventListener("focus", () => {
+    input.onfocus = () => {
       this.#choose(k);
       before = this.motion.poses[k][name];
       // the table shows 6 digits; a number that is being edited has them all
-      if (!this.cellFaults.has(key))
-        input.value = name === "t" ? Number(travels(this.motion)[k].toPrecision(14)) : this.motion.poses[k][name];
-    });
-    input.addEventListener("input", () => {
+      const value = name === "t" ? Number(travels(this.motion)[k].toPrecision(14)) : before;
+      if (!this.cellFaults.has(id)) input.value = value ?? "";
+    };
+    input.oninput = () => {
       if (input.readOnly) return;
       // an empty cell is a place or an angle that is not asked for
       const value = typed(input.value),
         fault = wrong(value, input.value, { range: ANY, needed: name === "t" }),
-        used = fault ? before : value;
-      if (fault)
-        this.cellFaults.set(
-          key,
-          `${capital(itemOf(this.motion))} ${k + 1}, ${label}: ${fault}${before === null ? "" : `; ${before} is still in use`}.`,
-        );
-      else this.cellFaults.delete(key);
+        used = fault ? before : value,
+        still = before === null ? "" : `; ${before} is still in use`;
+      if (fault) this.cellFaults.set(id, `${capital(itemOf(this.motion))} ${k + 1}, ${label}: ${fault}${still}.`);
+      else this.cellFaults.delete(id);
       input.classList.toggle("invalid", Boolean(fault));
       $("table-error").textContent = [...this.cellFaults.values()][0] ?? "";
-      if (!fault || used !== this.motion.poses[k][name])
-        this.history.change((motion) => {
-          motion.poses[k][name] = used;
-          if (name === "t" && k === motion.poses.length - 1) motion.span = used;
-        }, `cell ${key}`);
-    });
-    input.addEventListener("paste", (event) => this.#pasteRows(event, k, name));
-    input.addEventListener("change", () => {
+      if (fault && used === this.motion.poses[k][name]) return;
+      this.history.change((motion) => {
+        motion.poses[k][name] = used;
+        if (name === "t" && k === motion.poses.length - 1) motion.span = used;
+      }, `cell ${id}`);
+    };
+    input.onpaste = (event) => this.#pasteRows(event, k, name);
+    input.onchange = () => {
       this.history.settle();
       this.board.reveal();
-    });
-    input.addEventListener("blur", () => this.#showTable());
+    };
+    input.onblur = () => this.#showTable();
     return input;
   }
 
   /** Fills the table from a cell on with the rows that a spreadsheet has copied; a single number is left to the browser. */
   #pasteRows(event, first, name) {
     const content = event.clipboardData.getData("text/plain");
-    const names = COLUMNS.map(([column]) => column).filter((column) => !this.#hidden(column)),
+    const names = Object.keys(COLUMNS).filter((column) => !this.#hidden(column)),
       from = names.indexOf(name);
     if (from < 0 || !/[\t\n\r]/.test(content.trim())) return;
     event.preventDefault();
@@ -234,12 +218,10 @@ export class Editor {
         throw new Error("Each pasted row needs a crank angle.");
       this.#forget();
       this.history.change((motion) => {
-        rows.forEach((row, n) => {
+        for (const [n, row] of rows.entries()) {
           if (first + n === motion.poses.length) motion.poses.push(nextPose(motion));
-          row.forEach((value, column) => {
-            motion.poses[first + n][names[from + column]] = value;
-          });
-        });
+          for (const [column, value] of row.entries()) motion.poses[first + n][names[from + column]] = value;
+        }
         if (motion.timing === "table") motion.span = motion.poses.at(-1).t;
       });
       event.target.value = this.motion.poses[first][name] ?? "";
@@ -270,12 +252,8 @@ export class Editor {
     this.board.show(this.motion, k);
     this.#markRow();
     const box = document.querySelector(".table"),
-      row = $("poses").tBodies[0].rows[k];
-    if (
-      row &&
-      (row.offsetTop < box.scrollTop + 30 || row.offsetTop + row.offsetHeight > box.scrollTop + box.clientHeight)
-    )
-      box.scrollTop = row.offsetTop - 60;
+      { offsetTop: top, offsetHeight: height } = $("poses").tBodies[0].rows[k] ?? { offsetTop: box.scrollTop + 30 };
+    if (top < box.scrollTop + 30 || top + height > box.scrollTop + box.clientHeight) box.scrollTop = top - 60;
   }
 
   #add(at = null) {
@@ -290,13 +268,10 @@ export class Editor {
     this.#forget();
     this.history.change((motion) => {
       motion.poses.splice(k, 1);
-      if (motion.timing === "table" && motion.poses.length > 1) {
-        const first = motion.poses[0].t;
-        motion.poses.forEach((pose) => {
-          pose.t -= first;
-        });
-        motion.span = motion.poses.at(-1).t;
-      }
+      if (motion.timing !== "table" || motion.poses.length < 2) return;
+      const first = motion.poses[0].t;
+      for (const pose of motion.poses) pose.t -= first;
+      motion.span = motion.poses.at(-1).t;
     });
   }
 
@@ -311,13 +286,13 @@ export class Editor {
   }
 
   #bindButtons() {
-    $("add-row").addEventListener("click", ({ detail }) => {
+    listen("add-row", "click", ({ detail }) => {
       this.#add();
       this.board.reveal();
       if (!detail) this.board.poses.focus(-1); // pressed by a key: arrows move it
     });
-    $("undo").addEventListener("click", () => this.#step(true));
-    $("redo").addEventListener("click", () => this.#step(false));
+    listen("undo", "click", () => this.#step(true));
+    listen("redo", "click", () => this.#step(false));
     document.addEventListener("keydown", (event) => {
       if (!(event.ctrlKey || event.metaKey) || event.altKey || event.target.matches?.("textarea")) return;
       const key = event.key.toLowerCase();
@@ -325,9 +300,9 @@ export class Editor {
       event.preventDefault();
       this.#step(key === "z" && !event.shiftKey);
     });
-    $("fit").addEventListener("click", () => this.board.fit());
-    $("zoom-in").addEventListener("click", () => this.board.zoom(1.3));
-    $("zoom-out").addEventListener("click", () => this.board.zoom(1 / 1.3));
+    listen("fit", "click", () => this.board.fit());
+    listen("zoom-in", "click", () => this.board.zoom(1.3));
+    listen("zoom-out", "click", () => this.board.zoom(1 / 1.3));
   }
 
   /** The modes are one stop of the tab key; arrows choose among them. */

@@ -81,28 +81,19 @@ class Round extends Vector {
 
   longerThan(q, first, second) {
     const { distance, towards, radius } = this;
-    return (
-      pairDifference(distance, first, radius, second) * pairDifference(distance, second, radius, first) +
-      4 * distance * radius * Math.sin((q - towards) / 2) ** 2
-    );
+    const least = pairDifference(distance, first, radius, second) * pairDifference(distance, second, radius, first);
+    return least + 4 * distance * radius * Math.sin((q - towards) / 2) ** 2;
   }
 
   shorterThan(q, first, second) {
     const { distance, towards, radius } = this;
-    return (
-      pairDifference(first, second, distance, radius) * (first + second + distance + radius) +
-      4 * distance * radius * Math.cos((q - towards) / 2) ** 2
-    );
+    const least = pairDifference(first, second, distance, radius) * (first + second + distance + radius);
+    return least + 4 * distance * radius * Math.cos((q - towards) / 2) ** 2;
   }
 
   across(q, angle, length, side) {
-    const { middle, radius } = this;
-    return (
-      length -
-      radius -
-      side * cross(along(angle), middle) +
-      2 * radius * Math.sin((q - angle) / 2 + (side * Math.PI) / 4) ** 2
-    );
+    const least = length - this.radius - side * cross(along(angle), this.middle);
+    return least + 2 * this.radius * Math.sin((q - angle) / 2 + (side * Math.PI) / 4) ** 2;
   }
 }
 
@@ -150,12 +141,11 @@ function triangle(varying, still, radius, shorter, longer, pinMovesOnBody) {
     outer = varying + radius - still,
     inner = varying + still - radius,
     larger = Math.max(outer, inner),
-    smaller = longer / (larger || 1);
-  const [lessStill, lessRadius] = outer > inner ? [larger, smaller] : [smaller, larger],
-    beyond = shorter / total;
-  const [ahead, behind] = pinMovesOnBody ? [lessStill, beyond] : [beyond, lessStill],
-    first = total * ahead,
-    second = behind * lessRadius;
+    smaller = longer / (larger || 1),
+    beyond = shorter / total,
+    [lessStill, lessRadius] = outer > inner ? [larger, smaller] : [smaller, larger],
+    [ahead, behind] = pinMovesOnBody ? [lessStill, beyond] : [beyond, lessStill],
+    [first, second] = [total * ahead, behind * lessRadius];
   return {
     atZ: 2 * Math.atan2(Math.sqrt(ahead * behind), Math.sqrt(total * lessRadius)),
     atX: 2 * Math.atan2(Math.sqrt(Math.min(first, second)), Math.sqrt(Math.max(first, second))),
@@ -164,18 +154,12 @@ function triangle(varying, still, radius, shorter, longer, pinMovesOnBody) {
 
 /** The guides of a solution in frames of the linkage's own, in which the lengths of a four-bar are as they were given. */
 function guidesOf({ links, guides }) {
-  const given = links
-    ? [
-        { guide: "circle", pivot: [0, 0], radius: links.crank, body_point: [0, 0] },
-        { guide: "circle", pivot: [links.ground, 0], radius: links.rocker, body_point: [links.coupler, 0] },
-      ]
-    : guides;
-  return given.map((guide) => ({
-    ...guide,
-    fixed: guide[FIXED[guide.guide]],
-    body: guide.body_point,
-    angle: (guide.direction ?? guide.body_direction ?? 0) * RAD,
-  }));
+  const bar = (radius, x, held) => ({ guide: "circle", pivot: [x, 0], radius, body_point: [held, 0] }),
+    given = links ? [bar(links.crank, 0, 0), bar(links.rocker, links.ground, links.coupler)] : guides;
+  return given.map((guide) => {
+    const angle = (guide.direction ?? guide.body_direction ?? 0) * RAD;
+    return { ...guide, fixed: guide[FIXED[guide.guide]], body: guide.body_point, angle };
+  });
 }
 
 /** The linkage of a solution in the service's reply. */
@@ -186,45 +170,39 @@ export class Linkage {
   #shift = 0;
 
   constructor(solution) {
-    const { links = null, mount = null, driver = "crank", branch } = solution;
+    const { links = null, mount = null, driver = "crank", branch } = solution,
+      { radius, angle } = mount?.coupler_point_polar ?? { radius: 0, angle: 0 };
     this.guides = guidesOf(solution);
-    const [driven, other] = this.guides,
-      { fixed, body, angle } = driven;
-    Object.assign(this, {
-      driver,
-      branch,
-      turns: driveTurns(solution),
-      mount: links ? mount : true,
-      origin: mount?.pivot_a ?? [0, 0],
-      turn: (mount?.ground_angle ?? 0) * RAD,
-      offset: links ? (solution.body_offset ?? 0) * RAD : 0,
-    });
-    const point = mount?.coupler_point_polar;
-    this.point = point ? times(along(point.angle * RAD), point.radius) : [0, 0];
+    Object.assign(this, { driver, branch, links, turns: driveTurns(solution), mount: links ? mount : true });
+    this.origin = mount?.pivot_a ?? [0, 0];
+    this.turn = (mount?.ground_angle ?? 0) * RAD;
+    this.offset = links ? (solution.body_offset ?? 0) * RAD : 0;
+    this.point = times(along(angle * RAD), radius);
     this.start = (links ? solution.start_angle : solution.start) * (this.turns ? RAD : 1);
+    const [driven, other] = this.guides,
+      arm = less(other.body, driven.body),
+      slides = (middle) => new Straight(middle, driven.angle);
     const fromPin = (middle) =>
       driven.guide === "circle"
         ? new Round(middle, driven.radius)
         : driven.guide === "rail"
-          ? new Straight(middle, angle)
+          ? slides(middle)
           : new Vector(middle);
-    this.#pin = fromPin(times(fixed, -1));
-    this.#spread = fromPin(less(other.fixed, fixed));
-    this.#arm =
-      driven.guide === "slot" ? new Straight(less(other.body, body), angle) : new Vector(less(other.body, body));
-    const lengths = this.guides.flatMap(({ used, radius }) => (used ? [used[1] - used[0]] : [radius ?? 0]));
-    this.reach = Math.max(...lengths, size(less(driven.body, other.body)));
+    this.#pin = fromPin(times(driven.fixed, -1));
+    this.#spread = fromPin(less(other.fixed, driven.fixed));
+    this.#arm = driven.guide === "slot" ? slides(arm) : new Vector(arm);
+    const lengths = this.guides.map(({ used, radius: length }) => (used ? used[1] - used[0] : (length ?? 0)));
+    this.reach = Math.max(...lengths, size(arm));
     if (links) {
       const first = this.pose(this.start)?.rotation ?? 0;
       this.#shift = TURN * Math.round((first - Math.atan2(Math.sin(first), Math.cos(first))) / TURN);
     }
-    this.links = links;
   }
 
   /** Whether the drive can turn fully. */
   get turnsFully() {
-    if (this.links)
-      return FULL_CRANK.includes(family(["crank", "coupler", "rocker", "ground"].map((name) => this.links[name])));
+    const { crank, coupler, rocker, ground } = this.links ?? {};
+    if (crank) return FULL_CRANK.includes(family([crank, coupler, rocker, ground]));
     // a loop opens first where one of its vectors is longest or shortest, or reaches farthest across the other guide
     const across = [this.#spread.towards, this.guides[1].angle];
     return this.turns && [0, 1, 2, 3].every((k) => across.every((from) => this.pose(from + (k * Math.PI) / 2)));
@@ -248,14 +226,8 @@ export class Linkage {
     if (!(distance > 0)) return null; // any direction would do
     if (other.guide === "circle") {
       const lengths = [still.distance, other.radius],
-        found = triangle(
-          onBody ? length : distance,
-          still.distance,
-          other.radius,
-          varying.shorterThan(q, ...lengths),
-          varying.longerThan(q, ...lengths),
-          onBody,
-        );
+        excess = [varying.shorterThan(q, ...lengths), varying.longerThan(q, ...lengths)],
+        found = triangle(onBody ? length : distance, ...lengths, ...excess, onBody);
       if (!found) return null;
       rotation = spread.direction(q) + side * found.atZ - arm.direction(q);
       transmission = found.atX;
@@ -315,56 +287,41 @@ export class Linkage {
     const q = this.start + (this.turns ? travel : travel / RAD),
       pose = this.pose(q);
     if (!pose) return null;
-    const coupler = pose.rotation - this.#shift + this.turn,
+    const { rotation, place, transmission } = pose,
+      coupler = rotation - this.#shift + this.turn,
       ground = (point) => add(this.origin, turned(point, this.turn)),
-      body = (point) => add(ground(pose.place), turned(point, coupler));
-    const rails = [],
-      slots = [],
-      blocks = [],
-      ends = this.guides.map((guide) => this.#ends(guide, ground, body, coupler, { rails, slots, blocks }));
-    const [[a, d], [b, c]] = ends,
-      circles = this.guides.map(({ guide }) => guide === "circle"),
-      both = circles.every(Boolean);
-    const arms = ends.map((pair, k) => (circles[k] ? pair : null)),
-      [crank, rocker] = arms.map((pair) => pair && { at: pair[0], angle: direction(less(pair[1], pair[0])) });
-    return {
-      travel,
-      a,
-      b,
-      c,
-      d,
-      p: this.mount ? body(this.point) : null,
-      rotation: coupler + this.offset,
-      coupler,
-      transmission: pose.transmission,
-      rails,
-      slots,
-      blocks,
-      links: arms,
-      ground: both ? [a, b] : null,
-      fixed: this.guides.map(({ guide }) => guide !== "rail"),
-      frames: {
-        ground: { at: ground(this.guides[0].fixed), angle: 0 },
-        crank: crank ?? rocker,
-        coupler: { at: body(this.guides[0].body), angle: coupler },
-        rocker,
-      },
+      body = (point) => add(ground(place), turned(point, coupler)),
+      [driven] = this.guides,
+      parts = { rails: [], slots: [], blocks: [] };
+    const ends = this.guides.map((guide) => this.#ends(guide, ground, body, coupler, parts)),
+      [[a, d], [b, c]] = ends,
+      links = ends.map((pair, k) => (this.guides[k].guide === "circle" ? pair : null)),
+      [crank, rocker] = links.map((pair) => pair && { at: pair[0], angle: direction(less(pair[1], pair[0])) });
+    const frames = {
+      ground: { at: ground(driven.fixed), angle: 0 },
+      crank: crank ?? rocker,
+      coupler: { at: body(driven.body), angle: coupler },
+      rocker,
     };
+    const fixed = this.guides.map(({ guide }) => guide !== "rail"),
+      [p, line] = [this.mount ? body(this.point) : null, links.every(Boolean) ? [a, b] : null],
+      turn = { rotation: coupler + this.offset, coupler, transmission };
+    return { travel, a, b, c, d, p, ...turn, ...parts, links, ground: line, fixed, frames };
   }
 
   /** The two joints of a guide: a fixed pivot and the pin it holds, or the ends of a rail or slot as they are drawn, which are added to `parts`. */
   #ends({ guide, fixed, body: held, angle, used }, ground, body, coupler, { rails, slots, blocks }) {
-    const at = guide === "rail" ? null : ground(fixed),
+    const at = ground(fixed),
       pin = body(held),
-      margin = BEYOND * this.reach,
-      [low, high] = used ?? [0, 0],
-      reach = [low - margin, high + margin];
+      isRail = guide === "rail";
     if (guide === "circle") return [at, pin];
-    const way = along(guide === "rail" ? angle + this.turn : angle + coupler),
-      line = reach.map((s) => add(guide === "rail" ? ground(fixed) : pin, times(way, s)));
-    (guide === "rail" ? rails : slots).push(line);
-    blocks.push([at ?? pin, direction(way)]);
-    return guide === "rail" ? [line[1], pin] : [at, line[1]];
+    const [low, high] = used ?? [0, 0],
+      margin = BEYOND * this.reach,
+      way = along(angle + (isRail ? this.turn : coupler)),
+      line = [low - margin, high + margin].map((s) => add(isRail ? at : pin, times(way, s)));
+    (isRail ? rails : slots).push(line);
+    blocks.push([isRail ? pin : at, direction(way)]);
+    return isRail ? [line[1], pin] : [at, line[1]];
   }
 
   /** Joints at steps + 1 even travels from `first` to `last`; nulls where the loop does not close. */

@@ -22,9 +22,8 @@ const FOLLOWED = ["drag", "key", "cell", "box", "box-0", "box-1", "box-2", "box-
 
 /** Whether a linkage for one motion can follow another one: only poses, crank angles and limits may differ. */
 function followable(motion, before) {
-  const same = ["wanted", "timing", "direction", "anyOrder", "closed", "unit"].every(
-    (name) => motion[name] === before[name],
-  );
+  const fixed = ["wanted", "timing", "direction", "anyOrder", "closed", "unit"],
+    same = fixed.every((name) => motion[name] === before[name]);
   return same && motion.poses.length === before.poses.length && !fault(motion);
 }
 
@@ -34,8 +33,9 @@ function followable(motion, before) {
  */
 function answerOf(solution, motion, before) {
   const { solution: moved, fit } = measured(solution, motion),
-    report = { ...before.reply.report, trace: [], notes: [] };
-  const reply = { status: "closest", solutions: [{ ...moved, verdict: verdictOf(moved, motion, fit) }], report };
+    report = { ...before.reply.report, trace: [], notes: [] },
+    solutions = [{ ...moved, verdict: verdictOf(moved, motion, fit) }];
+  const reply = { status: "closest", solutions, report };
   return { request: toRequest(motion), motion, reply, last: true, live: true, seconds: 0 };
 }
 
@@ -76,13 +76,10 @@ export class Live {
   /** Follows a fixed pivot that is dragged to a place. */
   pull(joint, place) {
     if (!this.#can) return;
-    const { limits } = this.editor.motion;
+    const { limits } = this.editor.motion,
+      extra = { ...limits.extra, [`pivot_${joint}`]: place };
     this.editor.keep(`pivot ${joint}`);
-    this.#follow(
-      { ...limits, extra: { ...limits.extra, [`pivot_${joint}`]: place } },
-      null,
-      (joints) => size(less(joints[joint], place)) === 0,
-    );
+    this.#follow({ ...limits, extra }, null, (joints) => size(less(joints[joint], place)) === 0);
   }
 
   /**
@@ -105,16 +102,10 @@ export class Live {
       this.page.display(this.#reference.answer, this.#reference.solution);
       return;
     }
-    const from = before?.reached ?? before?.from ?? solution;
-    this.#run = {
-      motion,
-      own: limits !== this.editor.motion.limits,
-      k,
-      from,
-      reached: null,
-      steps: followed({ ...motion, limits }, from, this.#reference),
-      drawn: true,
-    };
+    const from = before?.reached ?? before?.from ?? solution,
+      steps = followed({ ...motion, limits }, from, this.#reference),
+      own = limits !== this.editor.motion.limits;
+    this.#run = { motion, own, k, from, reached: null, steps, drawn: true };
     this.#advance();
     this.#soon();
     clearTimeout(this.timer);
@@ -190,18 +181,17 @@ export class Live {
     this.#searching = control;
     const begin = request.start_angle === undefined ? { start_from: [moved] } : {};
     try {
-      const { solutions, report } = await (
-        await ask("/v2/synthesize", { ...request, ...begin, budget_ms: BUDGET_MS }, control.signal)
-      ).json();
-      const shown = answer.reply.solutions,
-        isNew = (one) => !shown.some((other) => alike(one, other));
-      const others = solutions.filter(isNew).map((one, k) => ({ ...one, rank: k + 1 })),
+      const question = { ...request, ...begin, budget_ms: BUDGET_MS },
+        { solutions, report } = await (await ask("/v2/synthesize", question, control.signal)).json(),
+        shown = answer.reply.solutions,
+        isNew = (one) => !shown.some((other) => alike(one, other)),
+        others = solutions.filter(isNew).map((one, k) => ({ ...one, rank: k + 1 })),
         [first] = others;
       if (control.signal.aborted || !first) return;
       const { objective } = first.errors,
-        { length_scale } = answer.reply.report;
-      first.better =
-        objective < BETTER * moved.errors.objective && objective > ROUNDING && !defects(first.verdict).length;
+        { length_scale } = answer.reply.report,
+        nearer = objective < BETTER * moved.errors.objective && objective > ROUNDING;
+      first.better = nearer && !defects(first.verdict).length;
       answer.reply = { ...answer.reply, report: { ...report, length_scale }, solutions: [...shown, ...others] };
       if (answer !== this.page.answer()) return;
       this.results.extend();

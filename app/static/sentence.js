@@ -1,9 +1,10 @@
-// The status line: how near the best linkage of an answer comes, what holds it, and what else its notes say.
+// What is said of an answer: how near its best linkage comes, what holds it, what its notes say, and what they offer to change.
 
+import { button } from "./drawing.js";
 import { fitOf, roundedText, worstRows, worstWords } from "./fit.js";
 import { itemOf } from "./motion.js";
-import { matters } from "./offers.js";
 import { preferred } from "./service.js";
+import { $ } from "./shell.js";
 import { defects, limitName, plainNote } from "./verdict.js";
 
 const FIRST = {
@@ -13,6 +14,11 @@ const FIRST = {
   crank_span: "the shortest swing found",
   layers: "the simplest layers found",
 };
+const ENDED = "No linkage was found within these limits, and the search ran to its end.";
+const LOOSEN = "Loosen a limit, allow any family, or let the pivots lie elsewhere.";
+
+/** Whether a note belongs beside the error of the best linkage: no linkage comes near, or another order is much nearer. */
+const matters = (note) => note.startsWith("No linkage that was found comes near") || note.endsWith("(`order`).");
 
 /** What the best linkage found really does, in a few words: "off by 0.27 mm (pose 5) and 0.08° (pose 4)". */
 export function howNear({ reply, motion }) {
@@ -24,44 +30,68 @@ export function howNear({ reply, motion }) {
 }
 
 /** The status line of an answer of which a solution is selected. */
-export function sentenceOf({ reply: { status, solutions, report }, request, motion, stored, live, seconds }, selected) {
-  if (!solutions.length) {
-    const why = report.notes
-      .filter((one) => !one.startsWith("No linkage within"))
-      .map((one) => plainNote(one, itemOf(motion)))
-      .join(" ");
-    const proved =
-      status === "infeasible"
-        ? "No linkage was found within these limits, and the search ran to its end."
-        : `None found in ${seconds.toFixed(1)} s, when the time was up; that proves nothing.`;
-    return [proved, why || "Loosen a limit, allow any family, or let the pivots lie elsewhere.", ""].join(" ").trim();
+export function sentenceOf({ reply, request, motion, stored, live, seconds }, selected) {
+  const { status, solutions, report } = reply,
+    item = itemOf(motion),
+    plain = (notes) => notes.map((one) => plainNote(one, item)),
+    nearness = (one) => howNear({ reply: { solutions: [one], report }, motion }),
+    time = `${seconds?.toFixed(1)} s`;
+  const [best] = solutions;
+  if (!best) {
+    const why = plain(report.notes.filter((one) => !one.startsWith("No linkage within"))).join(" "),
+      proved = status === "infeasible" ? ENDED : `None found in ${time}, when the time was up; that proves nothing.`;
+    return `${proved} ${why || LOOSEN}`;
   }
   if (live) {
-    const words = `${selected.source === "moved" ? "Moved with the motion" : "Found beside the one that was moved"}: ${howNear({ reply: { solutions: [selected], report }, motion })}.`;
-    return solutions.some(({ better }) => better) && !selected.better
-      ? `${words} A better linkage was found: see the cards.`
-      : words;
+    const source = selected.source === "moved" ? "Moved with the motion" : "Found beside the one that was moved",
+      better = solutions.some((one) => one.better) && !selected.better;
+    return `${source}: ${nearness(selected)}.${better ? " A better linkage was found: see the cards." : ""}`;
   }
-  const held = solutions[0].determination?.active_limits ?? [],
-    near = howNear({ reply: { solutions, report }, motion });
-  const limited =
-    held.length && status !== "reached"
-      ? `, limited by ${new Intl.ListFormat("en-GB").format(held.map(limitName))}`
-      : "";
-  const kept =
-      status === "reached" && request.tolerances
-        ? `Within the allowed errors at every ${itemOf(motion)}`
-        : !request.tolerances && request.prefer && "Near the least error",
-    first = FIRST[preferred(request)];
-  const parts = [`${kept && first ? `${kept}, ${first}` : kept || "Best found"}: ${near}${limited}.`];
-  const rounded = roundedText(solutions[0], report.length_scale, ` ${motion.unit}`);
-  if (rounded) parts.push(`With rounded links: ${rounded}.`);
-  if (report.stopped_by === "budget" && !stored)
-    parts.push(`The time was up after ${seconds.toFixed(1)} s: there may be better ones.`);
-  if (stored) parts.push("Searched beforehand.");
-  parts.push(...report.notes.filter(matters).map((one) => plainNote(one, itemOf(motion))));
-  if (request.tolerances && status !== "reached")
-    parts.push(`The allowed errors are not kept at every ${itemOf(motion)}.`);
-  if (defects(solutions[0].verdict).length) parts.push("But none is free of defects: see the verdicts.");
-  return parts.join(" ");
+  const reached = status === "reached",
+    held = best.determination?.active_limits ?? [],
+    limits = new Intl.ListFormat("en-GB").format(held.map(limitName)),
+    limited = held.length && !reached ? `, limited by ${limits}` : "",
+    within = reached && request.tolerances && `Within the allowed errors at every ${item}`,
+    kept = within || (!request.tolerances && request.prefer && "Near the least error"),
+    first = FIRST[preferred(request)],
+    rounded = roundedText(best, report.length_scale, ` ${motion.unit}`);
+  const parts = [
+    `${kept && first ? `${kept}, ${first}` : kept || "Best found"}: ${nearness(best)}${limited}.`,
+    rounded && `With rounded links: ${rounded}.`,
+    report.stopped_by === "budget" && !stored && `The time was up after ${time}: there may be better ones.`,
+    stored && "Searched beforehand.",
+    ...plain(report.notes.filter(matters)),
+    request.tolerances && !reached && `The allowed errors are not kept at every ${item}.`,
+    defects(best.verdict).length && "But none is free of defects: see the verdicts.",
+  ];
+  return parts.filter(Boolean).join(" ");
+}
+
+/**
+ * [words, request] of a button for what a note offers, or null; the names in its parentheses say which field of the request it is
+ * about. `found`: whether there are solutions.
+ */
+function offered(note, request, found) {
+  const [, fields = ""] = /\(([^()]*)\)\.$/.exec(note) ?? [],
+    [, name] = /^`limits\.(\w+)`$/.exec(fields) ?? [];
+  if (fields === "`order`") return ["Pass them in any order", { ...request, order: "any" }];
+  if (name === "family") return ["Allow any family", { ...request, limits: { ...request.limits, family: "any" } }];
+  if (found || !name) return null;
+  const [, clause] = /; with ([^;]*) there is one /.exec(note) ?? [],
+    [value] = /\[.*\]|-?\d[\d.]*(?:e[-+]?\d+)?/.exec(clause ?? "") ?? [];
+  if (value)
+    return [
+      `Set ${limitName(name)} to ${value}${clause.includes(" degrees") ? "°" : ""}`,
+      { ...request, limits: { ...request.limits, [name]: JSON.parse(value) } },
+    ];
+  const { [name]: dropped, ...limits } = request.limits ?? {};
+  return dropped === undefined ? null : [`Drop ${limitName(name)}`, { ...request, limits }];
+}
+
+/** Offers what the notes of an answer suggest, as buttons that call `use` with another request. */
+export function showOffers({ reply: { report, solutions }, request }, use) {
+  const all = report.notes.map((one) => offered(one, request, solutions.length > 0)).filter(Boolean);
+  const found = all.filter(([words], k) => all.findIndex(([other]) => other === words) === k);
+  $("suggestions").hidden = !found.length;
+  $("suggestions").replaceChildren(...found.map(([words, eased]) => button(words, () => use(eased))));
 }

@@ -1,6 +1,6 @@
 // HTTP calls to the service: one request, the staged search, error replies as sentences, downloads.
 
-import { capital } from "./shell.js";
+import { build, capital } from "./shell.js";
 import { plainWords } from "./verdict.js";
 
 /** Budgets of the search in milliseconds, one after the other: a first answer soon, then the final one. */
@@ -8,41 +8,34 @@ export const STAGES = [200, 5000];
 const LONGER = 20000; // of a last stage, where nothing was found by then
 const SHARE = 0.8; // of a budget, which a search that ended by itself did not use up
 
+/** What an error reply says of a wrong field, which it names by a pointer. */
+function faultOf({ pointer = "", detail }) {
+  const path = pointer.replace(/^#?\/?/, "").replaceAll("/", " "),
+    field = path.replace(/(?<= )\d+\b/g, (k) => +k + 1) || "request"; // the user counts from 1
+  return `${field}: ${detail}`;
+}
+
 /** An error reply (problem+json) of the service; the message names at most three wrong fields. */
 class Problem extends Error {
   constructor(status, body) {
-    const rows = (body?.errors ?? []).map(
-      (row) =>
-        `${
-          (row.pointer ?? "")
-            .replace(/^#\/?/, "")
-            .replaceAll("/", " ")
-            .replace(/(?<= )\d+\b/g, (k) => +k + 1) || "request"
-        }: ${row.detail}`,
-    );
-    const said = rows.slice(0, 3).join("; ") || body?.detail || `The service answered with ${status}`;
+    const rows = body?.errors ?? [],
+      faults = rows.slice(0, 3).map(faultOf).join("; "),
+      said = faults || body?.detail || `The service answered with ${status}`;
     super(capital(plainWords(`${said}${/[.!?]$/.test(said) ? "" : "."}`)));
-    this.status = status;
-    this.rows = body?.errors ?? [];
+    Object.assign(this, { status, rows });
   }
 }
 
 /** POSTs `body` as JSON. Throws Error with a sentence for the user, or the signal's AbortError. */
 export async function ask(path, body, signal) {
+  const headers = { "content-type": "application/json" };
   let reply;
   try {
-    reply = await fetch(path, {
-      method: "POST",
-      headers: { "content-type": "application/json" },
-      body: JSON.stringify(body),
-      signal,
-    });
+    reply = await fetch(path, { method: "POST", headers, body: JSON.stringify(body), signal });
   } catch (error) {
     if (error.name === "AbortError") throw error;
-    throw new Error(
-      "The service cannot be reached. Is it still running? Nothing was lost here: start it and try again.",
-      { cause: error },
-    );
+    const why = "The service cannot be reached. Is it still running? Nothing was lost here: start it and try again.";
+    throw new Error(why, { cause: error });
   }
   if (reply.ok) return reply;
   throw new Problem(reply.status, await reply.json().catch(() => null));
@@ -61,14 +54,11 @@ export function preferred({ prefer, timing, tolerances, position, limits, round_
 }
 
 /** Compares two solutions: above 0 where the first is worse. Other preferences are the service's to say. */
-const comparison = (request) => (a, b) =>
-  faulty(a) - faulty(b) ||
-  outside(a) - outside(b) ||
-  (preferred(request) !== "error"
-    ? 0
-    : request.round_to || request.lengths_from
-      ? rounded(a) - rounded(b)
-      : objective(a) - objective(b));
+const comparison = (request) => (a, b) => {
+  const error = request.round_to || request.lengths_from ? rounded : objective,
+    nearer = preferred(request) === "error" ? error(a) - error(b) : 0;
+  return faulty(a) - faulty(b) || outside(a) - outside(b) || nearer;
+};
 
 /** At most `top` solutions of a reply in its order, and among them those of an earlier one that it does not have again (`same` tells). */
 export function together(request, earlier, reply, top, same) {
@@ -87,16 +77,10 @@ export async function solve(request, show, signal, same) {
   const worse = comparison(request);
   const budgets = [...STAGES, LONGER];
   for (const [k, budget] of budgets.entries()) {
-    const reply = await (await ask("/v2/synthesize", { ...request, budget_ms: budget }, signal)).json();
-    const [best] = reply.solutions;
-    if (k)
-      reply.solutions = together(
-        request,
-        best ? found.filter((one) => worse(one, best) < 0) : found,
-        reply,
-        request.top ?? 10,
-        same,
-      );
+    const reply = await (await ask("/v2/synthesize", { ...request, budget_ms: budget }, signal)).json(),
+      [best] = reply.solutions,
+      earlier = found.filter((one) => !best || worse(one, best) < 0);
+    if (k) reply.solutions = together(request, earlier, reply, request.top ?? 10, same);
     // a search that its budget ends on the way to smaller linkages says what ended its first part
     const { stopped_by, elapsed_ms } = reply.report,
       ended = stopped_by !== "budget" && elapsed_ms.total < SHARE * budget;
@@ -118,9 +102,7 @@ export async function refine(request, signal) {
 
 /** Lets the browser save a blob as a file. */
 export function download(blob, name) {
-  const link = document.createElement("a");
-  link.href = URL.createObjectURL(blob);
-  link.download = name;
+  const link = build("a", { href: URL.createObjectURL(blob), download: name });
   document.body.append(link);
   link.click();
   link.remove();

@@ -26,40 +26,29 @@ export class Projection {
 
   /** The directions as a menu in `host`, and dragging on `svg`; `changed` is called after each turn. */
   control(host, svg, changed) {
-    const label = build("label", { className: "view-choice", textContent: "View, or drag the drawing" }),
-      menu = document.createElement("select");
-    for (const [name] of [...DIRECTIONS, ["as turned"]]) menu.append(new Option(name));
-    menu.options[DIRECTIONS.length].hidden = true;
-    menu.addEventListener("change", () => {
-      const found = DIRECTIONS[menu.selectedIndex];
-      if (found) {
-        [, this.turn, this.tilt] = found;
-        changed();
-      }
-    });
-    label.append(menu);
-    host.append(label);
-    svg.classList.add("turns");
+    const menu = build("select", {}, ...DIRECTIONS.map(([name]) => new Option(name)), new Option("as turned"));
     let from = null;
-    svg.addEventListener("pointerdown", (event) => {
+    menu.options[DIRECTIONS.length].hidden = true;
+    menu.onchange = () => {
+      [, this.turn, this.tilt] = DIRECTIONS[menu.selectedIndex] ?? [null, this.turn, this.tilt];
+      changed();
+    };
+    host.append(build("label", { className: "view-choice" }, "View, or drag the drawing", menu));
+    svg.classList.add("turns");
+    svg.onpointerdown = (event) => {
       from = [event.clientX, event.clientY];
       svg.setPointerCapture(event.pointerId);
-    });
-    svg.addEventListener("pointermove", (event) => {
+    };
+    svg.onpointermove = ({ clientX, clientY }) => {
       if (!from) return;
-      this.turn -= RADIANS_PER_PIXEL * (event.clientX - from[0]);
-      this.tilt = Math.min(
-        Math.PI / 2,
-        Math.max(-Math.PI / 2, this.tilt + RADIANS_PER_PIXEL * (event.clientY - from[1])),
-      );
-      from = [event.clientX, event.clientY];
+      const tilt = this.tilt + RADIANS_PER_PIXEL * (clientY - from[1]);
+      this.turn -= RADIANS_PER_PIXEL * (clientX - from[0]);
+      this.tilt = Math.min(Math.PI / 2, Math.max(-Math.PI / 2, tilt));
+      from = [clientX, clientY];
       menu.selectedIndex = DIRECTIONS.length;
       changed();
-    });
-    for (const end of ["pointerup", "pointercancel"])
-      svg.addEventListener(end, () => {
-        from = null;
-      });
+    };
+    svg.onpointerup = svg.onpointercancel = () => (from = null);
   }
 }
 

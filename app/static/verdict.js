@@ -63,65 +63,50 @@ const practical = ({ practical: kept, practical_without_collisions }) => kept ??
 /** {kind, sign, text}: what the list says of a solution; null without a verdict. */
 export function mark(verdict, item) {
   if (!verdict) return null;
-  const { reasons = [] } = verdict,
-    wrong = defects(verdict);
+  const { reasons = [], assembly, within_tolerance: within } = verdict,
+    wrong = defects(verdict),
+    usable = practical(verdict);
   if (wrong.length)
     return { kind: "bad", sign: "✕", text: `${wrong.join(" and ")} defect${wrong.length > 1 ? "s" : ""}` };
-  if (!reasons.length && practical(verdict) && verdict.within_tolerance !== false) {
-    const kept = verdict.assembly ? `buildable in ${layersOf(verdict.assembly.count)}` : "within practical limits";
-    return {
-      kind: "good",
-      sign: "✓",
-      text: !verdict.within_tolerance ? kept : verdict.assembly ? `${kept}, within tolerance` : `${kept} and tolerance`,
-    };
+  if (!reasons.length && usable && within !== false) {
+    const kept = assembly ? `buildable in ${layersOf(assembly.count)}` : "within practical limits",
+      tolerance = assembly ? ", within tolerance" : " and tolerance";
+    return { kind: "good", sign: "✓", text: kept + (within ? tolerance : "") };
   }
-  const more = reasons.length > 1 ? ` (and ${reasons.length - 1} more)` : "";
-  const first = reasons.length
-    ? brief(reasons[0], item)
-    : practical(verdict)
-      ? "outside the tolerance"
-      : "outside practical limits";
-  return { kind: practical(verdict) ? "poor" : "bad", sign: "!", text: first[0].toLowerCase() + first.slice(1) + more };
+  const [first = usable ? "outside the tolerance" : "outside practical limits"] = reasons,
+    more = reasons.length > 1 ? ` (and ${reasons.length - 1} more)` : "",
+    words = reasons.length ? brief(first, item) : first;
+  return { kind: usable ? "poor" : "bad", sign: "!", text: words[0].toLowerCase() + words.slice(1) + more };
 }
 
 /** Rows [what was judged, true | false | null, in words] for a solution of a motion. */
 export function judged(verdict, motion, item, drive = "crank", turns = true) {
-  const free = motion.timing === "free",
-    near = (verdict.reasons ?? []).some((one) => one.includes("near a change point"));
-  const passes = !free
-    ? `the ${drive} passes the ${item}s at the ${turns ? "angles" : "places"} given`
-    : `a ${drive} that ${turns ? "turns" : "moves"} one way passes ${motion.anyOrder ? `all ${item}s` : `the ${item}s in the order given`}`;
-  const rows = [
-    ["Order", verdict.order, verdict.order ? passes : passes.replace("passes", "does not pass")],
-    [
-      "Branch",
-      verdict.branch,
-      verdict.branch
-        ? `all ${item}s lie on one branch`
-        : `${item}s lie on different branches: a dead position comes between`,
+  const { order, branch, circuit, within_tolerance: within, assembly } = verdict,
+    near = (verdict.reasons ?? []).some((one) => one.includes("near a change point")),
+    all = motion.anyOrder ? `all ${item}s` : `the ${item}s in the order given`,
+    who = `a ${drive} that ${turns ? "turns" : "moves"} one way`,
+    at = `the ${drive} passes the ${item}s at the ${turns ? "angles" : "places"} given`,
+    passes = motion.timing === "free" ? `${who} passes ${all}` : at,
+    free = assembly?.status === "free",
+    usable = practical(verdict);
+  const words = {
+    Order: [order, passes, passes.replace("passes", "does not pass")],
+    Branch: [
+      branch,
+      `all ${item}s lie on one branch`,
+      `${item}s lie on different branches: a dead position comes between`,
     ],
-    [
-      "Circuit",
-      verdict.circuit,
-      verdict.circuit
-        ? `all ${item}s, and all between, lie on one circuit${near ? ", but near a change point" : ""}`
-        : `${item}s lie on different circuits: it would have to be taken apart`,
+    Circuit: [
+      circuit,
+      `all ${item}s, and all between, lie on one circuit${near ? ", but near a change point" : ""}`,
+      `${item}s lie on different circuits: it would have to be taken apart`,
     ],
-  ];
-  if (verdict.within_tolerance !== null)
-    rows.push([
-      "Tolerance",
-      verdict.within_tolerance,
-      verdict.within_tolerance ? `every ${item} keeps it` : `not every ${item} keeps it`,
-    ]);
-  if (verdict.assembly)
-    rows.push([
-      "Layers",
-      verdict.assembly.status === "free",
-      verdict.assembly.status === "free" ? `nothing collides in ${verdict.assembly.count}` : "parts collide in all",
-    ]);
-  rows.push(["Practical limits", practical(verdict), practical(verdict) ? "all are kept" : "one or more are broken"]);
-  return rows;
+    Tolerance: within !== null && [within, `every ${item} keeps it`, `not every ${item} keeps it`],
+    Layers: assembly && [free, `nothing collides in ${assembly.count}`, "parts collide in all"],
+    "Practical limits": [usable, "all are kept", "one or more are broken"],
+  };
+  const rows = Object.entries(words).filter(([, row]) => row);
+  return rows.map(([name, [good, yes, no]]) => [name, good, good ? yes : no]);
 }
 
 export const reasons = (verdict, item) => (verdict.reasons ?? []).map((one) => sentence(one, item));
