@@ -1,5 +1,6 @@
 // The outline of a body from an SVG or a DXF file: polylines with y up, from the middle of their extent.
 
+import { make } from "./drawing.js";
 import { RAD } from "./plane.js";
 
 const ARC_STEP = 10; // degrees
@@ -19,15 +20,20 @@ function bulged([x0, y0], [x1, y1], bulge) {
   if (!bulge) return [[x1, y1]];
   const angle = 4 * Math.atan(bulge),
     chord = Math.hypot(x1 - x0, y1 - y0),
-    radius = chord / (2 * Math.sin(Math.abs(angle) / 2));
-  const away = (radius * Math.cos(angle / 2) * Math.sign(bulge)) / (chord || 1);
-  const cx = (x0 + x1) / 2 - away * (y1 - y0),
-    cy = (y0 + y1) / 2 + away * (x1 - x0);
-  const first = Math.atan2(y0 - cy, x0 - cx) / RAD;
+    radius = chord / (2 * Math.sin(Math.abs(angle) / 2)),
+    away = (radius * Math.cos(angle / 2) * Math.sign(bulge)) / (chord || 1),
+    [cx, cy] = [(x0 + x1) / 2 - away * (y1 - y0), (y0 + y1) / 2 + away * (x1 - x0)],
+    first = Math.atan2(y0 - cy, x0 - cx) / RAD;
   return arc(cx, cy, radius, first, first + angle / RAD).slice(1);
 }
 
-/** Entities of a DXF text: [{type, codes: [[code, value], ...]}]. */
+/** The polyline through vertices {at, bulge}. */
+function joined(vertices, isClosed) {
+  const nexts = [...vertices.slice(1), ...(isClosed ? vertices.slice(0, 1) : [])];
+  return [vertices[0].at, ...nexts.flatMap(({ at }, k) => bulged(vertices[k].at, at, vertices[k].bulge))];
+}
+
+/** Entities of a DXF text: [type, codes], where codes are pairs [code, value]. */
 function entities(content) {
   const rows = content.split(/\r\n|\r|\n/).map((row) => row.trim()),
     found = [];
@@ -37,94 +43,60 @@ function entities(content) {
       value = rows[k + 1];
     if (code === 2 && value === "ENTITIES") inside = true;
     else if (code === 0 && value === "ENDSEC") inside = false;
-    else if (inside && code === 0) found.push({ type: value, codes: [] });
-    else if (inside && found.length) found.at(-1).codes.push([code, value]);
+    else if (inside && code === 0) found.push([value, []]);
+    else if (inside && found.length) found.at(-1)[1].push([code, Number(value)]);
   }
   return found;
 }
 
 function fromDxf(content) {
   const lines = [];
-  let vertices = null,
+  let vertices = [],
     closed = false;
-  const join = (points, isClosed) => {
-    const line = [points[0].at];
-    points.forEach(({ at, bulge }, k) => {
-      const next = points[k + 1] ?? (isClosed ? points[0] : null);
-      if (next) line.push(...bulged(at, next.at, bulge));
-    });
-    lines.push(line);
-  };
-  for (const { type, codes } of entities(content)) {
-    const one = (code, none = 0) => Number(codes.find(([at]) => at === code)?.[1] ?? none);
-    if (type === "LINE")
-      lines.push([
-        [one(10), one(20)],
-        [one(11), one(21)],
-      ]);
-    else if (type === "CIRCLE") lines.push(arc(one(10), one(20), one(40), 0, 360));
-    else if (type === "ARC")
-      lines.push(arc(one(10), one(20), one(40), one(50), one(51) + (one(51) < one(50) ? 360 : 0)));
+  for (const [type, codes] of entities(content)) {
+    const one = (code) => codes.find(([at]) => at === code)?.[1] ?? 0,
+      point = (code) => [one(code), one(code + 10)],
+      [x, y] = point(10);
+    if (type === "LINE") lines.push([[x, y], point(11)]);
+    else if (type === "CIRCLE") lines.push(arc(x, y, one(40), 0, 360));
+    else if (type === "ARC") lines.push(arc(x, y, one(40), one(50), one(51) + (one(51) < one(50) ? 360 : 0)));
+    else if (type === "POLYLINE") [vertices, closed] = [[], (one(70) & 1) === 1];
+    else if (type === "VERTEX") vertices.push({ at: [x, y], bulge: one(42) });
+    else if (type === "SEQEND" && vertices.length) lines.push(joined(vertices, closed));
     else if (type === "LWPOLYLINE") {
       const points = [];
       for (const [code, value] of codes) {
-        if (code === 10) points.push({ at: [Number(value), 0], bulge: 0 });
-        else if (code === 20 && points.length) points.at(-1).at[1] = Number(value);
-        else if (code === 42 && points.length) points.at(-1).bulge = Number(value);
+        if (code === 10) points.push({ at: [value, 0], bulge: 0 });
+        else if (code === 20 && points.length) points.at(-1).at[1] = value;
+        else if (code === 42 && points.length) points.at(-1).bulge = value;
       }
-      if (points.length) join(points, (one(70) & 1) === 1);
-    } else if (type === "POLYLINE") [vertices, closed] = [[], (one(70) & 1) === 1];
-    else if (type === "VERTEX" && vertices) vertices.push({ at: [one(10), one(20)], bulge: one(42) });
-    else if (type === "SEQEND" && vertices) {
-      if (vertices.length) join(vertices, closed);
-      vertices = null;
+      if (points.length) lines.push(joined(points, (one(70) & 1) === 1));
     }
   }
   return lines;
 }
 
+const SHAPES = "path, polygon, polyline, line, rect, circle, ellipse";
+const GEOMETRY = "d points x y x1 y1 x2 y2 width height cx cy r rx ry".split(" ");
+
 function fromSvg(content) {
   const parsed = new DOMParser().parseFromString(content, "image/svg+xml");
   if (parsed.querySelector("parsererror")) throw new Error("The file is not valid SVG.");
   // only geometry is copied: nothing of the file gets into the page but the numbers of its shapes
-  const host = document.createElementNS("http://www.w3.org/2000/svg", "svg");
-  host.setAttribute("class", "hidden");
-  document.body.append(host);
-  const lines = [];
-  for (const shape of parsed.querySelectorAll("path, polygon, polyline, line, rect, circle, ellipse")) {
-    const own = document.createElementNS("http://www.w3.org/2000/svg", shape.localName);
-    for (const name of [
-      "d",
-      "points",
-      "x",
-      "y",
-      "x1",
-      "y1",
-      "x2",
-      "y2",
-      "width",
-      "height",
-      "cx",
-      "cy",
-      "r",
-      "rx",
-      "ry",
-    ])
-      if (shape.hasAttribute(name)) own.setAttribute(name, shape.getAttribute(name));
-    host.append(own);
-    const list = ["polygon", "polyline"].includes(shape.localName) ? [...own.points].map(({ x, y }) => [x, -y]) : [];
-    if (shape.localName === "polygon" && list.length) list.push(list[0]);
-    const whole = own.getTotalLength();
-    if (!list.length && whole > 0)
-      list.push(
-        ...Array.from({ length: CURVE_POINTS + 1 }, (_, k) => own.getPointAtLength((whole * k) / CURVE_POINTS)).map(
-          ({ x, y }) => [x, -y],
-        ),
-      );
-    if (list.length) lines.push(list);
-  }
+  const host = make("svg", { class: "hidden" }, document.body);
+  const lines = [...parsed.querySelectorAll(SHAPES)].map((shape) => {
+    const kind = shape.localName,
+      names = GEOMETRY.filter((name) => shape.hasAttribute(name)),
+      own = make(kind, Object.fromEntries(names.map((name) => [name, shape.getAttribute(name)])), host),
+      whole = own.getTotalLength(),
+      even = Array.from({ length: whole > 0 ? CURVE_POINTS + 1 : 0 }, (_, k) => (whole * k) / CURVE_POINTS),
+      points =
+        kind.startsWith("poly") && own.points.length ? [...own.points] : even.map((at) => own.getPointAtLength(at));
+    if (kind === "polygon" && own.points.length) points.push(points[0]);
+    return points.map(({ x, y }) => [x, -y]);
+  });
   host.remove();
-  return lines;
+  return lines.filter((line) => line.length);
 }
 
 /** The outline in a file's text, by its name's ending. Throws Error where there is none. */

@@ -8,7 +8,7 @@ import { fromFragment, toFragment } from "./link.js";
 import { knotter } from "./knotter.js";
 import { lift } from "./lift.js";
 import { ask, download } from "./service.js";
-import { $, copy, markEarlier, say, startScenes, startTheme } from "./shell.js";
+import { $, copy, listen, markEarlier, say, startScenes, startTheme } from "./shell.js";
 import { Visits } from "./visits.js";
 
 /**
@@ -36,15 +36,10 @@ const CASES = {
   ],
 };
 
-let scene = null,
-  machine = null,
-  query = null,
-  form = null,
-  answered = null,
-  running = null,
-  player = null,
-  own = "",
-  edited = false;
+let [scene, machine, query, form] = [null, null, null, null]; // of this page
+let [answered, running, player] = [null, null, null]; // the answer that is shown, the work that runs, the drawing's player
+let own = ""; // the fragment of the address of this page's own answer
+let edited = false; // whether the form has changed since it was sent
 
 const visits = new Visits(showAgain, () => {}); // the question of the address is sent by `hashchange`
 
@@ -52,9 +47,8 @@ function chooseQuery(path) {
   query = scene.queries.find((one) => one.path === path);
   $("query").value = path;
   $("summary").textContent = query.summary;
-  $("example").replaceChildren(
-    ...Object.keys(query.examples).map((name) => new Option(name.replaceAll(/[_-]/g, " "), name)),
-  );
+  const options = Object.keys(query.examples).map((name) => new Option(name.replaceAll(/[_-]/g, " "), name));
+  $("example").replaceChildren(...options);
 }
 
 function fill(request) {
@@ -123,14 +117,9 @@ async function answer(at = null) {
   say("Calculating…");
   const complete = await run(question, async (get) => {
     const sent = machine.request?.(asked, request) ?? request,
-      reply = await get(asked.path, sent);
-    answered = {
-      query: asked,
-      request,
-      sent,
-      reply,
-      words: `Calculated in ${Math.round(performance.now() - begin)} ms.`,
-    };
+      reply = await get(asked.path, sent),
+      words = `Calculated in ${Math.round(performance.now() - begin)} ms.`;
+    answered = { query: asked, request, sent, reply, words };
     await show(at, get);
   });
   const shown = answered,
@@ -166,25 +155,23 @@ async function show(at, get) {
 
 function showExports() {
   const { query: asked, request, sent, reply } = answered,
-    name = asked.command.replaceAll(" ", "-");
-  const saves = (format, save) => {
-    const made = button(format.toUpperCase(), () => save().catch((error) => say(error.message, true)));
-    made.dataset.format = format;
-    return made;
+    name = asked.command.replaceAll(" ", "-"),
+    type = "application/json";
+  const contents = {
+    json: () => new Blob([JSON.stringify({ request: sent, reply }, null, 1)], { type }),
+    ...Object.fromEntries(
+      asked.exports.map((format) => [format, async () => (await ask(`${asked.path}.${format}`, request)).blob()]),
+    ),
   };
-  $("exports").replaceChildren(
-    saves("json", async () =>
-      download(
-        new Blob([JSON.stringify({ request: sent, reply }, null, 1)], { type: "application/json" }),
-        `${name}.json`,
-      ),
-    ),
-    ...asked.exports.map((format) =>
-      saves(format, async () =>
-        download(await (await ask(`${asked.path}.${format}`, request)).blob(), `${name}.${format}`),
-      ),
-    ),
-  );
+  const save = async (format) => {
+    try {
+      download(await contents[format](), `${name}.${format}`);
+    } catch (error) {
+      say(error.message, true);
+    }
+  };
+  const saves = (format) => button(format.toUpperCase(), () => save(format), "", { "data-format": format });
+  $("exports").replaceChildren(...Object.keys(contents).map(saves));
 }
 
 /** The page's address with the question, its values and the place of the slider behind #. */
@@ -216,38 +203,32 @@ async function start() {
   document.title = `${scene.title} · linkage-atlas`;
   $("title").textContent = scene.title;
   [$("purpose").textContent, $("caption").textContent] = CASES[name];
-  $("query").replaceChildren(
-    ...scene.queries.map((one) => new Option(one.command.split(" ").slice(1).join(" "), one.path)),
-  );
-  $("query").addEventListener("change", () => {
+  const options = scene.queries.map((one) => new Option(one.command.split(" ").slice(1).join(" "), one.path)),
+    change = () => markEarlier((edited = true)),
+    tell = (error) => say(error.message, true);
+  $("query").replaceChildren(...options);
+  listen("query", "change", () => {
     chooseQuery($("query").value);
     chooseExample($("example").value);
   });
-  $("example").addEventListener("change", () => chooseExample($("example").value));
-  const change = () => markEarlier((edited = true));
-  $("fields").addEventListener("input", change);
-  $("fields").addEventListener("click", ({ target }) => {
-    if (target.type === "button") change();
-  }); // rows that come and go
-  $("form").addEventListener("submit", (event) => {
+  listen("example", "change", () => chooseExample($("example").value));
+  listen("fields", "input", change);
+  listen("fields", "click", ({ target }) => target.type === "button" && change()); // rows that come and go
+  listen("form", "submit", (event) => {
     event.preventDefault();
     answer();
   });
-  $("run").addEventListener("click", (event) => {
-    if (event.detail > 1 && !edited) event.preventDefault();
-  }); // a double click asks once
-  $("stop").addEventListener("click", () => {
+  listen("run", "click", (event) => event.detail > 1 && !edited && event.preventDefault()); // a double click asks once
+  listen("stop", "click", () => {
     running?.abort();
     $("run").focus();
   });
-  $("link").addEventListener("click", () => copyLink().catch((error) => say(error.message, true)));
-  $("all-fold").addEventListener("toggle", () => {
-    if ($("all-fold").open && !$("all").childElementCount)
-      everything($("all"), machine.numbers?.(answered.reply) ?? answered.reply);
+  listen("link", "click", () => copyLink().catch(tell));
+  listen("all-fold", "toggle", () => {
+    const { reply } = answered;
+    if ($("all-fold").open && !$("all").childElementCount) everything($("all"), machine.numbers?.(reply) ?? reply);
   });
-  addEventListener("hashchange", () => {
-    if (location.hash !== `#${own}`) openLink().catch((error) => say(error.message, true));
-  });
+  addEventListener("hashchange", () => location.hash !== `#${own}` && openLink().catch(tell));
   chooseQuery(scene.queries[0].path);
   let wrong = null;
   const opened = await openLink().catch((error) => {
