@@ -1,26 +1,13 @@
 // The canvas of the motion editor: what pointer and keys do on it, and the layers that are drawn.
 
-import { LinkageShape, View, make, put } from "./drawing.js";
+import { LinkageShape, View, make, pathData, put } from "./drawing.js";
 import { itemOf, placeOf, placesOf, wantsAngles, wantsPlaces } from "./motion.js";
 import { PATH_POINTS, Pen } from "./pen.js";
+import { RAD, add, less, turned } from "./plane.js";
 import { Poses } from "./poses.js";
 import { drawBody, drawBox, drawCurves, drawGhosts, drawGrid, drawOverlay, drawWay } from "./scenery.js";
 
-const LAYERS = [
-  "grid",
-  "box",
-  "way",
-  "overlay",
-  "ghosts",
-  "curves",
-  "plates",
-  "targets",
-  "linkage",
-  "body",
-  "drive",
-  "poses",
-  "pen",
-];
+const LAYERS = "grid box way overlay ghosts curves plates targets linkage body drive poses pen".split(" ");
 const CLICK = 4; // pixels: a press that moves less is a click
 const EMPTY = (item) => ({
   move: `No ${item}s yet: draw a path or add ${item}s`,
@@ -46,30 +33,28 @@ const SMALL = 1e-9;
  * a fixed pivot that the rest of it follows. `stale`: the linkage belongs to an earlier motion. `held`: a pointer drags. `moved`: the user has moved or zoomed the view since it was fitted.
  */
 export class Board {
+  view = new View(600, 400);
+  motion = null;
+  linkage = null;
+  joints = null;
+  chosen = 0;
+  fitted = false;
+  moved = false;
+  stale = false;
+  held = false;
+  ghosts = false;
+  snap = false;
+  others = [];
+  corners = [];
+  redrawn = []; // called after each drawing
+  seen = []; // called after the linkage has moved
+
   constructor(svg, help, actions) {
-    Object.assign(this, {
-      svg,
-      help,
-      actions,
-      view: new View(600, 400),
-      mode: "move",
-      chosen: 0,
-      fitted: false,
-      moved: false,
-      stale: false,
-      held: false,
-      others: [],
-      corners: [],
-      redrawn: [],
-      seen: [],
-    });
-    Object.assign(this, { motion: null, linkage: null, joints: null, ghosts: false, snap: false });
+    Object.assign(this, { svg, help, actions });
     for (const layer of LAYERS) this[`${layer}Layer`] = make("g", { "data-layer": layer }, svg);
     this.shape = new LinkageShape(this.linkageLayer);
     this.shape.show(null);
-    this.poses = new Poses(this.posesLayer, (k) => {
-      if (this.chosen !== k) actions.choose(k);
-    });
+    this.poses = new Poses(this.posesLayer, (k) => this.chosen !== k && actions.choose(k));
     for (const [name, dot] of Object.entries(this.shape.joints))
       dot.addEventListener("keydown", (event) => this.#move(name, event));
     this.setMode("move");
@@ -81,12 +66,18 @@ export class Board {
   }
 
   #resize() {
-    const { clientWidth: width, clientHeight: height } = this.svg;
-    if (!width || !height) return;
-    Object.assign(this.view, { width, height });
-    this.svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
+    if (!this.#measure()) return;
     if (this.fitted && !this.moved && this.motion) this.fit(this.beside);
     else this.draw();
+  }
+
+  /** Takes the size of the element; false if it has none. */
+  #measure() {
+    const { clientWidth: width, clientHeight: height } = this.svg;
+    if (!width || !height) return false;
+    Object.assign(this.view, { width, height });
+    this.svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
+    return true;
   }
 
   #wheel(event) {
@@ -110,13 +101,12 @@ export class Board {
     this.#explain();
     // joints that can be moved are there for screen readers and the tab key too
     const { group, joints } = this.shape,
-      movable = mode === "hand";
+      movable = mode === "hand",
+      label = (name) => `Joint ${name.toUpperCase()}, moved by the arrow keys`;
     put(group, { "aria-hidden": String(!movable) });
-    for (const [name, dot] of Object.entries(joints)) {
-      if (movable)
-        put(dot, { tabindex: 0, role: "button", "aria-label": `Joint ${name.toUpperCase()}, moved by the arrow keys` });
+    for (const [name, dot] of Object.entries(joints))
+      if (movable) put(dot, { tabindex: 0, role: "button", "aria-label": label(name) });
       else for (const attribute of ["tabindex", "role", "aria-label"]) dot.removeAttribute(attribute);
-    }
     if (this.motion) this.draw();
   }
 
@@ -173,23 +163,17 @@ export class Board {
 
   /** Fits the motion, the linkage, its drive, and the points `more` into the view. */
   fit(more = []) {
-    const { clientWidth: width, clientHeight: height } = this.svg;
-    if (width && height) {
-      Object.assign(this.view, { width, height });
-      this.svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
-    }
+    this.#measure();
     Object.assign(this, { fitted: true, moved: false, beside: more });
-    const points = this.places;
-    const box = this.motion?.limits.box;
-    if (box && this.hasPlaces) points.push([box[0], box[1]], [box[2], box[3]]);
+    const points = this.places,
+      box = this.motion?.limits.box;
+    if (box && this.hasPlaces) points.push(box.slice(0, 2), box.slice(2));
     if (this.linkage) for (const j of this.linkage.used) if (j) points.push(j.a, j.b, j.c, j.d, j.p);
     if (this.linkage && !this.stale) points.push(...this.driven());
-    if (
-      this.hasPlaces &&
-      points.length &&
-      points.every((point) => point && point[0] === points[0][0] && point[1] === points[0][1])
-    )
-      points.push([points[0][0] + 50, points[0][1] + 50], [points[0][0] - 50, points[0][1] - 50]);
+    const [first] = points,
+      isFirst = (point) => point && point[0] === first[0] && point[1] === first[1];
+    if (this.hasPlaces && first && points.every(isFirst))
+      points.push(...[50, -50].map((far) => first.map((value) => value + far)));
     this.view.fit([...points, ...more], this.view.width < 500 ? 38 : 52);
     this.draw();
   }
@@ -248,67 +232,60 @@ export class Board {
 
   #press(event) {
     if (event.button !== 0) return;
-    const [px, py] = this.#pixel(event),
-      { target } = event;
-    const held = target.closest(".pose"),
+    const at = this.#pixel(event),
+      { target } = event,
+      { mode, actions } = this,
+      held = target.closest(".pose"),
       joint = target.getAttribute("data-joint"),
-      corner = target.getAttribute("data-corner");
-    if (this.mode === "path") this.#trace(event, px, py);
-    else if (this.mode === "outline") this.#click(event, px, py, () => this.#addCorner(px, py));
-    else if (this.mode === "hand" && joint && this.joints) this.#dragJoint(event, joint, px, py);
-    else if (held && (this.mode === "move" || this.mode === "add")) this.#dragPose(event, held, px, py);
-    else if (this.mode === "move" && this.#isPivot(joint) && !this.stale)
-      this.#dragJoint(event, joint, px, py, this.actions.pivot);
+      corner = target.getAttribute("data-corner")?.split(" ").map(Number);
+    if (mode === "path") this.#trace(event, at);
+    else if (mode === "outline") this.#click(event, at, () => this.#addCorner(at));
+    else if (mode === "hand" && joint && this.joints) this.#dragJoint(event, joint, at, actions.hand);
+    else if (held && (mode === "move" || mode === "add")) this.#dragPose(event, held, at);
+    else if (mode === "move" && this.#isPivot(joint) && !this.stale) this.#dragJoint(event, joint, at, actions.pivot);
     else if (corner && this.hasPlaces) {
-      const [i, j] = corner.split(" ").map(Number),
+      const [i, j] = corner,
         { box } = this.motion.limits;
-      this.#dragBox(event, [box[2 - i], box[4 - j]], [box[i], box[j]], [px, py]);
-    } else if (this.mode === "box" && this.hasPlaces) {
-      const first = this.place(px, py);
-      this.#dragBox(event, first, first, [px, py]);
-    } else if (this.mode === "add" && this.hasPlaces)
-      this.#click(event, px, py, () => {
+      this.#dragBox(event, [box[2 - i], box[4 - j]], [box[i], box[j]], at);
+    } else if (mode === "box" && this.hasPlaces) {
+      const first = this.place(...at);
+      this.#dragBox(event, first, first, at);
+    } else
+      this.#click(event, at, () => {
+        if (mode !== "add" || !this.hasPlaces) return;
         this.fitted = false;
-        this.actions.add(this.place(px, py));
+        actions.add(this.place(...at));
       });
-    else this.#click(event, px, py, () => {});
   }
 
   /** A press that stays is a click; one that moves drags the view. */
-  #click(event, px, py, clicked) {
+  #click(event, [px, py], clicked) {
     const { cx, cy, scale } = this.view;
     let moved = false;
-    this.follow(
-      event,
-      (qx, qy) => {
-        moved ||= Math.hypot(qx - px, qy - py) > CLICK;
-        if (!moved) return;
-        Object.assign(this.view, { cx: cx - (qx - px) / scale, cy: cy + (qy - py) / scale });
-        Object.assign(this, { fitted: false, moved: true });
-        this.draw();
-      },
-      (cancelled) => {
-        if (!moved && !cancelled) clicked();
-      },
-    );
+    const move = (qx, qy) => {
+      moved ||= Math.hypot(qx - px, qy - py) > CLICK;
+      if (!moved) return;
+      Object.assign(this.view, { cx: cx - (qx - px) / scale, cy: cy + (qy - py) / scale });
+      Object.assign(this, { fitted: false, moved: true });
+      this.draw();
+    };
+    this.follow(event, move, (cancelled) => {
+      if (!moved && !cancelled) clicked();
+    });
   }
 
-  #dragPose(event, held, px, py) {
+  #dragPose(event, held, at) {
     const k = Number(held.dataset.pose),
       turning = event.target.hasAttribute("data-turner");
     this.actions.choose(k);
     held.focus({ preventScroll: true });
-    const pose = this.motion.poses[k],
-      origin = [pose.x, pose.y],
-      { angle } = pose;
-    this.follow(event, (...to) =>
-      this.actions.edit((motion) => {
-        const moved = motion.poses[k];
-        if (!moved) return;
-        if (turning) moved.angle = to[0] === px && to[1] === py ? angle : this.#angle(moved, to);
-        else [moved.x, moved.y] = this.#dragged(origin, [px, py], to);
-      }, `drag ${k}`),
-    );
+    const { x, y, angle } = this.motion.poses[k];
+    const change = (to) => (motion) => {
+      const moved = motion.poses[k];
+      if (moved && turning) moved.angle = to[0] === at[0] && to[1] === at[1] ? angle : this.#angle(moved, to);
+      else if (moved) [moved.x, moved.y] = this.#dragged([x, y], at, to);
+    };
+    this.follow(event, (...to) => this.actions.edit(change(to), `drag ${k}`));
   }
 
   /** The angle of a pose whose arm is pulled to a pixel: of the equal directions the nearest to its angle, so that whole turns stay. */
@@ -324,36 +301,32 @@ export class Board {
     return Boolean(this.joints?.[joint]) && this.joints.fixed[["a", "b"].indexOf(joint)];
   }
 
-  #dragJoint(event, joint, px, py, move = this.actions.hand) {
+  #dragJoint(event, joint, at, move) {
     const start = this.joints[joint];
-    this.follow(event, (...to) => move(joint, this.#dragged(start, [px, py], to)));
+    this.follow(event, (...to) => move(joint, this.#dragged(start, at, to)));
   }
 
   /** A drag draws a path, which begins a new motion; a tap adds a point to the path that there is. */
-  #trace(event, px, py) {
-    const pen = new Pen(this.penLayer, px, py);
-    this.follow(
-      event,
-      (qx, qy) => pen.move(qx, qy),
-      (cancelled) => {
-        const { points, closed } = pen.end();
-        if (cancelled) return;
-        this.fitted = false;
-        const places = points.map(([x, y]) => this.place(x, y));
-        if (places.length === 1 && !wantsAngles(this.motion) && this.motion.poses.length) this.actions.add(places[0]);
-        else this.actions.draw(places, closed);
-      },
-    );
+  #trace(event, at) {
+    const pen = new Pen(this.penLayer, ...at);
+    const end = (cancelled) => {
+      const { points, closed } = pen.end(),
+        places = points.map((point) => this.place(...point));
+      if (cancelled) return;
+      this.fitted = false;
+      if (places.length === 1 && !wantsAngles(this.motion) && this.motion.poses.length) this.actions.add(places[0]);
+      else this.actions.draw(places, closed);
+    };
+    this.follow(event, (...to) => pen.move(...to), end);
   }
 
   /** Drags the corner of the pivot box that lies opposite to [x, y]. */
-  #dragBox(event, [x, y], corner, from) {
-    this.follow(event, (...to) =>
-      this.actions.edit((motion) => {
-        const [u, v] = this.#dragged(corner, from, to);
-        motion.limits.box = [Math.min(x, u), Math.min(y, v), Math.max(x, u), Math.max(y, v)];
-      }, "box"),
-    );
+  #dragBox(event, [x, y], corner, at) {
+    const change = (to) => (motion) => {
+      const [u, v] = this.#dragged(corner, at, to);
+      motion.limits.box = [Math.min(x, u), Math.min(y, v), Math.max(x, u), Math.max(y, v)];
+    };
+    this.follow(event, (...to) => this.actions.edit(change(to), "box"));
   }
 
   /** Calls `move(px, py)` while the pointer is held, then `end(cancelled)`. */
@@ -378,44 +351,30 @@ export class Board {
 
   // -- the body's outline, drawn at the selected pose --
 
-  #addCorner(px, py) {
-    const first = this.corners[0] && this.view.at(this.corners[0]);
-    if (first && this.corners.length > 2 && Math.hypot(first[0] - px, first[1] - py) < 10) {
-      this.#closeOutline();
-      return;
+  #addCorner([px, py]) {
+    const [x, y] = this.corners.length > 2 ? this.view.at(this.corners[0]) : [Infinity, 0];
+    if (Math.hypot(x - px, y - py) < 10) this.#closeOutline();
+    else {
+      this.corners.push(this.place(px, py));
+      this.#drawCorners();
     }
-    this.corners.push(this.place(px, py));
-    this.#drawCorners();
   }
 
   #drawCorners() {
-    this.penLayer.replaceChildren();
-    if (this.corners.length)
-      make(
-        "path",
-        { class: "pen", d: `M${this.corners.map((corner) => this.view.at(corner).join(" ")).join("L")}` },
-        this.penLayer,
-      );
-    for (const corner of this.corners)
-      make("circle", { class: "corner", cx: this.view.x(corner[0]), cy: this.view.y(corner[1]), r: 4 }, this.penLayer);
+    const { corners, penLayer, view } = this;
+    penLayer.replaceChildren();
+    make("path", { class: "pen", d: pathData(corners, view) }, penLayer);
+    for (const [x, y] of corners) make("circle", { class: "corner", cx: view.x(x), cy: view.y(y), r: 4 }, penLayer);
   }
 
   #closeOutline() {
     const pose = this.motion.poses[this.chosen],
-      [x, y] = placeOf(pose) ?? [0, 0],
-      turn = (-(pose.angle ?? 0) * Math.PI) / 180;
-    const cosine = Math.cos(turn),
-      sine = Math.sin(turn);
-    const line = [...this.corners, this.corners[0]].map(([u, v]) =>
-      [cosine * (u - x) - sine * (v - y), sine * (u - x) + cosine * (v - y)].map((value) =>
-        Number(value.toPrecision(6)),
-      ),
-    );
+      place = placeOf(pose) ?? [0, 0],
+      local = (corner) => turned(less(corner, place), -(pose.angle ?? 0) * RAD),
+      outline = [...this.corners, this.corners[0]].map((corner) => local(corner).map((x) => Number(x.toPrecision(6))));
     this.corners = [];
     this.penLayer.replaceChildren();
-    this.actions.edit((motion) => {
-      motion.outline = [line];
-    });
+    this.actions.edit((motion) => (motion.outline = [outline]));
   }
 
   // -- keys --
@@ -430,10 +389,7 @@ export class Board {
     const by = this.nudge(event);
     if (!by || !this.joints) return;
     event.preventDefault();
-    this.actions.hand(
-      name,
-      this.joints[name].map((value, i) => value + by[i]),
-    );
+    this.actions.hand(name, add(this.joints[name], by));
   }
 
   #key(event) {

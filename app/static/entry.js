@@ -2,39 +2,29 @@
 
 import { numberIn } from "./decimal.js";
 import { element } from "./drawing.js";
+import { LINKS } from "./fit.js";
 import { fromJoints } from "./hand.js";
 import { Linkage } from "./kinematics.js";
 import { emptyMotion } from "./motion.js";
 import { RAD } from "./plane.js";
-import { $, build } from "./shell.js";
+import { $, build, listen } from "./shell.js";
 
-const JOINTS = [
-  ["a", "A, crank pivot"],
-  ["d", "D, crank pin"],
-  ["c", "C, rocker pin"],
-  ["b", "B, rocker pivot"],
-  ["p", "P, body point"],
-];
-const LENGTHS = ["crank", "coupler", "rocker", "ground"];
+const JOINTS = { a: "A, crank pivot", d: "D, crank pin", c: "C, rocker pin", b: "B, rocker pivot", p: "P, body point" };
+const NOTE = "Motion of a linkage that was entered.";
+const OPEN = "Links of these lengths cannot be assembled: the longest is longer than the others together.";
 const STEP = 15; // degrees of crank between the samples of a whole turn
 const SAMPLES = 12; // steps between the samples of a crank that swings
 
-const field = (id, hidden, shown, attributes) => {
-  const input = build("input", { id, inputMode: "decimal", autocomplete: "off" }),
-    label = document.createElement("label");
-  Object.assign(input.dataset, { number: "", ...attributes });
-  label.append(element("span", "hidden", hidden), shown, input);
-  return label;
+const field = (id, hidden, shown, more = {}) => {
+  const input = build("input", { id, inputMode: "decimal", autocomplete: "off", "data-number": "", ...more });
+  return build("label", {}, element("span", "hidden", hidden), shown, input);
 };
 
 /** The joints of a four-bar of these lengths with A in the origin, and P in the middle of the coupler; null if it cannot be assembled. */
 function jointsOf([crank, coupler, rocker, ground]) {
-  const linkage = new Linkage({
-    links: { crank, coupler, rocker, ground },
-    branch: 1,
-    start_angle: 0,
-    mount: { pivot_a: [0, 0], ground_angle: 0, coupler_point_polar: { radius: coupler / 2, angle: 0 } },
-  });
+  const links = { crank, coupler, rocker, ground },
+    mount = { pivot_a: [0, 0], ground_angle: 0, coupler_point_polar: { radius: coupler / 2, angle: 0 } },
+    linkage = new Linkage({ links, branch: 1, start_angle: 0, mount });
   return linkage.over(60 * RAD, 420 * RAD, 720).find(Boolean) ?? null;
 }
 
@@ -51,13 +41,9 @@ function swing(linkage) {
 }
 
 /** {motion, solution} of a four-bar by its joints: full poses of the body while the crank turns, the angle counted from the position entered. */
-export function motionOf(joints, unit) {
-  const begun = fromJoints({ ...joints, rotation: 0 }, 0, {
-    links: {},
-    body_offset: 0,
-    crank_angle: null,
-    errors: { objective: 0 },
-  });
+function motionOf(joints, unit) {
+  const blank = { links: {}, body_offset: 0, crank_angle: null, errors: { objective: 0 } },
+    begun = fromJoints({ ...joints, rotation: 0 }, 0, blank);
   if (!begun) throw new Error("Two joints coincide there: each link needs a length.");
   const { turnsFully } = new Linkage(begun),
     [low, high] = turnsFully ? [0, 360 - STEP] : swing(new Linkage(begun));
@@ -68,42 +54,25 @@ export function motionOf(joints, unit) {
     span = high - low;
   const poses = Array.from({ length: count }, (_, k) => {
     const t = (span * k) / (count - 1),
-      {
-        p: [x, y],
-        rotation,
-      } = linkage.at(t * RAD);
-    return Object.fromEntries(
-      Object.entries({ t, x, y, angle: rotation / RAD }).map(([name, value]) => [name, Number(value.toPrecision(12))]),
-    );
+      { p, rotation } = linkage.at(t * RAD),
+      [x, y, angle] = [...p, rotation / RAD].map((value) => Number(value.toPrecision(12)));
+    return { t: Number(t.toPrecision(12)), x, y, angle };
   });
   const motion = emptyMotion();
   Object.assign(motion.limits, { family: "any", kept: { use: false, turn: false, ratio: false, reach: false } });
-  return {
-    solution,
-    motion: Object.assign(motion, {
-      poses,
-      timing: "table",
-      span,
-      unit,
-      mechanisms: "four_bar",
-      note: "Motion of a linkage that was entered.",
-    }),
-  };
+  Object.assign(motion, { poses, timing: "table", span, unit, mechanisms: "four_bar", note: NOTE });
+  return { solution, motion };
 }
 
 /** Binds the dialog; `unit()` is the unit of the lengths on the page, `use(entered)` gets what `motionOf` makes. */
 export function startEntry(unit, use) {
   const dialog = $("entry"),
     ids = (name) => ["x", "y"].map((axis) => `entry-${name}-${axis}`);
-  for (const [name, title] of JOINTS) {
-    const group = document.createElement("fieldset");
-    group.append(
-      element("legend", "", title),
-      ...["x", "y"].map((axis, k) => field(ids(name)[k], `${title}, `, axis, {})),
-    );
-    $("entry-joints").append(group);
+  for (const [name, title] of Object.entries(JOINTS)) {
+    const inputs = ["x", "y"].map((axis, k) => field(ids(name)[k], `${title}, `, axis));
+    $("entry-joints").append(build("fieldset", {}, element("legend", "", title), inputs));
   }
-  $("entry-lengths").append(...LENGTHS.map((name) => field(`entry-${name}`, "", name, { least: "above 0" })));
+  $("entry-lengths").append(...LINKS.map((name) => field(`entry-${name}`, "", name, { "data-least": "above 0" })));
   const attempt = (work) => {
     $("entry-error").textContent = "";
     try {
@@ -114,26 +83,23 @@ export function startEntry(unit, use) {
   };
   const place = () =>
     attempt(() => {
-      const lengths = LENGTHS.map((name) => numberIn(`entry-${name}`));
+      const lengths = LINKS.map((name) => numberIn(`entry-${name}`));
       if (lengths.includes(null)) return;
       const joints = jointsOf(lengths);
-      if (!joints)
-        throw new Error("Links of these lengths cannot be assembled: the longest is longer than the others together.");
-      for (const [name] of JOINTS)
-        ids(name).forEach((id, k) => {
-          $(id).value = Number(joints[name][k].toPrecision(10));
-        });
+      if (!joints) throw new Error(OPEN);
+      for (const name of Object.keys(JOINTS))
+        for (const [k, id] of ids(name).entries()) $(id).value = Number(joints[name][k].toPrecision(10));
     });
-  $("entry-lengths").addEventListener("change", place);
-  $("entry-open").addEventListener("click", () => {
+  listen("entry-lengths", "change", place);
+  listen("entry-open", "click", () => {
     dialog.showModal();
     $("entry-a-x").focus();
   });
-  $("entry-close").addEventListener("click", () => dialog.close());
-  $("entry-form").addEventListener("submit", (event) => {
+  listen("entry-close", "click", () => dialog.close());
+  listen("entry-form", "submit", (event) => {
     event.preventDefault();
     attempt(() => {
-      const joints = Object.fromEntries(JOINTS.map(([name]) => [name, ids(name).map(numberIn)]));
+      const joints = Object.fromEntries(Object.keys(JOINTS).map((name) => [name, ids(name).map(numberIn)]));
       if (Object.values(joints).flat().includes(null))
         throw new Error("Both coordinates of each of the five joints are needed, or the four lengths.");
       const entered = motionOf(joints, unit());

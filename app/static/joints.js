@@ -1,17 +1,11 @@
 // The joints of the selected linkage as numbers: each can be typed while the crank stands where it does.
 
-import { element, text } from "./drawing.js";
+import { text } from "./drawing.js";
 import { markWrong, typed, unreadable } from "./decimal.js";
 import { settled } from "./fit.js";
 import { $, build } from "./shell.js";
 
-const JOINTS = [
-  ["a", "A", "crank pivot"],
-  ["b", "B", "rocker pivot"],
-  ["d", "D", "crank pin"],
-  ["c", "C", "rocker pin"],
-  ["p", "P", "body point"],
-];
+const JOINTS = { a: "A, crank pivot", b: "B, rocker pivot", d: "D, crank pin", c: "C, rocker pin", p: "P, body point" };
 const SAME = 1e-9; // of the linkage's size: a field keeps its entry while the joint is there
 const ROUNDING = 1e-12; // of the linkage's size: smaller differences of a joint and its entry are no change
 const FARTHEST = 1e50;
@@ -22,31 +16,26 @@ export class JointFields {
   /** `move(joint, place)` puts a joint at a place and returns null, or says why it cannot; `hold()` stops the crank. */
   constructor(board, move, hold) {
     Object.assign(this, { board, move, fields: [], faults: new Map() });
-    for (const [name, letter, what] of JOINTS) {
-      const group = document.createElement("fieldset");
-      group.append(element("legend", "", `${letter}, ${what}`));
-      ["x", "y"].forEach((axis, k) => {
-        const input = build("input", { id: `joint-${name}-${axis}`, inputMode: "decimal", autocomplete: "off" }),
-          label = document.createElement("label");
-        input.setAttribute("aria-label", `${letter}, ${what}, ${axis}`);
-        label.append(axis, input);
-        group.append(label);
-        const field = { input, name, k, letter: `${letter}, ${axis}` };
+    for (const [name, title] of Object.entries(JOINTS)) {
+      const labels = ["x", "y"].map((axis, k) => {
+        const id = `joint-${name}-${axis}`,
+          input = build("input", { id, inputMode: "decimal", autocomplete: "off", "aria-label": `${title}, ${axis}` }),
+          field = { input, name, k, letter: `${title[0]}, ${axis}` };
         this.fields.push(field);
-        input.addEventListener("focus", () => {
+        input.onfocus = () => {
           hold();
           this.#fill(field);
-        });
-        input.addEventListener("blur", () => this.show());
-        input.addEventListener("change", () => this.#read(field));
-        input.addEventListener("keydown", (event) => {
-          if (event.key === "Enter") {
-            event.preventDefault();
-            this.#read(field);
-          }
-        });
+        };
+        input.onblur = () => this.show();
+        input.onchange = () => this.#read(field);
+        input.onkeydown = (event) => {
+          if (event.key !== "Enter") return;
+          event.preventDefault();
+          this.#read(field);
+        };
+        return build("label", {}, axis, input);
       });
-      $("joint-fields").append(group);
+      $("joint-fields").append(build("fieldset", {}, build("legend", {}, title), labels));
     }
     board.seen.push(() => this.show());
   }
@@ -72,12 +61,9 @@ export class JointFields {
     if ([...this.faults.keys()].some((one) => one.input === input)) return;
     const size = extent(joints),
       value = settled(joints[name][k], size);
-    const stands = entry && Math.abs(entry.value - value) <= SAME * Math.max(size, Math.abs(value));
-    const words = stands
-      ? entry.text
-      : input === document.activeElement
-        ? String(Number(value.toPrecision(14)))
-        : text(value, 5);
+    const stands = entry && Math.abs(entry.value - value) <= SAME * Math.max(size, Math.abs(value)),
+      number = input === document.activeElement ? String(Number(value.toPrecision(14))) : text(value, 5),
+      words = stands ? entry.text : number;
     if (input.value !== words) input.value = words;
   }
 

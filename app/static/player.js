@@ -6,7 +6,7 @@ import { driveName } from "./drive.js";
 import { fitOf, settled } from "./fit.js";
 import { PRESET, itemOf, placeOf, wantsAngles } from "./motion.js";
 import { RAD } from "./plane.js";
-import { $ } from "./shell.js";
+import { $, listen } from "./shell.js";
 import { analysisCurves, band } from "./studies.js";
 import { marksWithin } from "./timing.js";
 
@@ -46,19 +46,25 @@ export function trajectory(solution, motion, coarse = false) {
 }
 
 export class Player {
+  shown = null;
+  frame = null;
+  charts = [];
+  marks = []; // the travel at which each sample is passed
+  stops = []; // the samples in the order in which they are passed
+
   constructor(board) {
-    Object.assign(this, { board, shown: null, frame: null, charts: [], marks: [], stops: [] });
-    $("slider").addEventListener("input", () => {
-      this.#pause();
+    this.board = board;
+    listen("slider", "input", () => {
+      this.stop();
       this.#showTravel();
     });
-    $("range").addEventListener("change", () => {
+    listen("range", "change", () => {
       this.#setRange();
       this.drawCurves();
     });
-    $("play").addEventListener("click", () => (this.frame === null ? this.#play() : this.#pause()));
-    $("before").addEventListener("click", () => this.#step(-1));
-    $("after").addEventListener("click", () => this.#step(1));
+    listen("play", "click", () => (this.frame === null ? this.#play() : this.stop()));
+    listen("before", "click", () => this.#step(-1));
+    listen("after", "click", () => this.#step(1));
     new ResizeObserver(() => this.#drawMarks()).observe($("slider"));
     redrawOn($("curves"), () => this.drawCurves());
   }
@@ -68,11 +74,8 @@ export class Player {
     this.shown = trajectory(solution, motion);
     $("range").querySelector("[value=turn]").disabled = !this.shown.turn;
     if (!this.shown.turn) $("range").value = "used";
-    for (const [id, way] of [
-      ["before", "Previous"],
-      ["after", "Next"],
-    ])
-      $(id).ariaLabel = $(id).title = `${way} ${itemOf(motion)}`;
+    $("before").ariaLabel = $("before").title = `Previous ${itemOf(motion)}`;
+    $("after").ariaLabel = $("after").title = `Next ${itemOf(motion)}`;
     this.board.showLinkage(this.shown);
     if (fit) this.board.fit();
     this.#setRange();
@@ -84,15 +87,12 @@ export class Player {
     const { travel, shown: before } = this,
       shown = trajectory(solution, motion, true),
       { low, high, sense } = shown.pass;
-    this.#pause();
+    this.stop();
     this.shown = { ...shown, band: null };
-    const share = before
-      ? (before.pass.sense * travel - before.pass.low) / (before.pass.high - before.pass.low || 1)
-      : 0;
-    Object.assign(this.board, {
-      linkage: this.shown,
-      joints: shown.at[k] ?? shown.linkage.at(sense * (low + share * (high - low)) * RAD),
-    });
+    const { pass } = before ?? shown,
+      share = (pass.sense * travel - pass.low) / (pass.high - pass.low || 1),
+      joints = shown.at[k] ?? shown.linkage.at(sense * (low + share * (high - low)) * RAD);
+    Object.assign(this.board, { linkage: this.shown, joints });
   }
 
   /** Where the slider stands, in degrees of crank from the first sample, with sign. */
@@ -113,7 +113,9 @@ export class Player {
   }
 
   stop() {
-    this.#pause();
+    if (this.frame !== null) cancelAnimationFrame(this.frame);
+    this.frame = null;
+    setButton("Play");
   }
 
   /** Moves to a crank angle from the first sample, with sign. */
@@ -127,7 +129,7 @@ export class Player {
 
   clear() {
     this.shown = null;
-    this.#pause();
+    this.stop();
     this.board.showLinkage(null);
   }
 
@@ -147,12 +149,9 @@ export class Player {
     slider.min = low;
     slider.max = high;
     if (Number(slider.value) > high || Number(slider.value) < low) slider.value = Math.max(0, low);
-    // the travel at which each sample is passed, and the samples in the order in which they are
     this.marks = marksWithin(this.shown.pass, low, high);
-    this.stops = this.marks
-      .map((travel, k) => ({ travel, k }))
-      .filter(({ travel }) => travel !== null)
-      .sort((a, b) => a.travel - b.travel);
+    const stops = this.marks.map((travel, k) => ({ travel, k })).filter(({ travel }) => travel !== null);
+    this.stops = stops.sort((a, b) => a.travel - b.travel);
     this.#drawMarks();
     this.#showTravel();
   }
@@ -173,14 +172,14 @@ export class Player {
       make("path", { class: "mark", d: `M${x.toFixed(1)} 0v5`, "data-sample": k + 1 }, svg);
       if (x - half < end) continue;
       end = x + half;
-      make("text", { x: x.toFixed(1), y: 16, "text-anchor": "middle" }, svg).textContent = name;
+      make("text", { x: x.toFixed(1), y: 16, "text-anchor": "middle", text: name }, svg);
     }
   }
 
   /** To the next sample, or with -1 to the one before. */
   #step(heading) {
     if (!this.shown) return;
-    this.#pause();
+    this.stop();
     const now = Number($("slider").value),
       ahead = this.stops.filter(({ travel }) => heading * (travel - now) > this.#near);
     const next = heading > 0 ? (ahead[0] ?? this.stops[0]) : (ahead.at(-1) ?? this.stops.at(-1));
@@ -230,9 +229,8 @@ export class Player {
       if (now < until) return;
       let value = from + (heading * gone * speed * (high - low)) / RANGE_MS;
       // each sample on the way is shown for a moment
-      const stop = this.stops.find(
-        ({ travel }) => heading * (travel - from) > this.#near && heading * (value - travel) >= 0,
-      );
+      const isPassed = ({ travel }) => heading * (travel - from) > this.#near && heading * (value - travel) >= 0,
+        stop = this.stops.find(isPassed);
       if (stop && count <= MOST_STOPS) {
         value = stop.travel;
         until = now + Math.min(STOP_MS, STOPS_MS / count) / speed;
@@ -246,81 +244,55 @@ export class Player {
     this.frame = requestAnimationFrame(step);
   }
 
-  #pause() {
-    if (this.frame !== null) cancelAnimationFrame(this.frame);
-    this.frame = null;
-    setButton("Play");
-  }
-
   drawCurves() {
     if (!this.shown || !$("curves").clientWidth) return;
-    const {
-        linkage,
-        motion,
-        places,
-        turns: miss,
-        worst,
-        solution,
-        pass: { sense, turns: angles },
-      } = this.shown,
-      [low, high] = this.#range;
-    const even = Array.from({ length: CURVE_STEPS + 1 }, (_, k) => low + ((high - low) * k) / CURVE_STEPS);
-    // travels in the crank's sense: a clockwise crank, too, is plotted from left to right
-    const x = [...new Set([...even, ...this.stops.map(({ travel }) => travel)])].sort((a, b) => a - b);
-    const joints = x.map((travel) => linkage.at(sense * travel * RAD));
-    const poseAt = new Map(this.stops.map(({ travel, k }) => [travel, k]));
-    const atPoses = (value) => x.map((travel) => (poseAt.has(travel) ? value(poseAt.get(travel)) : null));
-    const over = (value) => joints.map((j) => (j ? value(j) : null));
-    const host = $("curves");
+    const { linkage, motion, places, turns: miss, worst, solution, pass } = this.shown,
+      { sense, turns: angles } = pass,
+      [low, high] = this.#range,
+      { unit, limits } = motion,
+      turns = wantsAngles(motion),
+      item = itemOf(motion),
+      host = $("curves");
+    const even = Array.from({ length: CURVE_STEPS + 1 }, (_, k) => low + ((high - low) * k) / CURVE_STEPS),
+      // travels in the crank's sense: a clockwise crank, too, is plotted from left to right
+      x = [...new Set([...even, ...this.stops.map(({ travel }) => travel)])].sort((a, b) => a - b),
+      joints = x.map((travel) => linkage.at(sense * travel * RAD)),
+      poseAt = new Map(this.stops.map(({ travel, k }) => [travel, k])),
+      over = (value) => joints.map((j) => (j ? value(j) : null)),
+      axis = angles ? { sense } : { sense, degreesX: false, xName: ` ${unit}` };
+    const add = (title, series, more) => this.charts.push(titledChart(host, title, { x, series, ...axis, ...more })),
+      dots = (value, colour) => {
+        const values = x.map((travel) => (poseAt.has(travel) ? value(poseAt.get(travel)) : null));
+        return { values, colour, points: true };
+      };
     host.replaceChildren();
     this.charts = [];
-    const axis = angles ? { sense } : { sense, degreesX: false, xName: ` ${motion.unit}` };
     $("curves-over").textContent = `Curves over the ${driveName(solution)}`;
-    const add = (title, series, more) => this.charts.push(titledChart(host, title, { x, series, ...axis, ...more }));
-    const dots = (value, colour) => ({ values: atPoses(value), colour, points: true });
 
-    const rotation = [{ values: over((j) => j.rotation / RAD), colour: "body" }];
     // wanted angles are drawn beside the curve, whole turns away where they do not count
-    if (wantsAngles(motion))
-      rotation.push(
-        dots((k) => {
-          const j = joints[x.indexOf(this.marks[k])];
-          return miss[k] === null || !j ? null : j.rotation / RAD - miss[k];
-        }, "pose"),
-      );
-    add(
-      wantsAngles(motion) ? "Rotation of the body, degrees (dots: wanted)" : "Rotation of the coupler, degrees",
-      rotation,
-      { degreesY: true, height: 160 },
-    );
+    const wanted = (k) => {
+      const j = joints[x.indexOf(this.marks[k])];
+      return miss[k] === null || !j ? null : j.rotation / RAD - miss[k];
+    };
+    const rotation = [{ values: over((j) => j.rotation / RAD), colour: "body" }],
+      degrees = { degreesY: true, height: 160 },
+      zero = { values: over(() => 0), colour: "line" };
+    if (turns) rotation.push(dots(wanted, "pose"));
+    add(`Rotation of the ${turns ? "body, degrees (dots: wanted)" : "coupler, degrees"}`, rotation, degrees);
+    if (worst.place !== null) add(`Position error at the ${item}s, ${unit}`, [dots((k) => places[k], "bad"), zero]);
+    if (turns) add(`Rotation error (got minus wanted) at the ${item}s, degrees`, [dots((k) => miss[k], "bad"), zero]);
 
-    const zero = { values: over(() => 0), colour: "line" };
-    if (worst.place !== null)
-      add(`Position error at the ${itemOf(motion)}s, ${motion.unit}`, [dots((k) => places[k], "bad"), zero]);
-    if (wantsAngles(motion))
-      add(`Rotation error (got minus wanted) at the ${itemOf(motion)}s, degrees`, [dots((k) => miss[k], "bad"), zero]);
-
-    const transmission = [{ values: over((j) => j.transmission / RAD), colour: "path" }];
-    const least = motion.limits.kept.use ? (motion.limits.transmission ?? PRESET.use) : null;
+    const transmission = [{ values: over((j) => j.transmission / RAD), colour: "path" }],
+      least = limits.kept.use ? (limits.transmission ?? PRESET.use) : null,
+      scale = { range: [0, 90], splits: [0, 30, 60, 90] };
     if (least) transmission.push({ values: x.map(() => least), colour: "box", dash: [6, 4], width: 1.2 });
-    add(`Transmission angle, degrees${least ? " (dashed: limit)" : ""}`, transmission, {
-      height: 160,
-      degreesY: true,
-      range: [0, 90],
-      splits: [0, 30, 60, 90],
-    });
+    add(`Transmission angle, degrees${least ? " (dashed: limit)" : ""}`, transmission, { ...degrees, ...scale });
     // an analysis is over the used interval: over a whole turn its curves have gaps
-    for (const { title, x: own, values } of analysisCurves(solution, sense, motion.unit)) {
-      const all = [[low, null], ...own.map((travel, k) => [travel, values[k]]), [high, null]].filter(
-        ([travel], k, rows) => (k === 0 || k === rows.length - 1 ? travel < own[0] || travel > own.at(-1) : true),
-      );
-      this.charts.push(
-        titledChart(host, title, {
-          x: all.map(([travel]) => travel),
-          series: [{ values: all.map(([, value]) => value), colour: "body" }],
-          ...axis,
-        }),
-      );
+    for (const { title, x: own, values } of analysisCurves(solution, sense, unit)) {
+      const before = low < own[0] ? [low] : [],
+        after = high > own.at(-1) ? [high] : [],
+        padded = [...before.map(() => null), ...values, ...after.map(() => null)];
+      add(title, [{ values: padded, colour: "body" }], { x: [...before, ...own, ...after] });
     }
     for (const one of this.charts) one.mark(Number($("slider").value));
   }
