@@ -4,12 +4,12 @@ import { redrawOn, titledChart } from "./charts.js";
 import { BEST, KINDS, armUnit, factsOf, nameOf, optionsOf, plain, rowsOf } from "./choices.js";
 import { numberIn } from "./decimal.js";
 import { button, definitions, element, make, namedRows, pathData, put, text } from "./drawing.js";
-import { driveTurns } from "./drive.js";
 import { alike, fitOf } from "./fit.js";
 import { itemOf } from "./motion.js";
 import { RAD, add, less, turned } from "./plane.js";
 import { ask } from "./service.js";
 import { $, capital, listen } from "./shell.js";
+import { driveTurns } from "./timing.js";
 
 const WIDE = 0.09; // of a cylinder's body, over its retracted length
 const HANDLE = 8; // pixels

@@ -2,7 +2,9 @@
 // positions are eliminated.
 
 import { Bounds, INSIDE } from "./bounds.js";
+import { measured } from "./hand.js";
 import { Misfit } from "./misfit.js";
+import { drivePlaces } from "./timing.js";
 
 /** Of the two descents; lengths are fractions of the motion's size, angles are in radians. */
 const OPTIONS = {
@@ -20,6 +22,9 @@ const OPTIONS = {
   feet: 8, // steps to the drive position at which a sample is met best
   checks: 36, // drive positions between the samples at which the loop must close
   better: 0.6, // squared error, as a fraction, of a descent that takes the place of another
+  around: 0.7, // angle around a drive position within which a sample is looked for after a change by hand
+  beyond: 0.4, // the same of a drive that does not turn, as a fraction of its travel
+  tries: 40, // positions that are compared on each side
   slope: 1e-6, // step of the differences that stand for the slopes of limits
 };
 
@@ -68,6 +73,31 @@ class Following {
     Object.assign(this, { reference: numbers, closes, sense: own.at(-1) < own[0] ? -1 : 1 });
     this.bounds = new Bounds(misfit.motion, misfit.scale, held);
     return this.#measured(misfit.numbersOf(solution), misfit.free ? misfit.driveOf(solution) : null);
+  }
+
+  /**
+   * The drive's positions from the start of a solution, in its units, at which it meets the samples best: looked for
+   * around the former ones. Null where the loop is open at one of them.
+   */
+  passing(solution) {
+    const { misfit } = this,
+      made = misfit.made(misfit.numbersOf(solution)),
+      former = misfit.driveOf(solution),
+      [first, last] = [former[0], former.at(-1)],
+      around = misfit.turns ? OPTIONS.around : OPTIONS.beyond * Math.max(...former.map((q) => Math.abs(q - first))),
+      steps = Array.from({ length: 2 * OPTIONS.tries + 1 }, (_, n) => (around * (n - OPTIONS.tries)) / OPTIONS.tries);
+    this.sense = last < first ? -1 : 1;
+    const begins = former.map((q, k) => {
+      const costs = steps.map((step) => this.#cost(made, k, q + step));
+      return q + steps[costs.indexOf(Math.min(...costs))];
+    });
+    const blocks = this.#blocks(made, begins);
+    return blocks && blocks.flatMap((block) => block.q).map((q) => (q - first) / misfit.unit);
+  }
+
+  #cost({ at }, k, q) {
+    const joints = at(q);
+    return joints ? squares(this.misfit.error(k, joints)) : Infinity;
   }
 
   /** The ends of the interval of the drive, and where in it the transmission angle is least; whether the loop closes all along. */
@@ -300,4 +330,15 @@ export function* followed(motion, solution, reference) {
     if (total(step.value) < OPTIONS.better * total(found)) found = step.value;
   }
   if (found) yield made(found);
+}
+
+/** A solution changed by hand with its errors; where crank angles are free they are found anew, and the start is `shift` further on. */
+export function assessed(solution, motion) {
+  const angles = motion.timing === "free" && drivePlaces(solution) && new Following(motion, solution).passing(solution);
+  if (!angles) return { shift: 0, ...measured(solution, motion) };
+  const own = solution.crank_angle ? "crank_angle" : "travel",
+    begin = solution.links ? "start_angle" : "start",
+    [shift] = angles,
+    moved = { [begin]: solution[begin] + shift, [own]: angles.map((angle) => angle - shift) };
+  return { shift, ...measured({ ...solution, ...moved }, motion) };
 }

@@ -1,17 +1,11 @@
-// A linkage changed by hand: from joints that were dragged to its dimensions, its crank angles at the poses and its errors.
+// A linkage changed by hand: from joints that were dragged to its dimensions and its errors.
 
-import { drivePlaces, driveTurns } from "./drive.js";
 import { fitOf } from "./fit.js";
 import { Linkage, family } from "./kinematics.js";
-import { placeOf, placesOf, wantsAngles, wantsPlaces } from "./motion.js";
+import { placesOf } from "./motion.js";
 import { RAD, add, along, cross, direction, dot, less, size, turned } from "./plane.js";
-import { angleError } from "./timing.js";
 
-const BEYOND = 40; // degrees beyond the former crank angles within which new ones are looked for
-const GRID = 1; // degrees between crank angles that are compared
-const REFINEMENTS = 30; // golden sections of one step of the grid
 const COINCIDE = 1e-9; // joints this part of the longest link apart are one
-const GOLDEN = (Math.sqrt(5) - 1) / 2;
 const OF_SERVICE =
   "rank verdict rounded analysis tolerance_study excursion transmission_angle_min_turn arm_min sensitivity condition " +
   "determination has_smallest_error";
@@ -99,65 +93,6 @@ function withUsed(linkage, joints) {
   });
 }
 
-/** The square error of pose k where the linkage has `joints`; infinite where it does not close. */
-function squareError(motion, k, joints, scale) {
-  if (!joints) return Infinity;
-  const pose = motion.poses[k],
-    place = wantsPlaces(motion) && joints.p && placeOf(pose),
-    off = place ? size(less(joints.p, place)) / scale : 0,
-    turns = wantsAngles(motion) && pose.angle !== null;
-  return off ** 2 + (turns ? angleError(motion, pose.angle, joints.rotation / RAD) * RAD : 0) ** 2;
-}
-
-/** The place near `at` where an error is least, by golden sections. */
-function sharpened(error, at, step) {
-  let [low, high] = [at - step, at + step];
-  for (let n = 0; n < REFINEMENTS; n++) {
-    const [left, right] = [high - GOLDEN * (high - low), low + GOLDEN * (high - low)];
-    if (error(left) < error(right)) high = right;
-    else low = left;
-  }
-  const best = (low + high) / 2;
-  return error(best) <= error(at) ? best : at;
-}
-
-/** Crank angles from the start at which a linkage meets the poses best, near the former ones. */
-function crankAngles(solution, motion, scale) {
-  const linkage = new Linkage(solution),
-    former = drivePlaces(solution),
-    [first, last] = [Math.min(...former), Math.max(...former)],
-    // a slider's or cylinder's way is looked at in as many steps as a crank's quarter turn
-    [beyond, step] = driveTurns(solution) ? [BEYOND, GRID] : [0.4 * (last - first), (last - first) / 90],
-    sense = former.at(-1) < 0 && !motion.anyOrder ? -1 : 1,
-    begin = sense > 0 ? first - beyond : last + beyond,
-    count = Math.ceil((last - first + 2 * beyond) / step) + 1,
-    grid = Array.from({ length: count }, (_, n) => begin + sense * n * step),
-    joints = grid.map((angle) => linkage.at(angle * RAD));
-  const costs = motion.poses.map((_, k) => joints.map((one) => squareError(motion, k, one, scale)));
-  // the least sum over angles that go one way: sums[n] of the best way that has come to at most grid point n
-  const from = [];
-  let sums = grid.map(() => 0);
-  for (const row of costs) {
-    let best = Infinity,
-      at = 0;
-    const trail = [];
-    sums = sums.map((before, n) => {
-      if (before + row[n] < best) [best, at] = [before + row[n], n];
-      trail.push(at);
-      return motion.anyOrder ? 0 : best;
-    });
-    from.push(trail);
-  }
-  const chosen = [];
-  let n = count - 1;
-  for (const trail of from.reverse()) {
-    chosen.unshift(grid[trail[n]]);
-    if (!motion.anyOrder) n = trail[n];
-  }
-  const errorOf = (k) => (angle) => squareError(motion, k, linkage.at(angle * RAD), scale);
-  return chosen.map((angle, k) => sharpened(errorOf(k), angle, step));
-}
-
 const present = (values) => values.filter((value) => value !== null);
 const rms = (values) =>
   values.length ? Math.sqrt(values.reduce((sum, value) => sum + value ** 2, 0) / values.length) : null;
@@ -198,17 +133,6 @@ export function measured(solution, motion) {
     closes: whole && fit.at.every(Boolean),
     solution: { ...made, size: extent, transmission_angle_min, errors },
   };
-}
-
-/** The same with crank angles found anew where they are free, the start `shift` degrees further on. */
-export function assessed(solution, motion) {
-  if (motion.timing !== "free" || !drivePlaces(solution)) return { shift: 0, ...measured(solution, motion) };
-  const angles = crankAngles(solution, motion, scaleOf(placesOf(motion))),
-    own = solution.crank_angle ? "crank_angle" : "travel",
-    begin = solution.links ? "start_angle" : "start",
-    [shift] = angles,
-    moved = { [begin]: solution[begin] + shift, [own]: angles.map((angle) => angle - shift) };
-  return { shift, ...measured({ ...solution, ...moved }, motion) };
 }
 
 /** A request to refine a solution from just there. */

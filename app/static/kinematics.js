@@ -1,8 +1,8 @@
 // Kinematics of a planar linkage, a body on two guides of which the first is driven: the closed forms of the service, for drawing.
 // Angles are radians. The travel of a slider or cylinder is a length, which the page passes in as that many degrees.
 
-import { driveTurns } from "./drive.js";
 import { RAD, add, along, cross, direction, less, size, times, turned } from "./plane.js";
+import { driveTurns } from "./timing.js";
 
 const TURN = 2 * Math.PI;
 const BEYOND = 0.12; // length by which a rail or slot is drawn beyond its used ends, as a fraction of the linkage's size

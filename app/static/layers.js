@@ -2,13 +2,13 @@
 
 import { numberIn } from "./decimal.js";
 import { button, element, make, text } from "./drawing.js";
-import { driveTurns } from "./drive.js";
 import { fitOf } from "./fit.js";
 import { unitOf } from "./motion.js";
 import { RAD, add, turned } from "./plane.js";
 import { ask } from "./service.js";
 import { $, capital, listen } from "./shell.js";
 import { drawStack } from "./stack.js";
+import { driveTurns } from "./timing.js";
 import { layersOf } from "./verdict.js";
 
 const FIRST = 10; // solutions of an answer whose layers are asked for without being selected

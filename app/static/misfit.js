@@ -1,11 +1,11 @@
 // A motion and a kind of linkage as a least squares problem: the numbers of a linkage, its errors at the samples, and
 // their derivatives.
 
-import { drivePlaces, driveTurns } from "./drive.js";
 import { UNKNOWN, fromJoints } from "./hand.js";
 import { FIXED, Linkage } from "./kinematics.js";
 import { placeOf, placesOf, travels, wantsAngles, wantsPlaces } from "./motion.js";
 import { RAD, add, along, dot, less, size, times, turned } from "./plane.js";
+import { drivePlaces, driveTurns } from "./timing.js";
 
 const NUMBERS = 5; // of a guide: its fixed point, its radius or direction, its point on the body
 const ANGLE = { rail: "direction", slot: "body_direction" };

@@ -1,12 +1,11 @@
 // The numbers of a solution: its dimensions, errors, verdict and crank angles, as rows and as blocks of the page.
 
 import { button, definitions, element, namedRows, signed, text } from "./drawing.js";
-import { driveName, drivePlaces, driveTurns } from "./drive.js";
 import { LINKS, errorText, fitOf, guideRows, roundedLinks, roundedText, settled } from "./fit.js";
 import { itemOf, unitOf } from "./motion.js";
 import { build, capital } from "./shell.js";
 import { studyRows } from "./studies.js";
-import { passing } from "./timing.js";
+import { driveName, drivePlaces, driveTurns, passing } from "./timing.js";
 import { judged, limitName, reasons } from "./verdict.js";
 
 export const DIGITS = 4; // of numbers that are shown; their titles and copies have more

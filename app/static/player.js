@@ -2,13 +2,12 @@
 
 import { redrawOn, titledChart } from "./charts.js";
 import { ICONS, make, text } from "./drawing.js";
-import { driveName } from "./drive.js";
 import { fitOf, settled } from "./fit.js";
 import { PRESET, itemOf, placeOf, wantsAngles } from "./motion.js";
 import { RAD } from "./plane.js";
 import { $, listen } from "./shell.js";
 import { analysisCurves, band } from "./studies.js";
-import { marksWithin } from "./timing.js";
+import { driveName, marksWithin } from "./timing.js";
 
 const CURVE_STEPS = 240;
 const COARSE = 60; // steps of a path while the linkage is moved

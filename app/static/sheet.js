@@ -2,13 +2,13 @@
 
 import { nameOf } from "./cards.js";
 import { LinkageShape, View, element, make, pathData, pointPath, tableOf, text } from "./drawing.js";
-import { driveName } from "./drive.js";
 import { fitOf, settled } from "./fit.js";
 import { itemOf, placeOf, unitOf, wantsAngles, wantsPlaces } from "./motion.js";
 import { numberRows } from "./numbers.js";
 import { RAD } from "./plane.js";
 import { $, listed } from "./shell.js";
 import { drawStack } from "./stack.js";
+import { driveName } from "./timing.js";
 import { mark, reasons } from "./verdict.js";
 
 const SIZE = [720, 400];

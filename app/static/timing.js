@@ -1,18 +1,26 @@
-// Where a solution passes the samples: its crank angles at them, those of the request or its own, and the interval it uses.
+// The drive of a solution: whether it turns, where it is at the samples, and the interval that it uses.
 
-import { drivePlaces, driveTurns } from "./drive.js";
 import { travels } from "./motion.js";
 
 const TURN = 360;
+
+/** Whether the coordinate of a solution's drive is an angle; a slider's or cylinder's is a length. */
+export const driveTurns = (solution) => !["slider", "cylinder"].includes(solution.driver);
+
+/** The places of a solution's drive at the samples, in degrees or lengths; null where the request gives them. */
+export const drivePlaces = (solution) => solution.crank_angle ?? solution.travel ?? null;
+
+/** The name of a solution's drive: crank, slider, cylinder or hinge. */
+export const driveName = (solution) => solution.driver ?? "crank";
 
 /** The shortest arc, [first, last] in degrees, that holds all angles and the angle 0. */
 function shortestArc(angles) {
   const within = angles.map((angle) => ((angle % TURN) + TURN) % TURN).sort((a, b) => a - b);
   let [gap, begin] = [-1, 0];
-  within.forEach((angle, k) => {
-    const next = k + 1 < within.length ? within[k + 1] : within[0] + TURN;
+  for (const [k, angle] of within.entries()) {
+    const next = within[k + 1] ?? within[0] + TURN;
     if (next - angle > gap) [gap, begin] = [next - angle, next % TURN];
-  });
+  }
   return begin > 0 ? [begin - TURN, begin - gap] : [0, TURN - gap];
 }
 
@@ -23,21 +31,18 @@ function shortestArc(angles) {
 export function passing(solution, motion, turnsFully) {
   const own = motion.timing === "free" ? drivePlaces(solution) : null,
     turns = driveTurns(solution);
-  const order = Array.from({ length: (own ?? motion.poses).length }, (_, k) => k);
+  const order = [...(own ?? motion.poses).keys()];
   if (own && motion.anyOrder) {
-    const [first, last] = !turns
-      ? [Math.min(...own), Math.max(...own)]
-      : motion.closed && turnsFully
-        ? [0, TURN]
-        : shortestArc(own);
-    const angles = own.map((angle) => (turns && angle > last + 1e-9 ? angle - TURN : angle));
+    const arc = motion.closed && turnsFully ? [0, TURN] : shortestArc(own),
+      [low, high] = turns ? arc : [Math.min(...own), Math.max(...own)],
+      angles = own.map((angle) => (turns && angle > high + 1e-9 ? angle - TURN : angle));
     order.sort((a, b) => angles[a] - angles[b]);
-    return { angles, sense: 1, low: first, high: last, order, turns };
+    return { angles, sense: 1, low, high, order, turns };
   }
-  const given = own ?? travels(motion).map((travel) => motion.direction * travel);
-  const sense = given.at(-1) < 0 ? -1 : 1,
-    last = Math.abs(given.at(-1) ?? 0);
-  return { angles: given, sense, low: 0, high: own && motion.closed && turnsFully ? TURN : last, order, turns };
+  const angles = own ?? travels(motion).map((travel) => motion.direction * travel),
+    last = angles.at(-1) ?? 0,
+    high = own && motion.closed && turnsFully ? TURN : Math.abs(last);
+  return { angles, sense: last < 0 ? -1 : 1, low: 0, high, order, turns };
 }
 
 /** Travels from `low` to `high` at which the samples are passed, in the crank's sense; those outside come in by whole turns. */
