@@ -17,20 +17,32 @@ const EMPTY = (item) => ({
   hand: "",
   outline: "Click the corners of the body",
 });
+const MOVE = "drag the ground to move the view. Keys: arrows move,";
 const HELP = (item, turns) => ({
-  move: `Drag a ${item}${turns ? ", or the end of its arm to turn it" : ""}; drag the ground to move the view. Keys: arrows move, ${turns ? "[ and ] turn, " : ""}Page Up and Down select, Enter adds one, Delete removes.`,
-  add: `Click the place of the next ${item}; drag one to move it. Keys: Add a ${item}, then arrows move it, and Enter adds the next.`,
-  path: `Drag along the way that a point of the body shall take: it becomes at most ${PATH_POINTS} points of a new motion. Or click point after point. Keys: Path, then Add a point, arrows and Enter.`,
+  move:
+    `Drag a ${item}${turns ? ", or the end of its arm to turn it" : ""}; ${MOVE} ${turns ? "[ and ] turn, " : ""}` +
+    "Page Up and Down select, Enter adds one, Delete removes.",
+  add:
+    `Click the place of the next ${item}; drag one to move it. ` +
+    `Keys: Add a ${item}, then arrows move it, and Enter adds the next.`,
+  path:
+    `Drag along the way that a point of the body shall take: it becomes at most ${PATH_POINTS} points of a new motion. ` +
+    "Or click point after point. Keys: Path, then Add a point, arrows and Enter.",
   box: "Drag a box that must contain both fixed pivots; drag its corners to change it, or type it under Limits.",
-  hand: "Drag a joint of the selected linkage, or type its place, and see its error change. Keys: Tab selects a joint, arrows move it.",
-  outline: `Click the corners of the body at its selected ${item}; Enter, or a click on the first corner, closes the outline.`,
+  hand:
+    "Drag a joint of the selected linkage, or type its place, and see its error change. " +
+    "Keys: Tab selects a joint, arrows move it.",
+  outline:
+    `Click the corners of the body at its selected ${item}; ` +
+    "Enter, or a click on the first corner, closes the outline.",
 });
 const SMALL = 1e-9;
 
 /**
  * Changes the motion only through `actions`: `edit(change, kind)`, `settle()` at the end of a drag, `choose(k)`, `add(at)`,
- * `remove(k)`, `draw(places, closed)` for a path drawn by hand, `hand(joint, place)` for a joint of the linkage, `pivot(joint, place)` for
- * a fixed pivot that the rest of it follows. `stale`: the linkage belongs to an earlier motion. `held`: a pointer drags. `moved`: the user has moved or zoomed the view since it was fitted.
+ * `remove(k)`, `draw(places, closed)` for a path drawn by hand, `hand(joint, place)` for a joint of the linkage,
+ * `pivot(joint, place)` for a fixed pivot that the rest of it follows. `stale`: the linkage belongs to an earlier motion.
+ * `held`: a pointer drags. `moved`: the user has moved or zoomed the view since it was fitted.
  */
 export class Board {
   view = new View(600, 400);
@@ -288,7 +300,7 @@ export class Board {
     this.follow(event, (...to) => this.actions.edit(change(to), `drag ${k}`));
   }
 
-  /** The angle of a pose whose arm is pulled to a pixel: of the equal directions the nearest to its angle, so that whole turns stay. */
+  /** The angle of a pose whose arm is pulled to a pixel, nearest to its angle before, so that whole turns stay. */
   #angle({ x, y, angle }, [qx, qy]) {
     const [px, py] = this.view.at([x, y]),
       found = (Math.atan2(py - qy, qx - px) * 180) / Math.PI;

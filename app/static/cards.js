@@ -36,7 +36,7 @@ const SORTS = {
 
 const unusable = ({ verdict }) => mark(verdict)?.kind === "bad";
 
-/** Usable solutions first, then in an order by name: "rank", "error", "transmission" (largest first), "size" (smallest first). */
+/** Sort solutions: usable ones first, then by "rank", "error", "transmission" (largest first) or "size" (smallest first). */
 export const sorted = (solutions, by) =>
   solutions.toSorted((a, b) => unusable(a) - unusable(b) || SORTS[by](a) - SORTS[by](b));
 
@@ -64,7 +64,7 @@ export function sign(verdict, motion) {
     : signed("span", "verdict", "·", "errors computed here; the service has not judged it");
 }
 
-/** A list item with the card of a solution of a motion: `choose()` when it is pressed, `compare(on)` when it is picked to be compared. */
+/** Make the card of a solution as a list item; `choose()` is called when it is pressed, `compare(on)` to compare it. */
 export function card(solution, motion, size, pinned, choose, compare) {
   const fit = fitOf(solution, motion),
     { sense, low, high } = fit.pass,

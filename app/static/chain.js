@@ -170,7 +170,8 @@ function angleCurves(host, { pins, slot: made }, { phases, unit, angle }) {
   );
   const series = pieces.filter(({ values }) => values.some((value) => value !== null)),
     parts = pins.segments.map((part) => `${clip(part)} (${PARTS[part][1]})`).join(", ");
-  const title = `Angles θ1 … θ${pins.theta[0].length} of the pins on the ${parts}, ${angle}; thick: P${made.free_pin}`;
+  const angles = `Angles θ1 … θ${pins.theta[0].length} of the pins`,
+    title = `${angles} on the ${parts}, ${angle}; thick: P${made.free_pin}`;
   return curves(host, { x: phases, xUnit: unit, list: [{ title, height: 320, series }] });
 }
 

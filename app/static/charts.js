@@ -25,7 +25,7 @@ const decades = (u, splits) => splits.map((value) => (Math.abs(Math.log10(value)
 
 /**
  * A chart that fills `host`. `x` holds the abscissas, `series` are {values, colour, points, steps, size, width, dash};
- * nulls are gaps; with `sense` -1 the abscissas are named by their negatives. Returns the uPlot; `mark(x)` moves its vertical line.
+ * nulls are gaps; with `sense` -1 the negatives of the abscissas are shown. Returns the uPlot; `mark(x)` moves its line.
  */
 export function chart(host, { x, series, height = 130, range = null, splits = null, xName = "", sense = 1, ...more }) {
   const { degreesX = true, degreesY = false, logY = false } = more,
@@ -91,7 +91,7 @@ export function titledChart(host, title, options) {
   return chart(box, options);
 }
 
-/** Calls `draw` when the page changes between light and dark, and when the width of `host` changes to other than 0, while it is there. */
+/** Call `draw` when the page changes between light and dark, and when the width of `host` changes to other than 0. */
 export function redrawOn(host, draw) {
   let width = host.clientWidth;
   const again = () => (host.isConnected ? draw() : document.removeEventListener("themechange", again));

@@ -22,7 +22,7 @@ export function nameOf(drive) {
   return `${drive.name ?? `${KINDS[drive.kind]}${sizes}`} on the ${plain(drive.link)}`;
 }
 
-/** The best drives of a reply, at most one of each kind if there are several, or its sets of springs by the torque that they leave. */
+/** The best drives of a reply, one of each kind if there are several, and its sets of springs by the torque left. */
 export function optionsOf({ drives, springs }) {
   const kinds = [...new Set(drives.map(({ kind }) => kind))];
   const best = kinds.length > 1 ? kinds.map((kind) => drives.find((one) => one.kind === kind)) : drives.slice(0, BEST);
@@ -65,17 +65,17 @@ export function factsOf(drive, how) {
 
 function springRows(spring, { unit, ...how }) {
   const { force, point, left } = wordsOf({ unit, ...how }),
-    number = (value, digits = 5) => text(value, digits),
+    angle = (value) => text(value, 4),
     { kind, name, stiffness, between, twist, curve, length } = spring;
   const place =
     kind === "torsion"
       ? {
           "its joint": point(spring.point),
-          "its twist": `${twist.map((one) => number(one, 4)).join(" to ")}°, ${number(curve.twist[0], 4)}° at the first pose`,
+          "its twist": `${twist.map(angle).join(" to ")}°, ${angle(curve.twist[0])}° at the first pose`,
         }
       : {
           "its ends": spring.points.map((one) => point(one)).join(" and "),
-          "its length": `${length.map((one) => number(one)).join(" to ")} ${unit}`,
+          "its length": `${length.map((one) => text(one, 5)).join(" to ")} ${unit}`,
         };
   return [
     [`${times(spring)}${kind} spring`, `${name ?? `${force(stiffness)} per ${unit}`}, ${between.join(" to ")}`],
@@ -85,7 +85,7 @@ function springRows(spring, { unit, ...how }) {
   ];
 }
 
-/** Rows [name, value] of a drive or its springs; `how` has the `unit` of length, `newtons`, whether the linkage's own drive `turns`, and its `item`. */
+/** Rows [name, value] of a drive or its springs; `how` is {unit, newtons, turns, item}: `turns` is of the linkage's drive. */
 export function rowsOf(drive, how) {
   const units = how.newtons ? [] : [["forces, torques", `in the load’s unit, and that times ${how.unit}`]];
   if (drive.springs) return [...drive.springs.flatMap((one) => springRows(one, how)), ...units];

@@ -39,7 +39,7 @@ function readLayout(lines) {
   return all(",") ? [/\s*,\s*/, false] : [/\s+/, false];
 }
 
-/** Whether a comma marks decimals: the last of two different marks does, and one that does not stand before just three digits. */
+/** Whether a comma marks decimals: the last of two different marks does, and one that is not before just three digits. */
 function marksDecimals(cells) {
   const found = new Set(
     cells.flatMap((cell) => {
@@ -73,14 +73,15 @@ export function readCells(lines) {
   return ended.map((line) => cellsOf(line, separator).map((cell) => plainNumber(cell, decimalComma)));
 }
 
-/** Rows of numbers that a spreadsheet has copied, each of at most `width` cells; null for an empty cell. Throws Error naming row and cell. */
+/** Rows of numbers that a spreadsheet has copied, of at most `width` cells; null for an empty one. Throws Error. */
 export function pastedRows(content, width) {
-  const lines = content.replace(/[\r\n]+$/, "").split(/\r\n|\r|\n/);
+  const lines = content.replace(/[\r\n]+$/, "").split(/\r\n|\r|\n/),
+    room = width === 1 ? "is 1 column" : `are ${width} columns`;
   return lines.map((line, n) => {
     const cells = line.split("\t");
     if (cells.length > width)
       throw new Error(
-        `The pasted row ${n + 1} has ${cells.length} cells, and there ${width === 1 ? "is 1 column" : `are ${width} columns`} from here on. For a whole table use Paste above.`,
+        `The pasted row ${n + 1} has ${cells.length} cells, and there ${room} from here on. For a whole table use Paste above.`,
       );
     return cells.map((cell, k) => {
       const value = typed(cell.replace(/\s*°$/, ""));
@@ -116,7 +117,7 @@ export function markWrong(field, isWrong, note) {
   }
 }
 
-/** The number in a field; what is wrong with it the browser says as of its own fields: in red, and when the form is sent. */
+/** The number in a field; the browser says what is wrong with it: in red, and when the form is sent. */
 function check(field) {
   const { least, most, whole } = field.dataset,
     range = [least === "above 0" ? Number.MIN_VALUE : Number(least ?? -1e50), Number(most ?? 1e50)];
@@ -135,7 +136,7 @@ export function startNumbers() {
   }
 }
 
-/** The number in a field with `data-number`, null where it is empty or not asked for. Throws Error where it cannot be used. */
+/** The number in a field with `data-number`, null if it is empty or hidden. Throws Error if it cannot be used. */
 export function numberIn(id) {
   const field = $(id),
     value = check(field);

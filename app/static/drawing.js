@@ -159,7 +159,7 @@ const HATCHES = [-12, -6, 0, 6, 12];
 const bearing = ([x, y]) =>
   `M${x} ${y}l-8 14h16zM${x - 14} ${y + 14}h28${HATCHES.map((dx) => `M${x + dx} ${y + 14}l-5 6`).join("")}`;
 
-/** The SVG elements of one linkage; `detail` false makes small pins and leaves bearings, names and the body's direction out. */
+/** The SVG elements of one linkage; without `detail` pins are small, and bearings, names and direction are left out. */
 export class LinkageShape {
   constructor(parent, detail = true) {
     this.group = make("g", { "aria-hidden": "true", class: detail ? "large" : "small" }, parent);
@@ -217,8 +217,8 @@ export class LinkageShape {
 }
 
 /**
- * A small picture of a linkage where it first closes, with the path of its body point between two travels in radians; its `move(share)`
- * shows the linkage at a share of them, from 0 to 1.
+ * A small picture of a linkage where it first closes, with the path of its body point between two travels in radians;
+ * its `move(share)` shows the linkage at a fraction of the way.
  */
 export function thumbnail(linkage, [first, last], targets, width = 160, height = 112) {
   const svg = make("svg", { viewBox: `0 0 ${width} ${height}`, "aria-hidden": "true" });

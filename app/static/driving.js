@@ -1,4 +1,4 @@
-// What drives the selected linkage: asks for cylinders, motors, locks and springs, moves one, and lets its pins be dragged.
+// The drive of the selected linkage: asks for cylinders, motors, locks and springs; the ends of one can be dragged.
 
 import { redrawOn, titledChart } from "./charts.js";
 import { BEST, KINDS, armUnit, factsOf, nameOf, optionsOf, plain, rowsOf } from "./choices.js";
@@ -168,8 +168,8 @@ export class Driving {
   }
 
   /**
-   * The selected solution; what was found for it before is shown again. A question that is under way goes on for a linkage like the one
-   * before; for one that has been moved from it, it is asked again.
+   * Selects a solution and shows what was found for it before. A question that is under way continues for a linkage like
+   * the one before; for one that has been moved from it, it is asked again.
    */
   select(solution) {
     const before = this.solution,
@@ -347,7 +347,8 @@ export class Driving {
     $("drive-refused").replaceChildren(
       ...refused.map(({ kind, link, name, reason }) => {
         const sort = KINDS[kind] ? `${KINDS[kind]} on the ${plain(link)}` : `${kind} spring, ${link}`;
-        return element("li", "", `${sort}${name ? ` (${name})` : ""}: ${reason.replace("reach_max", "“pin within”")}.`);
+        const why = reason.replace("reach_max", "“pin within”");
+        return element("li", "", `${sort}${name ? ` (${name})` : ""}: ${why}.`);
       }),
     );
   }

@@ -16,9 +16,9 @@ const modeButtons = () => [...document.querySelectorAll("[data-mode]:not(svg)")]
 
 export class Editor {
   /**
-   * `changed()` is called after every change of the motion, before it is drawn again; `drawn(places, closed)` gets a path drawn
-   * by hand, which begins a new motion; `hand` moves the joints of the selected linkage and `pivot` its pivots, which undo brings back
-   * `beside` the motion. While a pointer drags, changes are drawn once a frame: then `changed(true)` is called.
+   * `changed()` is called after every change of the motion, before it is drawn again; `drawn(places, closed)` gets a path
+   * drawn by hand, which begins a new motion; `hand` moves the joints of the selected linkage and `pivot` its pivots, which
+   * undo brings back `beside` the motion. While a pointer drags, changes are drawn once a frame with `changed(true)`.
    */
   constructor(changed, drawn, { hand, pivot }, beside) {
     this.changed = changed;
@@ -58,8 +58,8 @@ export class Editor {
   }
 
   /**
-   * Puts another motion in place of this one; undo brings this one back, with what was beside it before `clear()`. `fit` false
-   * leaves the view as it is.
+   * Puts another motion in place of this one; undo brings this one back, with what was beside it before `clear()`.
+   * Without `fit` the view stays as it is.
    */
   replace(motion, fit = true, clear = () => {}) {
     this.chosen = 0;
@@ -205,7 +205,7 @@ export class Editor {
     return input;
   }
 
-  /** Fills the table from a cell on with the rows that a spreadsheet has copied; a single number is left to the browser. */
+  /** Fills the table from a cell on with rows of a spreadsheet; a single number is left to the browser. */
   #pasteRows(event, first, name) {
     const content = event.clipboardData.getData("text/plain");
     const names = Object.keys(COLUMNS).filter((column) => !this.#hidden(column)),

@@ -20,7 +20,7 @@ const field = (id, hidden, shown, more = {}) => {
   return build("label", {}, element("span", "hidden", hidden), shown, input);
 };
 
-/** The joints of a four-bar of these lengths with A in the origin, and P in the middle of the coupler; null if it cannot be assembled. */
+/** The joints of a four-bar of these lengths, A in the origin and P in the middle of the coupler; null if it stays open. */
 function jointsOf([crank, coupler, rocker, ground]) {
   const links = { crank, coupler, rocker, ground },
     mount = { pivot_a: [0, 0], ground_angle: 0, coupler_point_polar: { radius: coupler / 2, angle: 0 } },
@@ -40,7 +40,7 @@ function swing(linkage) {
   return [-back + spare, on - spare];
 }
 
-/** {motion, solution} of a four-bar by its joints: full poses of the body while the crank turns, the angle counted from the position entered. */
+/** {motion, solution} of a four-bar by its joints: poses of the body while the crank turns, angles from the one entered. */
 function motionOf(joints, unit) {
   const blank = { links: {}, body_offset: 0, crank_angle: null, errors: { objective: 0 } },
     begun = fromJoints({ ...joints, rotation: 0 }, 0, blank);

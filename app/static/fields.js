@@ -27,7 +27,7 @@ const ANY = [-1e50, 1e50];
 const ABOVE = [Number.MIN_VALUE, 1e50];
 const WITHIN = [0, 1e50];
 
-/** A field of numbers: `path` of its value in the motion, `name` in sentences, allowed `range`. Empty is null, unless it is `needed`. */
+/** A field of numbers: `path` of its value in the motion, `name` in sentences, `range`. Empty is null, unless `needed`. */
 const number = (path, name, range, more = {}) => ({
   name,
   range,
@@ -305,7 +305,7 @@ export class Fields {
       lengths = [min && `≥ ${text(min, 4)}`, max && `≤ ${text(max, 4)}`].filter(Boolean);
     if (lengths.length) found.push(`links ${lengths.join(" and ")} ${unit}`);
     if (limits.box) found.push("pivot box");
-    found.push(...Object.keys(limits.extra).map(limitName)); // some of them come from a file or a link and have no fields
+    found.push(...Object.keys(limits.extra).map(limitName)); // some come from a file or a link and have no fields
     if (round) found.push(`rounded to ${text(round)} ${unit}`);
     else if (stock?.length) found.push("stock lengths");
     if (tolerance.rotation || tolerance.position || this.#has("er", "ep")) found.push("tolerances");

@@ -1,4 +1,4 @@
-// How well a linkage meets a motion: its joints and errors at each pose, the worst pose by its number, the limits that hold it.
+// How well a linkage meets a motion: its joints and errors at each pose, and the pose of the largest error.
 
 import { text } from "./drawing.js";
 import { Linkage } from "./kinematics.js";
@@ -18,8 +18,8 @@ function worstOf(list) {
 }
 
 /**
- * A solution's linkage and, for each pose of the motion, joints `at`, `places` (distance from the wanted place) and `turns`
- * (degrees got minus wanted), null where nothing is wanted or the loop is open; `worst` has the pose of the largest of each.
+ * A solution's linkage and, for each pose of the motion, joints `at`, `places` (distance from the wanted place) and
+ * `turns` (degrees got minus wanted), null where nothing is wanted or the loop is open; `worst` has the largest of each.
  */
 export function fitOf(solution, motion) {
   const linkage = new Linkage(solution),
@@ -56,7 +56,7 @@ export function roundedText({ rounded }, scale, unit) {
   return listed(...errors.filter((error) => error !== "rounding")) || "exact";
 }
 
-/** Rows [name, error with its unit, number of the pose] of the largest errors; the pose is null where nothing is worth naming. */
+/** Rows [name, error with its unit, number of the pose] of the largest errors; the pose is null for mere rounding. */
 export function worstRows({ places, turns, worst }, { unit }, scale) {
   const rows = [];
   if (worst.place !== null) rows.push(["position", errorText(places[worst.place], scale, ` ${unit}`), worst.place + 1]);
@@ -68,7 +68,7 @@ export function worstRows({ places, turns, worst }, { unit }, scale) {
 export const worstWords = (rows, motion) =>
   rows.map(([, error, k]) => (k === null ? error : `${error} (${itemOf(motion)} ${k})`)).join(" and ");
 
-/** Whether two solutions are the same linkage to within a thousandth of its size: links and pivots, or guides of the same sorts. */
+/** Whether two solutions are the same linkage to within a thousandth of its size. */
 export function alike(one, other) {
   const numbersOf = ({ links, mount, guides }) =>
     links

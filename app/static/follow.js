@@ -100,7 +100,7 @@ class Following {
     return joints ? squares(this.misfit.error(k, joints)) : Infinity;
   }
 
-  /** The ends of the interval of the drive, and where in it the transmission angle is least; whether the loop closes all along. */
+  /** The ends of the interval of the drive, and where the transmission angle is least; whether the loop stays closed. */
   #between({ at }, drive) {
     const low = Math.min(...drive),
       high = Math.max(...drive),
@@ -151,7 +151,7 @@ class Following {
     return best;
   }
 
-  /** Blocks of samples with the drive positions at which they are met best; those out of order are pooled. Null if a loop is open. */
+  /** Blocks of samples with the drive positions at which they are met best; those out of order are pooled. */
   #blocks(made, drive) {
     const blocks = [],
       gap = OPTIONS.gap * this.misfit.unitOfDrive,
@@ -183,7 +183,7 @@ class Following {
     }));
   }
 
-  /** A linkage of these numbers with its errors; `drive` is where free drive positions are looked for. Null where it does not close. */
+  /** A linkage of these numbers with its errors, near the positions `drive` if they are free; null if it does not close. */
   #measured(numbers, drive) {
     const { misfit } = this,
       made = misfit.made(numbers),
@@ -198,7 +198,7 @@ class Following {
     return { numbers, made, blocks, drive: q, spots, cost, margins, penalty };
   }
 
-  /** The normal equations of the mean squared error: its matrix and half its slope, the free drive positions eliminated. */
+  /** The normal equations of the mean squared error: matrix and half its slope, free drive positions eliminated. */
   #normal({ made, blocks, drive }) {
     const { misfit } = this,
       n = misfit.units.length,
@@ -332,7 +332,7 @@ export function* followed(motion, solution, reference) {
   if (found) yield made(found);
 }
 
-/** A solution changed by hand with its errors; where crank angles are free they are found anew, and the start is `shift` further on. */
+/** A solution changed by hand with its errors; free crank angles are found anew, and the start is `shift` further on. */
 export function assessed(solution, motion) {
   const angles = motion.timing === "free" && drivePlaces(solution) && new Following(motion, solution).passing(solution);
   if (!angles) return { shift: 0, ...measured(solution, motion) };

@@ -15,8 +15,8 @@ export const UNKNOWN = Object.fromEntries(OF_SERVICE.split(" ").map((name) => [n
 const wrap = (angle) => Math.atan2(Math.sin(angle), Math.cos(angle));
 
 /**
- * The solution whose joints, with the crank turned by `travel` degrees from its start, are `joints` ({a, b, c, d, p, rotation});
- * the body keeps its direction. Null where two joints coincide.
+ * The solution whose joints, with the crank turned by `travel` degrees from its start, are `joints`, {a, b, c, d, p,
+ * rotation}; the body keeps its direction. Null where two joints coincide.
  */
 export const fromJoints = (joints, travel, before) =>
   before.links ? fourBarFrom(joints, travel, before) : guidedFrom(joints, travel, before);
@@ -100,7 +100,7 @@ const largest = (values) => (values.length ? Math.max(...values.map(Math.abs)) :
 const middleOf = (places) => [0, 1].map((i) => places.reduce((sum, place) => sum + place[i], 0) / (places.length || 1));
 const scaleOf = (places) => Math.max(...places.map((place) => size(less(place, middleOf(places)))), Number.MIN_VALUE);
 
-/** A solution with errors, transmission angle and size computed in the browser, and whether it `closes` all along; with its `fit`. */
+/** A solution with errors, transmission angle and size computed in the browser; its `fit`, and whether it `closes`. */
 export function measured(solution, motion) {
   const wanted = placesOf(motion),
     scale = scaleOf(wanted),

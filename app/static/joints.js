@@ -55,7 +55,7 @@ export class JointFields {
     if (board.fitted) board.fit();
   }
 
-  /** Writes a joint's coordinate into its field, all digits where it is edited; an entry that stands for it as typed. */
+  /** Writes a coordinate into its field, with all digits where it is edited; an entry that stands for it stays. */
   #fill({ input, name, k, entry }) {
     const { joints } = this.board;
     if ([...this.faults.keys()].some((one) => one.input === input)) return;
@@ -86,7 +86,8 @@ export class JointFields {
       return;
     }
     this.#blame(field, null);
-    if (Math.abs(value - joints[name][k]) <= ROUNDING * extent(joints)) return; // leaving the field reads the same entry again
+    // leaving the field reads the same entry again
+    if (Math.abs(value - joints[name][k]) <= ROUNDING * extent(joints)) return;
     const place = [...joints[name]];
     place[k] = value;
     field.entry = { value, text: input.value };

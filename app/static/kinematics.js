@@ -1,12 +1,12 @@
-// Kinematics of a planar linkage, a body on two guides of which the first is driven: the closed forms of the service, for drawing.
+// Kinematics of a planar linkage, a body on two guides of which the first is driven: the closed forms of the service.
 // Angles are radians. The travel of a slider or cylinder is a length, which the page passes in as that many degrees.
 
 import { RAD, add, along, cross, direction, less, size, times, turned } from "./plane.js";
 import { driveTurns } from "./timing.js";
 
 const TURN = 2 * Math.PI;
-const BEYOND = 0.12; // length by which a rail or slot is drawn beyond its used ends, as a fraction of the linkage's size
-const CHANGE_POINT = 1e-12; // difference of two pairings of the links that counts as none, as a fraction of the longest link
+const BEYOND = 0.12; // length of a rail or slot beyond its used ends, as a fraction of the linkage's size
+const CHANGE_POINT = 1e-12; // negligible difference of two pairings of the links, as a fraction of the longest
 /** Signs of the three excesses of `family`. */
 export const SIGNS = { crank_rocker: "+++", double_crank: "--+", rocker_crank: "+--", double_rocker: "-+-" };
 const FULL_CRANK = ["crank_rocker", "double_crank"];
@@ -56,9 +56,10 @@ class Vector {
 }
 
 /**
- * `middle - radius e^{iq}`: from the pin of a crank to a fixed point. `longerThan` is its square less that of the difference of two lengths,
- * `shorterThan` the square of their sum less its own, `across` a length less its part to the left (`side` 1) or right (-1) of a direction; the
- * loop closes if these are not negative. Each is a sum of terms that are not negative wherever the drive moves freely.
+ * `middle - radius e^{iq}`: from the pin of a crank to a fixed point. `longerThan` is its square less that of the
+ * difference of two lengths, `shorterThan` the square of their sum less its own, `across` a length less its part to the
+ * left (`side` 1) or right (-1) of a direction; the loop closes if these are not negative. Each is a sum of terms that
+ * are not negative wherever the drive moves freely.
  */
 class Round extends Vector {
   constructor(middle, radius) {
@@ -132,8 +133,9 @@ class Straight extends Vector {
 }
 
 /**
- * The triangle of the pin Z of the drive, the other guide's pivot C and its body point X, with a `varying` and a `still` side at Z: {atZ, atX},
- * the angle at Z and the acute angle at X, of `shorter` and `longer` as in `Round`, free of cancellation; null if the loop does not close.
+ * The triangle of the pin Z of the drive, the other guide's pivot C and its body point X, with a `varying` and a `still`
+ * side at Z: {atZ, atX}, the angle at Z and the acute angle at X, of `shorter` and `longer` as in `Round`, free of
+ * cancellation; null if the loop does not close.
  */
 function triangle(varying, still, radius, shorter, longer, pinMovesOnBody) {
   if (!(shorter >= 0 && longer >= 0)) return null;
@@ -152,7 +154,7 @@ function triangle(varying, still, radius, shorter, longer, pinMovesOnBody) {
   };
 }
 
-/** The guides of a solution in frames of the linkage's own, in which the lengths of a four-bar are as they were given. */
+/** The guides of a solution in the linkage's own frames, in which the lengths of a four-bar are as they were given. */
 function guidesOf({ links, guides }) {
   const bar = (radius, x, held) => ({ guide: "circle", pivot: [x, 0], radius, body_point: [held, 0] }),
     given = links ? [bar(links.crank, 0, 0), bar(links.rocker, links.ground, links.coupler)] : guides;
@@ -208,7 +210,7 @@ export class Linkage {
     return this.turns && [0, 1, 2, 3].every((k) => across.every((from) => this.pose(from + (k * Math.PI) / 2)));
   }
 
-  /** {rotation, place, transmission} of the body's own frame, in the frame of the guides, at the coordinate of the drive; null if the loop does not close. */
+  /** {rotation, place, transmission} of the body's frame in that of the guides; null if the loop does not close. */
   pose(q) {
     return this.driver === "hinge" ? this.#byHinge(q) : this.#byPin(q);
   }
@@ -280,8 +282,8 @@ export class Linkage {
   }
 
   /**
-   * The joints after the drive has moved by `travel` from the first sample; null if the loop does not close. A, D and C, B lie on the guides,
-   * P is the body point; `frames` are {at, angle} of links by their names, `coupler` is the rotation of the body's own frame.
+   * The joints after the drive has moved by `travel` from the first sample; null if the loop does not close. A, D and C, B
+   * lie on the guides, P is the body point; `frames` are {at, angle} of links by name, `coupler` is the body's rotation.
    */
   at(travel) {
     const q = this.start + (this.turns ? travel : travel / RAD),
@@ -309,7 +311,7 @@ export class Linkage {
     return { travel, a, b, c, d, p, ...turn, ...parts, links, ground: line, fixed, frames };
   }
 
-  /** The two joints of a guide: a fixed pivot and the pin it holds, or the ends of a rail or slot as they are drawn, which are added to `parts`. */
+  /** The two joints of a guide: a fixed pivot and its pin, or the ends of a rail or slot, which is added to the parts. */
   #ends({ guide, fixed, body: held, angle, used }, ground, body, coupler, { rails, slots, blocks }) {
     const at = ground(fixed),
       pin = body(held),

@@ -1,4 +1,4 @@
-// The knotter's page: disc, bill, jaw and rope in space over the bill's angle, the crossings in their planes, the verdicts.
+// The knotter's page: disc, bill, jaw and rope in space, the crossings in their planes, and the verdicts.
 
 import { curves, facts, note, scrolling, table } from "./answer.js";
 import { element, tableOf, text } from "./drawing.js";
@@ -18,10 +18,11 @@ const ROPE = {
 
 /** What a verdict means, in words. */
 function sentence(name, part, unit) {
+  const { worst_angle: worst } = part;
   const margin = `${text(Math.abs(part.margin), 4)} mm ${part.holds ? "to spare" : "short"}`,
     at = (angle) => `at ${text(angle, 6)}${unit}`;
   if (name === "clearance")
-    return `S10 ${part.holds ? "keeps clear of the disc" : "meets the disc's plane"}, ${margin} ${at(part.worst_angle)}`;
+    return `S10 ${part.holds ? "keeps clear of the disc" : "meets the disc's plane"}, ${margin} ${at(worst)}`;
   const [good, bad] = ROPE[name];
   if (part.angle === null) return `${bad}: it never enters the triangle, ${margin} ${at(part.nearest_angle)}`;
   const where = `${at(part.angle)}${part.edge ? ` through ${part.edge}` : ""}`;
@@ -185,7 +186,8 @@ function pair({ reply, request }, hosts) {
 }
 
 const CELLS =
-  "Where further parameters vary, the combination with the largest margin is shown. The numbers are margins; positive if the condition holds.";
+  "Where further parameters vary, the combination with the largest margin is shown. " +
+  "The numbers are margins; positive if the condition holds.";
 
 /** A table of verdicts over the first two axes; of more than `MOST_CELLS` cells a list. */
 function verdicts(host, { axes, pairs }) {

@@ -28,7 +28,7 @@ function polygonOf(outline) {
   return longest.slice(0, -1).filter((_, k) => k % step === 0);
 }
 
-/** The body's corners as the service takes them: where no rotation is wanted, in the axes of the request at the first sample. */
+/** The body's corners as the service takes them: without a wanted rotation in the axes of the first sample. */
 function bodyOf(outline, solution, motion) {
   const corners = polygonOf(outline);
   if (!corners || !solution.mount || solution.body_offset !== null) return corners;
@@ -149,7 +149,8 @@ export class Layers {
     // while the search goes on the others may be replaced
     const first = answer.last === false ? [] : answer.reply.solutions.filter((one) => one.verdict).slice(0, FIRST);
     for (const solution of [this.solution, ...first])
-      if (solution && !signal.aborted) await this.#ask(solution, answer, signal); // oxlint-disable-line no-await-in-loop
+      // oxlint-disable-next-line no-await-in-loop
+      if (solution && !signal.aborted) await this.#ask(solution, answer, signal);
   }
 
   async #ask(solution, answer, signal) {

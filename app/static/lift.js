@@ -136,7 +136,7 @@ function motionFacts(host, { condition, forces, residual, ...reply }) {
 }
 
 /** Units of limits that are no lengths. */
-const UNITS = { extension: "", dead_point: "", force_ratio: "", acceleration: "mm/s²", jerk: "mm/s³", rise_time: "s" };
+const UNITS = { acceleration: "mm/s²", jerk: "mm/s³", rise_time: "s", extension: "", dead_point: "", force_ratio: "" };
 const unitOf = (name, angle) => (name === "transmission_angle" ? angle : (UNITS[name] ?? "mm"));
 const plain = (name) => name.replaceAll("_", " ");
 

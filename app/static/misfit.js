@@ -22,7 +22,7 @@ function inverted([a, b, c]) {
   return [0, 1, 2].map((i) => columns.map((column) => column[i] / determinant));
 }
 
-/** The guides of a solution in the frames of the ground and of the body at its point, and the drive at the first sample. */
+/** The guides of a solution in the frames of the ground and of the body at its point, and the start of the drive. */
 function guidesOf(solution) {
   if (!solution.links) return solution;
   const { links, mount, branch, start_angle, body_offset } = solution,

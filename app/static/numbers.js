@@ -13,7 +13,8 @@ const ILL_POSED =
   "Clearly different linkages make this motion about equally well: the motion does not determine the link lengths.";
 const BY_HAND = "Changed by hand: its errors are computed in this page, and nothing is judged.";
 const FROM_THERE =
-  " The service can refine it to the nearest optimum from just there, or search anew with both pivots near where you put them.";
+  " The service can refine it to the nearest optimum from just there, " +
+  "or search anew with both pivots near where you put them.";
 
 /** Rows [name, value] of a solution, its lengths and angles with `digits` digits. */
 export function numberRows(solution, { motion, size }, digits = DIGITS) {

@@ -16,7 +16,7 @@ function lengths(points) {
   return points.map(([x, y], k) => (k ? (total += Math.hypot(x - points[k - 1][0], y - points[k - 1][1])) : 0));
 }
 
-/** `count` points evenly along a polyline, its ends included; of a closed one the last is left out, as it is the first again. */
+/** `count` points evenly along a polyline, its ends included; of a closed one the last is left out. */
 function thin(points, count, closed = false) {
   const way = closed ? [...points, points[0]] : points,
     at = lengths(way);

@@ -24,7 +24,7 @@ const WITH_DRIVE = ["dxf", "csv", "svg", "mjcf", "plates", ...OF_PARTS];
 const TURNING = ["urdf", "sdf"]; // formats without what slides
 const ENDS = { tolerance: "tolerance reached", converged: "no further improvement found", budget: "the time was up" };
 const REST_MS = 120; // without a further drag, after which the curves are drawn anew
-const NEAR = 2.5; // views of the motion, or of the selected linkage if that needs more, that further solutions may widen the view to
+const NEAR = 2.5; // times the size of the motion to which further solutions may widen the view
 const OUTSIDE = "Parts lie outside the view: Fit shows all";
 
 export function note(sentence) {
@@ -48,7 +48,7 @@ export class Results {
   picked = false;
   pinned = [];
 
-  /** `keep(kind)` makes what there is before a joint is moved a step of undo; `changed()` is called when the user has moved one or picked a card. */
+  /** `keep(kind)` begins a step of undo; `changed()` is called when the user has moved a joint or picked a card. */
   constructor(board, keep, changed) {
     Object.assign(this, { keep, changed, board, player: new Player(board) });
     const jump = (degrees) => {
@@ -73,7 +73,7 @@ export class Results {
     redrawOn($("solutions"), () => this.answer && this.#list());
   }
 
-  /** Shows an answer {request, reply, motion}, or with null none; a further answer to the same request keeps the card that was picked. */
+  /** Shows an answer {request, reply, motion}, or none; a further answer to the same request keeps the picked card. */
   show(answer, further = false) {
     if (!further) this.picked = false;
     // the view stays for further answers, and where the user has moved it to look at the linkages of this request
@@ -143,7 +143,7 @@ export class Results {
     this.#list();
   }
 
-  /** Shows a linkage that is being moved with the motion; the rest of the page is of the one before until that has come to rest. */
+  /** Shows a linkage that is being moved with the motion; the rest of the page is of the one before until it rests. */
   track(solution, motion, k) {
     clearTimeout(this.later);
     this.player.track(solution, motion, k);
@@ -178,8 +178,8 @@ export class Results {
   }
 
   /**
-   * A joint of the selected linkage is dragged, or typed, to a place: its errors are computed anew. Drags of one `kind` are one step
-   * of undo. Returns what hinders it, or null.
+   * Moves a joint of the selected linkage, dragged or typed, and computes its errors anew. Drags of one `kind` are one
+   * step of undo. Returns what hinders it, or null.
    */
   drag(name, place, kind = `joint ${name}`) {
     const { motion, reply } = this.answer ?? {};

@@ -14,7 +14,7 @@ import { Visits } from "./visits.js";
 /**
  * What a machine's module exports: `show(answer, hosts)`, which draws an answer {query, request, reply, ask} into the
  * elements of `hosts` (picture, facts, curves, tables) and may return the player of its drawing; and, if its drawing
- * needs more than was asked for, `request(query, request)`, what is sent instead, and `numbers(reply)`, the reply without it.
+ * needs more than was asked for, `request(query, request)`, what is sent instead, and `numbers(reply)`, without it.
  */
 const MACHINES = { lift, chain, knotter };
 const HOSTS = ["picture", "facts", "curves", "tables"];
@@ -23,21 +23,29 @@ const CHOSEN = "Press Calculate to see the result.";
 /** For each machine what it is for and what its result means, and the parts in its picture. */
 const CASES = {
   lift: [
-    "A pneumatic cylinder pushes a corner of a rigid triangle, and the triangle lifts a platform along a vertical slide. Change the lengths, the cylinder and the load; the result is the motion of the platform and its forces.",
-    "A is the platform on its slide, B the end of the cylinder l₁ from the pivot O, and C the end of the link l₅ from the pivot D.",
+    "A pneumatic cylinder pushes a corner of a rigid triangle, and the triangle lifts a platform along a " +
+      "vertical slide. Change the lengths, the cylinder and the load; the result is the motion of the platform " +
+      "and its forces.",
+    "A is the platform on its slide, B the end of the cylinder l₁ from the pivot O, and C the end of the " +
+      "link l₅ from the pivot D.",
   ],
   chain: [
-    "A chain of constant pitch runs around a crescent of two arcs with a wheel at each end. Its links are chords of the track, so that a shallow slot in the upper arc must take up the slack; the result is the shape of this slot.",
+    "A chain of constant pitch runs around a crescent of two arcs with a wheel at each end. Its links are " +
+      "chords of the track, so that a shallow slot in the upper arc must take up the slack; the result is the " +
+      "shape of this slot.",
     "One pin hangs freely between its neighbours in the upper arc, and its path is the shape of the slot.",
   ],
   knotter: [
-    "The knotter of a baler ties a rope with a disc that holds it and a bill that turns it into a loop. Change the directions of both axes, alpha1 and alpha3; the result says whether the knot is tied, and with which margins.",
-    "S₀ is the point of the disc that holds the rope, and S₁ the point where the needle lays it; the rope crosses the bill at E₁ and the edge S₈S₉ of the jaw at E₂.",
+    "The knotter of a baler ties a rope with a disc that holds it and a bill that turns it into a loop. " +
+      "Change the directions of both axes, alpha1 and alpha3; the result says whether the knot is tied, and " +
+      "with which margins.",
+    "S₀ is the point of the disc that holds the rope, and S₁ the point where the needle lays it; the rope " +
+      "crosses the bill at E₁ and the edge S₈S₉ of the jaw at E₂.",
   ],
 };
 
 let [scene, machine, query, form] = [null, null, null, null]; // of this page
-let [answered, running, player] = [null, null, null]; // the answer that is shown, the work that runs, the drawing's player
+let [answered, running, player] = [null, null, null]; // the answer on show, the work that runs, the drawing's player
 let own = ""; // the fragment of the address of this page's own answer
 let edited = false; // whether the form has changed since it was sent
 
@@ -70,8 +78,8 @@ function busy(now) {
 }
 
 /**
- * Runs `work(get)`, where `get(path, body)` asks the service, until other work begins or Stop is pressed: then `get` throws AbortError, so
- * that only the latest work draws. Returns whether the work came to its end.
+ * Runs `work(get)`, where `get(path, body)` asks the service, until other work begins or Stop is pressed: then `get`
+ * throws AbortError, so that only the latest work draws. Returns whether the work came to its end.
  */
 async function run(question, work) {
   const mine = Object.assign(new AbortController(), { question }),

@@ -88,7 +88,7 @@ export function drawWay(layer, motion, view, invitation) {
     make("path", { class: "way return", d: pathData([places.at(-1), places[0]], view) }, layer);
 }
 
-/** The body at each wanted pose: its outline where it has one, else the coupler's triangle where the linkage has it there. */
+/** The body at each wanted pose: its outline if it has one, else the coupler's triangle of the linkage there. */
 export function drawGhosts(layer, motion, linkage, view) {
   layer.replaceChildren();
   const every = Math.ceil(motion.poses.length / MOST_GHOSTS);
@@ -120,7 +120,7 @@ export function drawOverlay(layer, others, view) {
   }
 }
 
-/** Paths of the body point and the errors at the poses, the worst named; errors too short to be seen are drawn larger. */
+/** Paths of the body point and the errors at the poses, the worst named; short errors are drawn larger. */
 export function drawCurves(curves, targets, { linkage, stale, view, unit }) {
   curves.replaceChildren();
   targets.replaceChildren();

@@ -1,4 +1,4 @@
-// What is said of an answer: how near its best linkage comes, what holds it, what its notes say, and what they offer to change.
+// Sentences on an answer: how near its best linkage comes, what holds it, and what its notes say and offer to change.
 
 import { button } from "./drawing.js";
 import { fitOf, roundedText, worstRows, worstWords } from "./fit.js";
@@ -17,7 +17,7 @@ const FIRST = {
 const ENDED = "No linkage was found within these limits, and the search ran to its end.";
 const LOOSEN = "Loosen a limit, allow any family, or let the pivots lie elsewhere.";
 
-/** Whether a note belongs beside the error of the best linkage: no linkage comes near, or another order is much nearer. */
+/** Whether a note belongs beside the error of the best linkage: none comes near, or another order is much nearer. */
 const matters = (note) => note.startsWith("No linkage that was found comes near") || note.endsWith("(`order`).");
 
 /** What the best linkage found really does, in a few words: "off by 0.27 mm (pose 5) and 0.08° (pose 4)". */
@@ -68,8 +68,8 @@ export function sentenceOf({ reply, request, motion, stored, live, seconds }, se
 }
 
 /**
- * [words, request] of a button for what a note offers, or null; the names in its parentheses say which field of the request it is
- * about. `found`: whether there are solutions.
+ * [words, request] of a button for what a note offers, or null; the names in its parentheses say which field of the
+ * request it is about. `found`: whether there are solutions.
  */
 function offered(note, request, found) {
   const [, fields = ""] = /\(([^()]*)\)\.$/.exec(note) ?? [],

@@ -60,7 +60,7 @@ const comparison = (request) => (a, b) => {
   return faulty(a) - faulty(b) || outside(a) - outside(b) || nearer;
 };
 
-/** At most `top` solutions of a reply in its order, and among them those of an earlier one that it does not have again (`same` tells). */
+/** At most `top` solutions of a reply in its order, and among them those of an earlier one that it lacks by `same`. */
 export function together(request, earlier, reply, top, same) {
   const all = [...reply.solutions],
     worse = comparison(request);

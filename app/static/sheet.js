@@ -15,7 +15,7 @@ const SIZE = [720, 400];
 const CHART = [720, 120];
 const MOST_GHOSTS = 24;
 const DIGITS = 6;
-const BESIDE = /error|^(Size|Detour|Ground angle|Body offset)/; // numbers that the table of poses has, or that fit on no page
+const LEFT_OUT = /error|^(Size|Detour|Ground angle|Body offset)/; // errors are in the table of poses
 
 const picture = (size) => make("svg", { viewBox: `0 0 ${size.join(" ")}`, class: "sheet-drawing" });
 /** The joints of a linkage at even steps over the interval that it uses. */
@@ -97,7 +97,7 @@ function partsOf(assembly, parts) {
   );
 }
 
-/** Fills the sheet with a solution, its drive, {rows(), lines()}, and the list of its parts; without one the page prints as it is. */
+/** Fills the sheet with a solution, its drive and the list of its parts; without a solution the page prints as it is. */
 export function fillSheet(answer, solution, drive, parts = null) {
   const sheet = $("sheet");
   sheet.replaceChildren();
@@ -114,7 +114,7 @@ export function fillSheet(answer, solution, drive, parts = null) {
     why = solution.verdict ? reasons(solution.verdict, item) : [],
     box = request.limits?.pivot_box;
   const rows = [
-    ...numberRows(solution, answer, DIGITS).filter(([name]) => !BESIDE.test(name)),
+    ...numberRows(solution, answer, DIGITS).filter(([name]) => !LEFT_OUT.test(name)),
     ...why.map((reason) => ["", reason]),
     ...(box ? [["pivot box", box.map((value) => number(value)).join(", ")]] : []),
   ];

@@ -1,4 +1,4 @@
-// The layers of a linkage from the side: a row for each layer, plates between their pins, pins upright through the layers that they fill.
+// The layers of a linkage from the side: a row for each, plates between their pins, and pins upright through them.
 
 import { make, put } from "./drawing.js";
 

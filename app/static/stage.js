@@ -11,7 +11,7 @@ const [LETTER, LINE] = [9, 18]; // pixels that a letter of a name is wide, and h
 /** A value of a part: as it is, or what a function makes of the state of the machine. */
 const given = (value, now) => (typeof value === "function" ? value(now) : value);
 
-/** A part whose path data `data(view, now)` makes. A part draws itself into a layer and returns what lays it for a state. */
+/** A part whose path data `data(view, now)` makes. A part draws into a layer and returns what lays it for a state. */
 export const path = (kind, data) => (layer, view) => {
   const made = make("path", {}, layer);
   return (now) => put(made, { class: given(kind, now), d: data(view, now) });
@@ -85,8 +85,8 @@ export const grid =
 
 /**
  * Adds a drawing to `host`. `label` says what it shows; `extent` are the points that have to be seen; `parts` are drawn
- * from the lowest up, and laid for `state(value)`, first for `value`. `play`, if given, are the options of `player` without
- * `show`; `words(value)` says the value, and `follow(value)` hears of each move. Returns {go(value), value}.
+ * from the lowest up, and laid for `state(value)`, first for `value`. `play`, if given, are the options of `player`
+ * without `show`; `words(value)` says the value, and `follow(value)` hears of each move. Returns {go(value), value}.
  */
 export function stage(host, options) {
   const { label, extent, parts, state = (now) => now, value = null, play, words = String, follow = () => {} } = options,
@@ -122,7 +122,7 @@ export function stage(host, options) {
   return player(host, { ...play, show });
 }
 
-/** The states of a machine at even steps of `values`, in straight lines between them: `mix(k, share)` at a share of step k. */
+/** The states of a machine at even steps of `values`, and between them: `mix(k, share)` at a fraction of step k. */
 export const steps = (values, mix) => (value) => {
   const [first, last] = [values[0], values.at(-1)],
     at = Math.min(Math.max((value - first) / (last - first), 0), 1) * (values.length - 1),

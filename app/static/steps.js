@@ -1,4 +1,4 @@
-// The steps of the panel beside the canvas, one of them open; on a narrow screen the panel is a sheet that can be folded.
+// The steps of the panel beside the canvas, of which one is open; on a narrow screen the panel is a sheet that folds.
 
 import { $ } from "./shell.js";
 

@@ -1,40 +1,24 @@
-// The words of the trade, explained where they appear.
+// The words of the trade, explained where they appear: `data-term` of a word names its explanation in the list `terms`.
 
 import { button, element } from "./drawing.js";
-
-const TERMS = {
-  "crank angles":
-    "How far the crank has turned at each pose. Free: the search finds them, which is right unless something else moves with the crank.",
-  "transmission angle":
-    "The angle between coupler and rocker where they meet. Near 90° the force passes on well; below about 35° friction grows and play in the pins shows.",
-  family:
-    "Which links can turn fully. In a crank-rocker the crank turns round and the rocker swings; in a double-crank both turn; any that closes need not turn fully.",
-  mechanisms:
-    "Which linkages are looked for: cranks alone (four-bars), or with a rail that a point of the body runs on, or a slot of the body on a fixed pin; driven by a crank, a slider, a cylinder or a hinge. Rails and slots need angles and places. Of several kinds those are listed that no other one, driven alike, beats in error, size and transmission angle at once.",
-  prefer:
-    "What decides among linkages that are accurate enough: within the allowed errors or, if none are given, within 0.1 % of the motion's extent and 0.1°, else within a tenth of the least error. Balanced: size, transmission angle and swing together. Smallest: links and reach, as multiples of the motion's extent.",
-  "pivot box":
-    "A rectangle in which both fixed pivots must lie: drag it on the canvas with Pivot box, or type it here.",
-};
+import { $ } from "./shell.js";
 
 /** Gives each word with `data-term` a small button that explains it. */
 export function explainTerms() {
+  const explanations = new Map(
+    [...$("terms").querySelectorAll("dt")].map((term) => [term.textContent, term.nextSibling]),
+  );
   for (const word of document.querySelectorAll("[data-term]")) {
     const name = word.dataset.term,
-      note = element("span", "explanation", TERMS[name]);
-    const asks = button(
-      "?",
-      (event) => {
-        event.preventDefault();
-        note.hidden = !note.hidden;
-        asks.setAttribute("aria-expanded", String(!note.hidden));
-      },
-      "explain",
-    );
-    note.hidden = true;
-    note.setAttribute("role", "note");
-    asks.setAttribute("aria-label", `What is meant by ${name}`);
-    asks.setAttribute("aria-expanded", "false");
+      note = element("span", "explanation", explanations.get(name).textContent),
+      labels = { "aria-label": `What is meant by ${name}`, "aria-expanded": "false" };
+    const asks = button("?", () => {}, "explain", labels);
+    asks.onclick = (event) => {
+      event.preventDefault();
+      note.hidden = !note.hidden;
+      asks.setAttribute("aria-expanded", String(!note.hidden));
+    };
+    Object.assign(note, { hidden: true, role: "note" });
     word.after(asks);
     (word.closest(".across, .preset > .check") ?? word.closest(".field") ?? word.parentNode).after(note);
   }

@@ -25,8 +25,9 @@ function shortestArc(angles) {
 }
 
 /**
- * For a solution, in degrees of crank from the first sample, or lengths where the drive does not turn (`turns`): `angles` at the samples; `sense`, 1 or -1, of
- * the crank; the interval used, `low` to `high` in that sense; `order`, the samples as they are passed.
+ * For a solution, in degrees of crank from the first sample, or lengths where the drive does not turn (`turns`):
+ * `angles` at the samples; `sense`, 1 or -1, of the crank; the interval used, `low` to `high` in that sense; `order`, the
+ * samples as they are passed.
  */
 export function passing(solution, motion, turnsFully) {
   const own = motion.timing === "free" ? drivePlaces(solution) : null,
@@ -45,7 +46,7 @@ export function passing(solution, motion, turnsFully) {
   return { angles, sense: last < 0 ? -1 : 1, low: 0, high, order, turns };
 }
 
-/** Travels from `low` to `high` at which the samples are passed, in the crank's sense; those outside come in by whole turns. */
+/** Travels from `low` to `high` at which samples are passed, in the crank's sense; others come in by whole turns. */
 export function marksWithin({ angles, sense, turns }, low, high) {
   return angles.map((angle) => {
     const travel = sense * angle;

@@ -7,8 +7,8 @@ export class Visits {
   #count = 0;
 
   /**
-   * `show(answer, left)` shows an answer of this page again, and the question as it was left there if it was changed since; `ask(question)`
-   * asks again what a page before a reload had solved.
+   * `show(answer, left)` shows an answer of this page again, and the question as it was left there if it was changed;
+   * `ask(question)` asks again what a page before a reload had solved.
    */
   constructor(show, ask) {
     addEventListener("popstate", ({ state }) => {
@@ -20,8 +20,8 @@ export class Visits {
   }
 
   /**
-   * Makes an entry of an answer to `question`, plain values that say all that the page asks; `hash` is the fragment of its address.
-   * The first answer, and one to the question of the present entry, take the place of that entry.
+   * Makes an entry of an answer to `question`, plain values that say all that the page asks; `hash` is the fragment of
+   * its address. The first answer, and one to the question of the present entry, take the place of that entry.
    */
   add(question, answer, hash = location.hash) {
     const visit = `${Date.now()}-${++this.#count}`,
