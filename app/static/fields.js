@@ -216,9 +216,9 @@ export class Fields {
   }
 
   #readStock() {
-    const entry = $("stock").value,
-      separator = /[\s;]/.test(entry.trim()) ? /,?\s+|,$|;/ : ",",
-      entries = entry.split(separator).filter(Boolean),
+    const entries = $("stock")
+        .value.split(/[;\s]/.test($("stock").value.trim()) ? /,?\s+|,$|;/ : ",")
+        .filter(Boolean),
       lengths = entries.map(typed);
     const bad = lengths.findIndex((length) => !(length > 0 && Number.isFinite(length))),
       reason = Number.isNaN(lengths[bad]) ? unreadable(entries[bad]) : `“${entries[bad]}” is not a length`;

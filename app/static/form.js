@@ -1,6 +1,6 @@
 // Builds a form of labelled fields from the JSON schema of a request, reads the request back, and marks wrong fields.
 
-import { readCells, typed, unreadable } from "./decimal.js";
+import { listEntries, typed, unreadable } from "./decimal.js";
 import { button, element } from "./drawing.js";
 import { build, listed } from "./shell.js";
 
@@ -264,7 +264,7 @@ class Fields {
     if (items.type === "array") return this.matrix(...place);
     if (count && count <= 4) return this.tuple(...place, count);
     const told = described(schema, "Numbers, with spaces, semicolons or commas between."),
-      parse = (entered) => readCells([entered])[0].map((part) => number(part, items));
+      parse = (entered) => listEntries(entered).map((part) => number(part, items));
     return this.entry(host, at, name, told, value?.join(", "), parse, true);
   }
 
@@ -293,20 +293,20 @@ class Fields {
 
   /** Rows of numbers, a line for each. */
   matrix(host, at, name, schema, items, value) {
-    const lines = (value ?? []).map((row) => row.join(", ")).join("\n"),
-      control = build("textarea", { spellcheck: false, value: lines }),
+    const shownRows = (value ?? []).map((row) => row.join(", ")).join("\n"),
+      control = build("textarea", { spellcheck: false, value: shownRows }),
       { minItems, maxItems } = items,
       told = described(schema, `A row on each line, ${maxItems ?? "some"} numbers in it.`);
     host.append(this.field(at, name, told, control, true));
-    const row = (cells, k) => {
-      const found = cells.map((part) => number(part, items.items ?? {})),
+    const row = (line, k) => {
+      const found = listEntries(line).map((part) => number(part, items.items ?? {})),
         count = found.length;
       if (maxItems && (count < minItems || count > maxItems))
         throw new Error(`line ${k + 1} has ${count} numbers instead of ${maxItems}`);
       return found;
     };
-    const parse = (entered) => readCells(entered.split("\n").filter((line) => line.trim())).map(row);
-    return () => this.read(at, control, parse);
+    const lines = (entered) => entered.split("\n").filter((line) => line.trim());
+    return () => this.read(at, control, (entered) => lines(entered).map(row));
   }
 
   checks(host, at, name, schema, items, value) {
