@@ -12,9 +12,8 @@ from typing import Annotated, Any
 
 from benchmarks import report
 from benchmarks.report import Times, percent
-from synthesis.scenes.lift.constrained import optimize_within
+from synthesis.scenes.lift.constrained import optimize, source_limits
 from synthesis.scenes.lift.constraints import constraint_rows
-from synthesis.scenes.lift.optimum import optimize
 from tests.oracles import lift as oracle
 from tests.oracles.lift_constrained import cases, evolution_optimum
 
@@ -24,14 +23,14 @@ def measure(evaluations: Annotated[int, "of the differential evolution"] = 200_0
     rows = []
     for name, (task, limits) in cases().items():
         clock = Times()
-        found = clock.run(optimize_within, task, limits)
+        found = clock.run(optimize, task, limits)
         for _ in range(2):
-            clock.run(optimize_within, task, limits)
+            clock.run(optimize, task, limits)
         evolution_clock = Times()
         best, count = evolution_clock.run(evolution_optimum, task, limits, evaluations)
         design, closed = found.stroke_design.design, float(found.stroke_design.closed_length)
         values = oracle.constrained_quantities(design, closed, task.cylinder.speed, task.low, task.high)
-        free = optimize(task)
+        free = optimize(task, source_limits(task))
         rows.append(
             {
                 "set": name,

@@ -10,9 +10,9 @@ import numpy as np
 from benchmarks.figures import BLUE, GREEN, GREY, INK, ORANGE, RED, arrow, bare, curve, figure, note
 from benchmarks.report import ROOT, significant
 from synthesis.scenes.lift.motion import motion, stroke
-from synthesis.scenes.lift.optimum import Evaluator, Objective, Task, project
+from synthesis.scenes.lift.optimum import Evaluator, Objective, Task
 from synthesis.scenes.lift.pose import Cylinder, Design, pose_at_turn, turn_at_length
-from synthesis.scenes.lift.published import ARMS, STROKE
+from tests.oracles import lift as oracle
 
 REFERENCE = json.loads((ROOT / "tests/reference/lift_acceptance.json").read_text())
 DESIGNS = {
@@ -20,6 +20,10 @@ DESIGNS = {
     "published": Design(*REFERENCE["designs"]["optimum"]),
 }
 CYLINDER = Cylinder(220.0, 100.0)
+STROKE = (200.0, 510.0)
+"""Heights of the published designs at the start and at the top, mm."""
+ARMS = {float(length): row["arm"] for length, row in REFERENCE["table_2"].items()}
+"""Printed l2 = l4 by cylinder length l1', mm."""
 POSES = 57_201
 """Number of poses for which time and error of the closed form are measured."""
 
@@ -27,6 +31,12 @@ POSES = 57_201
 def task(objective: Objective, bound: float = 600.0, cylinder: Cylinder = CYLINDER) -> Task:
     """Return the published problem with another objective, bound or cylinder."""
     return Task(cylinder, *STROKE, objective, bound)
+
+
+def on_constraints(problem: Task, stretch: float = 1.0) -> Design:
+    """Return the published design for a problem, projected onto the constraints that its rounded digits violate."""
+    arm = stretch * ARMS[problem.cylinder.length]
+    return oracle.closed_designs(arm, arm, problem)[0]
 
 
 def draw_lift(axes: Any, design: Design, turn: float, color: str, alpha: float = 1.0) -> dict[str, np.ndarray]:
@@ -158,7 +168,10 @@ def picture_objective() -> None:
     from matplotlib.ticker import NullFormatter, ScalarFormatter
 
     arms, dot = np.geomspace(150, 2000, 1500), {"ms": 7, "mec": INK, "mew": 0.6}
-    designs = project(arms, arms, CYLINDER.length, *STROKE)
+    designs = [oracle.closed_designs(arm, arm, task(Objective("continuous"))) for arm in arms]
+    kept = [found[0] for found in designs if found]
+    arms = np.array([design.l2 for design in kept])
+    designs = Design(*np.array([design.as_tuple() for design in kept]).T)
     with figure("lift_objective.png", 1, 2, size=(11.2, 4.6)) as (_, (left, right)):
         for n, color in zip((100, 200, 310, 1000), ("#bfdbfe", "#60a5fa", BLUE, "#1e3a5f")):
             values = Evaluator(task(Objective("discrete", n)))(designs)

@@ -1,4 +1,4 @@
-// The lift's page: cylinder, triangle and platform in motion, its curves, and the optimum beside the published design.
+// The lift's page: cylinder, triangle and platform in motion, its curves, and the optimum design.
 
 import { curves, facts, note, table } from "./answer.js";
 import { text } from "./drawing.js";
@@ -113,15 +113,13 @@ const smooth = ({ times, ...request }) => ({
   include: [...new Set([...(request.include ?? []), "points"])],
 });
 
-function motionFacts(host, { condition, forces, residual, ...reply }) {
+function motionFacts(host, { forces, ...reply }) {
   facts(host, [
     ["time of the rise", reply.rise_time, "s"],
     ["height at the start", reply.height_start, "mm"],
     ["height at the end", reply.height_end, "mm"],
     ["cylinder at the top", reply.length_top, "mm"],
     ["cylinder at the dead point", reply.dead_point_length, "mm"],
-    ["condition number, smallest", condition.min],
-    ["condition number at the start", condition.start],
   ]);
   if (!forces) return;
   const rows = [
@@ -132,7 +130,6 @@ function motionFacts(host, { condition, forces, residual, ...reply }) {
     ["least bore", forces.bore_min, "mm"],
   ];
   facts(host, rows, "Forces");
-  if (residual !== null) facts(host, [["largest loop residual", residual, "mm"]]);
 }
 
 /** Units of limits that are no lengths. */
@@ -162,7 +159,7 @@ function limits(host, { constraints, unconstrained: free, cost }, angle) {
   note(host, `${source}: this one is ${gain}. ${outside}`);
 }
 
-const BATCH = [["l1′", "mm"], ["speed", "mm/s"], ...LENGTHS.map((name) => [name, "mm"]), "f", "f published"];
+const BATCH = [["l1′", "mm"], ["speed", "mm/s"], ...LENGTHS.map((name) => [name, "mm"]), "f"];
 
 function batch({ rows }, hosts) {
   const cells = rows.map((row) => [
@@ -170,7 +167,6 @@ function batch({ rows }, hosts) {
     row.cylinder.speed,
     ...LENGTHS.map((name) => row.design?.[name]),
     row.objective,
-    row.objective_of_published,
     row.motion?.rise_time,
     held(row.active) ?? row.detail,
   ]);
@@ -179,15 +175,13 @@ function batch({ rows }, hosts) {
 }
 
 async function optimum({ request, reply, ask }, hosts) {
-  const { published, unconstrained } = reply,
-    title = published ? `published (${published.source})` : "the source's problem",
-    other = published ?? unconstrained;
+  const other = reply.unconstrained;
   const designs = other ? [reply, other] : [reply],
     beside = other ? [request.cylinder.length] : [];
   table(
     hosts.facts,
     "Design",
-    ["", "optimum", ...(other ? [title] : [])],
+    ["", "optimum", ...(other ? ["the source's problem"] : [])],
     [
       ...LENGTHS.map((name) => [`${name}, mm`, ...designs.map(({ design }) => design[name])]),
       ["closed l1′, mm", reply.closed_length, ...beside],
@@ -202,7 +196,6 @@ async function optimum({ request, reply, ask }, hosts) {
     ["held by", held(reply.active)],
     ["evaluations", reply.evaluations],
   ]);
-  if (published) note(hosts.facts, `Published design: ${published.reason}.`);
   note(hosts.facts, reply.note);
   if (reply.constraints) limits(hosts.tables, reply, request.angle_unit === "rad" ? "rad" : "°");
   const cylinder = { ...request.cylinder, length: reply.closed_length };

@@ -8,12 +8,14 @@ The dimensions are optimised so that the platform rises as evenly as possible, a
 
 import matplotlib.pyplot as plt
 
+from synthesis.scenes.lift.constrained import optimize, source_limits
 from synthesis.scenes.lift.motion import motion
-from synthesis.scenes.lift.optimum import Objective, Task, optimize
+from synthesis.scenes.lift.optimum import Objective, Task
 from synthesis.scenes.lift.pose import Cylinder, Design
 
 cylinder = Cylinder(length=220.0, speed=100.0)
-optimum = optimize(Task(cylinder, 200.0, 510.0, Objective("normalized"), 600.0))
+task = Task(cylinder, 200.0, 510.0, Objective("normalized"), 600.0)
+optimum = optimize(task, source_limits(task))
 print(optimum.design)
 
 # %%

@@ -12,6 +12,7 @@ from itertools import pairwise
 import mpmath
 import numpy as np
 
+from synthesis.scenes.lift.motion import Motion, link_angles
 from synthesis.scenes.lift.optimum import Task
 from synthesis.scenes.lift.pose import Cylinder, Design, turn_at_length
 
@@ -125,6 +126,29 @@ class Loops:
             y + w4 * l4 * s4 - w5 * l5 * s5,
         )
         return np.linalg.solve(self.matrix, self.right)
+
+    def condition(self, angles, l1) -> float:
+        """Return the condition number of the system, with lengths in units of the top height."""
+        self._fill(angles, l1)
+        top = self.design.l3 + self.design.l5
+        return float(np.linalg.cond(self.matrix / [top, top, top, top, top, 1.0]))
+
+
+def loop_residuals(design: Design, angles, length, height):
+    """Return the residuals of the loop equations (7)-(12), shape (6, n)."""
+    l2, l3, l4, l5, b = design.as_tuple()
+    first, second, third, fourth, fifth = (
+        size * np.exp(1j * angle) for size, angle in zip((length, l2, l3, l4, l5), np.moveaxis(angles, -1, 0))
+    )
+    loops = (first + second + b - 1j * height, fifth + third - 1j * height, first + fourth + b - fifth)
+    return np.concatenate([[loop.real, loop.imag] for loop in loops])
+
+
+def largest_residual(trajectory: Motion) -> float:
+    """Return the largest residual of the loop equations over a motion."""
+    pose = trajectory.pose
+    residuals = loop_residuals(pose.design, link_angles(pose), trajectory.cylinder_length, pose.height)
+    return float(np.max(np.abs(residuals)))
 
 
 # -- the objective, and a search ------------------------------------------------------------------------------

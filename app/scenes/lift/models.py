@@ -6,12 +6,11 @@ from typing import Annotated, Literal
 
 from pydantic import Field, JsonValue
 
-from app.query import AngleUnit, Column, Computed, Count, Number, PointColumn, ReplyModel, RequestModel, reply_model
+from app.query import AngleUnit, Column, Count, Number, PointColumn, ReplyModel, RequestModel, reply_model
 from linkage_atlas import FieldError
 from synthesis.scenes.lift.constraints import ConstraintRow
 from synthesis.scenes.lift.optimum import OptimumMotion
 from synthesis.scenes.lift.pose import Cylinder, Design
-from synthesis.scenes.lift.published import Published
 
 MIN_MAGNITUDE = 1e-12
 """Smallest length, speed or acceleration other than 0; squares and cubes of smaller values underflow in float64."""
@@ -39,16 +38,7 @@ Rate = Annotated[Number, Field(ge=-MAX_MAGNITUDE, le=MAX_MAGNITUDE)]
 Positive = Annotated[Number, Field(gt=0, le=MAX_MAGNITUDE)]
 Coordinate = Annotated[Number, Field(ge=-MAX_MAGNITUDE, le=MAX_MAGNITUDE)]
 Time = Annotated[Number, Field(ge=-MAX_MAGNITUDE * MAX_MAGNITUDE, le=MAX_MAGNITUDE * MAX_MAGNITUDE)]
-Extra = Literal[
-    "angles",
-    "angular_velocities",
-    "angular_accelerations",
-    "points",
-    "conditions",
-    "residual",
-    "instant_centre",
-    "assemblies",
-]
+Extra = Literal["angles", "angular_velocities", "angular_accelerations", "points"]
 
 
 class DesignModel(RequestModel):
@@ -112,15 +102,6 @@ class MotionRequest(RequestModel):
     angle_unit: AngleUnit = "deg"
 
 
-class ConditionModel(ReplyModel):
-    """Condition number of the loop equations' Jacobian, lengths in units of the top height."""
-
-    start: float
-    top: float
-    bottom: float
-    min: float
-
-
 class Angles(ReplyModel):
     """Direction of each link over time."""
 
@@ -148,14 +129,6 @@ class Points(ReplyModel):
     B: PointColumn
     C: PointColumn
     D: tuple[float, float]
-
-
-class Assembly(ReplyModel):
-    """A pose in which the cylinder has its length of the lowest position."""
-
-    height: float
-    theta3: float
-    working: bool
 
 
 class ForcesReply(ReplyModel):
@@ -187,7 +160,6 @@ class MotionReply(ReplyModel):
     dead_point_length: float
     dead_point_height: float
     length_top: float
-    condition: ConditionModel
     angle_unit: AngleUnit
     time: Column
     height: Column
@@ -199,10 +171,6 @@ class MotionReply(ReplyModel):
     angular_velocities: AngularRates | None = None
     angular_accelerations: AngularRates | None = None
     points: Points | None = None
-    conditions: Column | None = None
-    residual: float | None = None
-    instant_centre: Computed[list[float | None]] | None = None
-    assemblies: list[Assembly] | None = None
     forces: ForcesReply | None = None
 
 
@@ -319,8 +287,8 @@ class BatchRequest(RequestModel):
     upper_bound: Length = 600.0
 
 
-DesignReply, PublishedReply = reply_model(Design), reply_model(Published)
-ConstraintReply, MotionOfOptimum = reply_model(ConstraintRow), reply_model(OptimumMotion)
+DesignReply, ConstraintReply = reply_model(Design), reply_model(ConstraintRow)
+MotionOfOptimum = reply_model(OptimumMotion)
 
 
 class UnconstrainedReply(ReplyModel):
@@ -346,8 +314,6 @@ class OptimizeReply(ReplyModel):
     slacks: dict[str, float]
     equations: dict[str, float]
     motion: MotionOfOptimum
-    objective_of_published: float | None
-    published: PublishedReply | None
     constraints: list[ConstraintReply] | None = None
     unconstrained: UnconstrainedReply | None = None
     cost: float | None = Field(
@@ -366,7 +332,6 @@ class BatchRow(ReplyModel):
     objective: float | None = None
     active: list[str] | None = None
     motion: MotionOfOptimum | None = None
-    objective_of_published: float | None = None
     constraint: str | None = None
     amount: float | None = None
     detail: str | None = None

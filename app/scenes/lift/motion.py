@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
@@ -16,8 +15,6 @@ from app.query import (
 from app.scenes.lift.files import drawings
 from app.scenes.lift.models import (
     DEFAULT_SAMPLES,
-    Assembly,
-    ConditionModel,
     ForcesReply,
     MotionReply,
     MotionRequest,
@@ -30,16 +27,12 @@ from synthesis.scenes.lift.motion import (
     Pneumatics,
     angular_accelerations,
     angular_velocities,
-    condition,
     forces,
-    largest_residual,
     link_angles,
     minimum_bore,
     motion,
-    smallest_condition,
-    velocity_by_instant_centre,
 )
-from synthesis.scenes.lift.pose import Design, joints, pose_at_turn, turns_at_length
+from synthesis.scenes.lift.pose import Design, joints, pose_at_turn
 from synthesis.sheet import csv_text
 
 TABLE_ROWS = 21
@@ -62,12 +55,8 @@ def answer_motion(request: MotionRequest, resources: Resources) -> MotionReply:
     work = resources.work()
     moved = _move(request)
     limits, design = moved.stroke, moved.pose.design
-    # from the start to the end of the motion
-    ends = [(limits.height_bottom, limits.turn_bottom), (limits.height_top, 0.0)]
     rising = request.cylinder.speed > 0
-    heights, turns = zip(*(ends if rising else ends[::-1]))
-    start, end = (float(value) for value in condition(design, turns))
-    bottom, top = (start, end) if rising else (end, start)
+    heights = (limits.height_bottom, limits.height_top) if rising else (limits.height_top, limits.height_bottom)
     return MotionReply(
         status="ok",
         direction="rising" if rising else "lowering",
@@ -78,7 +67,6 @@ def answer_motion(request: MotionRequest, resources: Resources) -> MotionReply:
         dead_point_length=float(limits.length_dead),
         dead_point_height=float(pose_at_turn(design, limits.turn_dead).height),
         length_top=float(limits.length_top),
-        condition=ConditionModel(start=start, top=top, bottom=bottom, min=smallest_condition(design, limits)[0]),
         angle_unit=request.angle_unit,
         **{name: Numbers(column) for name, column in motion_columns(moved).items()},
         **_extras(request, moved, work),
@@ -121,18 +109,6 @@ def _extras(request: MotionRequest, moved: Motion, work: Work) -> dict[str, Any]
         results = {name: Numbers(z.view(float).reshape(-1, 2)) for name, z in joints(pose).items() if name in "ABC"}
         return {**results, "D": (-design.b, 0.0)}
 
-    def instant_centre() -> list[float | None]:
-        speeds = velocity_by_instant_centre(design, speed, pose.height).tolist()
-        return [value if math.isfinite(value) else None for value in speeds]
-
-    def assemblies() -> list[Assembly]:
-        turns = turns_at_length(design, request.cylinder.length)
-        rows = zip(pose_at_turn(design, turns).height.tolist(), turns.tolist())
-        return [
-            Assembly(height=height, theta3=(turn + math.pi / 2) / radian, working=turn < moved.stroke.turn_dead)
-            for height, turn in rows
-        ]
-
     extras = {
         "angles": lambda: per_link("theta", link_angles(pose)),
         "angular_velocities": lambda: per_link("link", angular_velocities(pose, speed)),
@@ -140,10 +116,6 @@ def _extras(request: MotionRequest, moved: Motion, work: Work) -> dict[str, Any]
             "link", angular_accelerations(pose, speed, moved.cylinder_acceleration)
         ),
         "points": points,
-        "conditions": lambda: Numbers(condition(design, pose.turn)),
-        "residual": lambda: largest_residual(moved),
-        "instant_centre": instant_centre,
-        "assemblies": assemblies,
     }
     results = {}
     for name in dict.fromkeys(request.include):
@@ -162,11 +134,9 @@ def motion_csv(request: MotionRequest, resources: Resources) -> bytes:
     for name, extra in _extras(request, moved, resources.work()).items():
         if name == "points":
             rows |= joint_columns(moved)
-        elif isinstance(extra, dict):
+        else:
             unit = request.angle_unit + _PER_TIME.get(name, "")
             rows |= {f"{name}_{link}_{unit}": column for link, column in extra.items()}
-        elif name in ("conditions", "instant_centre"):
-            rows[name] = extra
     if applied is not None:
         rows |= {f"force_{name}": getattr(applied, name) for name in ("weight", "cylinder", "link", "slide")}
         rows["pressure"] = applied.pressure
@@ -184,12 +154,7 @@ def motion_table(reply: MotionReply) -> str:
         f"{reply.direction} from {reply.height_start:.6g} to {reply.height_end:.6g} mm in {reply.rise_time:.6f} s",
         f"dead point at cylinder length {reply.dead_point_length:.6g} mm (height {reply.dead_point_height:.6g} mm), "
         f"top at {reply.length_top:.6g} mm",
-        f"condition: start {reply.condition.start:.4g}, top {reply.condition.top:.4g}, min {reply.condition.min:.4g}",
     ]
-    if reply.residual is not None:
-        lines.append(f"largest loop residual {reply.residual:.2g} mm")
-    for pose in reply.assemblies or []:
-        lines.append(f"assembly at height {pose.height:.6g} mm{' (working branch)' if pose.working else ''}")
     if reply.forces is not None:
         lines.append(
             f"cylinder force {reply.forces.cylinder_min:.6g} to {reply.forces.cylinder_max:.6g} N, pressure up to "

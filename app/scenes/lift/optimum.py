@@ -21,7 +21,6 @@ from app.scenes.lift.models import (
     BatchRow,
     ConstraintsModel,
     CylinderModel,
-    DesignReply,
     DiscreteObjective,
     OptimizeReply,
     OptimizeRequest,
@@ -29,7 +28,7 @@ from app.scenes.lift.models import (
     cylinder_of,
 )
 from linkage_atlas import FieldError, Work
-from synthesis.scenes.lift.constrained import optimize_within
+from synthesis.scenes.lift.constrained import optimize, source_limits
 from synthesis.scenes.lift.constraints import ConstraintRow, Constraints, constraint_rows, measured_values
 from synthesis.scenes.lift.files import design_csv
 from synthesis.scenes.lift.motion import (
@@ -40,12 +39,9 @@ from synthesis.scenes.lift.optimum import (
     Optimum,
     StrokeDesign,
     Task,
-    optimize,
-    optimize_batch,
     optimum_motion,
 )
 from synthesis.scenes.lift.pose import Design
-from synthesis.scenes.lift.published import published_for
 
 MIN_SIDE = 0.1
 """Default of the smallest length with constraints, as a fraction of the top height."""
@@ -120,23 +116,31 @@ def _constraints(request: OptimizeRequest, model: ConstraintsModel) -> Constrain
 def _optimum(request: OptimizeRequest, resources: Resources) -> tuple[Optimum, Task, Constraints | None]:
     task, work = _task(request.cylinder, request), resources.work()
     if request.constraints is None:
-        return optimize(task, work), task, None
+        return _source_optimum(task, work), task, None
     limits = _constraints(request, request.constraints)
-    return optimize_within(task, limits, work), task, limits
+    return optimize(task, limits, work), task, limits
+
+
+def _source_optimum(task: Task, work: Work) -> Optimum:
+    """Solve the problem of the source; an error points at the field of the request that is to be changed."""
+    try:
+        return optimize(task, source_limits(task), work)
+    except FieldError as error:
+        if not error.field.startswith("/constraints"):
+            raise
+        field = "/cylinder/acceleration" if error.details["constraint"] == "stopping" else "/upper_bound"
+        raise FieldError(field, error.message, **error.details) from None
 
 
 def answer_optimize(request: OptimizeRequest, resources: Resources) -> OptimizeReply:
-    """Optimize a design; compare it with the published design or, with constraints, with the unconstrained optimum."""
+    """Optimize a design; with constraints, compare it with the optimum of the source's problem."""
     optimum, task, limits = _optimum(request, resources)
-    published = published_for(task, optimum) if limits is None else None
     return OptimizeReply(
         **_common_fields(optimum, task),
         closed_length=float(optimum.stroke_design.closed_length),
         objective_kind=task.objective.kind,
         slacks=optimum.slacks,
         equations=optimum.equations,
-        objective_of_published=published and published.objective,
-        published=published,
         **(
             {}
             if limits is None
@@ -161,7 +165,7 @@ def _within(optimum: Optimum, task: Task, limits: Constraints, radian: float, wo
 
     constraints = rows(optimum.stroke_design, optimum.active)
     try:
-        free = optimize(task, work)
+        free = _source_optimum(task, work)
     except FieldError:  # infeasible with the given closed length, which the constraints allow to vary
         return {"constraints": constraints}
     violated = [replace(row, active=False) for row in rows(free.stroke_design) if not row.satisfied]
@@ -191,31 +195,26 @@ def answer_batch(request: BatchRequest, resources: Resources) -> BatchReply:
         if steps > MAX_BATCH_STEPS:
             message = f"n times the number of cylinders must be at most {MAX_BATCH_STEPS}; it is {steps}"
             raise FieldError("/objective/n", message, constraint="batch_steps", amount=steps - MAX_BATCH_STEPS)
-    tasks = [_task(cylinder, request) for cylinder in request.cylinders]
-    rows = []
-    for cylinder, task, optimum in zip(request.cylinders, tasks, optimize_batch(tasks, resources.work())):
-        if isinstance(optimum, FieldError):
-            reason = {name: optimum.details.get(name) for name in ("constraint", "amount")}
-            row = {"status": "infeasible", "detail": optimum.message, **reason}
-        else:
-            published = published_for(task, optimum)
-            row = {**_common_fields(optimum, task), "objective_of_published": published and published.objective}
-        rows.append(BatchRow(cylinder=cylinder.model_dump(), **row))
-    return BatchReply(status="ok", rows=rows)
+    return BatchReply(status="ok", rows=[_batch_row(cylinder, request, resources) for cylinder in request.cylinders])
+
+
+def _batch_row(cylinder: CylinderModel, request: BatchRequest, resources: Resources) -> BatchRow:
+    task = _task(cylinder, request)
+    try:
+        row = _common_fields(_source_optimum(task, resources.work()), task)
+    except FieldError as error:
+        reason = {name: error.details.get(name) for name in ("constraint", "amount")}
+        row = {"status": "infeasible", "detail": error.message, **reason}
+    return BatchRow(cylinder=cylinder.model_dump(), **row)
 
 
 LENGTHS = ("l2", "l3", "l4", "l5", "b")
 
 
 def optimize_table(reply: OptimizeReply) -> str:
-    """Return the optimum design beside the published design, and its constraints."""
-    columns: list[tuple[str, DesignReply, float]] = [("optimum", reply.design, reply.objective)]
-    if reply.published:
-        columns.append(("published", reply.published.design, reply.published.objective))
-    lines = [f"{'mm':>10} " + " ".join(f"{name:>14}" for name, _, _ in columns)]
-    for name in LENGTHS:
-        lines.append(f"{name:>10} " + " ".join(f"{getattr(design, name):14.6f}" for _, design, _ in columns))
-    lines.append(f"{'objective':>10} " + " ".join(f"{value:14.7g}" for _, _, value in columns))
+    """Return the optimum design and its constraints."""
+    lines = [f"{name:>10} {getattr(reply.design, name):14.6f}" for name in LENGTHS]
+    lines.append(f"{'objective':>10} {reply.objective:14.7g}")
     lines += [
         f"{'closed l1':>10} {reply.closed_length:14.6f}",
         "",
@@ -223,8 +222,6 @@ def optimize_table(reply: OptimizeReply) -> str:
         f"rise time {reply.motion.rise_time:.6f} s, speed at the start {reply.motion.velocity_start:.6g} mm/s, "
         f"mean over height {reply.motion.velocity_mean:.6g} mm/s",
     ]
-    if reply.published:
-        lines.append(f"published: {reply.published.reason}")
     if reply.constraints:
         lines += ["", f"{'constraint':>20} {'is':>14}        {'limit':>14}"]
         for row in reply.constraints:
@@ -243,7 +240,7 @@ def optimize_table(reply: OptimizeReply) -> str:
 
 def batch_table(reply: BatchReply) -> str:
     """Return a row for each cylinder with its optimum, or the reason why there is none."""
-    names = ("length", "speed", *LENGTHS, "objective", "published", "rise time")
+    names = ("length", "speed", *LENGTHS, "objective", "rise time")
     lines = [" ".join(f"{name:>11}" for name in names)]
     for row in reply.rows:
         head = f"{row.cylinder['length']:11.6g} {row.cylinder['speed']:11.6g} "
@@ -251,8 +248,7 @@ def batch_table(reply: BatchReply) -> str:
             lines.append(head + f"{row.constraint}: {row.detail}")
             continue
         values = [f"{getattr(row.design, name):11.4f}" for name in LENGTHS]
-        published = "-" if row.objective_of_published is None else f"{row.objective_of_published:.4f}"
-        lines.append(head + " ".join(values) + f" {row.objective:11.4f} {published:>11} {row.motion.rise_time:11.6f}")
+        lines.append(head + " ".join(values) + f" {row.objective:11.4f} {row.motion.rise_time:11.6f}")
     return "\n".join(lines)
 
 

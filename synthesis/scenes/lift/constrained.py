@@ -1,5 +1,7 @@
 """Best design of a lift that satisfies the constraints of `synthesis.scenes.lift.constraints`.
 
+The problem of the source is such a search with a collinear start and an upper bound of all lengths (`source_limits`).
+
 The search variables are l2, gamma, l3 and the closed length; b follows from the cylinder length at the start. With
 the collinear start, l3 and b follow from (31) and (32). Every design therefore meets the stroke exactly. The best of
 a set of evenly distributed designs are the starting points of a sequential quadratic program with at most four
@@ -66,6 +68,14 @@ class DesignSpace:
         low, high = self.limits.closed_length
         return high - low > OPTIONS.closed_tolerance * high
 
+    def _arm_range(self) -> tuple[float, float]:
+        """Return the range of l2 in which b can be real and within its bound (31), if the start is collinear."""
+        shortest, closed = 1e-6 * self.task.high, self.limits.closed_length
+        bound = self.limits.lengths.get("b", (None, None))[1]
+        if self.limits.start == "any" or bound is None:
+            return shortest, np.inf
+        return max(shortest, self.task.low - closed[1]), float(np.hypot(bound, self.task.low)) - closed[0]
+
     def designs(self, points: Floats, side: Floats) -> StrokeDesign:
         """Return the designs for points of the search space.
 
@@ -94,7 +104,7 @@ class DesignSpace:
             return first + (last - first) * (next(coordinates) if self._closed_is_free else 0.0)
 
         open_end = OPTIMUM_OPTIONS.open_end
-        l2 = next_length("l2", 1e-6 * high, np.inf)
+        l2 = next_length("l2", *self._arm_range())
         angle_fraction = open_end + (1 - 2 * open_end) * next(coordinates)
         with np.errstate(all="ignore"):
             if self.limits.start == "any":
@@ -325,7 +335,14 @@ def _damped_bfgs(hessian: Floats, step: Floats, change: Floats) -> Floats:
     return np.where(usable[:, None, None], updated, hessian)
 
 
-def optimize_within(task: Task, limits: Constraints, work: Work | None = None) -> Optimum:
+def source_limits(task: Task) -> Constraints:
+    """Return the limits of the source's problem: a collinear start, and an upper bound of l2, l5 and b."""
+    closed = float(task.cylinder.length)
+    bound = min(task.upper_bound, OPTIONS.search_limit * (task.high + closed))
+    return Constraints(dict.fromkeys(("l2", "l5", "b"), (None, bound)), (closed, closed), start="collinear")
+
+
+def optimize(task: Task, limits: Constraints, work: Work | None = None) -> Optimum:
     """Find the best design of a task that satisfies constraints.
 
     The search is deterministic. It ignores the length of the task's cylinder, because the closed length is a

@@ -78,7 +78,7 @@ class LiftSearchOptions:
     margin: float = 5e-5
     """Margin by which a design stays within a limit that is checked at nodes, so that it also holds between the
     nodes."""
-    single_margin: float = 1e-5
+    single_margin: float = 1e-7
     """Margin by which a design stays within a limit that does not depend on the pose."""
     strict_margin: float = 1e-3
     """Smallest difference of l5 and l3, as a fraction of the top height, for the strict inequality (36)."""
@@ -86,6 +86,9 @@ class LiftSearchOptions:
     """Slack, in units of the limit, below which a constraint counts as active."""
     l3_factor: float = 1 + 1e-6
     """Smallest ratio of l3 to half of the stroke. At 1, A would only just reach the start."""
+    search_limit: float = 100.0
+    """Largest length in the problem of the source, in units of top height plus cylinder length. With longer lengths,
+    the last digit of a length determines the dead point."""
     closed_tolerance: float = 1e-12
     """Relative width below which a range counts as a single value, and largest violation that rounding may cause."""
 
@@ -287,7 +290,8 @@ def _length_slacks(candidates: StrokeDesign, task: Task, limits: Constraints) ->
     result: dict[str, Any] = {}
     for name, bounds in limits.lengths.items():
         result |= _range_slacks(name, getattr(design, name), bounds, high, high)
-    result |= _range_slacks("closed_length", candidates.closed_length, limits.closed_length, high, high)
+    if limits.closed_length[0] < limits.closed_length[1]:
+        result |= _range_slacks("closed_length", candidates.closed_length, limits.closed_length, high, high)
     result["l3<l5"] = ((design.l5 - design.l3) / high - OPTIONS.strict_margin)[:, None]
     if limits.start == "collinear":
         result["l3<=l2"] = ((design.l2 - design.l3) / high)[:, None]

@@ -1,7 +1,7 @@
 """Stroke, motion and forces of the pneumatic lift in closed form, without integration.
 
 Geometry, symbols and source are the same as in `synthesis.scenes.lift.pose`; numbers in parentheses are equations of
-the source. The loop equations (7)-(12) at the end of the module are an independent check.
+the source.
 
 Lengths are in the user's unit and angles in radians. Array functions return NaN if a lift cannot be assembled.
 The functions for a single lift, `checked_stroke` and `motion`, raise a `FieldError` instead, with the name of the
@@ -24,16 +24,13 @@ from typing import Any
 import numpy as np
 
 from synthesis.errors import FieldError
-from synthesis.one_variable import EPSILON, Floats, closer_looks
+from synthesis.one_variable import EPSILON, Floats
 from synthesis.scenes.lift.pose import (
     Cylinder,
     Design,
     Pose,
-    angle_or_flat,
     dead_point,
-    evaluate_in_blocks,
     pose_at_turn,
-    third_side,
     top_lever,
     triangle_angle,
     turn_at_length,
@@ -42,16 +39,12 @@ from synthesis.scenes.lift.pose import (
 
 @dataclass(frozen=True)
 class MotionOptions:
-    """Tolerances and block sizes for motions and condition numbers."""
+    """Tolerances of motions."""
 
     max_length_ratio: float = 1e6
     """Largest ratio of two lengths of one lift; beyond it, rounding moves the joints visibly."""
     time_tolerance: float = 1e-12
     """Relative amount by which a time may exceed the duration because of rounding."""
-    condition_nodes: tuple[int, ...] = (33,) * 5
-    """Number of poses in each refinement of the search for the smallest condition number."""
-    condition_block: int = 4096
-    """Number of Jacobians decomposed at a time, which bounds the memory."""
 
 
 OPTIONS = MotionOptions()
@@ -430,7 +423,7 @@ def minimum_bore(force_history: Forces, pneumatics: Pneumatics) -> float:
     return float(np.sqrt(bore_area / (0.25 * np.pi)))
 
 
-# -- the loop equations -------------------------------------------------------------------------------------------------
+# -- the angles of the links ----------------------------------------------------------------------------------------------
 
 
 def link_angles(pose: Pose) -> Floats:
@@ -444,7 +437,7 @@ def link_angles(pose: Pose) -> Floats:
     Returns
     -------
     ndarray, shape (..., 5)
-        theta1 to theta5, which satisfy the loop equations (7)-(12); see `loop_residuals`. They are continuous along a
+        theta1 to theta5, which satisfy the loop equations (7)-(12). They are continuous along a
         motion and may exceed pi instead of jumping to -pi.
     """
     constants, l3 = pose.constants, pose.design.l3
@@ -518,175 +511,3 @@ def _angle_rates(pose: Pose) -> tuple[Floats, Floats]:
 
 def _stack_links(*values: Any) -> Floats:
     return np.stack(np.broadcast_arrays(*values), axis=-1)
-
-
-def _cosines_sines(angles: Any) -> tuple[Floats, Floats]:
-    """Return cosines and sines with the links on the first axis."""
-    angles = np.moveaxis(np.asarray(angles, dtype=float), -1, 0)
-    return np.cos(angles), np.sin(angles)
-
-
-def loop_residuals(design: Design, angles: Any, length: Any, height: Any) -> Floats:
-    """Compute the residuals F1 to F6 of the loop equations (7)-(12).
-
-    Parameters
-    ----------
-    design : Design
-    angles : ndarray, shape (..., 5)
-        theta1 to theta5.
-    length : float or ndarray
-        Cylinder length.
-    height : float or ndarray
-        Height of the platform.
-
-    Returns
-    -------
-    ndarray, shape (..., 6)
-        In the unit of the lengths.
-    """
-    cos, sin = _cosines_sines(angles)
-    l2, l3, l4, l5, b = design.as_tuple()
-    return _stack_links(
-        length * cos[0] + l2 * cos[1] + b,
-        length * sin[0] + l2 * sin[1] - height,
-        l5 * cos[4] + l3 * cos[2],
-        l5 * sin[4] + l3 * sin[2] - height,
-        length * cos[0] + l4 * cos[3] + b - l5 * cos[4],
-        length * sin[0] + l4 * sin[3] - l5 * sin[4],
-    )
-
-
-def largest_residual(trajectory: Motion) -> float:
-    """Compute the largest absolute residual of the loop equations over a motion.
-
-    Parameters
-    ----------
-    trajectory : Motion
-
-    Returns
-    -------
-    float
-        In the unit of the lengths.
-    """
-    pose = trajectory.pose
-    return float(
-        np.max(np.abs(loop_residuals(pose.design, link_angles(pose), trajectory.cylinder_length, pose.height)))
-    )
-
-
-def jacobian(design: Design, angles: Any, length: Any) -> Floats:
-    """Return the derivatives of F1 to F6 with respect to theta1 to theta5 and s, the left side of (13) and (14).
-
-    The matrix is singular only if dl1/dT = 0, because its determinant is
-    l1 (dl1/dT) l2 l4 sin(theta2 - theta4) l5 sin(theta5) up to the sign.
-
-    Parameters
-    ----------
-    design : Design
-    angles : ndarray, shape (..., 5)
-        theta1 to theta5.
-    length : float or ndarray
-        Cylinder length.
-
-    Returns
-    -------
-    ndarray, shape (..., 6, 6)
-    """
-    cos, sin = _cosines_sines(angles)
-    l2, l3, l4, l5, _ = design.as_tuple()
-    batch_shape = np.broadcast_shapes(cos[0].shape, *(np.shape(value) for value in (length, l2, l3, l4, l5)))
-    matrix = np.zeros((*batch_shape, 6, 6))
-    matrix[..., 0, 0] = matrix[..., 4, 0] = -length * sin[0]
-    matrix[..., 1, 0] = matrix[..., 5, 0] = length * cos[0]
-    matrix[..., 0, 1], matrix[..., 1, 1] = -l2 * sin[1], l2 * cos[1]
-    matrix[..., 2, 2], matrix[..., 3, 2] = -l3 * sin[2], l3 * cos[2]
-    matrix[..., 4, 3], matrix[..., 5, 3] = -l4 * sin[3], l4 * cos[3]
-    matrix[..., 2, 4], matrix[..., 3, 4] = -l5 * sin[4], l5 * cos[4]
-    matrix[..., 4, 4], matrix[..., 5, 4] = l5 * sin[4], -l5 * cos[4]
-    matrix[..., 1, 5] = matrix[..., 3, 5] = -1.0
-    return matrix
-
-
-def condition(design: Design, turn: Any) -> Any:
-    """Return the 2-norm condition number of the Jacobian, with all lengths divided by the top height l3 + l5.
-
-    It is the factor by which a relative error of the loop equations can grow in the velocities. It grows as
-    1 / distance towards the dead point and is small at the top. Scaling all lengths does not change it.
-
-    Parameters
-    ----------
-    design : Design
-        A single design.
-    turn : float or ndarray
-        Turns in radians.
-
-    Returns
-    -------
-    float or ndarray
-        At most 1 / epsilon = 4.5e15; beyond this value no digit is left.
-    """
-    top_height = design.l3 + design.l5
-    scaled = Design(*(value / top_height for value in design.as_tuple()))
-
-    def block_condition(turns: Floats) -> Any:
-        pose = pose_at_turn(scaled, turns)
-        values = np.linalg.svd(jacobian(scaled, link_angles(pose), pose.length), compute_uv=False)
-        return values[:, 0] / np.maximum(values[:, -1], EPSILON * values[:, 0])
-
-    return evaluate_in_blocks(block_condition, OPTIONS.condition_block, turn)
-
-
-def smallest_condition(design: Design, stroke_range: Stroke) -> tuple[float, float]:
-    """Find the smallest condition number along a stroke.
-
-    Parameters
-    ----------
-    design : Design
-        A single design.
-    stroke_range : Stroke
-
-    Returns
-    -------
-    value, turn : float
-        Condition number, to about 1e-8, and its turn.
-    """
-    ends = np.zeros(1), np.array([float(stroke_range.turn_bottom)])
-    value, turn = closer_looks(lambda turns: np.asarray(condition(design, turns)), *ends, OPTIONS.condition_nodes)
-    return float(value[0]), float(turn[0])
-
-
-def velocity_by_instant_centre(design: Design, cylinder_speed: Any, height: Any) -> Any:
-    """Compute the platform speed from the instant centre of the triangle, (17)-(27).
-
-    This independent method does not use the derivatives of a `Pose`. It assumes sin eta >= 0, so it cannot detect
-    that a dead point has been passed. Angles are computed from half-angle formulas instead of the printed arccos.
-
-    Parameters
-    ----------
-    design : Design
-        A single design.
-    cylinder_speed : float or ndarray
-        Rate of change of the cylinder length.
-    height : float or ndarray
-        Height of the platform.
-
-    Returns
-    -------
-    float or ndarray
-        The limit 0 at the top, where the printed formula is 0/0; NaN in a singular position.
-    """
-    l2, l3, l4, l5, b = design.as_tuple()
-    s = np.asarray(height, dtype=float)
-    at_top = s >= l3 + l5
-    alpha = triangle_angle(s, l5, l3)[2]
-    d1 = s * np.tan(np.where(at_top, np.nan, alpha))
-    c_to_centre = s / np.cos(alpha) - l5  # from C to the instant centre G, along DC
-    beta, gamma = angle_or_flat(d1, l3, np.abs(c_to_centre)), triangle_angle(l2, l3, l4)[2]
-    delta = np.where(c_to_centre < 0, gamma - beta, gamma + beta)  # C lies above A if DC extends beyond G
-    d2 = third_side(l2, d1, delta)
-    # B relative to A: delta is measured from AG, which is horizontal
-    x, y = b - l2 * np.cos(delta), s - l2 * np.sin(delta)
-    eta = angle_or_flat(d2, np.hypot(x, y), np.hypot(b - d1, s))
-    speed = d1 / d2 * cylinder_speed
-    platform_speed = np.divide(speed, np.sin(eta), out=np.full(np.broadcast(speed, eta).shape, np.nan), where=eta > 0)
-    return np.where(at_top, 0.0, platform_speed)[()]

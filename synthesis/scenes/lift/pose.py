@@ -11,8 +11,7 @@ where mu is the direction of AC, and theta3 = mu + pi. The *working branch* is t
 first dead point, in which the cylinder length is monotonic.
 
 Source: Gan, Meng, Li, Zhou, "Kinematic simulation and optimization of a pneumatic linkage lifting mechanism",
-Machinery Design & Manufacture 2020-3. Numbers in parentheses are its equations. The loop equations (7)-(12) are
-implemented in `synthesis.scenes.lift.motion` as an independent check.
+Machinery Design & Manufacture 2020-3. Numbers in parentheses are its equations.
 
 Lengths are in the user's unit and angles in radians. Array arguments broadcast against each other.
 The fields of a design or a cylinder may be arrays; batch axes come first. Poses that cannot be assembled are NaN.
@@ -28,7 +27,7 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from synthesis.one_variable import EPSILON, Flags, Floats, bisect, rising_root
+from synthesis.one_variable import EPSILON, Floats, bisect, rising_root
 
 DEAD_POINT_NODES = 128
 """Number of nodes in a quarter turn of each of the two grids on which dead points are isolated."""
@@ -471,52 +470,3 @@ def turn_at_length(design: Design, length: Any, turn_dead: Any | None = None) ->
 
     noise = 2 * EPSILON * (length + design.b + design.l2)
     return rising_root(shortage, 0 * turn_dead, turn_dead, guess, noise)[()]
-
-
-def turns_at_length(design: Design, length: float) -> Floats:
-    """Find all turns in [0, 2 pi) at which one design has a given cylinder length.
-
-    The platform is above D in all of these poses; each has a mirror image below D (height -s).
-    At most one of them lies on the working branch: the only one whose turn is below `dead_point`.
-
-    Parameters
-    ----------
-    design : Design
-        A single design.
-    length : float
-        Cylinder length.
-
-    Returns
-    -------
-    ndarray
-        Turns, sorted by descending height of the platform.
-    """
-
-    def sign_changes(rate: Callable[[Pose], Floats], nodes: Floats) -> Floats:
-        negative = rate(pose_at_turn(design, nodes)) < 0
-        index = np.nonzero(negative[:-1] != negative[1:])[0]
-
-        def same_sign(turn: Floats) -> Flags:
-            return np.equal(rate(pose_at_turn(design, turn)) < 0, negative[index])
-
-        return bisect(same_sign, nodes[index], nodes[index + 1])[0]
-
-    nodes = _dead_point_nodes(Design(*(np.asarray(value, dtype=float) for value in design.as_tuple())))
-    # with the turns of extreme rate among the nodes, no two dead points lie between neighbouring nodes
-    nodes = np.union1d(nodes, sign_changes(lambda pose: pose.half_square_2, nodes))
-    edges = np.concatenate([[0.0], sign_changes(lambda pose: pose.half_square_1, nodes), [2 * np.pi]])
-    excess = pose_at_turn(design, edges).length - length
-    contains_root = excess[:-1] * excess[1:] <= 0
-    low, high, direction = (
-        edges[:-1][contains_root],
-        edges[1:][contains_root],
-        np.sign(np.diff(excess))[contains_root],
-    )
-
-    def rising_excess(turn: Floats) -> tuple[Floats, Floats]:
-        pose = pose_at_turn(design, turn)
-        return direction * (pose.length - length), direction * pose.length_1
-
-    turns = np.unique(rising_root(rising_excess, low, high, 0.5 * (low + high)) % (2 * np.pi))
-    turns = turns[np.diff(turns, prepend=-1.0) > 8 * EPSILON]
-    return turns[np.argsort(-pose_at_turn(design, turns).height, kind="stable")]

