@@ -10,7 +10,7 @@ from typing import Any
 
 from fastapi import FastAPI
 from starlette.requests import Request
-from starlette.responses import Response
+from starlette.responses import RedirectResponse, Response
 from starlette.staticfiles import StaticFiles
 
 from app.problems import NotFound
@@ -18,7 +18,7 @@ from app.scenes import SCENES, queries_of
 
 SCENE_TITLES = {"lift": "Lift", "chain": "Chain slide", "knotter": "Knotter"}
 NO_SCENE = f"there is no such scene; the scenes are {', '.join(SCENES)}"
-PAGES = {"/": "index.html", "/function": "function.html", "/favicon.ico": "icon.svg"}
+PAGES = {"/": "index.html", "/favicon.ico": "icon.svg"}
 
 mimetypes.add_type("text/javascript", ".js")  # before Python 3.12 another type
 
@@ -35,6 +35,7 @@ def install(app: FastAPI) -> None:
 
     for path, name in PAGES.items():
         shown(path, page, name)
+    app.add_route("/function", lambda _: RedirectResponse("/#function"), ["GET"], include_in_schema=False)
     for path in ("/docs", "/redoc"):
         shown(path, docs, "index.html")
     app.mount("/static", page)

@@ -9,8 +9,8 @@ import { drawBody, drawBox, drawCurves, drawGhosts, drawGrid, drawOverlay, drawW
 
 const LAYERS = "grid box way overlay ghosts curves plates targets linkage body drive poses pen".split(" ");
 const CLICK = 4; // pixels: a press that moves less is a click
-const EMPTY = (item) => ({
-  move: `No ${item}s yet: draw a path or add ${item}s`,
+const EMPTY = (item, law) => ({
+  move: law ? "Choose or draw a function, then press Solve" : `No ${item}s yet: draw a path or add ${item}s`,
   add: `Click the place of the first ${item}`,
   path: "Draw a path here",
   box: "Drag a box for both fixed pivots",
@@ -209,7 +209,12 @@ export class Board {
     this.step = drawGrid(this.gridLayer, view);
     drawBox(this.boxLayer, motion, view);
     if (motion) {
-      drawWay(this.wayLayer, motion, view, motion.poses.length || linkage ? null : EMPTY(itemOf(motion))[this.mode]);
+      drawWay(
+        this.wayLayer,
+        motion,
+        view,
+        motion.poses.length || linkage ? null : EMPTY(itemOf(motion), motion.law)[this.mode],
+      );
       drawCurves(this.curvesLayer, this.targetsLayer, { linkage, stale, view, unit: motion.unit });
       if (this.ghosts) drawGhosts(this.ghostsLayer, motion, linkage, view);
       else this.ghostsLayer.replaceChildren();

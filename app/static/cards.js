@@ -71,7 +71,8 @@ export function card(solution, motion, size, pinned, choose, compare) {
     unit = unitOf(motion),
     name = nameOf(solution),
     rounded = roundedText(solution, size, ` ${unit}`),
-    worst = worstRows(fit, motion, size).map(([term, error, k]) => [term, k === null ? error : `${error} (${k})`]);
+    rows = solution.off ? [["error", solution.off, null]] : worstRows(fit, motion, size),
+    worst = rows.map(([term, error, k]) => [term, k === null ? error : `${error} (${k})`]);
   const facts = [
     ...worst,
     rounded && solution.rounded.closes && ["rounded", rounded],

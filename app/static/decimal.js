@@ -65,6 +65,12 @@ export function wrong(value, entry, { range: [low, high], needed, whole }) {
   return low === Number.MIN_VALUE ? `${text(value)} is not above 0` : `${text(value)} is less than ${text(low)}`;
 }
 
+/** The range [low, high] that a field with `data-number` allows. */
+const rangeOf = ({ dataset: { least, most } }) => [
+  least === "above 0" ? Number.MIN_VALUE : Number(least ?? -1e50),
+  Number(most ?? 1e50),
+];
+
 /** Marks a field as wrong, for the reason in the element `note`, or takes the mark away. */
 export function markWrong(field, isWrong, note) {
   field.classList.toggle("invalid", isWrong);
@@ -77,10 +83,19 @@ export function markWrong(field, isWrong, note) {
   }
 }
 
+/** The number of an entry for a field with `data-number`, null if it is empty. Throws Error that names the field and has its id. */
+export function numberOf(field, entry) {
+  const value = typed(entry),
+    fault = wrong(value, entry, { range: rangeOf(field), needed: field.required, whole: false });
+  if (!fault) return value;
+  const label = field.labels[0].textContent.trim().replace(/\s+/g, " ");
+  throw Object.assign(new Error(`${label}: ${fault}.`), { id: field.id });
+}
+
 /** The number in a field; the browser says what is wrong with it: in red, and when the form is sent. */
 function check(field) {
-  const { least, most, whole } = field.dataset,
-    range = [least === "above 0" ? Number.MIN_VALUE : Number(least ?? -1e50), Number(most ?? 1e50)];
+  const { whole } = field.dataset,
+    range = rangeOf(field);
   const value = typed(field.value),
     asked = !field.disabled && !field.closest("[hidden]");
   const fault = asked ? wrong(value, field.value, { range, needed: field.required, whole: whole !== undefined }) : null;

@@ -233,8 +233,8 @@ export class Driving {
 
   /** The part of a question that says which linkage it is about. */
   get #about() {
-    const { request, motion } = this.answer;
-    return { linkage: this.solution, request, length_unit: motion.unit, top: BEST };
+    const { request, within = request, motion } = this.answer;
+    return { linkage: this.solution, request: within, length_unit: motion.unit, top: BEST };
   }
 
   #request() {

@@ -98,7 +98,7 @@ const CHOICES = {
   timing: [(m) => m.timing, setTiming],
   direction: [(m) => String(m.direction), (m, value) => (m.direction = Number(value))],
   wanted: property("wanted"),
-  prefer: [(m) => preferred(toRequest(m)), (m, value) => (m.prefer = value)],
+  prefer: [(m) => (m.law ? "error" : preferred(toRequest(m))), (m, value) => (m.prefer = value)],
   mechanisms: [
     (m) => (Array.isArray(m.mechanisms) ? "some" : m.mechanisms),
     (m, value) => value !== "some" && (m.mechanisms = value),

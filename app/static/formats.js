@@ -1,19 +1,19 @@
 // The motion as a request and as what a link or a draft holds of it, and back.
 
+import { lawRequest, soundLaw } from "./law.js";
 import {
-  PRESET,
+  REPLACED,
   UNITS,
   emptyMotion,
   fixTravels,
   placeOf,
+  practical,
   preferable,
   slidable,
   wantsAngles,
   wantsPlaces,
 } from "./motion.js";
 import { counted } from "./shell.js";
-
-const NO_RATIO = 1e6; // a ratio of lengths that limits nothing
 
 /** A number for each pose where at least one has its own, `whole` for the others; otherwise `whole`. */
 function perPose(poses, name, whole) {
@@ -28,8 +28,9 @@ function present(rotation, position) {
   return Object.keys(both).length ? both : undefined;
 }
 
-/** The body of POST /v2/synthesize. */
+/** The body of POST /v2/synthesize, or of POST /v2/function for a law; null if a law cannot be requested. */
 export function toRequest(motion) {
+  if (motion.law) return lawRequest(motion);
   const { poses, limits, tolerance } = motion;
   const angles = wantsAngles(motion),
     places = wantsPlaces(motion);
@@ -83,27 +84,6 @@ export function toRequest(motion) {
   return request;
 }
 
-const REPLACED = [
-  ["use", "transmission", "transmission_angle_min", 0],
-  ["turn", "turn", "transmission_angle_min_turn", 0],
-  ["ratio", "ratio", "link_ratio_max", NO_RATIO],
-];
-
-/**
- * The practical limits of a request: the preset with what replaces its values, or without it those that are kept one by one; `free`
- * crank angles bring the preset with them unless it is declined.
- */
-function practical(limits, free) {
-  const { kept } = limits,
-    asked = kept.reach ? { preset: "practical" } : free ? { preset: "none" } : {};
-  for (const [name, own, field, none] of REPLACED) {
-    if (kept[name]) {
-      if (limits[own] !== null || !kept.reach) asked[field] = limits[own] ?? PRESET[name];
-    } else if (kept.reach) asked[field] = none;
-  }
-  return asked;
-}
-
 /** The opposite of `practical`: {kept, transmission, turn, ratio}. */
 function readPractical(limits, unit, free) {
   const preset = (limits.preset ?? (free ? "practical" : "none")) === "practical",
@@ -155,9 +135,9 @@ function spread(part, poses, names, unit, what) {
   return whole;
 }
 
-/** What a link and a draft hold of a motion: its request, and what else the page shows of it. */
-export const toPage = (request, { unit, outline, mechanisms }, card = null) => ({
-  request,
+/** What a link and a draft hold of a motion: its request or its law, and what else the page shows of it. */
+export const toPage = (request, { unit, outline, mechanisms, law, limits, top, round }, card = null) => ({
+  ...(law ? { law, limits, top, round } : { request }),
   page: {
     unit,
     ...(outline ? { outline } : {}),
@@ -166,10 +146,21 @@ export const toPage = (request, { unit, outline, mechanisms }, card = null) => (
   },
 });
 
+/** The motion of a law with the limits beside it. Throws Error for anything else. */
+function fromLaw({ law, limits, top, round }) {
+  const motion = { ...emptyMotion("function"), law: soundLaw(law) },
+    { kept, family, transmission, turn, ratio } = limits ?? {};
+  const isLimit = (value) => value === null || isNumber(value);
+  if (Object.values(kept ?? {}).every((value) => typeof value === "boolean")) Object.assign(motion.limits.kept, kept);
+  if ([transmission, turn, ratio].every(isLimit)) Object.assign(motion.limits, { transmission, turn, ratio });
+  if (["any", "full_crank", "crank_rocker", "double_crank"].includes(family)) motion.limits.family = family;
+  return Object.assign(motion, { top: isNumber(top) ? top : motion.top, round: isNumber(round) ? round : null });
+}
+
 /** {motion, card} of what `toPage` made, or of a request alone. Throws Error for anything else. */
 export function fromPage(content) {
-  const { request = content, page } = content ?? {},
-    motion = fromRequest(request),
+  const { request = content, law, page } = content ?? {},
+    motion = law ? fromLaw(content) : fromRequest(request),
     { unit, outline, mechanisms, card = null } = page ?? {};
   if (UNITS.includes(unit)) motion.unit = unit;
   if (mechanisms === "auto") motion.mechanisms = mechanisms;
@@ -207,6 +198,8 @@ export function fromRequest(body) {
   const unit = angle_unit === "rad" ? 180 / Math.PI : 1,
     free =
       timing === "free" || (!isNumber(crank_span) && !crank_angle && !!position && !extra.travel && !extra.travel_span);
+  if (extra.function || extra.output || extra.quick_return || extra.steering)
+    throw new Error("This is a request for a function: choose it under Function, or send it to POST /v2/function.");
   const count = (rotation ?? position)?.length;
   if (!count || (rotation && !isColumn(rotation, isNumber)) || (position && !isColumn(position, isPlace)))
     throw new Error("This is not a request: it has neither a rotation nor positions.");

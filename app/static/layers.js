@@ -157,7 +157,8 @@ export class Layers {
     if (!solution.verdict || solution.verdict.assembly || this.asked.has(solution)) return;
     this.asked.add(solution);
     try {
-      const request = { linkage: solution, request: answer.request, ...this.options(solution, answer.motion) },
+      const about = answer.within ?? answer.request,
+        request = { linkage: solution, request: about, ...this.options(solution, answer.motion) },
         assembly = await (await ask("/v2/assembly", request, signal)).json();
       const { verdict } = solution,
         free = assembly.status === "free";

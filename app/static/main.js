@@ -4,17 +4,19 @@ import { startNumbers } from "./decimal.js";
 import { Draft } from "./draft.js";
 import { Editor } from "./editor.js";
 import { startEntry } from "./entry.js";
+import { startFunction } from "./function.js";
 import { alike } from "./fit.js";
 import { fromPage, fromRequest, requestText, toPage, toRequest } from "./formats.js";
 import { Gallery } from "./gallery.js";
 import { assessed } from "./follow.js";
 import { fromHere, nearby } from "./hand.js";
+import { isTable, lawAnswer, lawFault, pairs } from "./law.js";
 import { Live } from "./live.js";
 import { fault, wantsAngles } from "./motion.js";
 import { startProjects } from "./projects.js";
 import { Results, note } from "./results.js";
 import { howNear, sentenceOf, showOffers } from "./sentence.js";
-import { STAGES, refine, solve, together } from "./service.js";
+import { STAGES, ask, refine, solve, together } from "./service.js";
 import { fillSheet } from "./sheet.js";
 import { $, copy, markEarlier, say, startScenes, startTheme } from "./shell.js";
 import { Sources } from "./sources.js";
@@ -43,6 +45,14 @@ const results = new Results(
     if (!running) sayAnswer();
   },
 );
+const showLaw = startFunction(
+  (change, kind) =>
+    editor.history.change((motion) => {
+      change(motion);
+    }, kind),
+  () => editor.history.settle(),
+);
+pairs.changed = () => editor.refresh();
 const sources = new Sources(() => editor.motion, useMotion);
 const draft = new Draft("linkage-atlas-motion", (content) => sources.openDraft(content), beginAnew);
 const gallery = new Gallery((name) => sources.useExample(name));
@@ -121,6 +131,7 @@ function sayAnswer() {
     return;
   }
   say(sentenceOf(answer, solution), !solutions.length || defects(solutions[0].verdict).length > 0);
+  if (answer.within) return;
   showOffers(answer, (eased) => {
     editor.replace(
       { ...fromRequest(eased), unit: editor.motion.unit, outline: editor.motion.outline, note: editor.motion.note },
@@ -146,20 +157,25 @@ function keepDraft() {
 }
 
 function showRequest() {
-  if ($("request").open) $("request-text").textContent = requestText(toRequest(editor.motion));
+  const { motion } = editor;
+  $("request-path").textContent = motion.law ? "/v2/function" : "/v2/synthesize";
+  if (!$("request").open) return;
+  const request = toRequest(motion);
+  $("request-text").textContent = request ? requestText(request) : lawFault(motion)[0];
 }
 
 /** After each change of the motion; while a pointer is `held` only what is drawn every frame. */
 function motionChanged(held = false) {
+  showLaw(editor.motion);
   live.change(editor.history.kind);
   updateStale();
   if (held) return;
   showRequest();
   sources.say(editor.motion);
   keepDraft();
-  const angles = wantsAngles(editor.motion);
-  $("new-motion").setAttribute("aria-pressed", String(angles));
-  $("new-path").setAttribute("aria-pressed", String(!angles));
+  const kind = editor.motion.law ? "function" : wantsAngles(editor.motion) ? "motion" : "path";
+  for (const name of ["motion", "path", "function"])
+    $(`new-${name}`).setAttribute("aria-pressed", String(name === kind));
   if (answer && answer.motion.unit !== editor.motion.unit) {
     answer.motion.unit = editor.motion.unit;
     results.show(answer, true);
@@ -232,7 +248,7 @@ function startProgress(begin) {
 /** The motion as it is, or null after saying what is wrong with it. */
 function soundMotion() {
   const motion = structuredClone(editor.motion),
-    wrong = editor.fault ?? fault(motion);
+    wrong = editor.fault ?? (motion.law ? lawFault(motion) : fault(motion));
   if (!wrong) return motion;
   const [sentence, id] = wrong;
   say(sentence, true);
@@ -266,10 +282,38 @@ async function run(work) {
   }
 }
 
+/** Searches for the linkages of a function. */
+async function searchFunction(motion) {
+  const request = toRequest(motion);
+  passed ||= Boolean(answer);
+  updateStale();
+  await run(async (control, begin) => {
+    const reply = await (await ask("/v2/function", request, control.signal)).json();
+    if (running !== control) return;
+    answer = { ...lawAnswer(motion, request, reply), seconds: (performance.now() - begin) / 1000 };
+    visit();
+    passed = false;
+    updateStale();
+    results.show(answer);
+    if (reply.solutions.length) {
+      results.player.run();
+      openStep("choose");
+      const card = linkedCard && reply.solutions.find((solution) => alike(solution, linkedCard));
+      if (card) results.choose(card);
+    }
+    sayAnswer();
+  });
+}
+
 /** Searches for the motion; `near` a solution only for linkages whose pivots lie near its own. */
 async function startSearch(near = null) {
+  if (editor.motion.law && isTable(editor.motion.law)) await pairs.read(editor.motion.law.table);
   const motion = soundMotion();
   if (!motion) return;
+  if (motion.law) {
+    await searchFunction(motion);
+    return;
+  }
   const request = toRequest(motion),
     made = {}; // one answer of all stages
   passed ||= Boolean(answer) && !near;
@@ -500,7 +544,7 @@ async function start() {
   }
   startWelcome(draft, openProject);
   startProjects(() => toPage(toRequest(editor.motion), editor.motion, chosenCard()), say);
-  if (!linked && !damage && location.hash !== "#path" && !editor.motion.poses.length) showFirst();
+  if (!linked && !damage && !editor.motion.law && location.hash !== "#path" && !editor.motion.poses.length) showFirst();
   editor.forgetPast();
   if (!answer) editor.board.fit();
   if (damage) say(damage, true);

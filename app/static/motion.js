@@ -30,7 +30,7 @@ const STUDY_SAMPLES = 2000; // linkages of a tolerance study: the search is aske
  * `timing` says what is known of the crank angles: "free" (nothing), "even" (over `span`) or "table" (the `t` of each pose).
  * A pose is {t, x, y, angle}; x and y, or angle, are null where they are missing. Its weights and tolerances, wr, wp, er, ep
  * (rotation and position), are undefined where those of the whole motion hold. `prefer` is null for the service's default. `unit`, `outline` (polylines
- * from the body point at angle 0) and a `note` on where the motion comes from are for the page alone.
+ * from the body point at angle 0) and a `note` on where the motion comes from are for the page alone. A function has no poses, but a `law`.
  */
 export const emptyMotion = (wanted = "both") => ({
   poses: [],
@@ -55,19 +55,43 @@ export const emptyMotion = (wanted = "both") => ({
   unit: "mm",
   outline: null,
   note: "",
+  law: null,
   extra: {},
 });
 
-/** Whether the motion asks for places, for angles. */
-export const wantsPlaces = (motion) => motion.wanted !== "rotation";
-export const wantsAngles = (motion) => motion.wanted !== "position";
+/** Whether the motion asks for places, for angles; a function asks for neither. */
+export const wantsPlaces = (motion) => ["both", "position"].includes(motion.wanted);
+export const wantsAngles = (motion) => ["both", "rotation"].includes(motion.wanted);
+
+const NO_RATIO = 1e6; // a ratio of lengths that limits nothing
+
+export const REPLACED = [
+  ["use", "transmission", "transmission_angle_min", 0],
+  ["turn", "turn", "transmission_angle_min_turn", 0],
+  ["ratio", "ratio", "link_ratio_max", NO_RATIO],
+];
+
+/**
+ * The practical limits of a request: the preset with what replaces its values, or without it those that are kept one by one; `free`
+ * crank angles bring the preset with them unless it is declined.
+ */
+export function practical(limits, free) {
+  const { kept } = limits,
+    asked = kept.reach ? { preset: "practical" } : free ? { preset: "none" } : {};
+  for (const [name, own, field, none] of REPLACED) {
+    if (kept[name]) {
+      if (limits[own] !== null || !kept.reach) asked[field] = limits[own] ?? PRESET[name];
+    } else if (kept.reach) asked[field] = none;
+  }
+  return asked;
+}
 
 /** The families that are looked for: hinges, lids and flaps swing, and closed paths and given crank angles need a crank that turns. */
 export const familyOf = ({ limits, timing, closed }) =>
   limits.family ?? (timing === "free" && !closed && limits.turn === null ? "any" : "full_crank");
 
 /** The unit of a linkage's lengths: without places its ground is 1. */
-export const unitOf = (motion) => (wantsPlaces(motion) ? motion.unit : "× ground");
+export const unitOf = (motion) => (motion.wanted === "rotation" ? "× ground" : motion.unit);
 
 /** What a row of the motion is called. */
 export const itemOf = (motion) => (wantsAngles(motion) ? "pose" : "point");

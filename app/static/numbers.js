@@ -2,6 +2,7 @@
 
 import { button, definitions, element, namedRows, signed, text } from "./drawing.js";
 import { LINKS, errorText, fitOf, guideRows, roundedLinks, roundedText, settled } from "./fit.js";
+import { lawRows } from "./law.js";
 import { itemOf, unitOf } from "./motion.js";
 import { build, capital } from "./shell.js";
 import { studyRows } from "./studies.js";
@@ -47,6 +48,7 @@ export function numberRows(solution, { motion, size }, digits = DIGITS) {
     polar && ["Coupler point", `${length(polar.radius)} at ${degrees(polar.angle)}`],
     worst.turn !== null && ["Angle error, largest", at(worst.turn, turnError(Math.abs(turns[worst.turn])))],
     worst.place !== null && ["Position error, largest", at(worst.place, placeError(places[worst.place]))],
+    ...(solution.output ? lawRows(solution, unit) : []),
     errors.rotation_rms !== null && ["Angle error, rms", turnError(errors.rotation_rms)],
     errors.position_rms !== null && ["Position error, rms", placeError(errors.position_rms)],
     Number.isFinite(solution.size) && ["Size", `${number(solution.size)} × motion`],
@@ -111,7 +113,7 @@ export function numberBlocks(solution, answer) {
   return [
     solution.verdict ? verdictBlock(solution, motion) : solution.source === "hand" && handBlock(solution),
     table,
-    drivePlaces(solution) && crankBlock(solution, motion),
+    drivePlaces(solution) && !solution.output && crankBlock(solution, motion),
     solution.determination?.ill_posed && element("p", "note", ILL_POSED),
   ].filter(Boolean);
 }

@@ -4,6 +4,7 @@ import { redrawOn, titledChart } from "./charts.js";
 import { ICONS, make, text } from "./drawing.js";
 import { fitOf, settled } from "./fit.js";
 import { PRESET, itemOf, placeOf, wantsAngles } from "./motion.js";
+import { reading } from "./law.js";
 import { RAD } from "./plane.js";
 import { $, listen } from "./shell.js";
 import { analysisCurves, band } from "./studies.js";
@@ -200,7 +201,12 @@ export class Player {
     const { turns, low, high } = this.shown.pass,
       words = turns ? `${rounded}°` : `${text(settled(degrees, high - low), 4)} ${this.shown.motion.unit}`;
     $("travel").value = words;
-    $("at-sample").textContent = here.length ? `${itemOf(this.shown.motion)} ${here.join(", ")}` : "";
+    const { solution, motion } = this.shown;
+    $("at-sample").textContent = solution.output
+      ? reading(solution, degrees, motion.unit)
+      : here.length
+        ? `${itemOf(motion)} ${here.join(", ")}`
+        : "";
     $("slider").setAttribute(
       "aria-valuetext",
       `${driveName(this.shown.solution)} ${turns ? `turned by ${rounded} degrees` : `moved by ${words}`}${here.length ? `, at ${itemOf(this.shown.motion)} ${here.join(", ")}` : ""}`,

@@ -102,7 +102,7 @@ export class Results {
         ? "searched beforehand"
         : `${Math.round(report.elapsed_ms.total)} ms`;
     const ended = live ? "" : `${refined ? "Descent" : "Search"} ended: ${ENDS[report.stopped_by]}.`;
-    $("results-note").textContent = `largest errors, at ${item} (no.) · ${from}`;
+    $("results-note").textContent = `largest errors${answer.within ? "" : `, at ${item} (no.)`} · ${from}`;
     $("trace-note").textContent = [ended, ...report.notes.map((one) => plainNote(one, item))].join(" ");
     this.solution = held ?? solutions[0];
     this.#list();
@@ -373,13 +373,15 @@ export class Results {
   /** A file of the selected linkage; its parts have the sizes of its layers. */
   #file(format) {
     const { solution, layers } = this,
-      { request, motion } = this.answer,
+      { request, within = request, motion } = this.answer,
       { shown } = this.driving;
+    if (within !== request && ["json", "csv"].includes(format))
+      return ask("/v2/function/export", { request, linkage: solution, format, length_unit: motion.unit });
     const solids = { fit: $("parts-fit").value, allow_collisions: $("parts-collisions").checked },
       ofParts = [...OF_PARTS, "mjcf", "plates"].includes(format);
     const driven = shown && WITH_DRIVE.includes(format) && !(shown.kind === "actuator" && TURNING.includes(format));
     return ask("/v2/export", {
-      request,
+      request: within,
       linkage: solution,
       format,
       length_unit: motion.unit,

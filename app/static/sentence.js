@@ -22,8 +22,9 @@ const matters = (note) => note.startsWith("No linkage that was found comes near"
 
 /** What the best linkage found really does, in a few words: "off by 0.27 mm (pose 5) and 0.08° (pose 4)". */
 export function howNear({ reply, motion }) {
-  const best = reply.solutions[0],
-    rows = worstRows(fitOf(best, motion), motion, reply.report.length_scale ?? 1),
+  const best = reply.solutions[0];
+  if (best.off) return best.off === "rounding" ? "met to within rounding" : `off by at most ${best.off}`;
+  const rows = worstRows(fitOf(best, motion), motion, reply.report.length_scale ?? 1),
     off = rows.filter(([, , pose]) => pose !== null);
   if (!off.length) return "met to within rounding";
   return `off by ${worstWords(off, motion)}`;

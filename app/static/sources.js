@@ -3,6 +3,7 @@
 import { toCsv, withSamples } from "./csv.js";
 import { fromPage, fromRequest, toPage, toRequest } from "./formats.js";
 import { fromFragment, toFragment } from "./link.js";
+import { firstLaw } from "./law.js";
 import { emptyMotion, itemOf, jump, repeated, unwrapped } from "./motion.js";
 import { download } from "./service.js";
 import { $, capital, say } from "./shell.js";
@@ -33,6 +34,7 @@ export class Sources {
     });
     $("new-motion").addEventListener("click", () => this.begin("both"));
     $("new-path").addEventListener("click", () => this.begin("position"));
+    $("new-function").addEventListener("click", () => this.begin("function"));
     $("save").addEventListener("click", () =>
       download(new Blob([toCsv(this.current())], { type: "text/csv" }), "motion.csv"),
     );
@@ -50,9 +52,11 @@ export class Sources {
     }
   }
 
-  /** Begins a new motion, or a path, that keeps the unit. */
+  /** Begins a new motion, path or function that keeps the unit. */
   begin(wanted) {
-    this.#take({ ...emptyMotion(wanted), unit: this.current().unit }, { mode: wanted === "both" ? "add" : "path" });
+    const law = wanted === "function" ? firstLaw() : null;
+    const mode = { both: "add", position: "path", function: "move" }[wanted];
+    this.#take({ ...emptyMotion(wanted), law, unit: this.current().unit }, { mode });
   }
 
   /** Does nothing for a name that no example has. */
@@ -90,8 +94,8 @@ export class Sources {
   /** Takes the motion from the page's address; false if there is none. Throws for a damaged one. */
   async openLink() {
     const { hash } = location;
-    if (hash === "#path") {
-      this.begin("position");
+    if (["#path", "#function"].includes(hash)) {
+      this.begin(hash === "#path" ? "position" : "function");
       return false;
     }
     const content = await fromFragment(hash);
@@ -109,7 +113,9 @@ export class Sources {
 
   /** Whether a motion is work of the user's own: it has poses, and is no example or link as it came. */
   isOwn(motion) {
-    return motion.poses.length > 0 && !this.asCame.has(contentOf(motion));
+    const { law } = motion,
+      hasWork = law ? JSON.stringify(law) !== JSON.stringify(firstLaw()) : motion.poses.length > 0;
+    return hasWork && !this.asCame.has(contentOf(motion));
   }
 
   /** The page's address with the request and what else the page shows in it, which the address bar shows from now on. */
@@ -206,7 +212,13 @@ export class Sources {
       });
       this.#offerColumns(read.heads, read.columns);
     } catch (error) {
-      if (this.reading === turn) {
+      if (this.reading === turn && error.ofOther) {
+        const table = typeof source === "string" ? source : await source.text();
+        this.#take(
+          { ...emptyMotion("function"), unit: this.current().unit, law: { ...firstLaw(), name: "pairs", table } },
+          { note: `${from} Its columns are those of a function.`, mode: "move" },
+        );
+      } else if (this.reading === turn) {
         failed(error.message);
         if (!columns) this.#offerColumns(error.heads ?? null); // a wrong choice of columns stays, to be corrected
       }

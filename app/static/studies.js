@@ -1,12 +1,14 @@
 // What a designer asks of a solution next, as curves, a band, and rows of numbers.
 
 import { text } from "./drawing.js";
+import { lawCurves } from "./law.js";
 import { RAD } from "./plane.js";
 
 const size = (vector) => vector && Math.hypot(...vector);
 
 /** Curves of an analysis over travels in the crank's sense: [{title, x, values, degreesY}]; none without an analysis. */
-export function analysisCurves({ analysis }, sense, unit) {
+export function analysisCurves({ analysis, ...solution }, sense, unit) {
+  if (solution.output) return lawCurves(solution, sense, unit);
   if (!analysis) return [];
   const { curve } = analysis;
   const rows = (curve.crank_angle ?? curve.travel).map((angle, k) => [sense * angle, k]).sort((a, b) => a[0] - b[0]);

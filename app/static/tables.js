@@ -15,19 +15,15 @@ function base64Of(file) {
 
 /** The other question of a table: its name, the columns that only it reads, and the words for it. */
 const OTHER = {
-  synthesize: [
-    "function",
-    ["input", "output"],
-    "These are columns of a function: paste the table on the page “Function”",
-  ],
+  synthesize: ["function", ["input", "output"], "These are columns of a function: choose Function for them"],
   function: [
     "synthesize",
     ["angle", "crank"],
-    "These are columns of a motion: for poses, paste the table on the page “Four-bar”",
+    "These are columns of a motion: for poses, choose Motion and paste the table",
   ],
 };
 
-/** Points to the page of the other question if the named columns of the table are read there; else "". */
+/** Points to the other question if the named columns of the table are read there; else "". */
 async function pointer(table, asked) {
   const [question, roles, sentence] = OTHER[asked],
     { status, columns } = await (await ask("/v2/motion", { ...table, query: question })).json();
@@ -38,7 +34,7 @@ async function pointer(table, asked) {
 
 /**
  * Reads a table, text or a file, for a question of the service: {request, length_unit, columns, heads, notes}. `columns` chooses columns.
- * Throws Error with a sentence; if columns have to be chosen it has the `heads` of the table.
+ * Throws Error with a sentence, which is `ofOther` for a table of the other question; if columns have to be chosen it has the `heads` of the table.
  */
 export async function readTable(source, question, columns = null) {
   const table = typeof source === "string" ? { table: source } : { file: await base64Of(source) };
@@ -49,7 +45,7 @@ export async function readTable(source, question, columns = null) {
     return { ...reply, notes: [...reply.notes, hint].filter(Boolean) };
   }
   const hint = columns ? "" : await pointer(table, question);
-  if (hint) throw new Error(`${hint}.`);
+  if (hint) throw Object.assign(new Error(`${hint}.`), { ofOther: true });
   const { message, heads } = reply,
     detail = message.replace(
       /; or choose columns, as in .*$/,

@@ -1,7 +1,4 @@
-// Functions with travel on their page: what each drive asks for and is called, and the numbers of a linkage with a slider or cylinder.
-
-import { text } from "./drawing.js";
-import { capital } from "./shell.js";
+// The drives of a function: what each asks for and is called.
 
 const TRAVEL = "length";
 /** What a drive asks for, and what goes in and comes out. */
@@ -43,23 +40,3 @@ export function checkDrive(name, drive) {
 }
 /** What stands behind a number of a unit. */
 export const sign = (unit) => (unit === TRAVEL ? "" : "°");
-/** Rows of the numbers of a solution; what stands behind input and output. */
-export function travelRows(
-  { lengths, kind, driver, branch, input_zero, output_offset, errors, transmission_angle_min },
-  [into, out],
-) {
-  const named = (name) => capital(name).replaceAll("_", " ");
-  const list = [["Kind", `${kind.replaceAll("_", "-")}, driven by its ${driver}`]];
-  for (const [name, value] of Object.entries(lengths))
-    list.push([named(name), text(value, 8) + (name === "angle" ? "°" : "")]);
-  list.push(
-    ["Branch", branch > 0 ? "+1" : "−1"],
-    ["Input at the first x", text(input_zero, 8) + into],
-    ["Output less the linkage's own", text(output_offset, 8) + out],
-  );
-  list.push(["Largest error", text(errors.max, 4) + out], ["Root mean square error", text(errors.rms, 4) + out]);
-  if (errors.max_y !== null) list.push(["Largest error in y", text(errors.max_y, 4)]);
-  if (errors.alternations !== null) list.push(["Extremes as large, alternating", String(errors.alternations)]);
-  list.push(["Transmission", `${text(transmission_angle_min, 5)}°`]);
-  return list;
-}

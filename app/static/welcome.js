@@ -13,16 +13,16 @@ export function leaveWelcome() {
 
 /** Shows the first screen, with the `draft` as the last project and those that `open(content)` shows; the workspace cannot be used meanwhile. */
 export function showWelcome(draft, open) {
-  const { position, rotation } = draft.kept?.content?.request ?? {},
-    rows = position ?? rotation;
+  const { request, law } = draft.kept?.content ?? {},
+    { position, rotation } = request ?? {},
+    rows = position ?? rotation,
+    words = law ? "a function" : Array.isArray(rows) ? counted(rows.length, rotation ? "pose" : "point") : null;
   $("welcome").hidden = false;
   listProjects(open);
   for (const part of document.querySelectorAll(".board, .side-column")) part.inert = true;
-  $("last-project").hidden = !Array.isArray(rows);
-  if (!Array.isArray(rows)) draft.drop();
-  else
-    $("last-project").textContent =
-      `Continue the last project: ${counted(rows.length, rotation ? "pose" : "point")}, ${draft.date}`;
+  $("last-project").hidden = !words;
+  if (words) $("last-project").textContent = `Continue the last project: ${words}, ${draft.date}`;
+  else draft.drop();
 }
 
 /** Binds the entries to the buttons of the workspace. */

@@ -332,7 +332,6 @@ def test_tables_are_pasted_or_refused_with_a_reason(shared) -> None:
     before = shared.table()
     for rows, message in (
         ("{", "JSON"),
-        ("input;output\n0;0\n10;12", "These are columns of a function: paste the table on the page “Function”."),
         ("x,y,phi\n1,2,3\n4,two,6", "Line 3, column 2 (y): 'two' is not a number."),
     ):
         shared.paste(rows)

@@ -1,0 +1,222 @@
+// A function of a crank or slider as plain values: its request, what is wrong with it, and its answer in the form that the workspace shows.
+
+import { numberOf } from "./decimal.js";
+import { text } from "./drawing.js";
+import { errorText } from "./fit.js";
+import { practical } from "./motion.js";
+import { Pairs } from "./pairs.js";
+import { $ } from "./shell.js";
+import { DRIVES, SIZES, SPECIAL, checkDrive, sign } from "./travel.js";
+
+const DRAWN = 41; // samples of a drawn curve
+export const PAD = { width: 320, height: 200, border: 8 };
+
+/** The table that the service has read last; `pairs.changed()` is called when it has. */
+export const pairs = new Pairs(() => {});
+
+/** The fields of the form that hold a law. */
+export const lawFields = () => [...document.querySelectorAll("[data-law]")];
+
+/** The law with which the form begins. */
+export const firstLaw = () => ({
+  ...Object.fromEntries(
+    lawFields().map((field) => [
+      field.id,
+      field.type === "checkbox"
+        ? field.defaultChecked
+        : field.matches("select")
+          ? field.options[0].value
+          : field.defaultValue,
+    ]),
+  ),
+  drawn: [],
+});
+
+/** A law of a link or draft. Throws Error for anything else. */
+export function soundLaw(content) {
+  const law = firstLaw();
+  for (const name of Object.keys(law)) if (typeof content[name] === typeof law[name]) law[name] = content[name];
+  law.drawn = (Array.isArray(law.drawn) ? law.drawn : []).filter(
+    (point) => Array.isArray(point) && point.length === 2 && point.every(Number.isFinite),
+  );
+  if (!DRIVES[law.drive] || ![...$("name").options].some(({ value }) => value === law.name))
+    throw new Error("The link is of another page or version.");
+  return law;
+}
+
+/** The drawn curve at even x, smoothed over its neighbours: [[x, y], ...] with both in 0 .. 1. */
+function drawnTable(drawn) {
+  if (drawn.length < 3) throw new Error("Draw the function from left to right first.");
+  const first = drawn[0][0],
+    last = drawn.at(-1)[0];
+  let k = 1;
+  const heights = Array.from({ length: DRAWN }, (_, n) => {
+    const x = first + ((last - first) * n) / (DRAWN - 1);
+    while (k < drawn.length - 1 && drawn[k][0] < x) k++;
+    const [x0, y0] = drawn[k - 1],
+      [x1, y1] = drawn[k];
+    return 1 - (y0 + ((y1 - y0) * (x - x0)) / (x1 - x0)) / PAD.height;
+  });
+  const smooth = (values) =>
+    values.map((value, n) => (n && n < values.length - 1 ? (values[n - 1] + 2 * value + values[n + 1]) / 4 : value));
+  return smooth(smooth(smooth(heights))).map((y, n) => [n / (DRAWN - 1), Number(y.toFixed(6))]);
+}
+
+/** Whether a function is given by the rows of a table. */
+export const isTable = ({ name }) => ["table", "pairs"].includes(name);
+
+/** The rows of a law's table, {x, y} or {output, input}. Throws Error if they cannot be used. */
+export const rowsOf = ({ table, name }) => pairs.of(table, name === "table");
+
+/** The part of a request that describes the function; angles that are given are requested as they are. */
+function wantedOf(law, number) {
+  const { name, drive } = law;
+  if (name === "quick")
+    return { quick_return: { [SIZES[drive]?.field ?? "swing"]: number("stroke"), time_ratio: number("time-ratio") } };
+  if (name === "steering")
+    return { steering: { track: number("track"), wheelbase: number("wheelbase"), angle: number("inner") } };
+  const dials = { output_span: number("output-span") },
+    crank_span = number("crank-span");
+  if (name === "drawn") return { function: { ...dials, table: drawnTable(law.drawn) }, crank_span };
+  if (isTable(law)) {
+    const { x, y, input, output } = rowsOf(law);
+    if (x) return { function: { ...dials, table: x.map((value, k) => [value, y[k]]) }, crank_span };
+    return { output, ...(input ? { input } : { crank_span }) };
+  }
+  const exponent = name === "power" ? { exponent: number("exponent") } : {};
+  return { function: { ...dials, name, x: [number("x0"), number("x1")], ...exponent }, crank_span };
+}
+
+function build({ law, limits, top, round }) {
+  const { name, drive } = law,
+    { asks } = DRIVES[drive],
+    isFourBar = drive === "four_bar",
+    special = SPECIAL.includes(name) && checkDrive(name, drive),
+    number = (id) => numberOf($(id), law[id]),
+    { crank_span, ...wanted } = wantedOf(law, number);
+  if (wanted.output) pairs.check(asks);
+  const asked = { ...practical(limits, false), ...(isFourBar ? { family: limits.family ?? "any" } : {}) },
+    length = number(isFourBar ? "ground" : "pivots");
+  if (length !== null && name !== "steering" && (isFourBar || asks.mechanisms[0] === "swinging_block"))
+    asked.links = { ground: length };
+  if (number("offset") !== null && asks.mechanisms?.[0] === "slider_crank") asked.offset = number("offset");
+  return {
+    ...wanted,
+    ...(crank_span === undefined ? {} : { [asks.input_unit ? "travel_span" : "crank_span"]: crank_span }),
+    ...(special ? {} : asks),
+    ...(name === "quick" ? {} : { objective: law.objective }),
+    limits: asked,
+    top,
+    curves: true,
+    ...(law["one-way"] && !special ? { one_way: true } : {}),
+    ...(round && isFourBar ? { round_to: round } : {}),
+  };
+}
+
+/** The body of POST /v2/function; null if the law cannot be requested, see `lawFault`. */
+export function lawRequest(motion) {
+  try {
+    return build(motion);
+  } catch {
+    return null;
+  }
+}
+
+/** The reason why a law cannot be solved, as [sentence, field id]; null if there is none. */
+export function lawFault(motion) {
+  try {
+    build(motion);
+    return null;
+  } catch (error) {
+    return [error.message, error.id ?? "function"];
+  }
+}
+
+/**
+ * An answer of the service as the workspace shows it. `within` is a request of /v2/synthesize over the same interval, with which layers,
+ * drives and files are requested; each solution has its `output`, {input, error, wanted, from, signs, unit} and its largest error as words, `off`.
+ */
+export function lawAnswer(motion, request, reply) {
+  const { asks } = DRIVES[motion.law.drive],
+    signs = [sign(asks.input_unit), request.quick_return?.stroke ? "" : sign(asks.output_unit)],
+    ends = [reply.input[0], reply.input.at(-1)],
+    inputs = request.input ?? [ends[0], (ends[0] + ends[1]) / 2, ends[1]], // three samples or more, as in a motion
+    travels = inputs.map((value) => value - inputs[0]);
+  const range = Math.max(...reply.output) - Math.min(...reply.output),
+    unitOfY = reply.y && range ? (Math.max(...reply.y) - Math.min(...reply.y)) / range : null;
+  const place = travels.map((value) => [value, 0]); // any line: the linkage is given
+  const within = {
+    rotation: travels.map(() => 0),
+    ...(asks.input_unit ? { travel: travels } : { crank_angle: travels }),
+    ...(asks.mechanisms ? { mechanisms: asks.mechanisms, position: place } : {}),
+    limits: { family: "any" },
+  };
+  for (const solution of reply.solutions) {
+    const { errors, error_curve: curve, rounded, links } = solution,
+      size = signs[1] ? 57 : range;
+    Object.assign(solution, {
+      [asks.input_unit ? "travel" : "crank_angle"]: travels,
+      off: errorText(errors.max, size, signs[1] || ` ${motion.unit}`),
+      output: {
+        ...curve,
+        samples: { input: reply.input, output: reply.output },
+        from: inputs[0],
+        signs,
+        unitOfY,
+        isRocker: Boolean(links),
+      },
+    });
+    Object.assign(errors, { rotation_rms: null, position_rms: null });
+    if (rounded?.errors) Object.assign(rounded.errors, { position_max: null, rotation_max: rounded.errors.max });
+  }
+  return { request, reply, within, motion };
+}
+
+/** The value of a curve [x, y] at x, between its points in a straight line; x may fall. */
+function between(xs, ys, x) {
+  const heading = Math.sign(xs.at(-1) - xs[0]) || 1,
+    after = xs.findIndex((value) => heading * value >= heading * x),
+    k = after < 0 ? xs.length - 1 : Math.max(1, after);
+  return ys[k - 1] + ((ys[k] - ys[k - 1]) * (x - xs[k - 1])) / (xs[k] - xs[k - 1] || 1);
+}
+
+/** Input and output of a solution of a law after a travel from the first sample, as words. */
+export function reading({ output }, travel, unit) {
+  const { input, error, samples, from, signs } = output,
+    made = between(samples.input, samples.output, travel) + between(input, error, travel);
+  const words = [from + travel, made].map((value, k) =>
+    signs[k] ? `${value.toFixed(1 + k)}°` : `${text(value, 5)} ${unit}`,
+  );
+  return words.join(" → ");
+}
+
+/** Curves of a solution of a law over travels in the crank's sense: [{title, x, values}]. */
+export function lawCurves({ output }, sense, unit) {
+  const { input, error, samples, signs, unitOfY, isRocker } = output,
+    over = (xs, ys) => ({ x: xs.map((value) => sense * value), values: ys }),
+    named = signs[1] ? (isRocker ? "degrees of the rocker" : "degrees") : unit;
+  const curves = [{ title: `Error (got minus wanted) in ${named}`, ...over(input, error) }];
+  if (unitOfY)
+    curves.push({
+      title: "Error (got minus wanted) in units of y",
+      ...over(
+        input,
+        error.map((value) => value * unitOfY),
+      ),
+    });
+  return [...curves, { title: `Wanted output in ${named}`, ...over(samples.input, samples.output) }];
+}
+
+/** Rows [name, value] of the errors of a solution of a law. */
+export function lawRows({ errors, output, output_offset: offset, input_zero: zero }, unit) {
+  const [into, out] = output.signs.map((found) => found || ` ${unit}`),
+    rows = [
+      ["Largest error", text(errors.max, 4) + out],
+      ["Root mean square error", text(errors.rms, 4) + out],
+    ];
+  if (errors.max_y !== null) rows.push(["Largest error in y", text(errors.max_y, 4)]);
+  if (errors.alternations !== null) rows.push(["Extremes as large, alternating", String(errors.alternations)]);
+  if (Number.isFinite(zero)) rows.push(["Input at the first x", text(zero, 8) + into]);
+  rows.push([output.isRocker ? "Output less rocker angle" : "Output less the linkage's own", text(offset, 8) + out]);
+  return rows;
+}
