@@ -107,6 +107,10 @@ export function startFunction(edit, settle) {
   );
   return ({ law }) => {
     document.body.dataset.kind = law ? "function" : "motion";
+    // a four-bar for a function has no body point
+    const [onBody] = $("drive-on").options;
+    onBody.disabled = law?.drive === "four_bar";
+    if (onBody.disabled && onBody.selected) $("drive-on").value = "rocker";
     if (!law) return;
     if (isTable(law)) pairs.read(law.table);
     // the names of its columns say what a table holds

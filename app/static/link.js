@@ -31,6 +31,31 @@ export async function toFragment(content) {
   return `z=${toBase64(await through(bytes, new CompressionStream("deflate-raw")))}`;
 }
 
+const fieldsOf = (host) => [...host.querySelectorAll("input:not([type=file]), select")].filter(({ id }) => id);
+
+/** The entries of the fields within `host` that are not as the page begins, by their ids. */
+export function entriesOf(host) {
+  const changed = fieldsOf(host).flatMap((field) => {
+    const { id, type, checked, defaultChecked, value, options, defaultValue } = field;
+    if (type === "checkbox") return checked === defaultChecked ? [] : [[id, checked]];
+    return value === (options ? options[0].value : defaultValue) ? [] : [[id, value]];
+  });
+  return Object.fromEntries(changed);
+}
+
+/** Enters such entries into the fields within `host`; fields that have none are as the page begins. */
+export function enter(host, entries) {
+  for (const field of fieldsOf(host)) {
+    const { id, type, defaultChecked, options, defaultValue } = field,
+      entry = entries?.[id],
+      before = type === "checkbox" ? field.checked : field.value;
+    if (type === "checkbox") field.checked = typeof entry === "boolean" ? entry : defaultChecked;
+    else field.value = typeof entry === "string" ? entry : options ? options[0].value : defaultValue;
+    if (before !== (type === "checkbox" ? field.checked : field.value))
+      field.dispatchEvent(new Event("change", { bubbles: true }));
+  }
+}
+
 /** What the fragment of a link holds; null if there is none. Throws Error for a damaged one. */
 export async function fromFragment(fragment) {
   const [, kind, text] = /^#?([zj])=(.+)$/.exec(fragment) ?? [];

@@ -10,6 +10,7 @@ import { fromPage, fromRequest, requestText, toPage, toRequest } from "./formats
 import { Gallery } from "./gallery.js";
 import { assessed } from "./follow.js";
 import { fromHere, nearby } from "./hand.js";
+import { enter, entriesOf, toFragment } from "./link.js";
 import { isTable, lawAnswer, lawFault, pairs } from "./law.js";
 import { Live } from "./live.js";
 import { fault, wantsAngles } from "./motion.js";
@@ -27,9 +28,12 @@ import { defects } from "./verdict.js";
 import { leaveWelcome, showWelcome, startWelcome } from "./welcome.js";
 import { Visits, readdress } from "./visits.js";
 
+const ADDRESS_MS = 300; // after which the page's address follows a change
+
 let answer = null; // the last answer: {request, reply, motion, stored}
 let running = null; // AbortController of the search that runs
 let passed = false; // a later search has not brought anything in the place of the last answer
+let addressing = null; // timer of the page's address
 let linkedCard = null; // the card that a link chose, until the search for it has ended
 
 const editor = new Editor(
@@ -43,6 +47,7 @@ const results = new Results(
   (kind) => editor.keep(kind),
   () => {
     if (!running) sayAnswer();
+    addressSoon();
   },
 );
 const showLaw = startFunction(
@@ -102,6 +107,30 @@ function putBack({ answer: shown, state }) {
 /** Makes an entry of the browser's history of the answer that is shown. */
 function visit() {
   visits.add(toPage(answer.request, answer.motion), answer);
+  addressSoon();
+}
+
+/** All that a link or a project restores: the motion, the selected linkage once it is solved, and the entries of Build. */
+function pageContent() {
+  const card = chosenCard(),
+    { request, motion } = card ? answer : { request: toRequest(editor.motion), motion: editor.motion };
+  return { ...toPage(request, motion, card), build: entriesOf($("build")) };
+}
+
+/** The page's address with all that it shows. */
+async function showAddress() {
+  const { href } = location,
+    hash = `#${await toFragment(pageContent())}`;
+  if (location.href === href) readdress(hash);
+  return location.href;
+}
+
+/** Lets the page's address hold the solved state soon; once the motion is another one, it holds nothing. */
+function addressSoon() {
+  clearTimeout(addressing);
+  if (answer && !editor.board.stale)
+    addressing = setTimeout(() => answer && !editor.board.stale && showAddress(), ADDRESS_MS);
+  else if (/^#(path$|function$|[zj]=)/.test(location.hash) && sources.isOwn(editor.motion)) readdress("");
 }
 
 /** Shows an answer of this page again, with its motion. */
@@ -146,14 +175,14 @@ function updateStale() {
   markEarlier(editor.board.stale || passed || Boolean(live.motion));
 }
 
-/** Keeps a motion of the user's own as the draft; the page's address no longer holds it, if it did. */
+/** Keeps a motion of the user's own as the draft. */
 function keepDraft() {
   const { motion } = editor,
     own = sources.isOwn(motion),
     content = toPage(toRequest(motion), motion);
   draft.see(content, own);
   visits.leave(content);
-  if (own && /^#(path$|[zj]=)/.test(location.hash)) readdress("");
+  addressSoon();
 }
 
 function showRequest() {
@@ -195,8 +224,9 @@ function display(shown, solution) {
   sayAnswer();
 }
 
-function useMotion(motion, { mode = null, fit = true, reply = null, card = null }) {
+function useMotion(motion, { mode = null, fit = true, reply = null, card = null, build }) {
   live.forget();
+  enter($("build"), build);
   linkedCard = card;
   const first = leaveWelcome();
   stopSearch();
@@ -217,6 +247,7 @@ function useMotion(motion, { mode = null, fit = true, reply = null, card = null 
   answer = { request: toRequest(motion), reply, motion: structuredClone(motion), stored: true };
   visit();
   results.show(answer);
+  if (card) results.choose(card);
   results.player.run();
   updateStale();
   editor.board.draw();
@@ -443,7 +474,7 @@ function chosenCard() {
 /** Shows a project that was saved, and solves it anew. */
 function openProject(content) {
   const { motion, card } = fromPage(content);
-  useMotion(motion, { card });
+  useMotion(motion, { card, build: content.build });
   if (card) startSearch();
 }
 
@@ -479,11 +510,7 @@ function bindButtons() {
     ),
   );
   $("link").addEventListener("click", async () => {
-    await copy(
-      await sources.linkTo(chosenCard() ? answer.request : toRequest(editor.motion), editor.motion, chosenCard()),
-      "The link is copied; it holds the whole request and the chosen linkage.",
-      note,
-    );
+    await copy(await showAddress(), "The link is copied; it holds the whole request and the chosen linkage.", note);
   });
   let parts = null; // of the linkage that is being printed
   addEventListener("beforeprint", () => fillSheet(answer, results.solution, results.driving, parts));
@@ -501,8 +528,9 @@ function bindButtons() {
 /** Searches for the motion of the page's address; without one there is again what was there before. */
 async function addressChanged() {
   try {
-    if (await sources.openLink()) startSearch();
-    else if (!location.hash && sources.linked && !history.state?.visit) beginAnew();
+    if (history.state?.visit) return; // Back and Forward show it
+    if (await sources.openLink()) solveLinked();
+    else if (!location.hash && sources.linked) beginAnew();
   } catch (error) {
     say(error.message, true);
   }
@@ -543,13 +571,18 @@ async function start() {
     damage = error.message;
   }
   startWelcome(draft, openProject);
-  startProjects(() => toPage(toRequest(editor.motion), editor.motion, chosenCard()), say);
-  if (!linked && !damage && !editor.motion.law && location.hash !== "#path" && !editor.motion.poses.length) showFirst();
+  startProjects(pageContent, say);
+  if (!linked && !damage && !["#path", "#function"].includes(location.hash) && !editor.motion.poses.length) showFirst();
   editor.forgetPast();
   if (!answer) editor.board.fit();
   if (damage) say(damage, true);
   document.body.dataset.ready = "true";
-  if (linked) startSearch();
+  if (linked) solveLinked();
+}
+
+/** Solves the motion of a link, unless it is an example with an answer. */
+function solveLinked() {
+  if (!answer) startSearch();
 }
 
 start();

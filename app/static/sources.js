@@ -2,13 +2,12 @@
 
 import { toCsv, withSamples } from "./csv.js";
 import { fromPage, fromRequest, toPage, toRequest } from "./formats.js";
-import { fromFragment, toFragment } from "./link.js";
+import { fromFragment } from "./link.js";
 import { firstLaw } from "./law.js";
 import { emptyMotion, itemOf, jump, repeated, unwrapped } from "./motion.js";
 import { download } from "./service.js";
 import { $, capital, say } from "./shell.js";
 import { readTable } from "./tables.js";
-import { readdress } from "./visits.js";
 
 const MAX_FILE_BYTES = 7e5; // the service takes a megabyte, and base64 is longer by a third
 const ROLES = ["x", "y", "angle", "crank"];
@@ -22,16 +21,7 @@ export class Sources {
    * the canvas, fitted into the view or not, with the stored reply of an example or the chosen card of a link.
    */
   constructor(current, use) {
-    Object.assign(this, {
-      current,
-      use,
-      examples: [],
-      shown: null,
-      asCame: new Set(),
-      linked: false,
-      addressed: false,
-      reading: null,
-    });
+    Object.assign(this, { current, use, examples: [], shown: null, asCame: new Set(), linked: false, reading: null });
     $("new-motion").addEventListener("click", () => this.begin("both"));
     $("new-path").addEventListener("click", () => this.begin("position"));
     $("new-function").addEventListener("click", () => this.begin("function"));
@@ -62,12 +52,13 @@ export class Sources {
   /** Does nothing for a name that no example has. */
   useExample(name) {
     const example = this.examples.find((one) => one.name === name);
-    if (!example) return;
-    this.#take(fromRequest(example.request), {
-      note: `${example.title}. ${example.word}`,
-      mode: "move",
-      reply: structuredClone(example.reply),
-    });
+    if (example) this.#open(example, { mode: "move" });
+  }
+
+  /** Takes the motion of an example with the answer that was computed beforehand. */
+  #open(example, how) {
+    const { request, reply, title, word } = example;
+    this.#take(fromRequest(request), { note: `${title}. ${word}`, reply: structuredClone(reply), ...how });
     this.shown = example;
   }
 
@@ -100,15 +91,18 @@ export class Sources {
     }
     const content = await fromFragment(hash);
     if (!content || location.hash !== hash) return false;
-    const { motion, card } = fromPage(content);
+    const { motion, card } = fromPage(content),
+      how = { card, build: content.build, linked: true },
+      example = this.examples.find(({ request }) => contentOf(fromRequest(request)) === contentOf(motion));
     this.asCame.add(contentOf(motion));
-    this.#take(motion, { note: "From a link", card, linked: true });
+    if (example) this.#open(example, how);
+    else this.#take(motion, { note: "From a link", ...how });
     return true;
   }
 
   /** Takes the motion of a draft. Throws for anything else. */
   openDraft(content) {
-    this.#take(fromPage(content).motion, { note: "From your draft.", mode: "move" });
+    this.#take(fromPage(content).motion, { note: "From your draft.", mode: "move", build: content.build });
   }
 
   /** Whether a motion is work of the user's own: it has poses, and is no example or link as it came. */
@@ -118,18 +112,8 @@ export class Sources {
     return hasWork && !this.asCame.has(contentOf(motion));
   }
 
-  /** The page's address with the request and what else the page shows in it, which the address bar shows from now on. */
-  async linkTo(request, motion, card) {
-    const url = new URL(location.href);
-    url.hash = await toFragment(toPage(request, motion, card));
-    readdress(url.hash);
-    this.addressed = true;
-    return url.href;
-  }
-
   #take(motion, { note = "", linked = false, ...how }) {
-    if (!linked && this.addressed) readdress(""); // the link there is of another motion
-    Object.assign(this, { shown: null, linked, addressed: linked });
+    Object.assign(this, { shown: null, linked });
     $("paste-error").textContent = "";
     $("paste-box").hidden = true;
     if (!how.table) {
