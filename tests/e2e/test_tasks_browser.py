@@ -27,7 +27,7 @@ def good_dxf(content: bytes) -> set[str]:
 
 
 def test_the_first_screen_has_four_entries_and_a_machine_moves(moving, page) -> None:
-    page.reload()
+    page.go()
     assert page.text("lead") == "Draw the motion you need. Get linkages that make it."
     assert len(page.elements(".entries > *")) == 4 and not page.shown("last-project")
     assert page.faults() == []
