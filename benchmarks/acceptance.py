@@ -19,7 +19,7 @@ from benchmarks import report
 from benchmarks.heavy import heavy_within
 from benchmarks.product import ServiceResources, answer, counter_clockwise, limits_of, prepared_service, target_of
 from benchmarks.report import Times
-from tests.oracles.classes import CLASSES, EXACT, HARD, Case, limited_case, make_case
+from tests.oracles.classes import CLASSES, EXACT, SAMPLES, Case, generator, make_case
 from tests.oracles.recompute import REACHED, broken_limits, compare, recompute
 
 EPSILON = float(np.finfo(float).eps)
@@ -39,6 +39,36 @@ TITLES = {
     "noise": "noise of 1e-3 on everything",
     LIMITS: "random limits",
 }
+
+
+def limited_case(seed: int, samples: int = SAMPLES) -> Case:
+    """A request with random limits, of which the linkage it was made from keeps some."""
+    random = generator("limits", seed)
+    kind = str(
+        random.choice(["plain", "any order", "double-crank", "clockwise", "position only", "rotation only", "noise"])
+    )
+    case = make_case(kind, 100_000 + seed, samples)
+    truth, request = case.truth, dict(case.request)
+    limits: dict[str, Any] = {"family": str(random.choice(["full_crank", "crank_rocker", "double_crank", "any"]))}
+    chosen = random.random(4) < 0.5
+    if chosen[0] or not chosen.any():
+        limits["transmission_angle_min"] = random.uniform(5, 55)
+    links = np.array(list(truth["links"].values()))
+    if truth["mount"] is None:
+        links = links / links[3]
+    if chosen[1]:
+        limits["link_min"] = float(links.min() * random.uniform(0.3, 1.5))
+    if chosen[2]:
+        limits["link_max"] = float(links.max() * random.uniform(0.7, 3.0))
+    if chosen[3] and truth["mount"] is not None:
+        pivot = np.array(truth["mount"]["pivot_a"]) + random.uniform(-0.3, 0.3, 2)
+        half = random.uniform(0.1, 1.0, 2)
+        limits["pivot_box"] = [*(pivot - half).tolist(), *(pivot + half).tolist()]
+    return Case(kind, seed, request | {"limits": limits}, truth)
+
+
+HARD = ("tiny span", "tiny crank", "change point")
+"""Exact classes of which 99 % must reach the tolerance; the other exact classes have 99.9 %."""
 
 
 def wanted_share(kind: str) -> float:

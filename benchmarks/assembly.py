@@ -9,9 +9,37 @@ import numpy as np
 
 from benchmarks import report
 from benchmarks.report import Times
+from synthesis.assembly.linkage_machine import as_plates
+from synthesis.assembly.machine import Machine
 from synthesis.assembly.stacks import StackRequest, StackSearch
+from synthesis.linkage import four_bar
+from synthesis.target import TURN, Interval
 from synthesis.work import Work
-from tests.oracles.assembly import disagreements, four_bars, motors_elsewhere, nearest, six_bars, sliders
+from tests.oracles.assembly import SEED, _sizes, _star, disagreements, motors_elsewhere, nearest, six_bars, sliders
+from tests.oracles.four_bar_joints import joints_at
+
+
+def four_bars(count: int) -> Iterator[Machine]:
+    """Random four-bars: lengths over a decade, both branches, plates of all sizes, over a turn or a fraction of a
+    turn.
+    """
+    random = np.random.default_rng(SEED)
+    while count:
+        links = tuple(10.0 ** random.uniform(-0.8, 0, 4))
+        point = (random.uniform(0, 0.7), random.uniform(0, TURN))
+        linkage = four_bar(
+            links, int(random.choice([-1, 1])), random.uniform(0, TURN), 0j, random.uniform(0, TURN), point
+        )
+        span = float(random.choice([TURN, random.uniform(0.2, 3.0)]))
+        if not joints_at(linkage, np.linspace(0.0, span, 400)).closed:
+            continue
+        body = _star(random)
+        try:
+            yield as_plates(linkage, Interval(0.0, span), _sizes(random, 0.3 * min(links)), body)
+        except ValueError:
+            continue
+        count -= 1
+
 
 KINDS = {
     "four-bars": (four_bars, 1),

@@ -15,11 +15,23 @@ from threadpoolctl import threadpool_limits
 import linkage_atlas as la
 from benchmarks import report
 from benchmarks.report import Times
-from tests.oracles.few_poses import Task, machine_task, random_task, sampled_four_bars
+from tests.oracles.few_poses import MACHINES, Task, random_task, sampled_four_bars
 
 EXACT = 1e-9
 ENOUGH = 60
 """Number of sampled four-bars with a transmission angle of 40 degrees from which on ten exact answers are expected."""
+
+
+def machine_task(seed: int, poses: int) -> Task:
+    """Draw poses of an everyday machine; all its sizes vary by a fifth."""
+    random = np.random.default_rng([seed, poses, 99])
+    machine = list(MACHINES.values())[seed % len(MACHINES)]
+    turn, end = np.deg2rad(random.uniform(*machine.turn)), machine.end * random.uniform(0.8, 1.2)
+    share = np.linspace(0, 1, poses)
+    share[1:-1] += random.uniform(-0.08, 0.08, poses - 2)
+    path = end * (share + 1j * machine.bulge * random.uniform(0.8, 1.2) * np.sin(np.pi * share))
+    left, low, right, high = random.uniform(0.8, 1.2) * np.array(machine.box)
+    return Task(path, turn * share, (left, low, right, high))
 
 
 TASKS: dict[str, Callable[[int, int], Task]] = {"lids and flaps": random_task, "machines": machine_task}

@@ -82,32 +82,6 @@ def test_a_crank_rocker_has_the_swing_and_the_time_ratio(swing: float, ratio: fl
         assert slow / (360 - slow) == pytest.approx(ratio, rel=1e-3)
 
 
-@pytest.mark.parametrize(
-    ("fields", "field"),
-    [
-        ({"quick_return": {"time_ratio": 1.2}}, "/quick_return"),
-        ({"quick_return": {"stroke": 3, "swing": 4, "time_ratio": 1.2}}, "/quick_return"),
-        ({"quick_return": {"stroke": 3}}, "/quick_return/time_ratio"),
-        ({"quick_return": {"stroke": 3, "time_ratio": 0.5}}, "/quick_return/time_ratio"),
-        ({"quick_return": {"swing": 180, "time_ratio": 1.5}}, "/quick_return/swing"),
-        ({"quick_return": {"stroke": 3, "time_ratio": 1.5}, "output": [0, 1, 2]}, "/output"),
-        ({"quick_return": {"stroke": 3, "time_ratio": 1.5}, "mechanisms": ["swinging_block"]}, "/mechanisms"),
-        ({"quick_return": {"stroke": 3, "time_ratio": 1.5}, "objective": "max"}, "/objective"),
-        ({"steering": {"track": 3, "angle": 35}}, "/steering/wheelbase"),
-        ({"steering": {"track": 3, "wheelbase": 5, "angle": 85}}, "/steering/angle"),
-        (
-            {"steering": {"track": 3, "wheelbase": 5, "angle": 35}, "limits": {"links": {"ground": 4}}},
-            "/limits/links/ground",
-        ),
-        ({"symmetric": True, "output": [0, 10, 20], "crank_span": 20}, "/symmetric"),
-    ],
-)
-def test_wrong_fields_are_named(fields: dict[str, Any], field: str) -> None:
-    with pytest.raises(la.FieldError) as error:
-        la.function(**fields)
-    assert error.value.field == field
-
-
 def test_practical_limits_leave_the_arms_of_a_steering_well_below_the_track() -> None:
     """The largest ratio of lengths counted as a bound of the arms: they were up to 0.52 of the track; cars have 0.1 to 0.2."""
     request = {"track": 1200, "wheelbase": 2400, "angle": 30}

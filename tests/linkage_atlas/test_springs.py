@@ -3,13 +3,11 @@
 Catches a "best" spring that increases the torque, a pair of links that is not tried, and a hatch that falls shut.
 """
 
-import json
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 import pytest
-from fastapi.testclient import TestClient
 
 import linkage_atlas as la
 
@@ -138,22 +136,6 @@ def test_every_pair_of_links_is_tried(catalogue: Any) -> None:
         assert spring.torque.after.rms <= 0.5 * spring.torque.before.rms
 
 
-@pytest.mark.parametrize(
-    "wish, field",
-    [
-        ({"kind": "tension", "holds": {"open": True}}, "/springs/0/holds"),
-        ({"kind": "gas", "holds": {"ajar": True}}, "/springs/0/holds/ajar"),
-        ({"kind": "gas", "hand_force_max": 0}, "/springs/0/hand_force_max"),
-    ],
-)
-def test_wishes_that_have_no_meaning_are_refused(client: TestClient, wish: dict[str, Any], field: str) -> None:
-    with pytest.raises(la.FieldError) as error:
-        la.drives(rocker=HATCH["rocker"], drives=[], load=HATCH["load"], springs=[wish])
-    assert error.value.field == field
-    reply = client.post("/v2/drives", json={"rocker": HATCH["rocker"], "load": HATCH["load"], "springs": [wish]})
-    assert reply.status_code == 422 and field in json.dumps(reply.json())
-
-
 def work_of(found: la.Drives, spring: Any) -> Any:
     """Work that the drive gives because of the spring, up to each second position, by Simpson's rule."""
     torque = spring.curve.torque - found.torque.torque
@@ -206,23 +188,3 @@ def test_a_lid_without_weight_is_held_shut_with_a_force(kind: str) -> None:
         assert spring.length == pytest.approx((lengths.min(), lengths.max()), rel=1e-9)
         pull = spring.preload + spring.stiffness * (lengths - spring.free_length)
         assert np.all(pull * (1 if kind == "tension" else -1) >= -1e-6 * np.abs(pull).max())
-
-
-@pytest.mark.parametrize(
-    "wish, field",
-    [
-        ({"kind": "torsion", "ground_box": [0, 0, 1, 1]}, "ground_box"),
-        ({"kind": "torsion", "target": {"torque": [1, 2], "hand_force": [1, 2]}}, "target"),
-        ({"kind": "compression", "target": {"torque": [1]}}, "target/torque"),
-        (
-            {"kind": "compression", "catalogue": [{"stiffness": 1, "free_length": 50, "load_max": 60}]},
-            "catalogue/0/load_max",
-        ),
-        ({"kind": "tension", "target": {"torque": [1, 2]}}, "target"),
-        ({"kind": "gas", "holds": {"open": True, "force_min": -1}}, "holds/force_min"),
-    ],
-)
-def test_springs_that_cannot_be_are_refused_by_field(wish: dict[str, Any], field: str) -> None:
-    with pytest.raises(la.FieldError) as error:
-        la.drives(rocker=LID, drives=[], load=LID_LOAD, springs=[wish])
-    assert error.value.field == f"/springs/0/{field}"

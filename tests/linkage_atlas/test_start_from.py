@@ -127,21 +127,3 @@ def test_a_linkage_by_its_joints_is_refined() -> None:
     joints = {name: point.ravel().tolist() for name, point in zip("ADCBP", points)}
     found = la.synthesize(**requested, start_from=[{"joints": joints}], local=True)
     assert found.status == "reached" and found.best.links.crank == pytest.approx(19, rel=1e-3)
-
-
-def test_errors_point_to_the_linkage() -> None:
-    good = {"links": dict(crank=19, coupler=72, rocker=144, ground=165), "branch": 1, "start_angle": 30}
-    for wrong, field in [
-        ([], "/start_from"),
-        ([good] * 11, "/start_from"),
-        ([good, good | {"links": dict(crank=0, coupler=72, rocker=144, ground=165)}], "/start_from/1/links/crank"),
-        ([good, 3], "/start_from/1"),
-        ([{"joints": {"A": [0, 0], "D": [1, 0], "C": [2, 1]}}], "/start_from/0/joints/B"),
-        (
-            [{"guides": [{"guide": "rail"}, {"guide": "rail"}], "driver": "slider", "branch": 1}],
-            "/start_from/0/start",
-        ),
-    ]:
-        with pytest.raises(la.FieldError) as error:
-            la.synthesize(**question("timed"), start_from=wrong)
-        assert error.value.field == field

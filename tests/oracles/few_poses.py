@@ -63,18 +63,6 @@ MACHINES = {
 }
 
 
-def machine_task(seed: int, poses: int) -> Task:
-    """Draw poses of an everyday machine; all its sizes vary by a fifth."""
-    random = np.random.default_rng([seed, poses, 99])
-    machine = list(MACHINES.values())[seed % len(MACHINES)]
-    turn, end = np.deg2rad(random.uniform(*machine.turn)), machine.end * random.uniform(0.8, 1.2)
-    share = np.linspace(0, 1, poses)
-    share[1:-1] += random.uniform(-0.08, 0.08, poses - 2)
-    path = end * (share + 1j * machine.bulge * random.uniform(0.8, 1.2) * np.sin(np.pi * share))
-    left, low, right, high = random.uniform(0.8, 1.2) * np.array(machine.box)
-    return Task(path, turn * share, (left, low, right, high))
-
-
 class Sampled(NamedTuple):
     """Usable four-bars among the sampled linkages."""
 

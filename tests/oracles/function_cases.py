@@ -130,27 +130,6 @@ _ENDS |= {"tan": (30, 50), "power": (0.8, 2)}
 """From where to where the right end of x is drawn."""
 
 
-def random_function(seed: int) -> dict[str, Any]:
-    """Return a request for the smallest largest error of a random named function, which four-bars rarely make
-    exactly.
-    """
-    random = np.random.default_rng([47, seed])
-    name = str(random.choice([*_ENDS]))
-    first = 1.0 if name in ("log10", "ln", "reciprocal") else 0.0
-    function_request: dict[str, Any] = {"name": name, "x": [first, round(float(random.uniform(*_ENDS[name])), 3)]}
-    function_request["output_span"] = round(float(random.uniform(60, 90) * random.choice([-1, 1])), 2)
-    if name == "power":
-        function_request["exponent"] = round(float(random.uniform(0.5, 3)), 2)
-    limits: list[dict[str, Any]] = [{}, {"transmission_angle_min": 30}, {"family": "full_crank"}]
-    limits += [{"transmission_angle_min": 30, "link_ratio_max": 5}]
-    request = {
-        "function": function_request,
-        "crank_span": round(float(random.uniform(60, 120)), 2),
-        "objective": "max",
-    }
-    return request | {"limits": limits[random.integers(len(limits))]}
-
-
 def wanted_output(request: Mapping[str, Any]) -> np.ndarray:
     """The output of a function by its name in degrees, from 0 on, at even places of its interval."""
     x = np.linspace(*request["x"], SAMPLES)

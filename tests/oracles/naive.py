@@ -58,11 +58,3 @@ def haar(curve):
             details.append((np.mean(left) - np.mean(right)) / 2)
         size //= 2
     return np.mean(curve), np.array(details)
-
-
-def fit(columns, values, weights=None):
-    """(Weighted) mean squared error and coefficients of a least-squares fit."""
-    weights = np.ones(len(values)) if weights is None else np.asarray(weights)
-    root, matrix = np.sqrt(weights), np.stack(columns, axis=1)
-    coefficients = np.linalg.lstsq(root[:, None] * matrix, root * values, rcond=None)[0]
-    return np.average(np.abs(values - matrix @ coefficients) ** 2, weights=weights), coefficients
