@@ -12,7 +12,7 @@ import linkage_atlas as la
 from synthesis.atlas.scan import Scan
 from synthesis.four_bar import coupler_angle
 from synthesis.limits import Limits
-from synthesis.pose import fit_positions
+from synthesis.pose import DEGENERATE, fit_positions, objective
 from synthesis.search.atlas_rows import best_rows
 from synthesis.target import Target, make_target
 
@@ -91,3 +91,12 @@ def test_an_exact_solution_over_a_short_span_is_found(default_scan) -> None:
     target = make_target(theta2, np.exp(1j * crank) + (1 + 0.7j) * np.exp(1j * theta2), crank_angle=crank)
     found, _ = default_scan.best(target, 1)
     assert (found.row[0] + 1, found.start[0], found.branch[0]) == (45_185, 30, 1) and found.error[0] < 1e-12
+
+
+def test_a_linkage_shrunk_to_a_point_is_rejected() -> None:
+    # only the coupler contributes to the positions, so that z1 = 0 fits exactly
+    crank = np.linspace(0, 2, 24)
+    theta2 = coupler_angle(LENGTHS, 1, crank)
+    for length, expected in ((0.0, np.inf), (DEGENERATE / 10, np.inf), (DEGENERATE * 100, 0.0)):
+        target = make_target(position=np.exp(1j * theta2) + length * np.exp(1j * crank), crank_span=2.0)
+        assert objective(target, theta2[None, :])[0] == pytest.approx(expected, abs=1e-12)

@@ -108,5 +108,14 @@ def test_a_pair_of_weight_zero_does_not_count() -> None:
     spoilt[4] += 20
     weights = np.ones(12)
     weights[4] = 0
-    assert la.function(spoilt, 100, weights=weights, top=1).status == "reached"
+    found = la.function(spoilt, 100, weights=weights, top=1)
+    assert found.status == "reached" and found.best.errors.max < 1e-6, "nor in the largest error"
     assert la.function(spoilt, 100, top=1, limits={"family": "crank_rocker"}).status == "closest"
+
+
+def test_a_rocker_that_turns_back_is_reported_with_the_angle() -> None:
+    turn, limits = np.linspace(0, 300, 9), {"preset": "none", "family": "crank_rocker"}
+    best = la.function(turn / 10, input=turn, top=1, limits=limits).best
+    rocker = best.linkage.joints(np.linspace(0, 300, 3001)).rocker_direction
+    back = np.diff(np.unwrap(np.deg2rad(rocker))).clip(max=0).sum()
+    assert f"the rocker turns back by {-np.rad2deg(back):.3g} degrees" in best.verdict.reasons[0]
