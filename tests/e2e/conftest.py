@@ -8,7 +8,7 @@ import pytest
 
 from app.main import create_app
 from app.settings import Settings
-from tests.conftest import PATIENCE, listening, started
+from tests.conftest import PATIENCE, listening
 from tests.e2e.page import MotionPage
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
@@ -72,14 +72,6 @@ def with_cache(app: Any) -> Any:
 def address():
     """Address of a service without an atlas on a free port."""
     with listening(with_cache(create_app(Settings(with_atlas=False)))) as (port, _):
-        yield f"http://127.0.0.1:{port}"
-
-
-@pytest.fixture(scope="session")
-def served(tmp_path_factory):
-    """Address of a service with worker processes and the default memory limit, as `serve` runs it."""
-    folder = tmp_path_factory.mktemp("served")
-    with started(folder, "-m", "app.start", "serve", "--no-atlas", "--port", "0") as (_, port, _):
         yield f"http://127.0.0.1:{port}"
 
 

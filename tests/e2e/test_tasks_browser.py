@@ -487,16 +487,6 @@ def test_no_linkage_is_said_without_a_claim_that_was_not_proved(shared) -> None:
             assert shared.last_request()["limits"]["link_min"] == 42.5
 
 
-def test_a_tray_that_stays_level_hangs_on_a_parallelogram(shared) -> None:
-    """The parallelogram of a toolbox needs no crank that turns fully."""
-    shared.load_request({"position": [[0, 0], [-80, 90], [-180, 120]], "rotation": [0, 0, 0], "timing": "free"})
-    shared.run("window.stub = null")
-    shared.unhurried()
-    shared.solve()
-    assert "family" not in shared.limits() and shared.value("family") == "any"
-    assert "met to within rounding" in shared.text("status") and not shared.shown("suggestions")
-
-
 def test_a_linkage_is_changed_by_hand(opened) -> None:
     """The page and the library compute the same errors of the edited linkage."""
     opened.pause()

@@ -8,7 +8,7 @@ import pytest
 from selenium.webdriver.common.keys import Keys
 
 from tests.conftest import some_of
-from tests.e2e.page import CARDS, IDLE, READY, VERDICTS, MotionPage, path_request
+from tests.e2e.page import CARDS, IDLE, READY, VERDICTS, path_request
 
 OVAL = [(round(150 * np.cos(t)), round(-80 * np.sin(t))) for t in np.linspace(0, 2 * np.pi, 30)]
 
@@ -334,44 +334,3 @@ def replies(page, *sizes: float) -> None:
         "Object.defineProperty(window, 'stub', {configurable: true, get: () => stages.length > 1 ? stages.shift() : stages[0]})",
         sizes,
     )
-
-
-# -- paths drawn by mouse ------------------------------------------------------------------------------------------------
-
-
-def along(*corners) -> list[tuple[int, int]]:
-    """Return points in even steps from corner to corner."""
-    points = np.array(corners, float)
-    segments = [np.linspace(a, b, 8, endpoint=False) for a, b in itertools.pairwise(points)]
-    return [tuple(map(round, point)) for point in np.vstack([*segments, points[-1:]]).tolist()]
-
-
-TURN = np.linspace(0, 2 * np.pi, 36)
-SHAPES = {
-    "oval": OVAL,
-    "D": [
-        *along((-80, 90), (-80, -90)),
-        *((round(-80 + 150 * np.sin(t)), round(-90 * np.cos(t))) for t in TURN[1:18]),
-    ],
-    "rectangle": along((-120, 70), (-120, -70), (120, -70), (120, 70), (-120, 70)),
-    "eight": [(round(150 * np.sin(t)), round(-80 * np.sin(2 * t))) for t in TURN],
-    "line": along((-150, 40), (150, -40)),
-    "wave": [(round(-180 + 360 * k / 40), round(-60 * np.sin(2 * np.pi * k / 40))) for k in range(41)],
-}
-
-
-@pytest.mark.wide
-@pytest.mark.parametrize("shape", SHAPES)
-def test_a_shape_drawn_by_mouse_is_solved(browser, served, downloads, shape) -> None:
-    """By the service as it is run, within the memory of a request."""
-    page = MotionPage(browser, served, downloads)
-    page.load()
-    page.draw(SHAPES[shape])
-    assert len(page.table()) == 24
-    page.click("solve")
-    page.wait(f"{IDLE} && document.getElementById('status').textContent")
-    assert "off by" in page.text("status"), page.text("status")
-    assert page.count("#solutions li .verdict") >= 1 and page.outdated() is False and page.in_view()
-    page.pause()
-    assert page.count("#marks .mark") == 24 and page.text("at-sample") == "point 1"
-    page.assert_no_errors()
