@@ -3,10 +3,13 @@
 A better placement that is missed, or a wrong derivative, would show here.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from synthesis.drives.links import SAMPLES, hinged_at, motions_of
+from synthesis.drives.placement_descent import PlacementProblem
 from synthesis.drives.placement_search import PlacementSearch
 from synthesis.drives.placements import Actuator, Placement, PlacementLimits, Refusal, Sizes
 from synthesis.linkage import four_bar
@@ -17,11 +20,11 @@ from tests.oracles.driven_cases import Case, straight
 
 
 @pytest.mark.parametrize("seed", some_of(range(1, 33), 10))
-def test_nor_on_a_linkage_of_any_kind(seed: int) -> None:
+def test_no_finer_grid_finds_a_smaller_force(seed: int) -> None:
     case = Case(seed)
     found, fine = case.question().best(case.actuator), case.question(150)
     repeated = fine.best(case.actuator)
-    fine.link = _without_pivot(fine.link)
+    fine.link = replace(fine.link, pivot=None)
     grid = fine.screen([case.actuator])
     if isinstance(found, Refusal):
         assert isinstance(repeated, Refusal)
@@ -31,10 +34,26 @@ def test_nor_on_a_linkage_of_any_kind(seed: int) -> None:
     assert isinstance(grid, Refusal) or found.worst <= (1 + 1e-6) * fine.torque_scale / grid.best_value
 
 
-def _without_pivot(link):
-    from dataclasses import replace
-
-    return replace(link, pivot=None)
+@pytest.mark.parametrize("free", [(False, False), (True, False), (False, True), (True, True)])
+def test_derivatives_of_the_descent_are_exact(free: tuple[bool, bool]) -> None:
+    """A wrong derivative would only cost time or accuracy, so that no optimum shows it."""
+    seen = 0
+    for case in map(Case, range(1, 9)):
+        begin = (question := case.question()).screen([case.actuator])
+        if isinstance(begin, Refusal):
+            continue
+        seen, step = seen + 1, 1e-6
+        problem = PlacementProblem(question, Sizes(case.actuator, *free), bool(begin.extends[0]))
+        z = problem.start(complex(begin.grounds[0]), complex(begin.pins[0]), 0.999)
+        slopes = np.vstack([problem.constraint_jacobian(z), problem.equality_jacobian(z)])
+        for unit, slope in zip(np.eye(z.size), slopes.T):
+            ahead, behind = (
+                np.append(problem.constraints(at), problem.equalities(at))
+                for at in (z + step * unit, z - step * unit)
+            )
+            largest = max(1, np.abs(slope).max())
+            assert (ahead - behind) / (2 * step) == pytest.approx(slope, rel=1e-4, abs=1e-4 * largest)
+    assert seen > 2
 
 
 def test_the_closed_form_has_the_largest_least_arm() -> None:
@@ -110,6 +129,6 @@ def test_reasons_name_what_binds() -> None:
     assert isinstance(away, Refusal)
     assert away.reason == "box"
     distant = PlacementSearch(
-        _without_pivot(link), machine.at, torque, PlacementLimits((50.0, 50.0, 51.0, 51.0), 2.0, 0.0)
+        replace(link, pivot=None), machine.at, torque, PlacementLimits((50.0, 50.0, 51.0, 51.0), 2.0, 0.0)
     )
     assert distant.best(Actuator(1.0, 0.5)).reason == "stroke"

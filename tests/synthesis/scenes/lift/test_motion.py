@@ -9,6 +9,7 @@ import io
 import json
 import math
 import xml.etree.ElementTree as ElementTree
+from dataclasses import replace
 from pathlib import Path
 
 import ezdxf
@@ -21,10 +22,12 @@ from synthesis.errors import FieldError
 from synthesis.scenes.lift import motion as lift_loops
 from synthesis.scenes.lift.files import design_csv, design_dxf, design_svg
 from synthesis.scenes.lift.motion import (
+    BAR,
     Motion,
     Pneumatics,
     checked_stroke,
     forces,
+    minimum_bore,
     motion,
 )
 from synthesis.scenes.lift.pose import (
@@ -202,6 +205,14 @@ def test_virtual_work_and_newton_agree(name, speed) -> None:
     total = found.pivot_o + found.pivot_d
     assert total[:, 1] == pytest.approx(found.weight, rel=1e-12)
     assert total[:, 0] + found.slide == pytest.approx(np.zeros(501), abs=1e-9 * scale)
+
+
+def test_the_minimum_bore_needs_the_available_pressure() -> None:
+    moved = motion(BUILDABLE, Cylinder(482.2, 100.0))
+    found = forces(moved, DRIVE)
+    assert found.pressure.max() * BAR * math.pi * 63**2 / 4 == pytest.approx(found.cylinder.max())
+    exact = forces(moved, replace(DRIVE, bore=minimum_bore(found, DRIVE)))
+    assert exact.pressure.max() == pytest.approx(DRIVE.pressure, rel=1e-12)
 
 
 def test_files_show_the_design() -> None:
