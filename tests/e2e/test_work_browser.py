@@ -1,6 +1,5 @@
 """The user's work is kept as a draft, undone step by step and opened from a link; results belong to their request."""
 
-import itertools
 import json
 
 import numpy as np
