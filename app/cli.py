@@ -277,7 +277,7 @@ _FIELDS = {
     "solids.material": "--material",
     "solids.allow_collisions=true": "--allow-collisions",
     "assembly.boards": "--boards",
-    "assembly.heads=true": "--heads",
+    "assembly.pin_heads=true": "--pin-heads",
     **{f"assembly.{name}": f"--{name}" for name in ("hole", "width", "thickness", "clearance", "kerf", "scale")},
 }
 """Option for a field of a request, or for a field with a certain value."""
@@ -329,13 +329,13 @@ def _add_request(parser: argparse.ArgumentParser, target: Any, query: Any, verb:
         option = "--linkage" if target.linkage else "--start-from"
         text = "linkage" if target.linkage else "linkage from which the search starts"
         add_file(parser, option, dest="linkage", help=f"{text}: a saved solution or a reply (--set {name}=@FILE)")
-    if "local" in fields:
+    if "refine_only" in fields:
         parser.add_argument(
-            "--local",
+            "--refine-only",
             dest="set",
             action="append_const",
-            const=setting("local=true"),
-            help="only refine the linkage of --start-from (--set local=true)",
+            const=setting("refine_only=true"),
+            help="only refine the linkage of --start-from (--set refine_only=true)",
         )
     if target.table:
         parser.add_argument(

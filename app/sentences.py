@@ -85,7 +85,9 @@ def _shape_of(loc: Sequence[str | int], count: Any) -> str | None:
     """Return the form of a box or point that has the wrong number of coordinates."""
     name = next((part for part in reversed(loc) if isinstance(part, str)), "")
     is_box = count == 4 and _BOXES.fullmatch(name) is not None
-    is_point = count == 2 and (name in ("pivot_a", "pivot_b", "hand") or (name == "position" and name != loc[-1]))
+    is_point = count == 2 and (
+        name in ("pivot_a", "pivot_b", "hand_point") or (name == "position" and name != loc[-1])
+    )
     return _SHAPES[count] if is_box or is_point else None
 
 

@@ -123,7 +123,7 @@ def measure_class(kind: str, cases: int, resources: ServiceResources) -> dict[st
 
 def refined_truth(case: Case, resources: ServiceResources) -> float:
     """Return the error of the exact linkage after its refinement on the noisy motion; every fit is better than no fit."""
-    request = case.request | {"start_from": [case.truth], "local": True, "top": 1}
+    request = case.request | {"start_from": [case.truth], "refine_only": True, "top": 1}
     return recompute(case.request, answer(request, resources, Times())["solutions"][0]).objective
 
 

@@ -339,7 +339,7 @@ def heavy(case: Case, seconds: float, random: np.random.Generator) -> float:
             return best
         for solution in case.ask(TRY, **shifted(case.request, random, by), top=5).solutions:
             try:
-                ends = case.ask(start_from=[solution.to_dict()], local=True, top=1).solutions
+                ends = case.ask(start_from=[solution.to_dict()], refine_only=True, top=1).solutions
             except la.FieldError:  # too distant from the request to start there
                 continue
             best = min([best, *(case.cost(end.to_dict()) for end in ends)])

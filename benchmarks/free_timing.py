@@ -36,7 +36,7 @@ def measure_noise(samples: int, cases: int) -> dict[str, Any]:
         for solution in la.synthesize(**free_request(exact, "motion", seed)[1]).solutions:
             links = solution.linkage.links
             if links.max() < 1e5 * links.min():
-                polished = la.synthesize(**request, start_from=[solution.to_dict()], local=True)
+                polished = la.synthesize(**request, start_from=[solution.to_dict()], refine_only=True)
                 smallest = min(
                     smallest, recompute_free(case.position, case.rotation, polished.best.to_dict()).objective
                 )

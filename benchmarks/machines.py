@@ -119,7 +119,7 @@ def knotter_blocks(found: dict[str, Any]) -> dict[str, str]:
         rows.append(
             [
                 name,
-                *(f"{condition[key]:.2f}" for key in ("margin", "corner", "least")),
+                *(f"{condition[key]:.2f}" for key in ("margin", "corner", "margin_min")),
                 f"{100 * condition['share']:.1f}",
                 factor,
                 largest,

@@ -115,7 +115,7 @@ class AskedAnalysis(NamedTuple):
         from linkage_atlas.solids import masses_of_parts
 
         found = masses_of_parts(linkage, used, self.length_unit)
-        own = tuple(Mass(part.link, part.mass, complex(*part.at), part.inertia) for part in found)
+        own = tuple(Mass(part.link, part.mass, complex(*part.centre), part.inertia) for part in found)
         return self._replace(load=self.load._replace(masses=self.load.masses + own), parts=False)
 
 
@@ -166,7 +166,7 @@ def read_load(
     link : str, optional
         Link of a mass that names none.
     middles : mapping, optional
-        Centre of a mass without ``at``, by link; default: the origin of the link's frame.
+        Centre of a mass without ``centre``, by link; default: the origin of the link's frame.
     """
     known_fields(field, values, ("force", "torque", "masses", "parts", "gravity", *also))
     values = {name: value for name, value in values.items() if value is not None}
@@ -187,7 +187,7 @@ def read_load(
 def _mass(
     field: str, values: Any, links: Sequence[str], mounted: bool, default: str | None, middles: Mapping[str, complex]
 ) -> Mass:
-    known_fields(field, values, ("link", "mass", "at", "inertia"))
+    known_fields(field, values, ("link", "mass", "centre", "inertia"))
     values = {name: value for name, value in values.items() if value is not None}
     link: Any = one_of(f"{field}/link", values.get("link", default), links)
     if link == "body" and not mounted:
@@ -200,8 +200,8 @@ def _mass(
     for name, found in sizes.items():
         if found < 0:
             raise FieldError(f"/{field}/{name}", f"wanted at least 0, found {found:g}")
-    at = pair(f"{field}/at", values["at"], MAX_LENGTH) if "at" in values else middles.get(link, 0j)
-    return Mass(link, sizes["mass"], at, sizes["inertia"])
+    centre = pair(f"{field}/centre", values["centre"], MAX_LENGTH) if "centre" in values else middles.get(link, 0j)
+    return Mass(link, sizes["mass"], centre, sizes["inertia"])
 
 
 def analysed(

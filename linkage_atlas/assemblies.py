@@ -42,7 +42,7 @@ from synthesis.work import Work
 ASSEMBLY = (
     *PART_SETTINGS,
     "boards",
-    "heads",
+    "pin_heads",
     "body",
     "mounts",
     "layers_max",
@@ -127,7 +127,7 @@ class Slit(NamedTuple):
 class Hole(NamedTuple):
     """Hole for a pin or post."""
 
-    at: tuple[float, float]
+    centre: tuple[float, float]
     pin: str
 
 
@@ -270,11 +270,11 @@ def read_assembly(request: Fields | bool, where: str = "assembly/") -> AskedAsse
     boards = one_of(f"{where}boards", values["boards"] or "below", BOARDS)
     layers_max = LAYERS_MOST if values["layers_max"] is None else values["layers_max"]
     layers_max = whole_number(f"{where}layers_max", layers_max, 1, MOST_LAYERS)
-    heads = flag(f"{where}heads", values["heads"])
+    pin_heads = flag(f"{where}pin_heads", values["pin_heads"])
     return AskedAssembly(
         PartSettings.read(values, where),
         () if values["body"] is None else _outline(f"{where}body", values["body"]),
-        StackRequest(boards, heads, layers_max, _mounts(f"{where}mounts", values["mounts"], boards)),
+        StackRequest(boards, pin_heads, layers_max, _mounts(f"{where}mounts", values["mounts"], boards)),
         None if values["envelope"] is None else box(f"{where}envelope", values["envelope"]),
         tuple(box(f"{where}keep_out/{k}", out) for k, out in enumerate(values["keep_out"] or ())),
         None if values["drive"] is None else read_drive(f"{where}drive", values["drive"]),
@@ -304,7 +304,7 @@ def read_drive(name: str, drive: object) -> Motor | Strut | str:
         pin = pair(f"{name}/pin_on_link", of(drive, "pin_on_link"), np.inf)
         return Motor(link, motor, length(six_bar, "crank", "six_bar/"), length(six_bar, "coupler", "six_bar/"), pin)
     pin = pair(f"{name}/pin_on_link", of(drive, "pin_on_link"), np.inf)
-    end, on = pair(f"{name}/ground_point", of(drive, "ground_point"), np.inf), str(of(drive, "on") or "ground")
+    end, on = pair(f"{name}/ground_point", of(drive, "ground_point"), np.inf), str(of(drive, "base_link") or "ground")
     if kind == "actuator":
         return Strut(link, on, pin, end, (length(drive, "retracted"), length(drive, "stroke")))
     lock, knee = of(drive, "lock"), sequence(of(of(drive, "curve"), "knee"))

@@ -88,7 +88,7 @@ class CandidateSearch:
         task = self.task
         if not task.kinds.only_four_bars:
             return task.top
-        if task.local and task.starts:
+        if task.refine_only and task.starts:
             return min(task.top, len(task.starts))
         size = _VARIETY * task.top if task.diverse else task.top
         size = max(size, _MIN_ROUNDED) if task.rounds else size
@@ -105,7 +105,7 @@ class CandidateSearch:
     ) -> tuple[list[Solution], SearchReport]:
         """Return linkages and how the search went; it may end once the objective is below ``goal``."""
         task = self.task
-        if task.local:
+        if task.refine_only:
             results, report = _refine_all(task, motion, limits, goal, work)
             return [solution for solution in results if solution is not None], report
         if task.kinds.only_four_bars:
@@ -129,7 +129,7 @@ class CandidateSearch:
 def find_candidates(task: Task, search: CandidateSearch) -> Candidates:
     """Search the linkages of a task and improve them by the preferred measure."""
     ranking = ranking_of(task)
-    if task.local:
+    if task.refine_only:
         return _nearest_optima(task, search, ranking)
     if task.kinds.only_four_bars:
         return _best_four_bars(task, search, ranking)

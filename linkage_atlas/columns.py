@@ -89,11 +89,11 @@ class Reading:
         return FieldError(
             "",
             f"line {self.sheet.line}: {message}; or choose columns, as in columns {example}",
-            heads=list(self.heads),
+            headings=list(self.headings),
         )
 
     @property
-    def heads(self) -> tuple[str, ...]:
+    def headings(self) -> tuple[str, ...]:
         """Heads of all columns, or their numbers."""
         named = tuple(head.text or str(k + 1) for k, head in enumerate(self.sheet.heads))
         return named or tuple(str(k + 1) for k in range(self.sheet.width))

@@ -101,7 +101,7 @@ def content_of(
     assert parts is not None
     try:
         masses = {
-            mass.link: Mass(mass.link, mass.mass, complex(*mass.at), mass.inertia) for mass in parts(True).masses
+            mass.link: Mass(mass.link, mass.mass, complex(*mass.centre), mass.inertia) for mass in parts(True).masses
         }
     except FieldError:
         masses = None  # no plates of these sizes: the file has a note

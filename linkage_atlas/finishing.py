@@ -36,7 +36,7 @@ def finish_candidates(task: Task, candidates: Candidates) -> list[Solution]:
 
 def rank_solutions(task: Task, candidates: Candidates, solutions: list[Solution]) -> RankedSolutions:
     """Rank solutions by their present scores, name their status, and mark the solution with the smallest error."""
-    uncertain = candidates.report.time_up or task.local
+    uncertain = candidates.report.time_up or task.refine_only
     status = status_of(solutions, task.tolerance, task.motion.tolerances is not None, uncertain)
     ranked = [solution for _, solution in _with_keys(task, candidates, solutions)]
     shown = _without_equal_roundings(ranked)[: task.top] if task.rounds else ranked

@@ -582,7 +582,7 @@ class Linkage:
             Unit of its lengths ("mm"): default sizes are standard sizes in millimetres.
         boards : {"below", "above", "both", "bar"}
             Support of the fixed pins: in a board on either side or both, or in a bar, a plate of its own.
-        heads : bool
+        pin_heads : bool
             True if pins have heads, of 1.8 diameters, that fill a layer at each free end.
         mounts : mapping
             How fixed pins must be held: {"A": "below+above"}.

@@ -73,7 +73,7 @@ def notes_of(task: Task, search: Search, candidates: Candidates, ranked: RankedS
     """Return the notes of a result as whole sentences."""
     motion, solutions = task.motion, ranked.solutions
     notes = [*motion.notes(), *_envelope_notes(motion, task.limits)]
-    if task.local:
+    if task.refine_only:
         notes.append(LOCAL)
     notes += candidates.report.notes
     if ranked.same_lengths:
@@ -124,7 +124,7 @@ def _empty_notes(task: Task, search: Search, candidates: Candidates, notes: Sequ
     """Return why a result has no solutions: the time, the given linkage, or the limits."""
     if candidates.report.time_up:
         return [CUT_SHORT]
-    if task.local:
+    if task.refine_only:
         return [NOWHERE]
     if task.limits.only_family or isinstance(task.source, Scan) or set(notes) & set(NOTHING_ROUND.values()):
         return []
@@ -174,7 +174,10 @@ def _hopeless_notes(solutions: Sequence[Solution], motion: Motion) -> list[str]:
 def _inexact_notes(task: Task, solutions: Sequence[Solution]) -> list[str]:
     """Return the limits without which exact four-bars pass a few poses, if the best linkage does not pass them."""
     samples = task.motion.samples
-    if not (solutions and isinstance(samples, Poses) and is_few(samples) and task.kinds.only_four_bars) or task.local:
+    if (
+        not (solutions and isinstance(samples, Poses) and is_few(samples) and task.kinds.only_four_bars)
+        or task.refine_only
+    ):
         return []
     best = solutions[0]
     if best.errors.objective < max(task.tolerance, _EXACT) or best.verdict.within_tolerance or any(task.limits.links):

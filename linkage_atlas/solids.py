@@ -72,7 +72,7 @@ class Weight(NamedTuple):
     link: str
     mass: float
     """Mass in kilograms."""
-    at: tuple[float, float]
+    centre: tuple[float, float]
     """Centre of mass in the frame of the link, in the unit of the lengths."""
     inertia: float
     """Moment of inertia about the centre, in kilograms times the unit of length squared."""

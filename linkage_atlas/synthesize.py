@@ -33,7 +33,7 @@ def synthesize(
     tolerance: float = DEFAULT_TOLERANCE,
     budget: float | None = None,
     start_from: Sequence[StartingLinkage] | None = None,
-    local: bool = False,
+    refine_only: bool = False,
     atlas: Atlas | str | Path | None = None,
     work: Callable[[float | None], Work] = Work,
     mechanisms: Sequence[KindName] | Literal["all"] | None = None,
@@ -73,7 +73,7 @@ def synthesize(
         before the search begins: with the preference "balanced" a four-bar until its error is small or almost stops falling,
         otherwise to its nearest optimum. ``report.start_from_ranks`` has the rank of each result. With free timing a four-bar
         needs its mount.
-    local : bool
+    refine_only : bool
         Search nowhere else: only the linkages of ``start_from`` are refined, which need not lead to the best linkage.
     atlas : Atlas, str or Path, optional
         The atlas for effort "atlas"; default: see `match`.
@@ -117,7 +117,7 @@ def synthesize(
         tolerance=tolerance,
         budget=budget,
         start_from=start_from,
-        local=local,
+        refine_only=refine_only,
         atlas=atlas,
         mechanisms=mechanisms,
         driver=driver,

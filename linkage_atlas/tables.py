@@ -38,7 +38,7 @@ class Table:
     columns: list[Column]
     note: str
     """Sentence on the columns that were read."""
-    heads: tuple[str, ...]
+    headings: tuple[str, ...]
     """All columns of the table; without heads their numbers."""
     angle_named: bool = field(default=False, repr=False)
     """True if the table names the unit of its angles."""
@@ -108,7 +108,7 @@ def read_table(
     Raises
     ------
     FieldError
-        Naming the line, and the column if one cell is wrong. If the columns have to be chosen its details have ``heads``.
+        Naming the line, and the column if one cell is wrong. If the columns have to be chosen its details have ``headings``.
 
     Examples
     --------
@@ -139,7 +139,9 @@ def read_table(
         )
     if kind is POSES and not fields.keys() & {"crank_angle", "crank_span", "travel", "travel_span"}:
         fields = {"timing": "free"} | fields
-    return Table(fields, reading.length_unit, reading.columns(), reading.note(), reading.heads, reading.angle_named)
+    return Table(
+        fields, reading.length_unit, reading.columns(), reading.note(), reading.headings, reading.angle_named
+    )
 
 
 def _poses(reading: Reading) -> dict[str, object]:

@@ -22,7 +22,7 @@ from linkage_atlas.mechanism_types import Kinds, check_no_slider_limits, read_ki
 from linkage_atlas.motions import Motion
 from linkage_atlas.solutions import FINISHING
 from linkage_atlas.studies import STUDIES, Studies, check_lengths, read_studies
-from linkage_atlas.warm_start import Start, StartingLinkage, check_local, kinds_of, read_starts, starts_for
+from linkage_atlas.warm_start import Start, StartingLinkage, check_refine_only, kinds_of, read_starts, starts_for
 from synthesis.assembly.sizes import default_widths
 from synthesis.atlas.scan import Scan
 from synthesis.errors import FieldError
@@ -82,7 +82,7 @@ class SearchOptions:
     tolerance: float
     budget: float | None
     start_from: Sequence[StartingLinkage] | None
-    local: bool
+    refine_only: bool
     atlas: Atlas | str | Path | None
     mechanisms: Sequence[KindName] | Literal["all"] | None
     driver: DriverName | None
@@ -127,7 +127,7 @@ class Task:
     """Origin of four-bars: the tables of a search, or an atlas."""
     starts: Sequence[Start] | None
     """The linkages of `start_from`."""
-    local: bool
+    refine_only: bool
     """Only the linkages of `start_from` are refined, without a search."""
     prefer: Prefer
     tolerance: float
@@ -184,7 +184,10 @@ def read_task(
         If there is no argument of this name.
     """
     _check_options(options)
-    tolerance, local = number("tolerance", options.tolerance, 0.0), check_local(options.local, options.start_from)
+    tolerance, refine_only = (
+        number("tolerance", options.tolerance, 0.0),
+        check_refine_only(options.refine_only, options.start_from),
+    )
     motion, requested_limits, study_arguments = _read_motion(arguments, requested_limits, more)
     if options.effort == "atlas" and motion.free:
         raise FieldError("/effort", "the atlas holds curves over crank angles: with free ones only 'refine' answers")
@@ -203,7 +206,7 @@ def read_task(
         check_request(studies.drives, motion.radian)
     if studies.analysis is not None:
         check_rows(options.top, None if motion.free else motion.target.interval)
-    searches, only_error = isinstance(source, SeedTables) and not local, studies.rounds or not limits.practical
+    searches, only_error = isinstance(source, SeedTables) and not refine_only, studies.rounds or not limits.practical
     prefer = _preference(options.prefer, motion, searches, only_error)
     named_limits = frozenset(requested_limits or ())
     fair = _fair_within(named_limits, motion, limits, source)
@@ -218,7 +221,7 @@ def read_task(
         source=source,
         atlas=atlas,
         starts=starts,
-        local=local,
+        refine_only=refine_only,
         prefer=prefer,
         tolerance=tolerance,
         top=options.top,

@@ -66,11 +66,13 @@ def pointing_to_start(field: str) -> AbstractContextManager[None]:
     return pointing(within)
 
 
-def check_local(local: object, start_from: object) -> bool:
-    """Return the flag ``local`` after a check; it needs linkages to start from."""
-    checked = flag("local", local)
+def check_refine_only(refine_only: object, start_from: object) -> bool:
+    """Return the flag ``refine_only`` after a check; it needs linkages to start from."""
+    checked = flag("refine_only", refine_only)
     if checked and start_from is None:
-        raise FieldError("/local", "has no effect without `start_from`: give the linkages that are to be refined")
+        raise FieldError(
+            "/refine_only", "has no effect without `start_from`: give the linkages that are to be refined"
+        )
     return checked
 
 

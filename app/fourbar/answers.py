@@ -281,7 +281,7 @@ def find_drives(request: DrivesRequest, resources: Resources) -> la.Drives:
         crank = crank or request.linkage.crank_angle or request.linkage.travel
     return la.drives(
         linkage,
-        **request.arguments("drives", "load", "springs", "rocker", "hand", "length_unit", "top"),
+        **request.arguments("drives", "load", "springs", "rocker", "hand_point", "length_unit", "top"),
         motion=motion,
         crank_angle=crank,
         degrees=unit == "deg",

@@ -38,7 +38,7 @@ class LinkMassRequest(RequestModel):
 
     link: Literal["crank", "coupler", "rocker", "body", "slider", "block", "second_slider", "second_block"]
     mass: Annotated[Number, Field(gt=0, le=LARGEST)] = Field(description="Mass in kg.")
-    at: Pair | None = Field(
+    centre: Pair | None = Field(
         None,
         description="Centre of mass [x, y] in the frame of the link. The origin is its first joint (crank: pivot A, coupler: "
         "crank pin, rocker: pivot B) and the x axis points to the second; the frame of the body has its point as origin and "
@@ -100,7 +100,7 @@ class MassRequest(RequestModel):
 
     link: LinkName | None = Field(None, description="Link: `body` (default), `crank`, `coupler` or `rocker`.")
     mass: Annotated[Number, Field(ge=0, le=LARGEST)]
-    at: PlacePair | None = Field(
+    centre: PlacePair | None = Field(
         None,
         description="Centre of mass in the frame of the link; the origin of the body's frame is the body point. Default: the "
         "midpoint of the link, or the body point.",
@@ -114,7 +114,7 @@ class PointForceRequest(RequestModel):
     """A force at a point of a link, in a direction that does not rotate with the link."""
 
     link: LinkName = Field(description="Link: `crank`, `coupler`, `rocker` or `body`.")
-    at: PlacePair | None = Field(
+    point: PlacePair | None = Field(
         None, description="Point in the frame of the link. Default: the midpoint of the link."
     )
     force: Pair = Field(description="Force [fx, fy].")
@@ -182,7 +182,7 @@ class DriveRequest(RequestModel):
     links: LinkNames | None = Field(
         None, description="Links that may be driven; default: all links on which this kind is possible."
     )
-    on: LinkName | None = Field(
+    base_link: LinkName | None = Field(
         None, description="Link that carries the other end of an actuator; default: `ground`."
     )
     retracted: Above | None = Field(None, description="Retracted length; null: optimized.")
@@ -230,7 +230,7 @@ class DriveRequest(RequestModel):
     transmission_angle_min: Annotated[Number, Field(ge=0, le=90)] | None = Field(
         None, description="Smallest transmission angle of a motor with a rod."
     )
-    at: Literal["first", "last"] | None = Field(
+    locked_at: Literal["first", "last"] | None = Field(
         None, description="Position that an over-centre latch locks; default: `last`."
     )
     over_centre: Annotated[Number, Field(ge=0, le=90)] | None = Field(
@@ -248,7 +248,7 @@ class HoldsRequest(RequestModel):
     closed: Flag = Field(False, description="Hold the linkage at the first position.")
     force_min: Above | None = Field(
         None,
-        description="Smallest hand force that moves the linkage away from such an end, at `hand` or at the body point.",
+        description="Smallest hand force that moves the linkage away from such an end, at `hand_point` or at the body point.",
     )
 
 
@@ -260,7 +260,7 @@ class TargetCurveRequest(RequestModel):
     )
     hand_force: Annotated[list[Number], Field(min_length=2, max_length=MAX_TARGET_VALUES)] | None = Field(
         None,
-        description="Hand force along the path of `hand` or of the body point; positive towards the last position.",
+        description="Hand force along the path of `hand_point` or of the body point; positive towards the last position.",
     )
 
 
@@ -292,7 +292,7 @@ class SpringRequest(RequestModel):
     )
     hand_force_max: Above | None = Field(
         None,
-        description="For catalogue springs: largest hand force over the motion, at `hand` or at the body point.",
+        description="For catalogue springs: largest hand force over the motion, at `hand_point` or at the body point.",
     )
     target: TargetCurveRequest | None = Field(
         None, description="For catalogue springs: curve that the springs approximate."

@@ -169,7 +169,7 @@ class FunctionRequest(RequestModel):
         description="Four-bars that are candidates from the first step. Each is refined to its nearest optimum within the "
         "limits; then the search continues.",
     )
-    local: Flag = Field(
+    refine_only: Flag = Field(
         False,
         description="Only refine the linkages of `start_from` to their nearest optima; do not search for others.",
     )

@@ -147,7 +147,7 @@ class AssemblyOptions(RequestModel):
         description="Support of the fixed pins: a board below the links, a board above the links, a board on each side, or a "
         "bar, which is a plate like the links.",
     )
-    heads: Flag = Field(
+    pin_heads: Flag = Field(
         False, description="Give the pins heads of 1.8 pin diameters, in an additional layer at each free end."
     )
     body: Annotated[list[Point], Field(min_length=3, max_length=MOST_CORNERS + 1)] | None = Field(
@@ -285,7 +285,7 @@ class SynthesizeRequest(CrankMotion):
         "optimum. Then the search continues. `report.start_from_ranks` has the rank of each result. With free timing, a four-bar "
         "must have `mount` or `joints`, and `crank_angle` if it is known.",
     )
-    local: Flag = Field(
+    refine_only: Flag = Field(
         False,
         description="Only refine the linkages of `start_from` to their nearest optima; do not search for others.",
     )
@@ -415,7 +415,7 @@ class DrivesRequest(RequestModel):
         description="Kinds of drives to search; default: rotary, actuator and dyad.",
     )
     springs: Springs = Field(default_factory=list, description="Springs that balance the load.")
-    hand: PlacePair | None = Field(
+    hand_point: PlacePair | None = Field(
         None,
         description="Point of the body, at the first position, at which the hand force with springs is computed.",
     )

@@ -66,7 +66,7 @@ class MotionReply(ReplyModel):
         None, description="Unit of the lengths; null if the table does not contain it."
     )
     columns: list[ColumnRead] = Field([])
-    heads: list[str] = Field(
+    headings: list[str] = Field(
         [],
         description="Headings of all columns; empty if the table was refused and an assignment of columns would not help.",
     )
@@ -86,7 +86,7 @@ def answer_motion(request: MotionRequest, _: Resources) -> MotionReply:
         text = (request.table or "") if content is None else decoded(content)
         samples = read_table(text, kind, also, request.unwrap, request.columns, request.length_unit)
     except FieldError as error:
-        return MotionReply(status="refused", message=error.message, heads=error.details.get("heads", []))
+        return MotionReply(status="refused", message=error.message, headings=error.details.get("headings", []))
     fields = dict(samples.fields)
     if request.angle_unit == "deg":
         del fields["angle_unit"]
@@ -100,7 +100,7 @@ def answer_motion(request: MotionRequest, _: Resources) -> MotionReply:
         request=fields,
         length_unit=samples.length_unit,
         columns=columns,
-        heads=list(samples.heads),
+        headings=list(samples.headings),
         notes=notes,
     )
 

@@ -91,7 +91,7 @@ class GivenDrive(_ReplyPart):
 
     kind: Literal["rotary", "actuator", "dyad", "toggle"]
     link: Annotated[str, Field(max_length=40)]
-    on: Annotated[str, Field(max_length=40)] | None = None
+    base_link: Annotated[str, Field(max_length=40)] | None = None
     ground_point: FarPoint | None = None
     motor: FarPoint | None = None
     pin_on_link: FarPoint | None = None

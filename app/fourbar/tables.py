@@ -273,7 +273,7 @@ def _drive_words(drive: Drive, units: Units) -> str:
         case RotaryDrive():
             words = [f"from {_point(drive.motor)}", swing, *_load_words(None, drive.peak_torque)]
         case ActuatorDrive():
-            carrier = "" if drive.on == "ground" else f" on the {drive.on}"
+            carrier = "" if drive.base_link == "ground" else f" on the {drive.base_link}"
             words = [
                 f"from {_point(drive.ground_point)}{carrier} to its pin at {_point(drive.pin)}",
                 f"stroke {units.value(drive.stroke, length, 4)}, length {_length(drive)}",

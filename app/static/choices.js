@@ -53,12 +53,12 @@ export function factsOf(drive, how) {
     return Object.entries({ "torque left": left(first.torque), where: ends, "by itself": first.motion_at_ends });
   }
   const at = drive.motor ?? drive.ground_point,
-    { peak_torque: moment, peak_force: push, swing, stroke, price, on } = drive;
+    { peak_torque: moment, peak_force: push, swing, stroke, price, base_link } = drive;
   const rows = [
     Number.isFinite(moment) ? ["torque", torque(moment)] : Number.isFinite(push) && ["force", force(push)],
     stroke ? ["stroke", length(stroke)] : Number.isFinite(swing) && ["swing", `${text(swing, 4)}°`],
     Number.isFinite(price) && ["price", text(price, 3)],
-    at && ["where", on && on !== "ground" ? `on the ${plain(on)}` : point(at, 4)],
+    at && ["where", base_link && base_link !== "ground" ? `on the ${plain(base_link)}` : point(at, 4)],
   ];
   return rows.filter(Boolean);
 }
@@ -115,7 +115,7 @@ export function rowsOf(drive, how) {
     bars && ["time ratio", number(bars.time_ratio, 4)],
     bars && ["transmission of the rod", `${number(bars.transmission_angle_min, 4)}° or more`],
     lock && ["handle and strut", `${number(lock.handle)}, ${number(lock.strut)} ${unit}`],
-    lock && ["over centre", `${number(lock.over_centre, 3)}° at the ${lock.at} pose`],
+    lock && ["over centre", `${number(lock.over_centre, 3)}° at the ${lock.locked_at} pose`],
     ["stops", drive.stops],
     ["without power", drive.holds],
     ...((push ?? moment) ? units : []),

@@ -63,7 +63,7 @@ const JOINTS = { crank: (j) => [j.a, j.d], coupler: (j) => [j.d, j.c], rocker: (
 const armsOf = (drive, joints, ground, pin) =>
   [
     [drive.link, pin],
-    [drive.on, ground],
+    [drive.base_link, ground],
   ].flatMap(([link, end]) =>
     JOINTS[link] && joints.a && end ? [[JOINTS[link](joints)[0], end, JOINTS[link](joints)[1]]] : [],
   );
@@ -466,7 +466,7 @@ export class Driving {
       corners = [corner(low, half), corner(body, half), corner(body, -half), corner(low, -half)];
     this.#line("rod", [ground, pin]);
     this.#line("cylinder", corners, true);
-    const free = drive.on === "ground" && Boolean(JOINTS[drive.link]) && Boolean(solution.links);
+    const free = drive.base_link === "ground" && Boolean(JOINTS[drive.link]) && Boolean(solution.links);
     this.#handle(ground, "ground", free);
     this.#handle(pin, "pin", free);
     put(this.board.driveLayer, { "data-length": text(length, 6) });

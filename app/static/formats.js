@@ -269,7 +269,7 @@ export function fromRequest(body) {
   motion.top = top ?? 8;
   delete extra.budget_ms;
   delete extra.start_from; // linkages, and no part of the motion
-  delete extra.local;
+  delete extra.refine_only;
   motion.extra = extra;
   const { min, max, transmission, turn, ratio, box } = motion.limits,
     { speed, force, torque } = motion.analysis;

@@ -139,7 +139,7 @@ export function measured(solution, motion) {
 export function fromHere(request, { links, branch, start_angle, body_offset, mount, crank_angle }) {
   const { diverse: _diverse, prefer: _prefer, mechanisms: _mechanisms, ...others } = request,
     begun = { links, branch, start_angle, body_offset, mount, crank_angle };
-  return { ...others, top: 1, local: true, start_from: [begun] };
+  return { ...others, top: 1, refine_only: true, start_from: [begun] };
 }
 
 /** A request for linkages whose pivots lie near those of a solution: within `share` of the motion's extent. */

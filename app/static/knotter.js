@@ -300,8 +300,8 @@ function tolerance({ reply }, { facts: figures, tables }) {
     ["dimensions with a tolerance", reply.dimensions],
   ]);
   const rows = CONDITIONS.map((name) => {
-    const { margin, corner, least, share, factor } = reply[name];
-    return [name, margin, corner, least, 100 * share, factor];
+    const { margin, corner, margin_min, share, factor } = reply[name];
+    return [name, margin, corner, margin_min, 100 * share, factor];
   });
   table(tables, "Conditions within the tolerances", ["condition", "margin", ...WITHIN], rows);
   const changes = Object.keys(reply.wrap.sensitivity).map((name) => {

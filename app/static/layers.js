@@ -110,8 +110,8 @@ export class Layers {
   options(solution, motion) {
     const sizes = SIZES.map((name) => [name, numberIn(`layer-${name}`)]).filter(([, value]) => value !== null),
       body = $("layer-body").checked ? bodyOf(this.outline, solution, motion) : null,
-      [boards, heads] = [$("layer-boards").value, $("layer-heads").checked];
-    return { length_unit: motion.unit, boards, heads, ...Object.fromEntries(sizes), ...(body && { body }) };
+      [boards, pin_heads] = [$("layer-boards").value, $("layer-heads").checked];
+    return { length_unit: motion.unit, boards, pin_heads, ...Object.fromEntries(sizes), ...(body && { body }) };
   }
 
   /** A new answer, or with null none: the layers of its first solutions are asked for, one after the other. */

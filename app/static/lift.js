@@ -141,11 +141,11 @@ const plain = (name) => name.replaceAll("_", " ");
 const held = (names) => names?.map((name) => plain(name.replace("<=max", " at most").replace(">=min", " at least")));
 
 /** What an optimum has beside each limit, those that hold it first. */
-function limits(host, { constraints, unconstrained: free, cost }, angle) {
+function limits(host, { constraints, unconstrained: free, objective_increase: increase }, angle) {
   const rows = constraints
     .toSorted((one, two) => two.active - one.active)
     .map((row) => {
-      const sign = row.kind === "least" ? "≥" : "≤";
+      const sign = row.kind === "minimum" ? "≥" : "≤";
       return [plain(row.name), row.value, sign, row.limit, unitOf(row.name, angle), row.active];
     });
   table(host, "Constraints", ["limit of", "has", "", "limit", "unit", "holds the design"], rows);
@@ -154,7 +154,7 @@ function limits(host, { constraints, unconstrained: free, cost }, angle) {
       `${plain(name)} ${text(value, 3)} ${unitOf(name, angle)}`.trim(),
     ),
     outside = broken.length ? `Outside of the limits there: ${broken.join(", ")}.` : "It keeps to all limits.",
-    gain = `${text(Math.abs(100 * cost), 3)} % ${cost < 0 ? "below" : "above"}`;
+    gain = `${text(Math.abs(100 * increase), 3)} % ${increase < 0 ? "below" : "above"}`;
   const source = `The source's problem, for the same objective, has the optimum ${text(free.objective, 5)}`;
   note(host, `${source}: this one is ${gain}. ${outside}`);
 }

@@ -194,7 +194,7 @@ export class Sources {
         mode: "move",
         table: true,
       });
-      this.#offerColumns(read.heads, read.columns);
+      this.#offerColumns(read.headings, read.columns);
     } catch (error) {
       if (this.reading === turn && error.ofOther) {
         const table = typeof source === "string" ? source : await source.text();
@@ -204,22 +204,22 @@ export class Sources {
         );
       } else if (this.reading === turn) {
         failed(error.message);
-        if (!columns) this.#offerColumns(error.heads ?? null); // a wrong choice of columns stays, to be corrected
+        if (!columns) this.#offerColumns(error.headings ?? null); // a wrong choice of columns stays, to be corrected
       }
     } finally {
       if (!this.reading || this.reading === turn) $("paste-use").disabled = false;
     }
   }
 
-  /** Offers the columns of the table that was read last, of which some are `used`; hides the offer without heads. */
-  #offerColumns(heads, used = []) {
-    $("columns").hidden = !heads;
-    if (!heads) return;
+  /** Offers the columns of the table that was read last, of which some are `used`; hides the offer without headings. */
+  #offerColumns(headings, used = []) {
+    $("columns").hidden = !headings;
+    if (!headings) return;
     for (const role of ROLES) {
       const select = $(`column-${role}`),
         at = used.find((column) => column.role === role)?.head;
-      select.replaceChildren(new Option("–", ""), ...heads.map((head, k) => new Option(head, String(k + 1))));
-      select.selectedIndex = at === undefined ? 0 : heads.indexOf(at) + 1;
+      select.replaceChildren(new Option("–", ""), ...headings.map((head, k) => new Option(head, String(k + 1))));
+      select.selectedIndex = at === undefined ? 0 : headings.indexOf(at) + 1;
     }
     $("columns").open = !used.length;
   }

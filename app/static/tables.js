@@ -34,22 +34,22 @@ async function pointer(table, asked) {
 
 /**
  * Reads a table, text or a file, for a question of the service: {request, length_unit, columns, heads, notes}. `columns` chooses columns.
- * Throws Error with a sentence, which is `ofOther` for a table of the other question; if columns have to be chosen it has the `heads` of the table.
+ * Throws Error with a sentence, which is `ofOther` for a table of the other question; if columns have to be chosen it has the `headings` of the table.
  */
 export async function readTable(source, question, columns = null) {
   const table = typeof source === "string" ? { table: source } : { file: await base64Of(source) };
   const reply = await (await ask("/v2/motion", { ...table, query: question, ...(columns ? { columns } : {}) })).json();
   if (reply.status === "read") {
-    const { columns: used, heads } = reply,
-      hint = !columns && used.length < heads.length ? await pointer(table, question) : "";
+    const { columns: used, headings } = reply,
+      hint = !columns && used.length < headings.length ? await pointer(table, question) : "";
     return { ...reply, notes: [...reply.notes, hint].filter(Boolean) };
   }
   const hint = columns ? "" : await pointer(table, question);
   if (hint) throw Object.assign(new Error(`${hint}.`), { ofOther: true });
-  const { message, heads } = reply,
+  const { message, headings } = reply,
     detail = message.replace(
       /; or choose columns, as in .*$/,
       question === "synthesize" ? "; or choose the columns below" : "",
     );
-  throw Object.assign(new Error(`${capital(detail)}.`), { heads: heads.length ? heads : null });
+  throw Object.assign(new Error(`${capital(detail)}.`), { headings: headings.length ? headings : null });
 }

@@ -11,7 +11,7 @@ import matplotlib.pyplot as plt
 import linkage_atlas as la
 
 flap = {"pivot": [0, 0], "start": -80, "swing": 80, "length": 500}
-load = {"masses": [{"link": "body", "mass": 5, "at": [0, 0]}]}
+load = {"masses": [{"link": "body", "mass": 5, "centre": [0, 0]}]}
 spring = {"kind": "gas", "between": ["ground", "rocker"]}
 found = la.drives(rocker=flap, drives=[{"kind": "rotary"}], load=load, springs=[spring], length_unit="mm")
 print(found)

@@ -162,7 +162,7 @@ def limits_of(
 def find_actuators(task: DriveTask, request: ActuatorRequest) -> None:
     """Place an actuator on each requested link."""
     for name in request.links:
-        if name == request.on:
+        if name == request.base_link:
             continue
         if task.work.expired():
             return
@@ -177,9 +177,9 @@ def find_actuators(task: DriveTask, request: ActuatorRequest) -> None:
 def _question(task: DriveTask, request: ActuatorRequest, name: str, grid: int) -> PlacementSearch:
     stroke = min((row.actuator.stroke for row in request.rows), default=request.stroke)
     limits = limits_of(
-        task, name, request.on, request.ground_box, request.reach_max, request.arm_min, request.extends, stroke
+        task, name, request.base_link, request.ground_box, request.reach_max, request.arm_min, request.extends, stroke
     )
-    link = task.machine.seen(name, request.on)
+    link = task.machine.seen(name, request.base_link)
     torque, amount = task.torque / request.count, task.torque_curve.amount / request.count
     return PlacementSearch(link, task.machine.at, torque, limits._replace(pin_box=request.pin_box), grid, amount)
 
@@ -189,7 +189,7 @@ def _of_given_ends(task: DriveTask, request: ActuatorRequest, name: str, ground:
     pin = task.given_pin(name, request.pin, request.pin_on_link)
     question = _question(task, request, name, 2)
     placement = question.evaluate(ground, pin)
-    lengths, arms = task.fine.seen(name, request.on).leverage(ground, pin)
+    lengths, arms = task.fine.seen(name, request.base_link).leverage(ground, pin)
     is_dead = ~(arms * arms[0] > 0)
     if is_dead.any():
         k = int(np.argmax(is_dead))
@@ -296,7 +296,7 @@ def _add(
     row: CatalogueRow | None,
     index: int,
 ) -> None:
-    mounted = Mounted(task, request.on, name, placement, request.count)
+    mounted = Mounted(task, request.base_link, name, placement, request.count)
     if mounted.turns_back("actuator"):
         return
     rod = request.rod if row is None else request.rods.get(row.name, request.rod)
@@ -314,7 +314,7 @@ def _add(
         rank = (math.inf if row.price is None else row.price, max(row.push, row.pull), placement.worst)
     drive = ActuatorDrive(
         **mounted.fields(loads),
-        on=request.on,
+        base_link=request.base_link,
         count=request.count,
         stops="none: the ends of its stroke are the ends of the motion"
         if is_whole

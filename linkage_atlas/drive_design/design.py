@@ -50,7 +50,7 @@ def drives(
     motion: Motion | None = None,
     crank_angle: ArrayLike | None = None,
     rocker: Fields | None = None,
-    hand: ArrayLike | None = None,
+    hand_point: ArrayLike | None = None,
     length_unit: str | None = None,
     top: int = 5,
     degrees: bool = True,
@@ -64,14 +64,14 @@ def drives(
     linkage : Linkage, Solution or mapping, optional
         Any kind of linkage, driven by a crank, slider, cylinder or hinge. Or None with ``rocker``.
     drives : sequence of mapping
-        Each with its ``kind``: "rotary", "actuator" (or "cylinder"), "dyad", "toggle", and its wishes by name, see
+        Each with its ``kind``: "rotary", "actuator" (or "cylinder"), "dyad", "toggle", and its settings by name, see
         docs/drives.md.
     load : mapping, optional
         ``force`` [fx, fy] at the body point and ``torque`` on the body, in directions that do not turn with it; ``forces``
-        on any links: [{"link", "at": [x, y], "force": [fx, fy]}]; ``masses``:
-        [{"link", "mass", "at": [x, y], "inertia"}], ``at`` in the link's frame (default: its middle, of the body its point);
-        ``gravity`` [gx, gy] (default [0, -9.81]); ``speed``, at which the crank turns steadily: then masses resist. Without a
-        load the largest least moment arm counts.
+        on any links: [{"link", "point": [x, y], "force": [fx, fy]}]; ``masses``:
+        [{"link", "mass", "centre": [x, y], "inertia"}], with ``centre`` in the frame of the link (default: the middle of the
+        link, or the body point); ``gravity`` [gx, gy] (default [0, -9.81]); ``speed`` of the crank, which is constant, so that
+        masses resist their acceleration. Without a load the drive with the largest minimum moment arm is best.
     springs : sequence of mapping
         Each with its ``kind``, "tension", "compression", "gas" or "torsion", and its wishes by name, see docs/drives.md:
         ``between``, two links or the ground (default: the best of all pairs); ``holds``, {"open": True, "closed": True};
@@ -82,7 +82,7 @@ def drives(
         Crank angles from the start angle on, in place of a motion: their first and last are the ends of the way.
     rocker : mapping, optional
         In place of a linkage a link on a hinge: ``pivot`` [x, y], ``start`` and ``swing`` (angles), ``length``.
-    hand : array_like, shape (2,), optional
+    hand_point : array_like, shape (2,), optional
         A place on the body at the first position, for the force of a hand there.
     length_unit : {"um", "mm", "cm", "m", "in", "ft"}, optional
         Unit of its lengths, for the bundled catalogues; forces are then in newtons. Default: the unit of the motion, or
@@ -130,7 +130,7 @@ def drives(
     if load is not None and load.get("parts"):
         load = {**load, "parts": False, "masses": [*own, *operation.masses_of_parts(length_unit)]}
     reader = Reader(operation.machine, operation.radian, millimetres_in(length_unit))
-    question = reader.question(load, drives, springs, hand)
+    question = reader.question(load, drives, springs, hand_point)
     check_sizes(question, operation.machine.extent)
     found = _answer(operation, question, top, watch)
     if not question.load.speed and any(isinstance(mass, Mapping) and mass.get("inertia") for mass in own):

@@ -17,7 +17,7 @@ from synthesis.drives.placements import Actuator, Refusal
 
 def find_knees(task: DriveTask, request: ToggleRequest) -> None:
     """Place a knee on each requested link."""
-    machine, last = task.machine, request.at == "last"
+    machine, last = task.machine, request.locked_at == "last"
     for name in request.links:
         if task.work.expired():
             return
@@ -42,7 +42,7 @@ def _add(task: DriveTask, request: ToggleRequest, name: str, found: Knee) -> Non
         found.handle,
         found.strut,
         request.over_centre / operation.radian,
-        request.at,
+        request.locked_at,
         found.overshoot / operation.unit,
         task.if_loaded(float(np.abs(found.handle_torque).max())),
         task.if_loaded(found.holds),

@@ -68,7 +68,7 @@ class ActuatorRequest:
     stroke: float | None = None
     catalogue: object = None
     pressure: float | None = None
-    on: str = GROUND
+    base_link: str = GROUND
     ground_box: Box | None = None
     reach_max: float | None = None
     arm_min: float | None = None
@@ -114,7 +114,7 @@ class ToggleRequest:
     """A knee that locks one end of the motion."""
 
     links: list[str]
-    at: Literal["first", "last"] = "last"
+    locked_at: Literal["first", "last"] = "last"
     over_centre: float = float(np.deg2rad(5.0))
     knee: float = 0.5
     """Length of the handle over both lengths."""
@@ -181,7 +181,7 @@ class DriveQuestion(NamedTuple):
     load: Load
     drives: tuple[DriveRequest, ...]
     springs: tuple[SpringRequest, ...]
-    hand: complex | None
+    hand_point: complex | None
     millimetres: float
 
     @property
@@ -212,19 +212,19 @@ class Reader:
         load: object,
         drives: object,
         springs: object,
-        hand: ArrayLike | None = None,
+        hand_point: ArrayLike | None = None,
     ) -> DriveQuestion:
         """Check a whole request; raise FieldError with the name of a field."""
-        hand_point = None if hand is None else pair("hand", hand, MAX_LENGTH)
+        checked_hand = None if hand_point is None else pair("hand_point", hand_point, MAX_LENGTH)
         if hand_point is not None and not springs:
-            raise FieldError("/hand", "needs `springs`, which tell the force of a hand there")
+            raise FieldError("/hand_point", "needs `springs`: give a spring, or remove this field")
         return DriveQuestion(
             self._load(load or {}),
             tuple(self.drive(f"drives/{k}", entry) for k, entry in enumerate(_list("drives", drives, MAX_DRIVES))),
             tuple(
                 self.spring(f"springs/{k}", entry) for k, entry in enumerate(_list("springs", springs, MAX_SPRINGS))
             ),
-            hand_point,
+            checked_hand,
             self.millimetres,
         )
 
@@ -251,13 +251,13 @@ class Reader:
         return load._replace(speed=speed, metre=self.millimetres / 1000, forces=acting)
 
     def _point_force(self, at: str, entry: object) -> PointForce:
-        entry = known_fields(at, entry, ("link", "at", "force"))
+        entry = known_fields(at, entry, ("link", "point", "force"))
         names = [*self.machine.links, *(["body"] if self.machine.body is not None else [])]
         link = one_of(f"{at}/link", entry.get("link"), names)
         point = (
             self.machine.middles.get(link, 0j)
-            if entry.get("at") is None
-            else pair(f"{at}/at", entry["at"], MAX_LENGTH)
+            if entry.get("point") is None
+            else pair(f"{at}/point", entry["point"], MAX_LENGTH)
         )
         return PointForce(link, point, pair(f"{at}/force", entry.get("force"), words="[fx, fy]"))
 
@@ -284,8 +284,8 @@ class Reader:
 
     def _toggle(self, at: str, values: Fields) -> ToggleRequest:
         request = build(ToggleRequest, values)
-        if request.at not in ("first", "last"):
-            raise FieldError(f"/{at}/at", f"wanted 'first' or 'last', found {request.at!r}")
+        if request.locked_at not in ("first", "last"):
+            raise FieldError(f"/{at}/locked_at", f"must be 'first' or 'last'; it is {request.locked_at!r}")
         if request.over_centre > np.pi / 3:
             raise FieldError(f"/{at}/over_centre", "wanted at most 60 degrees")
         if not 0.1 <= request.knee <= 0.9:
@@ -294,10 +294,15 @@ class Reader:
 
     def _actuator(self, at: str, values: Fields) -> ActuatorRequest:
         names, request = self.machine.links, build(ActuatorRequest, values)
-        if request.on not in (GROUND, *names):
-            raise FieldError(f"/{at}/on", f"wanted ground or one of {', '.join(names)}, found {request.on!r}")
-        if set(request.links) == {request.on}:
-            raise FieldError(f"/{at}/on", f"wanted ground or another link than it moves, found {request.on!r}")
+        if request.base_link not in (GROUND, *names):
+            raise FieldError(
+                f"/{at}/base_link", f"must be ground or one of {', '.join(names)}; it is {request.base_link!r}"
+            )
+        if set(request.links) == {request.base_link}:
+            raise FieldError(
+                f"/{at}/base_link",
+                f"must differ from the link that the actuator moves; both are {request.base_link!r}",
+            )
         searched = ("ground_box", "pin_box", "reach_max", "dead_length", "extends", "arm_min")
         _check_given_ends(at, request, "ground_point", searched)
         if not isinstance(request.extends, (bool, type(None))):

@@ -160,7 +160,7 @@ class Lock(NamedTuple):
     """Length of the link on the pin."""
     over_centre: float
     """Angle by which the knee passes its straight position."""
-    at: Literal["first", "last"]
+    locked_at: Literal["first", "last"]
     overshoot: float
     """Crank angle beyond the end while the knee passes its straight position."""
     handle_torque_max: float | None
@@ -236,7 +236,7 @@ class ActuatorDrive(_PinnedDrive):
     """An actuator or a cylinder between two links."""
 
     kind: Literal["actuator"] = "actuator"
-    on: str = GROUND
+    base_link: str = GROUND
     """Link that carries the other end."""
     name: str | None
     """Name of the row of the catalogue."""

@@ -288,7 +288,7 @@ class SixBarLinkage(Linkage):
             masses = read.masses
             if parts:
                 weights = self.solids(length_unit=unit, allow_collisions=True).masses
-                masses += tuple(Mass(link.link, link.mass, complex(*link.at), link.inertia) for link in weights)
+                masses += tuple(Mass(link.link, link.mass, complex(*link.centre), link.inertia) for link in weights)
             read = read._replace(masses=masses, speed=speed, metre=metre)
             held = six.reactions(machine, joints_of(self._base.plain, six.motor, machine), read)
         turning = {name: link for name, link in machine.links.items() if not name.endswith("slider")}

@@ -143,7 +143,7 @@ class Goal:
 
     def hand_speed(self, machine: LinkMotions) -> Floats:
         """Return the speed of the hand, by default of the body point, per unit of the drive's coordinate."""
-        body, first, hand = machine.body, self.task.machine.body, self.task.question.hand
+        body, first, hand = machine.body, self.task.machine.body, self.task.question.hand_point
         assert body is not None and first is not None
         return np.abs(body.speed(0j if hand is None else first.point_at(hand)))
 
@@ -379,7 +379,7 @@ def _add(goal: Goal, set_number: int, mounted: Mounted) -> None:
         or (request.target is not None and request.target.quantity == "hand_force")
     )
     hand = hand_max = None
-    if machine.body is not None and (task.question.hand is not None or uses_hand):
+    if machine.body is not None and (task.question.hand_point is not None or uses_hand):
         hand = torque / goal.hand_speed(machine) * machine.sense
         hand_max = _largest(
             goal,

@@ -24,7 +24,14 @@ from linkage_atlas.notes import sentences
 from linkage_atlas.result_notes import CUT_SHORT, NOWHERE
 from linkage_atlas.solutions import FINISHING
 from linkage_atlas.task import seed_tables
-from linkage_atlas.warm_start import FOR_STARTS, Start, StartingLinkage, check_local, pointing_to_start, read_starts
+from linkage_atlas.warm_start import (
+    FOR_STARTS,
+    Start,
+    StartingLinkage,
+    check_refine_only,
+    pointing_to_start,
+    read_starts,
+)
 from synthesis.errors import FieldError
 from synthesis.function.answers import Generator
 from synthesis.function.generators import best_built, generate
@@ -73,7 +80,7 @@ def function(
     budget: float | None = None,
     round_to: float | None = None,
     start_from: Sequence[StartingLinkage] | None = None,
-    local: bool = False,
+    refine_only: bool = False,
     sensitivity: bool = False,
     curves: bool = False,
     work: Callable[[float | None], Work] = Work,
@@ -144,7 +151,7 @@ def function(
     start_from : sequence of Linkage, FunctionSolution or mapping, optional
         Four-bars that are candidates from the first step; plain values as in `FunctionSolution.to_dict`. Each is refined
         to its nearest optimum within the limits before the search begins.
-    local : bool
+    refine_only : bool
         Search nowhere else: only the linkages of ``start_from`` are refined, which need not lead to the best linkage.
     sensitivity : bool
         Also compute the change of the output per unit of each length.
@@ -199,7 +206,7 @@ def function(
         limits=limits,
         tolerance=tolerance,
     ).question()
-    local = check_local(local, start_from)
+    refine_only = check_refine_only(refine_only, start_from)
     if question.dial.travels or quick_return is not None or steering is not None:
         only_angles: dict[str, object] = {"start_from": start_from}
         if question.dial.travels:
@@ -215,13 +222,13 @@ def function(
     watch = work(budget)
     if question.dial.travels:
         return _travel_answers(question, top, curves, watch)
-    return _angle_answers(question, starts, local, top, round_to, sensitivity, curves, watch)
+    return _angle_answers(question, starts, refine_only, top, round_to, sensitivity, curves, watch)
 
 
 def _angle_answers(
     question: FunctionQuestion,
     starts: Sequence[Start],
-    local: bool,
+    refine_only: bool,
     top: int,
     round_to: float | None,
     sensitivity: bool,
@@ -232,7 +239,7 @@ def _angle_answers(
     limits = read_function_limits(question.limits, question.function.target, question.degrees)
     if round_to is not None and limits.links[3] is None:
         raise FieldError("/round_to", "needs the length of the ground (`limits.links.ground`), which fixes the size")
-    candidates, course = _four_bars(question, limits, starts, local, max(top, 2), watch)
+    candidates, course = _four_bars(question, limits, starts, refine_only, max(top, 2), watch)
     searched = watch.elapsed
     found = candidates[:top]
     solutions = described(question, found, limits, sensitivity, curves)
@@ -241,12 +248,12 @@ def _angle_answers(
             replace(solution, rounded=rounded(question, generator, round_to, watch))
             for solution, generator in zip(solutions, found)
         ]
-    notes = angle_notes(question, candidates, solutions, course.settled, top, local)
-    return _result(question, found, solutions, course, searched, watch, notes, local)
+    notes = angle_notes(question, candidates, solutions, course.settled, top, refine_only)
+    return _result(question, found, solutions, course, searched, watch, notes, refine_only)
 
 
 def _four_bars(
-    question: FunctionQuestion, limits: Limits, starts: Sequence[Start], local: bool, count: int, watch: Work
+    question: FunctionQuestion, limits: Limits, starts: Sequence[Start], refine_only: bool, count: int, watch: Work
 ) -> tuple[list[Generator], SearchReport]:
     """Search for four-bars by the method that the question allows."""
     target, quick, tolerance = question.function, question.quick, question.tolerance
@@ -258,9 +265,9 @@ def _four_bars(
         found = symmetric_four_bars(target, question.symmetric_from, limits, question.largest, count, watch)
         return _closed_form(found, watch)
     search = watch.extended(-FINISHING)
-    refining = search if local else search.part(FOR_STARTS * search.budget)
+    refining = search if refine_only else search.part(FOR_STARTS * search.budget)
     refined, course = _refined(question, limits, starts, refining)
-    if local:
+    if refine_only:
         return refined, course
     found, course = generate(seed_tables(), target, limits, question.largest, count, tolerance, search)
     if starts:
@@ -319,15 +326,15 @@ def _result(
     searched: float,
     watch: Work,
     notes: list[str],
-    local: bool = False,
+    refine_only: bool = False,
 ) -> FunctionResult:
-    """Return the result of a search that took ``searched`` seconds, or (``local``) of a descent from a given linkage."""
+    """Return the result of a search that took ``searched`` seconds, or (``refine_only``) of a descent from a given linkage."""
     if question.limits.get("preset") is None and solutions and not solutions[0].verdict.practical:
         notes.append(UNASKED)
     status = Status.of(found, question.tolerance).value
-    if not solutions and (local or course.stopped_by == "budget"):
+    if not solutions and (refine_only or course.stopped_by == "budget"):
         status = "unknown"
-        notes.append(NOWHERE if local else CUT_SHORT)
+        notes.append(NOWHERE if refine_only else CUT_SHORT)
     total = watch.elapsed
     stages = {"screen": course.screen_seconds, "refine": searched - course.screen_seconds}
     stages |= {"report": total - searched, "total": total}

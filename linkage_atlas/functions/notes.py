@@ -63,7 +63,7 @@ def angle_notes(
     solutions: Sequence[FunctionSolution],
     settled: bool,
     top: int,
-    local: bool,
+    refine_only: bool,
 ) -> list[str]:
     """Return the notes on four-bars. ``found``: all candidates, of which ``top`` became solutions."""
     target, radian, quick = question.function, question.radian, question.quick
@@ -71,7 +71,7 @@ def angle_notes(
     if question.dials is None:
         notes += unit_notes("output", target.output / radian, question.degrees)
     notes += _jump_notes(target)
-    if local:
+    if refine_only:
         notes.append(LOCAL)
     if quick is not None:
         return [*notes, quick.note] if solutions else [*notes, _why_no_crank_rocker(target, quick)]
@@ -79,7 +79,7 @@ def angle_notes(
         notes.append(STILL_BETTER)
     if question.largest and found and target.doubt > 0.2 * found[0].errors.max:
         notes.append(DOUBTFUL.format(target.doubt / radian))
-    if not local:
+    if not refine_only:
         notes += _proportion_notes(found, question.tolerance)
     exact = [generator for generator in found[:top] if generator.errors.objective < question.tolerance]
     free = 3 + (target.start is None) + (target.offset is None) - target.crank.size

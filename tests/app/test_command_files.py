@@ -146,7 +146,7 @@ def test_the_drives_and_springs_of_a_solution_are_described(run) -> None:
     request = EXAMPLE | {
         "top": 1,
         "start_from": [SOLUTION],
-        "local": True,
+        "refine_only": True,
         "drives": DRIVES,
         "load": {"force": [0, -100]},
     }

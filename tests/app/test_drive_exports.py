@@ -38,7 +38,7 @@ KINDS: dict[str, tuple[dict[str, Any], list[str]]] = {
         },
         ["cylinder", "piston_rod"],
     ),
-    "between links": ({"kind": "actuator", "links": ["rocker"], "on": "crank"}, ["cylinder", "piston_rod"]),
+    "between links": ({"kind": "actuator", "links": ["rocker"], "base_link": "crank"}, ["cylinder", "piston_rod"]),
     "knee": ({"kind": "toggle", "links": ["coupler"]}, ["handle", "strut"]),
     "motor": ({"kind": "dyad", "links": ["coupler"]}, ["motor_crank", "rod"]),
     "hinge": ({"kind": "rotary", "links": ["crank"]}, ["drive"]),

@@ -62,22 +62,22 @@ def test_peaks_are_those_of_the_whole_way() -> None:
     request = [
         {"kind": "rotary"},
         {"kind": "actuator", "retracted": 255, "stroke": 150, "rod": 12},
-        {"kind": "actuator", "links": ["rocker"], "on": "crank", "rod": 12},
+        {"kind": "actuator", "links": ["rocker"], "base_link": "crank", "rod": 12},
     ]
     for load in ({"force": [0, 100]}, {"force": [60, -80], "torque": 3000}):
         found = la.drives(linkage, request, crank_angle=[0, -33.7], load=load, top=9)
         at = np.deg2rad(np.linspace(0, -33.7, 50_001))
         machine = motions_at(linkage.plain, at)
         torque = machine.torque(Load(complex(*load["force"]), load.get("torque", 0.0)))
-        assert {getattr(drive, "on", "ground") for drive in found.drives} == {"ground", "crank"}
+        assert {getattr(drive, "base_link", "ground") for drive in found.drives} == {"ground", "crank"}
         for drive in found.drives:
             link = machine.links[drive.link]
             if drive.kind == "rotary":
                 assert drive.peak_torque == pytest.approx(np.abs(torque / link.rate).max(), rel=1e-8)
                 continue
             second = complex(*drive.ground_point)
-            if drive.on != "ground":
-                second = machine.links[drive.on].position(machine.links[drive.on].point_at(second))
+            if drive.base_link != "ground":
+                second = machine.links[drive.base_link].position(machine.links[drive.base_link].point_at(second))
             length = np.abs(link.position(complex(*drive.pin_on_link)) - second)
             arm = np.gradient(length, at, edge_order=2)
             force = torque / arm
@@ -99,7 +99,7 @@ def test_units_change_numbers_and_nothing_else(client: TestClient) -> None:
     first = client.post("/v2/drives", json={**request, "top": 1}).json()["drives"][0]
     metres = {"angle_unit": "rad", "length_unit": "m", "top": 1}
     metres["rocker"] = {"pivot": [0, 0], "start": 0, "swing": np.deg2rad(55), "length": 0.9}
-    metres["load"] = {"masses": [{"link": "body", "mass": 8, "at": [-0.4, 0]}]}
+    metres["load"] = {"masses": [{"link": "body", "mass": 8, "centre": [-0.4, 0]}]}
     metres["drives"] = [request["drives"][0] | {"ground_box": [0, -0.5, 0.5, -0.15], "reach_max": 0.4}]
     second = client.post("/v2/drives", json=metres).json()["drives"][0]
     assert second["name"] == first["name"]

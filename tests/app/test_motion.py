@@ -27,7 +27,7 @@ def test_tables_are_read_as_by_the_command(client: TestClient, question) -> None
 
 def test_the_reply_says_how_columns_were_read(client: TestClient) -> None:
     reply = client.post("/v2/motion", json={"table": TABLE}).json()
-    assert reply["length_unit"] == "cm" and reply["heads"] == ["Frame", "TX [cm]", "TY [cm]", "RZ [rad]"]
+    assert reply["length_unit"] == "cm" and reply["headings"] == ["Frame", "TX [cm]", "TY [cm]", "RZ [rad]"]
     assert reply["columns"][2] == {"head": "RZ [rad]", "role": "angle", "unit": "rad"}
     assert reply["notes"] == [
         "columns read: x from 'TX [cm]', y from 'TY [cm]', angle from 'RZ [rad]' (converted to degrees); not read: 'Frame'"
@@ -40,7 +40,7 @@ def test_the_reply_says_how_columns_were_read(client: TestClient) -> None:
 def test_a_choice_of_columns_is_asked_for_and_taken(client: TestClient) -> None:
     table = "left,right,turn\n1,2,3\n4,5,6\n"
     refused = client.post("/v2/motion", json={"table": table}).json()
-    assert refused["status"] == "refused" and refused["heads"] == ["left", "right", "turn"]
+    assert refused["status"] == "refused" and refused["headings"] == ["left", "right", "turn"]
     chosen = {"x": "left", "y": "2", "angle": "turn"}
     reply = client.post("/v2/motion", json={"table": table, "columns": chosen}).json()
     assert reply["request"]["position"] == [[1, 2], [4, 5]] and reply["request"]["rotation"] == [3, 6]

@@ -94,7 +94,7 @@ def test_a_study_has_its_bounds_and_says_so(client, monkeypatch) -> None:
 def test_what_a_file_does_not_hold_is_refused(kind, names, client) -> None:
     """Fields without effect used to be ignored."""
     motor = {"kind": "rotary", "link": "crank", "motor": [0, 0]}
-    values = {"assembly": {"heads": True}, "solids": {"fit": "print"}, "drive": motor}
+    values = {"assembly": {"pin_heads": True}, "solids": {"fit": "print"}, "drive": motor}
     for name in names.split():
         wrong = client.post("/v2/export", json={"request": EXAMPLE, "format": kind, name: values[name]})
         assert wrong.status_code == 422 and wrong.json()["errors"][0]["pointer"] == f"#/{name}", name

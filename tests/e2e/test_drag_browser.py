@@ -94,7 +94,7 @@ def refined() -> list[dict]:
     def add(before: dict, solution: dict, after: dict) -> None:
         fields = {name: value for name, value in after.items() if name not in ("top", "diverse", "limits")}
         motion = la.Motion(**fields)
-        found = la.synthesize(motion, after.get("limits"), start_from=[solution], local=True, top=1)
+        found = la.synthesize(motion, after.get("limits"), start_from=[solution], refine_only=True, top=1)
         objective = found.best.errors.objective
         cases.append({"before": before, "solution": solution, "after": after, "objective": objective})
 

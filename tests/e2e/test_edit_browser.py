@@ -121,6 +121,6 @@ def test_a_linkage_is_entered_by_its_lengths_or_its_joints(shared) -> None:
     # a linkage given with a pasted request is no property of the motion
     begin = {"links": {"crank": 1, "coupler": 2, "rocker": 2, "ground": 2}, "branch": 1, "start_angle": 0}
     shared.load_request(
-        {"position": [[0, 0], [3, 4], [6, 5]], "timing": "free", "start_from": [begin], "local": True}
+        {"position": [[0, 0], [3, 4], [6, 5]], "timing": "free", "start_from": [begin], "refine_only": True}
     )
-    assert not shared.request().keys() & {"start_from", "local"}
+    assert not shared.request().keys() & {"start_from", "refine_only"}

@@ -16,8 +16,10 @@ CASEMENT = la.FourBar(240, 101.3, 83.8, 155.1, start_angle=18, coupler_point_pol
 DIRECTION = [0, -33.7]
 LOADS = {
     "body": {"force": [0, 100]},
-    "rocker": {"forces": [{"link": "rocker", "at": [83.8, 0], "force": [0, 100]}]},
-    "crank": {"forces": [{"link": "crank", "at": [120, 30], "force": [40, 80]}, {"link": "body", "force": [0, 9]}]},
+    "rocker": {"forces": [{"link": "rocker", "point": [83.8, 0], "force": [0, 100]}]},
+    "crank": {
+        "forces": [{"link": "crank", "point": [120, 30], "force": [40, 80]}, {"link": "body", "force": [0, 9]}]
+    },
 }
 
 
@@ -29,11 +31,11 @@ def drives(wish: dict[str, Any], load: dict[str, Any], **more: Any) -> la.Drives
 @pytest.mark.parametrize("link, on", [("crank", "ground"), ("coupler", "ground"), ("rocker", "crank")])
 def test_an_actuator_that_was_found_is_evaluated_alike_when_its_ends_are_given(load: Any, link: str, on: str) -> None:
     """The work over the motion is minus the work of the load, computed from positions only."""
-    found = drives({"links": [link], "on": on, "retracted": 200, "stroke": 50, "reach_max": 300}, load).best(
+    found = drives({"links": [link], "base_link": on, "retracted": 200, "stroke": 50, "reach_max": 300}, load).best(
         "actuator"
     )
     assert found is not None
-    prescribed = {"links": [link], "on": on, "ground_point": found.ground_point}
+    prescribed = {"links": [link], "base_link": on, "ground_point": found.ground_point}
     for pin in ({"pin": found.pin}, {"pin_on_link": found.pin_on_link}):
         (repeated,) = drives(prescribed | pin, load).drives
         for name in ("peak_force", "arm_min", "length", "holding", "peak_force_ratio", "stroke", "retracted"):
@@ -52,7 +54,7 @@ def test_an_actuator_that_was_found_is_evaluated_alike_when_its_ends_are_given(l
     for element in load.get("forces", ()):
         start, end = (np.broadcast_to(part, (61, 2)) for part in frames[element["link"]])
         along = (end - start) / np.linalg.norm(end - start, axis=1)[:, None]
-        x, y = element.get("at", (0, 0))
+        x, y = element.get("point", (0, 0))
         position = start + x * along + y * np.stack([-along[:, 1], along[:, 0]], axis=1)
         moved += (position @ np.array(element["force"]))[[0, -1]] @ [-1, 1]
     assert work == pytest.approx(-moved, rel=2e-3)

@@ -45,7 +45,7 @@ def test_a_transmission_angle_that_holds_the_best_linkage_is_named(family: str) 
     held = best.determination.active_limits
     assert {"transmission_angle_min", "pivot_a", "pivot_b"} <= set(held)
     eased = la.synthesize(
-        **relaxed(request, {"transmission_angle_min": 34}), start_from=[best], local=True, top=1
+        **relaxed(request, {"transmission_angle_min": 34}), start_from=[best], refine_only=True, top=1
     ).best
     assert eased.errors.objective < best.errors.objective * (1 - 1e-3)
     exact = la.synthesize(**relaxed(request, {"family": "any", "transmission_angle_min": 5}), top=1).best
@@ -61,7 +61,7 @@ def test_only_limits_without_which_the_error_falls_are_named(seed: int) -> None:
     request["limits"] = {"transmission_angle_min": 50, "family": "full_crank"}
     best = la.synthesize(**request, top=1, prefer="error").best
     nearby = la.synthesize(
-        **relaxed(request, {"transmission_angle_min": 49.5}), start_from=[best], local=True, top=1
+        **relaxed(request, {"transmission_angle_min": 49.5}), start_from=[best], refine_only=True, top=1
     ).best
     gained = nearby.errors.objective < best.errors.objective * (1 - 1e-6)
     assert ("transmission_angle_min" in best.determination.active_limits) == gained

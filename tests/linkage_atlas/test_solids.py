@@ -71,7 +71,7 @@ def test_what_parts_weigh_is_what_an_analysis_and_a_simulation_take(linkage) -> 
         for joints in ends:
             position = np.ravel(getattr(joints, origin)) + 0.0
             turn = np.exp(1j * np.deg2rad(getattr(joints, f"{name}_direction")[0]))
-            heights.append(position[1] + (complex(*body.at) * turn).imag)
+            heights.append(position[1] + (complex(*body.centre) * turn).imag)
         lifted += body.mass * 9.81 * (heights[1] - heights[0]) / (2 * np.deg2rad(h))
     assert held.drive_load[0] == pytest.approx(lifted, rel=1e-6)
     text = linkage.file("mjcf", solids={"material": "steel"}, assembly={"thickness": 4}).decode()
@@ -106,7 +106,9 @@ def test_parts_of_rails_and_slots_weigh_where_they_are(linkage, tmp_path, client
                 moved += part.mass.mass * (part.prism.moments.centre * position.turn + position.shift)
                 held += part.mass.mass
         joints = linkage.joints(travel)
-        position = complex(*joints.body_point[0]) + complex(*coupler.at) * np.exp(1j * np.deg2rad(joints.rotation[0]))
+        position = complex(*joints.body_point[0]) + complex(*coupler.centre) * np.exp(
+            1j * np.deg2rad(joints.rotation[0])
+        )
         assert held == pytest.approx(coupler.mass)
         assert moved / held == pytest.approx(position, abs=1e-6), k
     masses = {"masses": parts.to_dict()["masses"]}

@@ -13,8 +13,8 @@ import linkage_atlas as la
 
 HATCH = {
     "rocker": {"pivot": [0, 0], "start": -90, "swing": 90, "length": 1500},
-    "load": {"masses": [{"link": "rocker", "mass": 50, "at": [750, 0]}]},
-    "hand": [0, -1500],
+    "load": {"masses": [{"link": "rocker", "mass": 50, "centre": [750, 0]}]},
+    "hand_point": [0, -1500],
 }
 POSITION = {"kind": "gas", "between": ["ground", "rocker"], "ground_box": [-200, -700, 300, 100], "reach_max": 600}
 MECHANISM = la.FourBar(
@@ -22,9 +22,9 @@ MECHANISM = la.FourBar(
 )
 MASSES = {
     "masses": [
-        {"link": "coupler", "mass": 0.4, "at": [50, 20]},
-        {"link": "crank", "mass": 0.02, "at": [12.5, 0]},
-        {"link": "rocker", "mass": 0.04, "at": [27.5, 0]},
+        {"link": "coupler", "mass": 0.4, "centre": [50, 20]},
+        {"link": "crank", "mass": 0.02, "centre": [12.5, 0]},
+        {"link": "rocker", "mass": 0.04, "centre": [27.5, 0]},
     ]
 }
 
@@ -55,7 +55,7 @@ def test_a_hatch_is_held_open_and_shut(row: dict[str, float]) -> None:
         rocker=HATCH["rocker"],
         drives=[],
         load=HATCH["load"],
-        hand=HATCH["hand"],
+        hand_point=HATCH["hand_point"],
         springs=[POSITION | {"catalogue": [row], "holds": {"open": True, "closed": True}}],
     )
     (spring,) = found.springs
@@ -99,7 +99,7 @@ def test_springs_of_lids_help_by_their_energy(
     found = la.drives(
         rocker={"pivot": [0, 0], "start": start, "swing": swing, "length": length},
         drives=[],
-        load={"masses": [{"link": "rocker", "mass": mass, "at": at}]},
+        load={"masses": [{"link": "rocker", "mass": mass, "centre": at}]},
         springs=[{"kind": "gas", "catalogue": [row], "ground_box": box, "reach_max": 0.6 * length}],
     )
     if not found.springs:
@@ -144,7 +144,7 @@ def work_of(found: la.Drives, spring: Any) -> Any:
 
 
 LID = {"pivot": [0, 0], "start": 10, "swing": 80, "length": 300}
-LID_LOAD = {"masses": [{"link": "rocker", "mass": 1.5, "at": [150, 0]}]}
+LID_LOAD = {"masses": [{"link": "rocker", "mass": 1.5, "centre": [150, 0]}]}
 
 
 def test_a_torsion_spring_is_mounted_with_the_best_twist() -> None:

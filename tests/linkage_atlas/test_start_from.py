@@ -75,7 +75,7 @@ def test_a_compact_linkage_moves_no_farther_than_needed(crank_angles) -> None:
     changes = [np.abs(links(solution) - links(shown)).max() for solution in (nearby, optimum)]
     assert changes[0] < 0.75 * changes[1]
     assert nearby["errors"]["objective"] < 1.1 * optimum["errors"]["objective"]
-    (refined,) = la.synthesize(**after, start_from=[shown], local=True, work=stepped).solutions
+    (refined,) = la.synthesize(**after, start_from=[shown], refine_only=True, work=stepped).solutions
     assert refined.errors.objective == pytest.approx(optimum["errors"]["objective"], rel=1e-3)
 
 
@@ -111,7 +111,7 @@ def test_every_kind_of_linkage_continues_while_the_motion_is_dragged(kind, timin
     indices = [*requested["position"][:2], [45.5, 8], *requested["position"][3:]]
     for local in (True, False):
         found = la.synthesize(
-            **requested | {"position": indices}, start_from=[shown], local=local, budget=1.0, work=stepped
+            **requested | {"position": indices}, start_from=[shown], refine_only=local, budget=1.0, work=stepped
         )
         close = found.solutions[found.report.start_from_ranks[0] - 1]
         assert (close.kind, close.driver, close.branch) == (kind, shown["driver"], shown["branch"])
@@ -125,5 +125,5 @@ def test_a_linkage_by_its_joints_is_refined() -> None:
     at = la.FourBar(19, 72, 144, 165, start_angle=30, coupler_point_polar=(20, 60)).joints(0)
     points = (at.pivot_a, at.crank_pin, at.coupler_pin, at.pivot_b, at.body_point)
     joints = {name: point.ravel().tolist() for name, point in zip("ADCBP", points)}
-    found = la.synthesize(**requested, start_from=[{"joints": joints}], local=True)
+    found = la.synthesize(**requested, start_from=[{"joints": joints}], refine_only=True)
     assert found.status == "reached" and found.best.links.crank == pytest.approx(19, rel=1e-3)

@@ -113,7 +113,7 @@ def test_notes_say_how_the_table_was_read(tmp_path) -> None:
 
 def test_analysis_and_drives_use_the_unit_of_the_motion(in_cm) -> None:
     _, best = in_cm
-    load = {"masses": [{"link": "coupler", "mass": 1.0, "at": [5, 1]}], "gravity": [0, 0]}
+    load = {"masses": [{"link": "coupler", "mass": 1.0, "centre": [5, 1]}], "gravity": [0, 0]}
     torques = {
         unit: best.linkage.analysis(3600.0, load, length_unit=unit).drive_load[1] for unit in (None, "cm", "mm")
     }

@@ -95,7 +95,7 @@ def _machines() -> dict[str, Largest]:
     rows = [f"{1 + k},{20 + k % 50},{200 + k}" for k in range(200)]
     springs = [{"kind": "tension", "catalogue": "\n".join(["stiffness,free_length,longest", *rows])}] * 4
     driven = {"load": {"force": [0, -100]}, "drives": drives, "springs": springs, "top": 20}
-    plates = {"body": star, "boards": "both", "heads": True, "layers_max": 6}
+    plates = {"body": star, "boards": "both", "pin_heads": True, "layers_max": 6}
     return {
         "assembly: a star of 200 corners": Largest("/v2/assembly", of_linkage | plates),
         "drives: a catalogue, a motor and springs": Largest("/v2/drives", of_linkage | driven),

@@ -140,7 +140,7 @@ class Windows(RequestModel):
 class ClearanceOptions(RequestModel):
     """Conditions of the check that the jaw's point S10 passes the disc."""
 
-    at: Bounded | None = Field(
+    bill_angle: Bounded | None = Field(
         None, description="Angle of the bill at which `value` is computed; default: 270 degrees."
     )
     angle_range: Range | None = Field(
@@ -153,7 +153,7 @@ class ClearanceOptions(RequestModel):
     )
     hook: Literal["locked", "moving"] = Field(
         "locked",
-        description="locked: the jaw has the angle that it has at `at` over the whole range. moving: it follows its law.",
+        description="locked: the jaw has the angle that it has at `bill_angle` over the whole range. moving: it follows its law.",
     )
 
 
@@ -217,7 +217,7 @@ class ClearanceReply(ReplyModel):
     """Distance of the jaw's point S10 beyond the plane of the disc; a positive value is interference."""
 
     holds: bool
-    value: float = Field(description="Value at the angle `at`.")
+    value: float = Field(description="Value at the angle `bill_angle`.")
     worst: float = Field(description="Largest value in the range.")
     worst_angle: float
     margin: float
@@ -230,7 +230,7 @@ class Provenance(ReplyModel):
         description="Values that were fitted to reproduce the published pattern; the source does not give them."
     )
     published: list[str]
-    given: list[str] = Field(description="Values of this request.")
+    from_request: list[str] = Field(description="Values of this request.")
     partly_published: dict[str, str] = Field(description="Assumed values of which a component is published.")
     frames: dict[str, str] = Field(description="Frame of each point.")
 
@@ -298,7 +298,7 @@ def machine_of(request: MachineRequest, angles: Angles) -> tuple[Any, dict[str, 
     conditions = {
         "wrap": d_knotter.wrap(_range("/windows/wrap", windows.wrap, d_knotter.WRAP_WINDOW, angles)),
         "clearance": d_knotter.clearance(
-            d_knotter.CLEARANCE_AT if options.at is None else angles.inward(options.at),
+            d_knotter.CLEARANCE_AT if options.bill_angle is None else angles.inward(options.bill_angle),
             _range("/clearance/angle_range", options.angle_range, d_knotter.CLEARANCE_OVER, angles, True),
             math.inf if options.disc_radius is None else options.disc_radius,
             options.hook == "locked",
@@ -345,7 +345,7 @@ def provenance(request: MachineRequest, searched: list[str]) -> dict[str, Any]:
     return {
         "assumed": [name for name in assumed if name not in prescribed],
         "published": [name for name in published if name not in prescribed],
-        "given": prescribed,
+        "from_request": prescribed,
         "partly_published": {name: text for name, text in partly.items() if name not in prescribed},
         "frames": {**d_knotter.POINT_FRAMES, "E1": "u4", "E2": "u5"},
     }

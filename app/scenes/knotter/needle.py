@@ -64,7 +64,7 @@ class NeedleReply(ReplyModel):
     alpha2_for_d5_all: list[float]
     assumed: list[str]
     published: list[str]
-    given: list[str]
+    from_request: list[str]
 
 
 def answer_needle(request: NeedleRequest, _: Resources) -> NeedleReply:
@@ -102,13 +102,13 @@ def answer_needle(request: NeedleRequest, _: Resources) -> NeedleReply:
         alpha2_for_d5_all=[angles.outward(angle) for angle in for_length],
         assumed=[],
         published=[name for name in names if name not in prescribed],
-        given=prescribed,
+        from_request=prescribed,
     )
 
 
 def needle_table(reply: NeedleReply, units: Units = DEGREES) -> str:
     """Return a line for each field of the reply."""
-    rows = reply.model_dump(exclude={"assumed", "published", "given"})
+    rows = reply.model_dump(exclude={"assumed", "published", "from_request"})
     return "\n".join([*(f"{name:<22}{value}" for name, value in rows.items()), units_note(units, "lengths")])
 
 

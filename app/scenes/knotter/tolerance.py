@@ -101,7 +101,7 @@ def tolerance_table(reply: KnotterToleranceReply, units: Units = DEGREES) -> str
         rows.append(
             [
                 name,
-                *(f"{x:+.4f}" for x in (tolerance.margin, tolerance.corner, tolerance.least)),
+                *(f"{x:+.4f}" for x in (tolerance.margin, tolerance.corner, tolerance.margin_min)),
                 f"{tolerance.share:.1%}",
                 factor,
             ]

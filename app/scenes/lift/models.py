@@ -316,7 +316,7 @@ class OptimizeReply(ReplyModel):
     motion: MotionOfOptimum
     constraints: list[ConstraintReply] | None = None
     unconstrained: UnconstrainedReply | None = None
-    cost: float | None = Field(
+    objective_increase: float | None = Field(
         None, description="Relative increase of the objective due to the constraints; null if it is undefined."
     )
     note: str

@@ -172,7 +172,7 @@ def _within(optimum: Optimum, task: Task, limits: Constraints, radian: float, wo
     return {
         "constraints": constraints,
         "unconstrained": UnconstrainedReply(design=free.design, objective=free.objective, violated=violated),
-        "cost": optimum.objective / free.objective - 1 if free.objective > 0 else None,
+        "objective_increase": optimum.objective / free.objective - 1 if free.objective > 0 else None,
     }
 
 
@@ -225,13 +225,14 @@ def optimize_table(reply: OptimizeReply) -> str:
     if reply.constraints:
         lines += ["", f"{'constraint':>20} {'is':>14}        {'limit':>14}"]
         for row in reply.constraints:
-            sign = ">=" if row.kind == "least" else "<="
+            sign = ">=" if row.kind == "minimum" else "<="
             lines.append(f"{row.name:>20} {row.value:14.7g} {sign:>6} {row.limit:14.7g}{' *' if row.active else ''}")
         lines += ["* active constraint", ""]
-    if reply.unconstrained and reply.cost is not None:
+    if reply.unconstrained and reply.objective_increase is not None:
         broken = ", ".join(f"{row.name} {row.value:.6g}" for row in reply.unconstrained.violated)
         lines.append(
-            f"without constraints the objective is {reply.unconstrained.objective:.6g} (with constraints: {reply.cost:+.1%}); "
+            f"without constraints the objective is {reply.unconstrained.objective:.6g} "
+            f"(with constraints: {reply.objective_increase:+.1%}); "
             f"violated limits: {broken or 'none'}"
         )
     lines.append(reply.note)

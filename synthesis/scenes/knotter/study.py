@@ -192,7 +192,7 @@ class ConditionTolerance:
     """Margin if every dimension deviates by its whole tolerance to its unfavourable side."""
     factor: float | None
     """Multiple of the tolerances at which that corner fails; null if it exceeds 64 or the condition already fails."""
-    least: float
+    margin_min: float
     """Smallest margin of all samples."""
     share: float
     """Fraction of the samples in which the condition holds."""
@@ -271,7 +271,7 @@ def analyse_tolerances(
             linear=margin - float(np.abs(slopes).sum()),
             corner=corner_margin(1.0),
             factor=_failure_factor(corner_margin, margin, options),
-            least=float(min(sampled.min(initial=np.inf), margin)),
+            margin_min=float(min(sampled.min(initial=np.inf), margin)),
             share=float(np.mean(sampled > 0)) if samples else float(margin > 0),
         )
     if not samples:

@@ -437,7 +437,7 @@ class ConstraintRow:
     """Name of the constrained quantity."""
     value: float
     """Value of the design."""
-    kind: Literal["least", "most"]
+    kind: Literal["minimum", "maximum"]
     """`least` for a lower limit, `most` for an upper limit."""
     limit: float
     """The limit."""
@@ -447,7 +447,7 @@ class ConstraintRow:
     @property
     def satisfied(self) -> bool:
         """Return whether the design satisfies the limit."""
-        return self.value >= self.limit if self.kind == "least" else self.value <= self.limit
+        return self.value >= self.limit if self.kind == "minimum" else self.value <= self.limit
 
 
 def constraint_rows(limits: Constraints, values: dict[str, float], active: Sequence[str] = ()) -> list[ConstraintRow]:
@@ -481,7 +481,7 @@ def constraint_rows(limits: Constraints, values: dict[str, float], active: Seque
         "x_max": (None, right),
         "y_max": (None, top),
     }
-    kinds: tuple[tuple[Literal["least", "most"], str], ...] = (("least", ">=min"), ("most", "<=max"))
+    kinds: tuple[tuple[Literal["minimum", "maximum"], str], ...] = (("minimum", ">=min"), ("maximum", "<=max"))
     return [
         ConstraintRow(name, values[name], kind, limit, name + suffix in active)
         for name, pair in ranges.items()

@@ -60,14 +60,14 @@ def test_defaults_give_the_published_pattern(reference) -> None:
 def test_reply_tells_assumed_from_published(client, reference) -> None:
     assert {"d1", "D", "d9", "d10", "beta", "alpha4"} | {*POINTS} - {"S3", "S4"} <= set(reference["assumed"])
     assert {"alpha2", "d5", "d6", "S3", "S4"} <= set(reference["published"])
-    assert not reference["given"]
+    assert not reference["from_request"]
     frames = dict.fromkeys(POINTS, "u4") | {"S0": "u3", "S8": "u5", "S10": "u5"}
     assert {name: reference["frames"][name] for name in POINTS} == frames
     own = scan(client, parameters={"d1": 136}, laws={"beta": {"lead": 23.5, "ratio": 0.5}}, senses={"beta": -1})
-    assert set(own["given"]) == {"d1", "beta", "senses.beta"}
+    assert set(own["from_request"]) == {"d1", "beta", "senses.beta"}
     assert not {"d1", "beta", "senses.beta"} & set(own["assumed"])
     assert own["pairs"] == reference["pairs"]
-    all_cases = set(own["assumed"]) | set(own["published"]) | set(own["given"])
+    all_cases = set(own["assumed"]) | set(own["published"]) | set(own["from_request"])
     assert all_cases == set(reference["assumed"]) | set(reference["published"])
 
 
@@ -97,7 +97,7 @@ def test_needle_over_http(client) -> None:
     assert found["d5"] == pytest.approx(FIGURES["d5"]["8"], abs=1e-10)
     assert found["alpha2_for_d5"] == pytest.approx(FIGURES["alpha2_for_54"], abs=1e-9)
     assert (found["alpha2_whole_degrees"], found["d5_whole"]) == (7, 54)
-    assert found["assumed"] == [] and found["given"] == ["alpha2"]
+    assert found["assumed"] == [] and found["from_request"] == ["alpha2"]
     moved = client.post("/v2/knotter/needle", json={"d5": 54.001}).json()
     assert moved["alpha2_for_d5"] - found["alpha2_for_d5"] == pytest.approx(1e-3 * found["alpha2_per_d5"], rel=1e-4)
     radians = client.post("/v2/knotter/needle", json={"alpha2": math.radians(8), "angle_unit": "rad"}).json()

@@ -76,10 +76,10 @@ def test_the_default_constraints_give_a_lift_that_can_be_built(client) -> None:
     reply = client.post("/v2/lift/optimize", json=BUILDABLE).json()
     rows = {(row["name"], row["kind"]): row for row in reply["constraints"]}
     for row in rows.values():
-        assert row["value"] >= row["limit"] if row["kind"] == "least" else row["value"] <= row["limit"]
+        assert row["value"] >= row["limit"] if row["kind"] == "minimum" else row["value"] <= row["limit"]
     largest = {"extension": 1.8, "acceleration": 1000.0, "jerk": 10_000.0}
     smallest = {"dead_point": 0.05, "transmission_angle": 30.0, "y_min": 0.0, "l2": 51.0}
-    for kind, limits in (("most", largest), ("least", smallest)):
+    for kind, limits in (("maximum", largest), ("minimum", smallest)):
         for name, limit in limits.items():
             assert rows[name, kind]["limit"] == pytest.approx(limit)
     # the source's optimum of the same objective, and the constraints that it breaks
@@ -87,7 +87,7 @@ def test_the_default_constraints_give_a_lift_that_can_be_built(client) -> None:
     source = client.post("/v2/lift/optimize", json=changed(BUILDABLE, {"-constraints": 0})).json()
     assert beside["objective"] == source["objective"] and beside["design"] == source["design"]
     assert {row["name"] for row in beside["violated"]} >= {"extension", "dead_point", "acceleration", "jerk", "y_min"}
-    assert reply["cost"] == pytest.approx(reply["objective"] / source["objective"] - 1)
+    assert reply["objective_increase"] == pytest.approx(reply["objective"] / source["objective"] - 1)
     cylinder = {"length": reply["closed_length"], "speed": 100}
     body = {"design": reply["design"], "cylinder": cylinder, "samples": 2001}
     moved = client.post("/v2/lift/motion", json=body).json()
