@@ -27,10 +27,6 @@ SPARE = 1e-4
 _EXACT = 1e-12
 """Largest violation of an equation, as a fraction of the largest number involved."""
 
-BEGIN, END, PIVOT, TURNED, COUPLER = 4, 5, 6, 8, 9
-"""Columns of the derivatives of `mechanism.Constrained` behind those by the lengths."""
-_COUPLER, _COUPLER_FROM_ROCKER = 2, 3
-"""Codes of points beside the fixed pivots: the body point from the crank pin and from the coupler pin."""
 _SIGNS = {"crank_rocker": 1.0, "double_crank": -1.0}
 """Signs of the first two excesses of a family, see `four_bar.grashof_excesses`."""
 
@@ -126,9 +122,9 @@ class Constraints:
             for out in limits.keep_out:
                 table.add("keep_out", codes.OUTSIDE, point, *self._box(out))
         if limits.coupler_radius_max is not None:
-            table.add("coupler_radius_max", codes.NEAR, _COUPLER, 0.0, 0.0, limits.coupler_radius_max / self.scale)
+            table.add("coupler_radius_max", codes.NEAR, codes.BODY, 0.0, 0.0, limits.coupler_radius_max / self.scale)
         if reach is not None and reach.body is not None:
-            for point in (_COUPLER, _COUPLER_FROM_ROCKER):
+            for point in (codes.BODY, codes.BODY_FROM_ROCKER):
                 table.add("body_reach", codes.NEAR, point, 0.0, 0.0, reach.body / self.scale)
         if limits.envelope is not None:
             spare = 0.0 if self.exact else SPARE

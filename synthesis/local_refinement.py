@@ -57,13 +57,45 @@ Ints = NDArray[np.intp]
 
 # -- starting linkages ---------------------------------------------------------------------------------------------
 
-_EXCESS = 1e-2
-"""Smallest Grashof excess, relative to the sum of the lengths, of a linkage that is changed to turn fully.
 
-A descent stagnates close to a change point.
-"""
-_APART = 1e-3
-"""Relative difference of crank and ground after their exchange, if their order does not suit the family."""
+def _stages(steps: int, weights: Sequence[float], last: int) -> tuple[Stage, ...]:
+    """Return stages with growing weights of the limits, and a long last stage."""
+    return *(Stage(steps, weight=rho**0.5) for rho in weights), Stage(last, weight=1000.0**0.5)
+
+
+_WEIGHTS = (10.0, 30.0, 100.0, 300.0, 1000.0)
+
+
+@dataclass(frozen=True)
+class LocalOptions:
+    """Options of the refinement of a given linkage."""
+
+    excess_min: float = 1e-2
+    """Smallest Grashof excess over the sum of the lengths of a linkage that is changed to turn fully.
+
+    Near a change point a descent stagnates."""
+    apart: float = 1e-3
+    """Relative difference of crank and ground after their exchange, if their order does not suit the family."""
+    stages: tuple[tuple[Stage, ...], ...] = (
+        _stages(4, _WEIGHTS, 80),
+        _stages(5, (0.1, 0.3, 1.0, 3.0, *_WEIGHTS), 55),
+    )
+    """Stages of the two descents within limits.
+
+    The first does not leave the basin of a linkage within them, the second approaches distant limits slowly."""
+    free_stages: tuple[Stage, ...] = (Stage(400),)
+    """Stages of a descent without limits if the crank angles are prescribed."""
+    joint_stages: tuple[Stage, ...] = (Stage(1000),)
+    """Stages of a descent without limits if the crank angles are free."""
+    grid: int = 120
+    """Number of crank angles at which a linkage is compared with the poses."""
+    nearest_steps: int = 3
+    """Number of refinement steps from the grid to crank angles in between."""
+    gap: float = 1e-4
+    """Distance in radians to which coinciding crank angles are separated."""
+
+
+OPTIONS = LocalOptions()
 
 
 def turning_fully(linkage: Linkage, family: str) -> Linkage:
@@ -82,10 +114,10 @@ def turning_fully(linkage: Linkage, family: str) -> Linkage:
     rocks = {"crank_rocker": True, "double_crank": False}.get(family, crank <= ground)
     # a double-crank's lengths are those of a crank-rocker with crank and ground, coupler and rocker exchanged
     shortest, first, second, fourth = (crank, coupler, rocker, ground) if rocks else (ground, rocker, coupler, crank)
-    if fourth < (1 + 2 * _APART) * shortest:
+    if fourth < (1 + 2 * OPTIONS.apart) * shortest:
         middle = (shortest + fourth) / 2
-        shortest, fourth = (1 - _APART) * middle, (1 + _APART) * middle
-    smallest_excess = _EXCESS * (shortest + first + second + fourth)
+        shortest, fourth = (1 - OPTIONS.apart) * middle, (1 + OPTIONS.apart) * middle
+    smallest_excess = OPTIONS.excess_min * (shortest + first + second + fourth)
     a, b, c = (max(float(excess), smallest_excess) for excess in grashof_excesses([shortest, first, second, fourth]))
     first, second, fourth = shortest + (a + c) / 2, shortest + (b + c) / 2, shortest + (a + b) / 2
     links = (shortest, first, second, fourth) if rocks else (fourth, second, first, shortest)
@@ -118,15 +150,6 @@ class NearbyOptions:
 
 
 # -- crank angles given --------------------------------------------------------------------------------------------
-
-
-_STEPS = 400
-_WEIGHTS = (10.0, 30.0, 100.0, 300.0, 1000.0)
-_PLANS = (
-    # the first plan does not leave the basin of a linkage within the limits; the second one approaches distant limits slowly
-    (*(Stage(4, weight=rho**0.5) for rho in _WEIGHTS), Stage(80, weight=1000.0**0.5)),
-    (*(Stage(5, weight=rho**0.5) for rho in (0.1, 0.3, 1.0, 3.0, *_WEIGHTS)), Stage(55, weight=1000.0**0.5)),
-)
 
 
 def refine_motion(
@@ -243,7 +266,7 @@ class _Descents:
         space = FOURBAR.bounded(self.target, self.limits)[0 if full_crank else -1]
         self._freely(chart, [linkage])
         if not self.done:
-            self._freely(chart, [end for plan in _PLANS for end in self.lead_within(space, linkage, plan)])
+            self._freely(chart, [end for plan in OPTIONS.stages for end in self.lead_within(space, linkage, plan)])
 
     def _freely(self, chart: FullCrankChart | AnyChart, linkages: list[Linkage]) -> None:
         """Run descents without limits, and add the results that satisfy the limits."""
@@ -253,7 +276,7 @@ class _Descents:
         shape = chart.unknowns(np.array([linkage.links for linkage in linkages]))
         branch = np.array([float(linkage.branch) for linkage in linkages])
         candidates = candidates_at(shape, branch, np.array([linkage.start for linkage in linkages]))
-        found = problem.descended(candidates, [Stage(_STEPS)], 0.0, self.work)
+        found = problem.descended(candidates, OPTIONS.free_stages, 0.0, self.work)
         ends = problem.linkages(FOURBAR, found.take(np.isfinite(found.cost)))
         self.found += self.within_limits(assess(self.target, ends))
 
@@ -290,15 +313,6 @@ class _Descents:
 # -- crank angles free ---------------------------------------------------------------------------------------------
 
 
-_GRID = 120
-"""Number of crank angles at which a linkage is compared with the poses."""
-_JOINT_STEPS = 1000
-_SHARPER = 3
-"""Number of refinement steps from the grid to crank angles in between."""
-_GAP = 1e-4
-"""Distance to which coinciding crank angles are separated."""
-
-
 def refine_poses(
     poses: Poses, limits: Limits, linkage: Linkage, crank: Floats | None, tolerance: float, work: Work
 ) -> tuple[list[Solution], SearchReport]:
@@ -322,7 +336,7 @@ def refine_poses(
                 solutions_of(poses, pool, chart, Limits(family=limits.family), 1, tolerance),
                 work.elapsed,
             )
-        pool = pool.joined(problem.descended(timed, [Stage(_JOINT_STEPS)], 0.3 * tolerance, work))
+        pool = pool.joined(problem.descended(timed, OPTIONS.joint_stages, 0.3 * tolerance, work))
         found = solutions_of(poses, pool, chart, limits, 1, tolerance)
         if not (limits.only_family or Status.of(found, tolerance) is Status.REACHED or work.expired()):
             inside = refined_within(poses, limits, pool.timed, work)
@@ -422,14 +436,14 @@ def _candidates_of(poses: Poses, limits: Limits, linkage: Linkage, crank: Floats
     if not begins:
         return None
     joined = begins[0].joined(*begins[1:])
-    return joined.joined(problem.nearest(joined, _SHARPER))
+    return joined.joined(problem.nearest(joined, OPTIONS.nearest_steps))
 
 
 def _in_order(poses: Poses, angles: Floats) -> Floats:
     """Return crank angles (N,) in increasing or decreasing order within the largest span, changed as little as needed."""
     sense = 1.0 if angles[-1] >= angles[0] else -1.0
     along = sense * (angles - angles[0])
-    gap = min(_GAP, 0.01 * poses.span_max / len(along))
+    gap = min(OPTIONS.gap, 0.01 * poses.span_max / len(along))
     if np.diff(along).min() <= 0:
         even = gap * np.arange(len(along))
         along = np.maximum.accumulate(along - even) + even
@@ -451,17 +465,17 @@ def _arcs(angles: Floats, span_max: float) -> Floats:
 def _fitting(problem: JointProblem, own: Timed) -> list[Floats]:
     """Return crank angles (N,) at which a linkage is closest to the samples; for ordered samples in both directions."""
     poses = problem.poses
-    grid = np.linspace(0.0, TURN, _GRID, endpoint=False)
+    grid = np.linspace(0.0, TURN, OPTIONS.grid, endpoint=False)
     costs = problem.errors_at(own, grid[None])[0]
     closes = np.isfinite(costs[0])
     if not closes.any():
         return []
     if not poses.ordered:
         return [grid[costs.argmin(axis=1)]]
-    width = min(_GRID, int(poses.span_max / (TURN / _GRID)) + 1)
+    width = min(OPTIONS.grid, int(poses.span_max / (TURN / OPTIONS.grid)) + 1)
     found = []
     for sense in (1, -1):
-        ring = np.roll(np.arange(_GRID)[::sense], 1 if sense < 0 else 0)
+        ring = np.roll(np.arange(OPTIONS.grid)[::sense], 1 if sense < 0 else 0)
         begin, steps = _one_way(costs[:, ring], closes[ring], width)
         found.append(sense * (grid[begin] + steps * grid[1]))
     return found

@@ -31,14 +31,23 @@ from synthesis.target import TURN, Target
 
 FREE = 1e3
 """Relative uncertainty of a length above which the motion does not determine it."""
-_TOUCHED = 1e-5
-"""Distance over the length scale up to which a limit is touched; a search keeps `SPARE` from the envelope."""
-_CHANGE_POINT = 1e-6
-"""An excess of so small a part of the perimeter is a bound of the family."""
-_PUSHES = 1e-6
-"""Multiplier, over J squared, from which on a limit pushes."""
-_STEP = 1e-5
-"""Step of the unknowns in the differences for the Hessian."""
+
+
+@dataclass(frozen=True)
+class DeterminationOptions:
+    """Options of the examination of limits at an answer."""
+
+    touched: float = 1e-5
+    """Distance over the length scale up to which an answer is at a limit."""
+    change_point: float = 1e-6
+    """Excess over the perimeter below which the answer is at a bound of the family."""
+    pushes: float = 1e-6
+    """Multiplier over J squared above which a limit is active."""
+    step: float = 1e-5
+    """Step of the unknowns in the differences for the Hessian."""
+
+
+OPTIONS = DeterminationOptions()
 
 
 @dataclass(frozen=True)
@@ -226,7 +235,7 @@ def _determination(target: Target, linkage: Linkage, resolution: float, limits: 
         gradient = np.delete(gradient, free)
     rows = _limit_rows(target, [linkage], limits, free, gradient.size)
     force = _multipliers(rows, gradient)
-    pushes = rows.touched[0] & (rows.equal | (force > _PUSHES * (residual @ residual)))
+    pushes = rows.touched[0] & (rows.equal | (force > OPTIONS.pushes * (residual @ residual)))
     names = tuple(dict.fromkeys(name for name, on in zip(rows.names, pushes) if on))
     slopes, ends = rows.slopes[0, pushes], rows.ends[0, pushes]
     end_samples = _end_samples(target) if target.found and np.any(ends) else []
@@ -289,11 +298,11 @@ def _limit_rows(target: Target, linkages: list[Linkage], limits: Limits, free: i
         placed = placed.over(middle, scale)
     found = Constraints(limits, middle, scale)(placed)
     slopes = found.slopes
-    touched = np.where(np.array(found.names) == "envelope", _TOUCHED + 2 * SPARE, _TOUCHED)
+    touched = np.where(np.array(found.names) == "envelope", OPTIONS.touched + 2 * SPARE, OPTIONS.touched)
     touched_rows = found.equal | (found.values <= touched)
     size = links.sum(axis=1)[:, None]
     excesses = np.stack(grashof_excesses(links), axis=1) / size
-    edges = (np.abs(excesses) <= _CHANGE_POINT) & (limits.family != "any")
+    edges = (np.abs(excesses) <= OPTIONS.change_point) & (limits.family != "any")
     bounds = EXCESSES * (links / size)[:, None] * np.sign(excesses)[:, :, None]
     rows = np.zeros((count, slopes.shape[1] + 3, unknowns))
     rows[:, :-3, :free] = (slopes[:, :, :4] * placed.lengths[:, None])[:, :, :free]
@@ -347,7 +356,7 @@ def _null_space(rows: Floats, unknowns: int) -> Floats:
 
 def _half_hessian(target: Target, linkage: Linkage, limits: Limits, free: int, face: Floats, force: Floats) -> Floats:
     """Z' M Z of the module's head, by central differences of half the Lagrangian's gradient along the face."""
-    moved = [_moved(target, linkage, step, free) for step in _STEP * np.vstack([face.T, -face.T])]
+    moved = [_moved(target, linkage, step, free) for step in OPTIONS.step * np.vstack([face.T, -face.T])]
     if not moved:
         return np.empty((0, 0))
     matrices, residual = derivative_matrix(target, moved)[0], residuals(target, moved)
@@ -355,7 +364,7 @@ def _half_hessian(target: Target, linkage: Linkage, limits: Limits, free: int, f
     if force.any():
         gradients -= 0.5 * force @ _limit_rows(target, moved, limits, free, len(face)).slopes
     size = face.shape[1]
-    return ((gradients[:size] - gradients[size:]) @ face) / (2 * _STEP)
+    return ((gradients[:size] - gradients[size:]) @ face) / (2 * OPTIONS.step)
 
 
 def _moved(target: Target, linkage: Linkage, step: Floats, free: int) -> Linkage:

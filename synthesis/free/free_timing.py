@@ -27,6 +27,7 @@ class FreeTimingOptions(SearchOptions):
     """Options of the search with free crank angles."""
 
     schedule: Schedule = SELECTED_EARLY
+    flipped: float = 0.3
     max_samples: int = 64
     """Number of samples up to which the search uses all."""
     thinned_samples: int = 32

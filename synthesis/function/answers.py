@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,14 +21,22 @@ from synthesis.sheet import csv_text
 from synthesis.solution import looks_of
 from synthesis.target import Interval, Samples, Target
 
-_ROUNDING = 1e-13
-"""A turn back between two places that is no more than rounding."""
-_STEPS = 720
-"""Number of steps in which the interval is examined for extremes of the error; more steps with more samples."""
-PEAKS = 24
-"""Extremes of an error curve that are kept, the largest."""
-LEVEL = 1e-3
-"""Relative difference from the largest extreme up to which an extreme counts as an alternation."""
+
+@dataclass(frozen=True)
+class ExtremeOptions:
+    """Options of the examination of error curves over the interval."""
+
+    rounding: float = 1e-13
+    """A reversal between two inputs below this angle in radians is rounding."""
+    steps: int = 720
+    """Smallest number of steps in which the interval is examined; more steps with more samples."""
+    peaks: int = 24
+    """Number of largest extremes of an error curve that are stored."""
+    level: float = 1e-3
+    """Relative difference from the largest extreme up to which an extreme counts as an alternation."""
+
+
+OPTIONS = ExtremeOptions()
 
 
 @dataclass(frozen=True)
@@ -130,7 +139,7 @@ def look(target: TargetFunction) -> Floats:
     They are denser towards the ends, down to a thousand millionth of the interval: there x^p may begin with an infinite slope,
     and a rocker at a dead position too.
     """
-    steps = max(_STEPS, 2 * target.crank.size)
+    steps = max(OPTIONS.steps, 2 * target.crank.size)
     cosine = (1 - np.cos(np.linspace(0.0, np.pi, steps + 1))) / 2
     close_to_ends = np.logspace(-9, -3, 49)
     share = np.unique(
@@ -180,7 +189,7 @@ def alternations(found: Extremes) -> list[int]:
     """Count, for each curve, the extremes of alternating sign that are as large as the largest."""
     counts = []
     for size, sign in zip(found.size, found.sign):
-        level = sign[(size > 0) & (size >= (1 - LEVEL) * size.max())]
+        level = sign[(size > 0) & (size >= (1 - OPTIONS.level) * size.max())]
         counts.append(int(level.size > 0) + int(np.count_nonzero(np.diff(level))))
     return counts
 
@@ -207,9 +216,9 @@ def errors_of(
     def weighted(crank: Floats) -> Floats:
         return target.weight(np.broadcast_to(crank, (count, crank.shape[-1]))) * error(crank)
 
-    found = plain = extremes(weighted, look(target), PEAKS)
+    found = plain = extremes(weighted, look(target), OPTIONS.peaks)
     if target.weights is not None:
-        plain = extremes(error, look(target), PEAKS)
+        plain = extremes(error, look(target), OPTIONS.peaks)
     columns = zip(rms.tolist(), plain.size.max(axis=1).tolist(), alternations(found), found.size.max(axis=1).tolist())
     return [FunctionErrors(*column) for column in columns]
 
@@ -309,18 +318,19 @@ def turning_back(
 
 def fraction_back(target: TargetFunction, linkage: Linkage) -> float:
     """Return the fraction of the output's range by which a rocker turns back on the way."""
-    back = turning_back(target, lambda crank: rocker_angles([linkage], crank)[0], _ROUNDING)
+    back = turning_back(target, partial(_rocker_angle, linkage), OPTIONS.rounding)
     return 0.0 if back is None else back[0] / float(np.ptp(target.output))
 
 
 def turns_back(target: TargetFunction, linkages: Sequence[Linkage]) -> list[str | None]:
     """Return a sentence for each linkage whose rocker turns back although the target is monotonic; None for the others."""
-    found: list[str | None] = []
-    for linkage in linkages:
-        back = turning_back(target, lambda crank, linkage=linkage: rocker_angles([linkage], crank)[0], _ROUNDING)  # type: ignore[misc]
-        words = "the rocker turns back by {:.3g} degrees at {:.3g} % of the interval"
-        found.append(None if back is None else words.format(np.rad2deg(back[0]), 100 * back[1]))
-    return found
+    words = "the rocker turns back by {:.3g} degrees at {:.3g} % of the interval"
+    backs = [turning_back(target, partial(_rocker_angle, linkage), OPTIONS.rounding) for linkage in linkages]
+    return [back and words.format(np.rad2deg(back[0]), 100 * back[1]) for back in backs]
+
+
+def _rocker_angle(linkage: Linkage, travel: Floats) -> Floats:
+    return rocker_angles([linkage], travel)[0]
 
 
 def to_csv(target: TargetFunction, linkage: Linkage, offset: float, unit: float) -> str:

@@ -14,6 +14,7 @@ prediction (Madsen and Schjaer-Jacobsen, Linearly constrained minimax optimizati
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -25,11 +26,22 @@ from synthesis.work import Work
 
 Ints = NDArray[np.intp]
 
-PENALTY = 1000.0
-"""nu: penalty of a violation by 1 radian, or by 1 in a logarithm; larger than any reduction of the error that it allows.
-"""
-FIRST_RADIUS = 0.2
-_LARGEST_RADIUS, _LEAST_RADIUS = 1.0, 1e-12
+
+@dataclass(frozen=True)
+class DescentOptions:
+    """Options of the quadratic steps."""
+
+    penalty: float = 1000.0
+    """Cost nu of a violation by one radian, or by one in a logarithm; it exceeds the possible gain in error."""
+    first_radius: float = 0.2
+    """Radius of the first step."""
+    radius_max: float = 1.0
+    """Largest radius of a step."""
+    radius_min: float = 1e-12
+    """Radius below which a candidate ends."""
+
+
+OPTIONS = DescentOptions()
 
 
 class Linear(NamedTuple):
@@ -68,7 +80,7 @@ class Descended(NamedTuple):
     @property
     def merit(self) -> Floats:
         """Size and the penalty of violated conditions, (n,)."""
-        return self.size + PENALTY * self.broken
+        return self.size + OPTIONS.penalty * self.broken
 
 
 def descend(
@@ -81,7 +93,7 @@ def descend(
     steps: int,
     gain: float,
     work: Work,
-    radius: Floats | float = FIRST_RADIUS,
+    radius: Floats | float = OPTIONS.first_radius,
 ) -> Descended:
     """Minimize the error of candidates (n, 5), all at once.
 
@@ -107,7 +119,7 @@ def descend(
     Returns
     -------
     Descended
-        Law: size + PENALTY broken of a candidate never exceeds its initial value.
+        Law: size + penalty * violation of a candidate never exceeds its initial value.
     """
     unknowns = np.clip(unknowns, *box)
     count = len(unknowns)
@@ -152,10 +164,10 @@ def descend(
             column[took] = value[better]
         length = np.abs(step).max(axis=1)
         grown = np.where(ratio > 0.75, np.maximum(radii[active], 2.5 * length), radii[active])
-        radii[active] = np.minimum(np.where(ratio < 0.25, 0.3 * length, grown), _LARGEST_RADIUS)
+        radii[active] = np.minimum(np.where(ratio < 0.25, 0.3 * length, grown), OPTIONS.radius_max)
         over = (expected <= gain * merit[active]) | (merit[active] < 1e-15)
         ended[active[over]] = True
-        active = active[~over & (radii[active] > _LEAST_RADIUS)]
+        active = active[~over & (radii[active] > OPTIONS.radius_min)]
     return Descended(unknowns, _size(here.error, largest), _broken(here.condition), ended, radii)
 
 
@@ -177,7 +189,7 @@ def _broken(condition: Floats) -> Floats:
 
 
 def _merit(model: Linear, largest: bool) -> Floats:
-    merit = _size(model.error, largest) + PENALTY * _broken(model.condition)
+    merit = _size(model.error, largest) + OPTIONS.penalty * _broken(model.condition)
     return np.where(np.isnan(merit), np.inf, merit)
 
 
@@ -217,7 +229,7 @@ def _program(
         at += size
     matrix[:, at, size + 1] = 1.0
     hessian, gradient = np.zeros((count, size + 2, size + 2)), np.zeros((count, size + 2))
-    gradient[:, size + 1] = PENALTY
+    gradient[:, size + 1] = OPTIONS.penalty
     norm = np.maximum(_size(model.error, False), 1e-300)[:, None]
     if largest:
         gradient[:, size] = 1.0
@@ -230,4 +242,4 @@ def _program(
     step = z[:, :size]
     ahead = model.error + (model.slope @ step[:, :, None])[:, :, 0]
     linearised = model.condition + (model.condition_slope @ step[:, :, None])[:, :, 0]
-    return step, _size(ahead, largest) + PENALTY * _broken(linearised)
+    return step, _size(ahead, largest) + OPTIONS.penalty * _broken(linearised)

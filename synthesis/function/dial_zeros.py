@@ -10,18 +10,28 @@ chapter VIII, for the equal number of pivots through five poses).
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from synthesis.arrays import Floats
 
-_SAMPLES = 32
-"""Number of prescribed zeros at which the resultant, of order four in twice the angle, is sampled."""
-_ORDER = 4
-_NEAR_CIRCLE = 0.05
-"""Distance from the unit circle up to which a root of the resultant may be real apart from rounding."""
-_NEWTON_STEPS = 12
-_SOLVED = 1e-9
-"""Residual of the equations above which a root is discarded."""
+
+@dataclass(frozen=True)
+class ZeroOptions:
+    """Options of the zeros of the dials for five pairs."""
+
+    samples: int = 32
+    """Number of given zeros at which the resultant, of order four in twice the angle, is sampled."""
+    near_circle: float = 0.05
+    """Distance from the unit circle up to which a root of the resultant may be real except for rounding."""
+    newton_steps: int = 12
+    """Number of Newton steps on all five equations."""
+    solved: float = 1e-9
+    """Residual of the equations above which a root is discarded."""
+
+
+OPTIONS = ZeroOptions()
 
 
 def quadratic_forms(fixed: Floats, turning: Floats) -> Floats:
@@ -62,7 +72,7 @@ def zeros_of_four_pairs(fixed: Floats, turning: Floats) -> Floats:
 def zeros_of_five_pairs(crank: Floats, output: Floats) -> tuple[Floats, Floats]:
     """Return the starts and offsets (n,), up to half turns, of the four-bars that meet five pairs (5,) in radians."""
     first, second = [0, 1, 2, 3], [0, 1, 2, 4]
-    start: Floats = np.linspace(0.0, np.pi, _SAMPLES, endpoint=False)
+    start: Floats = np.linspace(0.0, np.pi, OPTIONS.samples, endpoint=False)
 
     def forms(at: Floats) -> tuple[Floats, Floats]:
         phi = at[:, None] + crank
@@ -71,8 +81,8 @@ def zeros_of_five_pairs(crank: Floats, output: Floats) -> tuple[Floats, Floats]:
     (a, b, c), (d, e, f) = forms(start)
     resultant = (a * f - c * d) ** 2 - (a * e - b * d) * (b * f - c * e)
     waves = np.fft.fft(resultant)
-    roots = np.roots(waves[np.arange(_ORDER, -_ORDER - 1, -1)])
-    start = np.asarray(np.angle(roots[np.abs(np.abs(roots) - 1) < _NEAR_CIRCLE]) / 2, dtype=float)
+    roots = np.roots(waves[np.arange(4, -5, -1)])
+    start = np.asarray(np.angle(roots[np.abs(np.abs(roots) - 1) < OPTIONS.near_circle]) / 2, dtype=float)
     offset = zeros_of_four_pairs((start[:, None] + crank)[:, first], output[first])
     start, offset = np.repeat(start, 2), offset.ravel()
     known = np.isfinite(offset)
@@ -86,7 +96,7 @@ def _refined(crank: Floats, output: Floats, start: Floats, offset: Floats) -> tu
     ratios = (np.linalg.pinv(matrix) @ np.cos(phi - psi)[:, :, None])[:, :, 0]
     unknowns = np.column_stack([ratios, start, offset])
     residual = np.full(phi.shape, np.inf)
-    for _ in range(_NEWTON_STEPS):
+    for _ in range(OPTIONS.newton_steps):
         first, second, third, at, shift = unknowns.T[:, :, None]
         phi, psi = at + crank, output - shift
         turned = np.sin(phi - psi)
@@ -101,5 +111,5 @@ def _refined(crank: Floats, output: Floats, start: Floats, offset: Floats) -> tu
         jacobian = np.stack(columns, axis=2)
         finite = np.isfinite(jacobian).all(axis=(1, 2))
         unknowns[finite] -= (np.linalg.pinv(jacobian[finite]) @ residual[finite, :, None])[:, :, 0]
-    solved = np.abs(residual).max(axis=1, initial=0.0) < _SOLVED
+    solved = np.abs(residual).max(axis=1, initial=0.0) < OPTIONS.solved
     return unknowns[solved, 3], unknowns[solved, 4]

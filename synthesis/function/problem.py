@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.arrays import Floats, Ints
-from synthesis.constraints import BEGIN, END, Constraints
+from synthesis.constraints import Constraints
 from synthesis.fourbar.mechanism import AnyChart
 from synthesis.function.descent import Linear, Linearise
 from synthesis.function.target_function import TargetFunction
+from synthesis.kernels import codes
 from synthesis.limits import Limits
 from synthesis.mechanism import Placed
 from synthesis.pose import whole_turns
@@ -186,7 +187,7 @@ class Problem(FunctionProblem):
         found = self.constraints(Placed(lengths, np.ones(len(lengths)), used))
         slopes = np.zeros((*found.values.shape, 5))
         slopes[:, :, :3] = found.slopes[:, :, :3] * lengths[:, None, :3]
-        slopes[:, :, 3] = found.slopes[:, :, BEGIN] + found.slopes[:, :, END]
+        slopes[:, :, 3] = found.slopes[:, :, codes.BY_FIRST] + found.slopes[:, :, codes.BY_LAST]
         return found.values - OPTIONS.margin * np.array([name != "link_ratio_max" for name in found.names]), slopes
 
     def at(self, unknowns: Floats, branch: Floats, crank: Floats, derivatives: bool = True) -> OutputCurve:

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import NamedTuple
 
@@ -37,16 +37,26 @@ from synthesis.ranking import merit
 from synthesis.target import TURN, Interval
 from synthesis.work import Work
 
-_ROUNDING = 1e-9
-"""Relative violation of a limit by rounding, for an answer at the limit."""
-_EXACT = 1e-6
-"""Error of a crank-rocker in radians that counts as rounding."""
-_SAMPLES = 1500
-"""Number of members of a family that are rated."""
-_APART = 0.1
-"""Minimum difference of two answers in some length, over the longest."""
-_NEAREST, _FARTHEST = 1e-2, 1e2
-"""Smallest and largest distance of the near end from the crank pivot, over the distance of both ends."""
+
+@dataclass(frozen=True)
+class QuickReturnOptions:
+    """Options of quick-return linkages by their dead centres."""
+
+    rounding: float = 1e-9
+    """Fraction by which rounding may violate a limit that an answer meets exactly."""
+    exact: float = 1e-6
+    """Error of a crank-rocker in radians below which it is exact except for rounding."""
+    samples: int = 1500
+    """Number of members of a family that are rated."""
+    apart: float = 0.1
+    """Smallest difference of two answers in some length, over the longest."""
+    nearest: float = 1e-2
+    """Smallest distance of the near end from the crank pivot, over the distance of both ends."""
+    farthest: float = 1e2
+    """Largest such distance."""
+
+
+OPTIONS = QuickReturnOptions()
 
 
 class SliderCranks(NamedTuple):
@@ -94,7 +104,11 @@ def all_slider_cranks(alpha: float, prescribed: Sequence[tuple[int, float]] = ()
     if alpha >= np.pi / 2:
         return slider_cranks(alpha, np.empty(0))
     last = 1 / np.tan(alpha) if alpha > 0 else np.inf
-    near_ends = np.geomspace(_NEAREST, _FARTHEST, _SAMPLES) if last > _FARTHEST else last * _between(_SAMPLES)
+    near_ends = (
+        np.geomspace(OPTIONS.nearest, OPTIONS.farthest, OPTIONS.samples)
+        if last > OPTIONS.farthest
+        else last * _between(OPTIONS.samples)
+    )
     for index, value in prescribed:
         near_ends = _roots(lambda q: np.abs(slider_cranks(alpha, q).lengths), index, abs(value), near_ends)
     return slider_cranks(alpha, near_ends)
@@ -105,8 +119,8 @@ def all_crank_rockers(alpha: float, swing: float, prescribed: Sequence[tuple[int
 
     The rocker turns counter-clockwise while the crank turns by half a turn and alpha.
     """
-    last = min(_FARTHEST, 1 / np.sin(alpha)) if alpha > 0 else _FARTHEST
-    near_ends = np.geomspace(_NEAREST, last * (1 - 1e-9), _SAMPLES)
+    last = min(OPTIONS.farthest, 1 / np.sin(alpha)) if alpha > 0 else OPTIONS.farthest
+    near_ends = np.geomspace(OPTIONS.nearest, last * (1 - 1e-9), OPTIONS.samples)
     found = []
     for first, side in itertools.product((-1, 1), (-1, 1)):
         at = partial(_crank_rockers, alpha, swing, first, side)
@@ -163,10 +177,10 @@ def slider_crank_answers(
             shape[index] = np.copysign(value, shape[index])
         if len(found) == top or work.expired():
             break
-        if not transmission[k] >= limits.limits.transmission_angle_min * (1 - _ROUNDING):
+        if not transmission[k] >= limits.limits.transmission_angle_min * (1 - OPTIONS.rounding):
             continue
         if all(
-            np.abs(generator.lengths - shape).max() > _APART * max(shape[1], generator.lengths[1])
+            np.abs(generator.lengths - shape).max() > OPTIONS.apart * max(shape[1], generator.lengths[1])
             for generator in found
         ):
             unknowns = np.array([*np.log(shape[:2]), shape[2], family.start[k], -family.near[k]])
@@ -188,7 +202,7 @@ def exact_crank_rockers(
     """Return the candidates of `all_crank_rockers` that do not turn too fast on the way and stay on their branch."""
     found = all_crank_rockers(alpha, float(np.ptp(target.output)), prescribed)
     output = close_loop(found.lengths, found.start[:, None] + target.crank).rocker_angle(found.branch)
-    exact = np.all(np.abs(output - output[:, :1] - target.output) < _EXACT, axis=1)
+    exact = np.all(np.abs(output - output[:, :1] - target.output) < OPTIONS.exact, axis=1)
     return CrankRockers(*(column[exact] for column in found))
 
 
@@ -206,7 +220,7 @@ def crank_rocker_answers(
     prescribed = [(k, length) for k, length in enumerate(over.links[:3]) if length is not None]
     lengths, branch, start = exact_crank_rockers(target, alpha, prescribed)
     used = Interval(start, start + TURN)
-    inside = keeps(target.target, over, Placed(lengths, branch, used), _ROUNDING)
+    inside = keeps(target.target, over, Placed(lengths, branch, used), OPTIONS.rounding)
     lengths, branch, start = lengths[inside], branch[inside], start[inside]
     transmission = crank_rocker_transmission(lengths)
     order = np.argsort(function_merit(lengths, transmission, limits.links[3] is not None), kind="stable")
@@ -216,7 +230,7 @@ def crank_rocker_answers(
             break
         shape = lengths[k] / lengths[k].max()
         if all(
-            np.abs(np.array(solution.linkage.links) / max(solution.linkage.links) - shape).max() > _APART
+            np.abs(np.array(solution.linkage.links) / max(solution.linkage.links) - shape).max() > OPTIONS.apart
             for solution in found
         ):
             links = lengths[k] * ground

@@ -22,8 +22,10 @@ import numpy as np
 
 from synthesis.arrays import Floats, Ints, rows_at, rows_of_all
 from synthesis.constraints import keeps
-from synthesis.function.answers import PEAKS, Generator, exchanged, extremes, finished, look, turns_back
-from synthesis.function.descent import FIRST_RADIUS, PENALTY, Descended, descend
+from synthesis.function.answers import OPTIONS as ANSWERS
+from synthesis.function.answers import Generator, exchanged, extremes, finished, look, turns_back
+from synthesis.function.descent import OPTIONS as STEPS
+from synthesis.function.descent import Descended, descend
 from synthesis.function.problem import Problem
 from synthesis.function.target_function import TargetFunction
 from synthesis.least_squares import Evaluation, minimise
@@ -190,7 +192,7 @@ class FunctionSearch(SearchProblem):
     def converge(self, candidates: Candidates, stages: Sequence[Level]) -> Candidates:
         """Refine basins by quadratic steps, first over fixed inputs and then over the extremes of their error curves."""
         unknowns, branch = candidates.unknowns, candidates.branch
-        radii = np.full(branch.size, FIRST_RADIUS)
+        radii = np.full(branch.size, STEPS.first_radius)
         for stage in stages:
             if not branch.size or self.work.expired():
                 return candidates.take([])
@@ -355,7 +357,7 @@ class FunctionSearch(SearchProblem):
         root: Floats,
         steps: int,
         gain: float,
-        radius: Floats | float = FIRST_RADIUS,
+        radius: Floats | float = STEPS.first_radius,
     ) -> Descended:
         """Take sequential quadratic steps over inputs (n, M)."""
         return descend(
@@ -409,10 +411,10 @@ class FunctionSearch(SearchProblem):
         inspection, coarse = look(self.function), self.error_samples(self.options.grid_inputs)[0]
         peaks = np.broadcast_to(coarse, (len(rows), coarse.size))
         for turn in range(self.options.exchanges):
-            found = extremes(self.weighted_gap(unknowns[rows], branch[rows]), inspection, PEAKS // 2)
+            found = extremes(self.weighted_gap(unknowns[rows], branch[rows]), inspection, ANSWERS.peaks // 2)
             broken = np.minimum(self.problem.conditions(unknowns[rows])[0], 0.0).min(axis=1)
             largest = found.size.max(axis=1)
-            merit = largest - PENALTY * broken
+            merit = largest - STEPS.penalty * broken
             better = merit < smallest[rows]
             # no longer falling: the steps saw all the extremes
             first = rows == np.argmin(smallest)
@@ -426,7 +428,9 @@ class FunctionSearch(SearchProblem):
             if not rows.size or self.work.expired():
                 break
             angles = np.sort(
-                np.concatenate([found.crank, peaks[:, -PEAKS:], np.broadcast_to(coarse, (len(rows), coarse.size))], 1)
+                np.concatenate(
+                    [found.crank, peaks[:, -ANSWERS.peaks :], np.broadcast_to(coarse, (len(rows), coarse.size))], 1
+                )
             )
             peaks = found.crank
             done = self.stepped(

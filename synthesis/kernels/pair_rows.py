@@ -27,16 +27,10 @@ MARGIN = declare(double, 1e-7)  # margin by which descents satisfy limits, so th
 POSE_STEP_MAX = declare(double, 0.7)  # longest correction of a pose, in radians and length scales
 INDEPENDENT_FRACTION_MIN = declare(
     double, 1e-9
-)  # smallest independent fraction of the second guide, if both guides push along one line
-CLOSURE_GAP = declare(
-    double, 1e-7
-)  # gap below which a pose with prescribed drive closes, in radians and length scales
-BRANCH_SINE_MIN = declare(
-    double, 1e-3
-)  # smallest sine of the transmission angle: at a toggle position the branches meet
-DRIVE_STEP_MIN = declare(
-    double, 1e-3
-)  # smallest step of the drive between ordered samples, in radians or length scales
+)  # smallest independent fraction of two guides that push along one line
+CLOSURE_GAP = declare(double, 1e-7)  # gap below which a pose with prescribed drive closes
+BRANCH_SINE_MIN = declare(double, 1e-3)  # smallest sine of the transmission angle: at a toggle position branches meet
+DRIVE_STEP_MIN = declare(double, 1e-3)  # smallest step of the drive between ordered samples
 EQUATION_TOLERANCE = declare(double, 1e-8)  # accuracy to which a prescribed length or position is satisfied
 BLOCK = declare(cython.int, 64)  # rows that are triangularised at once
 
@@ -87,10 +81,8 @@ class PairRows:
         self.cylinder_dead_length = room(limits["cylinder_dead_length"])
         self.cylinder_extended_max = room(limits["cylinder_extended_max"])
         self.crank, self.coupler, self.ground = room(limits["crank"]), room(limits["coupler"]), room(limits["ground"])
-        self.pivots = limits["pivots"]
-        self.pivot_boxes = limits["pivot_boxes"]
-        self.middle = limits["reach_middle"]
-        self.reaches = limits["reaches"]
+        self.pivots, self.pivot_boxes = limits["pivots"], limits["pivot_boxes"]
+        self.middle, self.reaches = limits["reach_middle"], limits["reaches"]
         self.rail_boxes = limits["rail_boxes"]
         self.rail_reach = room(limits["far"])
         self.envelope = limits["envelope"]
@@ -612,10 +604,8 @@ class PairRows:
             out[c] = 0.0
         if not second_guide.is_slot:
             away = second_guide.point - first_guide.origin
-            out[GUIDE_UNKNOWNS], out[GUIDE_UNKNOWNS + 1] = (
-                -first_guide.inward_normal.imag,
-                first_guide.inward_normal.real,
-            )
+            out[GUIDE_UNKNOWNS] = -first_guide.inward_normal.imag
+            out[GUIDE_UNKNOWNS + 1] = first_guide.inward_normal.real
             out[2] = -inner(first_guide.inward_normal, away)
             return cross(first_guide.inward_normal, away)
         along = vector(-first_guide.inward_normal.imag, first_guide.inward_normal.real)
@@ -759,9 +749,8 @@ class PairRows:
                 value = (point.imag if side else point.real) - self.pivots[k, side]
                 if self.register_limit(value, 1.0, True):
                     self.put_slopes_of(3 + k)
-                    self.put_limit_row(
-                        self.project_slopes(vector(0.0, 1.0) if side else vector(1.0, 0.0), 0), 1.0, value, True
-                    )
+                    to = vector(1.0 - side, 1.0 * side)
+                    self.put_limit_row(self.project_slopes(to, 0), 1.0, value, True)
             return
         if self.pivot_boxes[k, 0] == self.pivot_boxes[k, 0]:
             self.inside_box(point, 3 + k, self.pivot_boxes[k], 1.0)

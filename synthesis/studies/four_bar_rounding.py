@@ -28,9 +28,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.arrays import Complexes, Floats
-from synthesis.constraints import BEGIN, COUPLER, END, PIVOT, TURNED, Constraints, keeps
+from synthesis.constraints import Constraints, keeps
 from synthesis.four_bar import close_loop, wrap
 from synthesis.fourbar.determination import derivative_matrix, residuals
+from synthesis.kernels import codes
 from synthesis.least_squares import Evaluation, Minima, minimise
 from synthesis.limits import Limits
 from synthesis.linkage import Linkage, as_lengths, four_bar
@@ -487,13 +488,13 @@ def _constrained(
         )
     )
     slopes = found.slopes
-    by_coupler = slopes[..., COUPLER] - 1j * slopes[..., COUPLER + 1]
+    by_coupler = slopes[..., codes.BY_BODY] - 1j * slopes[..., codes.BY_BODY + 1]
     derivatives = np.stack(
         [
-            slopes[..., BEGIN] + slopes[..., END],
-            slopes[..., TURNED] + (by_coupler * (1j * coupler)[:, None]).real,
-            slopes[..., PIVOT],
-            slopes[..., PIVOT + 1],
+            slopes[..., codes.BY_FIRST] + slopes[..., codes.BY_LAST],
+            slopes[..., codes.BY_TURNED] + (by_coupler * (1j * coupler)[:, None]).real,
+            slopes[..., codes.BY_PIVOT],
+            slopes[..., codes.BY_PIVOT + 1],
             (by_coupler * turned[:, None]).real,
             (by_coupler * (1j * turned)[:, None]).real,
         ],
