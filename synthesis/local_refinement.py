@@ -46,7 +46,7 @@ from synthesis.linkage import Linkage, with_links
 from synthesis.mechanism import Bounded
 from synthesis.poses import Poses
 from synthesis.ranking import Answer, Status
-from synthesis.search.prescribed import GivenProblem, candidates_at, problem_of
+from synthesis.search.prescribed import GivenProblem, candidates_of, problem_of
 from synthesis.search.report import SearchReport, stopped_by
 from synthesis.solution import Solution, assess, target_of
 from synthesis.target import TURN, Target
@@ -273,10 +273,8 @@ class _Descents:
         if not linkages or self.work.expired():
             return
         problem = GivenProblem(self.target, chart)
-        shape = chart.unknowns(np.array([linkage.links for linkage in linkages]))
-        branch = np.array([float(linkage.branch) for linkage in linkages])
-        candidates = candidates_at(shape, branch, np.array([linkage.start for linkage in linkages]))
-        found = problem.descended(candidates, OPTIONS.free_stages, 0.0, self.work)
+        starts = candidates_of(self.target, chart, linkages, np.array([[linkage.start] for linkage in linkages]))
+        found = problem.descended(starts, OPTIONS.free_stages, 0.0, self.work)
         ends = problem.linkages(FOURBAR, found.take(np.isfinite(found.cost)))
         self.found += self.within_limits(assess(self.target, ends))
 
@@ -287,27 +285,15 @@ class _Descents:
         if self.work.expired():
             return []
         problem = problem_of(self.target, space)
-        found = problem.descended(self._placed(problem, linkage), plan, 0.0, self.work, damping)
+        placed = self._mounted(linkage) if problem.posed and not linkage.mounted else linkage
+        starts = candidates_of(self.target, problem.chart, [placed], np.array([[linkage.start]]))
+        found = problem.descended(starts, plan, 0.0, self.work, damping)
         found, _ = problem.moved_onto(found.timed)
         if not np.isfinite(found.cost).all():
             return []
         linkages = problem.linkages(FOURBAR, found)
         self.found += self.within_limits(self.assessed(linkages))
         return linkages
-
-    def _placed(self, problem: GivenProblem, linkage: Linkage) -> Timed:
-        """Return the linkage as a candidate of a problem within limits."""
-        if problem.posed and not linkage.mounted:
-            linkage = self._mounted(linkage)
-        pose = None
-        if problem.posed:
-            assert linkage.coupler_point_polar is not None
-            scale, (radius, angle) = self.target.length_scale, linkage.coupler_point_polar
-            z1 = linkage.links[0] / scale * np.exp(1j * linkage.ground_angle)
-            z2 = radius / scale * np.exp(1j * (angle + linkage.ground_angle))
-            pose = np.array([[(linkage.pivot_a - self.target.middle) / scale, z1, z2]])
-        shape = problem.chart.unknowns(np.array([linkage.links]))
-        return candidates_at(shape, np.array([float(linkage.branch)]), np.array([linkage.start]), pose)
 
 
 # -- crank angles free ---------------------------------------------------------------------------------------------
@@ -404,17 +390,7 @@ def _candidates_of(poses: Poses, limits: Limits, linkage: Linkage, crank: Floats
     Return None if it does not close at any crank angle.
     """
     problem = JointProblem(poses, chart_of(limits.family))
-    assert linkage.coupler_point_polar is not None
-    scale, (radius, angle) = poses.length_scale, linkage.coupler_point_polar
-    z1 = linkage.links[0] / scale * np.exp(1j * linkage.ground_angle)
-    z2 = radius / scale * np.exp(1j * (angle + linkage.ground_angle))
-    own = Timed(
-        problem.chart.unknowns(np.array([linkage.links])),
-        np.array([[(linkage.pivot_a - poses.middle) / scale, z1, z2]]),
-        np.array([linkage.ground_angle + (linkage.body_offset or 0.0)]),
-        np.empty((1, 0)),
-        np.array([float(linkage.branch)]),
-    )
+    own = candidates_of(poses, problem.chart, [linkage], np.empty((1, 0)))
     attached = linkage.body_offset is not None
 
     def at(angles: Floats) -> Timed:

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from synthesis.descents import Stage, Timed
+from synthesis.descents import Stage
 from synthesis.errors import FieldError
 from synthesis.free.dyads import chart_of
 from synthesis.free.limited import limited_problem
@@ -25,6 +25,7 @@ from synthesis.limits import Limits, Reach
 from synthesis.mechanism import Chart
 from synthesis.poses import Poses
 from synthesis.scores import size_of
+from synthesis.search.prescribed import candidates_of
 from synthesis.solution import Solution
 from synthesis.target import Samples
 from synthesis.work import Work
@@ -159,31 +160,8 @@ def _moved(
 ) -> list[Solution]:
     """Return four-bars refined within other limits."""
     problem = limited_problem(poses, chart, limits)
-    pool = problem.descended(as_candidates(poses, chart, found), options.descent, 0.0, work, steps_after_first=np.inf)
+    angles = np.array([solution.linkage.start + solution.travel for solution in found])
+    starts = candidates_of(poses, chart, [solution.linkage for solution in found], angles)
+    pool = problem.descended(starts, options.descent, 0.0, work, steps_after_first=np.inf)
     inside, _ = problem.moved_onto(pool.timed)
     return solutions_of(poses, inside, chart, limits, len(found), tolerance)
-
-
-def as_candidates(poses: Poses, chart: Chart, found: Sequence[Solution]) -> Timed:
-    """Return finished four-bars as candidates of a descent."""
-    scale = poses.length_scale
-    links = np.array([solution.linkage.links for solution in found])
-    ground = np.array([solution.linkage.ground_angle for solution in found])
-    start = np.array([solution.linkage.start for solution in found])
-    pivot = np.array([solution.linkage.pivot_a for solution in found])
-    radius, angle = np.array([solution.linkage.coupler_point_polar for solution in found], dtype=float).T
-    pose = np.stack(
-        [
-            (pivot - poses.middle) / scale,
-            links[:, 0] / scale * np.exp(1j * ground),
-            radius / scale * np.exp(1j * (angle + ground)),
-        ],
-        axis=1,
-    )
-    return Timed(
-        chart.unknowns(links),
-        pose,
-        ground + np.array([solution.linkage.body_offset or 0.0 for solution in found]),
-        start[:, None] + np.array([solution.travel for solution in found]),
-        np.array([float(solution.linkage.branch) for solution in found]),
-    )

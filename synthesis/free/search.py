@@ -194,48 +194,23 @@ def in_turn(crank: Floats, ordered: bool) -> Floats:
 # -- options ---------------------------------------------------------------------------------------------------------
 
 
-class Fresh(NamedTuple):
-    """Windows of a screen, best first, ``start`` to ``stop``."""
+@dataclass(frozen=True)
+class ExactPathOptions(FreeTimingOptions):
+    """Options of the rounds without limits that look for an exact path.
 
-    screen: int
-    start: int
-    stop: int
+    All starting points descend to their end; more than half of all exact paths are found in the first round.
+    """
 
-
-class Best(NamedTuple):
-    """Seeds from the best basins of the pool."""
-
-    most: int
-
-
-class Hops(NamedTuple):
-    """Perturbed copies of the best basins of the pool."""
-
-    origins: int
-    copies: int
-
-
-class Round(NamedTuple):
-    """A round of the search for an exact path."""
-
-    source: Fresh | Hops | Best
-    stage: Stage
-    reason: str
-
-
-_HOPS = Hops(16, 6)
-_DESCENT, _SHORT = Stage(100, 1e-2), Stage(60, 1e-2)
-EXACT = (
-    Round(Fresh(0, 0, 100), _DESCENT, "more than half of all exact paths end here"),
-    Round(Fresh(0, 100, 200), _DESCENT, "the next of the coarse types: nearly all end by the fourth round"),
-    Round(Fresh(0, 200, 400), _DESCENT, "the next"),
-    Round(Fresh(0, 400, 600), _DESCENT, "the rest"),
-    Round(_HOPS, _SHORT, "minima beside the best"),
-    Round(Fresh(1, 0, 300), _DESCENT, "finer types, other spans"),
-    Round(_HOPS, _SHORT, "minima beside the new ones"),
-    Round(Best(12), Stage(300, 1e-5), "to the end of the best basins"),
-)
-"""Rounds for an exact path; a round runs only if those before it did not reach the tolerance."""
+    schedule: Schedule = Schedule((Stage(100, 1e-2),))  # noqa: RUF009
+    seed_rounds: int = 5
+    origins: int = 16
+    idle_rounds: float = np.inf
+    windows: tuple[int, ...] = (100, 100, 200, 200)
+    """Number of windows of the coarse screen in each of the first rounds."""
+    fine_windows: int = 300
+    """Number of windows of the fine screen in the round after these."""
+    max_rounds: int = 8
+    """Largest number of rounds; those after the windows start from perturbations."""
 
 
 @dataclass(frozen=True)
@@ -490,25 +465,22 @@ class FreeSearch:
 
     def _exact(self, chart: Chart, family: str) -> Iterator[Run]:
         """Run rounds without limits on a few samples while an exact answer is in sight. Yield their search after each."""
-        run = self._run(chart, self.options.exact_samples, within_limits=False)
-        problem = run.problem
-        seeds: dict[int, Timed] = {}
-        for method in EXACT:
-            match method.source:
-                case Fresh(screen, start, stop):
-                    if screen not in seeds:
-                        found = self.screens(family)[screen].seeds(problem.thin, problem.chart)
-                        seeds[screen] = problem.search.facing(found)
-                    starts = seeds[screen].take(slice(start, stop))
-                case Hops(origins, copies):
-                    starts = run.perturbations(origins, copies)
-                case Best(count):
-                    starts = run.best(count)
+        options = ExactPathOptions()
+        run = self._run(chart, self.options.exact_samples, within_limits=False, options=options)
+        problem, sight = run.problem, self.options.exact_in_sight
+        if problem.has_limits:
+            sight = self.options.exact_in_sight_within
+
+        def windows() -> Iterator[Timed]:
+            for screen, counts in enumerate((options.windows, (options.fine_windows,))):
+                found = self.screens(family)[screen].seeds(problem.thin, problem.chart)
+                seeds, stops = problem.search.facing(found), np.cumsum(counts)
+                yield from (seeds.take(slice(stop - count, stop)) for count, stop in zip(counts, stops))
+
+        for starts in run.run(windows(), options.max_rounds):
             self.seeds += starts.branch.size
-            run.round(starts, Schedule((method.stage,)))
             yield run
-            options = self.options
-            if run.smallest > (options.exact_in_sight_within if problem.has_limits else options.exact_in_sight):
+            if run.smallest > sight:
                 return
 
     def _guesses(self, run: Run, family: str) -> Iterator[Timed]:

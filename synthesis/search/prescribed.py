@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from synthesis.arrays import Complexes, Floats
 from synthesis.descents import Pool, Problem, Timed
+from synthesis.linkage import Linkage
 from synthesis.mechanism import Bounded, Chart, Constraints, Mechanism
 from synthesis.pose import DEGENERATE
 from synthesis.target import Samples, Target
@@ -68,3 +70,16 @@ def candidates_at(shape: Floats, branch: Floats, start: Floats, pose: Complexes 
     count = len(branch)
     pose = np.zeros((count, 3), dtype=complex) if pose is None else pose
     return Timed(np.asarray(shape), pose, np.zeros(count), np.asarray(start)[:, None], np.asarray(branch))
+
+
+def candidates_of(samples: Samples, chart: Chart, linkages: Sequence[Linkage], angles: Floats) -> Timed:
+    """Return four-bars at their own crank angles (n, N), or at their starts (n, 1), as candidates in their pose."""
+    links = np.array([linkage.links for linkage in linkages])
+    numbers = [(linkage.ground_angle, linkage.body_offset or 0.0, linkage.branch) for linkage in linkages]
+    ground, offset, branch = np.array(numbers, dtype=float).T
+    pose = np.zeros((len(linkages), 3), dtype=complex)
+    if samples.position is not None:
+        pivot, arm = np.array([(linkage.pivot_a, linkage.arm) for linkage in linkages]).T
+        along = np.exp(1j * ground)
+        pose[:] = np.stack([pivot - samples.middle, links[:, 0] * along, arm * along], axis=1) / samples.length_scale
+    return Timed(chart.unknowns(links), pose, ground + offset, angles, branch)
