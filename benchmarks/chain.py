@@ -12,7 +12,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.polynomial import chebyshev
 from scipy.optimize import brentq
 
 from benchmarks import chain_pictures as pictures
@@ -31,20 +30,8 @@ PRINTED = {"wheel_radius": 92.63, "lower_radius": 381.5, "eccentricity": 90.22}
 REFUSED = '{"pitch": 131, "links": 14, "upper_radius": 181.78}'
 PHASES, SEARCHED = 9001, 91
 """Number of phases for errors and times, and number of phases that are computed individually for a time per phase."""
-ORDERS = {
-    "chebyshev": [2, 3, 4, 5, 6, 8, 10, 12, 14],
-    "spline": [9, 18, 45, 90, 180, 360],
-    "fourier": [2, 4, 8, 16, 32, 64],
-    "polynomial": [4, 6, 8, 10, 12, 16, 20, 24, 32, 40],
-}
-LABELS = {
-    "chebyshev": "Chebyshev between crossings",
-    "spline": "periodic cubic spline",
-    "fourier": "Fourier series",
-    "polynomial": "one polynomial y(x)",
-}
-ORIGINS = {"axis": 0.0, "wheel": R1 + PRINTED["wheel_radius"], "metre": 1e3, "five": 5e3}
-"""Origins of x for raw powers, in mm to the right of the origin of the track."""
+ORDERS = (2, 3, 4, 5, 6, 8, 10, 12, 14)
+"""Degrees of the pieces of the fit."""
 
 
 def window(slot: Slot, count: int = PHASES) -> np.ndarray:
@@ -166,23 +153,20 @@ def measure_speed(crescent: chain.Crescent, slot: Slot) -> dict[str, Any]:
 
 
 def measure_fits(slot: Slot) -> Iterator[dict[str, Any]]:
+    """Measure the errors of the fit and its times."""
     phases = window(slot)
     exact = exact_slot(slot, phases)
-    for kind, orders in ORDERS.items():
-        for order in orders:
-            fit = fit_slot(slot, kind, order)
-            error = fit_error(slot, fit, exact)
-
-            evaluate = partial(fit.evaluate, phases)
-            if kind == "polynomial":  # a polynomial is a function of x, not of the phase
-                evaluate = partial(chebyshev.chebval, np.linspace(-1, 1, PHASES), fit.data["coefficients"])
-            fit_seconds = page.repeat(partial(fit_slot, slot, kind, order), 7).minimum.processor
-            times = {
-                "fit_ms": 1e3 * fit_seconds,
-                "evaluate_us": 1e9 * page.repeat(evaluate, 9).minimum.processor / PHASES,
-            }
-            errors = {"normal": error.normal, "chord": error.chord, "condition": fit.condition}
-            yield {"kind": kind, "order": order, "unknowns": fit.unknowns} | errors | times
+    for order in ORDERS:
+        fit = fit_slot(slot, order)
+        error = fit_error(slot, fit, exact)
+        yield {
+            "order": order,
+            "unknowns": 2 * fit.series.size,
+            "normal": error.normal,
+            "chord": error.chord,
+            "fit_ms": 1e3 * page.repeat(partial(fit_slot, slot, order), 7).minimum.processor,
+            "evaluate_us": 1e9 * page.repeat(partial(fit.evaluate, phases), 9).minimum.processor / PHASES,
+        }
 
 
 def measure_large_radii() -> Iterator[dict[str, Any]]:
@@ -200,31 +184,6 @@ def measure_large_radii() -> Iterator[dict[str, Any]]:
         yield {"radius": radius} | {name: np.abs(np.abs(c) - L).max() for name, c in chords.items()}
 
 
-def measure_high_degree(slot: Slot) -> dict[str, Any]:
-    """Fit a polynomial by raw powers of x from several origins (QR), and by scaled Chebyshev polynomials."""
-    samples, phases = slot.path(window(slot, 91)), window(slot)
-    dense = slot.path(phases)
-
-    def raw(degree: int, shift: float) -> float:
-        with np.errstate(all="ignore"):
-            q, r = np.linalg.qr(np.vander(samples.real + shift, degree + 1))
-            coefficients = np.linalg.solve(r, q.T @ samples.imag)
-            return float(np.abs(np.polyval(coefficients, dense.real + shift) - dense.imag).max())
-
-    rows = []
-    for degree in (4, 8, 10, 16, 24, 32, 40):
-        fit = fit_slot(slot, "polynomial", degree)
-        ours = np.abs((fit.evaluate(phases) - dense).imag).max()
-        rows.append({"degree": degree, **{name: raw(degree, shift) for name, shift in ORIGINS.items()}})
-        rows[-1] |= {"ours": ours, "condition": fit.condition}
-    exact = exact_slot(slot, phases)
-    normal = {degree: fit_error(slot, fit_slot(slot, "polynomial", degree), exact).normal for degree in range(2, 41)}
-    best = min(normal, key=lambda degree: normal[degree])
-    # raw powers can be slightly better by chance, because the errors are measured between the fitted samples
-    as_well = [row["degree"] for row in rows if row["axis"] < 1.05 * row["ours"]]
-    return {"rows": rows, "best_degree": best, "best_normal": normal[best], "raw_as_well_to": max(as_well)}
-
-
 def measure_tracks() -> Iterator[dict[str, Any]]:
     for label, slot in pictures.other_tracks().items():
         facts = analyse_slot(slot, window(slot, 501))
@@ -235,7 +194,7 @@ def measure_tracks() -> Iterator[dict[str, Any]]:
 
 def blocks(results: dict[str, Any]) -> dict[str, str]:
     """Return the tables and figures of docs/chain.md."""
-    speed, degrees, words = results["speed"], results["high_degree"], results["published"]["words"]
+    speed, words = results["speed"], results["published"]["words"]
     at_once, large = speed["rows"][0], results["large_radii"][-1]
     return {
         "published": page.lines(["quantity", "published", "ours"], results["published"]["rows"], 3),
@@ -245,11 +204,7 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
         "speed_difference": f"{speed['largest_difference']:.0e} mm",
         "large_radii": f"{max(row['ours'] for row in results['large_radii']):.1e} mm at radii up to {large['radius']:.0e} mm",
         "arccos_error": f"{large['arccos']:.1e} mm",
-        "chebyshev_8": next(
-            f"{r['normal']:.0e}" for r in results["fits"] if (r["kind"], r["order"]) == ("chebyshev", 8)
-        ),
-        "best_degree": str(degrees["best_degree"]),
-        "best_normal": f"{degrees['best_normal']:.3f}",
+        "fit_8": next(f"{row['normal']:.0e}" for row in results["fits"] if row["order"] == 8),
     }
 
 
@@ -258,7 +213,6 @@ def draw(results: dict[str, Any]) -> None:
     crescent, slot = chain.crescent_slot(L, N, R1)
     pictures.draw_track(crescent, slot)
     pictures.draw_defect(crescent, slot)
-    pictures.draw_fits(results["fits"], LABELS)
     pictures.draw_tracks(pictures.other_tracks(), results["tracks"])
 
 
@@ -270,7 +224,6 @@ def measure() -> Iterator[dict[str, Any]]:
         "speed": measure_speed(crescent, slot),
         "fits": list(measure_fits(slot)),
         "large_radii": list(measure_large_radii()),
-        "high_degree": measure_high_degree(slot),
         "tracks": list(measure_tracks()),
     }
 

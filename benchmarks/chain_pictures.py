@@ -130,22 +130,6 @@ def draw_defect(crescent: Crescent, slot: Slot) -> None:
         drawing.suptitle("One period: the chain fits the bare track at its two ends only")
 
 
-def draw_fits(rows: Sequence[Mapping[str, Any]], labels: Mapping[str, str]) -> None:
-    """Draw the error of each representation against its number of parameters and its run time."""
-    with figures.figure("chain_fits.png", 1, 2, (10, 4.4), sharey=True) as (drawing, panels):
-        for (kind, label), colour in zip(labels.items(), (figures.RED, figures.BLUE, figures.ORANGE, figures.GREY)):
-            mine = [row for row in rows if row["kind"] == kind]
-            for axes, key in zip(panels, ("unknowns", "evaluate_us")):
-                figures.curve(axes, mine, key, "normal", "o-", color=colour, label=label)
-                axes.set(xscale="log", yscale="log")
-        panels[0].set(xlabel="stored numbers", ylabel="largest normal error, mm")
-        panels[1].set_xlabel("run time for 1000 points, microseconds")
-        panels[0].axhline(0.01, color=figures.GREY, lw=1, ls="--")
-        figures.note(panels[0], "0.01 mm", (5, 0.01), (0, -10), fontsize=8)
-        panels[0].legend(loc="lower left")
-        drawing.suptitle("Error of each representation of the slot")
-
-
 def draw_tracks(slots: Mapping[str, Slot], rows: Sequence[Mapping[str, Any]]) -> None:
     """Draw four chains on other tracks."""
     with figures.figure("chain_tracks.png", 2, 2, (10, 7.2)) as (_, panels):

@@ -43,8 +43,8 @@ def measure_chain() -> dict[str, Any]:
     fraction = np.clip(((points[:, None] - start) / along).real, 0, 1)
     rows = []
     for degree in DEGREES:
-        fit = fit_slot(slot, "chebyshev", degree)
-        powers = {f"decimals_{n}": power_error(slot, power_basis(slot, fit, n), exact) for n in (4, 6, None)}
+        fit = fit_slot(slot, degree)
+        powers = {f"decimals_{n}": power_error(fit, power_basis(fit, n), exact) for n in (4, 6, None)}
         rows.append({"degree": degree, "normal": fit_error(slot, fit, exact).normal, **powers})
     resources = ServiceResources(Settings())
     return {

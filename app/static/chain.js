@@ -115,8 +115,8 @@ function closeUp(host, { slot: made, outline, geometry }, state) {
 }
 
 function powers(host, fit, unit) {
-  const rows = (fit?.power?.pieces ?? []).flatMap((piece, k) => {
-    const ends = piece.theta1 ?? piece.position ?? [null, null];
+  const rows = (fit?.power.pieces ?? []).flatMap((piece, k) => {
+    const ends = piece.theta1 ?? piece.position;
     return ["x", "y"].map((axis) => [`${k + 1} ${axis}`, ...ends, ...piece[axis]]);
   });
   if (!rows.length) return;
@@ -150,10 +150,10 @@ function slotFacts(host, { slot: made, checks, geometry: g, fit, ...reply }, ang
   ];
   if (layout) facts(host, layout, "Layout");
   const fitted = fit && [
-    ["kind", `${fit.kind}, order ${fit.order}`],
+    ["order", fit.order],
     ["error square to the slot", fit.max_normal],
     ["error of a link", fit.max_chord],
-    ["error by powers", fit.power?.max_normal],
+    ["error by powers", fit.power.max_normal],
   ];
   if (fitted) facts(host, fitted, "Fit");
   note(host, UNIT);

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -29,14 +29,9 @@ Samples = Annotated[Count, Field(ge=3, le=MAX_SAMPLES)]
 
 
 class FitRequest(RequestModel):
-    """Approximation of the slot by a small number of coefficients."""
+    """Approximation of the slot by a Chebyshev series for each piece between two crossings."""
 
-    kind: Literal["chebyshev", "spline", "fourier", "polynomial"] = "chebyshev"
-    order: Annotated[Count, Field(ge=1, le=4096)] = Field(
-        8,
-        description="chebyshev: degree of each piece (1 to 64). spline: number of knots (4 to 4096). fourier: number of "
-        "harmonics (1 to 256). polynomial: degree (1 to 100, smaller than the number of samples).",
-    )
+    order: Annotated[Count, Field(ge=1, le=64)] = Field(8, description="Degree of each piece.")
 
 
 class SlotOptions(RequestModel):
@@ -187,21 +182,22 @@ class SlotReply(LocusReply):
     defect_max_theta1: float
 
 
-class PowerPieceReply(ReplyModel):
-    """Coefficients of a piece: x and y are polynomials in t, lowest power first; t runs from 0 to 1 over the piece."""
+class PieceReply(ReplyModel):
+    """Coefficients of x and y over a piece of the slot."""
 
-    theta1: list[float] | None = Field(
-        None, description="Angles theta1 at t = 0 and t = 1; null if t is a coordinate and not the phase."
-    )
-    position: list[float] | None = Field(None, description="Positions of P1 at t = 0 and t = 1, on a general track.")
+    theta1: list[float] | None = Field(None, description="Angles theta1 at the ends of the piece, on a crescent.")
+    position: list[float] | None = Field(None, description="Positions of P1 at the ends, on a general track.")
     x: Column
     y: Column
 
 
 class PowerReply(ReplyModel):
-    """Power form of the fit in the coordinates of the drawing, for the controls of machine tools."""
+    """Power form of the fit in the coordinates of the drawing, for the controls of machine tools.
 
-    pieces: list[PowerPieceReply] | None = Field(
+    x and y are polynomials in t, lowest power first; t runs from 0 to 1 over the piece.
+    """
+
+    pieces: list[PieceReply] | None = Field(
         description="Pieces of the fit; null if the power form of this degree is numerically inaccurate."
     )
     max_normal: float = Field(description="Largest distance from the exact slot, with the coefficients of the reply.")
@@ -209,18 +205,15 @@ class PowerReply(ReplyModel):
 
 
 class FitReply(ReplyModel):
-    """Fit of the slot and its errors at 9001 phases. A phase is the angle theta1, or the position of P1 on a track."""
+    """Fit of the slot and its errors at 9001 phases."""
 
-    kind: str
     order: int
     unknowns: int
-    condition: float
     max_normal: float
     max_chord: float
-    power: PowerReply | None = Field(None, description="Power form of a fit of kind chebyshev or polynomial.")
-    pieces: list[dict[str, Any]] | None = None
-    coefficients: dict[str, Any] | None = None
-    origin: list[float] | None = None
+    origin: list[float] = Field(description="Point to which x and y of the pieces are relative.")
+    pieces: list[PieceReply] = Field(description="Chebyshev series over each piece, scaled to -1 .. 1.")
+    power: PowerReply
 
 
 class WithoutSlotReply(ReplyModel):

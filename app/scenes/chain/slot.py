@@ -25,8 +25,8 @@ from app.scenes.chain.models import (
     FitReply,
     GeometryReply,
     LineSegment,
+    PieceReply,
     PinsReply,
-    PowerPieceReply,
     PowerReply,
     SlotOptions,
     SlotReply,
@@ -50,7 +50,7 @@ from synthesis.scenes.chain.crescent import (
     free_pin_segment,
     stadium,
 )
-from synthesis.scenes.chain.fit import ExactSlot, Fit, exact_slot, fit_error, fit_slot, power_basis, power_error
+from synthesis.scenes.chain.fit import exact_slot, fit_error, fit_slot, power_basis, power_error
 from synthesis.scenes.chain.groove import contours, groove, to_csv, to_dxf, to_svg
 from synthesis.scenes.chain.slot import Pins, Slot, SlotReport, analyse_slot, find_slot, pins_at, wheel_conflict
 from synthesis.scenes.chain.track import ChordError, Track, arc, line
@@ -109,61 +109,35 @@ def sample_phases(slot: Slot, samples: int) -> Any:
 
 
 def _fit(slot: Slot, request: SlotOptions, axis: PhaseAxis) -> FitReply | None:
-    if request.power_decimals is not None and getattr(request.fit, "kind", None) not in ("chebyshev", "polynomial"):
-        message = "requires a fit of kind chebyshev or polynomial; change the fit or remove power_decimals"
-        raise FieldError("/power_decimals", message)
     if request.fit is None:
+        if request.power_decimals is not None:
+            raise FieldError("/power_decimals", "has no effect without a fit; remove it or give a fit")
         return None
-    fit = fit_slot(slot, request.fit.kind, request.fit.order, sample_phases(slot, request.samples))
+    fit = fit_slot(slot, request.fit.order)
     exact = exact_slot(slot, sample_phases(slot, CHECK_PHASES))
-    error = fit_error(slot, fit, exact)
-    power = _power(slot, request, fit, exact, error.normal, axis)
-    data = dict(fit.data)
-    if fit.kind == "chebyshev":
-        for piece in data["pieces"]:
-            piece[axis.name] = [bound / axis.unit for bound in piece.pop("phase")]
-    else:
-        if fit.kind == "polynomial":
-            data["angle"] = Angles(request.angle_unit).outward(data["angle"])
-        else:
-            data["slope"] *= axis.unit
-            data[f"{axis.name}_start"], data["period"] = slot.start / axis.unit, slot.chain.period / axis.unit
-        if "phase" in data:
-            data[axis.name] = [phase / axis.unit for phase in data.pop("phase")]
-        data = {"coefficients": data}
+    error, ranges = fit_error(slot, fit, exact), (fit.breaks / axis.unit).tolist()
+
+    def pieces(coefficients: Any) -> list[PieceReply]:
+        return [
+            PieceReply(x=row.real.tolist(), y=row.imag.tolist(), **{axis.name: [first, last]})
+            for row, first, last in zip(coefficients, ranges, ranges[1:])
+        ]
+
+    powers, decimals = power_basis(fit), request.power_decimals
+    power_normal = power_error(fit, powers, exact)
+    lost = power_normal > 2 * error.normal + POWER_LOSS * request.pitch
+    if decimals is not None:
+        powers = power_basis(fit, decimals)
+        power_normal = power_error(fit, powers, exact)
     return FitReply(
-        kind=fit.kind,
-        order=fit.order,
-        unknowns=fit.unknowns,
-        condition=fit.condition,
+        order=request.fit.order,
+        unknowns=2 * fit.series.size,
         max_normal=error.normal,
         max_chord=error.chord,
-        power=power,
-        **data,
+        origin=[fit.origin.real, fit.origin.imag],
+        pieces=pieces(fit.series),
+        power=PowerReply(pieces=None if lost else pieces(powers), max_normal=power_normal, decimals=decimals),
     )
-
-
-def _power(
-    slot: Slot, request: SlotOptions, fit: Fit, exact: ExactSlot, normal: float, axis: PhaseAxis
-) -> PowerReply | None:
-    """Return the power form of a fit, without coefficients if the conversion is numerically inaccurate."""
-    pieces = power_basis(slot, fit)
-    if not pieces or request.fit is None:
-        return None
-    decimals, error = request.power_decimals, power_error(slot, pieces, exact)
-    lost = error > 2 * normal + POWER_LOSS * request.pitch
-    if decimals is not None:
-        pieces = power_basis(slot, fit, decimals)
-        error = power_error(slot, pieces, exact)
-    rows = [
-        PowerPieceReply(
-            x=piece.x.tolist(),
-            y=piece.y.tolist(),
-            **{axis.name: None if piece.phase is None else [bound / axis.unit for bound in piece.phase]},
-        )
-        for piece in pieces
-    ]
-    return PowerReply(pieces=None if lost else rows, max_normal=error, decimals=decimals)
 
 
 def common_parts(
@@ -253,7 +227,7 @@ def _shared_rows(reply: ChainSlotReply | ChainTrackReply, length: str) -> list[t
     rows.append(("", f"{reply.without_slot.slack_max:.6g}{length} slack"))
     if reply.fit is not None:
         fit = reply.fit
-        rows.append((f"{fit.kind} fit, order {fit.order}", f"{fit.unknowns} numbers"))
+        rows.append((f"Chebyshev fit, order {fit.order}", f"{fit.unknowns} numbers"))
         rows.append(("", f"normal error {fit.max_normal:.3g}{length}, chord error {fit.max_chord:.3g}{length}"))
     return rows
 
@@ -297,7 +271,7 @@ def table_track(reply: ChainTrackReply, units: Units = DEGREES) -> str:
 
 
 LONG_SAMPLES = 1000
-"""Number of samples, or order of a fit, above which an answer takes more than a fraction of a second."""
+"""Number of samples above which an answer takes more than a fraction of a second."""
 
 
 def _check_size(request: SlotOptions, links: int) -> None:
@@ -307,7 +281,7 @@ def _check_size(request: SlotOptions, links: int) -> None:
 
 def is_long(request: SlotOptions) -> bool:
     """Check if an answer may take more than a fraction of a second."""
-    return request.samples > LONG_SAMPLES or (request.fit is not None and request.fit.order > LONG_SAMPLES)
+    return request.samples > LONG_SAMPLES
 
 
 def _crescent(request: ChainSlotRequest, work: Work) -> SlotView:

@@ -335,16 +335,6 @@ class Slot:
         start, end = self.path(np.array([self.start, self.end]))
         return complex(0.5 * (start + end)), complex((start - end) / abs(start - end))
 
-    def in_frame(self, points: Points) -> Points:
-        """Convert points of the drawing to the frame of the slot."""
-        origin, direction = self.frame
-        return (points - origin) * direction.conjugate()
-
-    def from_frame(self, points: Points) -> Points:
-        """Convert points in the frame of the slot to the drawing; the inverse of `in_frame`."""
-        origin, direction = self.frame
-        return origin + points * direction
-
 
 def find_slot(
     chain: Chain,

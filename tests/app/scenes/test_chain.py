@@ -112,5 +112,3 @@ def test_powers_of_the_fit_for_a_control(client) -> None:
     assert starts[0] == pytest.approx([65.5, -169.569214], abs=2e-5)
     lost = client.post("/v2/chain/slot", json={**PUBLISHED, "fit": {"order": 64}}).json()["fit"]["power"]
     assert lost["pieces"] is None and lost["max_normal"] > 1
-    fourier = client.post("/v2/chain/slot", json={**PUBLISHED, "fit": {"kind": "fourier"}}).json()["fit"]
-    assert fourier["power"] is None
