@@ -3,7 +3,7 @@
 
 import { Bounds, INSIDE } from "./bounds.js";
 import { measured } from "./hand.js";
-import { Misfit } from "./misfit.js";
+import { Misfit, STEP } from "./misfit.js";
 import { drivePlaces } from "./timing.js";
 
 /** Of the two descents; lengths are fractions of the motion's size, angles are in radians. */
@@ -25,7 +25,6 @@ const OPTIONS = {
   around: 0.7, // angle around a drive position within which a sample is looked for after a change by hand
   beyond: 0.4, // the same of a drive that does not turn, as a fraction of its travel
   tries: 40, // positions that are compared on each side
-  slope: 1e-6, // step of the differences that stand for the slopes of limits
 };
 
 const squares = (values) => values.reduce((sum, value) => sum + value ** 2, 0);
@@ -127,14 +126,14 @@ class Following {
       const q = members.map((_, n) => from + sense * gap * (n - (members.length - 1) / 2)),
         joints = q.map(made.at);
       if (!joints.every(Boolean)) return { cost: Infinity };
-      const errors = joints.map((one, n) => misfit.error(members[n], one));
-      return { z: from, q, joints, errors, cost: squares(errors.flat()) };
+      const errors = joints.flatMap((one, n) => misfit.error(members[n], one));
+      return { z: from, q, errors, cost: squares(errors) };
     };
     let best = look(z);
     if (best.cost === Infinity) return best;
     for (let n = 0; n < OPTIONS.feet; n++) {
-      const slopes = best.joints.flatMap((one, i) => misfit.derivatives(members[i], one, made.guides, best.q[i]).drive),
-        along = product(slopes, best.errors.flat()),
+      const slopes = members.flatMap((k, i) => misfit.slopeOfDrive(k, made, best.q[i])),
+        along = product(slopes, best.errors),
         steep = squares(slopes);
       let step = steep > 0 ? -along / steep : 0,
         next = null;
@@ -175,12 +174,7 @@ class Following {
     const joints = drive.map(made.at);
     if (!joints.every(Boolean)) return null;
     const turns = this.misfit.wholeTurns(joints);
-    return joints.map((one, k) => ({
-      members: [k],
-      q: [drive[k]],
-      joints: [one],
-      errors: [this.misfit.error(k, one, turns)],
-    }));
+    return joints.map((one, k) => ({ members: [k], q: [drive[k]], errors: this.misfit.error(k, one, turns) }));
   }
 
   /** A linkage of these numbers with its errors, near the positions `drive` if they are free; null if it does not close. */
@@ -192,30 +186,29 @@ class Following {
     const q = blocks.flatMap((block) => block.q),
       { spots, closes } = this.#between(made, q);
     if (this.closes && !closes) return null;
-    const cost = blocks.reduce((sum, { errors }) => sum + squares(errors.flat()), 0) / q.length,
+    const cost = squares(blocks.flatMap(({ errors }) => errors)) / q.length,
       margins = this.bounds.margins(made, spots),
       penalty = OPTIONS.penalty * squares(margins.map((margin) => Math.min(0, margin - INSIDE)));
     return { numbers, made, blocks, drive: q, spots, cost, margins, penalty };
   }
 
   /** The normal equations of the mean squared error: matrix and half its slope, free drive positions eliminated. */
-  #normal({ made, blocks, drive }) {
+  #normal({ made, blocks, drive }, beside) {
     const { misfit } = this,
       n = misfit.units.length,
       matrix = Array.from({ length: n }, () => new Array(n).fill(0)),
       slope = new Array(n).fill(0),
       shares = [];
-    for (const { members, joints, errors, q } of blocks) {
-      const all = members.map((k, i) => misfit.derivatives(k, joints[i], made.guides, q[i])),
-        drives = all.flatMap((one) => one.drive),
-        steep = misfit.free ? squares(drives) : 0,
-        error = errors.flat();
-      const columns = slope.map((_, j) => all.flatMap(({ numbers }) => numbers[j])),
+    for (const { members, errors, q } of blocks) {
+      const all = members.map((k, i) => misfit.slopes(k, made, beside, q[i])),
+        drives = members.flatMap((k, i) => (misfit.free ? misfit.slopeOfDrive(k, made, q[i]) : [0, 0, 0])),
+        steep = squares(drives),
+        columns = slope.map((_, j) => all.flatMap((slopes) => slopes[j])),
         ratios = columns.map((column) => (steep > 0 ? product(column, drives) / steep : 0));
       for (const [j, column] of columns.entries()) for (const i of column.keys()) column[i] -= ratios[j] * drives[i];
       shares.push(...members.map(() => ratios));
       for (let i = 0; i < n; i++) {
-        slope[i] += product(columns[i], error) / drive.length;
+        slope[i] += product(columns[i], errors) / drive.length;
         for (let j = 0; j <= i; j++) matrix[i][j] += product(columns[i], columns[j]) / drive.length;
       }
     }
@@ -233,17 +226,17 @@ class Following {
   }
 
   /** Slopes of the limits that are near, by differences: rows {margin, slope}. */
-  #limits(state, shares) {
-    const { numbers, margins, spots } = state,
+  #limits(state, shares, beside) {
+    const { numbers, made, margins, spots } = state,
       near = [...margins.keys()].filter((k) => margins[k] < OPTIONS.near),
       rows = near.map((k) => ({ k, margin: margins[k] - INSIDE, slope: [] }));
     for (const j of near.length ? numbers.keys() : []) {
-      const moved = this.misfit.made(numbers.with(j, numbers[j] + OPTIONS.slope)),
+      const moved = j < beside.length ? beside[j][0] : made,
         drift = this.#drift(state, shares, j),
-        places = spots.map((q, k) => q + OPTIONS.slope * drift[k]),
+        places = spots.map((q, k) => q + STEP * drift[k]),
         after = moved && this.bounds.margins(moved, places),
         same = after?.length === margins.length;
-      for (const { k, slope } of rows) slope.push(same ? (after[k] - margins[k]) / OPTIONS.slope : 0);
+      for (const { k, slope } of rows) slope.push(same ? (after[k] - margins[k]) / STEP : 0);
     }
     return rows;
   }
@@ -277,8 +270,9 @@ class Following {
     const least = pull || !this.misfit.exact ? OPTIONS.damping : OPTIONS.exact;
     let damping = least;
     for (let n = 0; n < OPTIONS.steps && state.cost + state.penalty > OPTIONS.rounding; n++) {
-      const { matrix, slope, shares } = this.#normal(state),
-        limits = this.#limits(state, shares),
+      const beside = this.misfit.beside(state.numbers),
+        { matrix, slope, shares } = this.#normal(state, beside),
+        limits = this.#limits(state, shares, beside),
         before = total(state),
         { numbers, drive } = state;
       const normal = {

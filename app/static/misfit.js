@@ -1,26 +1,18 @@
 // A motion and a kind of linkage as a least squares problem: the numbers of a linkage, its errors at the samples, and
-// their derivatives.
+// their slopes.
 
 import { UNKNOWN, fromJoints } from "./hand.js";
 import { FIXED, Linkage } from "./kinematics.js";
 import { placeOf, placesOf, travels, wantsAngles, wantsPlaces } from "./motion.js";
-import { RAD, add, along, dot, less, size, times, turned } from "./plane.js";
+import { RAD, add, along, less, size, times, turned } from "./plane.js";
 import { drivePlaces, driveTurns } from "./timing.js";
 
 const NUMBERS = 5; // of a guide: its fixed point, its radius or direction, its point on the body
 const ANGLE = { rail: "direction", slot: "body_direction" };
 const TURN = 2 * Math.PI;
 
-const perpendicular = ([x, y]) => [-y, x];
-const dot3 = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-
-/** The inverse of a matrix of three rows, as rows. */
-function inverted([a, b, c]) {
-  const crossed = ([x, y, z], [u, v, w]) => [y * w - z * v, z * u - x * w, x * v - y * u];
-  const columns = [crossed(b, c), crossed(c, a), crossed(a, b)],
-    determinant = dot3(a, columns[0]);
-  return [0, 1, 2].map((i) => columns.map((column) => column[i] / determinant));
-}
+/** Step of the differences that stand for slopes, in units of the numbers. */
+export const STEP = 1e-6;
 
 /** The guides of a solution in the frames of the ground and of the body at its point, and the start of the drive. */
 function guidesOf(solution) {
@@ -37,38 +29,6 @@ function guidesOf(solution) {
     { guide: "circle", pivot: other, radius: links.rocker, body_point: local([links.coupler, 0]) },
   ];
   return { guides, driver: "crank", branch, start: start_angle + turn / RAD };
-}
-
-/**
- * Rows of the loop's equations at a closed position: each by the body's x, y, angle, by the five numbers of a guide,
- * and by the drive.
- */
-function equations({ place: p, rotation }, guides, driver, q) {
-  const parts = guides.map((guide) => {
-    const held = turned(guide.body_point, rotation),
-      beyond = less(add(p, held), guide[FIXED[guide.guide]]),
-      angle = guide.direction === undefined ? guide.body_direction * RAD + rotation : guide.direction * RAD,
-      axis = guide.guide === "circle" ? times(beyond, 1 / guide.radius) : along(angle);
-    return { guide: guide.guide, held, beyond, axis };
-  });
-  // the distance in a direction that turns by `own` with its guide's angle and by `carried` with the body
-  const [c, s] = along(rotation);
-  const distance = ([x, y], { held: [u, v] }, own, carried, drive) => {
-    return [x, y, y * u - x * v + carried, -x, -y, own, c * x + s * y, c * y - s * x, drive];
-  };
-  const lines = parts.map((part) => {
-    const { guide, axis, beyond } = part,
-      slide = -dot(axis, beyond);
-    if (guide === "circle") return distance(axis, part, -1, 0, 0);
-    return distance(perpendicular(axis), part, slide, guide === "slot" ? slide : 0, 0);
-  });
-  const [driven] = parts,
-    { axis, beyond } = driven,
-    across = dot(perpendicular(axis), beyond);
-  if (driver === "crank") return [...lines, distance(perpendicular(along(q)), driven, 0, 0, -dot(along(q), beyond))];
-  if (driver === "slider") return [...lines, distance(axis, driven, across, 0, -1)];
-  if (driver === "cylinder") return [...lines, distance(axis, driven, across, across, 1)];
-  return [...lines, [0, 0, 1, 0, 0, 1, 0, 0, -1]];
 }
 
 export class Misfit {
@@ -163,20 +123,27 @@ export class Misfit {
     return gaps.length ? TURN * Math.round(gaps.reduce((sum, gap) => sum + gap, 0) / gaps.length / TURN) : 0;
   }
 
-  /** Derivatives of `error` at joints, by the drive's coordinate q and by each number. */
-  derivatives(k, joints, guides, q) {
-    const rows = equations(joints, guides, this.driver, q),
-      inverse = inverted(rows.map((row) => row.slice(0, 3))),
-      { place, angle, weights } = this.samples[k],
-      [wp, wr] = [place ? weights[0] : 0, angle === null ? 0 : weights[1]],
-      scales = [wp, wp, wr],
-      [line, other, drive] = rows;
-    const by = (a, b, c, unit) => scales.map((weight, i) => -weight * unit * dot3(inverse[i], [a, b, c])),
-      columns = [];
-    for (let j = 0; j < NUMBERS; j++) columns.push(by(line[3 + j], 0, drive[3 + j], this.units[j]));
-    for (let j = 0; j < NUMBERS; j++) columns.push(by(0, other[3 + j], 0, this.units[NUMBERS + j]));
-    if (!this.free) columns.push(by(0, 0, drive[8], this.unitOfDrive));
-    return { drive: by(0, 0, drive[8], 1), numbers: columns };
+  /** Linkages beside that of some numbers, of which one is a step greater or less: pairs for each number of the guides. */
+  beside(numbers) {
+    const guided = numbers.slice(0, NUMBERS * this.kinds.length);
+    return guided.map((value, j) => [STEP, -STEP].map((step) => this.made(numbers.with(j, value + step))));
+  }
+
+  /** The slope of the error of sample k by the coordinate of the drive at q. */
+  slopeOfDrive(k, { at }, q) {
+    const step = STEP * this.unitOfDrive;
+    return this.#difference(k, at(q + step), at(q - step), step);
+  }
+
+  /** The slopes of that error by each number, with the linkages `beside` it. */
+  slopes(k, made, beside, q) {
+    const found = beside.map(([more, fewer]) => this.#difference(k, more?.at(q), fewer?.at(q), STEP));
+    return this.free ? found : [...found, this.slopeOfDrive(k, made, q).map((slope) => slope * this.unitOfDrive)];
+  }
+
+  #difference(k, one, other, step) {
+    const before = other ? this.error(k, other) : null;
+    return one && before ? this.error(k, one).map((value, i) => (value - before[i]) / (2 * step)) : [0, 0, 0];
   }
 
   /**
