@@ -227,9 +227,14 @@ export class Board {
     for (const after of this.redrawn) after(view);
   }
 
-  #pixel(event) {
-    const frame = this.svg.getBoundingClientRect();
-    return [event.clientX - frame.left - this.svg.clientLeft, event.clientY - frame.top - this.svg.clientTop];
+  /** Where the canvas begins on the page: to ask for it in each frame of a drag costs a layout. */
+  get #origin() {
+    const { left, top } = this.svg.getBoundingClientRect();
+    return [left + this.svg.clientLeft, top + this.svg.clientTop];
+  }
+
+  #pixel({ clientX, clientY }, origin = this.#origin) {
+    return less([clientX, clientY], origin);
   }
 
   /** World coordinates of a pixel, on a tenth of the grid where it snaps, else rounded below a pixel's size. */
@@ -349,11 +354,12 @@ export class Board {
   /** Calls `move(px, py)` while the pointer is held, then `end(cancelled)`. */
   follow(event, move, end = () => this.actions.settle()) {
     event.preventDefault();
-    const { pointerId } = event;
+    const { pointerId } = event,
+      origin = this.#origin;
     this.svg.setPointerCapture(pointerId);
     this.held = true;
     const moved = (at) => {
-      if (at.pointerId === pointerId) move(...this.#pixel(at));
+      if (at.pointerId === pointerId) move(...this.#pixel(at, origin));
     };
     const done = (at) => {
       if (at.pointerId !== pointerId) return;
