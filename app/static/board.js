@@ -205,8 +205,10 @@ export class Board {
 
   draw() {
     const { view, motion, linkage, stale } = this;
+    const shown = JSON.stringify(view);
+    if (shown !== this.shown) this.step = drawGrid(this.gridLayer, view);
+    this.shown = shown;
     this.svg.dataset.view = `${view.cx} ${view.cy} ${view.scale}`;
-    this.step = drawGrid(this.gridLayer, view);
     drawBox(this.boxLayer, motion, view);
     if (motion) {
       drawWay(
