@@ -227,8 +227,15 @@ export class Editor {
       event.target.value = this.motion.poses[first][name] ?? "";
       this.board.reveal();
     } catch (error) {
-      $("table-error").textContent = error.message;
+      if (first) $("table-error").textContent = error.message;
+      else this.#pasteTable(content);
     }
+  }
+
+  /** Reads a whole table, perhaps with heads, which was pasted into its first row. */
+  #pasteTable(content) {
+    $("paste-text").value = content;
+    $("paste-use").click();
   }
 
   /** Whether a column of the table is not shown. */

@@ -68,7 +68,7 @@ class Backdrop {
   }
 }
 
-/** Binds the panel of the canvas; `edit` changes the motion, `setMode` the mode of the canvas. */
+/** Binds the panel of the canvas; `edit` changes the motion, `setMode` the mode of the canvas. Returns what opens a file as `outline` or `picture`. */
 export function startStage(board, edit, setMode) {
   const backdrop = new Backdrop(board);
   legend(null);
@@ -84,29 +84,35 @@ export function startStage(board, edit, setMode) {
     });
   listen("names", "change", () => $("canvas").classList.toggle("unnamed", !$("names").checked));
   const choose = (press, input, take) => {
-    listen(press, "click", () => $(input).click());
-    listen(input, "change", async () => {
-      const [file] = $(input).files;
-      $(input).value = "";
+    const open = async (file) => {
       try {
-        if (file?.size > MAX_BYTES) throw new Error("The file is larger than 5 MB.");
-        if (file) await take(file);
+        if (file.size > MAX_BYTES) throw new Error("The file is larger than 5 MB.");
+        await take(file);
       } catch (error) {
         say(error.name === "InvalidStateError" ? "The picture cannot be read." : error.message, true);
       }
+    };
+    listen(press, "click", () => $(input).click());
+    listen(input, "change", () => {
+      const [file] = $(input).files;
+      $(input).value = "";
+      if (file) open(file);
     });
+    return open;
   };
-  choose("outline-open", "outline-file", async (file) => {
-    const outline = readOutline(await file.text(), file.name);
-    edit((motion) => (motion.outline = outline));
+  const outline = choose("outline-open", "outline-file", async (file) => {
+    const lines = readOutline(await file.text(), file.name);
+    edit((motion) => (motion.outline = lines));
     $("ghosts").checked = board.ghosts = true;
     board.draw();
+    say(`The lines of ${file.name} are the outline of the body, which is drawn at each pose and at the linkage.`);
   });
   listen("outline-draw", "click", () => setMode("outline"));
   listen("outline-clear", "click", () => edit((motion) => (motion.outline = null)));
-  choose("picture-open", "picture-file", async (file) => {
+  const picture = choose("picture-open", "picture-file", async (file) => {
     await backdrop.open(file);
     $("picture-width").value = backdrop.width;
+    say(`${file.name} lies behind the canvas: draw over it. Show has fields for its width and place.`);
   });
   const place = () => {
     const [width, x, y] = ["width", "x", "y"].map((name) => typed($(`picture-${name}`).value));
@@ -117,4 +123,5 @@ export function startStage(board, edit, setMode) {
   };
   for (const name of ["width", "x", "y"]) listen(`picture-${name}`, "input", place);
   listen("picture-clear", "click", () => backdrop.clear());
+  return { outline, picture };
 }

@@ -22,6 +22,7 @@ import { fillSheet } from "./sheet.js";
 import { $, copy, markEarlier, say, startScenes, startTheme } from "./shell.js";
 import { Sources } from "./sources.js";
 import { startStage } from "./extras.js";
+import { startTeaching } from "./teach.js";
 import { fold, focusOn, openStep, startSteps } from "./steps.js";
 import { explainTerms } from "./terms.js";
 import { defects } from "./verdict.js";
@@ -555,7 +556,8 @@ async function start() {
   explainTerms();
   startSteps();
   startEntry(() => editor.motion.unit, showEntered);
-  startStage(
+  startTeaching(editor.board, results.player);
+  sources.stage = startStage(
     editor.board,
     (change) => editor.history.change(change),
     (mode) => editor.setMode(mode),

@@ -298,6 +298,29 @@ export function jump(motion) {
   return at < 0 ? null : [rows[at - 1][1], rows[at][1]];
 }
 
+/** Whether the angles look like radians: all within a turn of them, and most of them no simple numbers. */
+export function looksRadian(motion) {
+  const angles = motion.poses.map(({ angle }) => angle).filter((angle) => angle !== null),
+    odd = angles.filter((angle) => (2 * angle) % 1 !== 0);
+  const isSmall = angles.every((angle) => Math.abs(angle) < 6.2832),
+    range = Math.max(...angles) - Math.min(...angles);
+  return wantsAngles(motion) && angles.length > 2 && isSmall && range > 0.1 && 2 * odd.length >= angles.length;
+}
+
+/** Drops a last pose that repeats the first, which makes the motion closed; whether there was one. */
+export function dropClosing(motion) {
+  const { poses, timing } = motion,
+    [first, last] = [poses[0], poses.at(-1)];
+  if (timing !== "free" || !wantsPlaces(motion) || poses.length < 5) return false;
+  const from = ({ x, y }) => Math.hypot(x - first.x, y - first.y),
+    turn = wantsAngles(motion) ? Math.abs(last.angle - first.angle) % 360 : 0;
+  if (!placeOf(first) || !placeOf(last) || Math.min(turn, 360 - turn) > 1e-6) return false;
+  if (from(last) > 1e-6 * Math.max(...poses.filter(placeOf).map(from))) return false;
+  poses.pop();
+  motion.closed = true;
+  return true;
+}
+
 /** The first two neighbouring poses, from 1, that ask for the same place and angle; null without such. */
 export function repeated(motion) {
   const same = (one, other) => ["x", "y", "angle"].every((name) => one[name] === other[name]);

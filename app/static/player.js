@@ -112,6 +112,13 @@ export class Player {
     if (this.frame === null && !matchMedia("(prefers-reduced-motion: reduce)").matches) this.#play();
   }
 
+  /** Lets the shown linkage run from the start of the slider. */
+  restart() {
+    this.stop();
+    $("slider").value = $("slider").min;
+    this.#play();
+  }
+
   stop() {
     if (this.frame !== null) cancelAnimationFrame(this.frame);
     this.frame = null;

@@ -4,16 +4,46 @@ import { toCsv, withSamples } from "./csv.js";
 import { fromPage, fromRequest, toPage, toRequest } from "./formats.js";
 import { fromFragment } from "./link.js";
 import { firstLaw } from "./law.js";
-import { emptyMotion, itemOf, jump, repeated, unwrapped } from "./motion.js";
+import { dropClosing, emptyMotion, itemOf, jump, looksRadian, repeated, unwrapped } from "./motion.js";
+import { RAD } from "./plane.js";
 import { download } from "./service.js";
 import { $, capital, say } from "./shell.js";
 import { readTable } from "./tables.js";
 
-const MAX_FILE_BYTES = 7e5; // the service takes a megabyte, and base64 is longer by a third
+const MAX_TEXT_BYTES = 2e7;
+const MAX_ROWS = 1000; // the service takes 1024 and the request a megabyte
+const TAKEN =
+  "The page takes tables (CSV, TSV, text), requests (JSON), outlines of the body (SVG, DXF) and pictures to trace (PNG, JPEG, WebP).";
 const ROLES = ["x", "y", "angle", "crank"];
 
 /** All of a motion that a link holds, to be compared. */
 const contentOf = (motion) => JSON.stringify(toPage(toRequest(motion), motion));
+
+/** What can be done with other files than tables and requests, by their endings. */
+const FILES = new Map([
+  [/\.(svg|dxf)$/i, "outline"],
+  [/\.(png|jpe?g|webp)$/i, "picture"],
+  [/\.(xlsx?|ods|numbers)$/i, "is a spreadsheet: copy its rows and paste them into the table, or save it as CSV."],
+  [/\.(step|stp|stl|3mf|obj|igs|iges|sldprt|ipt)$/i, "is a solid model: save the outline of the body as SVG or DXF."],
+  [/\.(pdf|docx?|pptx?|odt|mp4|webm|mov|avi|gif|zip)$/i, `cannot be used here. ${TAKEN}`],
+]);
+
+/** A table that is too long, with even steps between the rows that stay, and a sentence on it; null for any other. */
+async function thinned(source) {
+  if (source.size > MAX_TEXT_BYTES) throw new Error("The file is larger than 20 MB, which is too large for a table.");
+  const content = typeof source === "string" ? source : await source.text();
+  if (content.includes("\0")) throw new Error(`The file holds no text. ${TAKEN}`);
+  const lines = content.split(/\r\n|\r|\n/).filter((line) => line.trim()),
+    first = lines.findIndex((line) => /^\s*["']?[-+−]?[.,]?\d/.test(line)),
+    count = lines.length - first;
+  if (first < 0 || count <= MAX_ROWS) return null;
+  const step = Math.ceil((count - 1) / (MAX_ROWS - 1)),
+    stays = (k) => k < first || (k - first) % step === 0;
+  return [
+    lines.filter((_, k) => stays(k)).join("\n"),
+    `One of ${step} rows is used: the table has ${count}, and at most ${MAX_ROWS} are read.`,
+  ];
+}
 
 export class Sources {
   /**
@@ -120,7 +150,7 @@ export class Sources {
       this.reading = null; // what is still being read is not wanted any more
       this.#offerColumns(null);
     }
-    this.#offerUnwrapped(motion);
+    this.#offerAngles(motion, Boolean(how.table && !how.table.angle && looksRadian(motion)));
     this.use({ ...motion, note }, how);
   }
 
@@ -132,7 +162,7 @@ export class Sources {
     $("example-note").textContent = twice
       ? `${note} ${capital(itemOf(motion))}s ${twice.join(" and ")} are the same: a crank that turns on cannot meet both exactly.`.trim()
       : note;
-    $("unwrap").hidden ||= !jump(motion);
+    $("unwrap").hidden ||= !jump(motion) && !looksRadian(motion);
   }
 
   /** The motion whose limits hold for new rows too, the present one, but not an example that is as it came. */
@@ -143,19 +173,21 @@ export class Sources {
     return asIs ? { ...emptyMotion(), unit: now.unit } : now;
   }
 
-  /** Angles that jump by a whole turn, as 350 and 10 do, are offered without the jump. */
-  #offerUnwrapped(motion) {
+  /** Angles that jump by a whole turn, as 350 and 10 do, are offered without the jump, and those that look like radians in degrees. */
+  #offerAngles(motion, radian) {
     const at = jump(motion);
-    $("unwrap").hidden = !at;
-    if (!at) return;
-    $("unwrap-text").textContent =
-      `The angle jumps by more than half a turn from pose ${at[0]} to ${at[1]}, as if it were counted from 0 to 360°.`;
+    $("unwrap").hidden = !at && !radian;
+    if ($("unwrap").hidden) return;
+    $("unwrap-text").textContent = radian
+      ? "All angles lie within ±6.283: they look like radians, and are read as degrees."
+      : `The angle jumps by more than half a turn from pose ${at[0]} to ${at[1]}, as if it were counted from 0 to 360°.`;
+    $("unwrap-use").textContent = radian ? "Convert them to degrees" : "Unwrap them";
     $("unwrap-use").onclick = () => {
-      const next = structuredClone(this.current());
-      unwrapped(next.poses.map((pose) => pose.angle)).forEach((angle, k) => {
-        next.poses[k].angle = angle;
-      });
-      this.#take(next, { note: "Angles unwrapped.", fit: false });
+      const next = structuredClone(this.current()),
+        angles = next.poses.map(({ angle }) => angle);
+      const made = radian ? angles.map((angle) => angle && Number((angle / RAD).toPrecision(12))) : unwrapped(angles);
+      for (const [k, angle] of made.entries()) next.poses[k].angle = angle;
+      this.#take(next, { note: radian ? "Angles converted from radians." : "Angles unwrapped.", fit: false });
     };
   }
 
@@ -185,14 +217,17 @@ export class Sources {
         if (this.reading === turn) this.#take(motion, { note: from, mode: "move" });
         return;
       }
-      if ((source.size ?? source.length) > MAX_FILE_BYTES)
-        throw new Error("The file is larger than 0.7 MB, which is too large for a table of at most 1024 samples.");
-      const read = await readTable(source, "synthesize", columns);
+      const [table, rows] = (await thinned(source)) ?? [source, null],
+        read = await readTable(table, "synthesize", columns);
       if (this.reading !== turn) return;
-      this.#take(withSamples(this.#settings(), read), {
-        note: [from, ...read.notes.map((note) => capital(note.replace(/\.?$/, ".")))].join(" "),
+      const motion = withSamples(this.#settings(), read),
+        notes = read.notes.map((note) => capital(note.replace(/\.?$/, ".")));
+      if (rows) notes.push(rows);
+      if (dropClosing(motion)) notes.push("The last row repeated the first: it was dropped, and the motion is closed.");
+      this.#take(motion, {
+        note: [from, ...notes].join(" "),
         mode: "move",
-        table: true,
+        table: Object.fromEntries(read.columns.map(({ role, unit }) => [role, unit])),
       });
       this.#offerColumns(read.headings, read.columns);
     } catch (error) {
@@ -262,7 +297,16 @@ export class Sources {
   }
 
   #bindFiles() {
-    const take = (file) => file && this.#read(file, `From ${file.name}.`, (sentence) => say(sentence, true));
+    const take = (file) => {
+      if (!file) return;
+      const kind = [...FILES.keys()].find((endings) => endings.test(file.name)),
+        use = FILES.get(kind);
+      if (kind && !["outline", "picture"].includes(use)) say(`${file.name} ${use}`, true);
+      else if (kind) {
+        if (!$("welcome").hidden) this.begin("position");
+        this.stage[use](file);
+      } else this.#read(file, `From ${file.name}.`, (sentence) => say(sentence, true));
+    };
     $("open").addEventListener("click", () => $("file").click());
     $("file").addEventListener("change", () => {
       take($("file").files[0]);

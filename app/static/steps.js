@@ -49,6 +49,13 @@ export function startSteps() {
     next.focus();
     openStep(next.getAttribute("aria-controls"));
   });
+  // on a narrow screen a press elsewhere closes the menu of projects
+  document.addEventListener("click", ({ target }) => {
+    const open = $("extra").classList.contains("open"),
+      opens = target.closest("#more") ? !open : open && Boolean(target.closest("#project-name"));
+    $("extra").classList.toggle("open", opens);
+    $("more").setAttribute("aria-expanded", String(opens));
+  });
   $("modes").addEventListener("click", ({ target }) => {
     if (target.closest("[data-mode]")) fold(true);
   });
