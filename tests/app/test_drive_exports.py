@@ -54,7 +54,7 @@ def drive_of(name: str) -> Any:
     return found.drives[0]
 
 
-@pytest.mark.parametrize("name", KINDS)
+@pytest.mark.parametrize("name", some_of([*KINDS], 3))
 def test_every_file_holds_the_drive(name: str) -> None:
     linkage, drive, parts = moving(), drive_of(name), KINDS[name][1]
     anyway = {"solids": {"allow_collisions": True}}

@@ -28,7 +28,7 @@ from app.main import create_app
 from app.middleware import HEADERS
 from app.server import LOOPBACK
 from app.settings import Settings
-from tests.conftest import PATIENCE, listening, started, until
+from tests.conftest import PATIENCE, listening, some_of, started, until
 from tests.oracles.largest import requests
 
 SHORT = ("/v2/knotter/needle", {})
@@ -179,7 +179,7 @@ def test_a_worker_that_does_not_end_is_replaced() -> None:
         os.kill((running.processes & {stuck, second}).pop(), signal.SIGCONT)
 
 
-@pytest.mark.parametrize("name", ["SIGTERM", "SIGINT"])
+@pytest.mark.parametrize("name", some_of(["SIGTERM", "SIGINT"], 1))
 def test_the_service_ends_in_time_with_a_search_under_way(name, tmp_path) -> None:
     with started(tmp_path, "-m", "app.start", "serve", "--port", "0", "--no-atlas") as (process, port, log):
         workers = children(process.pid)

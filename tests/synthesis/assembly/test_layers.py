@@ -6,7 +6,6 @@ A free arrangement that is missed, or a blocked arrangement called free, would s
 import numpy as np
 import pytest
 
-from synthesis.assembly.keep_out import outside
 from synthesis.assembly.linkage_machine import as_plates
 from synthesis.assembly.machine import Sizes
 from synthesis.assembly.stacks import BOARDS, StackRequest, StackSearch, arrange
@@ -103,30 +102,3 @@ def test_a_blocked_machine_is_free_where_it_says_and_stopped_where_it_says() -> 
     assert np.rad2deg(found.low.at) == pytest.approx(first, abs=1e-9)
     assert np.rad2deg(found.high.at) == pytest.approx(last, abs=1e-9)
     assert [collision.pair for collision in found.collisions] == [("coupler", "A")]
-
-
-def test_plates_in_an_envelope_and_out_of_boxes() -> None:
-    """Against the corners of every plate at many places: an envelope just as large as they reach, or a little smaller."""
-    machine, pivot = machine_of(TABLE["E4"]), linkage_of(TABLE["E4"]).pivot_a
-    travel = np.linspace(*machine.used, 3601)
-    bodies = machine.movement.bodies(travel)
-    reach = []
-    for plate in machine.plates:
-        at = bodies.origin[plate.body][:, None] + bodies.direction[plate.body][:, None] * np.array(plate.shape.core)
-        at, radius = at + pivot, plate.shape.radius
-        reach.append((at.real.min() - radius, at.imag.min() - radius, at.real.max() + radius, at.imag.max() + radius))
-    low, high = np.min(reach, axis=0)[:2], np.max(reach, axis=0)[2:]
-    envelope = (low[0] - 1e-3, low[1] - 1e-3, high[0] + 1e-3, high[1] + 1e-3)
-    assert outside(machine, envelope, (), Work()) == []
-    for side in range(4):
-        smaller = list(envelope)
-        smaller[side] += 0.01 if side < 2 else -0.01
-        found = outside(machine, tuple(smaller), (), Work())
-        assert found
-        assert all(collision.pair[0] == "envelope" for collision in found)
-        plate = next(plate for plate in machine.plates if plate.name == found[0].pair[1])
-        assert reach[machine.plates.index(plate)][side] == pytest.approx(envelope[side], abs=2e-3)
-    beside = (high[0] + 1e-3, low[1], high[0] + 5, high[1])
-    assert outside(machine, None, (beside,), Work()) == []
-    (found, *_) = outside(machine, None, (beside, (-1.0, -1.0, 1.0, 1.0)), Work())
-    assert found.pair[0] == "keep_out 2"

@@ -54,19 +54,6 @@ def test_exact_motions_are_recovered(samples) -> None:
         assert close.any() or found.best.determination.ill_posed, seed
 
 
-@pytest.mark.parametrize("samples", [2, 3, 4])
-def test_few_poses_have_many_linkages(samples) -> None:
-    for seed in range(2):
-        case = free_case(seed, samples)
-        found = unlimited(case)
-        assert np.all(checked(case, found) < EXACT) and len(found.solutions) == 10
-        lengths = np.log([solution.linkage.links for solution in found])
-        apart = np.abs(lengths[:, None] - lengths).max(axis=2)
-        assert apart[np.triu_indices(10, 1)].min() > 0.005
-        detours = [solution.excursion > 2.5 for solution in found.solutions]
-        assert detours == sorted(detours)
-
-
 @pytest.mark.parametrize("seed", some_of(range(50), 4))
 def test_five_poses_have_the_dyads_that_brute_force_finds(seed) -> None:
     case = free_case(seed, 5)
