@@ -14,14 +14,15 @@ import pytest
 from synthesis.constraints import Constraints
 from synthesis.fourbar.mechanism import AnyChart, FullCrankChart, GrashofChart
 from synthesis.guided.pairs import numbers_of
-from synthesis.kernels import codes
+from synthesis.kernels import codes, distinct
 from synthesis.limits import Limits, Reach
 from synthesis.poses import make_poses
 from synthesis.slider import SliderChart
 from tests.oracles.kernel import compiled, uncompiled
-from tests.oracles.slider_crank import SLIDERS, body_angle
+from tests.oracles.slider_crank import SLIDER_CHARTS, SLIDER_NAMES, SLIDERS, body_angle
 
 CHARTS = [GrashofChart(), AnyChart(), FullCrankChart()]
+NAMES = ["grashof", "any", "full", *SLIDER_NAMES]
 
 
 LENGTHS = np.array([[0.15, 0.3, 0.25, 0.3], [0.4, 0.25, 0.28, 0.07]])
@@ -126,6 +127,53 @@ def same(work: Callable[[ModuleType], list[Any]], tolerance: float = 1e-12) -> N
         np.testing.assert_allclose(found, source, rtol=tolerance, atol=tolerance * size)
 
 
+@pytest.mark.parametrize("curved", [False, True])
+def test_quadratic_programs(curved: bool) -> None:
+    random = np.random.default_rng(4)
+    root, matrix, bound = random.normal(size=(4, 4)), random.normal(size=(30, 4)), random.uniform(0.1, 1, 30)
+    matrix[:8], bound[:8] = np.concatenate([np.eye(4), -np.eye(4)]), 2.0
+
+    def work(module: ModuleType) -> list[Any]:
+        z, multipliers = np.zeros(4), np.empty(30)
+        program = module.QuadraticProgram(30, 4)
+        program.minimise(curved * (root @ root.T), np.arange(1.0, 5.0), matrix, bound, 1e-10, z, multipliers)
+        return [z, multipliers]
+
+    same(work, 1e-9)
+
+
+@pytest.mark.parametrize("smooth", [False, True])
+@pytest.mark.parametrize("posed", [False, True])
+def test_limits_of_every_kind(smooth: bool, posed: bool) -> None:
+    random = np.random.default_rng(2)
+    # also of part of a turn, and that never closes
+    lengths = np.concatenate([LENGTHS, [[0.3, 0.1, 0.2, 0.3], [1.0, 0.1, 0.1, 5.0]]])
+    first, pivot = random.uniform(0, 6, 4), random.normal(size=(4, 2))
+    where = first, first + random.uniform(-3, 3, 4), pivot, random.uniform(-3, 3, 4), random.normal(size=(4, 2))
+    side = np.array([1.0, -1.0, 1.0, 1.0])
+    kinds = {int(row[0]) for row in Constraints(EVERY_KIND, smooth=smooth)._table(posed).rows}
+    ours = {codes.USED, codes.OVER_TURN, codes.LENGTH}
+    ours |= {codes.FAMILY, codes.RATIOS} if smooth else {codes.RATIO}
+    assert kinds == ours | (set(range(codes.AT, codes.ENVELOPE + 1)) if posed else set())
+    same(lambda module: list(limits_of(module, smooth, posed)(lengths, side, *where)))
+
+
+ROWS = [(chart, False) for chart in [*CHARTS, *SLIDER_CHARTS]] + [(chart, True) for chart in CHARTS]
+
+
+@timings
+@pytest.mark.parametrize(("chart", "limited"), ROWS, ids=NAMES + [f"{name}, limited" for name in NAMES[:3]])
+def test_rows_and_steps(chart: Any, timing: str, limited: bool) -> None:
+    def work(module: ModuleType) -> list[Any]:
+        reported = []
+        for damping in (1e-2, 1e-12):  # by normal equations and by reflections
+            descent = Descent(module, chart, timing, limited=limited)
+            reported += [value for n in range(2) for value in descent.kernel.linearised(n, damping).values()]
+        return reported
+
+    same(work, 1e-10)
+
+
 @pytest.mark.parametrize(("rotation", "position"), [(True, True), (False, True), (True, False)])
 @timings
 def test_descents(timing: str, rotation: bool, position: bool) -> None:
@@ -167,6 +215,24 @@ def test_few_samples(timing: str, samples: int, limited: bool) -> None:
         return [descent.costs] if samples == 3 else []
 
     same(work, 1e-5)
+
+
+def test_rows_that_are_apart() -> None:
+    random = np.random.default_rng(4)
+    rows, reach = random.uniform(size=(60, 3)), random.uniform(0.1, 0.4, 60)
+    same(
+        lambda module: [
+            retained := module.apart(rows, reach, (), 0, 20),
+            module.apart(rows, reach, retained[:5], 30, 12),
+        ]
+    )
+    retained: list[int] = []
+    for n, row in enumerate(rows):
+        if all(np.abs(rows[k] - row).max() >= reach[n] for k in retained):
+            retained.append(n)
+    assert distinct.apart(rows, reach, (), 0, 100).tolist() == retained
+    assert distinct.apart(rows, reach, (), 0, 3).tolist() == retained[:3]
+    assert distinct.apart(rows, reach, (7, 9), 60, 100).tolist() == [7, 9]
 
 
 @pytest.mark.parametrize("driven", [False, True])

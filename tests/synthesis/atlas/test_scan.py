@@ -50,7 +50,7 @@ def random_request(scan: Scan, seed: int, positions: bool):
     """A request for a table: reachable, disturbed, far from every row, or of great size; even or uneven, some with weights."""
     random = np.random.default_rng([77, seed])
     samples = int(np.exp(random.uniform(np.log(4), np.log(24 if seed % 30 else 256))))
-    span = np.deg2rad(np.exp(random.uniform(np.log(5), np.log(360)))) * random.choice([-1, 1])
+    span = np.deg2rad(np.exp(random.uniform(np.log(5), np.log(800)))) * random.choice([-1, 1])
     share = np.linspace(0, 1, samples)
     if random.random() < 0.4:
         share[1:-1] = np.sort(random.uniform(0.02, 0.98, samples - 2)) + np.linspace(0, 1e-3, samples - 2)
@@ -133,3 +133,13 @@ def test_a_scan_ends_with_the_time_or_with_an_answer_that_is_good_enough(scans) 
     row = scan.mechanism.body_angle(scan.lengths[[40]], np.ones(1), 1 + np.linspace(0, 2, 20)[None])[0]
     found, report = scan.best(make_target(row, crank_angle=np.linspace(0, 2, 20)), 10, enough=0.1)
     assert found.error[-1] <= 0.1 and not report.exhaustive
+
+
+def test_tables_of_no_and_of_one_type() -> None:
+    target = make_target(np.array([0, 0.1, 0.15, 0.3]), crank_angle=np.linspace(0, 1, 4))
+    for count in (0, 1, 9):
+        scan = Scan(FOURBAR, AtlasRule(TypeRule(40)).lengths()[:count])
+        found, report = scan.best(target, 5)
+        assert report.exhaustive and found.row.size == min(5, 720 * count)
+        if count:
+            check(scan, target, 5)

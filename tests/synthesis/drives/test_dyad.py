@@ -56,7 +56,7 @@ def test_simulated_it_swings_as_far_and_in_the_times_that_were_asked_for(seed: i
     assert smallest == pytest.approx(swing, abs=1e-9)
 
 
-@pytest.mark.parametrize("seed", some_of(sorted(range(24), key=lambda k: k % 5), 2))
+@pytest.mark.parametrize("seed", some_of([28, 0, *range(1, 24)], 2))
 def test_a_motor_that_is_turned_round_swings_a_linkage_of_any_kind(seed: int) -> None:
     linkage, interval = any_linkage(seed)
     machine = motions_of(linkage, interval)

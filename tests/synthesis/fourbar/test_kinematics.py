@@ -164,6 +164,32 @@ def test_rounding_leaves_a_change_point_one(scale) -> None:
     assert Family.CHANGE_POINT not in family(lengths)
 
 
+def test_gradient_agrees_with_differentiation_in_50_digits() -> None:
+    rng = np.random.default_rng(11)
+    compared = 0
+    for _ in range(12):
+        lengths, theta1, branch = rng.uniform(0.5, 3, 4), rng.uniform(-3, 3), rng.choice([1, -1])
+        closure = close_loop(lengths, [theta1])
+        if not closure.closed[0] or closure.transmission_angle[0] < 0.1:
+            continue
+        found = closure.coupler_angle_gradient(branch)[0]
+        point = [*lengths, theta1]
+        with mpmath.workdps(naive.DIGITS):
+            for k in range(5):
+
+                def at(value, k=k, point=point, branch=branch):
+                    moved = [value if j == k else mpmath.mpf(float(number)) for j, number in enumerate(point)]
+                    l1, l2, l3, l4, t1 = moved
+                    to_b = l4 - l1 * mpmath.expj(t1)
+                    cosine = (abs(to_b) ** 2 + l2**2 - l3**2) / (2 * abs(to_b) * l2)
+                    return mpmath.arg(to_b) + int(branch) * mpmath.acos(cosine)
+
+                assert float(mpmath.diff(at, float(point[k]))) == pytest.approx(found[k], rel=1e-11, abs=1e-12)
+        compared += 1
+    assert compared >= 5
+    assert np.isnan(close_loop([1.0, 1.0, 3.0, 3.0], [0.0]).coupler_angle_gradient(1)).all(), "a dead position"
+
+
 def dense_samples(first: float, last: float) -> np.ndarray:
     """Crank angles of an interval, those where the diagonal is shortest and longest among them."""
     folds = np.pi * np.arange(-3, 4)

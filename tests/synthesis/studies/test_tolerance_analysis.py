@@ -10,7 +10,7 @@ import pytest
 
 from synthesis.guides import Circle, Driver, Rail
 from synthesis.linkage import Linkage, four_bar, on_guides
-from synthesis.studies.sensitivity import Deviation
+from synthesis.studies.sensitivity import Deviation, derivatives, dimensions_of
 from synthesis.studies.tolerance_analysis import (
     SHARES,
     Tolerances,
@@ -110,6 +110,22 @@ def test_manufactured_linkages_have_the_poses_of_the_closed_form(linkage) -> Non
         exact = second.body(second.start + travel)
         np.testing.assert_allclose(position[0], exact.position, atol=1e-9)
         np.testing.assert_allclose(np.exp(1j * rotation[0]), np.exp(1j * exact.rotation), atol=1e-9)
+
+
+@ANY
+def test_derivatives_are_difference_quotients(linkage) -> None:
+    travel, step = np.linspace(0.0, 0.4, 5), 1e-5
+    for name, unit in dimensions_of(linkage):
+        ends = []
+        for signed in (step, -step):
+            second = changed(linkage, tuple(Deviation(*(signed * value for value in change)) for change in unit))
+            ends.append(second.body(second.start + travel))
+        position, rotation = derivatives(linkage, linkage.start + travel, [unit])
+        size = 1 + np.abs(position[0]).max() ** 3
+        quotient = (ends[0].position - ends[1].position) / (2 * step)
+        np.testing.assert_allclose(quotient, position[0], atol=1e-8 * size, err_msg=name)
+        quotient = (ends[0].rotation - ends[1].rotation) / (2 * step)
+        np.testing.assert_allclose(quotient, rotation[0], atol=1e-8 * size, err_msg=name)
 
 
 @ANY

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from synthesis.errors import FieldError
 from synthesis.scenes.knotter import d_knotter, events
 from tests.oracles.knotter import Exact
 
@@ -47,6 +48,11 @@ def test_two_roots_that_nearly_coincide(middle: float, gap: float) -> None:
         pytest.skip("this machine has no extended precision")
     expected = [root for root in (middle - gap / 2, middle + gap / 2) if 0 < root < 3]
     assert found == pytest.approx(expected, abs=1e-9)
+
+
+def test_extremely_fast_laws_are_refused_before_memory_is_allocated() -> None:
+    with pytest.raises(FieldError, match="turn so fast"):
+        events.piece_ends(0.0, 1.0, [], lambda low, high: 1e12)
 
 
 # The wrap in 40 digits
