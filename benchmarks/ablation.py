@@ -398,7 +398,7 @@ def heuristics() -> tuple[Heuristic, ...]:
                 "sliders: tightened limits",
                 "A descent is repeated for the transmission angle that is missing between samples.",
                 SLIDERS,
-                pair_options(tightenings=1),
+                None,
             ),
             (
                 "sliders: second seeds",

@@ -200,12 +200,6 @@ class Problem:
         self._begin(timed._replace(angles=np.zeros((len(timed.branch), self._angles))))
         return np.asarray(self._kernel.errors_at(np.array(angles, dtype=float, order="C")))
 
-    def moved(self, timed: Timed, steps: Floats, turns: Floats) -> Timed:
-        """Apply steps (n, m) and turns of the crank angles (n, N) to candidates; each unknown and gap is clipped separately."""
-        pool = self._begin(timed)
-        self._kernel.apply_steps(np.ascontiguousarray(steps, dtype=float), np.ascontiguousarray(turns, dtype=float))
-        return pool.timed
-
     def linearised(self, timed: Timed, damping: float, weight: float = 1.0) -> list[dict[str, Any]]:
         """Return the linearised problem of each candidate, see `crank_descent.Descent.linearised`."""
         self._begin(timed, weight)

@@ -413,7 +413,7 @@ class Problem:
     ) -> tuple[Pairs, Floats, Floats]:
         """Run a descent; return pairs, drive at the first sample (n,) and cost; unchanged candidates if the time is over.
 
-        ``labels`` (n, 4): branch, direction of the drive, addition to the smallest transmission angle, and direction along which
+        ``labels`` (n, 3): branch, direction of the drive, and direction along which
         the drive is measured.
         """
         x = _with(chart, start)

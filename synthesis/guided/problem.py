@@ -89,10 +89,6 @@ class PairOptions(SearchOptions):
     """Newton steps of the poses of candidates."""
     between: int = 4
     """Number of poses between two samples at which pairs for few samples are evaluated."""
-    tightenings: int = 3
-    """Number of descents for a transmission angle that falls short between the samples."""
-    spare: tuple[float, float] = (1.05, 2e-5)
-    """Factor of what falls short, and radians that are added: the worst crank angle moves with the request."""
     examined: int = 3
     """Number of candidates of a group whose motion is examined between the samples."""
     examined_of_few: int = 12
@@ -211,7 +207,7 @@ class PairProblem(SearchProblem):
 
     def measured(self, pairs: Pairs, drive: Ints, problem: Problem, sweeps: int = 2) -> Candidates:
         """Return pairs with squared error, branch and direction at the poses that they allow."""
-        at = problem.look(Chart(pairs), np.zeros((drive.size, 4)), sweeps, bounded=False)
+        at = problem.look(Chart(pairs), np.zeros((drive.size, 3)), sweeps, bounded=False)
         branch, direction = np.where(at.sines >= 0, 1.0, -1.0), np.where(at.gone >= 0, 1.0, -1.0)
         return Candidates(pairs, drive, at.cost, branch, direction, np.zeros(drive.size))
 
@@ -229,14 +225,12 @@ class PairProblem(SearchProblem):
 
     # -- refinement -------------------------------------------------------------------------------------------------
 
-    def descended(
-        self, starts: Candidates, stages: Sequence[Stage], problem: Problem, margin: Floats | None = None
-    ) -> Candidates:
+    def descended(self, starts: Candidates, stages: Sequence[Stage], problem: Problem) -> Candidates:
         """Return candidates after descents in which violated limits weigh more from stage to stage; costs are not updated."""
         for stage in stages:
             if not starts.cost.size or (self.work.expired() and np.isfinite(self.incumbents.smallest)):
                 break
-            pairs, _, _ = problem.descended(Chart(starts.pairs), labels(starts, margin), stage, self.work)
+            pairs, _, _ = problem.descended(Chart(starts.pairs), labels(starts), stage, self.work)
             starts = starts._replace(pairs=pairs)
         return starts
 
@@ -249,32 +243,18 @@ class PairProblem(SearchProblem):
         return found._replace(cost=at.cost + stages[-1].weight * at.excess)
 
     def converge(self, candidates: Candidates, stages: Sequence[Stage]) -> Candidates:
-        """Refine basins within the limits, again for a transmission angle that falls short between samples."""
-        return self._tightened(candidates, stages, self.few)
+        """Refine basins within the limits. Return the candidates that are a gain."""
+        return self._gains(candidates, stages, self.few)
 
     def polish(self, answers: Candidates, stages: Sequence[Stage]) -> Candidates:
         """Refine answers on all samples, of groups without an exact answer."""
         few = self.samples.number <= self.options.max_polished_samples
-        inexact = answers.take(self.incumbents.unsolved[answers.drive] & few)
-        return self._tightened(inexact, stages, self.all)
+        return self._gains(answers.take(self.incumbents.unsolved[answers.drive] & few), stages, self.all)
 
-    def _tightened(self, starts: Candidates, stages: Sequence[Stage], problem: Problem) -> Candidates:
-        """Refine candidates within the limits, and again for what falls short between samples. Return those that are a gain."""
-        results, levels, spare = [starts.take([])], self.incumbents.levels[:, 0] ** 2, self.options.spare
-        margin = np.zeros(starts.cost.size)
-        for _ in range(self.options.tightenings):
-            if not starts.cost.size:
-                break
-            ended = self.descended(starts, stages, problem, margin)
-            ended = self.measured_again(ended, self.all)._replace(branch=starts.branch, direction=starts.direction)
-            ended, shortfall, good = self._examine(ended, levels)
-            results.append(ended.take(good))
-            np.minimum.at(levels, ended.drive[good], ended.cost[good])
-            short = shortfall > 0
-            if self.work.expired():
-                break
-            starts, margin = ended.take(short), margin[short] + spare[0] * shortfall[short] + spare[1]
-        return results[0].joined(*results[1:])
+    def _gains(self, starts: Candidates, stages: Sequence[Stage], problem: Problem) -> Candidates:
+        ended = self.measured_again(self.descended(starts, stages, problem), self.all)
+        ended, good = self._examine(ended._replace(branch=starts.branch, direction=starts.direction))
+        return ended.take(good)
 
     # -- answers ----------------------------------------------------------------------------------------------------
 
@@ -283,23 +263,21 @@ class PairProblem(SearchProblem):
         known = np.array([self.is_answer(candidates.take([k])) for k in range(candidates.cost.size)], dtype=bool)
         if known.all():
             return [candidates]
-        found, _, good = self._examine(candidates.take(~known), self.incumbents.levels[:, 0] ** 2)
+        found, good = self._examine(candidates.take(~known))
         return [candidates.take(known).joined(found.take(good))]
 
-    def _examine(self, found: Candidates, levels: Floats) -> tuple[Candidates, Floats, Ints]:
+    def _examine(self, found: Candidates) -> tuple[Candidates, Ints]:
         """Examine the best candidates between the samples, if they are a gain; others within the limits wait for the end.
 
         Returns
         -------
         found : Candidates
             With their squared errors at the poses that close.
-        shortfall : ndarray, shape (n,)
-            Missing transmission angle between the samples, if nothing else is violated.
         good : ndarray
             Indices of the candidates that satisfy the limits.
         """
         found, worst = self.broken(found)
-        shortfall, levels = np.zeros(found.cost.size), levels.copy()
+        levels = self.incumbents.levels[:, 0] ** 2
         few = self.body.position.size <= FEW
         count = self.options.examined_of_few if few else self.options.examined
         good: list[int] = []
@@ -311,16 +289,13 @@ class PairProblem(SearchProblem):
                 if found.cost[index] >= levels[group]:
                     later.append(index)
                     continue
-                missing = self.missing(found.take([index]))
-                if not missing:
+                if not self.missing(found.take([index])):
                     good.append(index)
                     levels[group] = found.cost[index]
-                elif set(missing) == {"transmission_angle_min"}:
-                    shortfall[index] = missing["transmission_angle_min"]
         if later:
             waiting = found.take(np.array(later))
             self.waiting = waiting if self.waiting is None else self.waiting.joined(waiting)
-        return found, shortfall, np.array(good, dtype=int)
+        return found, np.array(good, dtype=int)
 
     def broken(self, found: Candidates) -> tuple[Candidates, Floats]:
         """Return candidates with their squared errors at the poses that close, and their largest violations there."""
@@ -587,11 +562,9 @@ def in_turn(indices: list[Ints]) -> Ints:
     return np.concatenate(indices)[np.argsort(rank, kind="stable")]
 
 
-def labels(found: Candidates, margin: Floats | None = None, sign: Floats | None = None) -> Floats:
-    """Return the labels of candidates for `Problem.descended`, (n, 4)."""
-    nothing = np.zeros(found.cost.size)
-    columns = found.branch, found.direction, nothing if margin is None else margin, nothing if sign is None else sign
-    return np.stack(columns, 1)
+def labels(found: Candidates, sign: Floats | None = None) -> Floats:
+    """Return the labels of candidates for `Problem.descended`, (n, 3)."""
+    return np.stack([found.branch, found.direction, np.zeros(found.cost.size) if sign is None else sign], axis=1)
 
 
 def thinned(samples: Samples, max_samples: int, count: int) -> Samples:

@@ -419,15 +419,6 @@ class Descent:
         }
         return {**{name: np.array(values) for name, values in values.items()}, "fall": fall}
 
-    def apply_steps(self, steps, turns):
-        """Move the candidates by steps (n, m) of shape, pose and offset and (n, N) of the crank angles, as a descent would."""
-        np.asarray(self.angle_squares)[:] = 1.0
-        for n in range(self.costs.shape[0]):
-            self.load(0, n)
-            np.asarray(self.step)[: self.columns], np.asarray(self.angle_step)[:] = steps[n], turns[n]
-            self.apply_step(0, 0)
-            self.store(0, n)
-
     def violations(self):
         """Return the sum of squares and the maximum of the limit violations of each candidate, (n,) each."""
         squares, largest = np.empty(len(self.costs)), np.empty(len(self.costs))

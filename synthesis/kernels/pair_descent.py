@@ -100,7 +100,7 @@ class PairDescent(PairRows):
         Parameters
         ----------
         unknowns : ndarray, shape (n, 10 or 11)
-        labels : ndarray, shape (n, 15)
+        labels : ndarray, shape (n, 14)
         iterations, damping, stall
             See `least_squares.minimise`.
         weight : float

@@ -34,7 +34,6 @@ cdef class PairRows:
     cdef bint is_slider
     cdef double branch
     cdef double direction
-    cdef double margin
     cdef double sign
     cdef double start
     cdef int sweeps

@@ -59,9 +59,9 @@ class PairRows:
 
     Notes
     -----
-    Labels of candidates have shape (n, 15): whether the first guide is a slot that turns about its pin; for each guide the origin
+    Labels of candidates have shape (n, 14): whether the first guide is a slot that turns about its pin; for each guide the origin
     (x, y), the unit of the curvature, whether it is a slot, whether it is straight; then the branch, the direction of the drive,
-    the margin added to the smallest transmission angle, and the sign of the drive's coordinate.
+    and the sign of the drive's coordinate.
     """
 
     def __init__(self, samples, limits, has_timing):
@@ -107,7 +107,7 @@ class PairRows:
         self.second_guide.load(unknowns, labels, 1)
         self.is_hinge = labels[0] > 0.0
         self.is_slider = self.first_guide.is_straight and not self.is_hinge
-        self.branch, self.direction, self.margin, self.sign = labels[11], labels[12], labels[13], labels[14]
+        self.branch, self.direction, self.sign = labels[11], labels[12], labels[13]
         self.start = unknowns[BY_START] if self.has_timing else 0.0
 
     @cfunc
@@ -481,7 +481,7 @@ class PairRows:
     def sample_limits(self):
         """Add the limits of a sample."""
         many: double = self.samples
-        sine_min = max(sin(min(self.transmission + self.margin, 0.5 * PI - 1e-6)), BRANCH_SINE_MIN)
+        sine_min = max(sin(min(self.transmission, 0.5 * PI - 1e-6)), BRANCH_SINE_MIN)
         value = self.branch * self.sine - sine_min
         if self.register_limit(value, many, False):
             self.transmission_slopes(self.row, self.branch)

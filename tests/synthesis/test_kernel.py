@@ -191,9 +191,6 @@ TASKS: dict[str, Callable[[Descent], Any]] = {
     "look": lambda descent: descent.kernel.evaluate_candidates(False, False),
     "look, posed": lambda descent: descent.kernel.evaluate_candidates(True, True),
     "nearest": lambda descent: descent.kernel.move_to_nearest_angles(3),
-    "moved": lambda descent: descent.kernel.apply_steps(
-        3 * descent.random.normal(size=(2, descent.columns)), descent.random.normal(size=descent.turns)
-    ),
     "broken": lambda descent: descent.kernel.violations(),
     "excursions": lambda descent: np.column_stack(descent.kernel.excursions(0.05, 0.2)),
     "restore": lambda descent: descent.kernel.restore(3),
@@ -250,13 +247,13 @@ def test_pairs_of_guides(driven: bool) -> None:
     limits = replace(EVERY_KIND, **slid, cylinder_dead_length=0.9, cylinder_extended_max=1.0)
     numbers = numbers_of(limits, poses, driven)
     sort = np.arange(count)
-    labels = np.zeros((count, 15))
+    labels = np.zeros((count, 14))
     labels[:, 0] = sort % 3 == 2
     for first, kind in ((1, sort % 3), (6, sort // 3)):
         labels[:, first : first + 2] = random.normal(size=(count, 2))
         labels[:, first + 2], labels[:, first + 3], labels[:, first + 4] = 1.0, kind == 2, kind > 0
     labels[:, 0] *= sort % 2
-    labels[:, 11:13], labels[:, 14] = np.sign(random.normal(size=(count, 2))), 1.0
+    labels[:, 11:13], labels[:, 13] = np.sign(random.normal(size=(count, 2))), 1.0
     x = 0.7 * random.normal(size=(count, 11))[:, : 11 if driven else 10]
 
     def work(module: ModuleType) -> list[Any]:
