@@ -103,6 +103,17 @@ function check(field) {
   return fault || Number.isNaN(value) ? null : value;
 }
 
+/** The numbers in a field that holds a list, null if it is empty; `count` is how many are needed, or the least. Throws Error. */
+export function numbersIn(id, count, isLeast = false) {
+  const field = $(id),
+    name = field.labels[0].textContent.trim().replace(/\s+/g, " "),
+    numbers = listEntries(field.value).map(typed);
+  if (!numbers.length) return null;
+  if (numbers.every(Number.isFinite) && (numbers.length === count || (isLeast && numbers.length > count)))
+    return numbers;
+  throw new Error(`${name}: ${isLeast ? "at least " : ""}${count} numbers are needed, with blanks between them.`);
+}
+
 /** Fields with `data-number` say what is wrong with them from now on. */
 export function startNumbers() {
   for (const field of document.querySelectorAll("[data-number]")) {

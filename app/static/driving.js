@@ -2,7 +2,7 @@
 
 import { redrawOn, titledChart } from "./charts.js";
 import { BEST, KINDS, armUnit, factsOf, nameOf, optionsOf, plain, rowsOf } from "./choices.js";
-import { numberIn } from "./decimal.js";
+import { numberIn, numbersIn } from "./decimal.js";
 import { button, definitions, element, make, namedRows, pathData, put, text } from "./drawing.js";
 import { alike, fitOf } from "./fit.js";
 import { itemOf } from "./motion.js";
@@ -33,11 +33,11 @@ function together(ids, sentence) {
 /** The behaviour that springs of a catalogue are asked for. */
 function behaviour() {
   const [open, closed] = ["holds-open", "holds-closed"].map(checked),
-    [first, last] = ["wanted-first", "wanted-last"].map(value);
+    curve = numbersIn("drive-wanted", 2, true);
   return given({
     holds: open || closed ? { open, closed, ...given({ force_min: value("hold-force") }) } : null,
     hand_force_max: value("hand-force"),
-    target: first === null && last === null ? null : { torque: [first ?? last, last ?? first] },
+    target: curve && { [$("drive-wanted-of").value]: curve },
     count: value("count"),
   });
 }
@@ -264,10 +264,11 @@ export class Driving {
       sentence = "Ends: give x and y of the ground point and of the pin, or none of them.",
       ends = cylinder ? together(["ground-x", "ground-y", "pin-x", "pin-y"], sentence) : null,
       fixed = ends && { links: [$("drive-link").value], ground_point: ends.slice(0, 2), pin: ends.slice(2) };
-    const count = cylinder ? value("count") : null;
+    const count = cylinder ? value("count") : null,
+      pinBox = cylinder && !ends ? numbersIn("drive-pin-box", 4) : null;
     const wishes = {
       rotary: {},
-      actuator: { ...sizes, ...fixed, reach_max, count, ground_box: ends ? null : box },
+      actuator: { ...sizes, ...fixed, reach_max, count, ground_box: ends ? null : box, pin_box: pinBox },
       dyad: { time_ratio: value("ratio"), reach_max, motor_box: box },
       toggle: { reach_max, ground_box },
     };

@@ -17,10 +17,23 @@ function honest(reply, motion) {
   return `off by at most ${errors}; transmission angle ${text(best.transmission_angle_min, 2)}° or more`;
 }
 
+/** Linkages for lessons: title and law. */
+const LESSONS = {
+  "Slider-crank": { drive: "crank_slider", name: "quick", stroke: "60", "time-ratio": "1" },
+  "Quick return": { drive: "crank_slider", name: "quick", stroke: "120", "time-ratio": "1.2" },
+};
+
 export class Gallery {
-  /** `open(name)` opens an example. */
-  constructor(open) {
+  /** `open(name)` opens an example, `openLaw(law)` the law of a lesson. */
+  constructor(open, openLaw) {
     this.open = open;
+    for (const [title, law] of Object.entries(LESSONS)) {
+      const act = () => {
+        $("gallery").close();
+        openLaw(law);
+      };
+      $("lessons").append(button(title, act, "link"), " ");
+    }
     $("open-gallery").addEventListener("click", () => $("gallery").showModal());
     $("gallery-close").addEventListener("click", () => $("gallery").close());
     $("gallery").addEventListener("click", (event) => {

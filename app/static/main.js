@@ -61,7 +61,13 @@ const showLaw = startFunction(
 pairs.changed = () => editor.refresh();
 const sources = new Sources(() => editor.motion, useMotion);
 const draft = new Draft("linkage-atlas-motion", (content) => sources.openDraft(content), beginAnew);
-const gallery = new Gallery((name) => sources.useExample(name));
+const gallery = new Gallery(
+  (name) => sources.useExample(name),
+  (law) => {
+    sources.begin("function", law);
+    startSearch();
+  },
+);
 const live = new Live(editor, results, { fits, display, answer: () => answer, stop: stopSearch, say: sayAnswer });
 const visits = new Visits(showAgain, (question) => {
   const { motion, card } = fromPage(question);

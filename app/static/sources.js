@@ -72,9 +72,9 @@ export class Sources {
     }
   }
 
-  /** Begins a new motion, path or function that keeps the unit. */
-  begin(wanted) {
-    const law = wanted === "function" ? firstLaw() : null;
+  /** Begins a new motion, path or function that keeps the unit; a function perhaps with `fields` of its law. */
+  begin(wanted, fields = {}) {
+    const law = wanted === "function" ? { ...firstLaw(), ...fields } : null;
     const mode = { both: "add", position: "path", function: "move" }[wanted];
     this.#take({ ...emptyMotion(wanted), law, unit: this.current().unit }, { mode });
   }

@@ -235,7 +235,20 @@ def test_a_torsion_spring_holds_a_body_shut(opened) -> None:
     assert re.search(r"torsion spring N mm|its twist", opened.text("drive-numbers"))
     assert "first position: is pressed onto its stop" in opened.text("drive-numbers")
     opened.run("document.getElementById('drive-holds-closed').checked = false")
-    fill(opened, kind="actuator", **{"hold-force": ""})
+    fill(opened, **{"hold-force": "", "wanted": "0 2 x"})
+    opened.click("drive-find")
+    assert (
+        opened.text("drive-note")
+        == "Its values, first to last: at least 2 numbers are needed, with blanks between them."
+    )
+    fill(opened, wanted="0; 2,5; 3")
+    opened.record_requests()
+    found(opened)
+    assert opened.last_request()["springs"][0]["target"] == {"torque": [0, 2.5, 3]}
+    fill(opened, wanted="", kind="actuator", **{"pin-box": "0 -50 90 50"})
+    found(opened)
+    assert opened.last_request()["drives"][0]["pin_box"] == [0, -50, 90, 50]
+    fill(opened, **{"pin-box": ""})
 
 
 def test_a_drive_that_slides_is_told_in_lengths(page) -> None:

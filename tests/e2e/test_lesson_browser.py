@@ -12,8 +12,12 @@ LENGTHS = {"crank": "20", "coupler": "60", "rocker": "55", "ground": "58"}
 
 
 def test_a_lesson_on_a_phone(page) -> None:
-    """Own lengths, a film, arrows and centres, and a project with a name."""
+    """A slider-crank of the gallery, own lengths, a film, arrows and centres, and a project with a name."""
     page.resize(360, 740)
+    page.click("open-gallery")
+    page.press("#lessons button")
+    page.wait_for_results()
+    assert page.text("status") == "Best found: met to within rounding." and page.count("#canvas .block[d]")
     page.press("#more")
     page.press("#entry-open")
     for name, length in LENGTHS.items():
