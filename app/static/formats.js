@@ -22,66 +22,63 @@ function perPose(poses, name, whole) {
   return poses.map((pose) => pose[name] ?? whole ?? largest);
 }
 
-/** {rotation, position} without what is null; undefined if nothing is left. */
-function present(rotation, position) {
-  const both = { ...(rotation === null ? {} : { rotation }), ...(position === null ? {} : { position }) };
-  return Object.keys(both).length ? both : undefined;
+/** An object without the entries that are null or undefined; undefined if nothing is left. */
+function present(entries) {
+  const found = Object.entries(entries).filter(([, value]) => value !== null && value !== undefined);
+  return found.length ? Object.fromEntries(found) : undefined;
+}
+
+/** The kinds of linkages to search for; unless others are asked for, a box for the pivots means hinges only. */
+function mechanismsOf({ mechanisms, timing, startAngle, limits }) {
+  if (timing !== "free" && startAngle !== null) return "four_bar";
+  if (mechanisms === "auto") return limits.box ? "four_bar" : "all";
+  return mechanisms;
 }
 
 /** The body of POST /v2/synthesize, or of POST /v2/function for a law; null if a law cannot be requested. */
 export function toRequest(motion) {
   if (motion.law) return lawRequest(motion);
-  const { poses, limits, tolerance } = motion;
-  const angles = wantsAngles(motion),
-    places = wantsPlaces(motion);
-  const request = { ...motion.extra };
-  if (angles) request.rotation = poses.map((pose) => pose.angle);
-  if (places) request.position = poses.map(placeOf);
-  if (motion.timing === "even") request.crank_span = motion.direction * motion.span;
-  else if (motion.timing === "table") request.crank_angle = poses.map((pose) => motion.direction * pose.t);
-  else {
-    request.timing = "free";
-    if (motion.anyOrder) request.order = "any";
-    if (motion.closed) request.closed = true;
-    if (motion.spanMax) request.crank_span_max = motion.spanMax;
-  }
-  const unweighted = (name) =>
-    poses.every((pose) => pose[name] === undefined) ? null : poses.map((pose) => pose[name] ?? 1);
-  if (motion.timing !== "free" && motion.startAngle !== null) request.start_angle = motion.startAngle;
-  const weights = present(angles ? unweighted("wr") : null, places ? unweighted("wp") : null);
-  if (weights) request.weights = weights;
-  const tolerances = present(
-    angles ? perPose(poses, "er", tolerance.rotation) : null,
-    places ? perPose(poses, "ep", tolerance.position) : null,
-  );
-  if (tolerances) request.tolerances = tolerances;
-  if (motion.prefer && preferable(motion, motion.prefer)) request.prefer = motion.prefer;
-  request.top = motion.top;
-  if (motion.diverse) request.diverse = true;
-  // unless other kinds are asked for, a box for the pivots means hinges only
-  const kinds =
-    request.start_angle !== undefined
-      ? "four_bar"
-      : motion.mechanisms === "auto"
-        ? limits.box
-          ? "four_bar"
-          : "all"
-        : motion.mechanisms;
-  if (kinds !== "four_bar" && slidable(motion)) request.mechanisms = kinds === "all" ? "all" : [kinds].flat();
-  const asked = { ...limits.extra, ...practical(limits, motion.timing === "free") };
-  if (limits.family) asked.family = limits.family;
-  if (limits.box && places) asked.pivot_box = limits.box;
-  if (limits.min) asked.link_min = limits.min;
-  if (limits.max) asked.link_max = limits.max;
-  if (Object.keys(asked).length) request.limits = asked;
-  if (motion.round && places) request.round_to = motion.round;
-  else if (motion.stock?.length && places) request.lengths_from = motion.stock;
-  const analysis = analysisOf(motion, places);
-  if (analysis) request.analysis = analysis;
-  const { extra: how, ...sizes } = motion.study,
-    sized = Object.entries(sizes).filter(([, value]) => value !== null);
-  if (sized.length && places) request.tolerance_study = { ...Object.fromEntries(sized), ...how };
-  return request;
+  const { poses, limits, tolerance, timing, direction, prefer, stock } = motion,
+    [angles, places, free] = [wantsAngles(motion), wantsPlaces(motion), timing === "free"],
+    own = (name) => poses.some((pose) => pose[name] !== undefined),
+    weights = (name) => (own(name) ? poses.map((pose) => pose[name] ?? 1) : null),
+    kinds = mechanismsOf(motion),
+    { extra: how, ...sizes } = motion.study;
+  const { family, box, min, max } = limits;
+  const timed = free
+    ? { timing, order: motion.anyOrder ? "any" : null, closed: motion.closed || null, crank_span_max: motion.spanMax }
+    : {
+        crank_span: timing === "even" ? direction * motion.span : null,
+        crank_angle: timing === "table" ? poses.map((pose) => direction * pose.t) : null,
+        start_angle: motion.startAngle,
+      };
+  const asked = {
+    ...limits.extra,
+    ...practical(limits, free),
+    ...present({ family, pivot_box: places ? box : null, link_min: min || null, link_max: max || null }),
+  };
+  return {
+    ...motion.extra,
+    ...present({
+      rotation: angles ? poses.map((pose) => pose.angle) : null,
+      position: places ? poses.map(placeOf) : null,
+      ...timed,
+      weights: present({ rotation: angles ? weights("wr") : null, position: places ? weights("wp") : null }),
+      tolerances: present({
+        rotation: angles ? perPose(poses, "er", tolerance.rotation) : null,
+        position: places ? perPose(poses, "ep", tolerance.position) : null,
+      }),
+      prefer: prefer && preferable(motion, prefer) ? prefer : null,
+      top: motion.top,
+      diverse: motion.diverse || null,
+      mechanisms: kinds === "four_bar" || !slidable(motion) ? null : kinds === "all" ? kinds : [kinds].flat(),
+      limits: present(asked),
+      round_to: places ? motion.round || null : null,
+      lengths_from: places && !motion.round && stock?.length ? stock : null,
+      analysis: analysisOf(motion, places),
+      tolerance_study: places && present(sizes) ? { ...present(sizes), ...how } : null,
+    }),
+  };
 }
 
 /** The opposite of `practical`: {kept, transmission, turn, ratio}. */
@@ -89,9 +86,9 @@ function readPractical(limits, unit, free) {
   const preset = (limits.preset ?? (free ? "practical" : "none")) === "practical",
     read = { kept: { reach: preset } };
   for (const [name, own, field, none] of REPLACED) {
-    const given =
-      limits[field] === undefined || limits[field] === null ? null : limits[field] * (name === "ratio" ? 1 : unit);
-    const off = given === null ? !preset : given === none;
+    const value = limits[field] ?? null,
+      given = value === null ? null : value * (name === "ratio" ? 1 : unit),
+      off = given === null ? !preset : given === none;
     read.kept[name] = !off;
     read[own] = off ? null : given;
   }
@@ -101,10 +98,9 @@ function readPractical(limits, unit, free) {
 /** The analysis that a motion asks for; its speed is in the sense of the crank where that is known. */
 function analysisOf({ analysis: { speed, force, torque }, timing, direction }, places) {
   if (speed === null) return null;
-  const load = {};
-  if (places && force.some((part) => part)) load.force = force.map((part) => part ?? 0);
-  if (torque) load.torque = torque;
-  return { crank_speed: timing === "free" ? speed : direction * speed, ...(Object.keys(load).length ? { load } : {}) };
+  const acts = places && force.some(Boolean),
+    load = present({ force: acts ? force.map((part) => part ?? 0) : null, torque: torque || null });
+  return { crank_speed: timing === "free" ? speed : direction * speed, ...(load && { load }) };
 }
 
 /** A request as text for people: one line for each of its fields. */
@@ -128,9 +124,7 @@ function spread(part, poses, names, unit, what) {
     if (!Array.isArray(value)) continue;
     if (!isNumbers(value) || value.length !== poses.length)
       throw new Error(`The request has ${counted(poses.length, "pose")} but not as many ${what}.`);
-    value.forEach((entry, at) => {
-      poses[at][names[k]] = entry * scale;
-    });
+    for (const [at, entry] of value.entries()) poses[at][names[k]] = entry * scale;
   }
   return whole;
 }
@@ -169,131 +163,93 @@ export function fromPage(content) {
   return { motion, card };
 }
 
+/** What a request is not, as a sentence; null if it is one for a motion. */
+function faultOf({ rotation, position, crank_span, crank_angle, ...more }, free) {
+  const count = (rotation ?? position)?.length;
+  if (more.function || more.output || more.quick_return || more.steering)
+    return "This is a request for a function: choose it under Function, or send it to POST /v2/function.";
+  if (!count || (rotation && !isColumn(rotation, isNumber)) || (position && !isColumn(position, isPlace)))
+    return "This is not a request: it has neither a rotation nor positions.";
+  if (rotation && position && rotation.length !== position.length)
+    return `There are ${counted(rotation.length, "angle")} and ${counted(position.length, "position")}.`;
+  if (crank_angle && !(isNumbers(crank_angle) && crank_angle.length === count))
+    return `The request has ${counted(count, "pose")} but not as many crank angles.`;
+  if (!free && !crank_angle && !isNumber(crank_span))
+    return "The request has no crank span, and its crank angles are not free.";
+  return null;
+}
+
+const isNone = (value) => value === undefined || value === null;
+
+/** Crank angles, order and sense of a motion as its request says. */
+function timingOf({ crank_span, crank_angle, order, closed, crank_span_max, start_angle }, unit, free) {
+  if (free) return { anyOrder: order === "any", closed: closed === true, spanMax: crank_span_max * unit || null };
+  const whole = (crank_angle ? crank_angle.at(-1) - crank_angle[0] : crank_span) * unit,
+    startAngle = isNone(start_angle) ? null : start_angle * unit;
+  return { timing: crank_angle ? "table" : "even", direction: whole < 0 ? -1 : 1, span: Math.abs(whole), startAngle };
+}
+
+/** Fields of a request that the motion holds otherwise, or that are no part of it. */
+const HELD = [
+  "rotation position crank_span crank_angle timing order closed crank_span_max start_angle weights tolerances prefer limits",
+  "round_to lengths_from analysis tolerance_study top diverse mechanisms angle_unit budget_ms start_from refine_only",
+];
+const without = (value, names) => Object.fromEntries(Object.entries(value).filter(([name]) => !names.includes(name)));
+
 /** The motion of a request. Throws Error for anything that is not a request. */
 export function fromRequest(body) {
-  const {
-    rotation,
-    position,
-    crank_span,
-    crank_angle,
-    timing,
-    order,
-    closed,
-    crank_span_max,
-    start_angle,
-    weights,
-    tolerances,
-    prefer,
-    limits = {},
-    round_to,
-    lengths_from,
-    analysis,
-    tolerance_study,
-    top,
-    diverse,
-    mechanisms,
-    angle_unit,
-    ...extra
-  } = body ?? {};
-  const unit = angle_unit === "rad" ? 180 / Math.PI : 1,
-    free =
-      timing === "free" || (!isNumber(crank_span) && !crank_angle && !!position && !extra.travel && !extra.travel_span);
-  if (extra.function || extra.output || extra.quick_return || extra.steering)
-    throw new Error("This is a request for a function: choose it under Function, or send it to POST /v2/function.");
-  const count = (rotation ?? position)?.length;
-  if (!count || (rotation && !isColumn(rotation, isNumber)) || (position && !isColumn(position, isPlace)))
-    throw new Error("This is not a request: it has neither a rotation nor positions.");
-  if (rotation && position && rotation.length !== position.length)
-    throw new Error(`There are ${counted(rotation.length, "angle")} and ${counted(position.length, "position")}.`);
-  if (crank_angle && !(isNumbers(crank_angle) && crank_angle.length === count))
-    throw new Error(`The request has ${counted(count, "pose")} but not as many crank angles.`);
-  if (!free && !crank_angle && !isNumber(crank_span))
-    throw new Error("The request has no crank span, and its crank angles are not free.");
+  const request = body ?? {},
+    { rotation, position, crank_angle, limits = {}, analysis, tolerance_study, mechanisms } = request,
+    unit = request.angle_unit === "rad" ? 180 / Math.PI : 1,
+    timed = isNumber(request.crank_span) || crank_angle || !position || request.travel || request.travel_span,
+    free = request.timing === "free" || !timed,
+    fault = faultOf(request, free);
+  if (fault) throw new Error(fault);
   const motion = emptyMotion(rotation && position ? "both" : rotation ? "rotation" : "position");
-  motion.timing = free ? "free" : crank_angle ? "table" : "even";
-  if (free)
-    Object.assign(motion, {
-      anyOrder: order === "any",
-      closed: closed === true,
-      spanMax: crank_span_max ? crank_span_max * unit : null,
-    });
-  else {
-    const whole = (crank_angle ? crank_angle.at(-1) - crank_angle[0] : crank_span) * unit;
-    motion.direction = whole < 0 ? -1 : 1;
-    motion.span = Math.abs(whole);
-    motion.startAngle = start_angle === undefined || start_angle === null ? null : start_angle * unit;
-  }
-  motion.poses = Array.from({ length: count }, (_, k) => ({
+  Object.assign(motion, timingOf(request, unit, free));
+  motion.poses = (rotation ?? position).map((_, k) => ({
     t: crank_angle ? Math.abs(crank_angle[k] - crank_angle[0]) * unit : 0,
     x: position ? (position[k]?.[0] ?? null) : 0,
     y: position ? (position[k]?.[1] ?? null) : 0,
     angle: !rotation ? 0 : rotation[k] === null ? null : rotation[k] * unit,
   }));
   fixTravels(motion);
-  spread(weights, motion.poses, ["wr", "wp"], 1, "weights");
-  motion.tolerance = spread(tolerances, motion.poses, ["er", "ep"], unit, "tolerances");
-  const {
-    family,
-    pivot_box,
-    link_min,
-    link_max,
-    preset,
-    transmission_angle_min,
-    transmission_angle_min_turn,
-    link_ratio_max,
-    ...more
-  } = limits;
-  motion.limits = {
-    family: family ?? null,
-    ...readPractical({ preset, transmission_angle_min, transmission_angle_min_turn, link_ratio_max }, unit, free),
-    box: pivot_box ?? null,
-    min: link_min ?? null,
-    max: link_max ?? null,
-    extra: more,
-  };
-  motion.diverse = diverse === true;
-  motion.mechanisms = Array.isArray(mechanisms) && mechanisms.length === 1 ? mechanisms[0] : (mechanisms ?? "four_bar");
-  motion.prefer = prefer ?? null;
-  motion.round = round_to ?? null;
-  motion.stock = isNumbers(lengths_from) ? lengths_from : null;
+  spread(request.weights, motion.poses, ["wr", "wp"], 1, "weights");
+  motion.tolerance = spread(request.tolerances, motion.poses, ["er", "ep"], unit, "tolerances");
+  const { family = null, pivot_box: box = null, link_min: min = null, link_max: max = null, ...more } = limits,
+    read = ["preset", ...REPLACED.map(([, , field]) => field)];
+  motion.limits = { family, box, min, max, ...readPractical(limits, unit, free), extra: without(more, read) };
+  const [only = "four_bar", ...others] = [mechanisms ?? []].flat(),
+    { prefer = null, round_to: round = null, lengths_from: stock, diverse } = request;
+  const top = request.top ?? 8;
+  Object.assign(motion, { prefer, round, top, diverse: diverse === true, stock: isNumbers(stock) ? stock : null });
+  motion.mechanisms = others.length ? mechanisms : only;
   if (analysis) {
-    const speed = (analysis.crank_speed ?? 0) * unit;
-    motion.analysis = {
-      speed: free ? speed : motion.direction * speed,
-      force: analysis.load?.force ?? [null, null],
-      torque: analysis.load?.torque ?? null,
-    };
+    const { force = [null, null], torque = null } = analysis.load ?? {},
+      speed = (analysis.crank_speed ?? 0) * unit;
+    motion.analysis = { speed: free ? speed : motion.direction * speed, force, torque };
   }
   const { links = null, pivots = null, clearance = null, ...how } = tolerance_study ?? {};
   if (tolerance_study) motion.study = { links, pivots, clearance, extra: how };
-  motion.top = top ?? 8;
-  delete extra.budget_ms;
-  delete extra.start_from; // linkages, and no part of the motion
-  delete extra.refine_only;
-  motion.extra = extra;
-  const { min, max, transmission, turn, ratio, box } = motion.limits,
-    { speed, force, torque } = motion.analysis;
-  const numbers = [
-    min,
-    max,
-    transmission,
-    turn,
-    ratio,
-    motion.spanMax,
-    motion.startAngle,
-    motion.round,
-    motion.top,
-    speed,
-    torque,
-    links,
-    pivots,
-    clearance,
-    ...force,
-  ];
-  if (
-    !numbers.every((value) => value === null || isNumber(value)) ||
-    !(box === null || (isNumbers(box) && box.length === 4))
-  )
+  motion.extra = without(request, HELD.join(" ").split(" "));
+  const { transmission, turn, ratio } = motion.limits,
+    { speed, force, torque } = motion.analysis,
+    numbers = [
+      min,
+      max,
+      transmission,
+      turn,
+      ratio,
+      motion.spanMax,
+      motion.startAngle,
+      round,
+      top,
+      speed,
+      torque,
+      ...force,
+    ];
+  const isBox = box === null || (isNumbers(box) && box.length === 4);
+  if (!isBox || ![...numbers, links, pivots, clearance].every((value) => value === null || isNumber(value)))
     throw new Error("The request has something else where a number is needed.");
   return motion;
 }

@@ -1,9 +1,8 @@
 // The form of a function: a law chosen, drawn or typed, which is the law of the motion in the editor.
 
-import { make, put } from "./drawing.js";
-import { PAD, isTable, lawFields, pairs, rowsOf } from "./law.js";
-import { $ } from "./shell.js";
-import { DRIVES, SIZES, SPECIAL } from "./travel.js";
+import { make, pathData, put } from "./drawing.js";
+import { DRIVES, PAD, SIZES, SPECIAL, isTable, lawFields, pairs, rowsOf } from "./law.js";
+import { $, listen } from "./shell.js";
 
 /** Ends of x with which a function begins; others begin with 1 and 2. */
 const ENDS = { sin: ["0", "90"], cos: ["0", "90"], tan: ["0", "45"] };
@@ -11,8 +10,7 @@ const endsOf = (name) => ENDS[name] ?? ["1", "2"];
 const FEW_ROWS = 5; // number of free dimensions of a four-bar, which can meet that many rows exactly
 
 function tracePad(drawn) {
-  const d = drawn.length > 1 ? `M${drawn.map((point) => point.map((v) => v.toFixed(1)).join(" ")).join("L")}` : "";
-  put($("pad").querySelector(".pen"), { d });
+  put($("pad").querySelector(".pen"), { d: drawn.length > 1 ? pathData(drawn) : "" });
 }
 
 function startPad(keep) {
@@ -23,11 +21,9 @@ function startPad(keep) {
   make("path", { class: "pen" }, pad);
   const pointOf = (event) => {
     const box = pad.getBoundingClientRect(),
-      clip = (value, most) => Math.min(Math.max(value, border), most - border);
-    return [
-      clip(((event.clientX - box.left) / box.width) * width, width),
-      clip(((event.clientY - box.top) / box.height) * height, height),
-    ];
+      clip = (share, most) => Math.min(Math.max(share * most, border), most - border),
+      [x, y] = [event.clientX - box.left, event.clientY - box.top];
+    return [clip(x / box.width, width), clip(y / box.height, height)];
   };
   pad.addEventListener("pointerdown", (event) => {
     pad.setPointerCapture(event.pointerId);
@@ -41,33 +37,32 @@ function startPad(keep) {
     tracePad(drawn);
   });
   pad.addEventListener("pointerup", () => keep(drawn));
-  $("pad-clear").addEventListener("click", () => keep([]));
+  listen("pad-clear", "click", () => keep([]));
 }
 
-/** Sentences on how the table of a law was read. */
-function tableNote(law) {
-  let columns = {};
+/** The rows of the table of a law; nothing if it has none, or none that can be used, which is said when it is solved. */
+function columnsOf(law) {
   try {
-    columns = rowsOf(law);
+    return isTable(law) ? rowsOf(law) : {};
   } catch {
-    /* the reason is shown when it is solved */
+    return {};
   }
-  const assumed = law.name === "pairs" && columns.output?.length <= FEW_ROWS && law.objective === "max";
-  return assumed
-    ? `${pairs.notes} The largest error anywhere counts the curve between the rows too, which is assumed to be smooth. To meet these rows only, choose root mean square error.`.trim()
-    : pairs.notes;
+}
+
+const ASSUMED =
+  "The largest error anywhere counts the curve between the rows too, which is assumed to be smooth. " +
+  "To meet these rows only, choose root mean square error.";
+
+/** Sentences on how the table of a law was read. */
+function tableNote(law, { output }) {
+  const assumed = law.name === "pairs" && output?.length <= FEW_ROWS && law.objective === "max";
+  return assumed ? `${pairs.notes} ${ASSUMED}`.trim() : pairs.notes;
 }
 
 /** Shows the fields that a law needs. */
-function showNeeded(law) {
+function showNeeded(law, columns) {
   const { name, drive } = law,
     special = SPECIAL.includes(name);
-  let columns = {};
-  try {
-    columns = isTable(law) ? rowsOf(law) : {};
-  } catch {
-    /* its fields are those of a table without columns */
-  }
   const kinds = {
     name: !["drawn", "table", "pairs", ...SPECIAL].includes(name),
     crank: !special && !(name === "pairs" && columns.input),
@@ -87,24 +82,21 @@ function showNeeded(law) {
   [$("stroke-label").textContent, $("stroke-unit").textContent] = (SIZES[drive] ?? SIZES.four_bar).says;
 }
 
-/** Binds the form; `edit(change, kind)` changes the motion, `settle()` ends a step of its history. Returns a function that shows a motion. */
+/** Binds the form; `edit(change, kind)` changes the motion, `settle()` ends a step of it. Returns what shows a motion. */
 export function startFunction(edit, settle) {
   for (const field of lawFields()) {
-    field.addEventListener(field.matches("select, [type=checkbox]") ? "change" : "input", () =>
-      edit(({ law }) => {
-        const before = law.name;
-        law[field.id] = field.type === "checkbox" ? field.checked : field.value;
-        if (field.id === "name" && ["x0", "x1"].every((id, k) => law[id] === endsOf(before)[k]))
-          [law.x0, law.x1] = endsOf(law.name);
-      }, `law ${field.id}`),
-    );
-    field.addEventListener("blur", settle);
+    const { id } = field,
+      isCheck = field.type === "checkbox";
+    const change = ({ law }) => {
+      const before = law.name,
+        isUsual = (end, k) => law[end] === endsOf(before)[k];
+      law[id] = isCheck ? field.checked : field.value;
+      if (id === "name" && ["x0", "x1"].every(isUsual)) [law.x0, law.x1] = endsOf(law.name);
+    };
+    listen(id, isCheck || field.matches("select") ? "change" : "input", () => edit(change, `law ${id}`));
+    listen(id, "blur", settle);
   }
-  startPad((drawn) =>
-    edit(({ law }) => {
-      law.drawn = drawn;
-    }),
-  );
+  startPad((drawn) => edit(({ law }) => (law.drawn = drawn)));
   return ({ law }) => {
     document.body.dataset.kind = law ? "function" : "motion";
     // a four-bar for a function has no body point
@@ -114,18 +106,14 @@ export function startFunction(edit, settle) {
     if (!law) return;
     if (isTable(law)) pairs.read(law.table);
     // the names of its columns say what a table holds
-    try {
-      const { x, output } = isTable(law) ? rowsOf(law) : {};
-      if (x) law.name = "table";
-      if (output) law.name = "pairs";
-    } catch {
-      /* it has not been read yet, or cannot be */
-    }
+    const columns = columnsOf(law);
+    if (columns.x) law.name = "table";
+    if (columns.output) law.name = "pairs";
     for (const field of lawFields())
       if (field.type === "checkbox") field.checked = law[field.id];
       else if (field !== document.activeElement || field.matches("select")) field.value = law[field.id];
     tracePad(law.drawn);
-    showNeeded(law);
-    $("table-note").textContent = isTable(law) ? tableNote(law) : "";
+    showNeeded(law, columns);
+    $("table-note").textContent = isTable(law) ? tableNote(law, columns) : "";
   };
 }

@@ -5,15 +5,13 @@ import { fitOf, worstRows } from "./fit.js";
 import { fromRequest } from "./formats.js";
 import { placesOf } from "./motion.js";
 import { RAD } from "./plane.js";
-import { $ } from "./shell.js";
+import { $, listen } from "./shell.js";
 
 /** What the gallery says of an example's stored reply. */
 function honest(reply, motion) {
   const best = reply.solutions[0],
-    fit = fitOf(best, motion);
-  const errors = worstRows(fit, motion, reply.report.length_scale ?? 1)
-    .map(([, error]) => error)
-    .join(", ");
+    rows = worstRows(fitOf(best, motion), motion, reply.report.length_scale ?? 1),
+    errors = rows.map(([, error]) => error).join(", ");
   return `off by at most ${errors}; transmission angle ${text(best.transmission_angle_min, 2)}° or more`;
 }
 
@@ -34,43 +32,32 @@ export class Gallery {
       };
       $("lessons").append(button(title, act, "link"), " ");
     }
-    $("open-gallery").addEventListener("click", () => $("gallery").showModal());
-    $("gallery-close").addEventListener("click", () => $("gallery").close());
-    $("gallery").addEventListener("click", (event) => {
-      if (event.target === $("gallery")) $("gallery").close();
-    });
+    listen("open-gallery", "click", () => $("gallery").showModal());
+    listen("gallery-close", "click", () => $("gallery").close());
+    listen("gallery", "click", ({ target }) => target === $("gallery") && target.close());
   }
 
   show(examples) {
     for (const { name, title, word, machine, request, reply } of examples) {
-      const opens = button(
-        title,
-        () => {
+      const act = () => {
           $("gallery").close();
           this.open(name);
         },
-        machine ? "machine" : "link",
-      );
-      opens.dataset.example = name;
+        opens = button(title, act, machine ? "machine" : "link", { "data-example": name });
       if (!machine) {
         $("others").append(opens, " ");
         continue;
       }
       const motion = fromRequest(request),
-        best = reply.solutions[0],
-        {
-          linkage,
-          pass: { sense, low, high },
-        } = fitOf(best, motion);
+        { linkage, pass } = fitOf(reply.solutions[0], motion),
+        ends = [pass.low, pass.high].map((travel) => pass.sense * travel * RAD);
       opens.replaceChildren(
-        thumbnail(linkage, [sense * low * RAD, sense * high * RAD], placesOf(motion), 200, 120),
+        thumbnail(linkage, ends, placesOf(motion), 200, 120),
         element("strong", "", title),
         element("span", "", word),
         element("span", "muted", honest(reply, motion)),
       );
-      const item = document.createElement("li");
-      item.append(opens);
-      $("machines").append(item);
+      $("machines").append(element("li", "", opens));
     }
   }
 }

@@ -1,4 +1,4 @@
-// A function of a crank or slider as plain values: its request, what is wrong with it, and its answer in the form that the workspace shows.
+// A function of a crank or slider as plain values: its drives, its request, its faults, and its answer as it is shown.
 
 import { numberOf } from "./decimal.js";
 import { text } from "./drawing.js";
@@ -6,8 +6,43 @@ import { errorText } from "./fit.js";
 import { practical } from "./motion.js";
 import { Pairs } from "./pairs.js";
 import { $ } from "./shell.js";
-import { DRIVES, SIZES, SPECIAL, checkDrive, sign } from "./travel.js";
 
+const TRAVEL = "length";
+const kindsOf = (kind, input_unit, output_unit) => ({
+  ...(input_unit && { input_unit }),
+  ...(output_unit && { output_unit }),
+  mechanisms: [kind],
+});
+/** What a drive asks for, and what goes in and comes out. */
+export const DRIVES = {
+  four_bar: { asks: {}, says: ["Crank turns", "Rocker turns"] },
+  crank_slider: { asks: kindsOf("slider_crank", null, TRAVEL), says: ["Crank turns", "Slider moves"] },
+  crank_cylinder: { asks: kindsOf("swinging_block", null, TRAVEL), says: ["Crank turns", "Cylinder extends"] },
+  slider_crank: { asks: kindsOf("slider_crank", TRAVEL), says: ["Slider moves", "Crank turns"] },
+  cylinder_crank: { asks: kindsOf("swinging_block", TRAVEL), says: ["Cylinder extends", "Crank turns"] },
+  slider_lever: { asks: kindsOf("rail_slot", TRAVEL), says: ["Slider moves", "Lever turns"] },
+  slider_slider: { asks: kindsOf("two_rails", TRAVEL, TRAVEL), says: ["Slider moves", "Other slider moves"] },
+  slider_cylinder: {
+    asks: kindsOf("rail_slot", TRAVEL, TRAVEL),
+    says: ["Slider, or cylinder, moves", "The other moves"],
+  },
+};
+/** Functions that are asked for by a few numbers. */
+export const SPECIAL = ["quick", "steering"];
+/** Drives with a quick return, and the field of its size. */
+export const SIZES = {
+  four_bar: { field: "swing", says: ["Rocker swings", "°"] },
+  crank_slider: { field: "stroke", says: ["Slider's stroke", "length"] },
+};
+/** True; throws if a drive does not make such a function. */
+function checkDrive(name, drive) {
+  if (name === "quick" && !(drive in SIZES))
+    throw new Error("A quick return is made by a four-bar or by a crank that moves a slider: choose one of these.");
+  if (name === "steering" && drive !== "four_bar") throw new Error("Steering is made by a four-bar: choose it.");
+  return true;
+}
+/** What stands behind a number of a unit. */
+const sign = (unit) => (unit === TRAVEL ? "" : "°");
 const DRAWN = 41; // samples of a drawn curve
 export const PAD = { width: 320, height: 200, border: 8 };
 
@@ -18,27 +53,20 @@ export const pairs = new Pairs(() => {});
 export const lawFields = () => [...document.querySelectorAll("[data-law]")];
 
 /** The law with which the form begins. */
-export const firstLaw = () => ({
-  ...Object.fromEntries(
-    lawFields().map((field) => [
-      field.id,
-      field.type === "checkbox"
-        ? field.defaultChecked
-        : field.matches("select")
-          ? field.options[0].value
-          : field.defaultValue,
-    ]),
-  ),
-  drawn: [],
-});
+export function firstLaw() {
+  const entries = lawFields().map((field) => {
+    const { id, type, defaultChecked, options, defaultValue } = field;
+    return [id, type === "checkbox" ? defaultChecked : options ? options[0].value : defaultValue];
+  });
+  return { ...Object.fromEntries(entries), drawn: [] };
+}
 
 /** A law of a link or draft. Throws Error for anything else. */
 export function soundLaw(content) {
   const law = firstLaw();
   for (const name of Object.keys(law)) if (typeof content[name] === typeof law[name]) law[name] = content[name];
-  law.drawn = (Array.isArray(law.drawn) ? law.drawn : []).filter(
-    (point) => Array.isArray(point) && point.length === 2 && point.every(Number.isFinite),
-  );
+  const isPoint = (point) => Array.isArray(point) && point.length === 2 && point.every(Number.isFinite);
+  law.drawn = Array.isArray(law.drawn) ? law.drawn.filter(isPoint) : [];
   if (!DRIVES[law.drive] || ![...$("name").options].some(({ value }) => value === law.name))
     throw new Error("The link is of another page or version.");
   return law;
@@ -47,16 +75,9 @@ export function soundLaw(content) {
 /** The drawn curve at even x, smoothed over its neighbours: [[x, y], ...] with both in 0 .. 1. */
 function drawnTable(drawn) {
   if (drawn.length < 3) throw new Error("Draw the function from left to right first.");
-  const first = drawn[0][0],
-    last = drawn.at(-1)[0];
-  let k = 1;
-  const heights = Array.from({ length: DRAWN }, (_, n) => {
-    const x = first + ((last - first) * n) / (DRAWN - 1);
-    while (k < drawn.length - 1 && drawn[k][0] < x) k++;
-    const [x0, y0] = drawn[k - 1],
-      [x1, y1] = drawn[k];
-    return 1 - (y0 + ((y1 - y0) * (x - x0)) / (x1 - x0)) / PAD.height;
-  });
+  const [xs, ys] = [0, 1].map((i) => drawn.map((point) => point[i])),
+    step = (xs.at(-1) - xs[0]) / (DRAWN - 1),
+    heights = Array.from({ length: DRAWN }, (_, n) => 1 - between(xs, ys, xs[0] + n * step) / PAD.height);
   const smooth = (values) =>
     values.map((value, n) => (n && n < values.length - 1 ? (values[n - 1] + 2 * value + values[n + 1]) / 4 : value));
   return smooth(smooth(smooth(heights))).map((y, n) => [n / (DRAWN - 1), Number(y.toFixed(6))]);
@@ -133,8 +154,9 @@ export function lawFault(motion) {
 }
 
 /**
- * An answer of the service as the workspace shows it. `within` is a request of /v2/synthesize over the same interval, with which layers,
- * drives and files are requested; each solution has its `output`, {input, error, wanted, from, signs, unit} and its largest error as words, `off`.
+ * An answer of the service as the workspace shows it. `within` is a request of /v2/synthesize over the same interval, with
+ * which layers, drives and files are requested; each solution has its `output`, {input, error, samples, from, signs,
+ * unitOfY, isRocker}, and its largest error as words, `off`.
  */
 export function lawAnswer(motion, request, reply) {
   const { asks } = DRIVES[motion.law.drive],
@@ -151,21 +173,12 @@ export function lawAnswer(motion, request, reply) {
     ...(asks.mechanisms ? { mechanisms: asks.mechanisms, position: place } : {}),
     limits: { family: "any" },
   };
+  const samples = { input: reply.input, output: reply.output };
   for (const solution of reply.solutions) {
-    const { errors, error_curve: curve, rounded, links } = solution,
-      size = signs[1] ? 57 : range;
-    Object.assign(solution, {
-      [asks.input_unit ? "travel" : "crank_angle"]: travels,
-      off: errorText(errors.max, size, signs[1] || ` ${motion.unit}`),
-      output: {
-        ...curve,
-        samples: { input: reply.input, output: reply.output },
-        from: inputs[0],
-        signs,
-        unitOfY,
-        isRocker: Boolean(links),
-      },
-    });
+    const { errors, error_curve: curve, rounded, links } = solution;
+    solution[asks.input_unit ? "travel" : "crank_angle"] = travels;
+    solution.off = errorText(errors.max, signs[1] ? 57 : range, signs[1] || ` ${motion.unit}`);
+    solution.output = { ...curve, samples, from: inputs[0], signs, unitOfY, isRocker: Boolean(links) };
     Object.assign(errors, { rotation_rms: null, position_rms: null });
     if (rounded?.errors) Object.assign(rounded.errors, { position_max: null, rotation_max: rounded.errors.max });
   }
@@ -184,10 +197,8 @@ function between(xs, ys, x) {
 export function reading({ output }, travel, unit) {
   const { input, error, samples, from, signs } = output,
     made = between(samples.input, samples.output, travel) + between(input, error, travel);
-  const words = [from + travel, made].map((value, k) =>
-    signs[k] ? `${value.toFixed(1 + k)}°` : `${text(value, 5)} ${unit}`,
-  );
-  return words.join(" → ");
+  const inWords = (value, k) => (signs[k] ? `${value.toFixed(1 + k)}°` : `${text(value, 5)} ${unit}`);
+  return [from + travel, made].map(inWords).join(" → ");
 }
 
 /** Curves of a solution of a law over travels in the crank's sense: [{title, x, values}]. */
@@ -195,28 +206,26 @@ export function lawCurves({ output }, sense, unit) {
   const { input, error, samples, signs, unitOfY, isRocker } = output,
     over = (xs, ys) => ({ x: xs.map((value) => sense * value), values: ys }),
     named = signs[1] ? (isRocker ? "degrees of the rocker" : "degrees") : unit;
-  const curves = [{ title: `Error (got minus wanted) in ${named}`, ...over(input, error) }];
-  if (unitOfY)
-    curves.push({
-      title: "Error (got minus wanted) in units of y",
-      ...over(
-        input,
-        error.map((value) => value * unitOfY),
-      ),
-    });
-  return [...curves, { title: `Wanted output in ${named}`, ...over(samples.input, samples.output) }];
+  const scaled = unitOfY && error.map((value) => value * unitOfY),
+    curves = [
+      { title: `Error (got minus wanted) in ${named}`, ...over(input, error) },
+      scaled && { title: "Error (got minus wanted) in units of y", ...over(input, scaled) },
+      { title: `Wanted output in ${named}`, ...over(samples.input, samples.output) },
+    ];
+  return curves.filter(Boolean);
 }
 
 /** Rows [name, value] of the errors of a solution of a law. */
 export function lawRows({ errors, output, output_offset: offset, input_zero: zero }, unit) {
   const [into, out] = output.signs.map((found) => found || ` ${unit}`),
-    rows = [
-      ["Largest error", text(errors.max, 4) + out],
-      ["Root mean square error", text(errors.rms, 4) + out],
-    ];
-  if (errors.max_y !== null) rows.push(["Largest error in y", text(errors.max_y, 4)]);
-  if (errors.alternations !== null) rows.push(["Extremes as large, alternating", String(errors.alternations)]);
-  if (Number.isFinite(zero)) rows.push(["Input at the first x", text(zero, 8) + into]);
-  rows.push([output.isRocker ? "Output less rocker angle" : "Output less the linkage's own", text(offset, 8) + out]);
-  return rows;
+    offsetName = output.isRocker ? "Output less rocker angle" : "Output less the linkage's own";
+  const rows = [
+    ["Largest error", text(errors.max, 4) + out],
+    ["Root mean square error", text(errors.rms, 4) + out],
+    errors.max_y !== null && ["Largest error in y", text(errors.max_y, 4)],
+    errors.alternations !== null && ["Extremes as large, alternating", String(errors.alternations)],
+    Number.isFinite(zero) && ["Input at the first x", text(zero, 8) + into],
+    [offsetName, text(offset, 8) + out],
+  ];
+  return rows.filter(Boolean);
 }

@@ -19,7 +19,7 @@ import { Results, note } from "./results.js";
 import { howNear, sentenceOf, showOffers } from "./sentence.js";
 import { STAGES, ask, refine, solve, together } from "./service.js";
 import { fillSheet } from "./sheet.js";
-import { $, copy, markEarlier, say, startScenes, startTheme } from "./shell.js";
+import { $, copy, listen, markEarlier, say, startScenes, startTheme } from "./shell.js";
 import { Sources } from "./sources.js";
 import { startStage } from "./extras.js";
 import { startTeaching } from "./teach.js";
@@ -29,6 +29,12 @@ import { defects } from "./verdict.js";
 import { leaveWelcome, showWelcome, startWelcome } from "./welcome.js";
 import { Visits, readdress } from "./visits.js";
 
+/** Fields that describe a linkage in a link. */
+const FOUR_BAR = "links start_angle body_offset mount family branch crank_angle";
+const GUIDED = "kind driver guides start travel branch crank_angle";
+const NOT_REACHED =
+  "No linkage within the limits was reached from there; that proves nothing. " +
+  "Move it, loosen a limit, or search near here.";
 const ADDRESS_MS = 300; // after which the page's address follows a change
 
 let answer = null; // the last answer: {request, reply, motion, stored}
@@ -52,10 +58,7 @@ const results = new Results(
   },
 );
 const showLaw = startFunction(
-  (change, kind) =>
-    editor.history.change((motion) => {
-      change(motion);
-    }, kind),
+  (change, kind) => editor.history.change(change, kind),
   () => editor.history.settle(),
 );
 pairs.changed = () => editor.refresh();
@@ -152,29 +155,21 @@ function showAgain(earlier, left) {
 }
 
 function sayAnswer() {
-  const {
-      reply,
-      reply: { solutions },
-      motion,
-    } = answer,
-    { solution } = results;
-  if (editor.board.stale || solution?.source === "hand") {
-    say(
-      editor.board.stale
-        ? "Inputs changed. Solve again."
-        : `Changed by hand: ${howNear({ reply: { ...reply, solutions: [solution] }, motion })}.`,
-    );
-    return;
+  const { reply, motion, within } = answer,
+    { solution } = results,
+    [best] = reply.solutions,
+    { unit, outline, note: origin } = editor.motion;
+  if (editor.board.stale) say("Inputs changed. Solve again.");
+  else if (solution?.source === "hand")
+    say(`Changed by hand: ${howNear({ reply: { ...reply, solutions: [solution] }, motion })}.`);
+  else {
+    say(sentenceOf(answer, solution), !best || defects(best.verdict).length > 0);
+    if (within) return;
+    showOffers(answer, (eased) => {
+      editor.replace({ ...fromRequest(eased), unit, outline, note: origin }, false);
+      startSearch();
+    });
   }
-  say(sentenceOf(answer, solution), !solutions.length || defects(solutions[0].verdict).length > 0);
-  if (answer.within) return;
-  showOffers(answer, (eased) => {
-    editor.replace(
-      { ...fromRequest(eased), unit: editor.motion.unit, outline: editor.motion.outline, note: editor.motion.note },
-      false,
-    );
-    startSearch();
-  });
 }
 
 function updateStale() {
@@ -320,22 +315,31 @@ async function run(work) {
   }
 }
 
-/** Searches for the linkages of a function. */
-async function searchFunction(motion) {
-  const request = toRequest(motion);
-  passed ||= Boolean(answer);
+/** Takes an answer that replaces the one on show; a `further` one belongs to the same question. */
+function take(found, further = false) {
+  [answer, passed] = [found, false];
+  if (!further) visit();
   updateStale();
-  await run(async (control, begin) => {
+  results.show(answer, further);
+}
+
+/** Opens the cards of a first answer, with its linkage in motion. */
+function present() {
+  results.player.run();
+  openStep("choose");
+}
+
+const secondsSince = (begin) => (performance.now() - begin) / 1000;
+
+/** Searches for the linkages of a function. */
+function searchFunction(motion) {
+  const request = toRequest(motion);
+  return run(async (control, begin) => {
     const reply = await (await ask("/v2/function", request, control.signal)).json();
     if (running !== control) return;
-    answer = { ...lawAnswer(motion, request, reply), seconds: (performance.now() - begin) / 1000 };
-    visit();
-    passed = false;
-    updateStale();
-    results.show(answer);
+    take({ ...lawAnswer(motion, request, reply), seconds: secondsSince(begin) });
     if (reply.solutions.length) {
-      results.player.run();
-      openStep("choose");
+      present();
       const card = linkedCard && reply.solutions.find((solution) => alike(solution, linkedCard));
       if (card) results.choose(card);
     }
@@ -345,55 +349,43 @@ async function searchFunction(motion) {
 
 /** Searches for the motion; `near` a solution only for linkages whose pivots lie near its own. */
 async function startSearch(near = null) {
-  if (editor.motion.law && isTable(editor.motion.law)) await pairs.read(editor.motion.law.table);
+  const { law } = editor.motion;
+  if (law && isTable(law)) await pairs.read(law.table);
   const motion = soundMotion();
   if (!motion) return;
-  if (motion.law) {
-    await searchFunction(motion);
-    return;
-  }
-  const request = toRequest(motion),
-    made = {}; // one answer of all stages
   passed ||= Boolean(answer) && !near;
   updateStale();
-  await run(async (control, begin) => {
-    let further = false;
-    await solve(
-      near ? nearby(request, near) : request,
-      (reply, last) => {
-        if (running !== control) return;
-        // what is shown stays until there is something in its place
-        if (!reply.solutions.length && (near || !last)) {
-          say(
-            last ? "None found with both pivots near there." : "Nothing within the limits yet. Still searching…",
-            last,
-          );
-          return;
-        }
-        const { hand } = (further && results.state) || {};
-        if (hand) reply.solutions.push(hand);
-        answer = Object.assign(made, { request, reply, motion, last, seconds: (performance.now() - begin) / 1000 });
-        if (!further) visit();
-        passed = false;
-        updateStale();
-        results.show(answer, further);
-        if (reply.solutions.length && !further) {
-          results.player.run();
-          openStep("choose");
-        }
-        if (!further) performance.measure("first result", { start: begin, end: performance.now() });
-        further ||= reply.solutions.length > 0;
-        if (last) return;
-        say(`After ${Math.round(performance.now() - begin)} ms: ${howNear(answer)}. Still searching…`);
-      },
-      control.signal,
-      alike,
-    );
-    if (running === control && answer && further) {
-      if (linkedCard && answer.reply.solutions.length) results.choose(linkedCard);
-      sayAnswer();
-    } else if (running === control && answer && !near) sayAnswer();
-  });
+  if (motion.law) await searchFunction(motion);
+  else await run((control, begin) => searchMotion(motion, near, control, begin));
+}
+
+async function searchMotion(motion, near, control, begin) {
+  const request = toRequest(motion),
+    made = {}; // one answer of all stages
+  let further = false;
+  const show = (reply, last) => {
+    const found = reply.solutions.length > 0,
+      nothing = last ? "None found with both pivots near there." : "Nothing within the limits yet. Still searching…";
+    if (running !== control) return;
+    // what is shown stays until there is something in its place
+    if (!found && (near || !last)) {
+      say(nothing, last);
+      return;
+    }
+    const { hand } = (further && results.state) || {};
+    if (hand) reply.solutions.push(hand);
+    take(Object.assign(made, { request, reply, motion, last, seconds: secondsSince(begin) }), further);
+    if (!further) {
+      if (found) present();
+      performance.measure("first result", { start: begin, end: performance.now() });
+    }
+    further ||= found;
+    if (!last) say(`After ${Math.round(1000 * secondsSince(begin))} ms: ${howNear(answer)}. Still searching…`);
+  };
+  await solve(near ? nearby(request, near) : request, show, control.signal, alike);
+  if (running !== control || !answer || (near && !further)) return;
+  if (further && linkedCard && answer.reply.solutions.length) results.choose(linkedCard);
+  sayAnswer();
 }
 
 /** Lets the service refine the selected linkage; the result takes the place of the one changed by hand. */
@@ -409,26 +401,27 @@ async function startRefinement() {
       [refined] = reply.solutions;
     if (running !== control) return;
     if (!refined) {
-      say(
-        "No linkage within the limits was reached from there; that proves nothing. Move it, loosen a limit, or search near here.",
-        true,
-      );
+      say(NOT_REACHED, true);
       return;
     }
-    const others = same ? answer.reply.solutions.filter((one) => one.source !== "hand") : [];
+    const others = same ? answer.reply.solutions.filter((one) => one.source !== "hand") : [],
+      seconds = secondsSince(begin);
     reply.solutions = together(request, others, reply, others.length + 1, alike);
-    answer = { request, reply, motion, seconds: (performance.now() - begin) / 1000, refined: true };
+    answer = { request, reply, motion, seconds, refined: true };
     visit();
     passed = false;
     updateStale();
     results.show(answer, true);
     results.choose(refined);
-    const gained = !same || refined.errors.objective < before * (1 - 1e-6);
-    const near = howNear({ reply: { ...reply, solutions: [refined] }, motion });
-    const up = reply.report.stopped_by === "budget" ? ` The time was up after ${answer.seconds.toFixed(1)} s.` : "";
-    say(
-      `Refined from there: ${near}.${gained ? "" : " The descent gained nothing."}${up} Linkages elsewhere were not looked at.`,
-    );
+    const near = howNear({ reply: { ...reply, solutions: [refined] }, motion }),
+      gained = !same || refined.errors.objective < before * (1 - 1e-6);
+    const parts = [
+      `Refined from there: ${near}.`,
+      !gained && "The descent gained nothing.",
+      reply.report.stopped_by === "budget" && `The time was up after ${seconds.toFixed(1)} s.`,
+      "Linkages elsewhere were not looked at.",
+    ];
+    say(parts.filter(Boolean).join(" "));
   });
 }
 
@@ -440,15 +433,7 @@ function showEntered({ motion, solution }) {
     const reply = await refine(fromHere(request, solution), control.signal);
     if (running !== control) return;
     if (!reply.solutions.length) reply.solutions.push(assessed(solution, motion).solution);
-    answer = {
-      request,
-      reply,
-      motion: structuredClone(motion),
-      seconds: (performance.now() - begin) / 1000,
-      refined: true,
-    };
-    visit();
-    results.show(answer);
+    take({ request, reply, motion: structuredClone(motion), seconds: secondsSince(begin), refined: true });
     results.player.goto(0);
     say("The linkage as entered. Drag its joints, or type them, to change it.");
   });
@@ -457,25 +442,9 @@ function showEntered({ motion, solution }) {
 /** The dimensions of the selected linkage for a link or a project; null if the inputs have changed since. */
 function chosenCard() {
   if (!answer || editor.board.stale || !results.solution) return null;
-  const {
-    links,
-    branch,
-    start_angle,
-    body_offset,
-    mount,
-    crank_angle,
-    family,
-    kind,
-    driver,
-    guides,
-    start: begin,
-    travel,
-  } = results.solution;
-  return {
-    ...(links ? { links, start_angle, body_offset, mount, family } : { kind, driver, guides, start: begin, travel }),
-    branch,
-    crank_angle,
-  };
+  const names = results.solution.links ? FOUR_BAR : GUIDED,
+    entries = names.split(" ").map((name) => [name, results.solution[name]]);
+  return Object.fromEntries(entries.filter(([, value]) => value !== undefined));
 }
 
 /** Shows a project that was saved, and solves it anew. */
@@ -486,47 +455,40 @@ function openProject(content) {
 }
 
 function bindButtons() {
-  $("form").addEventListener("submit", (event) => {
+  listen("form", "submit", (event) => {
     event.preventDefault();
     startSearch();
   });
   document.addEventListener("keydown", (event) => {
-    if (event.key === "Enter" && (event.ctrlKey || event.metaKey)) {
-      event.preventDefault();
-      startSearch();
-    }
+    if (event.key !== "Enter" || !(event.ctrlKey || event.metaKey)) return;
+    event.preventDefault();
+    startSearch();
   });
   addEventListener("hashchange", addressChanged);
   document.addEventListener("refinehere", startRefinement);
-  document.addEventListener("searchnear", () => {
-    const { solution } = results;
-    startSearch(solution);
-  });
-  $("stop").addEventListener("click", () => {
+  document.addEventListener("searchnear", () => startSearch(results.solution));
+  listen("stop", "click", () => {
     stopSearch();
     $("solve").focus();
     say(answer?.reply.solutions.length ? "Stopped; these are the best found so far." : "Stopped.");
   });
-  $("request").addEventListener("toggle", showRequest);
-  $("request-copy").addEventListener("click", () =>
-    copy(
-      requestText(toRequest(editor.motion)),
-      "The request is copied.",
-      say,
-      "The browser does not allow copying; select the text instead.",
-    ),
-  );
-  $("link").addEventListener("click", async () => {
+  listen("request", "toggle", showRequest);
+  listen("request-copy", "click", () => {
+    const otherwise = "The browser does not allow copying; select the text instead.";
+    copy(requestText(toRequest(editor.motion)), "The request is copied.", say, otherwise);
+  });
+  listen("link", "click", async () => {
     await copy(await showAddress(), "The link is copied; it holds the whole request and the chosen linkage.", note);
   });
   let parts = null; // of the linkage that is being printed
-  addEventListener("beforeprint", () => fillSheet(answer, results.solution, results.driving, parts));
-  $("print").addEventListener("click", async () => {
+  const fill = () => fillSheet(answer, results.solution, results.driving, parts);
+  addEventListener("beforeprint", fill);
+  listen("print", "click", async () => {
     const { solution } = results;
-    fillSheet(answer, solution, results.driving);
+    fill();
     const found = await results.partsList().catch(() => null);
     parts = results.solution === solution ? found : null; // another card may have been chosen meanwhile
-    fillSheet(answer, results.solution, results.driving, parts);
+    fill();
     print();
     parts = null;
   });
@@ -563,11 +525,8 @@ async function start() {
   startSteps();
   startEntry(() => editor.motion.unit, showEntered);
   startTeaching(editor.board, results.player);
-  sources.stage = startStage(
-    editor.board,
-    (change) => editor.history.change(change),
-    (mode) => editor.setMode(mode),
-  );
+  const change = (edit) => editor.history.change(edit);
+  sources.stage = startStage(editor.board, change, (mode) => editor.setMode(mode));
   editor.refresh();
   await sources.loadExamples();
   gallery.show(sources.examples);

@@ -5,12 +5,12 @@ export const clone = (value) => JSON.parse(JSON.stringify(value));
 /** Units of length. */
 export const UNITS = ["mm", "cm", "m", "in", "ft", "um"];
 
-/** The practical limits of the service's preset by their names here; `reach` alone has no field of its own in a request. */
+/** The practical limits of the service's preset by their names here; only `reach` has no field of its own in a request. */
 export const PRESET = { use: 35, turn: 15, ratio: 10, reach: 10 };
 
 /**
- * `kept` says which of the practical limits hold; `transmission` (in use), `turn` and `ratio` are values that replace theirs, null
- * where there is none. `family` is null for the service's default, see `familyOf`. `extra` holds fields that the form does not show.
+ * `kept` says which of the practical limits hold; `transmission` (in use), `turn` and `ratio` are values that replace
+ * theirs, or null. `family` is null for the service's default, see `familyOf`. `extra` holds fields without a field here.
  */
 const LIMITS = {
   family: null,
@@ -27,10 +27,11 @@ const LIMITS = {
 const STUDY_SAMPLES = 2000; // linkages of a tolerance study: the search is asked several times, and each answer has one
 
 /**
- * `timing` says what is known of the crank angles: "free" (nothing), "even" (over `span`) or "table" (the `t` of each pose).
- * A pose is {t, x, y, angle}; x and y, or angle, are null where they are missing. Its weights and tolerances, wr, wp, er, ep
- * (rotation and position), are undefined where those of the whole motion hold. `prefer` is null for the service's default. `unit`, `outline` (polylines
- * from the body point at angle 0) and a `note` on where the motion comes from are for the page alone. A function has no poses, but a `law`.
+ * `timing` says what is known of the crank angles: "free" (nothing), "even" (over `span`) or "table" (the `t` of each
+ * pose). A pose is {t, x, y, angle}; x and y, or angle, are null where they are missing. Its weights and tolerances, wr,
+ * wp, er, ep (rotation and position), are undefined where those of the whole motion hold. `prefer` is null for the
+ * service's default. Only the page uses `unit`, `outline` (polylines from the body point at angle 0) and the `note` on
+ * where the motion comes from. A function has no poses, but a `law`.
  */
 export const emptyMotion = (wanted = "both") => ({
   poses: [],
@@ -72,8 +73,8 @@ export const REPLACED = [
 ];
 
 /**
- * The practical limits of a request: the preset with what replaces its values, or without it those that are kept one by one; `free`
- * crank angles bring the preset with them unless it is declined.
+ * The practical limits of a request: the preset with what replaces its values, or without it those that are kept one by
+ * one; `free` crank angles bring the preset with them unless it is declined.
  */
 export function practical(limits, free) {
   const { kept } = limits,
@@ -86,7 +87,7 @@ export function practical(limits, free) {
   return asked;
 }
 
-/** The families that are looked for: hinges, lids and flaps swing, and closed paths and given crank angles need a crank that turns. */
+/** The families to search for: flaps swing, but closed paths and given crank angles need a crank that turns fully. */
 export const familyOf = ({ limits, timing, closed }) =>
   limits.family ?? (timing === "free" && !closed && limits.turn === null ? "any" : "full_crank");
 
@@ -119,9 +120,7 @@ export function travels(motion) {
 
 /** Writes the crank angles into the poses, where they can then be changed one by one. */
 export function fixTravels(motion) {
-  travels(motion).forEach((t, k) => {
-    motion.poses[k].t = t;
-  });
+  for (const [k, t] of travels(motion).entries()) motion.poses[k].t = t;
 }
 
 /** Takes another `timing`; crank angles in the table begin as those that held before. */
@@ -141,81 +140,70 @@ export function takeTiming(motion, timing) {
 
 /** Shifts and scales uneven crank angles so that they run from 0 to `span`. */
 export function scaleTravels(motion, span) {
-  const poses = motion.poses;
-  const first = poses[0]?.t ?? 0,
+  const { poses } = motion,
+    first = poses[0]?.t ?? 0,
     now = (poses.at(-1)?.t ?? 0) - first;
-  if (now > 0)
-    poses.forEach((pose) => {
-      pose.t = ((pose.t - first) * span) / now;
-    });
+  if (now > 0) for (const pose of poses) pose.t = ((pose.t - first) * span) / now;
   motion.span = span;
 }
 
 /** The reason why a motion cannot be solved, as [sentence, field id]; null if there is none. */
 export function fault(motion) {
-  const { poses } = motion,
-    free = motion.timing === "free";
-  const least = free ? 2 : 3,
-    kind = wantsAngles(motion) ? "motion" : "path",
-    item = itemOf(motion);
-  if (poses.length < least) {
-    const needs = free
-      ? `A ${kind} needs at least two ${item}s`
-      : `With given crank angles a ${kind} needs at least three ${item}s`;
-    return [`${needs}; there ${poses.length === 1 ? "is 1" : `are ${poses.length}`}.`, "add-row"];
-  }
-  if (poses.length > 1024) return [`A ${kind} has at most 1024 ${item}s.`, "poses"];
-  if (free && !wantsPlaces(motion))
-    return ["With free crank angles positions are needed: angles alone are met by nearly every linkage.", "wanted"];
-  if (free && motion.anyOrder && !(wantsAngles(motion) && poses.length > 2))
-    return ["Only three full poses or more can be passed in any order.", "any-order"];
-  const blank = poses.findIndex(
-    (pose) => !(wantsPlaces(motion) && placeOf(pose)) && !(wantsAngles(motion) && pose.angle !== null),
-  );
-  if (free && blank >= 0) return [`The row of ${item} ${blank + 1} is empty.`, "poses"];
-  if (wantsPlaces(motion) && !poses.some(placeOf)) return ["No row has both x and y.", "poses"];
-  if (wantsAngles(motion) && poses.every((pose) => pose.angle === null))
-    return ['No row has an angle. For a path choose "position only".', "wanted"];
-  if (!free && !(motion.span >= 0.1 && motion.span <= 3600))
-    return ["The crank must turn by 0.1 to 3600 degrees.", "span"];
-  if (motion.timing === "table") {
-    const bad = poses.findIndex((pose, k) => k > 0 && !(pose.t > poses[k - 1].t));
-    if (bad > 0)
-      return [
-        `Crank angles must increase: that of ${item} ${bad + 1} is not larger than that of ${item} ${bad}.`,
-        "poses",
-      ];
-  }
-  const { box, min, max } = motion.limits;
-  if (min && max && min > max)
-    return [`Links at least, ${min}, may not be more than links at most, ${max}.`, "link-min"];
-  if (box && !(box[0] <= box[2] && box[1] <= box[3]))
-    return ["The pivot box needs left less than right and bottom less than top.", "box-0"];
-  return null;
+  const { poses, timing, span, anyOrder } = motion,
+    { box, min, max } = motion.limits,
+    [places, angles, free] = [wantsPlaces(motion), wantsAngles(motion), timing === "free"],
+    kind = angles ? "motion" : "path",
+    item = itemOf(motion),
+    count = poses.length;
+  const given = free ? "A" : "With given crank angles a",
+    needs = `${given} ${kind} needs at least ${free ? "two" : "three"} ${item}s`,
+    isBlank = (pose) => !(places && placeOf(pose)) && !(angles && pose.angle !== null),
+    blank = poses.findIndex(isBlank),
+    back = timing === "table" ? poses.findIndex((pose, k) => k > 0 && !(pose.t > poses[k - 1].t)) : -1,
+    order = `that of ${item} ${back + 1} is not larger than that of ${item} ${back}`;
+  const rules = [
+    [count < (free ? 2 : 3), `${needs}; there ${count === 1 ? "is 1" : `are ${count}`}.`, "add-row"],
+    [count > 1024, `A ${kind} has at most 1024 ${item}s.`, "poses"],
+    [
+      free && !places,
+      "With free crank angles positions are needed: nearly every linkage meets angles alone.",
+      "wanted",
+    ],
+    [
+      free && anyOrder && !(angles && count > 2),
+      "Only three full poses or more can be passed in any order.",
+      "any-order",
+    ],
+    [free && blank >= 0, `The row of ${item} ${blank + 1} is empty.`, "poses"],
+    [places && !poses.some(placeOf), "No row has both x and y.", "poses"],
+    [
+      angles && poses.every((pose) => pose.angle === null),
+      'No row has an angle. For a path choose "position only".',
+      "wanted",
+    ],
+    [!free && !(span >= 0.1 && span <= 3600), "The crank must turn by 0.1 to 3600 degrees.", "span"],
+    [back > 0, `Crank angles must increase: ${order}.`, "poses"],
+    [min && max && min > max, `Links at least, ${min}, may not be more than links at most, ${max}.`, "link-min"],
+    [
+      box && !(box[0] <= box[2] && box[1] <= box[3]),
+      "The pivot box needs left less than right and bottom less than top.",
+      "box-0",
+    ],
+  ];
+  return rules.find(([broken]) => broken)?.slice(1) ?? null;
 }
 
 /** A further pose: at the place `at`, or by the step between the last two poses beyond the last. */
 export function nextPose(motion, at = null) {
   const last = motion.poses.at(-1),
     before = motion.poses.at(-2);
-  const angle = (pose) => pose?.angle ?? 0;
   if (!last) return { t: 0, x: at?.[0] ?? 0, y: at?.[1] ?? 0, angle: 0 };
   const [x, y] = placeOf(last) ?? [0, 0],
-    from = before && placeOf(before);
-  const go = before
-    ? {
-        x: from ? x - from[0] : 10,
-        y: from ? y - from[1] : 0,
-        angle: angle(last) - angle(before),
-        t: last.t - before.t,
-      }
-    : { x: 10, y: 0, angle: 0, t: 10 };
-  return {
-    t: last.t + (go.t > 0 ? go.t : 10),
-    x: at?.[0] ?? x + go.x,
-    y: at?.[1] ?? y + go.y,
-    angle: at ? angle(last) : angle(last) + go.angle,
-  };
+    [u, v] = (before && placeOf(before)) ?? [x - 10, y],
+    turn = before ? (last.angle ?? 0) - (before.angle ?? 0) : 0,
+    step = before ? last.t - before.t : 10;
+  const [nextX, nextY] = at ?? [2 * x - u, 2 * y - v];
+  return { t: last.t + (step > 0 ? step : 10), x: nextX, y: nextY, angle: (last.angle ?? 0) + (at ? 0 : turn) };
 }
 
 /**

@@ -23,15 +23,10 @@ export class Pairs {
   async #fill(table) {
     document.body.dataset.reading = "true";
     try {
-      const { request, columns, notes } = await readTable(table.content, "function");
-      const units = Object.fromEntries(columns.map(({ role, unit }) => [role, unit]));
-      Object.assign(table, {
-        request,
-        notes,
-        units,
-        error: null,
-        bare: columns.every(({ head }) => /^\d+$/.test(head)),
-      });
+      const { request, columns, notes } = await readTable(table.content, "function"),
+        units = Object.fromEntries(columns.map(({ role, unit }) => [role, unit])),
+        bare = columns.every(({ head }) => /^\d+$/.test(head));
+      Object.assign(table, { request, notes, units, bare, error: null });
     } catch (error) {
       table.error = error;
     }
@@ -45,19 +40,18 @@ export class Pairs {
     return (this.table.notes ?? []).map((note) => capital(note.replace(/\.?$/, "."))).join(" ");
   }
 
-  /** Checks the units of the table against the ends of a linkage, whose `asks` say which of them are lengths. Throws Error. */
+  /** Checks the units of the table against the ends of a linkage, of which `asks` says which are lengths. Throws Error. */
   check(asks) {
     for (const end of ["input", "output"]) {
       const unit = this.table.units?.[end],
-        turns = ["deg", "rad"].includes(unit);
+        turns = ["deg", "rad"].includes(unit),
+        here = `here it is ${turns ? "a length" : "an angle"}: choose another linkage, or change the head.`;
       if (unit && turns === (asks[`${end}_unit`] === "length"))
-        throw new Error(
-          `The table has the ${end} in ${unit}, and here it is ${turns ? "a length" : "an angle"}: choose another linkage, or change the head.`,
-        );
+        throw new Error(`The table has the ${end} in ${unit}, and ${here}`);
     }
   }
 
-  /** {x, y} or {output, input} of a text that was read; `numbers`: two columns without heads are x and y. Throws Error for any other text. */
+  /** {x, y} or {output, input} of a text that was read; of `numbers` two columns without heads are x and y. Throws Error. */
   of(content, numbers) {
     const { table } = this;
     if (table.content !== content) throw new Error(READING);

@@ -28,26 +28,21 @@ function store(projects) {
 export function listProjects(open) {
   const names = Object.keys(stored()).sort();
   $("projects").hidden = !names.length;
-  $("project-list").replaceChildren(
-    ...names.map((name) => {
-      const item = element("li", ""),
-        gone = button(
-          "×",
-          () => {
-            const { [name]: _, ...rest } = stored();
-            store(rest);
-            listProjects(open);
-          },
-          "quiet",
-        );
-      gone.setAttribute("aria-label", `Delete the project ${name}`);
-      item.append(
-        button(name, () => open(stored()[name]), "link"),
-        gone,
-      );
-      return item;
-    }),
-  );
+  const remove = (name) => {
+    const { [name]: _, ...rest } = stored();
+    store(rest);
+    listProjects(open);
+  };
+  const item = (name) => {
+    const gone = button("×", () => remove(name), "quiet", { "aria-label": `Delete the project ${name}` });
+    return element(
+      "li",
+      "",
+      button(name, () => open(stored()[name]), "link"),
+      gone,
+    );
+  };
+  $("project-list").replaceChildren(...names.map(item));
 }
 
 /** Binds the field that saves: `content()` is what a project holds, `say(sentence, bad)` tells the user. */

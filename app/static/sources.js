@@ -7,13 +7,14 @@ import { firstLaw } from "./law.js";
 import { dropClosing, emptyMotion, itemOf, jump, looksRadian, repeated, unwrapped } from "./motion.js";
 import { RAD } from "./plane.js";
 import { download } from "./service.js";
-import { $, capital, say } from "./shell.js";
+import { $, capital, listen, say } from "./shell.js";
 import { readTable } from "./tables.js";
 
 const MAX_TEXT_BYTES = 2e7;
 const MAX_ROWS = 1000; // the service takes 1024 and the request a megabyte
 const TAKEN =
-  "The page takes tables (CSV, TSV, text), requests (JSON), outlines of the body (SVG, DXF) and pictures to trace (PNG, JPEG, WebP).";
+  "The page takes tables (CSV, TSV, text), requests (JSON), outlines of the body (SVG, DXF) " +
+  "and pictures to trace (PNG, JPEG, WebP).";
 const ROLES = ["x", "y", "angle", "crank"];
 
 /** All of a motion that a link holds, to be compared. */
@@ -47,17 +48,16 @@ async function thinned(source) {
 
 export class Sources {
   /**
-   * `current()` is the motion whose settings pasted rows keep; `use(motion, {mode, fit, reply, card})` takes a new one, for a mode of
-   * the canvas, fitted into the view or not, with the stored reply of an example or the chosen card of a link.
+   * `current()` is the motion whose settings pasted rows keep; `use(motion, {mode, fit, reply, card})` takes a new one, for
+   * a mode of the canvas, fitted into the view or not, with the stored reply of an example or the card of a link.
    */
   constructor(current, use) {
     Object.assign(this, { current, use, examples: [], shown: null, asCame: new Set(), linked: false, reading: null });
-    $("new-motion").addEventListener("click", () => this.begin("both"));
-    $("new-path").addEventListener("click", () => this.begin("position"));
-    $("new-function").addEventListener("click", () => this.begin("function"));
-    $("save").addEventListener("click", () =>
-      download(new Blob([toCsv(this.current())], { type: "text/csv" }), "motion.csv"),
-    );
+    listen("new-motion", "click", () => this.begin("both"));
+    listen("new-path", "click", () => this.begin("position"));
+    listen("new-function", "click", () => this.begin("function"));
+    const csv = () => new Blob([toCsv(this.current())], { type: "text/csv" });
+    listen("save", "click", () => download(csv(), "motion.csv"));
     this.#bindPaste();
     this.#bindFiles();
     this.#bindColumns();
@@ -94,22 +94,12 @@ export class Sources {
 
   /** Takes a path drawn by hand: places only, free crank angles, the limits of the motion before. */
   useDrawn(places, closed) {
-    const { limits, tolerance, top, round, unit, diverse } = this.#settings();
-    const motion = Object.assign(emptyMotion("position"), {
-      closed,
-      limits,
-      top,
-      round,
-      unit,
-      diverse,
-      tolerance: { ...tolerance, rotation: null },
-    });
-    motion.poses = places.map(([x, y], k) => ({ t: k, x, y, angle: 0 }));
-    const note =
-      places.length > 1
-        ? `Drawn by hand: ${places.length} points${closed ? " of a closed way" : ""}, crank angles free. Move points, or solve.`
-        : "";
-    this.#take(structuredClone(motion), { note, fit: false });
+    const { limits, tolerance, top, round, unit, diverse } = this.#settings(),
+      poses = places.map(([x, y], k) => ({ t: k, x, y, angle: 0 })),
+      count = `${places.length} points${closed ? " of a closed way" : ""}`,
+      note = places.length > 1 ? `Drawn by hand: ${count}, crank angles free. Move points, or solve.` : "",
+      kept = { limits, top, round, unit, diverse, tolerance: { ...tolerance, rotation: null } };
+    this.#take(structuredClone({ ...emptyMotion("position"), ...kept, closed, poses }), { note, fit: false });
   }
 
   /** Takes the motion from the page's address; false if there is none. Throws for a damaged one. */
@@ -157,11 +147,11 @@ export class Sources {
   /** Says where a motion comes from, as long as it is there. */
   say(motion) {
     const twice = motion.note && repeated(motion),
-      other = this.isOwn(motion) && this.examples.some(({ title }) => motion.note?.startsWith(`${title}. `));
-    const note = other ? "" : motion.note; // an example's words are of its own poses and limits
-    $("example-note").textContent = twice
-      ? `${note} ${capital(itemOf(motion))}s ${twice.join(" and ")} are the same: a crank that turns on cannot meet both exactly.`.trim()
-      : note;
+      other = this.isOwn(motion) && this.examples.some(({ title }) => motion.note?.startsWith(`${title}. `)),
+      note = other ? "" : motion.note, // an example's words are of its own poses and limits
+      same = twice && `${capital(itemOf(motion))}s ${twice.join(" and ")} are the same`,
+      cannot = "a crank that turns on cannot meet both exactly.";
+    $("example-note").textContent = same ? `${note} ${same}: ${cannot}`.trim() : note;
     $("unwrap").hidden ||= !jump(motion) && !looksRadian(motion);
   }
 
@@ -178,14 +168,16 @@ export class Sources {
     const at = jump(motion);
     $("unwrap").hidden = !at && !radian;
     if ($("unwrap").hidden) return;
+    const jumps = at && `The angle jumps by more than half a turn from pose ${at[0]} to ${at[1]}`;
     $("unwrap-text").textContent = radian
       ? "All angles lie within ±6.283: they look like radians, and are read as degrees."
-      : `The angle jumps by more than half a turn from pose ${at[0]} to ${at[1]}, as if it were counted from 0 to 360°.`;
+      : `${jumps}, as if it were counted from 0 to 360°.`;
     $("unwrap-use").textContent = radian ? "Convert them to degrees" : "Unwrap them";
     $("unwrap-use").onclick = () => {
       const next = structuredClone(this.current()),
-        angles = next.poses.map(({ angle }) => angle);
-      const made = radian ? angles.map((angle) => angle && Number((angle / RAD).toPrecision(12))) : unwrapped(angles);
+        angles = next.poses.map(({ angle }) => angle),
+        degrees = (angle) => angle && Number((angle / RAD).toPrecision(12)),
+        made = radian ? angles.map(degrees) : unwrapped(angles);
       for (const [k, angle] of made.entries()) next.poses[k].angle = angle;
       this.#take(next, { note: radian ? "Angles converted from radians." : "Angles unwrapped.", fit: false });
     };
@@ -203,44 +195,42 @@ export class Sources {
   }
 
   /**
-   * Takes the motion in a text or a file: a request as JSON, or a table, perhaps with `columns` chosen. `failed(sentence)` gets what is
-   * wrong. Only the last source that was given counts.
+   * Takes the motion in a text or a file: a request as JSON, or a table, perhaps with `columns` chosen. `failed(sentence)`
+   * gets what is wrong. Only the last source that was given counts.
    */
   async #read(source, from, failed, columns = null) {
-    const turn = { source, from, failed };
+    const turn = { source, from, failed },
+      isText = typeof source === "string",
+      whole = () => (isText ? source : source.text());
     this.reading = turn;
     $("paste-use").disabled = true;
     try {
-      const start = typeof source === "string" ? source : await source.slice(0, 1000).text();
+      const start = isText ? source : await source.slice(0, 1000).text();
       if (start.trimStart().startsWith("{")) {
-        const motion = this.#fromJson(typeof source === "string" ? source : await source.text());
+        const motion = this.#fromJson(await whole());
         if (this.reading === turn) this.#take(motion, { note: from, mode: "move" });
         return;
       }
-      const [table, rows] = (await thinned(source)) ?? [source, null],
-        read = await readTable(table, "synthesize", columns);
+      const [content, thin] = (await thinned(source)) ?? [source, null],
+        read = await readTable(content, "synthesize", columns);
       if (this.reading !== turn) return;
       const motion = withSamples(this.#settings(), read),
-        notes = read.notes.map((note) => capital(note.replace(/\.?$/, ".")));
-      if (rows) notes.push(rows);
+        notes = read.notes.map((one) => capital(one.replace(/\.?$/, "."))),
+        units = Object.fromEntries(read.columns.map(({ role, unit }) => [role, unit]));
+      if (thin) notes.push(thin);
       if (dropClosing(motion)) notes.push("The last row repeated the first: it was dropped, and the motion is closed.");
-      this.#take(motion, {
-        note: [from, ...notes].join(" "),
-        mode: "move",
-        table: Object.fromEntries(read.columns.map(({ role, unit }) => [role, unit])),
-      });
+      this.#take(motion, { note: [from, ...notes].join(" "), mode: "move", table: units });
       this.#offerColumns(read.headings, read.columns);
     } catch (error) {
-      if (this.reading === turn && error.ofOther) {
-        const table = typeof source === "string" ? source : await source.text();
-        this.#take(
-          { ...emptyMotion("function"), unit: this.current().unit, law: { ...firstLaw(), name: "pairs", table } },
-          { note: `${from} Its columns are those of a function.`, mode: "move" },
-        );
-      } else if (this.reading === turn) {
-        failed(error.message);
-        if (!columns) this.#offerColumns(error.headings ?? null); // a wrong choice of columns stays, to be corrected
+      if (this.reading !== turn) return;
+      if (error.ofOther) {
+        const law = { ...firstLaw(), name: "pairs", table: await whole() },
+          note = `${from} Its columns are those of a function.`;
+        this.#take({ ...emptyMotion("function"), unit: this.current().unit, law }, { note, mode: "move" });
+        return;
       }
+      failed(error.message);
+      if (!columns) this.#offerColumns(error.headings ?? null); // a wrong choice of columns stays, to be corrected
     } finally {
       if (!this.reading || this.reading === turn) $("paste-use").disabled = false;
     }
@@ -260,55 +250,49 @@ export class Sources {
   }
 
   #bindColumns() {
-    $("columns-use").addEventListener("click", () => {
-      const chosen = ROLES.map((role) => [role, $(`column-${role}`)]).filter(([, select]) => select.value);
-      const { source, from, failed } = this.reading;
-      const values = chosen.map(([, select]) => select.value),
-        repeat = values.findIndex((value, k) => values.indexOf(value) < k);
-      if (repeat >= 0) {
-        failed(
-          `The column '${chosen[repeat][1].selectedOptions[0].text}' is chosen for ${chosen[values.indexOf(values[repeat])][0]} and for ${chosen[repeat][0]}: choose a different column for each.`,
-        );
+    listen("columns-use", "click", () => {
+      const chosen = ROLES.map((role) => [role, $(`column-${role}`)]).filter(([, select]) => select.value),
+        values = chosen.map(([, select]) => select.value),
+        repeat = values.findIndex((value, k) => values.indexOf(value) < k),
+        { source, from, failed } = this.reading;
+      if (repeat < 0) {
+        this.#read(source, from, failed, Object.fromEntries(chosen.map(([role], k) => [role, values[k]])));
         return;
       }
-      this.#read(source, from, failed, Object.fromEntries(chosen.map(([role, select]) => [role, select.value])));
+      const [role, select] = chosen[repeat],
+        [first] = chosen[values.indexOf(values[repeat])],
+        name = `The column '${select.selectedOptions[0].text}'`;
+      failed(`${name} is chosen for ${first} and for ${role}: choose a different column for each.`);
     });
   }
 
   #bindPaste() {
     const box = $("paste-box");
-    $("paste").addEventListener("click", () => {
+    const failed = (sentence) => {
+      box.hidden = false;
+      $("paste-error").textContent = sentence;
+    };
+    listen("paste", "click", () => {
       box.hidden = !box.hidden;
       if (!box.hidden) $("paste-text").focus();
     });
-    $("paste-text").addEventListener("input", () => {
-      $("paste-error").textContent = "";
-    });
-    $("paste-cancel").addEventListener("click", () => {
-      box.hidden = true;
-    });
-    $("paste-use").addEventListener("click", () => {
-      const failed = (sentence) => {
-        box.hidden = false;
-        $("paste-error").textContent = sentence;
-      };
-      this.#read($("paste-text").value, "Pasted.", failed);
-    });
+    listen("paste-text", "input", () => ($("paste-error").textContent = ""));
+    listen("paste-cancel", "click", () => (box.hidden = true));
+    listen("paste-use", "click", () => this.#read($("paste-text").value, "Pasted.", failed));
   }
 
   #bindFiles() {
     const take = (file) => {
       if (!file) return;
-      const kind = [...FILES.keys()].find((endings) => endings.test(file.name)),
-        use = FILES.get(kind);
-      if (kind && !["outline", "picture"].includes(use)) say(`${file.name} ${use}`, true);
-      else if (kind) {
+      const [, use] = [...FILES].find(([endings]) => endings.test(file.name)) ?? [];
+      if (!use) this.#read(file, `From ${file.name}.`, (sentence) => say(sentence, true));
+      else if (["outline", "picture"].includes(use)) {
         if (!$("welcome").hidden) this.begin("position");
         this.stage[use](file);
-      } else this.#read(file, `From ${file.name}.`, (sentence) => say(sentence, true));
+      } else say(`${file.name} ${use}`, true);
     };
-    $("open").addEventListener("click", () => $("file").click());
-    $("file").addEventListener("change", () => {
+    listen("open", "click", () => $("file").click());
+    listen("file", "change", () => {
       take($("file").files[0]);
       $("file").value = "";
     });

@@ -6,34 +6,27 @@ import { RAD } from "./plane.js";
 
 const size = (vector) => vector && Math.hypot(...vector);
 
-/** Curves of an analysis over travels in the crank's sense: [{title, x, values, degreesY}]; none without an analysis. */
+/** Curves of an analysis over travels in the crank's sense: [{title, x, values}]; none without an analysis. */
 export function analysisCurves({ analysis, ...solution }, sense, unit) {
   if (solution.output) return lawCurves(solution, sense, unit);
   if (!analysis) return [];
-  const { curve } = analysis;
-  const rows = (curve.crank_angle ?? curve.travel).map((angle, k) => [sense * angle, k]).sort((a, b) => a[0] - b[0]);
-  const x = rows.map(([travel]) => travel),
-    at = (list) => rows.map(([, k]) => list[k]);
-  const found = [];
-  if (curve.velocity) {
-    found.push({ title: `Velocity of the body point, ${unit}/s`, x, values: at(curve.velocity).map(size) });
-    found.push({ title: `Acceleration of the body point, ${unit}/s²`, x, values: at(curve.acceleration).map(size) });
-  }
-  found.push({
-    title: "Angular velocity of the coupler, degrees a second",
-    x,
-    values: at(curve.angular_velocity.coupler),
-  });
-  if (curve.drive_load)
-    found.push({
-      title: curve.crank_angle ? `Torque of the drive, force × ${unit}` : "Force of the drive",
-      x,
-      values: at(curve.drive_load),
-    });
-  return found.filter(({ values }) => values.some((value) => value !== null));
+  const { velocity, acceleration, angular_velocity, drive_load: load, crank_angle, travel } = analysis.curve,
+    places = crank_angle ?? travel,
+    order = [...places.keys()].sort((i, j) => sense * (places[i] - places[j])),
+    x = order.map((k) => sense * places[k]),
+    at = (list) => order.map((k) => list[k]);
+  const drive = crank_angle ? `Torque of the drive, force × ${unit}` : "Force of the drive";
+  const curves = [
+    velocity && [`Velocity of the body point, ${unit}/s`, at(velocity).map(size)],
+    velocity && [`Acceleration of the body point, ${unit}/s²`, at(acceleration).map(size)],
+    ["Angular velocity of the coupler, degrees a second", at(angular_velocity.coupler)],
+    load && [drive, at(load)],
+  ];
+  const shown = curves.filter((curve) => curve && curve[1].some((value) => value !== null));
+  return shown.map(([title, values]) => ({ title, x, values }));
 }
 
-/** The band that 95 % of the linkages made keep to, [[place, radius] | null] along the path; null without a study of positions. */
+/** The band that 95 % of the linkages made keep to, [[place, radius] | null] along the path; null without a study. */
 export function band({ tolerance_study: study }, linkage) {
   const radii = study?.band.position?.p95;
   if (!radii) return null;
@@ -45,19 +38,20 @@ export function band({ tolerance_study: study }, linkage) {
 
 /** Rows [name, value] for the numbers of a solution. */
 export function studyRows({ tolerance_study: study, rounded }, lengthUnit) {
-  const rows = [];
-  if (rounded?.closes && (rounded.combinations ?? null) !== null) {
-    const of = `of ${rounded.combinations} combinations`;
-    rows.push([
-      "Choice of lengths",
-      rounded.exhaustive ? `the best ${of}` : `the best of ${rounded.combinations_examined} tried, ${of}`,
-    ]);
-  }
-  if (!study) return rows;
-  const { position, rotation, largest } = study,
-    off = (value, unit = "") => (value === null ? "does not close" : `${text(value, 3)}${unit}`);
-  if (position) rows.push(["As made, off by (95 %)", off(position.worst.p95, ` ${lengthUnit}`)]);
-  rows.push(["As made, turned by (95 %)", off(rotation.worst.p95, "°")]);
-  if (largest.position ?? largest.rotation) rows.push(["Contributes most", largest.position ?? largest.rotation]);
-  return rows;
+  const { combinations = null, combinations_examined: tried, exhaustive } = rounded ?? {},
+    of = `of ${combinations} combinations`,
+    off = (value, unit = "") => (value === null ? "does not close" : `${text(value, 3)}${unit}`),
+    { position, rotation, largest } = study ?? {},
+    most = largest?.position ?? largest?.rotation;
+  const rows = [
+    rounded?.closes &&
+      combinations !== null && [
+        "Choice of lengths",
+        exhaustive ? `the best ${of}` : `the best of ${tried} tried, ${of}`,
+      ],
+    position && ["As made, off by (95 %)", off(position.worst.p95, ` ${lengthUnit}`)],
+    rotation && ["As made, turned by (95 %)", off(rotation.worst.p95, "°")],
+    most && ["Contributes most", most],
+  ];
+  return rows.filter(Boolean);
 }
