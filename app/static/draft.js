@@ -1,7 +1,7 @@
 // A draft: work of one's own, kept in the browser's store for each tab, named on the page and discarded there.
 // A new tab, also of a later visit, begins with the last of all.
 
-import { $ } from "./shell.js";
+import { $, listen } from "./shell.js";
 
 const when = (at) =>
   new Date(at).toLocaleString("en-GB", { day: "numeric", month: "long", hour: "2-digit", minute: "2-digit" });
@@ -18,11 +18,11 @@ export class Draft {
     } catch {
       /* none, none that can be read, or the store is blocked */
     }
-    $("draft-open").addEventListener("click", () => {
+    listen("draft-open", "click", () => {
       this.restore();
       $("solve").focus();
     });
-    $("draft-discard").addEventListener("click", () => {
+    listen("draft-discard", "click", () => {
       const { shown } = this;
       this.drop();
       if (shown) leave();

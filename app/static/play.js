@@ -1,9 +1,10 @@
 // A slider with Play: runs a value over its range at the screen's rate, there and back or round and round.
 
-import { ICONS } from "./drawing.js";
+import { ICONS, element, make, put } from "./drawing.js";
+import { build } from "./shell.js";
 
 const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 4];
-const STEPS = 1000;
+const KEYS = { ArrowRight: 0.01, ArrowUp: 0.01, ArrowLeft: -0.01, ArrowDown: -0.01, PageUp: 0.1, PageDown: -0.1 };
 
 const REST = 100; // milliseconds between two marks in the curves
 
@@ -29,23 +30,23 @@ export function seldom(mark) {
  */
 export function player(host, { name, from, to, seconds = 4, round = false, show }) {
   const id = `play-${++serial}`,
-    block = document.createElement("div");
-  block.className = "player";
-  block.innerHTML = `<button type="button" class="round"><svg viewBox="0 0 20 20" aria-hidden="true"><path class="solid"/></svg></button>
-    <label class="hidden" for="${id}"></label><input class="grow" type="range" id="${id}" step="any">
-    <output for="${id}"></output><label>Speed <select></select></label>`;
-  const [button, slider, output, speed] = ["button", "input", "output", "select"].map((part) =>
-    block.querySelector(part),
-  );
-  block.querySelector("label").textContent = name;
-  Object.assign(slider, { min: Math.min(from, to), max: Math.max(from, to), value: from });
-  for (const factor of SPEEDS) speed.append(new Option(`${factor}×`, factor, factor === 1, factor === 1));
+    icon = make("svg", { viewBox: "0 0 20 20", "aria-hidden": "true" }),
+    shape = make("path", { class: "solid" }, icon),
+    press = build("button", { type: "button", className: "round" }, icon),
+    [low, high] = [Math.min(from, to), Math.max(from, to)],
+    slider = build("input", { id, className: "grow", type: "range", min: low, max: high, step: "any" }),
+    output = build("output", { for: id }),
+    options = SPEEDS.map((factor) => new Option(`${factor}×`, factor, factor === 1, factor === 1)),
+    speed = build("select", {}, options),
+    label = build("label", { className: "hidden", for: id }, name),
+    block = element("div", "player", press, label, slider, output, build("label", {}, "Speed ", speed));
+  slider.value = from;
   host.append(block);
   let frame = null;
 
-  const icon = (word) => {
-    button.setAttribute("aria-label", word);
-    button.querySelector("path").setAttribute("d", ICONS[word]);
+  const showIcon = (word) => {
+    press.setAttribute("aria-label", word);
+    put(shape, { d: ICONS[word] });
   };
   const go = (value) => {
     slider.value = value;
@@ -56,22 +57,21 @@ export function player(host, { name, from, to, seconds = 4, round = false, show 
   const stop = () => {
     if (frame !== null) cancelAnimationFrame(frame);
     frame = null;
-    icon("Play");
+    showIcon("Play");
   };
   const play = () => {
-    icon("Pause");
+    showIcon("Pause");
     if (Number(slider.value) === to) go(from);
     let before = performance.now(),
       heading = Math.sign(to - from) || 1;
-    const [low, high] = [Math.min(from, to), Math.max(from, to)];
     const step = (now) => {
       if (!block.isConnected) {
         stop();
         return;
       }
       frame = requestAnimationFrame(step);
-      let value =
-        Number(slider.value) + (heading * (now - before) * Number(speed.value) * (high - low)) / (1000 * seconds);
+      const gone = (heading * (now - before) * Number(speed.value)) / (1000 * seconds);
+      let value = Number(slider.value) + gone * (high - low);
       before = now;
       if (round) value = low + ((((value - low) % (high - low)) + (high - low)) % (high - low));
       else if (value >= high) [value, heading] = [high, -1];
@@ -80,29 +80,20 @@ export function player(host, { name, from, to, seconds = 4, round = false, show 
     };
     frame = requestAnimationFrame(step);
   };
-  button.addEventListener("click", () => (frame === null ? play() : stop()));
-  slider.addEventListener("input", () => {
+  press.onclick = () => (frame === null ? play() : stop());
+  slider.oninput = () => {
     stop();
     go(Number(slider.value));
-  });
+  };
   // the keys of a slider whose step is "any" are the browser's choice: here a hundredth, and a tenth with Page
-  slider.addEventListener("keydown", (event) => {
-    const tenth = STEPS / 10,
-      share = { ArrowRight: 10, ArrowUp: 10, ArrowLeft: -10, ArrowDown: -10, PageUp: tenth, PageDown: -tenth }[
-        event.key
-      ];
+  slider.onkeydown = (event) => {
+    const share = KEYS[event.key];
     if (!share) return;
     event.preventDefault();
     stop();
-    go(Number(slider.value) + (share * (slider.max - slider.min)) / STEPS);
-  });
+    go(Number(slider.value) + share * (high - low));
+  };
   stop();
   go(from);
-  return {
-    go,
-    stop,
-    get value() {
-      return Number(slider.value);
-    },
-  };
+  return Object.defineProperty({ go, stop }, "value", { get: () => Number(slider.value) });
 }

@@ -271,8 +271,10 @@ def test_a_link_holds_the_whole_request_and_a_damaged_one_says_so(page) -> None:
     assert (page.table(), page.content("limits-summary"), page.run(fields)) == before
     first = page.run("return location.hash")
     page.choose("wiper")
-    page.choose_card(1)
     page.wait(f"location.hash.length > 10 && location.hash !== '{first}'")
+    first = page.run("return location.hash")
+    page.choose_card(1)
+    page.wait(f"location.hash !== '{first}'")
     chosen = page.card()
     page.reload()
     assert page.card() == chosen, "the address holds the motion on show and its selected card"
