@@ -114,10 +114,8 @@ export function verdictOf(solution, motion, { places, turns, linkage }) {
   if (motion.spanMax && misfit.turns && high - low > motion.spanMax * RAD + SLACK) broken.push("crank_span_max");
   if (familyOf(motion) === "full_crank" && !linkage.turnsFully) broken.push("family");
   if (motion.limits.kept.reach && solution.size > PRESET.reach) broken.push("pivot_reach");
-  const allowed = motion.poses.map(({ er, ep }) => [
-    er ?? motion.tolerance.rotation ?? Infinity,
-    ep ?? motion.tolerance.position ?? Infinity,
-  ]);
+  const { rotation, position } = motion.tolerance,
+    allowed = motion.poses.map(({ er, ep }) => [er ?? rotation ?? Infinity, ep ?? position ?? Infinity]);
   const keeps = allowed.every(([turn, off], k) => Math.abs(turns[k] ?? 0) <= turn && (places[k] ?? 0) <= off),
     practical = circuit && !broken.length;
   return {

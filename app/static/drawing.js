@@ -175,13 +175,8 @@ export class LinkageShape {
   /** A slider or block, turned by an angle, as path data. */
   #block(at, angle) {
     const [u, v] = this.detail ? [15, 8] : [7, 4],
-      corners = [
-        [-u, -v],
-        [u, -v],
-        [u, v],
-        [-u, v],
-      ];
-    return `${pathData(corners.map((corner) => add(at, turned(corner, -angle))))}Z`;
+      corner = (sideways, up) => add(at, turned([sideways * u, up * v], -angle));
+    return `${pathData([corner(-1, -1), corner(1, -1), corner(1, 1), corner(-1, 1)])}Z`;
   }
 
   /** Draws the linkage at joints of `Linkage.at`, and the body's direction if it counts; null hides it. */

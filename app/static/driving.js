@@ -60,13 +60,13 @@ function loadOf() {
 const JOINTS = { crank: (j) => [j.a, j.d], coupler: (j) => [j.d, j.c], rocker: (j) => [j.b, j.c] };
 
 /** Lines of the arms that carry the ends of a drive on links of a four-bar: [[joint, end, joint], ..]. */
-const armsOf = (drive, joints, ground, pin) =>
-  [
-    [drive.link, pin],
-    [drive.base_link, ground],
-  ].flatMap(([link, end]) =>
-    JOINTS[link] && joints.a && end ? [[JOINTS[link](joints)[0], end, JOINTS[link](joints)[1]]] : [],
-  );
+function armsOf(drive, joints, ground, pin) {
+  const arm = (link, end) => {
+    const [first, last] = (end && joints.a && JOINTS[link]?.(joints)) || [];
+    return first ? [[first, end, last]] : [];
+  };
+  return [...arm(drive.link, pin), ...arm(drive.base_link, ground)];
+}
 
 /** The value of a curve at a place between its even steps, numbers or points. */
 function between({ crank_angle: x }, values, at) {
@@ -79,48 +79,46 @@ function between({ crank_angle: x }, values, at) {
   return Array.isArray(one) ? one.map((part, i) => mix(part, other[i])) : mix(one, other);
 }
 
+/** Slopes of values at even steps, at the ends too those of a parabola. */
+function slopesOf(values, step) {
+  const slope = (_, k) => {
+    const j = Math.min(Math.max(k, 1), values.length - 2),
+      [before, here, after] = values.slice(j - 1, j + 2);
+    return ((after - before) / 2 + (k - j) * (after - 2 * here + before)) / step;
+  };
+  return values.map(slope);
+}
+
 /** A drive with other ends, its lengths, arms and forces computed here from the torque of the load. */
 function moved(drive, linkage, torque) {
   const { crank_angle: at } = drive.curve,
-    joints = at.map((angle) => linkage.at(angle * RAD));
-  const pin = joints.map(({ frames: { [drive.link]: frame } }) =>
-    add(frame.at, turned(drive.pin_on_link, frame.angle)),
-  );
-  const ground = at.map(() => drive.ground_point),
-    length = pin.map((place, k) => Math.hypot(...less(place, ground[k])));
-  // slopes at even steps: of second order, at the ends too
-  const step = (at[1] - at[0]) * RAD,
-    n = length.length,
-    arm = length.map(
-      (_, k) =>
-        (k === 0
-          ? -3 * length[0] + 4 * length[1] - length[2]
-          : k === n - 1
-            ? 3 * length[k] - 4 * length[k - 1] + length[k - 2]
-            : length[k + 1] - length[k - 1]) /
-        (2 * step),
-    );
-  const force = drive.curve.force && arm.map((one, k) => torque.torque[k] / one / drive.count),
-    turns = arm.findIndex((one) => one * arm[0] <= 0);
-  const stroke = Math.abs(length.at(-1) - length[0]),
-    peak = force && turns < 0 ? Math.max(...force.map(Math.abs)) : null,
-    bound = peak === null ? null : torque.amount / stroke / drive.count;
+    frames = at.map((angle) => linkage.at(angle * RAD).frames[drive.link]),
+    pin = frames.map((frame) => add(frame.at, turned(drive.pin_on_link, frame.angle))),
+    ground = at.map(() => drive.ground_point),
+    length = pin.map((place) => Math.hypot(...less(place, drive.ground_point))),
+    arm = slopesOf(length, (at[1] - at[0]) * RAD),
+    turns = arm.findIndex((one) => one * arm[0] <= 0),
+    ends = [length[0], length.at(-1)],
+    stroke = Math.abs(ends[1] - ends[0]);
+  const force = turns < 0 && drive.curve.force ? arm.map((one, k) => torque.torque[k] / one / drive.count) : null,
+    peak_force = force && Math.max(...force.map(Math.abs)),
+    peak_force_bound = force && torque.amount / stroke / drive.count;
   return {
     ...drive,
     name: null,
     price: null,
     pin: pin[0],
-    length: [length[0], length.at(-1)],
+    length: ends,
     retracted: Math.min(...length),
     stroke,
-    extends: length.at(-1) > length[0],
+    extends: ends[1] > ends[0],
     arm_min: Math.min(...arm.map(Math.abs)),
-    peak_force: peak,
-    peak_force_bound: bound,
-    peak_force_ratio: peak && peak / bound,
+    peak_force,
+    peak_force_bound,
+    peak_force_ratio: peak_force && peak_force / peak_force_bound,
     byHand: true,
     dead: turns < 0 ? null : at[turns],
-    curve: { ...drive.curve, ground, pin, length, arm, force: turns < 0 ? force : null },
+    curve: { ...drive.curve, ground, pin, length, arm, force },
   };
 }
 
@@ -241,10 +239,8 @@ export class Driving {
     const kind = $("drive-kind").value,
       catalogue = $("drive-catalogue").value,
       reach_max = value("reach");
-    const box = together(
-      [0, 1, 2, 3].map((k) => `box-${k}`),
-      "Where may it be mounted? Give all four sides of the box, or none of them.",
-    );
+    const sides = [0, 1, 2, 3].map((k) => `box-${k}`),
+      box = together(sides, "Where may it be mounted? Give all four sides of the box, or none of them.");
     const ground_box = box,
       question = { ...this.#about, load: loadOf(), drives: [] };
     if (kind === "ideal") return { ...question, springs: [given({ kind: "tension", ground_box })] };

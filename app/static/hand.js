@@ -112,13 +112,8 @@ export function measured(solution, motion) {
   const made = solution.links ? solution : { ...solution, guides: withUsed(fit.linkage, used) },
     { mount } = made,
     away = (point) => size(less(point, middleOf(wanted)));
-  const reach = () =>
-    Math.max(
-      ...Object.values(made.links),
-      mount.coupler_point_polar?.radius ?? 0,
-      away(mount.pivot_a),
-      away(mount.pivot_b),
-    );
+  const radius = mount?.coupler_point_polar?.radius ?? 0,
+    reach = () => Math.max(...Object.values(made.links), radius, away(mount.pivot_a), away(mount.pivot_b));
   const errors = {
     position_rms: rms(places),
     position_max: largest(places),

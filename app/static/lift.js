@@ -178,16 +178,11 @@ async function optimum({ request, reply, ask }, hosts) {
   const other = reply.unconstrained;
   const designs = other ? [reply, other] : [reply],
     beside = other ? [request.cylinder.length] : [];
-  table(
-    hosts.facts,
-    "Design",
-    ["", "optimum", ...(other ? ["the source's problem"] : [])],
-    [
-      ...LENGTHS.map((name) => [`${name}, mm`, ...designs.map(({ design }) => design[name])]),
-      ["closed l1′, mm", reply.closed_length, ...beside],
-      ["objective", ...designs.map(({ objective }) => objective)],
-    ],
-  );
+  const lengths = LENGTHS.map((name) => [`${name}, mm`, ...designs.map(({ design }) => design[name])]),
+    closed = ["closed l1′, mm", reply.closed_length, ...beside],
+    objectives = ["objective", ...designs.map(({ objective }) => objective)],
+    columns = ["", "optimum", ...(other ? ["the source's problem"] : [])];
+  table(hosts.facts, "Design", columns, [...lengths, closed, objectives]);
   facts(hosts.facts, [
     ["time of the rise", reply.motion.rise_time, "s"],
     ["speed at the start", reply.motion.velocity_start, "mm/s"],

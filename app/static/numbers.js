@@ -74,13 +74,12 @@ function verdictBlock(solution, motion) {
     item = itemOf(motion),
     rows = judged(verdict, motion, item, driveName(solution), driveTurns(solution)),
     sentences = reasons(verdict, item);
-  const list = definitions(
-    rows.map(([name, good, words]) => {
-      const kind = good ? "good" : ["Practical limits", "Tolerance", "Layers"].includes(name) ? "poor" : "bad";
-      return [name, signed("dd", kind, { good: "✓", poor: "!", bad: "✕" }[kind], words)];
-    }),
-  );
-  const why = sentences.map((one) => element("li", "", one));
+  const judgement = ([name, good, words]) => {
+    const kind = good ? "good" : ["Practical limits", "Tolerance", "Layers"].includes(name) ? "poor" : "bad";
+    return [name, signed("dd", kind, { good: "✓", poor: "!", bad: "✕" }[kind], words)];
+  };
+  const list = definitions(rows.map(judgement)),
+    why = sentences.map((one) => element("li", "", one));
   return element("div", "judged", element("h3", "", "Verdict"), list, why.length && build("ul", {}, why));
 }
 

@@ -216,12 +216,10 @@ export class Results {
       { verdict } = solution,
       item = itemOf(answer.motion),
       places = placesInWords(solution, answer.motion, 17);
-    return [
-      ...numberRows(solution, answer, 17),
-      ...(places ? [[driveTurns(solution) ? "Crank angles" : "Travel", places.join(", ")]] : []),
-      ...(verdict ? [["Verdict", mark(verdict, item).text]] : []),
-      ...(verdict ? reasons(verdict, item).map((one) => ["Reason", one]) : []),
-    ];
+    const rows = numberRows(solution, answer, 17);
+    if (places) rows.push([driveTurns(solution) ? "Crank angles" : "Travel", places.join(", ")]);
+    if (verdict) rows.push(["Verdict", mark(verdict, item).text]);
+    return verdict ? [...rows, ...reasons(verdict, item).map((one) => ["Reason", one])] : rows;
   }
 
   #list() {

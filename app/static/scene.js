@@ -165,21 +165,17 @@ function showExports() {
   const { query: asked, request, sent, reply } = answered,
     name = asked.command.replaceAll(" ", "-"),
     type = "application/json";
-  const contents = {
-    json: () => new Blob([JSON.stringify({ request: sent, reply }, null, 1)], { type }),
-    ...Object.fromEntries(
-      asked.exports.map((format) => [format, async () => (await ask(`${asked.path}.${format}`, request)).blob()]),
-    ),
-  };
+  const json = () => new Blob([JSON.stringify({ request: sent, reply }, null, 1)], { type }),
+    made = async (format) => (await ask(`${asked.path}.${format}`, request)).blob();
   const save = async (format) => {
     try {
-      download(await contents[format](), `${name}.${format}`);
+      download(await (format === "json" ? json() : made(format)), `${name}.${format}`);
     } catch (error) {
       say(error.message, true);
     }
   };
   const saves = (format) => button(format.toUpperCase(), () => save(format), "", { "data-format": format });
-  $("exports").replaceChildren(...Object.keys(contents).map(saves));
+  $("exports").replaceChildren(...["json", ...asked.exports].map(saves));
 }
 
 /** The page's address with the question, its values and the place of the slider behind #. */
