@@ -26,8 +26,8 @@ const HELP = (item, turns) => ({
     `Click the place of the next ${item}; drag one to move it. ` +
     `Keys: Add a ${item}, then arrows move it, and Enter adds the next.`,
   path:
-    `Drag along the way that a point of the body shall take: it becomes at most ${PATH_POINTS} points of a new motion. ` +
-    "Or click point after point. Keys: Path, then Add a point, arrows and Enter.",
+    `Drag along the way that a point of the body shall take: it becomes at most ${PATH_POINTS} points of a new ` +
+    "motion. Or click point after point. Keys: Path, then Add a point, arrows and Enter.",
   box: "Drag a box that must contain both fixed pivots; drag its corners to change it, or type it under Limits.",
   hand:
     "Drag a joint of the selected linkage, or type its place, and see its error change. " +
@@ -39,10 +39,10 @@ const HELP = (item, turns) => ({
 const SMALL = 1e-9;
 
 /**
- * Changes the motion only through `actions`: `edit(change, kind)`, `settle()` at the end of a drag, `choose(k)`, `add(at)`,
- * `remove(k)`, `draw(places, closed)` for a path drawn by hand, `hand(joint, place)` for a joint of the linkage,
- * `pivot(joint, place)` for a fixed pivot that the rest of it follows. `stale`: the linkage belongs to an earlier motion.
- * `held`: a pointer drags. `moved`: the user has moved or zoomed the view since it was fitted.
+ * Changes the motion only through `actions`: `edit(change, kind)`, `settle()` at the end of a drag, `choose(k)`,
+ * `add(at)`, `remove(k)`, `draw(places, closed)` for a path drawn by hand, `hand(joint, place)` for a joint of the
+ * linkage, `pivot(joint, place)` for a fixed pivot that the rest of it follows. `stale`: the linkage belongs to an
+ * earlier motion. `held`: a pointer drags. `moved`: the user has moved or zoomed the view since it was fitted.
  */
 export class Board {
   view = new View(600, 400);

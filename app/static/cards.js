@@ -36,7 +36,7 @@ const SORTS = {
 
 const unusable = ({ verdict }) => mark(verdict)?.kind === "bad";
 
-/** Sort solutions: usable ones first, then by "rank", "error", "transmission" (largest first) or "size" (smallest first). */
+/** Sort solutions: usable ones first, then by "rank", "error", "transmission" (largest first) or "size" (smallest). */
 export const sorted = (solutions, by) =>
   solutions.toSorted((a, b) => unusable(a) - unusable(b) || SORTS[by](a) - SORTS[by](b));
 

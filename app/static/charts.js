@@ -25,7 +25,8 @@ const decades = (u, splits) => splits.map((value) => (Math.abs(Math.log10(value)
 
 /**
  * A chart that fills `host`. `x` holds the abscissas, `series` are {values, colour, points, steps, size, width, dash};
- * nulls are gaps; with `sense` -1 the negatives of the abscissas are shown. Returns the uPlot; `mark(x)` moves its line.
+ * nulls are gaps; with `sense` -1 the negatives of the abscissas are shown. Returns the uPlot; `mark(x)` moves its
+ * line.
  */
 export function chart(host, { x, series, height = 130, range = null, splits = null, xName = "", sense = 1, ...more }) {
   const { degreesX = true, degreesY = false, logY = false } = more,

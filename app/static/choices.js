@@ -85,7 +85,7 @@ function springRows(spring, { unit, ...how }) {
   ];
 }
 
-/** Rows [name, value] of a drive or its springs; `how` is {unit, newtons, turns, item}: `turns` is of the linkage's drive. */
+/** Rows [name, value] of a drive or its springs; `how` is {unit, newtons, turns, item}, `turns` of the linkage. */
 export function rowsOf(drive, how) {
   const units = how.newtons ? [] : [["forces, torques", `in the load’s unit, and that times ${how.unit}`]];
   if (drive.springs) return [...drive.springs.flatMap((one) => springRows(one, how)), ...units];

@@ -41,7 +41,8 @@ export function pastedRows(content, width) {
     const cells = line.split("\t");
     if (cells.length > width)
       throw new Error(
-        `The pasted row ${n + 1} has ${cells.length} cells, and there ${room} from here on. For a whole table use Paste above.`,
+        `The pasted row ${n + 1} has ${cells.length} cells, and there ${room} from here on. ` +
+          "For a whole table use Paste above.",
       );
     return cells.map((cell, k) => {
       const value = typed(cell.replace(/\s*°$/, ""));
@@ -83,7 +84,7 @@ export function markWrong(field, isWrong, note) {
   }
 }
 
-/** The number of an entry for a field with `data-number`, null if it is empty. Throws Error that names the field and has its id. */
+/** The number of an entry for a field with `data-number`, null if it is empty. Throws Error with the field's name and id. */
 export function numberOf(field, entry) {
   const value = typed(entry),
     fault = wrong(value, entry, { range: rangeOf(field), needed: field.required, whole: false });

@@ -166,8 +166,8 @@ export class Driving {
   }
 
   /**
-   * Selects a solution and shows what was found for it before. A question that is under way continues for a linkage like
-   * the one before; for one that has been moved from it, it is asked again.
+   * Selects a solution and shows what was found for it before. A question that is under way continues for a linkage
+   * like the one before; for one that has been moved from it, it is asked again.
    */
   select(solution) {
     const before = this.solution,

@@ -16,9 +16,10 @@ const modeButtons = () => [...document.querySelectorAll("[data-mode]:not(svg)")]
 
 export class Editor {
   /**
-   * `changed()` is called after every change of the motion, before it is drawn again; `drawn(places, closed)` gets a path
-   * drawn by hand, which begins a new motion; `hand` moves the joints of the selected linkage and `pivot` its pivots, which
-   * undo brings back `beside` the motion. While a pointer drags, changes are drawn once a frame with `changed(true)`.
+   * `changed()` is called after every change of the motion, before it is drawn again; `drawn(places, closed)` gets a
+   * path drawn by hand, which begins a new motion; `hand` moves the joints of the selected linkage and `pivot` its
+   * pivots, which undo brings back `beside` the motion. While a pointer drags, changes are drawn once a frame with
+   * `changed(true)`.
    */
   constructor(changed, drawn, { hand, pivot }, beside) {
     this.changed = changed;

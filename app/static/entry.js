@@ -20,7 +20,7 @@ const field = (id, hidden, shown, more = {}) => {
   return build("label", {}, element("span", "hidden", hidden), shown, input);
 };
 
-/** The joints of a four-bar of these lengths, A in the origin and P in the middle of the coupler; null if it stays open. */
+/** The joints of a four-bar of these lengths, A in the origin, P in the middle of the coupler; null if it stays open. */
 function jointsOf([crank, coupler, rocker, ground]) {
   const links = { crank, coupler, rocker, ground },
     mount = { pivot_a: [0, 0], ground_angle: 0, coupler_point_polar: { radius: coupler / 2, angle: 0 } },
@@ -40,7 +40,7 @@ function swing(linkage) {
   return [-back + spare, on - spare];
 }
 
-/** {motion, solution} of a four-bar by its joints: poses of the body while the crank turns, angles from the one entered. */
+/** {motion, solution} of a four-bar by its joints: poses of the body while the crank turns. */
 function motionOf(joints, unit) {
   const blank = { links: {}, body_offset: 0, crank_angle: null, errors: { objective: 0 } },
     begun = fromJoints({ ...joints, rotation: 0 }, 0, blank);

@@ -68,7 +68,7 @@ class Backdrop {
   }
 }
 
-/** Binds the panel of the canvas; `edit` changes the motion, `setMode` the mode of the canvas. Returns what opens a file as `outline` or `picture`. */
+/** Binds the panel of the canvas; `edit` changes the motion, `setMode` its mode. Returns {outline(file), picture(file)}. */
 export function startStage(board, edit, setMode) {
   const backdrop = new Backdrop(board);
   legend(null);

@@ -99,7 +99,7 @@ class Following {
     return joints ? squares(this.misfit.error(k, joints)) : Infinity;
   }
 
-  /** The ends of the interval of the drive, and where the transmission angle is least; whether the loop stays closed. */
+  /** The ends of the drive's interval, and where the transmission angle is least; whether the loop stays closed. */
   #between({ at }, drive) {
     const low = Math.min(...drive),
       high = Math.max(...drive),
@@ -177,7 +177,7 @@ class Following {
     return joints.map((one, k) => ({ members: [k], q: [drive[k]], errors: this.misfit.error(k, one, turns) }));
   }
 
-  /** A linkage of these numbers with its errors, near the positions `drive` if they are free; null if it does not close. */
+  /** A linkage of these numbers with its errors, near positions `drive` if they are free; null if it does not close. */
   #measured(numbers, drive) {
     const { misfit } = this,
       made = misfit.made(numbers),
@@ -326,7 +326,7 @@ export function* followed(motion, solution, reference) {
   if (found) yield made(found);
 }
 
-/** A solution changed by hand with its errors; free crank angles are found anew, and the start is `shift` further on. */
+/** A solution changed by hand with its errors; free crank angles are found anew, the start is `shift` further on. */
 export function assessed(solution, motion) {
   const angles = motion.timing === "free" && drivePlaces(solution) && new Following(motion, solution).passing(solution);
   if (!angles) return { shift: 0, ...measured(solution, motion) };

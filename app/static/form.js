@@ -352,7 +352,8 @@ class Fields {
 
 /**
  * The form of a request in `host`, filled with `example`: {read, mark}. `read()` returns the request, without what was
- * left blank; it marks a wrong field and throws Error. `mark(rows)` marks fields that the service refuses, {pointer, detail}.
+ * left blank; it marks a wrong field and throws Error. `mark(rows)` marks fields that the service refuses, {pointer,
+ * detail}.
  */
 export function buildForm(host, schema, example) {
   const fields = new Fields(schema),

@@ -40,7 +40,7 @@ function startPad(keep) {
   listen("pad-clear", "click", () => keep([]));
 }
 
-/** The rows of the table of a law; nothing if it has none, or none that can be used, which is said when it is solved. */
+/** The rows of the table of a law; nothing if it has none that can be used, which is said when it is solved. */
 function columnsOf(law) {
   try {
     return isTable(law) ? rowsOf(law) : {};
@@ -82,7 +82,7 @@ function showNeeded(law, columns) {
   [$("stroke-label").textContent, $("stroke-unit").textContent] = (SIZES[drive] ?? SIZES.four_bar).says;
 }
 
-/** Binds the form; `edit(change, kind)` changes the motion, `settle()` ends a step of it. Returns what shows a motion. */
+/** Binds the form; `edit(change, kind)` changes the motion, `settle()` ends a step. Returns what shows a motion. */
 export function startFunction(edit, settle) {
   for (const field of lawFields()) {
     const { id } = field,

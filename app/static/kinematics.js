@@ -133,9 +133,9 @@ class Straight extends Vector {
 }
 
 /**
- * The triangle of the pin Z of the drive, the other guide's pivot C and its body point X, with a `varying` and a `still`
- * side at Z: {atZ, atX}, the angle at Z and the acute angle at X, of `shorter` and `longer` as in `Round`, free of
- * cancellation; null if the loop does not close.
+ * The triangle of the pin Z of the drive, the other guide's pivot C and its body point X, with a `varying` and a
+ * `still` side at Z: {atZ, atX}, the angle at Z and the acute angle at X, of `shorter` and `longer` as in `Round`, free
+ * of cancellation; null if the loop does not close.
  */
 function triangle(varying, still, radius, shorter, longer, pinMovesOnBody) {
   if (!(shorter >= 0 && longer >= 0)) return null;
@@ -282,8 +282,9 @@ export class Linkage {
   }
 
   /**
-   * The joints after the drive has moved by `travel` from the first sample; null if the loop does not close. A, D and C, B
-   * lie on the guides, P is the body point; `frames` are {at, angle} of links by name, `coupler` is the body's rotation.
+   * The joints after the drive has moved by `travel` from the first sample; null if the loop does not close. A, D and
+   * C, B lie on the guides, P is the body point; `frames` are {at, angle} of links by name, `coupler` is the body's
+   * rotation.
    */
   at(travel) {
     const q = this.start + (this.turns ? travel : travel / RAD),
@@ -311,7 +312,7 @@ export class Linkage {
     return { travel, a, b, c, d, p, ...turn, ...parts, links, ground: line, fixed, frames };
   }
 
-  /** The two joints of a guide: a fixed pivot and its pin, or the ends of a rail or slot, which is added to the parts. */
+  /** The two joints of a guide: a fixed pivot and its pin, or the ends of a rail or slot, added to the parts. */
   #ends({ guide, fixed, body: held, angle, used }, ground, body, coupler, { rails, slots, blocks }) {
     const at = ground(fixed),
       pin = body(held),

@@ -154,9 +154,9 @@ export function lawFault(motion) {
 }
 
 /**
- * An answer of the service as the workspace shows it. `within` is a request of /v2/synthesize over the same interval, with
- * which layers, drives and files are requested; each solution has its `output`, {input, error, samples, from, signs,
- * unitOfY, isRocker}, and its largest error as words, `off`.
+ * An answer of the service as the workspace shows it. `within` is a request of /v2/synthesize over the same interval,
+ * with which layers, drives and files are requested; each solution has its `output`, {input, error, samples, from,
+ * signs, unitOfY, isRocker}, and its largest error as words, `off`.
  */
 export function lawAnswer(motion, request, reply) {
   const { asks } = DRIVES[motion.law.drive],

@@ -123,7 +123,7 @@ export class Misfit {
     return gaps.length ? TURN * Math.round(gaps.reduce((sum, gap) => sum + gap, 0) / gaps.length / TURN) : 0;
   }
 
-  /** Linkages beside that of some numbers, of which one is a step greater or less: pairs for each number of the guides. */
+  /** Linkages of which one number is a step greater or less: a pair for each number of the guides. */
   beside(numbers) {
     const guided = numbers.slice(0, NUMBERS * this.kinds.length);
     return guided.map((value, j) => [STEP, -STEP].map((step) => this.made(numbers.with(j, value + step))));

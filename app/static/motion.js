@@ -5,12 +5,13 @@ export const clone = (value) => JSON.parse(JSON.stringify(value));
 /** Units of length. */
 export const UNITS = ["mm", "cm", "m", "in", "ft", "um"];
 
-/** The practical limits of the service's preset by their names here; only `reach` has no field of its own in a request. */
+/** The practical limits of the service's preset by their names here; only `reach` has no field in a request. */
 export const PRESET = { use: 35, turn: 15, ratio: 10, reach: 10 };
 
 /**
  * `kept` says which of the practical limits hold; `transmission` (in use), `turn` and `ratio` are values that replace
- * theirs, or null. `family` is null for the service's default, see `familyOf`. `extra` holds fields without a field here.
+ * theirs, or null. `family` is null for the service's default, see `familyOf`. `extra` holds fields without a field
+ * here.
  */
 const LIMITS = {
   family: null,
@@ -28,8 +29,8 @@ const STUDY_SAMPLES = 2000; // linkages of a tolerance study: the search is aske
 
 /**
  * `timing` says what is known of the crank angles: "free" (nothing), "even" (over `span`) or "table" (the `t` of each
- * pose). A pose is {t, x, y, angle}; x and y, or angle, are null where they are missing. Its weights and tolerances, wr,
- * wp, er, ep (rotation and position), are undefined where those of the whole motion hold. `prefer` is null for the
+ * pose). A pose is {t, x, y, angle}; x and y, or angle, are null where they are missing. Its weights and tolerances,
+ * wr, wp, er, ep (rotation and position), are undefined where those of the whole motion hold. `prefer` is null for the
  * service's default. Only the page uses `unit`, `outline` (polylines from the body point at angle 0) and the `note` on
  * where the motion comes from. A function has no poses, but a `law`.
  */

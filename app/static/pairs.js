@@ -40,7 +40,7 @@ export class Pairs {
     return (this.table.notes ?? []).map((note) => capital(note.replace(/\.?$/, "."))).join(" ");
   }
 
-  /** Checks the units of the table against the ends of a linkage, of which `asks` says which are lengths. Throws Error. */
+  /** Checks the units of the table against the ends of a linkage: `asks` says which are lengths. Throws Error. */
   check(asks) {
     for (const end of ["input", "output"]) {
       const unit = this.table.units?.[end],
@@ -51,7 +51,7 @@ export class Pairs {
     }
   }
 
-  /** {x, y} or {output, input} of a text that was read; of `numbers` two columns without heads are x and y. Throws Error. */
+  /** {x, y} or {output, input} of a text that was read; `numbers` without heads are x and y. Throws Error. */
   of(content, numbers) {
     const { table } = this;
     if (table.content !== content) throw new Error(READING);

@@ -25,7 +25,7 @@ function setButton(name) {
   $("play").querySelector("path").setAttribute("d", ICONS[name]);
 }
 
-/** What canvas and curves need of a solution: joints over the interval and the turn, joints and errors at the samples. */
+/** What canvas and curves need of a solution: joints over the interval and the turn, and errors at the samples. */
 export function trajectory(solution, motion, coarse = false) {
   const fit = fitOf(solution, motion),
     { linkage, pass } = fit,
@@ -82,7 +82,7 @@ export class Player {
     if (curves) this.drawCurves();
   }
 
-  /** A linkage that is being moved, where it is at sample k or else where its drive stands: seen when the board is drawn. */
+  /** Puts a linkage that is being moved on the board, at sample k or else where its drive is, without drawing it. */
   track(solution, motion, k) {
     const { travel, shown: before } = this,
       shown = trajectory(solution, motion, true),
@@ -201,23 +201,16 @@ export class Player {
   #showTravel() {
     if (!this.shown) return;
     const travel = Number($("slider").value),
-      { sense } = this.shown.pass;
-    const degrees = sense * travel,
-      rounded = degrees.toFixed(1).replace(/^-0\.0$/, "0.0");
-    const here = this.stops.filter((stop) => Math.abs(stop.travel - travel) < this.#near).map(({ k }) => k + 1);
-    const { turns, low, high } = this.shown.pass,
-      words = turns ? `${rounded}°` : `${text(settled(degrees, high - low), 4)} ${this.shown.motion.unit}`;
-    $("travel").value = words;
-    const { solution, motion } = this.shown;
-    $("at-sample").textContent = solution.output
-      ? reading(solution, degrees, motion.unit)
-      : here.length
-        ? `${itemOf(motion)} ${here.join(", ")}`
-        : "";
-    $("slider").setAttribute(
-      "aria-valuetext",
-      `${driveName(this.shown.solution)} ${turns ? `turned by ${rounded} degrees` : `moved by ${words}`}${here.length ? `, at ${itemOf(this.shown.motion)} ${here.join(", ")}` : ""}`,
-    );
+      { solution, motion, pass } = this.shown,
+      degrees = pass.sense * travel,
+      rounded = degrees.toFixed(1).replace(/^-0\.0$/, "0.0"),
+      length = `${text(settled(degrees, pass.high - pass.low), 4)} ${motion.unit}`,
+      passed = this.stops.filter((stop) => Math.abs(stop.travel - travel) < this.#near).map(({ k }) => k + 1),
+      here = passed.length ? `${itemOf(motion)} ${passed.join(", ")}` : "";
+    $("travel").value = pass.turns ? `${rounded}°` : length;
+    $("at-sample").textContent = solution.output ? reading(solution, degrees, motion.unit) : here;
+    const moves = pass.turns ? `turned by ${rounded} degrees` : `moved by ${length}`;
+    $("slider").setAttribute("aria-valuetext", `${driveName(solution)} ${moves}${here && `, at ${here}`}`);
     this.board.showJoints(this.shown.linkage.at(degrees * RAD));
     for (const one of this.charts) one.mark(travel);
   }

@@ -39,12 +39,13 @@ export class Poses {
       const ax = arm * Math.cos(turn),
         ay = -arm * Math.sin(turn);
       const where = `x ${text(pose.x, 4)}, y ${text(pose.y, 4)} ${motion.unit}`,
-        name = wantsAngles(motion) ? "Pose" : "Point";
+        name = wantsAngles(motion) ? "Pose" : "Point",
+        angle = turning ? `, angle ${text(pose.angle, 4)} degrees` : "";
       put(parts.group, {
         transform: `translate(${x} ${y})`,
         class: selected ? "pose chosen" : "pose",
         tabindex: selected ? 0 : -1,
-        "aria-label": `${name} ${k + 1} of ${poses.length}: ${where}${turning ? `, angle ${text(pose.angle, 4)} degrees` : ""}`,
+        "aria-label": `${name} ${k + 1} of ${poses.length}: ${where}${angle}`,
       });
       put(parts.dot, { r: selected ? 5 : crowded ? 2.6 : 4.5 });
       put(parts.hit, { r: crowded && !selected ? 7 : 11 });

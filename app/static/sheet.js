@@ -97,7 +97,7 @@ function partsOf(assembly, parts) {
   );
 }
 
-/** Fills the sheet with a solution, its drive and the list of its parts; without a solution the page prints as it is. */
+/** Fills the sheet with a solution, its drive and the list of its parts; without one the page prints as it is. */
 export function fillSheet(answer, solution, drive, parts = null) {
   const sheet = $("sheet");
   sheet.replaceChildren();

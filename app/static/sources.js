@@ -48,8 +48,8 @@ async function thinned(source) {
 
 export class Sources {
   /**
-   * `current()` is the motion whose settings pasted rows keep; `use(motion, {mode, fit, reply, card})` takes a new one, for
-   * a mode of the canvas, fitted into the view or not, with the stored reply of an example or the card of a link.
+   * `current()` is the motion whose settings pasted rows keep; `use(motion, {mode, fit, reply, card})` takes a new one,
+   * for a mode of the canvas, fitted into the view or not, with the stored reply of an example or the card of a link.
    */
   constructor(current, use) {
     Object.assign(this, { current, use, examples: [], shown: null, asCame: new Set(), linked: false, reading: null });
@@ -163,7 +163,7 @@ export class Sources {
     return asIs ? { ...emptyMotion(), unit: now.unit } : now;
   }
 
-  /** Angles that jump by a whole turn, as 350 and 10 do, are offered without the jump, and those that look like radians in degrees. */
+  /** Offers angles that jump by a whole turn without the jump, and those that look like radians in degrees. */
   #offerAngles(motion, radian) {
     const at = jump(motion);
     $("unwrap").hidden = !at && !radian;
@@ -195,8 +195,8 @@ export class Sources {
   }
 
   /**
-   * Takes the motion in a text or a file: a request as JSON, or a table, perhaps with `columns` chosen. `failed(sentence)`
-   * gets what is wrong. Only the last source that was given counts.
+   * Takes the motion in a text or a file: a request as JSON, or a table, perhaps with `columns` chosen.
+   * `failed(sentence)` gets what is wrong. Only the last source that was given counts.
    */
   async #read(source, from, failed, columns = null) {
     const turn = { source, from, failed },

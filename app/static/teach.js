@@ -12,7 +12,7 @@ const FRAMES = 30; // a second
 
 const across = ([x, y]) => [-y, x];
 
-/** Velocities of the moving joints per unit of the drive, and the angular velocity of the body, at joints of `linkage`; null at a dead position. */
+/** Velocities of moving joints per unit of the drive, and the angular velocity of the body; null at a dead position. */
 function velocities(linkage, { travel }) {
   const [before, after] = [-STEP, STEP].map((step) => linkage.at(travel + step));
   if (!before || !after) return null;

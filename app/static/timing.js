@@ -26,8 +26,8 @@ function shortestArc(angles) {
 
 /**
  * For a solution, in degrees of crank from the first sample, or lengths where the drive does not turn (`turns`):
- * `angles` at the samples; `sense`, 1 or -1, of the crank; the interval used, `low` to `high` in that sense; `order`, the
- * samples as they are passed.
+ * `angles` at the samples; `sense`, 1 or -1, of the crank; the interval used, `low` to `high` in that sense; `order`,
+ * the samples as they are passed.
  */
 export function passing(solution, motion, turnsFully) {
   const own = motion.timing === "free" ? drivePlaces(solution) : null,

@@ -112,8 +112,8 @@ export function judged(verdict, motion, item, drive = "crank", turns = true) {
 export const reasons = (verdict, item) => (verdict.reasons ?? []).map((one) => sentence(one, item));
 
 /**
- * Words of the service for people: without the names in parentheses that are for those who write requests, and with the page's names
- * of fields. Words in quotation marks stay as they are.
+ * Words of the service for people: without the names in parentheses that are for those who write requests, and with the
+ * page's names of fields. Words in quotation marks stay as they are.
  */
 export const plainWords = (words) =>
   words

@@ -11,7 +11,7 @@ export function leaveWelcome() {
   return true;
 }
 
-/** Shows the first screen, with the `draft` as the last project and those that `open(content)` shows; the workspace cannot be used meanwhile. */
+/** Shows the first screen with the `draft` as the last project, and the projects, which `open(content)` shows. */
 export function showWelcome(draft, open) {
   const { request, law } = draft.kept?.content ?? {},
     { position, rotation } = request ?? {},
