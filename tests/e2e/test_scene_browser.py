@@ -318,7 +318,7 @@ def test_the_chain_is_drawn_for_any_number_of_links_and_samples(at) -> None:
         answered(page, lambda: page.click("run"))
         assert page.count("#picture .stage") == 2 and page.count("#curves .chart") == (2 if path == "slot" else 1)
     # The drawing takes fewer samples, and so fewer than a fit may need.
-    for more in ({"include": ["outline"]}, {"fit": {"kind": "polynomial", "order": 95}}):
+    for more in ({"include": ["outline"]}, {"fit": {"order": 64}}):
         asking = {"query": "/v2/chain/slot", "request": CHAIN | {"samples": 4000} | more}
         page = at(
             "chain", fragment="#j=" + base64.urlsafe_b64encode(json.dumps(asking).encode()).decode().rstrip("=")
