@@ -403,9 +403,9 @@ def test_rows_are_pasted_into_cells_and_poses_that_repeat_or_wrap_are_named(shar
     shared.run(PASTE, "Pose 2, x", "40,5\t50\r\n70\t\r\n90\t91\r\n")
     assert [row[1:3] for row in shared.table()] == [[1, 2], [40.5, 50], [70, 0], [90, 91]]
     before = shared.table()
-    shared.run(PASTE, "Pose 1, y", "X [mm]\t3\n4\t5\n")
+    shared.run(PASTE, "Pose 2, y", "X [mm]\t3\n4\t5\n")
     assert shared.table() == before and "“X [mm]” is not a number" in shared.text("table-error")
-    shared.run(PASTE, "Pose 1, angle", "1\t2\n")
+    shared.run(PASTE, "Pose 2, angle", "1\t2\n")
     assert shared.table() == before and "has 2 cells" in shared.text("table-error")
     shared.click("undo")
     assert [row[1:3] for row in shared.table()] == [[1, 2], [4, 5], [7, 8]]
