@@ -51,7 +51,7 @@ def continued(request: dict, start: dict, budget: float | None = 0.5, **options)
     return plain(result.solutions[rank - 1])
 
 
-@pytest.mark.parametrize("name", some_of(["casement", "film", "timed", "wiper", "bucket", "pick"], 3))
+@pytest.mark.parametrize("name", some_of(["casement", "film", "timed", "wiper", "bucket", "pick"], 2))
 def test_a_drag_by_a_pixel_continues_the_linkage_on_show_and_back_restores_it(name) -> None:
     shown = plain(la.synthesize(**question(name), top=1, budget=2.0, work=stepped).best)
     second = continued(question(name, pixels=1), shown)

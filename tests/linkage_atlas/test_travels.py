@@ -68,7 +68,7 @@ def output_of(linkage: Any, case: dict[str, Any], travel: np.ndarray) -> np.ndar
 EITHER = [(case, ("rms", "max")[(k + turn) % 2]) for turn in range(2) for k, case in enumerate(CASES)]
 
 
-@pytest.mark.parametrize(("case", "objective"), some_of(EITHER, len(CASES) - 2))
+@pytest.mark.parametrize(("case", "objective"), some_of(EITHER, 5))
 def test_the_reply_does_what_it_says(case: str, objective: str) -> None:
     request = CASES[case]
     found = answered(case, objective)

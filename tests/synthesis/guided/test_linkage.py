@@ -74,6 +74,21 @@ def test_poses_keep_both_guides_and_tell_branch_and_angle(guide, driver, second)
 
 
 @pytest.mark.parametrize(("guide", "driver", "second"), DRIVES, ids=NAMES)
+def test_the_coordinate_of_a_pose_is_that_which_made_it(guide, driver, second) -> None:
+    random = np.random.default_rng(6)
+    for _ in range(40):
+        linkage = random_linkage(random, guide, driver, second)
+        expected = linkage.start + random.uniform(-0.5, 0.5, 5)
+        poses = linkage.body(expected)
+        keep = np.isfinite(poses.rotation)
+        found, sine = linkage.configuration(poses.rotation[keep], poses.position[keep])
+        gap = found - expected[keep]
+        gap = np.angle(np.exp(1j * gap)) if driver.turns else gap
+        assert np.all(np.abs(gap) < 1e-12 * (1 + np.abs(poses.position[keep])))
+        assert np.allclose(sine, poses.sine[keep], atol=1e-12)
+
+
+@pytest.mark.parametrize(("guide", "driver", "second"), DRIVES, ids=NAMES)
 def test_a_mirror_a_scale_and_a_move_carry_the_motion_over(guide, driver, second) -> None:
     random = np.random.default_rng(8)
     travel = np.linspace(-0.4, 0.4, 7)

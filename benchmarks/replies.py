@@ -2,9 +2,9 @@
 
 ::
 
-    python -m tests.oracles.replies record http://127.0.0.1:8000 before.jsonl
-    python -m tests.oracles.replies record http://127.0.0.1:8001 after.jsonl --like before.jsonl
-    python -m tests.oracles.replies compare before.jsonl after.jsonl
+    python -m benchmarks.replies record http://127.0.0.1:8000 before.jsonl
+    python -m benchmarks.replies record http://127.0.0.1:8001 after.jsonl --like before.jsonl
+    python -m benchmarks.replies compare before.jsonl after.jsonl
 
 The requests come from the service's own description: the examples of each route, seeded variations of them, and errors.
 ``--like`` repeats the requests of an earlier recording, so that a change of the examples does not hide a change of a reply.
