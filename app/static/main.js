@@ -23,7 +23,7 @@ import { $, copy, listen, markEarlier, say, startScenes, startTheme } from "./sh
 import { Sources } from "./sources.js";
 import { startStage } from "./extras.js";
 import { startTeaching } from "./teach.js";
-import { fold, focusOn, openStep, startSteps } from "./steps.js";
+import { fold, focusOn, isNarrow, openStep, startSteps } from "./steps.js";
 import { explainTerms } from "./terms.js";
 import { defects } from "./verdict.js";
 import { leaveWelcome, showWelcome, startWelcome } from "./welcome.js";
@@ -242,7 +242,7 @@ function useMotion(motion, { mode = null, fit = true, reply = null, card = null,
   say("");
   if (!reply) {
     openStep("motion");
-    fold(Boolean(mode) && !motion.poses.length);
+    fold(Boolean(mode) && !motion.poses.length && !motion.law);
     return;
   }
   openStep("choose");
@@ -427,7 +427,7 @@ async function startRefinement() {
 
 /** Shows a linkage that the user entered, with the motion that it makes, as the service judges it. */
 function showEntered({ motion, solution }) {
-  useMotion(motion, { mode: "hand" });
+  useMotion(motion, { mode: isNarrow() ? "move" : "hand" });
   const request = toRequest(motion);
   return run(async (control, begin) => {
     const reply = await refine(fromHere(request, solution), control.signal);
@@ -435,6 +435,8 @@ function showEntered({ motion, solution }) {
     if (!reply.solutions.length) reply.solutions.push(assessed(solution, motion).solution);
     take({ request, reply, motion: structuredClone(motion), seconds: secondsSince(begin), refined: true });
     results.player.goto(0);
+    fold(true);
+    requestAnimationFrame(() => editor.board.fit());
     say("The linkage as entered. Drag its joints, or type them, to change it.");
   });
 }

@@ -96,7 +96,7 @@ export class Sources {
   useDrawn(places, closed) {
     const { limits, tolerance, top, round, unit, diverse } = this.#settings(),
       poses = places.map(([x, y], k) => ({ t: k, x, y, angle: 0 })),
-      count = `${places.length} points${closed ? " of a closed way" : ""}`,
+      count = `${places.length} points${closed ? " of a closed path" : ""}`,
       note = places.length > 1 ? `Drawn by hand: ${count}, crank angles free. Move points, or solve.` : "",
       kept = { limits, top, round, unit, diverse, tolerance: { ...tolerance, rotation: null } };
     this.#take(structuredClone({ ...emptyMotion("position"), ...kept, closed, poses }), { note, fit: false });

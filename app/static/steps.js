@@ -3,6 +3,9 @@
 import { $ } from "./shell.js";
 
 const narrow = matchMedia("(max-width: 900px)");
+
+/** Whether the panel is a sheet below the canvas. */
+export const isNarrow = () => narrow.matches;
 const tabs = () => [...$("steps").children];
 
 /** Hides the body of the sheet of a narrow screen, or shows it. */

@@ -83,7 +83,9 @@ class Lesson {
       const [x, y] = view.at(point);
       for (const end of ends) make("path", { class: "ray", d: `M${view.at(end).join(" ")}L${x} ${y}` }, this.layer);
       make("circle", { class: "centre", cx: x, cy: y, r: 5 }, this.layer);
-      make("text", { class: "joint-name", x: x + 9, y: y - 8 }, this.layer).textContent = name;
+      const side = x > view.width / 2 ? -9 : 9, // towards the middle of the canvas
+        at = { x: x + side, y: y - 8, "text-anchor": side < 0 ? "end" : "start" };
+      make("text", { class: "joint-name", ...at }, this.layer).textContent = name;
     };
     if (from)
       draw(
