@@ -10,8 +10,8 @@ a complex least-squares problem in A and z, with a rotation w of modulus 1 besid
     P_m = A + w (L1 e^{i theta1_m} + z e^{i theta2_m}),    w = e^{i theta4}
 
 Both free columns are projected out; then the best w is the direction of an inner product. So a single unknown remains, the
-start, which is scanned over the whole turn: no basin wider than a step is missed. The results of the scan are refined in
-all six unknowns by least squares, with an augmented Lagrangian if limits are active (Nocedal and Wright, 17.4).
+start, which is scanned over the whole turn: no basin wider than a step is missed. The results of the scan are refined by
+repeated grids. If the best pose violates limits, a descent within the limits with given lengths leads into them.
 """
 
 from __future__ import annotations
@@ -25,66 +25,69 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from synthesis.arrays import Complexes, Floats
-from synthesis.constraints import Constraints, keeps
+from synthesis.constraints import keeps
+from synthesis.descents import Stage
+from synthesis.errors import FieldError
 from synthesis.four_bar import close_loop, wrap
 from synthesis.fourbar.determination import derivative_matrix, residuals
-from synthesis.kernels import codes
-from synthesis.least_squares import Evaluation, Minima, minimise
 from synthesis.limits import Limits
-from synthesis.linkage import Linkage, as_lengths, four_bar
+from synthesis.linkage import Linkage, as_lengths, four_bar, with_links
+from synthesis.local_refinement import NearbyOptions, nearby_motion
 from synthesis.mechanism import Placed
+from synthesis.one_variable import closer_looks
 from synthesis.pose import rotation_residual
 from synthesis.solution import Solution, assess
 from synthesis.target import TURN, Target
 from synthesis.violations import within
 from synthesis.work import Work
 
-# the choice of lengths
-GRID_TRIES = 300
-"""Combinations around the nearest that are tried at most; they come in the order of their estimate."""
-AROUND = 3
-"""Number of steps to each side if the nearest lengths of a grid violate a limit, and if they only increase the error."""
-_HARDLY = 1.01
-"""Times the objective of the solution that the nearest lengths may have, for others not to be looked at."""
-_EXACT = 1e-12
-"""Objective of the nearest lengths that is only rounding."""
-MOST_OPEN = 1 << 17
-"""Choices of some links whose others are not chosen yet: about 50 MB."""
-_TOGETHER = 64
-"""Combinations that are scanned at once."""
-_PLACED = 8
-"""Combinations that are refined at once."""
-_MOST_PLACED = 64
-"""Combinations that are refined at most."""
-_SCANS_OF_PLACING = 16
-"""Within limits a place is found in the time of more scans than this: of few tries fewer are refined, at least `_PLACED`."""
-_WORSE = 2.0
-"""Ratio of the squared objective in the scan to the best refined value above which a combination is discarded."""
-_NEARER = 1e-3
-"""Weight of a length's own change beside the estimate: of lengths that the motion does not fix the nearest come first."""
-# the best place of given lengths
-_STARTS = 48
-"""Starts of the scan in a turn."""
-_SAMPLES = 16
-"""Approximate number of samples in the scan."""
-_HALVINGS = 8
-"""Smallest step around the best start of the scan, relative to a step of the scan."""
-_VALLEYS = 3
-"""Number of basins of the scan that are refined."""
-_STEPS = 200
-"""Largest number of steps of the refinement; within limits a quarter of it in each round."""
-_ROUNDS = 7
-"""Number of updates of the multipliers."""
-_WEIGHT, _GROWTH = 1.0, 10.0
-"""Weight of a violated limit against the square of the objective, and its growth in each round."""
+
+@dataclass(frozen=True)
+class FourBarRoundingOptions:
+    """Options of the search for the lengths of a four-bar."""
+
+    grid_tries: int = 300
+    """Largest number of combinations around the nearest; they come in the order of their estimate."""
+    steps_around: int = 3
+    """Number of steps to each side that are tried if the nearest lengths of a grid violate a limit."""
+    sufficient_ratio: float = 1.01
+    """Ratio of the objectives of the nearest lengths and of the solution up to which no other lengths are tried."""
+    exact: float = 1e-12
+    """Objective of the nearest lengths that is only rounding."""
+    max_open: int = 1 << 17
+    """Largest number of choices of some links whose others are not chosen yet: about 50 MB."""
+    batch: int = 64
+    """Number of combinations that are scanned at once."""
+    fitted_batch: int = 8
+    """Number of combinations that are fitted at once."""
+    max_fitted: int = 64
+    """Largest number of combinations that are fitted."""
+    scans_per_fit: int = 16
+    """Number of scans that take as long as a fit; of few combinations fewer are fitted."""
+    discard_ratio: float = 2.0
+    """Ratio of the squared objective in the scan to the best fitted value above which a combination is discarded."""
+    change_weight: float = 1e-3
+    """Weight of a length's own change beside the estimate: of lengths that the motion does not fix the nearest come first."""
+    starts: int = 48
+    """Number of starts of the scan in a turn."""
+    samples: int = 16
+    """Approximate number of samples in the scan."""
+    halvings: int = 8
+    """Number of halvings of the step around the best start of the scan."""
+    basins: int = 3
+    """Number of basins of the scan that are refined."""
+    refinements: tuple[int, ...] = (9,) * 20
+    """Number of starts in each refinement of a basin."""
+
+
+OPTIONS = FourBarRoundingOptions()
+_NEARBY = NearbyOptions((Stage(20, weight=3.0), Stage(20, weight=10.0), Stage(80, weight=30.0)), 1e-3)
+"""Options of a descent of given lengths to its end."""
 NONE_CLOSES = "none of the lengths tried closes at all crank angles of this solution within the limits of shape"
 NO_PLACE = "none of the lengths tried has a place within the limits at the crank angles of this solution"
 NO_TIME = "the time was up before a linkage of lengths that can be had was in its place"
-_MARGIN = 1e-8
-"""Margin from the limits at which the refinement aims, so that the result satisfies them after rounding."""
 
 
 @dataclass(frozen=True)
@@ -115,18 +118,20 @@ def round_to_grid(
 
     The nearest lengths are returned if they are exact or increase the error only slightly, otherwise the best of them and of
     their neighbours. Only given lengths may lie off the grid. The choice is not worse than the nearest lengths or lengths within
-    a step of them; if these cannot satisfy a limit, within `AROUND` steps.
+    a step of them; if these cannot satisfy a limit, within `FourBarRoundingOptions.steps_around` steps.
     """
     old, prescribed = solution.linkage, given_lengths(limits)
     steps = np.maximum(np.round(np.array(old.links) / grid), 1.0)
     links = np.where(np.isnan(prescribed), multiples(steps, grid), prescribed)[None]
     starts = scan(target, links, old.branch, limits)[1]
     found = fitted_poses(target, links, old.branch, starts, old, limits, work)[0]
-    if found is not None and found.errors.objective <= max(_HARDLY * solution.errors.objective, _EXACT):
+    if found is not None and found.errors.objective <= max(
+        OPTIONS.sufficient_ratio * solution.errors.objective, OPTIONS.exact
+    ):
         return Rounding(found, 1)
     if work.expired():
         return Rounding(None, 0, reason=NO_TIME) if found is None else Rounding(found, 1)
-    around, max_tries = (AROUND, GRID_TRIES) if found is None else (1, _TOGETHER)
+    around, max_tries = (OPTIONS.steps_around, OPTIONS.grid_tries) if found is None else (1, OPTIONS.batch)
     choices = [multiples(np.arange(max(1.0, step - around), step + around + 1), grid) for step in steps]
     choices = [values if np.isnan(length) else np.array([length]) for values, length in zip(choices, prescribed)]
     best = _best_of(target, solution, choices, limits, min(tries, max_tries), work)
@@ -168,7 +173,9 @@ def _best_of(
     order = _nearest_first(target, solution, choices)
     tried = 0
     found: list[tuple[Floats, Floats, Floats]] = []
-    while tried < tries and (links := np.array(list(itertools.islice(order, min(_TOGETHER, tries - tried))))).size:
+    while (
+        tried < tries and (links := np.array(list(itertools.islice(order, min(OPTIONS.batch, tries - tried))))).size
+    ):
         if found and work.expired():
             break
         found.append((links, *scan(target, links, old.branch, limits)))
@@ -177,13 +184,13 @@ def _best_of(
     best: Solution | None = None
     refined_all = True
     ranked = np.flatnonzero(np.isfinite(cost))[np.argsort(cost[np.isfinite(cost)], kind="stable")]
-    for first in range(0, ranked.size, _PLACED):
-        if best is not None and cost[ranked[first]] > _WORSE * best.errors.objective**2:
+    for first in range(0, ranked.size, OPTIONS.fitted_batch):
+        if best is not None and cost[ranked[first]] > OPTIONS.discard_ratio * best.errors.objective**2:
             break
-        if first >= min(_MOST_PLACED, max(_PLACED, tries // _SCANS_OF_PLACING)):
+        if first >= min(OPTIONS.max_fitted, max(OPTIONS.fitted_batch, tries // OPTIONS.scans_per_fit)):
             refined_all = False
             break
-        chunk = ranked[first : first + _PLACED]
+        chunk = ranked[first : first + OPTIONS.fitted_batch]
         for one in fitted_poses(target, links[chunk], old.branch, starts[chunk], old, limits, work):
             if one is not None and (best is None or one.errors.objective < best.errors.objective):
                 best = one
@@ -198,7 +205,7 @@ def _nearest_first(target: Target, solution: Solution, choices: Sequence[Floats]
     """Combinations of lengths, one of each rising list, by their estimated objective; best first."""
     old = solution.linkage
     triangle, right = response_to_lengths(target, old)
-    size = _NEARER * max(float(np.abs(triangle).max()), np.finfo(float).tiny)
+    size = OPTIONS.change_weight * max(float(np.abs(triangle).max()), np.finfo(float).tiny)
     stack = np.concatenate([np.column_stack([triangle, right]), size * np.eye(4, 5)])
     upper: Any = np.linalg.qr(stack, mode="r")
     moved = [np.log(values / length) for values, length in zip(choices, old.links)]
@@ -209,7 +216,8 @@ def _nearest_first(target: Target, solution: Solution, choices: Sequence[Floats]
 def nearest_of(upper: Floats, moved: Sequence[Sequence[float]]) -> Iterator[tuple[int, ...]]:
     """Yield indices into each list of numbers d_k in increasing order of ``|upper[:4, :4] @ d + upper[:4, 4]|^2``.
 
-    If more than `MOST_OPEN` choices are open because the lengths are poorly determined, further neighbours are omitted.
+    If more than `FourBarRoundingOptions.max_open` choices are open because the lengths are poorly determined, further
+    neighbours are omitted.
 
     ``upper`` (5, 5): upper triangular without zeros on its diagonal. ``moved``: increasing lists.
     """
@@ -240,52 +248,12 @@ def nearest_of(upper: Floats, moved: Sequence[Sequence[float]]) -> Iterator[tupl
     open_node(0.0, ())
     while heap:
         bound, chosen, below, above, before, remaining = heapq.heappop(heap)
-        if len(heap) < MOST_OPEN:
+        if len(heap) < OPTIONS.max_open:
             push(chosen[1:], below, above, before, remaining)
         if len(chosen) == 4:
             yield chosen
         else:
             open_node(bound, chosen)
-
-
-class StartsAndPoses(NamedTuple):
-    """Starts and poses of n linkages; the body point is given in the frame of the coupler, from the crank pin."""
-
-    start: Floats
-    turn: Floats
-    """Ground angles."""
-    pivot: Complexes
-    point: Complexes
-
-    def unknowns(self, target: Target) -> Floats:
-        """Return the unknowns of the refinement, of order one, (n, 6)."""
-        size = target.length_scale
-        moved = (self.pivot - _middle(target)) / size, self.point / size
-        return np.stack([self.start, self.turn, *(part for z in moved for part in (z.real, z.imag))], axis=-1)
-
-    def snapped(self, limits: Limits, ground: Floats) -> StartsAndPoses:
-        """Moved onto fixed pivots that are given, which a descent reaches to a few digits less; with the ground's lengths."""
-        turn, pivot = self.turn, self.pivot
-        if limits.pivot_a is not None:
-            pivot = np.full_like(pivot, limits.pivot_a)
-            if limits.pivot_b is not None:
-                turn = np.full_like(turn, np.angle(limits.pivot_b - limits.pivot_a))
-        elif limits.pivot_b is not None:
-            pivot = limits.pivot_b - ground * np.exp(1j * turn)
-        return self._replace(turn=turn, pivot=pivot)
-
-    @classmethod
-    def of_linkage(cls, linkage: Linkage, count: int) -> StartsAndPoses:
-        """Repeat the start and pose of a linkage."""
-        own = (linkage.start, linkage.ground_angle, linkage.pivot_a, linkage.arm)
-        return cls(*(np.full(count, value) for value in own))
-
-    @classmethod
-    def of(cls, target: Target, unknowns: Floats) -> StartsAndPoses:
-        """The inverse of `unknowns`."""
-        size = target.length_scale
-        start, turn, ax, ay, zx, zy = unknowns.T
-        return cls(start, turn, _middle(target) + size * (ax + 1j * ay), size * (zx + 1j * zy))
 
 
 def scan(target: Target, links: Floats, branch: int, limits: Limits) -> tuple[Floats, Floats]:
@@ -301,15 +269,15 @@ def scan(target: Target, links: Floats, branch: int, limits: Limits) -> tuple[Fl
     start : ndarray, shape (n, 3)
         Starts in the best basins, best first; NaN if there are fewer basins.
     """
-    few = target.thinned(_SAMPLES)
-    starts = np.broadcast_to(np.linspace(0, TURN, _STARTS, endpoint=False), (len(links), _STARTS))
+    few = target.thinned(OPTIONS.samples)
+    starts = np.broadcast_to(np.linspace(0, TURN, OPTIONS.starts, endpoint=False), (len(links), OPTIONS.starts))
     cost = _scanned(target, few, links, branch, starts, limits)
     lowest = (cost < np.roll(cost, 1, axis=1)) & (cost <= np.roll(cost, -1, axis=1))
     cost = np.where(lowest, cost, np.inf)
-    valleys = np.argsort(cost, axis=1)[:, :_VALLEYS]
+    valleys = np.argsort(cost, axis=1)[:, : OPTIONS.basins]
     best, smallest = np.take_along_axis(starts, valleys, axis=1), np.take_along_axis(cost, valleys, axis=1)
-    step = TURN / _STARTS
-    for _ in range(_HALVINGS):
+    step = TURN / OPTIONS.starts
+    for _ in range(OPTIONS.halvings):
         step /= 2
         trial = best[:, :1] + np.array([-step, 0.0, step])
         beside = _scanned(target, few, links, branch, trial[:, ::2], limits)
@@ -319,7 +287,7 @@ def scan(target: Target, links: Floats, branch: int, limits: Limits) -> tuple[Fl
     return smallest[:, 0], np.where(np.isfinite(smallest), best, np.nan)
 
 
-def _scanned(target: Target, few: Target, links: Floats, branch: int, start: Floats, limits: Limits) -> Floats:
+def _scanned(target: Target, few: Target, links: Floats, branch: int, start: Any, limits: Limits) -> Floats:
     """Squared objectives (n, starts) over a few samples, of links (n, 4) in their best pose at starts (n, starts)."""
     count, starts = start.shape
     wide = np.repeat(links, starts, axis=0)
@@ -334,13 +302,24 @@ def _scanned(target: Target, few: Target, links: Floats, branch: int, start: Flo
     return cost.reshape(count, starts)
 
 
-def _best_pose(target: Target, links: Floats, branch: int, start: Floats) -> tuple[Floats, StartsAndPoses]:
-    """Squared objectives (n,) of links at starts, and the poses that have them; infinite where a sample is not reached."""
+class _Poses(NamedTuple):
+    """Best poses of n linkages."""
+
+    turn: Floats
+    """Ground angles."""
+    pivot: Complexes
+    point: Complexes
+    """Body points in the frame of the coupler, from the crank pin."""
+
+
+def _best_pose(target: Target, links: Floats, branch: int, start: Any) -> tuple[Floats, _Poses]:
+    """Return the squared objectives (n,) of links at starts, infinite if a sample is not reached, and their poses."""
     assert target.position is not None
     mean, scale = target.position_mean, target.length_scale
+    middle = complex(mean(target.position))
     crank = start[:, None] + target.crank
     angle = close_loop(links, crank).coupler_angle(np.array(branch))
-    wanted = (target.position - _middle(target)) / scale
+    wanted = (target.position - middle) / scale
     arm, own = np.exp(1j * angle), (links[:, :1] / scale) * np.exp(1j * crank)
     centred = arm - mean(arm)[:, None]
     square = mean(np.abs(centred) ** 2)
@@ -354,8 +333,7 @@ def _best_pose(target: Target, links: Floats, branch: int, start: Floats) -> tup
         return values - np.expand_dims(mean(values), -1) - share(values)[:, None] * centred
 
     left, moved = deviation(wanted), deviation(own)
-    inner = mean(np.conj(moved) * left)
-    turn = np.angle(inner)
+    turn = np.angle(mean(np.conj(moved) * left))
     direction = np.exp(1j * turn)
     cost = mean(np.abs(left - direction[:, None] * moved) ** 2)
     if target.rotation is not None:
@@ -363,7 +341,7 @@ def _best_pose(target: Target, links: Floats, branch: int, start: Floats) -> tup
     vector = share(wanted) - direction * share(own)
     pivot = mean(wanted) - direction * mean(own) - vector * mean(arm)
     with np.errstate(invalid="ignore"):  # NaN if the loop opens
-        poses = StartsAndPoses(start, turn, _middle(target) + scale * pivot, scale * vector / direction)
+        poses = _Poses(turn, middle + scale * pivot, scale * vector / direction)
     return np.where(np.isnan(cost), np.inf, cost), poses
 
 
@@ -373,134 +351,60 @@ def fitted_poses(
     """Fit links in their best pose within the limits, or in a good pose once the work has expired.
 
     ``target``: with positions. ``links`` (n, 4). ``starts`` (n, m): initial starts; NaN for none. ``old``: a similar linkage,
-    whose pose is tried too.
+    whose start is tried too.
 
-    The result is None if no pose within the limits was found. Results satisfy the limits with their own dimensions, and no
-    small change of their pose within the limits is better.
+    The result is None if no pose within the limits was found. Results satisfy the limits with their own dimensions.
     """
     rows, columns = np.nonzero(np.isfinite(starts))
     tried = np.concatenate([rows, np.arange(len(links))])
     begin = np.concatenate([starts[rows, columns], np.full(len(links), old.start)])
-    own, around = links[tried], _best_pose(target, links[tried], branch, begin)[1]
+    own, step = links[tried], TURN / OPTIONS.starts
+    _, begin = closer_looks(
+        lambda trial: _scanned(target, target, own, branch, trial, limits),
+        begin - step,
+        begin + step,
+        OPTIONS.refinements,
+    )
+    cost, poses = _best_pose(target, own, branch, begin)
+    order = np.flatnonzero(np.isfinite(cost))[np.argsort(cost[np.isfinite(cost)], kind="stable")]
+    placed = {int(k): _linkage(own[k], branch, float(begin[k]), poses, k) for k in order}
     best: list[Solution | None] = [None] * len(links)
-    refined, cost = _refined(target, own, branch, around.unknowns(target), work)
-    is_within = _offer(best, target, own, branch, tried, StartsAndPoses.of(target, refined), limits)
-    known = np.array([np.inf if solution is None else solution.errors.objective**2 for solution in best])
-    open_rows = np.flatnonzero(~is_within & (cost < known[tried]))  # limits make none of them better
-    lacking = np.union1d(np.flatnonzero(np.isinf(known)), tried[open_rows])
-    if lacking.size and not limits.only_family:
-        same = StartsAndPoses.of_linkage(old, len(lacking))
-        unknowns = np.concatenate([refined[open_rows], same.unknowns(target)])
-        tried = np.concatenate([tried[open_rows], lacking])
-        limited = StartsAndPoses.of(target, _held_back(target, links[tried], branch, unknowns, limits, work))
-        _offer(best, target, links[tried], branch, tried, limited.snapped(limits, links[tried, 3]), limits)
+    first: dict[int, Linkage] = {}
+    for k, linkage in placed.items():
+        row = int(tried[k])
+        if best[row] is None:
+            best[row] = _better(None, within(target, limits, assess(target, [linkage])))
+            first.setdefault(row, linkage)
+    if limits.only_family:
+        return best
+    for row, lengths in enumerate(links):
+        nearest = first.get(row)
+        known = best[row]
+        if (known is not None and nearest is known.linkage) or work.expired():
+            continue
+        try:
+            given = replace(limits, links=tuple(lengths.tolist()))
+        except FieldError:  # the lengths themselves violate a limit
+            continue
+        for start in (nearest, with_links(old, tuple(lengths.tolist()))):
+            if start is not None:
+                found = nearby_motion(target, given, start, 0.0, work, _NEARBY)
+                exact = [with_links(solution.linkage, tuple(lengths.tolist())) for solution in found]
+                best[row] = _better(best[row], within(target, limits, assess(target, exact)))
     return best
 
 
-def _offer(
-    best: list[Solution | None],
-    target: Target,
-    links: Floats,
-    branch: int,
-    tried: NDArray[np.intp],
-    poses: StartsAndPoses,
-    limits: Limits,
-) -> NDArray[np.bool_]:
-    """Add better candidates within the limits to ``best``, and return flags of the candidates within the limits."""
-    is_within = np.zeros(len(tried), dtype=bool)
-    good = np.all(np.isfinite(np.stack([np.abs(column) for column in poses])), axis=0)
-    crank = poses.start[:, None] + target.crank
-    good &= np.all(close_loop(links, crank).closed, axis=1)
-    indices = np.flatnonzero(good)
-    linkages = [
-        four_bar(
-            as_lengths(links[k]),
-            branch,
-            float(poses.start[k] % TURN),
-            complex(poses.pivot[k]),
-            wrap(float(poses.turn[k])),
-            (float(abs(poses.point[k])), wrap(float(np.angle(poses.point[k])))),
-        )
-        for k in indices
-    ]
-    found = assess(target, linkages)
-    inside = set(map(id, within(target, limits, found)))
-    for k, solution in zip(indices, found):
-        if id(solution) not in inside:
-            continue
-        is_within[k] = True
-        now = best[tried[k]]
-        if now is None or solution.errors.objective < now.errors.objective:
-            best[tried[k]] = solution
-    return is_within
+def _better(known: Solution | None, found: Sequence[Solution]) -> Solution | None:
+    """Return the solution with the smallest objective."""
+    return min([*([known] if known else []), *found], key=lambda solution: solution.errors.objective, default=None)
 
 
-def _refined(target: Target, links: Floats, branch: int, unknowns: Floats, work: Work) -> Minima:
-    def evaluate(points: Floats, which: Floats) -> Evaluation:
-        return _evaluation(_rows(target, links[which.astype(int)], branch, points))
-
-    which = np.arange(len(links), dtype=float)
-    return minimise(evaluate, unknowns, which, _STEPS, work=work, stall=1e-12, damping=1e-6)
-
-
-def _held_back(target: Target, links: Floats, branch: int, unknowns: Floats, limits: Limits, work: Work) -> Floats:
-    """Candidates (n, 6) after a descent that limits hold back, by the method of multipliers."""
-    constraints = Constraints(limits, _middle(target), target.length_scale, exact=False)
-    values, _, equal = _constrained(constraints, target, links, branch, unknowns)
-    shift, weight = np.zeros_like(values), _WEIGHT
-    for _ in range(_ROUNDS):
-        root = np.sqrt(weight)
-
-        def evaluate(points: Floats, which: Floats, root: float = root, shift: Floats = shift) -> Evaluation:
-            rows = which.astype(int)
-            own, slopes, _ = _constrained(constraints, target, links[rows], branch, points)
-            gap = shift[rows] - own
-            broken = (gap > 0) | np.isnan(gap) | equal
-            stack = np.concatenate([-np.moveaxis(slopes, -1, 1), gap[:, None]], axis=1)
-            stack = root * np.where(broken[:, None], stack, 0.0)
-            return _evaluation(np.concatenate([_rows(target, links[rows], branch, points), stack], axis=2))
-
-        if work.expired():
-            break
-        which = np.arange(len(links), dtype=float)
-        unknowns = minimise(evaluate, unknowns, which, _STEPS // 4, work=work, stall=1e-8).unknowns
-        gap = np.nan_to_num(shift - _constrained(constraints, target, links, branch, unknowns)[0])
-        shift = np.where(equal, gap, np.maximum(gap, 0.0)) / _GROWTH
-        weight *= _GROWTH
-    return unknowns
-
-
-def _constrained(
-    constraints: Constraints, target: Target, links: Floats, branch: int, unknowns: Floats
-) -> tuple[Floats, Floats, NDArray[np.bool_]]:
-    """Return the limits and the margin of candidates (n, C), their derivatives (n, C, 6), and flags of equations."""
-    poses, size = StartsAndPoses.of(target, unknowns), target.length_scale
-    turned = np.exp(1j * poses.turn)
-    coupler = poses.point / size * turned
-    found = constraints(
-        Placed(
-            links / size,
-            np.full(len(links), float(branch)),
-            target.interval.after(poses.start),
-            (poses.pivot - _middle(target)) / size,
-            poses.turn,
-            coupler,
-        )
-    )
-    slopes = found.slopes
-    by_coupler = slopes[..., codes.BY_BODY] - 1j * slopes[..., codes.BY_BODY + 1]
-    derivatives = np.stack(
-        [
-            slopes[..., codes.BY_FIRST] + slopes[..., codes.BY_LAST],
-            slopes[..., codes.BY_TURNED] + (by_coupler * (1j * coupler)[:, None]).real,
-            slopes[..., codes.BY_PIVOT],
-            slopes[..., codes.BY_PIVOT + 1],
-            (by_coupler * turned[:, None]).real,
-            (by_coupler * (1j * turned)[:, None]).real,
-        ],
-        axis=-1,
-    )
-    return found.values - np.where(found.equal, 0.0, _MARGIN), derivatives, found.equal
+def _linkage(links: Floats, branch: int, start: float, poses: _Poses, k: int) -> Linkage:
+    """Return links in their best pose."""
+    point = complex(poses.point[k])
+    polar = (abs(point), wrap(float(np.angle(point))))
+    turn = wrap(float(poses.turn[k]))
+    return four_bar(as_lengths(links), branch, start % TURN, complex(poses.pivot[k]), turn, polar)
 
 
 def response_to_lengths(target: Target, linkage: Linkage) -> tuple[Floats, Floats]:
@@ -522,42 +426,3 @@ def response_to_lengths(target: Target, linkage: Linkage) -> tuple[Floats, Float
     triangle: Any = np.linalg.qr(np.nan_to_num(rows), mode="r")
     triangle = np.concatenate([triangle, np.zeros((max(0, rows.shape[1] - len(triangle)), rows.shape[1]))])
     return triangle[-5:-1, -5:-1], triangle[-5:-1, -1]
-
-
-def _rows(target: Target, links: Floats, branch: int, unknowns: Floats) -> Floats:
-    """The residual of the objective and its derivatives by the six unknowns, (n, 7, rows), the residual last."""
-    assert target.position is not None
-    poses, scale = StartsAndPoses.of(target, unknowns), target.length_scale
-    crank = poses.start[:, None] + target.crank
-    closure = close_loop(links, crank)
-    angle = closure.coupler_angle(np.array(branch))
-    slope = closure.coupler_angle_gradient(np.array(branch))[..., 4]
-    parts = []
-    if target.rotation is not None:
-        turned = np.zeros((len(links), 7, target.samples))
-        turned[:, -1] = rotation_residual(target, angle)[1]
-        turned[:, 0] = -(slope - np.expand_dims(target.rotation_mean(slope), -1))
-        parts.append(turned * target.rotation_mean.root)
-    direction = np.exp(1j * poses.turn)[:, None]
-    first = direction * links[:, :1] * np.exp(1j * crank)
-    arm = direction * np.exp(1j * angle)
-    second = poses.point[:, None] * arm
-    gap = np.empty((len(links), 7, target.samples), dtype=complex)
-    gap[:, -1] = (target.position - poses.pivot[:, None] - first - second) / scale
-    gap[:, 0] = -1j * (first + slope * second) / scale
-    gap[:, 1] = -1j * (first + second) / scale
-    gap[:, 2], gap[:, 3] = -1.0, -1j
-    gap[:, 4], gap[:, 5] = -arm, -1j * arm
-    gap = gap * target.position_mean.root
-    return np.concatenate([*parts, gap.real, gap.imag], axis=2)
-
-
-def _evaluation(stack: Floats) -> Evaluation:
-    """Return the model of the descent; a point next to an open loop has no derivatives and is no result."""
-    cost = np.einsum("nm,nm->n", stack[:, 6], stack[:, 6])
-    return Evaluation(np.where(np.isnan(stack).any(axis=(1, 2)), np.inf, cost), np.nan_to_num(stack))
-
-
-def _middle(target: Target) -> complex:
-    assert target.position is not None
-    return complex(target.position_mean(target.position))

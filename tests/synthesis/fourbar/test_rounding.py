@@ -5,6 +5,7 @@ A linkage that does not close, or that is not refitted, would show here.
 
 import heapq
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,11 +16,7 @@ from synthesis.limits import Limits
 from synthesis.linkage import with_links
 from synthesis.solution import Solution, assess
 from synthesis.studies import four_bar_rounding as rounding
-from synthesis.studies.four_bar_rounding import (
-    MOST_OPEN,
-    best_from_stock,
-    nearest_of,
-)
+from synthesis.studies.four_bar_rounding import OPTIONS, best_from_stock, nearest_of
 from synthesis.target import Target, make_target
 from synthesis.work import Work
 
@@ -70,7 +67,7 @@ def test_the_best_of_a_small_stock_is_as_good_as_a_naive_search(seed, monkeypatc
     stock = [18.0, 53.0, 70.0]
     found = best_from_stock(target, solution, stock, Limits(), 1000, Work())
     assert found.exhaustive and found.tried == found.combinations == 81
-    monkeypatch.setattr(rounding, "_MOST_PLACED", 0)
+    monkeypatch.setattr(rounding, "OPTIONS", replace(OPTIONS, max_fitted=0))
     assert best_from_stock(target, solution, stock, Limits(), 1000, Work()).exhaustive is False, "none was refined"
     assert set(found.solution.linkage.links) <= set(stock)
     assert found.solution.errors.objective <= naive_best(target, solution, stock) * (1 + 1e-9)
@@ -83,7 +80,7 @@ def test_a_thousand_stock_lengths_take_little_memory(monkeypatch) -> None:
     held, push = [], heapq.heappush
     monkeypatch.setattr(heapq, "heappush", lambda heap, node: (push(heap, node), held.append(len(heap))))
     assert len(list(itertools.islice(nearest_of(upper, moved), 3000))) == 3000
-    assert 1 << 16 < max(held) <= MOST_OPEN + 1 <= 1 << 18, "some 400 bytes each"
+    assert 1 << 16 < max(held) <= OPTIONS.max_open + 1 <= 1 << 18, "some 400 bytes each"
 
 
 def test_a_spent_budget_ends_the_tries_and_is_no_proof() -> None:
