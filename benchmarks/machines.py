@@ -1,4 +1,4 @@
-"""Measure chain and knotter as built: pins, groove, powers, wear, tolerances, and the fit of unknown inputs.
+"""Measure chain and knotter as built: pins, groove, powers, wear and tolerances.
 
 The figures contain no times and are the same on every machine, to rounding.
 ``python -m benchmarks.machines`` fills docs/chain.md and docs/knotter.md in half a minute.
@@ -17,7 +17,6 @@ import numpy as np
 from app.resources import ServiceResources
 from app.scenes.chain.tolerance import ChainToleranceRequest, answer_tolerance
 from app.scenes.knotter.curves import CurvesRequest, answer_curves
-from app.scenes.knotter.pattern_fit import FIT, PatternFitRequest, answer_fit
 from app.scenes.knotter.tolerance import KnotterToleranceRequest
 from app.scenes.knotter.tolerance import answer_tolerance as answer_knotter_tolerance
 from app.settings import Settings
@@ -29,7 +28,6 @@ from synthesis.scenes.chain.groove import slot_polyarc
 PRINTED = json.loads((Path(__file__).parents[1] / "tests" / "reference" / "knotter.json").read_text())
 DEGREES = (4, 6, 8, 12, 16, 24)
 ROLLER = 20.0
-SEEDS = range(4)
 
 
 def measure_chain() -> dict[str, Any]:
@@ -55,7 +53,7 @@ def measure_chain() -> dict[str, Any]:
 
 
 def measure_knotter() -> dict[str, Any]:
-    """Measure the pair that the source chose, its table 1, and the inputs that its pattern does not determine."""
+    """Measure the pair that the source chose and its table 1."""
     resources = ServiceResources(Settings())
     law = PRINTED["REF_PRINT"]["laws"]["beta"]
     printed = {key: PRINTED["REF_PRINT"][key] for key in ("parameters", "points")} | {"laws": {"beta": law}}
@@ -67,13 +65,8 @@ def measure_knotter() -> dict[str, Any]:
             for options in ({"step": 2}, {**printed, "step": PRINTED["REF_PRINT"]["scan_step"]})
         )
         before.append({"pair": key, "printed": point, "defaults": with_defaults[1:], "fitted": fitted[1:]})
-    fits = [answer_fit(PatternFitRequest(seed=seed), resources).model_dump() for seed in SEEDS]
     return {
         "before": before,
-        "defaults": answer_fit(PatternFitRequest.model_validate(FIT.examples["defaults"]), resources).model_dump(),
-        "fits": [
-            {name: fit[name] for name in ("values", "margin", "reproducing_draws", "status", "free")} for fit in fits
-        ],
         "tolerance": answer_knotter_tolerance(KnotterToleranceRequest(), resources).model_dump(),
     }
 
@@ -109,7 +102,6 @@ def chain_blocks(found: dict[str, Any]) -> dict[str, str]:
 def knotter_blocks(found: dict[str, Any]) -> dict[str, str]:
     """Return the blocks of docs/knotter.md."""
     deviations = [np.abs(np.subtract(row["printed"], row["fitted"])).max() for row in found["before"]]
-    d1_values = [found["defaults"]["values"]["d1"], *(fit["values"]["d1"] for fit in found["fits"])]
     tolerance = found["tolerance"]
     rows = []
     for name in ("wrap", "clearance", "bite"):
@@ -134,11 +126,8 @@ def knotter_blocks(found: dict[str, Any]) -> dict[str, str]:
         "multiple of the tolerances at failure",
         "largest sensitivities, per mm or degree",
     ]
-    held = sum(fit["status"] == "reproduced" for fit in found["fits"])
     return {
         "before": f"{max(deviations):.3f} mm",
-        "fit": f"{min(d1_values):.4g} to {max(d1_values):.4g}",
-        "fits_held": f"{held} of {len(found['fits'])} seeds reproduce all 16 verdicts",
         "tolerance": lines(head, rows),
     }
 

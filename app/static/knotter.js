@@ -263,34 +263,6 @@ function needle({ reply, request }, { facts: figures }) {
   ]);
 }
 
-const PATTERN =
-  "A pattern of verdicts bounds the unknowns and does not fix them: each may move alone over the range that is shown.";
-
-function fit({ reply }, { facts: figures, tables }) {
-  const { entries, other_sets: sets, individual_ranges: ranges, directions, values } = reply;
-  facts(figures, [
-    ["status", reply.status],
-    ["verdicts as wanted", `${entries.filter(({ margin }) => margin > 0).length} of ${entries.length}`],
-    ["smallest margin", reply.margin, "mm"],
-    ["directions free to first order", reply.free],
-    ["draws that fit as they are", `${reply.reproducing_draws} of ${reply.draws}`],
-  ]);
-  note(figures, PATTERN);
-  const unknowns = Object.entries(values).map(([name, value]) => {
-    const others = sets.map((one) => one.values[name]);
-    return [name, value, ...(ranges?.[name] ?? [null, null]), ...others];
-  });
-  const names = sets.map((_, k) => `set ${k + 2}`);
-  table(tables, "Unknowns", ["unknown", "value", "kept from", "to", ...names], unknowns);
-  if (directions) {
-    const columns = ["", "strength", "kept back", "kept forth", ...Object.keys(values)],
-      rows = directions.map((one, k) => [k + 1, one.strength, one.backward, one.forward, ...Object.values(one.vector)]);
-    table(tables, "Directions, those that change the margins least first", columns, rows);
-  }
-  const rows = entries.map((one) => [one.condition, one.alpha1, one.alpha3, one.prescribed, one.margin]);
-  table(tables, "The pattern", ["condition", "alpha1", "alpha3", "wanted", "margin"], rows);
-}
-
 const WITHIN = ["at the worse corner", "least sample", "samples that hold, %", "tolerances until it fails"];
 
 function tolerance({ reply }, { facts: figures, tables }) {
@@ -311,7 +283,7 @@ function tolerance({ reply }, { facts: figures, tables }) {
   table(tables, "Change of the margins per unit of each dimension", ["dimension", ...CONDITIONS], changes);
 }
 
-const SHOWN = { curves: pair, scan, limit, needle, fit, tolerance };
+const SHOWN = { curves: pair, scan, limit, needle, tolerance };
 
 const still = ({ point, path, corners, on_rope, inside, ...crossing }) => crossing;
 

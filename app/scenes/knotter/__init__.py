@@ -2,8 +2,7 @@
 
 from app.scenes.knotter.curves import CURVES
 from app.scenes.knotter.needle import NEEDLE
-from app.scenes.knotter.pattern_fit import FIT
 from app.scenes.knotter.scan import LIMIT, SCAN
 from app.scenes.knotter.tolerance import TOLERANCE
 
-QUERIES = (CURVES, SCAN, LIMIT, NEEDLE, FIT, TOLERANCE)
+QUERIES = (CURVES, SCAN, LIMIT, NEEDLE, TOLERANCE)

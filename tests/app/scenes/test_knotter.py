@@ -5,19 +5,11 @@ A figure that changes with the unit, or a bad field without its name, would show
 
 import json
 import math
-from itertools import count
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-import linkage_atlas as la
 from app import cli
-from app.query import reply_model
-from app.resources import ServiceResources
-from app.scenes import scene_queries
-from app.scenes.knotter import pattern_fit
-from app.settings import Settings
 from tests.conftest import finite
 
 ROOT = Path(__file__).parents[3]
@@ -150,52 +142,3 @@ def test_command_line_prints_a_table_and_names_a_bad_field(tmp_path, capsys) -> 
     request.write_text(json.dumps({"points": {"S4": [0, 16, -12]}}))
     assert cli.main(["knotter", "scan", str(request)]) == 2
     assert "points: S3 and S4 coincide" in capsys.readouterr().err
-
-
-# Curves, fit, tolerances
-
-
-def test_fit_reproduces_the_published_patterns_from_a_seeded_start(client) -> None:
-    found = ask(client, "fit", seed=1, draws=64, descents=2, budget_ms=30_000)
-    assert found["status"] == "reproduced" and len(found["entries"]) == 16 and found["margin"] > 0
-    assert all(entry["margin"] > 0 for entry in found["entries"])
-    query = next(query for query in scene_queries() if query.path == "/v2/knotter/fit")
-    table = query.table(reply_model(query.reply).model_validate(found))
-    assert len(table.splitlines()) >= 2 and "nan" not in table.lower()
-    assert found["free"] == 8 - found["rank"] and len(found["directions"]) == 8
-    for name, (low, high) in found["individual_ranges"].items():
-        assert low <= found["values"][name] <= high
-    # the found values, sent to the ordinary scan, give the same pattern
-    values = found["values"]
-    body = {"parameters": {name: values[name] for name in ("d1", "D")}, "clearance": {"angle_range": [270, 270]}}
-    body["laws"] = {"beta": {name: values[f"beta.{name}"] for name in ("lead", "ratio")}}
-    body["points"] = {"S1": [22, values["S1.j"], -39], "S5": [0, 0, values["S5.k"]]}
-    body["points"]["S10"] = [values["S10.i"], 0, values["S10.k"]]
-    pairs = {(pair["alpha1"], pair["alpha3"]): pair for pair in scan(client, **body)["pairs"]}
-    for entry in found["entries"]:
-        verdict = pairs[entry["alpha1"], entry["alpha3"]][entry["condition"]]
-        assert verdict["holds"] == entry["prescribed"]
-
-
-@pytest.mark.parametrize(
-    ("names", "pointer", "words"),
-    [
-        (["d1", "d98", "S1.j", "d99"], "#/unknowns/1/name", "d98, d99"),
-        (["alpha1"], "#/unknowns/0/name", "alpha1"),
-        (["d1", "d1"], "#/unknowns/1/name", "d1 is listed twice; remove one of the two"),
-    ],
-)
-def test_names_that_a_fit_cannot_seek_are_all_named(client, names, pointer, words) -> None:
-    unknowns = [{"name": name, "low": 0, "high": 1} for name in names]
-    (error,) = client.post("/v2/knotter/fit", json={"unknowns": unknowns}).json()["errors"]
-    assert error["pointer"] == pointer and error["detail"].endswith(words)
-    assert "alpha1" not in error.get("known", [])
-
-
-def test_the_smallest_budget_of_a_fit_is_answered_on_a_busy_machine() -> None:
-    class Busy(ServiceResources):
-        def work(self, budget: float | None = None, cancelled: Any = None) -> la.Work:
-            return la.Work(budget, cancelled, map((0.1).__mul__, count()).__next__)
-
-    reply = pattern_fit.answer_fit(pattern_fit.PatternFitRequest(budget_ms=1e-3), Busy(Settings(with_atlas=False)))
-    assert reply.status == "not reproduced" and len(reply.entries) == 16 and reply.individual_ranges is None

@@ -13,8 +13,13 @@ from app.scenes import scene_queries
 from linkage_atlas.batch import without_times
 from synthesis.work import Cancelled, Work
 
-SLOW = {"chain tolerance-with_reserve", "lift optimize-even", "lift optimize-buildable", "lift batch-cylinders"}
-SLOW |= {f"knotter {name}" for name in ("fit-defaults", "fit-published_pattern", "tolerance-coarse")}
+SLOW = {
+    "chain tolerance-with_reserve",
+    "knotter tolerance-coarse",
+    "lift optimize-even",
+    "lift optimize-buildable",
+    "lift batch-cylinders",
+}
 """Examples of queries with another example or their own test in test_knotter.py and test_lift.py."""
 EXAMPLES = [
     pytest.param(query, name, id=mark, marks=[pytest.mark.wide] * (mark in SLOW))

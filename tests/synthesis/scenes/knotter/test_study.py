@@ -223,6 +223,6 @@ def test_corner_and_sensitivities_agree_with_single_machines(name, machine, anal
     }
     assert result.corner == pytest.approx(margin(machine, name, worst), abs=1e-12)
     assert result.corner == pytest.approx(result.linear, abs=0.15)
-    assert result.corner <= result.least <= result.margin
+    assert result.corner <= result.margin_min <= result.margin
     failing = {key: result.factor * change for key, change in worst.items()}
     assert margin(machine, name, failing) == pytest.approx(0, abs=1e-6) and result.factor > 1
