@@ -371,7 +371,6 @@ def blocks(results: dict) -> dict[str, str]:
         "steps": f"n = {steps['fitted']} (rms {steps['rms_fitted']:.2f})",
         "steps_even": f"{steps['rms_even']:.2f}, at most {percent(steps['most_even'])}",
         "speed_violation": percent(max(scaled) / min(scaled) - 1),
-        "search_time": f"{ends([row['seconds'] for row in optima if row['n'] in (None, 310)])} s",
         "normalized_lost": percent(1 - normalized[0]["f"] / normalized[0]["f_of_published"]),
         "printed_sum": f"{digits['f_as_printed']:.0f}",
         "initial_start": f"s(0) = {initial['height']:.4f}, v(0) = {initial['velocity']:.1f}",
