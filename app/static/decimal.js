@@ -84,7 +84,7 @@ export function markWrong(field, isWrong, note) {
   }
 }
 
-/** The number of an entry for a field with `data-number`, null if it is empty. Throws Error with the field's name and id. */
+/** The number of an entry for a field with `data-number`, null if it is empty. Throws Error with the field's id. */
 export function numberOf(field, entry) {
   const value = typed(entry),
     fault = wrong(value, entry, { range: rangeOf(field), needed: field.required, whole: false });
@@ -104,7 +104,7 @@ function check(field) {
   return fault || Number.isNaN(value) ? null : value;
 }
 
-/** The numbers in a field that holds a list, null if it is empty; `count` is how many are needed, or the least. Throws Error. */
+/** The numbers in a field of a list, null if it is empty; `count` are needed, or at least that many. Throws Error. */
 export function numbersIn(id, count, isLeast = false) {
   const field = $(id),
     name = field.labels[0].textContent.trim().replace(/\s+/g, " "),

@@ -20,7 +20,7 @@ const field = (id, hidden, shown, more = {}) => {
   return build("label", {}, element("span", "hidden", hidden), shown, input);
 };
 
-/** The joints of a four-bar of these lengths, A in the origin, P in the middle of the coupler; null if it stays open. */
+/** The joints of a four-bar of these lengths, A in the origin, P in the middle of the coupler; null if it is open. */
 function jointsOf([crank, coupler, rocker, ground]) {
   const links = { crank, coupler, rocker, ground },
     mount = { pivot_a: [0, 0], ground_angle: 0, coupler_point_polar: { radius: coupler / 2, angle: 0 } },

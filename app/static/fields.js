@@ -27,7 +27,7 @@ const ANY = [-1e50, 1e50];
 const ABOVE = [Number.MIN_VALUE, 1e50];
 const WITHIN = [0, 1e50];
 
-/** A field of numbers: `path` of its value in the motion, `name` in sentences, `range`. Empty is null if not `needed`. */
+/** A field of numbers: `path` of its value in the motion, `name` in sentences, `range`. Empty is null or `needed`. */
 const number = (path, name, range, more = {}) => ({
   name,
   range,

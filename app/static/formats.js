@@ -191,8 +191,9 @@ function timingOf({ crank_span, crank_angle, order, closed, crank_span_max, star
 
 /** Fields of a request that the motion holds otherwise, or that are no part of it. */
 const HELD = [
-  "rotation position crank_span crank_angle timing order closed crank_span_max start_angle weights tolerances prefer",
-  "limits round_to lengths_from analysis tolerance_study top diverse mechanisms angle_unit budget_ms start_from refine_only",
+  "rotation position crank_span crank_angle timing order closed crank_span_max start_angle weights tolerances",
+  "prefer limits round_to lengths_from analysis tolerance_study top diverse mechanisms angle_unit",
+  "budget_ms start_from refine_only",
 ];
 const without = (value, names) => Object.fromEntries(Object.entries(value).filter(([name]) => !names.includes(name)));
 

@@ -9,7 +9,7 @@ import { studyRows } from "./studies.js";
 import { driveName, drivePlaces, driveTurns, passing } from "./timing.js";
 import { judged, limitName, reasons } from "./verdict.js";
 
-export const DIGITS = 4; // of numbers that are shown; their titles and copies have more
+const DIGITS = 4; // of numbers that are shown; their titles and copies have more
 const ILL_POSED =
   "Clearly different linkages make this motion about equally well: the motion does not determine the link lengths.";
 const BY_HAND = "Changed by hand: its errors are computed in this page, and nothing is judged.";
