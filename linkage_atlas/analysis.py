@@ -9,7 +9,6 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 
 from linkage_atlas.arguments import Fields, bounded, flag, known_fields, millimetres_in, one_of, pair
-from linkage_atlas.notes import counted
 from linkage_atlas.records import Record, Values, Vectors, plain, plane
 from synthesis.arrays import Floats
 from synthesis.errors import FieldError
@@ -123,7 +122,7 @@ def read_analysis(analysis: Fields, mounted: bool) -> AskedAnalysis:
     """Check a request for an analysis: ``crank_speed``, and optionally ``load`` and ``length_unit``."""
     known_fields("analysis", analysis, ("crank_speed", "load", "length_unit"))
     if analysis.get("crank_speed") is None:
-        raise FieldError("/analysis/crank_speed", "needed: how fast the crank turns")
+        raise FieldError("/analysis/crank_speed", "is required: the speed of the crank")
     speed = bounded("analysis/crank_speed", analysis["crank_speed"])
     unit = analysis.get("length_unit", "mm")
     metre = millimetres_in(unit, "analysis/") / 1000
@@ -133,7 +132,7 @@ def read_analysis(analysis: Fields, mounted: bool) -> AskedAnalysis:
     load, parts = read_load("analysis/load", values, LINKS_WITH_MASS, mounted, MOST_LINK_MASSES)
     for index, mass in enumerate(load.masses):
         if mass.mass == 0:
-            raise FieldError(f"/analysis/load/masses/{index}/mass", "wanted a mass above 0, found 0")
+            raise FieldError(f"/analysis/load/masses/{index}/mass", "must be a mass above 0; it is 0")
     return AskedAnalysis(speed, load._replace(metre=metre), str(unit), parts)
 
 
@@ -172,12 +171,14 @@ def read_load(
     values = {name: value for name, value in values.items() if value is not None}
     force = pair(f"{field}/force", values.get("force", (0, 0)), words="[fx, fy]")
     if force and not mounted:
-        raise FieldError(f"/{field}/force", "acts at the body point, but without `position` there is none")
+        raise FieldError(
+            f"/{field}/force", "acts at the body point, which needs `position`; give `position`, or remove the force"
+        )
     torque = bounded(f"{field}/torque", values.get("torque", 0))
     gravity = pair(f"{field}/gravity", values.get("gravity", GRAVITY), words="[gx, gy]")
     masses = values.get("masses", ())
     if not isinstance(masses, Sequence) or isinstance(masses, str) or len(masses) > max_parts:
-        raise FieldError(f"/{field}/masses", f"wanted a list of at most {max_parts} masses")
+        raise FieldError(f"/{field}/masses", f"must be a list of at most {max_parts} masses")
     read = tuple(
         _mass(f"{field}/masses/{k}", mass, links, mounted, link, middles or {}) for k, mass in enumerate(masses)
     )
@@ -192,14 +193,14 @@ def _mass(
     link: Any = one_of(f"{field}/link", values.get("link", default), links)
     if link == "body" and not mounted:
         raise FieldError(
-            f"/{field}/link", "without `position` there is no body point that the body's frame begins in"
+            f"/{field}/link", "the frame of the body needs `position`; give `position`, or name another link"
         )
     if "mass" not in values:
-        raise FieldError(f"/{field}/mass", "needed: in kg")
+        raise FieldError(f"/{field}/mass", "is required, in kg")
     sizes = {name: bounded(f"{field}/{name}", values.get(name, 0)) for name in ("mass", "inertia")}
     for name, found in sizes.items():
         if found < 0:
-            raise FieldError(f"/{field}/{name}", f"wanted at least 0, found {found:g}")
+            raise FieldError(f"/{field}/{name}", f"must be at least 0; it is {found:g}")
     centre = pair(f"{field}/centre", values["centre"], MAX_LENGTH) if "centre" in values else middles.get(link, 0j)
     return Mass(link, sizes["mass"], centre, sizes["inertia"])
 
@@ -249,5 +250,5 @@ def check_rows(solutions: int, interval: Interval | None) -> None:
         max_solutions = MOST_ROWS * solutions // rows
         raise FieldError(
             "/top",
-            f"with `analysis` over this interval wanted at most {counted(max_solutions, 'linkage')}, found {solutions}",
+            f"must be at most {max_solutions} with `analysis` over this interval; it is {solutions}",
         )

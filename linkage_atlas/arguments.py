@@ -58,7 +58,7 @@ def one_of(field: str, value: object, known: Iterable[W]) -> W:
     for word in words:
         if value == word:
             return word
-    raise FieldError(f"/{field}", f"wanted one of {', '.join(words)}, found {value!r}{suggestion(value, words)}")
+    raise FieldError(f"/{field}", f"must be one of {', '.join(words)}; it is {value!r}{suggestion(value, words)}")
 
 
 def suggestion(value: object, words: Iterable[str]) -> str:
@@ -74,36 +74,36 @@ def number(field: str, value: object, minimum: float = -np.inf) -> float:
     try:
         found = float(value)  # type: ignore[arg-type]
     except (TypeError, ValueError):
-        raise FieldError(f"/{field}", f"wanted a number, found {value!r}") from None
+        raise FieldError(f"/{field}", f"must be a number; it is {value!r}") from None
     if not (np.isfinite(found) and found >= minimum):
         bound = "" if minimum == -np.inf else f" of at least {minimum:g}"
-        raise FieldError(f"/{field}", f"wanted a finite number{bound}")
+        raise FieldError(f"/{field}", f"must be a finite number{bound}")
     return found
 
 
 def check_top(top: int) -> None:
     """Raise FieldError unless ``top`` is a positive whole number."""
     if not isinstance(top, (int, np.integer)) or top < 1:
-        raise FieldError("/top", f"wanted a whole number of at least 1, found {top!r}")
+        raise FieldError("/top", f"must be a whole number of at least 1; it is {top!r}")
 
 
 def check_above_zero(**values: object) -> None:
     """Raise FieldError for an argument that is not above zero; None is allowed."""
     for name, value in values.items():
         if value is not None and not number(name, value) > 0:
-            raise FieldError(f"/{name}", f"wanted a number above 0, found {value}")
+            raise FieldError(f"/{name}", f"must be a number above 0; it is {value}")
 
 
 def column(name: str, values: object) -> Floats:
     """Return values as an array of numbers; raise FieldError if they are no numbers."""
     if isinstance(values, np.ma.MaskedArray) and np.ma.is_masked(values):  # numpy would use the masked values
-        raise FieldError(f"/{name}", "wanted numbers without a mask: None where one is missing")
+        raise FieldError(f"/{name}", "must be numbers without a mask; use None for a missing number")
     if isinstance(values, np.ndarray) and values.dtype == object:  # as a list, in which None is a missing number
         values = values.tolist()
     try:
         return np.asarray(values, dtype=float)
     except (TypeError, ValueError):
-        raise FieldError(f"/{name}", "wanted numbers") from None
+        raise FieldError(f"/{name}", "must be numbers") from None
 
 
 def check_names(where: str, names: Iterable[str], known: Sequence[str], what: str = "field") -> None:
@@ -116,7 +116,7 @@ def check_names(where: str, names: Iterable[str], known: Sequence[str], what: st
 def known_fields(field: str, value: object, names: tuple[str, ...]) -> Fields:
     """Return a mapping whose fields all have known names; otherwise raise FieldError."""
     if not isinstance(value, Mapping):
-        raise FieldError(f"/{field}", f"wanted a mapping of {', '.join(names)}")
+        raise FieldError(f"/{field}", f"must be a mapping of {', '.join(names)}")
     check_names(f"/{field}", (name for name in value if value[name] is not None), names)
     return value
 
@@ -127,10 +127,10 @@ def kinds_among(value: object, known: Sequence[str], there_are: str = "") -> lis
         return list(known)
     names = [value] if isinstance(value, str) else list(value) if isinstance(value, Iterable) else []
     if not names:
-        raise FieldError("/mechanisms", f"wanted a list of {', '.join(known)}, or 'all'")
+        raise FieldError("/mechanisms", f"must be a list of {', '.join(known)}, or 'all'")
     for index, name in enumerate(names):
         if name not in known:
-            words = there_are or f"wanted one of {', '.join(known)}"
+            words = there_are or f"must be one of {', '.join(known)}"
             field = "/mechanisms" if isinstance(value, str) else f"/mechanisms/{index}"
             raise FieldError(field, f"{words}, found {name!r}")
     return [name for name in known if name in names]
@@ -140,7 +140,7 @@ def bounded(field: str, value: object, largest: float = LARGEST) -> float:
     """Return a number of at most ``largest`` in absolute value."""
     found = number(field, value)
     if abs(found) > largest:
-        raise FieldError(f"/{field}", f"wanted at most {largest:g} either way, found {found:g}")
+        raise FieldError(f"/{field}", f"must be at most {largest:g} in size; it is {found:g}")
     return found
 
 
@@ -148,7 +148,7 @@ def pair(field: str, value: object, largest: float = LARGEST, words: str = "[x, 
     """Return two bounded numbers as a complex number."""
     numbers = () if isinstance(value, str) else sequence(value)
     if len(numbers) != 2:
-        raise FieldError(f"/{field}", f"wanted two numbers {words}")
+        raise FieldError(f"/{field}", f"must be two numbers {words}")
     return complex(*(bounded(field, item, largest) for item in numbers))
 
 
@@ -160,7 +160,7 @@ def build(make: Callable[..., T], values: Fields, *positional: object) -> T:
 def mapping(field: str, value: object) -> Fields:
     """Return a mapping; raise FieldError for anything else."""
     if not isinstance(value, Mapping):
-        raise FieldError(f"/{field}", f"wanted a mapping of fields, found {value!r}")
+        raise FieldError(f"/{field}", f"must be a mapping of fields; it is {value!r}")
     return value
 
 
@@ -179,7 +179,7 @@ def box(field: str, value: object, flat: bool = False) -> tuple[float, float, fl
         or not np.all(np.abs(found) <= MAX_LENGTH)
         or not (np.all(found[:2] <= found[2:]) if flat else np.all(found[:2] < found[2:]))
     ):
-        raise FieldError(f"/{field}", "wanted [xmin, ymin, xmax, ymax], the least first")
+        raise FieldError(f"/{field}", "must be [xmin, ymin, xmax, ymax] with xmin <= xmax and ymin <= ymax")
     left, low, right, high = found.tolist()
     return left, low, right, high
 
@@ -187,12 +187,12 @@ def box(field: str, value: object, flat: bool = False) -> tuple[float, float, fl
 def whole_number(field: str, value: object, minimum: int, maximum: int) -> int:
     """Return a whole number within bounds."""
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not minimum <= value <= maximum:
-        raise FieldError(f"/{field}", f"wanted a whole number from {minimum} to {maximum:,}, found {value!r}")
+        raise FieldError(f"/{field}", f"must be a whole number from {minimum} to {maximum:,}; it is {value!r}")
     return int(value)
 
 
 def flag(field: str, value: object) -> bool:
     """Return True or False; None counts as False."""
     if not isinstance(value, (bool, type(None))):
-        raise FieldError(f"/{field}", f"wanted true or false, found {value!r}")
+        raise FieldError(f"/{field}", f"must be true or false; it is {value!r}")
     return bool(value)

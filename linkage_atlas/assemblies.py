@@ -63,7 +63,7 @@ MOST_TOLD = 5
 """Maximum number of collisions with boxes that the reasons name."""
 SHARES = (1.0, 0.5, 0.25, 0.125, 0.0625)
 """Fractions of the default hole, tried in turn."""
-NOT_CONSIDERED = "tilt of long pins, play and tolerances of thickness are not in the clearance"
+NOT_CONSIDERED = "tilt of long pins, play and tolerances of thickness are not included in the clearance"
 
 Status = Annotated[str, Literal["free", "blocked", "touching"]]
 Part = Annotated[str, Literal["plate", "pin", "post", "head", "board"]]
@@ -264,7 +264,7 @@ def read_assembly(request: Fields | bool, where: str = "assembly/") -> AskedAsse
     if request is None:
         return None
     if not isinstance(request, Mapping):
-        raise FieldError(f"/{where.rstrip('/')}", f"wanted true, or a mapping of {', '.join(ASSEMBLY)}")
+        raise FieldError(f"/{where.rstrip('/')}", f"must be true, or a mapping of {', '.join(ASSEMBLY)}")
     check_names(f"/{where}".rstrip("/"), request, ASSEMBLY)
     values = dict.fromkeys(ASSEMBLY) | {name: value for name, value in request.items() if value is not None}
     boards = one_of(f"{where}boards", values["boards"] or "below", BOARDS)
@@ -290,13 +290,13 @@ def read_drive(name: str, drive: object) -> Motor | Strut | str:
     def length(record: object, name_of_part: str, at: str = "") -> float:
         found = _length(f"{name}/{at}{name_of_part}", of(record, name_of_part))
         if found is None:
-            raise FieldError(f"/{name}/{at}{name_of_part}", "needed: give the drive as a reply has it")
+            raise FieldError(f"/{name}/{at}{name_of_part}", "is required; pass the drive unchanged from a reply")
         return found
 
     kind = one_of(f"{name}/kind", of(drive, "kind"), ("rotary", "actuator", "dyad", "toggle"))
     link = of(drive, "link")
     if not isinstance(link, str):
-        raise FieldError(f"/{name}/link", f"wanted the name of a link, found {link!r}")
+        raise FieldError(f"/{name}/link", f"must be the name of a link; it is {link!r}")
     if kind == "rotary":
         return link
     if kind == "dyad":
@@ -309,7 +309,7 @@ def read_drive(name: str, drive: object) -> Motor | Strut | str:
         return Strut(link, on, pin, end, (length(drive, "retracted"), length(drive, "stroke")))
     lock, knee = of(drive, "lock"), sequence(of(of(drive, "curve"), "knee"))
     if not knee:
-        raise FieldError(f"/{name}/curve/knee", "needed: give the drive as a reply has it")
+        raise FieldError(f"/{name}/curve/knee", "is required; pass the drive unchanged from a reply")
     top, knee_pin = (
         pair(f"{name}/{at}", value, np.inf) for at, value in (("curve/knee/0", knee[0]), ("pin", of(drive, "pin")))
     )
@@ -326,7 +326,7 @@ def _length(name: str, value: object) -> float | None:
         return None
     found = number(name, value, 0.0)
     if not found > 0:
-        raise FieldError(f"/{name}", f"wanted a length above 0, found {found:g}")
+        raise FieldError(f"/{name}", f"must be a length above 0; it is {found:g}")
     return found
 
 
@@ -334,15 +334,17 @@ def _mounts(name: str, value: object, boards: str) -> dict[str, str]:
     if value is None:
         return {}
     if not isinstance(value, Mapping):
-        raise FieldError(f"/{name}", "wanted a mapping such as {'A': 'below'}")
+        raise FieldError(f"/{name}", "must be a mapping such as {'A': 'below'}")
     if value and boards == "bar":
-        raise FieldError(f"/{name}", "a bar is a plate itself: its pins stand in no board")
+        raise FieldError(f"/{name}", "has no effect with a bar, which holds its pins itself; remove this field")
     allowed = {"below": MOUNTS[:1], "above": MOUNTS[1:2], "both": MOUNTS}[boards] if value else ()
     for pin, mount in value.items():
         if pin not in FIXED_PINS:
             raise FieldError.no_such(f"/{name}", pin, FIXED_PINS, "fixed pin")
         if mount not in allowed:
-            raise FieldError(f"/{name}/{pin}", f"wanted {' or '.join(allowed)} with boards {boards}, found {mount!r}")
+            raise FieldError(
+                f"/{name}/{pin}", f"must be {' or '.join(allowed)} with boards {boards}; it is {mount!r}"
+            )
     return dict(value)
 
 
@@ -353,16 +355,16 @@ def _outline(name: str, value: object) -> tuple[complex, ...]:
     except (TypeError, ValueError):
         points = np.zeros(0)
     if points.ndim != 2 or points.shape[1] != 2 or not np.isfinite(points).all():
-        raise FieldError(f"/{name}", "wanted corners [x, y], all finite")
+        raise FieldError(f"/{name}", "must be corners [x, y] with finite numbers")
     if np.abs(points).max(initial=0.0) > MAX_LENGTH:
-        raise FieldError(f"/{name}", f"wanted corners within {MAX_LENGTH:g} of the body point")
+        raise FieldError(f"/{name}", f"must have corners within {MAX_LENGTH:g} of the body point")
     corners = [complex(*point) for point in points]
     if len(corners) > 1 and corners[0] == corners[-1]:
         corners.pop()
     if not 3 <= len(corners) <= MOST_CORNERS:
-        raise FieldError(f"/{name}", f"wanted 3 to {MOST_CORNERS} corners, found {len(corners)}")
+        raise FieldError(f"/{name}", f"must have 3 to {MOST_CORNERS} corners; it has {len(corners)}")
     if crosses_itself(corners):
-        raise FieldError(f"/{name}", "the outline crosses or touches itself")
+        raise FieldError(f"/{name}", "has an outline that crosses or touches itself; give a simple outline")
     return tuple(corners if signed_area(corners) > 0 else corners[::-1])
 
 
@@ -373,7 +375,7 @@ def machine_of(linkage: Linkage, request: AskedAssembly, used: Interval, where: 
     them leave none.
     """
     if request.body and not linkage.mounted:
-        raise FieldError(f"/{where}body", "needs `position`: without it the position of the body is unknown")
+        raise FieldError(f"/{where}body", "needs `position`, which fixes the position of the body")
     for share in SHARES:
         try:
             return _machine(linkage, request, share, used, where)
@@ -408,7 +410,7 @@ def _machine(linkage: Linkage, request: AskedAssembly, share: float, used: Inter
             distance = abs(hole.at - next_hole.at)
             if not distance > machine.hole:
                 holes = f"holes of {machine.hole:.6g} for {hole.pin} and {next_hole.pin}, {distance:.6g} apart,"
-                raise FieldError(f"/{where}hole", f"{holes} would run into one another in the {plate.name}")
+                raise FieldError(f"/{where}hole", f"{holes} would overlap in the {plate.name}")
     return machine
 
 
@@ -576,16 +578,14 @@ def _reasons(machine: Machine, found: Arrangement, request: StackRequest, unit: 
         if found.exhaustive:
             reasons.append(f"no arrangement of up to {request.max_layers} layers is free over the used interval")
         else:
-            reasons.append(
-                f"none of the {found.tried:,} arrangements that were looked at is free over the used interval"
-            )
+            reasons.append(f"none of the {found.tried:,} examined arrangements is free over the used interval")
         best = found.free
         part = (
             "is free nowhere"
             if best is None
             else f"is free from {best.first / unit.radian:.6g} to {_angle(best.last, unit)}"
         )
-        best_said = "the best" if found.best_known else "the best of those looked at"
+        best_said = "the best" if found.best_known else "the best of the examined arrangements"
         reasons.append(f"{best_said} ({said}) {part}")
         ends = [end for end in (found.low, found.high) if end is not None and end.pair is not None]
         for pair in dict.fromkeys(end.pair for end in ends if end.pair is not None):
@@ -597,7 +597,8 @@ def _reasons(machine: Machine, found: Arrangement, request: StackRequest, unit: 
         reasons.append(said)
     for touch in found.touches:
         reasons.append(
-            f"{_both(touch.pair, machine)} may just reach the clearance {_between(touch, unit)}: that is not decided"
+            f"{_both(touch.pair, machine)} come near the clearance {_between(touch, unit)}: "
+            "the computation cannot decide on which side"
         )
     for count, stops in found.fewer.items():
         if stops is not None:
@@ -614,7 +615,7 @@ def _reasons(machine: Machine, found: Arrangement, request: StackRequest, unit: 
                     cause = f"{_part(stop.pair[0], machine)} is at the end of its slit"
                 reasons.append(f"{which} end of the motion at {_angle(stop.at, unit)}: {cause}")
     if any(plate.name == "rod" for plate in machine.plates):
-        reasons.append("crank angles are those of the motor, from the first sample on")
+        reasons.append("crank angles are angles of the motor from the first sample")
     loop = machine.loop
     if slits and loop is not None and np.isfinite(loop).any():
         open_ends = [

@@ -99,7 +99,7 @@ class Atlas:
             return self
         if kind == SLIDER_CRANK:
             return self.slider_cranks
-        raise FieldError("/mechanisms", f"the loaded atlas is of kind {self.kind}, not {kind}")
+        raise FieldError("/mechanisms", f"must match the loaded atlas, whose kind is {self.kind}, not {kind}")
 
     def type_of(self, row: int) -> AtlasType:
         """Return the type of a row, counted from 0."""

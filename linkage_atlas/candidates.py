@@ -36,8 +36,9 @@ from synthesis.violations import within
 from synthesis.work import Work
 
 OUT_OF_PROPORTION = (
-    "The linkage of least error (objective {error:.2g}) is out of all proportion: its largest part is {times:.2g} times the "
-    "extent of the motion or the shortest link. Linkages within {fair:g} times come before it; only the error counts if the "
+    "The linkage with the smallest error (objective {error:.2g}) is out of all proportion: its largest part is {times:.2g} "
+    "times the extent of the motion or the shortest link. "
+    "Linkages within {fair:g} times come before it; only the error counts if the "
     "request declines the practical limits (`limits.preset`)."
 )
 FIRST_OUT_OF_PROPORTION = (

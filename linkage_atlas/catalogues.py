@@ -64,16 +64,14 @@ def _table(field: str, text: str) -> list[dict[str, object]]:
         values: dict[str, object] = {}
         for name, value in row.items():
             if name is None or value is None:
-                raise FieldError(f"/{field}", f"line {line} has not as many columns as the head")
+                raise FieldError(f"/{field}", f"line {line} has a different number of columns from the headings")
             if name.strip() == "name":
                 values["name"] = value.strip()
             elif value.strip():
                 try:
                     values[name.strip()] = float(value)
                 except ValueError:
-                    raise FieldError(
-                        f"/{field}", f"line {line}: wanted a number as {name}, found {value!r}"
-                    ) from None
+                    raise FieldError(f"/{field}", f"line {line}: {name} must be a number; it is {value!r}") from None
         rows.append(values)
     return rows
 
@@ -87,17 +85,17 @@ def _rows(field: str, value: object, kind: str, names: Sequence[str], max_rows: 
             return list(_bundled(value))
         else:
             raise FieldError(
-                f"/{field}", f"wanted one of {', '.join(names)}, rows, or a CSV text, found {value[:60]!r}"
+                f"/{field}", f"must be one of {', '.join(names)}, a list of rows, or a CSV text; it is {value[:60]!r}"
             )
     else:
         rows = [row if isinstance(row, Mapping) else {} for row in sequence(value)]
     if not 1 <= len(rows) <= max_rows:
-        raise FieldError(f"/{field}", f"wanted 1 to {max_rows} rows, found {len(rows)}")
+        raise FieldError(f"/{field}", f"must have 1 to {max_rows} rows; it has {len(rows)}")
     for index, row in enumerate(rows):
         check_names(f"/{field}/{index}", row, _COLUMNS[kind], "column")
         for name in _NEEDED[kind]:
             if row.get(name) is None:
-                raise FieldError(f"/{field}/{index}/{name}", "needed")
+                raise FieldError(f"/{field}/{index}/{name}", "is required")
     return rows
 
 
@@ -107,7 +105,7 @@ def _value(field: str, row: Fields, name: str, scale: float, default: float | No
         return default
     value = number(f"{field}/{name}", found)
     if name != "preload" and not value > 0 and not (name == "price" and value == 0):
-        raise FieldError(f"/{field}/{name}", f"wanted a number above 0, found {value:g}")
+        raise FieldError(f"/{field}/{name}", f"must be a number above 0; it is {value:g}")
     return value / scale if name in _LENGTHS else value
 
 
@@ -132,7 +130,7 @@ def read_actuators(
             area = math.pi / 4 * (bore * millimetres) ** 2
             taken = math.pi / 4 * ((rod or 0.0) * millimetres) ** 2
             if taken >= area:
-                raise FieldError(f"/{at}/rod", "wanted less than the bore")
+                raise FieldError(f"/{at}/rod", "must be less than the bore")
             push, pull = (pressure * _NEWTONS_A_BAR * part for part in (area, area - taken))
         name = str(row.get("name") or f"row {index + 1}")
         assert retracted is not None and stroke is not None
@@ -164,7 +162,7 @@ def read_springs(field: str, value: object, kind: str, millimetres: float) -> li
             force, extended, stroke = (_value(at, row, name, scale) for name in ("force", "extended", "stroke"))
             assert force is not None and extended is not None and stroke is not None
             if stroke >= extended:
-                raise FieldError(f"/{at}/stroke", "wanted less than the extended length")
+                raise FieldError(f"/{at}/stroke", "must be less than the extended length")
             progression = _value(at, row, "progression", scale, 1.0)
             assert progression is not None
             rate = force * (progression - 1) / stroke
@@ -176,7 +174,7 @@ def read_springs(field: str, value: object, kind: str, millimetres: float) -> li
         stiffness, free, longest = (_value(at, row, name, scale) for name in ("stiffness", "free_length", "longest"))
         assert stiffness is not None and free is not None and longest is not None
         if longest <= free:
-            raise FieldError(f"/{at}/longest", "wanted more than the free length")
+            raise FieldError(f"/{at}/longest", "must be more than the free length")
         preload, shortest = _value(at, row, "preload", scale, 0.0), _value(at, row, "shortest", scale, free)
         assert preload is not None and shortest is not None
         kinds.append(SpringRow(name, stiffness * scale, free, preload, shortest, longest, price))
@@ -189,7 +187,7 @@ def _compression(at: str, row: Fields, name: str, scale: float, price: float | N
     assert stiffness is not None and free is not None and load is not None
     rate = stiffness * scale
     if load >= rate * free:
-        raise FieldError(f"/{at}/load_max", f"wanted less than stiffness times free length, {rate * free:g}")
+        raise FieldError(f"/{at}/load_max", f"must be less than stiffness times free length, {rate * free:g}")
     return SpringRow(name, rate, free, 0.0, free - load / rate, free, price)
 
 

@@ -155,7 +155,9 @@ def sheet_of(text: str, known: frozenset[str], needed: Sequence[str] = ()) -> Sh
     plain = [(number, line) for number, line in lines if not line.lstrip().startswith(_COMMENTS)]
     first = next((k for k, (_, line) in enumerate(plain) if _holds_numbers(line)), None)
     if first is None:
-        raise FieldError("", "the table has no rows: wanted a line of numbers for each sample, below a line of heads")
+        raise FieldError(
+            "", "the table has no rows; it needs a line of numbers for each sample, below a line of headings"
+        )
     above, below = plain[:first], plain[first:]
     separator = _separator([line for _, line in below], [line for _, line in above])
     rows = [Row(number, _split(line, separator, number)) for number, line in below]
@@ -179,7 +181,9 @@ def sheet_of(text: str, known: frozenset[str], needed: Sequence[str] = ()) -> Sh
     at = max(range(len(heads)), key=lambda k: (any(head.name in known | chosen_names for head in heads[k][1]), k))
     if at < len(heads) - 1:
         number, extra = heads[at + 1]
-        raise FieldError("", f"line {number}: '{extra[0].text[:20]}' is not a number, and this is no row of units")
+        raise FieldError(
+            "", f"line {number}: '{extra[0].text[:20]}' is neither a number nor a unit; give a row of units, or none"
+        )
     at_line, found = heads[at]
     if units:
         found = [
@@ -309,13 +313,13 @@ class Numbers:
         number = re.match(r"[^A-Za-z°]*", plain)
         if _decimal_mark(cell) not in ("", self.mark) or len(set(number[0] if number else "") & set(".,")) > 1:
             raise FieldError(
-                "", f"{where}'{cell[:20]}': wanted one decimal mark in the whole table, found comma and point"
+                "", f"{where}'{cell[:20]}': use the same decimal mark in the whole table; it has both comma and point"
             )
         plain = plain.replace("\u2212", "-").strip()
         if not plain:
             if gaps:
                 return Cell(None, "")
-            raise FieldError("", f"{where}wanted a number, found an empty cell")
+            raise FieldError("", f"{where}the cell is empty; enter a number")
         plain = re.sub("(?<=\\d)[\u00a0\u202f\u2009'\u2019](?=\\d{3})", "", plain).replace(",", ".")
         found = re.fullmatch(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(\D.*)?", plain, re.ASCII | re.DOTALL)
         if found and (not found[2] or found[2].strip().lower() in UNITS):

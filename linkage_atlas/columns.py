@@ -50,7 +50,7 @@ def with_aliases(columns: Mapping[str, str] | None, kind: Kind) -> dict[str, str
     roles = {role for role in kind.roles if role != "angle"} | ({"x1", "y1", "x2", "y2"} if kind is POSES else set())
     found = {}
     if not isinstance(columns, Mapping | None):
-        raise FieldError("/columns", f"wanted a mapping such as {{'x': 'TX', 'y': 'TY'}}, found {columns!r}")
+        raise FieldError("/columns", f"must be a mapping such as {{'x': 'TX', 'y': 'TY'}}; it is {columns!r}")
     for name, head in (columns or {}).items():
         role = aliases.get(name, name)
         if role not in roles:
@@ -107,7 +107,7 @@ class Reading:
             if not alike and text.isdigit() and 1 <= int(text) <= self.sheet.width:
                 alike = [int(text) - 1]
             if len(alike) != 1 or alike[0] in found:
-                there = ", ".join(repr(head.text) for head in heads) or f"{self.sheet.width} columns without heads"
+                there = ", ".join(repr(head.text) for head in heads) or f"{self.sheet.width} columns without headings"
                 what = "is named twice" if alike else "is no column of the table"
                 raise FieldError(f"/columns/{_word(role)}", f"{text!r} {what}; there are {there}")
             found[alike[0]] = role
@@ -127,7 +127,7 @@ class Reading:
                 if len(exact) != 1:
                     same = " and ".join(f"'{self.sheet.heads[k].text}'" for k in alike[:3])
                     raise self.refuse(
-                        f"the columns {same} may both be {_word(role)}: rename all but one of them", True
+                        f"the columns {same} may both be {_word(role)}; rename all except one of them", True
                     )
                 alike = exact
             found |= dict.fromkeys(alike, role)
@@ -152,7 +152,7 @@ class Reading:
         points = {label: found for label, found in columns.items() if len(found) == 2}
         if len(points) > 2:
             raise self.refuse(
-                f"there are {len(points)} points, and a body is given by one or two: leave out the others", True
+                f"the table has {len(points)} points, but a body has one or two; leave out the others", True
             )
         labels = ("1", "2") if len(points) == 2 else ("",)
         roles = {
@@ -177,7 +177,7 @@ class Reading:
             missing = missing[-1:]
         if len(angles) > len(missing):
             same = ", ".join(f"'{self.sheet.heads[k].text}'" for k in angles)
-            raise self.refuse(f"the columns {same} may be input or output: name them so", True)
+            raise self.refuse(f"the columns {same} may be input or output; name them input and output", True)
         remaining = {k: role for k, role in found.items() if role != "angle"}
         return remaining | dict(zip(sorted(angles), missing, strict=False))
 
@@ -192,15 +192,16 @@ class Reading:
         if roles is None:
             max_columns = max(self.kind.bare)
             raise self.refuse(
-                f"wanted 1 to {max_columns} columns, or a line of heads above them; found {width} columns", True
+                f"the table has {width} columns; give 1 to {max_columns} columns, or a line of headings above them",
+                True,
             )
         if self.kind is POSES and len(self.sheet.rows) > 1:
             self._check_bare(roles)
-        self.remarks.append("columns without heads were read as " + ", ".join(map(_word, roles)))
+        self.remarks.append("columns without headings were read as " + ", ".join(map(_word, roles)))
         return dict(enumerate(roles))
 
     def _check_bare(self, roles: tuple[str, ...]) -> None:
-        """Refuse columns without heads whose numbers may mean something else."""
+        """Refuse columns without headings whose numbers may mean something else."""
         cells = [[*row.cells, *[""] * len(roles)][: len(roles)] for row in self.sheet.rows]
         numbers = Numbers([cell for row in cells for cell in row])
         try:
@@ -212,7 +213,7 @@ class Reading:
         values: list[list[float]] = [list(column) for column in zip(*rows)]
         if len(roles) == 3 and len(set(values[2])) == 1:
             raise self.refuse(
-                f"the third of three columns without heads is {values[2][0]:g} in every row, which may be a z or an angle: "
+                f"the third of three columns without headings is {values[2][0]:g} in every row, which may be a z or an angle; "
                 "write x,y,z or x,y,angle above them",
                 True,
             )
@@ -226,8 +227,8 @@ class Reading:
         is_unit = all(abs(math.hypot(c, d) - 1) < 0.02 for c, d in zip(*values[2:]))
         if not is_crank or is_number or is_rigid or is_unit:
             raise self.refuse(
-                "four columns without heads may be crank,x,y,angle or number,x,y,angle or x1,y1,x2,y2 or x,y,cos,sin: write "
-                "one of these above them",
+                "four columns without headings may be crank,x,y,angle or number,x,y,angle or x1,y1,x2,y2 or x,y,cos,sin; write "
+                "one of these lines above them",
                 True,
             )
 
@@ -236,7 +237,7 @@ class Reading:
         self.roles = dict(sorted(roles.items()))
         for k, role in self.roles.items():
             head = self.sheet.heads[k] if self.sheet.heads else Head("", "", "")
-            self.units[k] = self.unit_of(head.unit, role, f"line {self.sheet.line}: the head '{head.text[:30]}'")
+            self.units[k] = self.unit_of(head.unit, role, f"line {self.sheet.line}: the heading '{head.text[:30]}'")
             if not self.units[k] and head.name in RADIAN_ANGLES:
                 self.units[k] = "rad"
 
@@ -252,7 +253,7 @@ class Reading:
         if unit not in known:
             there = f"known are {', '.join(known)}" if known else "it has none"
             raise FieldError(
-                "", f"{where} has the unit '{text[:20]}', and the unit of {_word(role)} must be known: {there}"
+                "", f"{where} has the unit '{text[:20]}', but the unit of {_word(role)} must be known: {there}"
             )
         return unit
 
@@ -269,7 +270,7 @@ class Reading:
     def read_numbers(self) -> None:
         """Read the cells of all columns that have a role, and convert them to a common unit of length and a unit of angle."""
         if self.kind is POSES and len({"x", "y"} & set(self.roles.values())) == 1:
-            raise self.refuse("wanted both x and y, or neither", True)
+            raise self.refuse("give both x and y, or neither", True)
         width, heads = self.sheet.width, self.sheet.heads
         numbers = Numbers([cell for row in self.sheet.rows for k, cell in enumerate(row.cells) if k in self.roles])
         for row in self.sheet.rows:
@@ -280,7 +281,9 @@ class Reading:
                 commas = (
                     "; a number with a decimal comma is quoted, or semicolons separate" if len(cells) > width else ""
                 )
-                raise FieldError("", f"line {row.line}: wanted {width} cells, found {len(cells)}{commas}")
+                raise FieldError(
+                    "", f"line {row.line}: the line must have {width} cells; it has {len(cells)}{commas}"
+                )
             for k, role in self.roles.items():
                 where = f"line {row.line}, column {k + 1}{f' ({heads[k].text[:20]})' if heads else ''}: "
                 value, unit = numbers.read(cells[k], where, self.kind.gaps)
@@ -340,13 +343,13 @@ class Reading:
         elif {"cos", "sin"} <= values.keys():
             values["rotation"] = self._directions(values.pop("cos"), values.pop("sin"), 1.0)
         elif values.keys() & {"cos", "sin"}:
-            raise self.refuse("wanted both cos and sin")
+            raise self.refuse("give both cos and sin")
         if not values.keys() & {"x1", "y1", "x2", "y2"}:
             return
         if not {"x1", "y1", "x2", "y2"} <= values.keys():
-            raise self.refuse("wanted x1, y1, x2 and y2")
+            raise self.refuse("give all of x1, y1, x2 and y2")
         if "rotation" in values:
-            raise self.refuse("wanted either two points or an angle, found both")
+            raise self.refuse("give either two points or an angle, not both")
         ends = [values.pop(name) for name in ("x1", "y1", "x2", "y2")]
         along = [None if None in row else (row[2] - row[0], row[3] - row[1]) for row in zip(*ends)]
         lines = [row.line for row in self.sheet.rows]
@@ -372,7 +375,7 @@ class Reading:
                 continue
             if factor and not abs(math.hypot(c, s) - 1) < 0.05:
                 raise FieldError(
-                    "", f"line {row.line}: ({c:g}, {s:g}) is no cosine and sine: the squares of both must sum to 1"
+                    "", f"line {row.line}: ({c:g}, {s:g}) is not a cosine and a sine, whose squares sum to 1"
                 )
             angles.append((factor or 1.0) * math.atan2(s, c) / radians_in(self.degrees))
         return [None if angle is None else float(f"{angle:.12g}") for angle in _unwrapped(angles, self.turn)]

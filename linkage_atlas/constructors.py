@@ -126,10 +126,11 @@ class SliderCrank(Linkage):
         radian = radians_in(degrees)
         for name, length in {"crank": crank, "rod": rod}.items():
             if not 0 < number(name, length) <= LARGEST:
-                raise FieldError(f"/{name}", f"wanted a length above 0, found {length}")
+                raise FieldError(f"/{name}", f"must be a length above 0; it is {length}")
         if abs(number("offset", offset)) > (crank + rod) * (1 + 1e-12):
             raise FieldError(
-                "/offset", f"the linkage cannot be assembled: crank and rod reach {crank + rod:g}, found {offset:g}"
+                "/offset",
+                f"the linkage cannot be assembled; crank and rod reach only {crank + rod:g}, but the offset is {offset:g}",
             )
         turn, at = rail_angle * radian, pair("pivot", pivot, LARGEST)
         radius, angle = (rod, 0.0) if coupler_point_polar is None else coupler_point_polar

@@ -43,7 +43,7 @@ def check_held(kind: str, **options: Any) -> None:
     options["assembly"], options["drive"] = with_drive(kind, options["assembly"], options["drive"])
     for name, kinds in HELD.items():
         if options[name] and kind not in kinds:
-            raise FieldError(f"/{name}", f"a file of the kind {kind!r} holds none: ask for {' or '.join(kinds)}")
+            raise FieldError(f"/{name}", f"has no effect on the format {kind!r}; choose {' or '.join(kinds)}")
 
 
 def content_of(
@@ -142,14 +142,14 @@ def with_drive(
 def _attached(drive: Mapping[str, Any], machine: LinkMotions) -> Attached:
     """Check a drive of a reply and return it on a machine at its samples."""
     if not isinstance(drive, Mapping):
-        raise FieldError("/drive", "wanted a drive of a reply, as plain values")
+        raise FieldError("/drive", "must be a drive of a reply, as plain values")
     kind, link = drive.get("kind"), drive.get("link")
     if kind not in ("rotary", "actuator", "dyad", "toggle"):
-        raise FieldError("/drive/kind", f"wanted a drive of a reply, found {kind!r}")
+        raise FieldError("/drive/kind", f"must be a drive of a reply; it is {kind!r}")
     on = drive.get("on") or GROUND
     for name in (link, on):
         if name not in (GROUND, *machine.links):
-            raise FieldError("/drive/link", f"wanted one of {', '.join(machine.links)}, found {name!r}")
+            raise FieldError("/drive/link", f"must be one of {', '.join(machine.links)}; it is {name!r}")
     ground_values = drive.get("motor") if kind in ("rotary", "dyad") else drive.get("ground_point")
     ground = pair(f"drive/{'motor' if kind in ('rotary', 'dyad') else 'ground_point'}", ground_values, math.inf)
     pin = 0j if kind == "rotary" else pair("drive/pin_on_link", drive.get("pin_on_link"), math.inf)
@@ -161,7 +161,7 @@ def _attached(drive: Mapping[str, Any], machine: LinkMotions) -> Attached:
     }[kind]
     sizes = [number(f"drive/{name}", part.get(name)) for name in names]
     if any(not size > 0 for size in sizes):
-        raise FieldError("/drive", f"wanted {' and '.join(names)} above 0")
+        raise FieldError("/drive", f"must have {' and '.join(names)} above 0")
     knee = (drive.get("curve") or {}).get("knee") if kind == "toggle" else None
     return Attached(
         machine,

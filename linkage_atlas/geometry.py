@@ -221,13 +221,13 @@ def read_guide(field: str, guide: Fields | AnyGuide, radian: float) -> Guide:
 
     def amount(name: str) -> float:
         if values.get(name) is None:
-            raise FieldError(f"/{field}/{name}", "needed")
+            raise FieldError(f"/{field}/{name}", "is required")
         return number(f"{field}/{name}", values[name])
 
     body_point = point("body_point")
     if sort == "circle":
         if not 0 < amount("radius") <= LARGEST:
-            raise FieldError(f"/{field}/radius", f"wanted a length above 0, found {values['radius']}")
+            raise FieldError(f"/{field}/radius", f"must be a length above 0; it is {values['radius']}")
         return Circle(point("pivot"), amount("radius"), body_point)
     if sort == "rail":
         return Rail(point("point"), amount("direction") * radian, body_point)
@@ -247,17 +247,17 @@ def read_four_bar(
     """Check the dimensions of a four-bar, see `linkage_atlas.FourBar`; ``radian``: radians in the unit of its angles."""
     for name, length in lengths.items():
         if not number(name, length) > 0:
-            raise FieldError(f"/{name}", f"wanted a length above 0, found {length}")
+            raise FieldError(f"/{name}", f"must be a length above 0; it is {length}")
     longest = max(lengths, key=lambda name: lengths[name])
     shorter = [name for name in lengths if name != longest]
     if lengths[longest] > (together := sum(lengths[name] for name in shorter)) * (1 + 1e-12):
         raise FieldError(
             f"/{longest}",
-            f"the linkage cannot be assembled: {longest} {lengths[longest]:g} is longer than {shorter[0]}, {shorter[1]} and "
+            f"the linkage cannot be assembled; {longest} {lengths[longest]:g} is longer than {shorter[0]}, {shorter[1]} and "
             f"{shorter[2]} together, {together:g}",
         )
     if branch not in (-1, 1):
-        raise FieldError("/branch", f"wanted 1 or -1, found {branch}")
+        raise FieldError("/branch", f"must be 1 or -1; it is {branch}")
     return four_bar(
         as_lengths(lengths.values()),
         int(branch),
@@ -286,7 +286,7 @@ def read_joints(
     )
     for name, neighbour, link in (("D", "A", crank), ("C", "D", coupler), ("B", "C", rocker), ("B", "A", ground)):
         if not link:
-            raise FieldError(f"/{name}", f"wanted a point apart from {neighbour}: they coincide")
+            raise FieldError(f"/{name}", f"must differ from {neighbour}; the two points coincide")
     turn, point = float(np.angle(ground)), None
     if p is not None:
         arm = (pair("P", p, LARGEST) - crank_pin) / coupler * abs(coupler)
@@ -307,17 +307,19 @@ def check_apart(linkage: Plain) -> None:
     first, second = linkage.guides
     both_points = first.holds_point and second.holds_point
     if both_points and first.body_point == second.body_point:
-        raise FieldError("/guides/1/body_point", "both guides lead the same point of the body")
+        raise FieldError("/guides/1/body_point", "must differ from the body point of the first guide")
     if first.has_pin and second.has_pin and first[0] == second[0]:
-        raise FieldError("/guides/1", "both guides go by the same fixed place")
+        raise FieldError("/guides/1", "must have another fixed point than the first guide")
     if isinstance(first, Rail) and isinstance(second, Rail) and _parallel(first.direction, second.direction):
-        raise FieldError("/guides/1/direction", "the rails are parallel: the body cannot turn")
+        raise FieldError("/guides/1/direction", "must not be parallel to the first rail: the body could not turn")
     if (
         isinstance(first, Slot)
         and isinstance(second, Slot)
         and _parallel(first.body_direction, second.body_direction)
     ):
-        raise FieldError("/guides/1/body_direction", "the slots are parallel: the body cannot turn")
+        raise FieldError(
+            "/guides/1/body_direction", "must not be parallel to the first slot: the body could not turn"
+        )
 
 
 def _parallel(first: float, second: float) -> bool:

@@ -158,7 +158,7 @@ def read_function_limits(limits: Fields | None, samples: Samples, degrees: bool)
     """Check the limits of a request for function generators; the default family is any."""
     checked = _read(limits, samples, radians_in(degrees), FUNCTION_LIMITS, PRESETS[1], {"family": "any"})
     if any(checked.links) and checked.links[3] is None:
-        raise FieldError("/limits/links/ground", "needed where other lengths are given")
+        raise FieldError("/limits/links/ground", "is required if other lengths are given")
     return checked
 
 
@@ -198,15 +198,15 @@ def _numbers(field: str, values: object, size: int, form: str) -> list[float]:
     found = column(field, values)
     if found.shape != (size,):
         rows = f" in {counted(len(found), 'row')}" if found.ndim > 1 else ""
-        raise FieldError(f"/{field}", f"wanted {form}, found {counted(found.size, 'number')}{rows}")
+        raise FieldError(f"/{field}", f"must have {form}; it has {counted(found.size, 'number')}{rows}")
     if not np.all(np.isfinite(found)):
-        raise FieldError(f"/{field}/{int(np.argmin(np.isfinite(found)))}", "wanted a finite number")
+        raise FieldError(f"/{field}/{int(np.argmin(np.isfinite(found)))}", "must be a finite number")
     return found.tolist()
 
 
 def _lengths(field: str, value: object) -> tuple[float | None, ...]:
     if not isinstance(value, Mapping):
-        raise FieldError(f"/{field}", f"wanted some of {', '.join(LINKS)} with their lengths")
+        raise FieldError(f"/{field}", f"must give lengths of some of {', '.join(LINKS)}")
     check_names(f"/{field}", value, LINKS, "link")
     values = [value.get(name) for name in LINKS]
     return tuple(None if value is None else number(f"{field}/{name}", value) for name, value in zip(LINKS, values))

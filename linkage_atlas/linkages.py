@@ -119,15 +119,15 @@ class Linkage:
     ) -> None:
         radian = radians_in(degrees)
         if isinstance(guides, (str, Mapping)) or len(guides) != 2:
-            raise FieldError("/guides", f"wanted two guides, found {len(guides)}")
+            raise FieldError("/guides", f"must have two guides; it has {len(guides)}")
         read = [read_guide(f"guides/{index}", guide, radian) for index, guide in enumerate(guides)]
         if Driver(one_of("driver", driver, get_args(DriverName))) not in (known := DRIVERS[type(read[0])]):
             name = type(read[0]).__name__.lower()
             raise FieldError(
-                "/driver", f"the first guide is a {name}, driven by {' or '.join(known)}, found {driver!r}"
+                "/driver", f"must be {' or '.join(known)}, because the first guide is a {name}; it is {driver!r}"
             )
         if branch not in (-1, 1):
-            raise FieldError("/branch", f"wanted 1 or -1, found {branch}")
+            raise FieldError("/branch", f"must be 1 or -1; it is {branch}")
         turns = Driver(driver).turns
         begin = number("start", start) * (radian if turns else 1.0)
         self._linkage = on_guides((read[0], read[1]), Driver(driver), int(branch), begin)
@@ -199,7 +199,7 @@ class Linkage:
         if values.get("guides") is not None and values.get("links") is None:
             for name in ("guides", "driver", "branch", "start"):
                 if values.get(name) is None:
-                    raise FieldError(f"/{name}", "needed")
+                    raise FieldError(f"/{name}", "is required")
             return cls(values["guides"], values["driver"], values["branch"], values["start"], degrees=degrees)
         mount, radian = values.get("mount") or {}, radians_in(degrees)
         point = mount.get("coupler_point_polar")
@@ -459,7 +459,7 @@ class Linkage:
         name = "crank_angle" if linkage.driver.turns else "travel"
         positions = np.zeros(0) if travel is None else column(name, travel) * self._unit
         if motion.free and positions.shape != (motion.requested.samples,):
-            raise FieldError(f"/{name}", f"wanted {motion.requested.samples} numbers, found {positions.size}")
+            raise FieldError(f"/{name}", f"must have {motion.requested.samples} numbers; it has {positions.size}")
         samples = motion.samples
         if isinstance(samples, Poses) and not samples.ordered and linkage.driver.turns:
             positions = in_any_order(positions[None], TURN)[0][0]
@@ -475,7 +475,7 @@ class Linkage:
         loop = loop_of(self._linkage, Interval(0.0, 0.0)) if self._linkage.driver.turns else None
         if loop is None:
             name = "crank" if self._linkage.driver is Driver.CRANK else "drive"
-            raise FieldError("/motion", f"this {name} has no range of its own: give the motion to show it over")
+            raise FieldError("/motion", f"is required: this {name} has no range of its own")
         range_shown = (1 - _MARGIN) * np.linspace(loop.first, loop.last, _TURN_STEPS)
         return Target(None, None, crank=range_shown, found=True)
 
@@ -726,7 +726,7 @@ class Linkage:
     def render(self, kind: str, *arguments: Any, **more: Any) -> str:
         """Return the text of a file; arguments as for `file`. Raises FieldError for 3MF and STL, which are not text."""
         if kind in ("3mf", "stl"):
-            raise FieldError("/kind", f"{kind} is no text: `file` has its content, and `save` writes it")
+            raise FieldError("/kind", f"{kind} is not a text format; use `file` for its content, or `save`")
         return self.file(kind, *arguments, **more).decode()
 
     def save(self, path: str | Path, length_unit: str | None = None, **options: Any) -> None:
@@ -755,11 +755,11 @@ def _from_joints(joints: Any, degrees: bool) -> Linkage:
     """Return the four-bar of a mapping with the arguments of `Linkage.from_points`."""
     names = ("A", "D", "C", "B", "P", "rotation")
     if not isinstance(joints, Mapping):
-        raise FieldError("/joints", "wanted the points A, D, C, B and perhaps P")
+        raise FieldError("/joints", "must have the points A, B, C and D, and optionally P")
     check_names("/joints", joints, names)
     for name in names[:4]:
         if joints.get(name) is None:
-            raise FieldError(f"/joints/{name}", "needed")
+            raise FieldError(f"/joints/{name}", "is required")
     with pointing(lambda field: f"/joints/{field.lstrip('/')}"):
         return Linkage.from_points(
             **{name: value for name, value in joints.items() if value is not None}, degrees=degrees
@@ -805,10 +805,12 @@ def given_linkage(source: Any, degrees: bool) -> tuple[Linkage, Any]:
     if not isinstance(source, Mapping):
         linkage = source if isinstance(source, Linkage) else getattr(source, "linkage", source)
         if not isinstance(linkage, Linkage):
-            raise FieldError("/linkage", "wanted a linkage such as a four-bar, a solution, or its plain values")
+            raise FieldError("/linkage", "must be a linkage such as a four-bar, a solution, or its plain values")
         return linkage, None
     travel = source.get("travel") if source.get("crank_angle") is None else source["crank_angle"]
     try:
         return Linkage.from_dict(source, degrees), travel
     except (KeyError, TypeError):
-        raise FieldError("/linkage", "wanted links (crank, coupler, rocker, ground), branch, start_angle") from None
+        raise FieldError(
+            "/linkage", "must have links (crank, coupler, rocker, ground), branch and start_angle"
+        ) from None

@@ -106,10 +106,10 @@ def match(
     check_top(top)
     check_above_zero(budget=budget)
     if curve not in ("coupler", "rocker"):
-        raise FieldError("/curve", f"wanted 'coupler' or 'rocker', found {curve!r}")
+        raise FieldError("/curve", f"must be 'coupler' or 'rocker'; it is {curve!r}")
     kinds = kinds_among(mechanisms, MECHANISMS)
     if curve == "rocker" and SLIDER_CRANK in kinds:
-        raise FieldError("/curve", "a slider-crank has no rocker: ask for mechanisms ['four_bar']")
+        raise FieldError("/curve", "a slider-crank has no rocker; set `mechanisms` to ['four_bar']")
     if crank_span is None and crank_angle is None:
         raise FieldError("/crank_span", HOW_TURNED)
     atlas = None if atlas is None else as_atlas(atlas)

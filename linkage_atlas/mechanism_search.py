@@ -22,10 +22,16 @@ from synthesis.target import Target
 from synthesis.violations import within
 from synthesis.work import Work
 
-NO_ROTATION = "Only four-bars were searched: linkages with sliders need positions without rotations, or with two of them or more."
-NO_LEAD = "Linkages with sliders were not searched: they begin with rotations of a four-bar, and none was found for this path."
+NO_ROTATION = (
+    "Only four-bars were searched: linkages with sliders need positions with no rotation, or with at least two "
+    "rotations."
+)
+NO_LEAD = (
+    "Linkages with sliders were not searched: their search starts from the rotations of a four-bar, and no four-bar was "
+    "found for this path."
+)
 ROUND_AGAIN = (
-    "Only drives that turn fully were searched: sliders and cylinders would have to turn back on a closed path."
+    "Only drives that turn fully were searched: sliders and cylinders would have to reverse on a closed path."
 )
 OUTSIDE_BOX = "Left out, because no such linkage has its pivots, rails and pins of slots inside the pivot box: {}."
 NO_TIME = "The time was up before linkages with sliders were searched."

@@ -82,15 +82,15 @@ def read_kinds(mechanisms: object, driver: object, motion: Motion) -> Kinds:
 def _check(kinds: Kinds, motion: Motion) -> None:
     driver = kinds.driver
     if kinds.only_four_bars and driver not in (None, Driver.CRANK):
-        message = f"a four-bar is driven by its crank: choose `mechanisms` that a {driver} can drive"
+        message = f"a four-bar is driven by its crank; choose `mechanisms` that a {driver} can drive"
         raise FieldError("/driver", message)
     if driver in (Driver.SLIDER, Driver.CYLINDER, Driver.HINGE) and not kinds.driven_by((driver,)):
-        raise FieldError("/driver", f"none of the kinds asked for has a {driver}")
+        raise FieldError("/driver", f"none of the requested kinds has a {driver}; add such a kind to `mechanisms`")
     if is_closed(motion.samples) and driver in (Driver.SLIDER, Driver.CYLINDER):
-        message = f"a {driver} would have to turn back: a closed way is passed by drives that turn fully"
+        message = f"a {driver} would have to reverse: a closed path needs a drive that turns fully"
         raise FieldError("/driver", message)
     if is_closed(motion.samples) and not kinds.four_bars and not set(kinds.kinds) & _turning_fully(driver):
-        raise FieldError("/mechanisms", "none of them has a drive that turns fully, as a closed way asks for")
+        raise FieldError("/mechanisms", "none of them has a drive that turns fully, as a closed path requires")
     if motion.travel is not None:
         _check_travel(kinds)
     elif not motion.free:
@@ -101,13 +101,18 @@ def _check(kinds: Kinds, motion: Motion) -> None:
     four_bars = kinds.four_bars and motion.travel is None  # travel does not drive a four-bar
     if not four_bars and not has_poses(motion.samples) and not is_path(motion):
         field = "rotation" if motion.samples.rotation is None else "position"
-        raise FieldError(f"/{field}", "linkages with sliders need rotation and position at two samples or more")
+        raise FieldError(
+            f"/{field}",
+            "must be left out for this motion: linkages with sliders need rotation and position at two or more samples",
+        )
 
 
 def _check_travel(kinds: Kinds) -> None:
     """Raise FieldError for kinds that no travel can drive."""
     if kinds.only_four_bars:
-        raise FieldError("/mechanisms", "travel drives sliders and cylinders: ask for kinds that have one, or 'all'")
+        raise FieldError(
+            "/mechanisms", "must contain a kind with a slider or cylinder, which `travel` drives; or give 'all'"
+        )
     if kinds.driver not in (None, Driver.SLIDER, Driver.CYLINDER):
         raise FieldError("/driver", f"travel drives sliders and cylinders, not a {kinds.driver}")
     if not kinds.driven_by((Driver.SLIDER, Driver.CYLINDER)):
@@ -117,10 +122,10 @@ def _check_travel(kinds: Kinds) -> None:
 def _check_crank_angles(kinds: Kinds) -> None:
     """Raise FieldError for kinds that no crank drives."""
     if kinds.driver not in (None, Driver.CRANK):
-        message = f"crank angles drive cranks, not a {kinds.driver}: give `travel`, or `timing` 'free'"
+        message = f"crank angles drive a crank, not a {kinds.driver}: give `travel`, or `timing` 'free'"
         raise FieldError("/driver", message)
     if not kinds.driven_by((Driver.CRANK,)):
-        message = "none of them has a crank, and crank angles are given: give `travel`, or `timing` 'free'"
+        message = "none of them has a crank, but crank angles are given; give `travel`, or `timing` 'free'"
         raise FieldError("/mechanisms", message)
 
 
@@ -128,7 +133,7 @@ def check_no_slider_limits(limits: Limits) -> None:
     """Raise FieldError for limits of sliders in a request for four-bars."""
     for name, form in FORMS.items():
         if form.concerns == "sliders" and getattr(limits, name) is not None:
-            message = "applies to sliders, which four-bars do not have: choose other `mechanisms`"
+            message = "applies to sliders, which four-bars do not have; choose other `mechanisms`"
             raise FieldError(f"/limits/{name}", message)
 
 

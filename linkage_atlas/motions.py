@@ -210,7 +210,7 @@ class Motion:
             rotation, position, self._table_notes = poses_of_points(points, degrees)
         weights = dict(weights or {})
         if unknown := weights.keys() - {"rotation", "position"}:
-            raise FieldError(f"/weights/{min(unknown)}", "there are weights of rotation and position only")
+            raise FieldError(f"/weights/{min(unknown)}", "must be removed: only rotation and position have weights")
         is_timed = any(value is not None for value in (crank_span, crank_angle, travel, travel_span))
         if timing is None and position is not None and not is_timed:
             timing = "free"
@@ -247,7 +247,9 @@ class Motion:
                 span_max = None if crank_span_max is None else number("crank_span_max", crank_span_max) * radian
                 self.samples = make_poses(**part, ordered=order == "given", closed=closed, span_max=span_max)
         if start_angle is not None and not isinstance(self.samples, Target):
-            raise FieldError("/start_angle", "belongs to given crank angles: with free timing or travel it is found")
+            raise FieldError(
+                "/start_angle", "applies only to given crank angles; with free timing or travel it is a result"
+            )
         self.tolerances = _tolerances(tolerances, self.requested, radian)
 
     def __repr__(self) -> str:
@@ -357,7 +359,7 @@ class Motion:
         """The motion with its crank angles; FieldError if they are free."""
         if isinstance(self.samples, Target):
             return self.samples
-        raise FieldError("/timing", "the crank angles are free: only a solution has them")
+        raise FieldError("/timing", "the crank angles are free, so that only a solution has crank angles")
 
     def over(self, linkage: Linkage, travel: Floats) -> Motion:
         """Return the motion over travel (N,) of the drive of a linkage; unchanged if its crank angles are given."""
@@ -486,7 +488,7 @@ def _present(
         return read(values), sample_weights
     numbers = read([blank if entry is None else entry for entry in entries])
     if missing.all():
-        raise FieldError(f"/{name}", "wanted at least one entry that is not null")
+        raise FieldError(f"/{name}", "must have at least one entry that is not null")
     if sample_weights is None or sample_weights.shape == numbers.shape:
         sample_weights = np.where(missing, 0.0, 1.0 if sample_weights is None else sample_weights)
     index = np.arange(numbers.size)
@@ -532,15 +534,18 @@ def _tolerances(tolerances: Mapping[str, ArrayLike] | None, samples: Samples, ra
     found = {}
     for name, value in named.items():
         if name not in ("rotation", "position"):
-            raise FieldError(f"/tolerances/{name}", "there are tolerances of rotation and position only")
+            raise FieldError(f"/tolerances/{name}", "must be removed: only rotation and position have tolerances")
         if getattr(samples, name) is None:
-            raise FieldError(f"/tolerances/{name}", f"limits errors of `{name}`, but there is none")
+            raise FieldError(f"/tolerances/{name}", f"limits errors of `{name}`, but the request has no `{name}`")
         numbers = column(f"tolerances/{name}", value)
         if numbers.ndim and numbers.shape != (samples.samples,):
-            raise FieldError(f"/tolerances/{name}", f"wanted one or {samples.samples} numbers, found {numbers.size}")
+            raise FieldError(
+                f"/tolerances/{name}",
+                f"must be a number, or a list of {samples.samples} numbers; it has {numbers.size}",
+            )
         if np.any(bad := ~(np.isfinite(numbers) & (numbers > 0))):
             index = f"/{int(np.argmax(bad))}" if numbers.ndim else ""
-            raise FieldError(f"/tolerances/{name}{index}", "wanted a number above 0")
+            raise FieldError(f"/tolerances/{name}{index}", "must be a number above 0")
         found[name] = np.broadcast_to(numbers, samples.samples) * (radian if name == "rotation" else 1.0)
     return Tolerances(found.get("rotation"), found.get("position")) if found else None
 
@@ -548,18 +553,18 @@ def _tolerances(tolerances: Mapping[str, ArrayLike] | None, samples: Samples, ra
 def _check_free(timing: str, order: str, span: bool, angles: bool) -> None:
     """Raise FieldError for arguments that free crank angles exclude."""
     if timing != "free":
-        raise FieldError("/timing", f"wanted 'free' or nothing, found {timing!r}")
+        raise FieldError("/timing", f"must be 'free', or be left out; it is {timing!r}")
     if span or angles:
         field = "crank_angle" if angles else "crank_span"
-        raise FieldError(f"/{field}", "the crank angles are free: give either this or `timing`")
+        raise FieldError(f"/{field}", "give either this or `timing`: with free timing the crank angles are unknown")
     if order not in ("given", "any"):
-        raise FieldError("/order", f"wanted 'given' or 'any', found {order!r}")
+        raise FieldError("/order", f"must be 'given' or 'any'; it is {order!r}")
 
 
 def _check_travel(timing: str | None, turned: bool) -> None:
     """Raise FieldError for arguments that travel excludes."""
     if timing is not None:
-        raise FieldError("/timing", "the travel is given: give either this or `timing`")
+        raise FieldError("/timing", "give either this or `travel`: with given travel the timing is not free")
     if turned:
         raise FieldError("/travel", "a motion is driven by crank angles or by travel, not by both")
 
@@ -569,16 +574,16 @@ def _travel(travel: ArrayLike | None, span: float | None, samples: Poses) -> Flo
     if travel is None:
         end = number("travel_span", span)
         if not MIN_LENGTH <= abs(end) <= MAX_LENGTH:
-            raise FieldError("/travel_span", f"wanted a length from {MIN_LENGTH:g} to {MAX_LENGTH:g}, either way")
+            raise FieldError("/travel_span", f"must be a length from {MIN_LENGTH:g} to {MAX_LENGTH:g} in size")
         even: Floats = np.linspace(0.0, end, samples.samples)
         return even
     if span is not None:
         raise FieldError("/travel_span", "give either this or `travel`")
     found: Floats = column("travel", travel)
     if found.shape != (samples.samples,):
-        raise FieldError("/travel", f"wanted {samples.samples} numbers, found {found.size}")
+        raise FieldError("/travel", f"must have {samples.samples} numbers; it has {found.size}")
     if not np.all(np.abs(found) <= MAX_LENGTH):
-        raise FieldError("/travel", f"wanted finite numbers, none beyond {MAX_LENGTH:g}")
+        raise FieldError("/travel", f"must be finite numbers of at most {MAX_LENGTH:g} in size")
     steps = np.diff(found)
     if not (np.all(steps > 0) or np.all(steps < 0)):
         wrong = int(np.argmax(steps * np.sign(found[-1] - found[0]) <= 0)) + 1
@@ -602,7 +607,7 @@ def _points(position: object) -> Complexes:
     if not np.iscomplexobj(points):
         points = column("position", position)
         if points.ndim != 2 or points.shape[1] != 2:
-            raise FieldError("/position", f"wanted shape (N, 2), found {points.shape}")
+            raise FieldError("/position", f"must have the shape (N, 2); it has {points.shape}")
         # not x + 1j y: with an infinite y that would make x a NaN
         points = np.ascontiguousarray(points).view(complex)[:, 0]
     return points

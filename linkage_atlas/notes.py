@@ -19,10 +19,10 @@ LABELS = {
     "pivot_a_box": "the box of pivot A",
     "pivot_b_box": "the box of pivot B",
     "pivot_reach": "the largest distance of the pivots",
-    "keep_out": "the boxes kept free of pivots",
+    "keep_out": "the keep-out boxes",
     "link_ratio_max": "the ratio of longest to shortest link",
-    "link_min": "the least link length",
-    "link_max": "the greatest link length",
+    "link_min": "the smallest link length",
+    "link_max": "the largest link length",
     "links": "the given lengths",
     "coupler_radius_max": "the reach of the body point",
     "body_reach": "the distance of the body point from its joints",
@@ -31,7 +31,7 @@ LABELS = {
     "rail_box": "the box of the rails",
     "cylinder_dead_length": "the shortest cylinder",
     "cylinder_extended_max": "the longest cylinder",
-    "arm_min": "the least moment arm",
+    "arm_min": "the smallest moment arm",
 }
 """Name of each limit in a sentence; the page uses the same names."""
 _FAMILIES = {
@@ -48,7 +48,7 @@ _CONDITIONS = {
     "pivot_a_box": "pivot A in the box {}",
     "pivot_b_box": "pivot B in the box {}",
     "pivot_reach": "fixed pivots within {} of the middle of the motion",
-    "keep_out": "the fixed pivots outside the boxes kept free of them",
+    "keep_out": "the fixed pivots outside the keep-out boxes",
     "link_ratio_max": "a longest link of at most {} times the shortest",
     "link_min": "links of at least {}",
     "link_max": "links of at most {}",

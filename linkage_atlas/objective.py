@@ -51,7 +51,7 @@ def residuals(linkage: Linkage, motion: Motion, travel: ArrayLike | None = None)
         travel = linkage.sample_travel(motion)
         if travel is None:
             raise FieldError(
-                "/travel", "needed: the crank angles are free, so give the travel of the drive at each sample"
+                "/travel", "is required, because the crank angles are free: the travel of the drive at each sample"
             )
     target = linkage.target_of(motion, travel)
     body = plain.body(plain.start + target.crank)

@@ -56,11 +56,11 @@ class PartSettings:
             if fields.get(name) is not None:
                 sizes[name] = number(f"{where}{name}", fields[name], 0.0)
                 if not sizes[name] > 0 and name not in ("clearance", "washer", "kerf"):
-                    raise FieldError(f"/{where}{name}", f"wanted a length above 0, found {sizes[name]:g}")
+                    raise FieldError(f"/{where}{name}", f"must be a length above 0; it is {sizes[name]:g}")
         if fields.get("scale") is not None:
             scale = sizes["scale"] = number(f"{where}scale", fields["scale"])
             if not LEAST_SCALE <= scale <= LARGEST_SCALE:
-                raise FieldError(f"/{where}scale", f"wanted {LEAST_SCALE:g} to {LARGEST_SCALE:g}, found {scale:g}")
+                raise FieldError(f"/{where}scale", f"must be {LEAST_SCALE:g} to {LARGEST_SCALE:g}; it is {scale:g}")
         unit = fields.get("length_unit")
         if unit is not None:
             millimetres_in(unit, where)

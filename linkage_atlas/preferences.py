@@ -24,7 +24,7 @@ from synthesis.solution import Solution, target_of
 from synthesis.target import MIN_SPAN
 from synthesis.work import OutOfTime, Work
 
-UNARRANGED = "The time was up: the layers of {0} of the {1} linkages that are near enough were not examined."
+UNARRANGED = "The time was up: the layers of {0} of the {1} sufficiently accurate linkages were not examined."
 TRY_ROUNDS = 5
 """Maximum number of rounds of each search within a tighter limit, with free crank angles."""
 _MAX_TRIES = 6

@@ -33,7 +33,7 @@ from synthesis.work import Work
 NUMERALS = {2: "two", 3: "three", 4: "four"}
 UNASKED = (
     "With given {drive} the practical limits apply only if they are switched on (`limits.preset`): "
-    "the verdict names those that the best linkage violates."
+    "the verdict names the limits that the best linkage violates."
 )
 HOPELESS = (
     "No linkage that was found comes near this motion: the error of the best is {0:.2g} times that of a body at rest"
@@ -47,17 +47,17 @@ ILL_POSED = (
     "(see `determination` of each solution)."
 )
 FEW_POSES = (
-    "Infinitely many four-bars pass {0} poses exactly: those listed differ clearly from one another, and the first are compact "
-    "with a good transmission angle. Add a pose, or limits, to narrow the choice."
+    "Infinitely many four-bars pass {0} poses exactly: the linkages listed differ clearly from each other, and the first are "
+    "compact with a good transmission angle. Add a pose, or limits, to narrow the choice."
 )
-SINGLE_HINGE = "A single hinge at ({:.9g}, {:.9g}) takes the body from one pose to the other too, without a linkage."
+SINGLE_HINGE = "A single hinge at ({:.9g}, {:.9g}) also takes the body from one pose to the other, without a linkage."
 SAME_LENGTHS = "{0} of {1} linkages are listed: the others have the same lengths once rounded, and a larger error."
 LOCAL = (
     "Each given linkage was refined to the nearest optimum that its descent reached: linkages elsewhere were not searched and "
     "may be better."
 )
-CUT_SHORT = "No linkage within the limits was found before the time was up; that does not prove that there is none."
-NOWHERE = "No descent from a given linkage led within the limits; that does not prove that there is no other linkage."
+CUT_SHORT = "No linkage within the limits was found before the time was up; this does not prove that there is none."
+NOWHERE = "No descent from a given linkage led within the limits; this does not prove that there is no such linkage."
 TIME_UP = "The time was up: only the best {0} of {1} found are reported."
 _HOPELESS = 0.5
 """Ratio to the error of a body at rest above which a linkage is not near the motion."""
@@ -238,4 +238,4 @@ def _envelope_notes(motion: Motion, limits: Limits) -> list[str]:
     missed = f"missed by at least {beyond[worst]:.4g} (`limits.envelope`)"
     if outside.size == 1:
         return [f"The position of sample {worst + 1} lies outside the envelope and is {missed}."]
-    return [f"{outside.size} positions lie outside the envelope; that of sample {worst + 1} is {missed}."]
+    return [f"{outside.size} positions lie outside the envelope; sample {worst + 1} is {missed}."]

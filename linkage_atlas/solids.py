@@ -43,7 +43,7 @@ def read_solids(request: Fields | None, where: str = "solids/") -> AskedSolids:
     """Check a request for solids, a mapping with some of `SOLIDS`; ``where``: path of the fields in error messages."""
     request = {} if request is None else request
     if not isinstance(request, Mapping):
-        raise FieldError(f"/{where.rstrip('/')}", f"wanted a mapping of {', '.join(SOLIDS)}")
+        raise FieldError(f"/{where.rstrip('/')}", f"must be a mapping of {', '.join(SOLIDS)}")
     check_names(f"/{where}".rstrip("/"), request, SOLIDS)
     values = dict.fromkeys(SOLIDS) | {name: value for name, value in request.items() if value is not None}
 
@@ -53,7 +53,7 @@ def read_solids(request: Fields | None, where: str = "solids/") -> AskedSolids:
     fit = named("fit", FITS, "H7")
     fillet = 0.0 if values["fillet"] is None else number(f"{where}fillet", values["fillet"])
     if fillet < 0:
-        raise FieldError(f"/{where}fillet", f"wanted a radius of at least 0, found {fillet:g}")
+        raise FieldError(f"/{where}fillet", f"must be a radius of at least 0; it is {fillet:g}")
     allow_collisions = flag(f"{where}allow_collisions", values["allow_collisions"])
     plates, pins = MATERIALS[fit]
     return AskedSolids(
@@ -190,14 +190,14 @@ def solids_in(assembly: Assembly, request: AskedSolids, length_unit: str) -> Sol
     if assembly.status == "blocked" and not request.allow_collisions:
         why = "; ".join(list(dict.fromkeys(assembly.reasons))[:3])
         raise FieldError(
-            "/assembly", f"parts would collide: {why}. `allow_collisions` in `solids` writes them all the same"
+            "/assembly", f"parts would collide: {why}. Set `allow_collisions` in `solids` to write them anyway"
         )
     machine = assembly.machine
     sizes = (machine.hole * unit * scale, (machine.size + machine.width) * unit * scale)
     if not (LEAST_MM <= sizes[0] and sizes[1] <= LARGEST_MM):
         raise FieldError(
             "/length_unit",
-            f"wanted pins of at least {LEAST_MM:g} mm and plates of at most {LARGEST_MM:g} mm, "
+            f"must give pins of at least {LEAST_MM:g} mm and plates of at most {LARGEST_MM:g} mm, "
             f"found {sizes[0]:g} and {sizes[1]:g}",
         )
     materials = Manufacture(

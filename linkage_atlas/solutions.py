@@ -362,7 +362,9 @@ def _judged(passage: defects.Verdict, motion: Motion, linkage: Plain, faults: Se
         shares = motion.tolerances.shares(motion.target, linkage)
         within, worst = bool(np.all(shares <= 1)), int(np.argmax(shares))
         if not within:
-            reasons.append(f"sample {worst + 1} is off by {shares[worst]:.3g} times what is allowed, the most of all")
+            reasons.append(
+                f"sample {worst + 1} is off by {shares[worst]:.3g} times the tolerance, the largest ratio of all samples"
+            )
     shared = shared_positions(motion.target, linkage.driver.turns) if motion.target.found and not within else []
     return verdict_of(passage, within, [*reasons, *faults, *shared], practical=not faults)
 
@@ -445,7 +447,7 @@ def _with_assembly(
     verdict, (candidate, own, limits, _) = solution.verdict, solution.origin
     found: Assembly | None = None
     if not verdict.works:
-        why = ["layers were not looked for: the drive does not carry the linkage through the samples"]
+        why = ["layers were not searched for: the drive does not carry the linkage through the samples"]
     else:
         try:
             request = request.within(limits.envelope, limits.keep_out)
@@ -454,9 +456,9 @@ def _with_assembly(
             )
             why = [] if found.free else [f"layers: {found.reasons[0]}"]
         except FieldError as error:
-            why = [f"layers were not looked for: {error}"]
+            why = [f"layers were not searched for: {error}"]
         except OutOfTime:
-            why = ["layers were not looked for: the time was up"]
+            why = ["layers were not searched for: the time was up"]
     is_buildable = None if found is None else verdict.practical and found.free
     return replace(
         verdict, assembly=found, practical_without_collisions=is_buildable, reasons=(*verdict.reasons, *why)

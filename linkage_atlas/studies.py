@@ -69,7 +69,7 @@ def read_studies(request: Fields, motion: Motion) -> Studies:
         None if values["assembly"] is None else read_assembly(values["assembly"]),
     )
     if studies.assembly is not None and studies.assembly.body and not positions:
-        raise FieldError("/assembly/body", "needs `position`: without it nothing says where the body is")
+        raise FieldError("/assembly/body", "needs `position`, which fixes the position of the body")
     if studies.round_to is not None and studies.lengths_from is not None:
         raise FieldError("/lengths_from", "give either this or `round_to`")
     for name in ("round_to", "lengths_from", "tolerance_study", "drives", "springs", "drive"):
@@ -93,7 +93,7 @@ def check_lengths(studies: Studies, limits: Limits) -> None:
         lengths = multiples(np.maximum(1.0, np.round(low / grid) + np.arange(2.0)), grid).tolist()
     if lengths and np.isnan(given_lengths(limits)).any() and not any(low <= length <= high for length in lengths):
         name = "lengths_from" if grid is None else "round_to"
-        raise FieldError(f"/{name}", f"none of the lengths is within {BETWEEN_LENGTHS}")
+        raise FieldError(f"/{name}", f"must have a length between {BETWEEN_LENGTHS}")
 
 
 def _drives(values: Fields) -> Fields | None:
@@ -110,8 +110,8 @@ def _lengths(lengths: ArrayLike | None) -> tuple[float, ...] | None:
         return None
     stock = column("lengths_from", lengths)
     if stock.ndim != 1 or not 1 <= stock.size <= MOST_STOCK:
-        raise FieldError("/lengths_from", f"wanted 1 to {MOST_STOCK:,} lengths")
+        raise FieldError("/lengths_from", f"must have 1 to {MOST_STOCK:,} lengths")
     for index, length in enumerate(stock):
         if not MIN_LENGTH <= number(f"lengths_from/{index}", length) <= MAX_LENGTH:
-            raise FieldError(f"/lengths_from/{index}", f"wanted a length from {MIN_LENGTH:g} to {MAX_LENGTH:g}")
+            raise FieldError(f"/lengths_from/{index}", f"must be a length from {MIN_LENGTH:g} to {MAX_LENGTH:g}")
     return tuple(stock.tolist())

@@ -48,7 +48,7 @@ def read_columns(text: str) -> dict[str, str]:
     """Read ``x=TX,y=TY,angle=RZ`` as a mapping of fields to heads. Raises `FieldError`."""
     pairs = [part.partition("=") for part in text.split(",") if part.strip()]
     if not pairs or not all(equals and name.strip() and head.strip() for name, equals, head in pairs):
-        raise FieldError("/columns", f"wanted pairs such as x=TX,y=TY,angle=RZ, found {text[:60]!r}")
+        raise FieldError("/columns", f"must be pairs such as x=TX,y=TY,angle=RZ; it is {text[:60]!r}")
     return {name.strip(): head.strip() for name, _, head in pairs}
 
 
@@ -135,7 +135,7 @@ def read_table(
     fields = found | more
     if kind is not FUNCTIONS and len(sheet.rows) > MAX_SAMPLES:
         raise FieldError(
-            "", f"the table has {len(sheet.rows):,} rows, at most {MAX_SAMPLES:,} are allowed: leave out rows between"
+            "", f"the table has {len(sheet.rows):,} rows, but at most {MAX_SAMPLES:,} are allowed; leave out rows"
         )
     if kind is POSES and not fields.keys() & {"crank_angle", "crank_span", "travel", "travel_span"}:
         fields = {"timing": "free"} | fields
@@ -149,18 +149,18 @@ def _poses(reading: Reading) -> dict[str, object]:
     columns, rows = reading.values, reading.sheet.rows
     if "crank_angle" in columns and None in columns["crank_angle"]:
         line = rows[columns["crank_angle"].index(None)].line
-        raise FieldError("", f"line {line}: wanted a number for the crank angle, found an empty cell")
+        raise FieldError("", f"line {line}: the cell is empty; enter a number for the crank angle")
     request: dict[str, object] = {name: columns[name] for name in ("crank_angle", "rotation") if name in columns}
     if "x" in columns:
         pairs = list(zip(columns["x"], columns["y"]))
         if half := [row.line for row, pair in zip(rows, pairs) if (pair[0] is None) != (pair[1] is None)]:
-            raise FieldError("", f"line {half[0]}: wanted both x and y, or neither")
+            raise FieldError("", f"line {half[0]}: give both x and y, or neither")
         request["position"] = [None if None in pair else list(pair) for pair in pairs]
     parts = request.keys() & {"rotation", "position"}
     if not parts:
         heads = ", ".join(f"'{head.text[:20]}'" for head in reading.sheet.heads[:8])
         raise reading.refuse(
-            f"none of the heads {heads} is read as x and y or as angle: wanted {POSES.described}", True
+            f"none of the headings {heads} is recognized as x and y or as angle; give {POSES.described}", True
         )
     _check_plane(reading)
     shares: dict[str, dict[str, list[float]]] = {}
@@ -174,7 +174,7 @@ def _poses(reading: Reading) -> dict[str, object]:
                 f"line {reading.sheet.line}: {name} needs {'a column of angles' if part == 'rotation' else 'x and y'}",
             )
         if what == "tolerance" and None in columns[name]:
-            raise FieldError("", f"line {rows[columns[name].index(None)].line}: wanted a number for {name}")
+            raise FieldError("", f"line {rows[columns[name].index(None)].line}: enter a number for {name}")
         values = [1.0 if value is None else value for value in columns[name]]
         shares.setdefault(f"{what}s", {}).update(dict.fromkeys([part] if part else sorted(parts), values))
     return request | shares
@@ -192,7 +192,8 @@ def _check_plane(reading: Reading) -> None:
     still = [name for name in ("x", "y") if len(set(reading.values[name])) == 1]
     if len(texts) > 1 and still and len(reading.sheet.rows) > 1:
         raise reading.refuse(
-            f"{still[0]} is the same in every row and '{reading.sheet.heads[at].text}' is not: the motion lies in another plane",
+            f"{still[0]} is the same in every row and '{reading.sheet.heads[at].text}' is not, "
+            "so that the motion lies in another plane; name the columns of its plane x and y",
             True,
         )
     if len(texts) > 1:
@@ -204,7 +205,7 @@ def _check_plane(reading: Reading) -> None:
 def _rotations(reading: Reading) -> dict[str, object]:
     """Return rotation and crank angles."""
     if "rotation" not in reading.values:
-        raise reading.refuse("wanted a column of angles with the head angle", True)
+        raise reading.refuse("a column of angles with the heading angle is required", True)
     return dict(reading.values)
 
 
@@ -215,6 +216,6 @@ def _function(reading: Reading) -> dict[str, object]:
         pairs = [list(pair) for pair in zip(columns.pop("x"), columns.pop("y"))]
         return {**columns, "function": {"table": pairs}}
     if "output" not in columns or columns.keys() & {"x", "y"}:
-        raise reading.refuse("wanted columns with the heads input and output, or x and y", True)
+        raise reading.refuse("columns with the headings input and output, or x and y, are required", True)
     units = {role: reading.units[k] for k, role in reading.roles.items()}
     return columns | {f"{role}_unit": "length" for role, unit in units.items() if unit in LENGTH_NAMES}

@@ -190,14 +190,16 @@ def read_task(
     )
     motion, requested_limits, study_arguments = _read_motion(arguments, requested_limits, more)
     if options.effort == "atlas" and motion.free:
-        raise FieldError("/effort", "the atlas holds curves over crank angles: with free ones only 'refine' answers")
+        raise FieldError(
+            "/effort", "must be 'refine' with free crank angles, because the atlas holds curves over crank angles"
+        )
     starts = read_starts(options.start_from, motion.degrees)
     mechanisms = kinds_of(starts) if options.mechanisms is None else options.mechanisms
     kinds = read_kinds(mechanisms, options.driver, motion)
     if not motion.free and motion.target.start is not None:
         _check_start_angle(options, kinds, study_arguments)
     if options.effort == "atlas" and not kinds.only_four_bars:
-        raise FieldError("/effort", "the atlas holds four-bars alone: leave `mechanisms` out")
+        raise FieldError("/effort", "must be 'refine' with `mechanisms`, because the atlas holds only four-bars")
     source, atlas = _source(options)
     watch = work(options.budget)  # the tables are made before the time of a request begins
     limits, studies = read_limits(requested_limits, motion), read_studies(study_arguments, motion)
@@ -242,16 +244,14 @@ def _check_start_angle(options: SearchOptions, kinds: Kinds, studies: Fields) ->
     }
     options_set |= {"mechanisms": None if kinds.only_four_bars else options.mechanisms}
     if foreign := [name for name, value in options_set.items() if value is not None]:
-        raise FieldError(
-            f"/{foreign[0]}", "does not go with `start_angle`: four-bars are searched for a given crank angle"
-        )
+        raise FieldError(f"/{foreign[0]}", "cannot be combined with `start_angle`, which applies only to four-bars")
 
 
 def _check_options(options: SearchOptions) -> None:
     if options.effort not in get_args(Effort):
-        raise FieldError("/effort", f"wanted 'refine' or 'atlas', found {options.effort!r}")
+        raise FieldError("/effort", f"must be 'refine' or 'atlas'; it is {options.effort!r}")
     if options.effort == "atlas" and options.start_from is not None:
-        raise FieldError("/start_from", "a search begins with these linkages, and with effort 'atlas' there is none")
+        raise FieldError("/start_from", "has no effect with effort 'atlas', which does not search")
     check_top(options.top)
     check_above_zero(budget=options.budget)
 
@@ -299,11 +299,11 @@ def _preference(prefer: str | None, motion: Motion, searches: bool, only_error: 
         return "size" if motion.tolerances is not None and searches and positions else "error"
     name: Prefer = one_of("prefer", prefer, PREFER)
     if name != "error" and not searches:
-        raise FieldError("/prefer", "linkages are not searched for here, so that only 'error' has a meaning")
+        raise FieldError("/prefer", "must be 'error', because no linkages are searched for")
     if name == "size" and not positions:
         raise FieldError("/prefer", "'size' needs `position`: only positions fix the size of a linkage")
     if name == "crank_span" and (not motion.free or motion.travel is not None):
-        raise FieldError("/prefer", "the crank angles or the travel are given: all linkages turn alike far")
+        raise FieldError("/prefer", "has no effect, because all linkages have the given crank angles or travel")
     return name
 
 

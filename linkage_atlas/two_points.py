@@ -55,10 +55,10 @@ def poses_of_points(points: ArrayLike, degrees: bool) -> tuple[list[float], list
     """
     rows = column("points", points)
     if rows.ndim != 2 or rows.shape[1] != 4:
-        raise FieldError("/points", "wanted rows [x1, y1, x2, y2] of two points of the body")
+        raise FieldError("/points", "must be rows [x1, y1, x2, y2] of two points of the body")
     if not np.isfinite(rows).all():
         index = int(np.argmin(np.isfinite(rows).all(axis=1)))
-        raise FieldError(f"/points/{index}", "wanted four finite numbers [x1, y1, x2, y2]")
+        raise FieldError(f"/points/{index}", "must be four finite numbers [x1, y1, x2, y2]")
     along = rows[:, 2:] - rows[:, :2]
     note = check_distances(
         [(x, y) for x, y in along.tolist()], lambda index, message: FieldError(f"/points/{index}", message)

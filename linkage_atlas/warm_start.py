@@ -70,9 +70,7 @@ def check_refine_only(refine_only: object, start_from: object) -> bool:
     """Return the flag ``refine_only`` after a check; it needs linkages to start from."""
     checked = flag("refine_only", refine_only)
     if checked and start_from is None:
-        raise FieldError(
-            "/refine_only", "has no effect without `start_from`: give the linkages that are to be refined"
-        )
+        raise FieldError("/refine_only", "has no effect without `start_from`: give the linkages to refine")
     return checked
 
 
@@ -89,9 +87,9 @@ def read_starts(starts: Sequence[StartingLinkage] | None, degrees: bool) -> list
     if starts is None:
         return None
     if not isinstance(starts, Sequence) or isinstance(starts, str):
-        raise FieldError("/start_from", "wanted a list of linkages")
+        raise FieldError("/start_from", "must be a list of linkages")
     if not 1 <= len(starts) <= MAX_STARTS:
-        raise FieldError("/start_from", f"wanted 1 to {MAX_STARTS} linkages, found {len(starts)}")
+        raise FieldError("/start_from", f"must have 1 to {MAX_STARTS} linkages; it has {len(starts)}")
     return [_read(start, degrees, f"start_from/{k}") for k, start in enumerate(starts)]
 
 
@@ -126,20 +124,20 @@ def _read(start: StartingLinkage, degrees: bool, field: str) -> Start:
             except (KeyError, TypeError, ValueError) as error:
                 if isinstance(error, FieldError):
                     raise
-                raise FieldError("", f"wanted {_FORMS}") from None
+                raise FieldError("", f"must be {_FORMS}") from None
         crank, offset = start.get("crank_angle"), start.get("output_offset")
     else:
         found = getattr(start, "linkage", None)
         crank, offset = getattr(start, "crank_angle", None), getattr(start, "output_offset", None)
         if not isinstance(found, Linkage):
-            raise FieldError(f"/{field}", "wanted a linkage, a solution, or the plain values of either")
+            raise FieldError(f"/{field}", "must be a linkage, a solution, or the plain values of either")
         linkage = found
     radian = np.pi / 180 if linkage.degrees else 1.0
     angles = None
     if crank is not None and linkage.plain.is_four_bar:
         angles = column(f"{field}/crank_angle", crank) * radian
     if angles is not None and not np.isfinite(angles).all():
-        raise FieldError(f"/{field}/crank_angle", "wanted finite numbers")
+        raise FieldError(f"/{field}/crank_angle", "must have finite numbers")
     own = None if offset is None else number(f"{field}/output_offset", offset) * radian
     return _checked(linkage, field)._replace(crank=angles, offset=own)
 
@@ -164,7 +162,9 @@ def _check_start(start: Start, motion: Motion) -> None:
         _check_guides(start, samples)
         return
     if motion.free and not linkage.mounted:
-        raise FieldError(f"/{start.field}/mount", "needed, with its coupler point: the crank angles are free")
+        raise FieldError(
+            f"/{start.field}/mount", "is required, with its coupler point, because the crank angles are free"
+        )
     if samples.position is not None and linkage.mounted:
         _check_mount(linkage, samples, start.field)
 
@@ -172,7 +172,7 @@ def _check_start(start: Start, motion: Motion) -> None:
 def _check_guides(start: Start, samples: Samples) -> None:
     """Raise FieldError for a linkage with rails or slots without positions, or out of proportion to them."""
     if samples.position is None:
-        raise FieldError(f"/{start.field}", "has a rail or slot: to continue it the motion needs `position`")
+        raise FieldError(f"/{start.field}", "has a rail or slot, so that the motion needs `position`")
     limit, middle = MAX_RATIO * samples.length_scale, complex(samples.position_mean(samples.position))
     for index, guide in enumerate(start.linkage.guides):
         farthest = max(abs(guide[0] - middle), abs(guide.body_point), getattr(guide, "radius", 0.0))
@@ -189,14 +189,16 @@ def _checked(view: Linkage, field: str) -> Start:
     for name, length in zip(("crank", "coupler", "rocker", "ground"), linkage.links):
         path = f"/{field}/links/{name}"
         if not MIN_LENGTH <= length <= MAX_LENGTH:
-            raise FieldError(path, f"wanted a length from {MIN_LENGTH:g} to {MAX_LENGTH:g}, found {length:g}")
+            raise FieldError(path, f"must be a length from {MIN_LENGTH:g} to {MAX_LENGTH:g}; it is {length:g}")
         if length * MAX_RATIO < max(linkage.links):
-            raise FieldError(path, f"wanted no link more than {MAX_RATIO:g} times another")
+            raise FieldError(
+                path, f"must have links of which none is more than {MAX_RATIO:g} times as long as another"
+            )
     point = linkage.coupler_point_polar
     for name, angles in (("start_angle", linkage.start), ("mount/ground_angle", linkage.ground_angle)):
         number(f"{field}/{name}", angles)
     if point is not None and not (np.isfinite(point).all() and point[0] >= 0):
-        raise FieldError(f"/{field}/mount/coupler_point_polar", "wanted a radius of at least 0 and an angle")
+        raise FieldError(f"/{field}/mount/coupler_point_polar", "must be a radius of at least 0 and an angle")
     turned = replace(linkage, start=linkage.start % TURN, ground_angle=wrap(linkage.ground_angle))
     return Start(turned, field=field)
 
@@ -210,5 +212,5 @@ def _check_mount(linkage: Plain, samples: Samples, field: str) -> None:
         raise FieldError(f"/{field}/mount/pivot_a", message)
     longest, shortest = max(linkage.coupler_point_polar[0], *linkage.links), min(linkage.links)
     if longest > MAX_RATIO * scale or shortest * MAX_RATIO < scale:
-        message = f"wanted lengths within {MAX_RATIO:g} times the motion's extent, either way"
+        message = f"must be lengths that differ from the motion's extent by at most a factor of {MAX_RATIO:g}"
         raise FieldError(f"/{field}/links", message)

@@ -331,13 +331,15 @@ def _reasons_of(
         reasons.append(f"{_named(flags)} lie on different branches")
     if np.any(flags := passed.other_circuit):
         reasons.append(
-            f"{_named(flags)} lie on different circuits: the linkage would have to be taken apart between them"
+            f"{_named(flags)} lie on different circuits: the linkage would have to be disassembled between them"
         )
     if np.all(passed.closes) and np.any(flags := passed.out_of_order & ~passed.other_circuit):
         first = int(np.argmax(flags)) + 1
-        reasons.append(f"a {drive} that {moves} one way does not pass samples {first} and {first + 1} in this order")
+        reasons.append(
+            f"a {drive} that {moves} in one direction does not pass samples {first} and {first + 1} in this order"
+        )
     if passed.no_return:
-        only = f"the {drive} only swings" if turns else f"the {drive} only goes to and fro"
+        only = f"the {drive} only swings" if turns else f"the {drive} only moves back and forth"
         reasons.append(f"{only}: {moving} one way it does not come from the last sample to the first")
     if driver is not None and driver != drive:
         reasons.append(f"only the {driver} can drive the linkage through the samples, not the {drive}")
@@ -391,7 +393,7 @@ def shared_positions(motion: Target, turns: bool = True) -> list[str]:
     what, closeness = (
         ("crank position", "rounding or a whole turn") if turns else ("position of the drive", "rounding")
     )
-    return [f"{_listed(names)} share one {what}, to {closeness}, though they differ"]
+    return [f"{_listed(names)} share one {what}, to {closeness}, alalthough they differ"]
 
 
 def _named(flags: Flags) -> str:
@@ -437,7 +439,7 @@ def practical_faults(
     if linkage.driver is Driver.CYLINDER:
         low, high = linkage.used(0, interval)
         if low * high <= 0:
-            faults.append("the length of its cylinder passes 0 on the way: none can be bought")
+            faults.append("the length of its cylinder passes 0 during the motion, so that no cylinder fits")
     return faults
 
 
@@ -506,6 +508,6 @@ def faults_of(
             faults.append(f"a fixed pivot {max(distances):.3g} extents from the motion's middle, above {reach:.4g}")
     if excursion is not None and excursion > LEAVES_SAMPLES:
         faults.append(
-            f"the body point goes {excursion:.3g} times as far between two samples as they are apart, above {LEAVES_SAMPLES:g}"
+            f"the body point travels {excursion:.3g} times the distance of two samples between them, above {LEAVES_SAMPLES:g}"
         )
     return faults

@@ -34,7 +34,7 @@ SHORTEST = 0.05
 """Shortest length of a link as a fraction of the motion's extent: a tiny link cannot guide a distant body accurately."""
 ROOM = 2.0
 """Lower bound of the largest length and the largest distance of a pivot, as a multiple of a given shortest length."""
-BETWEEN_LENGTHS = "the least and the greatest link length (`limits.link_min`, `limits.link_max`)"
+BETWEEN_LENGTHS = "the smallest and the largest link length (`limits.link_min`, `limits.link_max`)"
 
 
 def in_family(family: str, lengths: Floats) -> Flags:
@@ -146,25 +146,25 @@ class Limits:
 
     def __post_init__(self) -> None:
         if self.family not in FAMILIES:
-            raise FieldError("/limits/family", f"wanted one of {', '.join(FAMILIES)}")
+            raise FieldError("/limits/family", f"must be one of {', '.join(FAMILIES)}")
         for name in of_kind("angle"):
             if not 0 <= getattr(self, name) < np.pi / 2:
-                raise FieldError(f"/limits/{name}", "wanted 0 to less than 90 degrees")
+                raise FieldError(f"/limits/{name}", "must be at least 0 and less than 90 degrees")
         boxes = [(name, getattr(self, name)) for name in of_kind("box")]
         boxes += [(f"keep_out/{k}", box) for k, box in enumerate(self.keep_out)]
         for name, box in boxes:
             if box is not None and not (box[0] <= box[2] and box[1] <= box[3]):
                 raise FieldError(
-                    f"/limits/{name}", "wanted [xmin, ymin, xmax, ymax] with xmin <= xmax and ymin <= ymax"
+                    f"/limits/{name}", "must be [xmin, ymin, xmax, ymax] with xmin <= xmax and ymin <= ymax"
                 )
         lengths = [(name, getattr(self, name)) for name in of_kind("length")]
         lengths += [(f"links/{name}", length) for name, length in zip(LINKS, self.links)]
         for name, value in lengths:
             if value is not None and not value > 0:
-                raise FieldError(f"/limits/{name}", "wanted a length above 0")
+                raise FieldError(f"/limits/{name}", "must be a length above 0")
         for name in of_kind("ratio"):
             if (value := getattr(self, name)) is not None and not value >= 1:
-                raise FieldError(f"/limits/{name}", "wanted a ratio of at least 1")
+                raise FieldError(f"/limits/{name}", "must be a ratio of at least 1")
         self._check_lengths()
         self._check_pivots()
 
@@ -172,11 +172,11 @@ class Limits:
         low, high = self.link_min or 0.0, self.link_max or np.inf
         if low > high:
             raise FieldError(
-                "/limits/link_min", f"{low:g} is above the greatest link length {high:g} (`limits.link_max`)"
+                "/limits/link_min", f"{low:g} is above the largest link length {high:g} (`limits.link_max`)"
             )
         for name, length in zip(LINKS, self.links):
             if length is not None and not low <= length <= high:
-                raise FieldError(f"/limits/links/{name}", f"{length:g} is not within {BETWEEN_LENGTHS}")
+                raise FieldError(f"/limits/links/{name}", f"{length:g} is not between {BETWEEN_LENGTHS}")
         lengths = [length for length in self.links if length is not None]
         if self.link_ratio_max is not None and lengths and max(lengths) > self.link_ratio_max * min(lengths):
             ratio = max(lengths) / min(lengths)
@@ -196,7 +196,7 @@ class Limits:
             if not low <= apart <= high:
                 raise FieldError(
                     "/limits/pivot_b",
-                    f"the given pivots are {apart:.6g} apart, which is not within {BETWEEN_LENGTHS}",
+                    f"the given pivots are {apart:.6g} apart, which is not between {BETWEEN_LENGTHS}",
                 )
         for name, point in (("pivot_a", self.pivot_a), ("pivot_b", self.pivot_b)):
             box = self.box(f"{name}_box")
@@ -224,7 +224,9 @@ class Limits:
     def check_against(self, samples: Samples) -> None:
         """Raise FieldError for a limit that does not apply to these samples or that no linkage can satisfy."""
         if None not in self.links and 2 * max(lengths := [length or 0.0 for length in self.links]) >= sum(lengths):
-            raise FieldError("/limits/links", "the given lengths do not close: one is as long as the others together")
+            raise FieldError(
+                "/limits/links", "the given lengths do not close: a link is at least as long as the others together"
+            )
         for name in PIVOTS if self.rail_box is not None else ():
             rails = self.rail_box_of(name)
             if rails is not None and (rails[0] > rails[2] or rails[1] > rails[3]):
@@ -235,9 +237,9 @@ class Limits:
             return
         for name, form in FORMS.items():
             if form.concerns in ("position", "sliders") and getattr(self, name) not in (None, ()):
-                raise FieldError(f"/limits/{name}", "needs `position`: without it nothing is mounted")
+                raise FieldError(f"/limits/{name}", "needs `position`, which fixes the position of the linkage")
         if self.links[3] not in (None, 1.0):
-            raise FieldError("/limits/links/ground", "without `position` the ground is 1")
+            raise FieldError("/limits/links/ground", "must be 1 without `position`, because the motion has no size")
 
     def mirrored(self) -> Limits:
         """Return the limits for a target that is mirrored in the x axis."""

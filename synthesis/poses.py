@@ -203,14 +203,14 @@ def make_poses(
     if position is None:
         raise FieldError(
             "/position",
-            "needed where the crank angles are free: any rotation within the coupler's swing is met at some crank angle",
+            "is required with free crank angles, because rotations do not determine the linkage",
         )
     part, _ = read_samples(
         rotation, position, length_scale, rotation_weights, position_weights, min_samples=MIN_POSES
     )
     if span_max is not None and not MIN_SPAN <= span_max <= TURN * (1 + 1e-12):
         low, high = np.rad2deg([MIN_SPAN, TURN])
-        raise FieldError("/crank_span_max", f"wanted {low:g} to {high:g} degrees, found {np.rad2deg(span_max):g}")
+        raise FieldError("/crank_span_max", f"must be {low:g} to {high:g} degrees; it is {np.rad2deg(span_max):g}")
     options: dict[str, Any] = {
         "ordered": ordered,
         "closed": closed,

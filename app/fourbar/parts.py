@@ -126,13 +126,13 @@ class GivenLinkage(_ReplyPart):
             return la.Linkage.from_dict({"joints": self.joints.model_dump()}, degrees)
         if self.links is None and self.guides is None:
             raise la.FieldError(
-                "/links", "needed, or `joints`, or two `guides` with their `driver`, `branch` and `start`"
+                "/links", "is required; or give `joints`, or two `guides` with `driver`, `branch` and `start`"
             )
         if self.links is None:
             return la.Linkage.from_dict(self.model_dump(exclude_none=True), degrees)
         for name in ("branch", "start_angle"):
             if getattr(self, name) is None:
-                raise la.FieldError(f"/{name}", "needed beside `links`")
+                raise la.FieldError(f"/{name}", "is required beside `links`")
         return la.Linkage.from_dict(self.model_dump(), degrees)
 
 

@@ -125,6 +125,6 @@ export function verdictOf(solution, motion, { places, turns, linkage }) {
     within_tolerance: allowed.flat().some(Number.isFinite) ? keeps : null,
     practical_without_collisions: practical,
     practical,
-    reasons: [...new Set(broken)].map((name) => `${limitName(name)} is not kept`),
+    reasons: [...new Set(broken)].map((name) => `${limitName(name)} is violated`),
   };
 }

@@ -86,7 +86,7 @@ export class Draft {
     if (!this.kept) return;
     $("draft-open").hidden = this.shown;
     $("draft-text").textContent = this.shown
-      ? `Draft, kept in this browser (${this.date}).`
-      : `A draft of ${this.date} is kept in this browser; it is replaced once you change what is shown here.`;
+      ? `Draft, stored in this browser (${this.date}).`
+      : `A draft of ${this.date} is stored in this browser. Your next change replaces it.`;
   }
 }

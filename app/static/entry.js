@@ -47,7 +47,7 @@ function motionOf(joints, unit) {
   if (!begun) throw new Error("Two joints coincide there: each link needs a length.");
   const { turnsFully } = new Linkage(begun),
     [low, high] = turnsFully ? [0, 360 - STEP] : swing(new Linkage(begun));
-  if (high - low < 1) throw new Error("The crank can hardly turn from there: enter another position.");
+  if (high - low < 1) throw new Error("The crank can turn by less than a degree from there. Enter another position.");
   const solution = { ...begun, start_angle: begun.start_angle + low },
     linkage = new Linkage(solution),
     count = turnsFully ? 360 / STEP : SAMPLES + 1,

@@ -19,7 +19,7 @@ function worstOf(list) {
 
 /**
  * A solution's linkage and, for each pose of the motion, joints `at`, `places` (distance from the wanted place) and
- * `turns` (degrees got minus wanted), null where nothing is wanted or the loop is open; `worst` has the largest of
+ * `turns` (degrees actual minus required), null where nothing is wanted or the loop is open; `worst` has the largest of
  * each.
  */
 export function fitOf(solution, motion) {

@@ -42,12 +42,12 @@ function number(entered, schema) {
   const found = typed(entered);
   if (!Number.isFinite(found)) throw new Error(unreadable(entered));
   if (schema.type === "integer" && !Number.isInteger(found))
-    throw new Error(`a whole number is wanted, found ${entered}`);
+    throw new Error(`must be a whole number; it is ${entered}`);
   const { minimum = -Infinity, maximum = Infinity, exclusiveMinimum = -Infinity, exclusiveMaximum = Infinity } = schema,
     told = range(schema) || `${minimum} to ${maximum}`,
     above = /^[>≥][^,]*$/.test(told) ? `≤ ${maximum}` : told;
-  if (found < minimum || found <= exclusiveMinimum) throw new Error(`${told} is wanted, found ${entered}`);
-  if (found > maximum || found >= exclusiveMaximum) throw new Error(`${above} is wanted, found ${entered}`);
+  if (found < minimum || found <= exclusiveMinimum) throw new Error(`must be ${told}; it is ${entered}`);
+  if (found > maximum || found >= exclusiveMaximum) throw new Error(`must be ${above}; it is ${entered}`);
   return found;
 }
 
@@ -286,7 +286,7 @@ class Fields {
       if (found.every((part) => part === undefined)) return undefined;
       if (items.nullable) return found.map((part, k) => (part === undefined ? (defaults[k] ?? null) : part));
       if (missing < 0) return found;
-      this.mark(`${at}/${missing}`, "wanted with the others");
+      this.mark(`${at}/${missing}`, "is required with the others");
       throw new Error(`${title}: ${names[missing]} is missing.`);
     };
   }

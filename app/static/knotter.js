@@ -259,7 +259,7 @@ function needle({ reply, request }, { facts: figures }) {
     ["largest L", reply.clearance_max, "mm"],
     ["at alpha2", reply.clearance_max_angle, unit],
     ["d5 that eq 5 wants", reply.d5, "mm"],
-    ["alpha2 for the d5 asked for", reply.alpha2_for_d5, unit],
+    ["alpha2 for the requested d5", reply.alpha2_for_d5, unit],
   ]);
 }
 

@@ -208,8 +208,8 @@ export function lawCurves({ output }, sense, unit) {
     named = signs[1] ? (isRocker ? "degrees of the rocker" : "degrees") : unit;
   const scaled = unitOfY && error.map((value) => value * unitOfY),
     curves = [
-      { title: `Error (got minus wanted) in ${named}`, ...over(input, error) },
-      scaled && { title: "Error (got minus wanted) in units of y", ...over(input, scaled) },
+      { title: `Error (actual minus required) in ${named}`, ...over(input, error) },
+      scaled && { title: "Error (actual minus required) in units of y", ...over(input, scaled) },
       { title: `Wanted output in ${named}`, ...over(samples.input, samples.output) },
     ];
   return curves.filter(Boolean);

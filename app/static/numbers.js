@@ -12,10 +12,10 @@ import { judged, limitName, reasons } from "./verdict.js";
 const DIGITS = 4; // of numbers that are shown; their titles and copies have more
 const ILL_POSED =
   "Clearly different linkages make this motion about equally well: the motion does not determine the link lengths.";
-const BY_HAND = "Changed by hand: its errors are computed in this page, and nothing is judged.";
+const BY_HAND = "Changed by hand: this page computes its errors, and there is no verdict.";
 const FROM_THERE =
-  " The service can refine it to the nearest optimum from just there, " +
-  "or search anew with both pivots near where you put them.";
+  " The service can refine it to the nearest optimum from this position, " +
+  "or search again with both pivots near their present positions.";
 
 /** Rows [name, value] of a solution, its lengths and angles with `digits` digits. */
 export function numberRows(solution, { motion, size }, digits = DIGITS) {

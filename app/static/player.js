@@ -283,9 +283,10 @@ export class Player {
       degrees = { degreesY: true, height: 160 },
       zero = { values: over(() => 0), colour: "line" };
     if (turns) rotation.push(dots(wanted, "pose"));
-    add(`Rotation of the ${turns ? "body, degrees (dots: wanted)" : "coupler, degrees"}`, rotation, degrees);
+    add(`Rotation of the ${turns ? "body, degrees (dots: required)" : "coupler, degrees"}`, rotation, degrees);
     if (worst.place !== null) add(`Position error at the ${item}s, ${unit}`, [dots((k) => places[k], "bad"), zero]);
-    if (turns) add(`Rotation error (got minus wanted) at the ${item}s, degrees`, [dots((k) => miss[k], "bad"), zero]);
+    if (turns)
+      add(`Rotation error (actual minus required) at the ${item}s, degrees`, [dots((k) => miss[k], "bad"), zero]);
 
     const transmission = [{ values: over((j) => j.transmission / RAD), colour: "path" }],
       least = limits.kept.use ? (limits.transmission ?? PRESET.use) : null,

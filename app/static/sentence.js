@@ -46,24 +46,24 @@ export function sentenceOf({ reply, request, motion, stored, live, seconds }, se
   if (live) {
     const source = selected.source === "moved" ? "Moved with the motion" : "Found beside the one that was moved",
       better = solutions.some((one) => one.better) && !selected.better;
-    return `${source}: ${nearness(selected)}.${better ? " A better linkage was found: see the cards." : ""}`;
+    return `${source}: ${nearness(selected)}.${better ? " A better linkage was found; see the cards." : ""}`;
   }
   const reached = status === "reached",
     held = best.determination?.active_limits ?? [],
     limits = new Intl.ListFormat("en-GB").format(held.map(limitName)),
     limited = held.length && !reached ? `, limited by ${limits}` : "",
     within = reached && request.tolerances && `Within the allowed errors at every ${item}`,
-    kept = within || (!request.tolerances && request.prefer && "Near the least error"),
+    kept = within || (!request.tolerances && request.prefer && "Near the smallest error"),
     first = FIRST[preferred(request)],
     rounded = roundedText(best, report.length_scale, ` ${motion.unit}`);
   const parts = [
     `${kept && first ? `${kept}, ${first}` : kept || "Best found"}: ${nearness(best)}${limited}.`,
     rounded && `With rounded links: ${rounded}.`,
-    report.stopped_by === "budget" && !stored && `The time was up after ${time}: there may be better ones.`,
+    report.stopped_by === "budget" && !stored && `The time was up after ${time}; there may be better linkages.`,
     stored && "Searched beforehand.",
     ...plain(report.notes.filter(matters)),
-    request.tolerances && !reached && `The allowed errors are not kept at every ${item}.`,
-    defects(best.verdict).length && "But none is free of defects: see the verdicts.",
+    request.tolerances && !reached && `The errors exceed the tolerances at some ${item}s.`,
+    defects(best.verdict).length && "But none of them is free of defects; see the verdicts.",
   ];
   return parts.filter(Boolean).join(" ");
 }

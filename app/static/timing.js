@@ -56,7 +56,7 @@ export function marksWithin({ angles, sense, turns }, low, high) {
   });
 }
 
-/** The error of an angle in degrees, got minus wanted; with free crank angles whole turns do not count. */
+/** The error of an angle in degrees, actual minus required; with free crank angles whole turns do not count. */
 export function angleError(motion, wanted, got) {
   const gap = got - wanted;
   return motion.timing === "free" ? gap - TURN * Math.round(gap / TURN) : gap;

@@ -137,7 +137,7 @@ class Mounted:
         bad = arm * found.arm[0] <= 0
         if bad.any():
             at = task.operation.words(task.fine.at[int(np.argmax(bad))])
-            reason = f"dead point at {at} of the best placement, between the positions looked at"
+            reason = f"dead point at {at} of the best placement, between the positions of the search"
             task.findings.refuse(kind, self.link, reason)
         return bool(bad.any())
 
@@ -194,9 +194,7 @@ def _of_given_ends(task: DriveTask, request: ActuatorRequest, name: str, ground:
     if is_dead.any():
         k = int(np.argmax(is_dead))
         at = task.operation.words(task.fine.at[k])
-        task.findings.refuse(
-            "actuator", name, f"dead point at {at}: its length turns back there, at {lengths[k]:.6g}"
-        )
+        task.findings.refuse("actuator", name, f"its length reverses at a dead point at {at}, at {lengths[k]:.6g}")
         return
     low, high = sorted(both_ends(placement.length))
     used = Actuator(low, high - low)
@@ -206,7 +204,9 @@ def _of_given_ends(task: DriveTask, request: ActuatorRequest, name: str, ground:
     retracted = low if request.retracted is None else request.retracted
     stroke = high - retracted if request.stroke is None else request.stroke
     if not _covers(Actuator(retracted, stroke), used):
-        words = f"its length goes from {low:.6g} to {high:.6g}, beyond an actuator of {retracted:.6g} + {stroke:.6g}"
+        words = (
+            f"its length ranges from {low:.6g} to {high:.6g}, beyond an actuator of {retracted:.6g} + {stroke:.6g}"
+        )
         task.findings.refuse("actuator", name, words)
         return
     _add(task, request, name, question, placement, Actuator(retracted, stroke), None, 0)
@@ -302,7 +302,7 @@ def _add(
     rod = request.rod if row is None else request.rods.get(row.name, request.rod)
     loads = mounted.loads()
     if row is not None and task.loaded and (loads.push > row.push or loads.pull > row.pull):
-        reason = f"needs a force of {loads.peak:.4g} between the positions looked at"
+        reason = f"needs a force of {loads.peak:.4g} between the positions of the search"
         task.findings.refuse("actuator", name, reason, row.name)
         return
     ground, pin = mounted.ends(task.machine)
@@ -316,10 +316,10 @@ def _add(
         **mounted.fields(loads),
         base_link=request.base_link,
         count=request.count,
-        stops="none: the ends of its stroke are the ends of the motion"
+        stops="none, because the ends of its stroke are the ends of the motion"
         if is_whole
-        else "two stops or position control: its stroke is longer than the motion",
-        holds="a spindle does, a cylinder with its valves shut",
+        else "two stops, or position control, because its stroke is longer than the motion",
+        holds="a spindle does, and a cylinder with closed valves",
         name=None if row is None else row.name,
         price=None if row is None else row.price,
         retracted=sizes.retracted,
@@ -362,16 +362,16 @@ def reason_of(
             low, high = refused.between or (0, 1)
             where = operation.poses_around(*question.at[[low, high]])
             at = operation.words(refused.needed)
-            return f"{subject}: even the best place that was found has a dead point {where}at {at}"
+            return f"{subject}: even the best position has a dead point {where}at {at}"
         case "arm":
-            return f"{subject}: the largest least arm found is {refused.needed:.4g}; arm_min is {limits.arm:.4g}"
+            return f"{subject}: the largest minimum moment arm is {refused.needed:.4g}; arm_min is {limits.arm:.4g}"
         case "knee":
             at = operation.words(refused.needed)
-            return f"the handle of the best knee turns back at {at}, whichever way it bends"
+            return f"the handle of the best knee reverses at {at} in both directions of bending"
     if refused.needed > 0 and not is_stroke_free:
         longest = max(stroke - refused.needed, 0.0)
-        return f"{subject} is longer than any pin of the link goes from a point of ground_box: at most {longest:.4g}"
-    return f"{subject} from {sizes.retracted:.6g} on fits no point of ground_box: no pin is so near, or so far, at both ends"
+        return f"{subject} is longer than the travel of any pin of the link from a point of ground_box, at most {longest:.4g}"
+    return f"{subject} from {sizes.retracted:.6g} fits no point of ground_box: no pin has this distance at both ends"
 
 
 def _none_fits(task: DriveTask, name: str, question: PlacementSearch, unfit: list[UnfitRow]) -> None:
@@ -391,4 +391,4 @@ def _none_fits(task: DriveTask, name: str, question: PlacementSearch, unfit: lis
 
 def _count_unfit(unfit: list[UnfitRow]) -> str:
     weak = sum(isinstance(row.why, float) for row in unfit)
-    return f"{weak} rows of the catalogue are too weak and {len(unfit) - weak} find no place"
+    return f"{weak} rows of the catalogue are too weak and {len(unfit) - weak} do not fit"

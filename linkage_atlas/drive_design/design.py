@@ -122,7 +122,9 @@ def drives(
         length_unit = next((unit for source in (motion, linkage) if (unit := _unit_of(source))), "mm")
     if rocker is not None:
         if any(source is not None for source in (linkage, motion, crank_angle)):
-            raise FieldError("/rocker", "stands for a linkage and its way: give either these or this")
+            raise FieldError(
+                "/rocker", "replaces a linkage and its motion; give either `rocker`, or `linkage` with its motion"
+            )
         operation = Operation.of_rocker(rocker, radians_in(degrees))
     else:
         operation = Operation.of_given(linkage, motion, crank_angle, degrees)
@@ -134,7 +136,7 @@ def drives(
     check_sizes(question, operation.machine.extent)
     found = _answer(operation, question, top, watch)
     if not question.load.speed and any(isinstance(mass, Mapping) and mass.get("inertia") for mass in own):
-        found.notes.append("load.masses: inertia counts at a speed alone, and load.speed gives none")
+        found.notes.append("load.masses: inertia has an effect only at a speed; set load.speed")
     return found
 
 
@@ -161,7 +163,7 @@ def _answer(operation: Operation, question: DriveQuestion, max_results: int, wor
         drive for kind in REPLY_ORDER for drive in [drive for drive in ranked if drive.kind == kind][:max_results]
     ]
     if work.expired():
-        findings.notes.append("the time was up: not every place was looked at")
+        findings.notes.append("the time was up before every position was examined")
     return Drives(best, findings.refused, findings.springs, task.torque_curve, findings.notes, operation.machine)
 
 

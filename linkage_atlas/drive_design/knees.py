@@ -47,7 +47,7 @@ def _add(task: DriveTask, request: ToggleRequest, name: str, found: Knee) -> Non
         task.if_loaded(float(np.abs(found.handle_torque).max())),
         task.if_loaded(found.holds),
     )
-    words = "with its knee on the stop" if found.holds else "not: the load pulls its knee straight"
+    words = "holds with its knee on the stop" if found.holds else "does not hold: the load pulls its knee straight"
     drive = ToggleDrive(
         **mounted.fields(loads),
         stops="a stop for the joint of handle and strut beyond the dead centre",

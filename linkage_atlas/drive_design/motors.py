@@ -40,7 +40,9 @@ def find_motors(task: DriveTask, request: MotorRequest) -> None:
         link = task.fine.links[name]
         cycle = evaluate_motor(link, task.fine_torque, found.motor, found.pin, found.crank, found.rod, found.extends)
         if cycle is None:
-            task.findings.refuse("dyad", name, "the best motor's rod turns back between the positions looked at")
+            task.findings.refuse(
+                "dyad", name, "the rod of the best motor reverses between the positions of the search"
+            )
             continue
         words = "the best transmission angle is"
         if not task.too_flat("dyad", name, words, cycle.transmission_angle_min, request.transmission_angle_min):
@@ -55,9 +57,7 @@ def _placed(task: DriveTask, request: MotorRequest, name: str) -> MotorCycle | s
         first, last = np.abs(link.position(pin) - request.motor)[[0, -1]].tolist()
         crank, rod = abs(last - first) / 2, (first + last) / 2
         found = evaluate_motor(link, task.torque, request.motor, pin, crank, rod, last > first)
-        return (
-            found or "the distance from the motor to the pin does not grow or shrink all the way: it has a dead point"
-        )
+        return found or "the distance from the motor to the pin reverses: it has a dead point"
     if link.pivot is None:
         box = request.motor_box or task.box
         return place_motor(link, machine.at, task.torque, ratio, request.pin_radius or reach, box, task.work)
@@ -78,7 +78,7 @@ def _add(task: DriveTask, name: str, cycle: MotorCycle) -> None:
     drive = MotorDrive(
         link=name,
         swing=task.swing(name),
-        stops="none: the linkage is at rest when the motor passes either end",
+        stops="none, because the linkage is at rest when the motor passes either end",
         holds="near its dead centres",
         motor=xy(cycle.motor),
         pin=xy(pin[0]),

@@ -51,9 +51,9 @@ class Operation(NamedTuple):
         ends, four_bar = ends_of(travel), linkage.is_four_bar
         if not abs(ends.last - ends.first) > (1e-6 if four_bar else 0.0):
             field, words = ("crank_angle", "crank angle") if four_bar else ("travel", "place of the drive")
-            raise FieldError(f"/{field}", f"the way has no length: its first and last {words} are the same")
+            raise FieldError(f"/{field}", f"has no range: its first and last {words} are the same")
         if not four_bar and not linkage.closes_over(ends.after(linkage.start)):
-            raise FieldError("/linkage", "does not close over its way")
+            raise FieldError("/linkage", "does not close over the whole motion; give a smaller range")
         coarse, fine = (motions_of(linkage, ends, count) for count in (SAMPLES, FINE))
         view = Linkage.of(linkage, radian, target, length_unit)
         operation = cls(lambda at: motions_at(linkage, at), coarse, fine, radian, travel, view)
@@ -71,23 +71,26 @@ class Operation(NamedTuple):
             name = "crank_angle" if view.plain.is_four_bar else "travel"
             angles = np.asarray(column(f"linkage/{name}", own))
         if view.has_motor:
-            raise FieldError("/linkage", "wanted a four-bar or a body on guides: this one has a motor already")
+            raise FieldError("/linkage", "must be a linkage without a motor; this linkage has a motor already")
         radian, target, four_bar = radians_in(view.degrees), None, view.plain.is_four_bar
         if motion is not None:
             if motion.free and angles is None and view.plain.driver.turns:
                 angles = _crank_angles(view, motion)
             if motion.free and angles is None and motion.travel is None:
-                raise FieldError("/linkage/travel", "needed: the motion's timing is free")
+                raise FieldError(
+                    "/linkage/travel",
+                    "is required, because the timing of the motion is free; pass the solution of a reply, which has it",
+                )
             target = view.target_of(motion, angles)
             travel = target.way
         elif angles is not None:
             if four_bar and (angles.size < 2 or not np.all(np.isfinite(angles))):
-                raise FieldError("/crank_angle", "wanted two finite crank angles or more")
+                raise FieldError("/crank_angle", "must have at least two finite crank angles")
             travel = angles * view._unit
         elif view.motion_travel is not None:
             travel, target = view.motion_travel, view._motion
         else:
-            raise FieldError("/crank_angle", "needed: this linkage answers no motion that would say its way")
+            raise FieldError("/crank_angle", "is required, because this linkage has no motion that defines its range")
         return cls.of(view.plain, travel, radian, target, view.length_unit)
 
     @classmethod
@@ -98,10 +101,10 @@ class Operation(NamedTuple):
         values |= {name: value for name, value in rocker.items() if value is not None}
         swing = number("rocker/swing", values.get("swing")) * radian
         if not 1e-3 <= abs(swing) < np.pi:
-            raise FieldError("/rocker/swing", "wanted an angle of less than half a turn, and not of nothing")
+            raise FieldError("/rocker/swing", "must be an angle other than 0, of less than half a turn")
         length = number("rocker/length", values["length"])
         if not 0 < length <= MAX_LENGTH:
-            raise FieldError("/rocker/length", "wanted a length above 0")
+            raise FieldError("/rocker/length", "must be a length above 0")
         pivot = pair("rocker/pivot", values["pivot"], MAX_LENGTH)
         start = number("rocker/start", values["start"]) * radian
 
@@ -118,7 +121,7 @@ class Operation(NamedTuple):
         distance = max(float(np.abs(link.origin).max()) for link in self.machine.links.values())
         if distance > SIZE_RATIO * self.machine.extent:
             raise FieldError(
-                "/linkage", f"lies farther than {SIZE_RATIO:g} times its size from the origin: move the origin"
+                "/linkage", f"lies farther than {SIZE_RATIO:g} times its size from the origin; move the origin"
             )
         for link in self.fine.links.values():
             bad = ~np.isfinite(link.rate)
@@ -163,7 +166,7 @@ class Operation(NamedTuple):
         from linkage_atlas.solids import masses_of_parts
 
         if self.view is None:
-            raise FieldError("/load/parts", "a link on a hinge has no parts: give its masses")
+            raise FieldError("/load/parts", "a link on a hinge has no parts; give its masses")
         weights = masses_of_parts(self.view.plain, ends_of(self.samples), length_unit)
         return [weight._asdict() for weight in weights]
 
@@ -174,5 +177,8 @@ def _crank_angles(view: Linkage, motion: Motion) -> Floats:
     if isinstance(samples, Poses) and samples.requested is None and view.plain.is_four_bar and view.plain.mounted:
         found = crank_angles_at(samples, view.plain)
     if found is None:
-        raise FieldError("/linkage/crank_angle", "needed: the motion's crank angles are free")
+        raise FieldError(
+            "/linkage/crank_angle",
+            "is required, because the crank angles of the motion are free; pass the solution of a reply, which has them",
+        )
     return found / view._unit

@@ -246,7 +246,9 @@ class Reader:
             middles=machine.middles,
         )
         if parts:
-            raise FieldError("/load/parts", "for one linkage only: /v2/drives, or `linkage_atlas.drives`")
+            raise FieldError(
+                "/load/parts", "is available for a single linkage only: use /v2/drives, or `linkage_atlas.drives`"
+            )
         speed = bounded("load/speed", load_fields.get("speed") or 0.0) * (self.radian if machine.turns else 1.0)
         return load._replace(speed=speed, metre=self.millimetres / 1000, forces=acting)
 
@@ -273,7 +275,7 @@ class Reader:
                 request = build(MotorRequest, self._fields(at, entry, MotorRequest, links))
                 if not 1 / MAX_TIME_RATIO <= (request.time_ratio or 1.0) <= MAX_TIME_RATIO:
                     raise FieldError(
-                        f"/{at}/time_ratio", f"wanted a ratio from {1 / MAX_TIME_RATIO:g} to {MAX_TIME_RATIO:g}"
+                        f"/{at}/time_ratio", f"must be a ratio from {1 / MAX_TIME_RATIO:g} to {MAX_TIME_RATIO:g}"
                     )
                 searched = ("motor_box", "time_ratio", "pin_radius", "reach_max")
                 _check_given_ends(at, request, "motor", searched)
@@ -287,9 +289,11 @@ class Reader:
         if request.locked_at not in ("first", "last"):
             raise FieldError(f"/{at}/locked_at", f"must be 'first' or 'last'; it is {request.locked_at!r}")
         if request.over_centre > np.pi / 3:
-            raise FieldError(f"/{at}/over_centre", "wanted at most 60 degrees")
+            raise FieldError(f"/{at}/over_centre", "must be at most 60 degrees")
         if not 0.1 <= request.knee <= 0.9:
-            raise FieldError(f"/{at}/knee", "wanted the handle's part of both links, from 0.1 to 0.9")
+            raise FieldError(
+                f"/{at}/knee", "must be from 0.1 to 0.9, the fraction of the handle in the length of handle and strut"
+            )
         return request
 
     def _actuator(self, at: str, values: Fields) -> ActuatorRequest:
@@ -306,7 +310,7 @@ class Reader:
         searched = ("ground_box", "pin_box", "reach_max", "dead_length", "extends", "arm_min")
         _check_given_ends(at, request, "ground_point", searched)
         if not isinstance(request.extends, (bool, type(None))):
-            raise FieldError(f"/{at}/extends", "wanted true or false")
+            raise FieldError(f"/{at}/extends", "must be true or false")
         if request.catalogue is not None:
             for name in ("retracted", "stroke", "dead_length"):
                 if name in values:
@@ -315,7 +319,10 @@ class Reader:
             rows, rods = read_actuators(f"{at}/catalogue", request.catalogue, self.millimetres, pressure)
             return replace(request, rows=rows, rods=rods)
         if request.pressure is not None:
-            raise FieldError(f"/{at}/pressure", "of a catalogue with bores; there is none")
+            raise FieldError(
+                f"/{at}/pressure",
+                "applies only to a catalogue with bores; give such a catalogue, or remove this field",
+            )
         return request
 
     def spring(self, at: str, entry: object) -> SpringRequest:
@@ -326,14 +333,14 @@ class Reader:
         if "between" in values:
             both = sequence(values["between"])
             if len(both) != 2 or both[0] == both[1] or any(name not in names for name in both):
-                raise FieldError(f"/{at}/between", f"wanted two different ones of {', '.join(names)}")
+                raise FieldError(f"/{at}/between", f"must be two different links of {', '.join(names)}")
             values["between"] = (both[1], both[0]) if both[1] == GROUND else (both[0], both[1])
         is_real = kind != "tension" or "catalogue" in values
         for name in ("holds", "hand_force_max", "target"):
             if name in values and not is_real:
                 raise FieldError(
                     f"/{at}/{name}",
-                    "needs springs of a `catalogue`: ideal springs balance the load at every position, so that it stays anywhere",
+                    "needs springs of a `catalogue`: with ideal springs the linkage stays at every position",
                 )
         if "holds" in values:
             values["holds"] = self._holding(f"{at}/holds", values["holds"])
@@ -345,7 +352,9 @@ class Reader:
         if kind == "torsion":
             for name in ("ground_box", "reach_max", "pivot_distance_min"):
                 if name in values:
-                    raise FieldError(f"/{at}/{name}", "of springs with two ends; a torsion spring sits in a joint")
+                    raise FieldError(
+                        f"/{at}/{name}", "applies only to springs with two ends; a torsion spring sits in a joint"
+                    )
             values["torsion_rows"] = read_torsion_springs(
                 catalogue, values.get("catalogue"), self.millimetres, self.radian
             )
@@ -353,12 +362,14 @@ class Reader:
             values["rows"] = read_springs(catalogue, values.get("catalogue"), kind, self.millimetres)
         if is_real:
             if "stiffness" in values:
-                raise FieldError(f"/{at}/stiffness", "of ideal springs, which need no catalogue")
+                raise FieldError(
+                    f"/{at}/stiffness", "applies only to ideal springs; remove this field or the catalogue"
+                )
         return build(SpringRequest, {"kind": kind, **values})
 
     def _check_hand(self, at: str) -> None:
         if self.machine.body is None:
-            raise FieldError(f"/{at}", "needs `position`: without it there is no body for a hand to move")
+            raise FieldError(f"/{at}", "needs `position`, because the hand moves the body")
 
     def _holding(self, at: str, entry: object) -> Holding:
         entry, force = known_fields(at, entry, Holding._fields), None
@@ -372,14 +383,14 @@ class Reader:
         entry = known_fields(at, entry, ("torque", "hand_force"))
         names = [name for name in ("torque", "hand_force") if entry.get(name) is not None]
         if len(names) != 1:
-            raise FieldError(f"/{at}", "wanted either `torque` or `hand_force`")
+            raise FieldError(f"/{at}", "give either `torque` or `hand_force`")
         (name,) = names
         if name == "hand_force":
             self._check_hand(f"{at}/hand_force")
         values = np.atleast_1d(column(f"{at}/{name}", entry[name]))
         if values.ndim != 1 or not 2 <= values.size <= MAX_TARGET_VALUES or not np.all(np.abs(values) <= LARGEST):
             raise FieldError(
-                f"/{at}/{name}", f"wanted 2 to {MAX_TARGET_VALUES} finite numbers, at even steps of the motion"
+                f"/{at}/{name}", f"must have 2 to {MAX_TARGET_VALUES} finite numbers, at even steps of the motion"
             )
         return TargetCurve("torque" if name == "torque" else "hand_force", values)
 
@@ -426,17 +437,18 @@ def _check_given_ends(at: str, request: ActuatorRequest | MotorRequest, end: str
         missing = "pin" if is_given else end
         boxes = [name for name in searched if name.endswith("_box")]
         raise FieldError(
-            f"/{at}/{missing}", f"needed beside the other end; a search uses {' and '.join(boxes)} instead"
+            f"/{at}/{missing}",
+            f"is required beside the other end; to search for both ends, use {' and '.join(boxes)} instead",
         )
     if not is_given:
         return
     if request.pin is not None and request.pin_on_link is not None:
         raise FieldError(f"/{at}/pin", "give either this or `pin_on_link`")
     if len(request.links) != 1:
-        raise FieldError(f"/{at}/links", "wanted the link that carries the given pin")
+        raise FieldError(f"/{at}/links", "must name the link that carries the given pin")
     for name in searched:
         if getattr(request, name) is not None:
-            raise FieldError(f"/{at}/{name}", "is for a search; here both ends are given")
+            raise FieldError(f"/{at}/{name}", "applies only to a search, but both ends are given; remove this field")
 
 
 def check_sizes(question: DriveQuestion, extent: float) -> None:
@@ -460,7 +472,7 @@ def check_sizes(question: DriveQuestion, extent: float) -> None:
             value, at = getattr(entry, item.name), f"/{group}/{k}/{item.name}"
             size = f"{SIZE_RATIO:g} times the linkage's size"
             if item.name in lengths and value and not extent / SIZE_RATIO <= value <= extent * SIZE_RATIO:
-                raise FieldError(at, f"wanted a length within {size} of {extent:.4g}, either way")
+                raise FieldError(at, f"must be a length between {extent:.4g} / {size} and {extent:.4g} * {size}")
             if (
                 item.name in ("ground_box", "motor_box", "pin_box")
                 and value
@@ -475,7 +487,7 @@ def _list(name: str, value: object, max_entries: int) -> Sequence[Fields]:
     """Return the entries of a list; an entry that is no mapping is refused where its kind is read."""
     entries = () if value is None else value
     if not isinstance(entries, Sequence) or isinstance(entries, str) or len(entries) > max_entries:
-        raise FieldError(f"/{name}", f"wanted a list of at most {max_entries}")
+        raise FieldError(f"/{name}", f"must be a list of at most {max_entries}")
     return entries
 
 
@@ -483,5 +495,5 @@ def _links(at: str, value: object, names: Sequence[str]) -> list[str]:
     if value is None:
         return list(names)
     if not (items := sequence(value)):
-        raise FieldError(f"/{at}", f"wanted a list of some of {', '.join(names)}")
+        raise FieldError(f"/{at}", f"must be a list of names from {', '.join(names)}")
     return list(dict.fromkeys(one_of(f"{at}/{k}", name, names) for k, name in enumerate(items)))

@@ -22,7 +22,7 @@ def find_rotary(task: DriveTask, request: RotaryRequest) -> None:
             k = int(np.argmax(rates * rates[0] <= 0))
             at = operation.words(task.fine.at[k])
             where = operation.poses_around(*task.fine.at[[max(k - 1, 0), k]])
-            findings.refuse("rotary", name, f"dead point {where}at {at}: the {name} turns back there")
+            findings.refuse("rotary", name, f"the {name} reverses at a dead point {where}at {at}")
             continue
         angle = _transmission_angle(task, name)
         words = "its transmission angle falls to"

@@ -120,18 +120,18 @@ class SixBarLinkage(Linkage):
     ) -> None:
         base, own = given_linkage(linkage, degrees)
         if base.has_motor:
-            raise FieldError("/linkage", "wanted a four-bar or a body on guides: this one has a motor already")
+            raise FieldError("/linkage", "must be a linkage without a motor; this linkage has a motor already")
         own = own if crank_angle is None else crank_angle
         if own is not None:
             travel = np.atleast_1d(column("crank_angle", own)) * base._unit
         elif base.motion_travel is not None:
             travel = base.motion_travel
         else:
-            raise FieldError("/crank_angle", "needed: this linkage answers no motion that would say its way")
+            raise FieldError("/crank_angle", "is required, because this linkage has no motion that defines its range")
         kind = drive.get("kind") if isinstance(drive, Mapping) else getattr(drive, "kind", None)
         if kind != "dyad":
             raise FieldError(
-                "/drive", "wanted a drive of kind dyad as a reply has it, with its motor, pin_on_link and six_bar"
+                "/drive", "must be a drive of kind dyad as a reply has it, with its motor, pin_on_link and six_bar"
             )
         read = read_assembly({"drive": drive}, "")
         assert read is not None and isinstance(read.drive, Motor)
@@ -247,7 +247,7 @@ class SixBarLinkage(Linkage):
     def dwell(self, share: float = 0.01) -> tuple[float, float]:
         """Return the motor angles over which the linkage is within a fraction of its motion from the first and the last end."""
         if not 0 < number("share", share) < 0.5:
-            raise FieldError("/share", f"wanted a number between 0 and 0.5, found {share}")
+            raise FieldError("/share", f"must be a number between 0 and 0.5; it is {share}")
         first, last = self._linkage.dwell(share)
         return first / self._radian, last / self._radian
 
@@ -310,7 +310,7 @@ class SixBarLinkage(Linkage):
 
     def _arranged(self, target: Target, request: Fields, work: Work, where: str, length_unit: str = "mm") -> Assembly:
         if "drive" in request:
-            raise FieldError(f"/{where}drive", "is this six-bar's own motor")
+            raise FieldError(f"/{where}drive", "must not be the motor of this six-bar; choose another drive")
         read = read_assembly({**request, "drive": self.drive}, where)
         assert read is not None
         read = read._replace(settings=read.settings.in_unit(length_unit))
@@ -377,7 +377,7 @@ class SixBarLinkage(Linkage):
         if analysis is not None:
             known_fields("analysis", analysis, ("motor_speed", "load"))
             if analysis.get("motor_speed") is None:
-                raise FieldError("/analysis/motor_speed", "needed: how fast the motor turns")
+                raise FieldError("/analysis/motor_speed", "is required: the speed of the motor")
             analysed = self.analysis(
                 bounded("analysis/motor_speed", analysis["motor_speed"]),
                 None if analysis.get("load") is None else mapping("analysis/load", analysis["load"]),
@@ -410,7 +410,7 @@ class SixBarLinkage(Linkage):
         """Build a six-bar from the values of `to_dict`."""
         for name in ("linkage", "drive", "crank_angle"):
             if values.get(name) is None:
-                raise FieldError(f"/{name}", "needed")
+                raise FieldError(f"/{name}", "is required")
         return cls(values["linkage"], values["drive"], column("crank_angle", values["crank_angle"]), degrees=degrees)
 
     # -- questions that only the linkage answers --------------------------------------------------------------------------------
@@ -422,11 +422,15 @@ class SixBarLinkage(Linkage):
 
     def made_within(self, manufacture: Manufacture, target: Target, work: Work) -> ToleranceStudy:
         """Raise FieldError, because tolerances are simulated for the linkage without its motor."""
-        raise FieldError("/linkage", "tolerances are simulated of the linkage itself: `linkage.tolerance_study`")
+        raise FieldError(
+            "/linkage", "tolerances are simulated for the linkage without the motor: use `linkage.tolerance_study`"
+        )
 
     def analysed(self, request: AskedAnalysis, travel: Floats, over: Interval | None = None) -> Analysis:
         """Raise FieldError, because `analysis` needs the speed of the motor."""
-        raise FieldError("/linkage", "of a six-bar see `analysis`, whose speed is the motor's")
+        raise FieldError(
+            "/linkage", "a six-bar has no such curves; use `analysis`, whose speed is the speed of the motor"
+        )
 
     def __repr__(self) -> str:
         return (
@@ -437,7 +441,7 @@ class SixBarLinkage(Linkage):
 
 def _no_motion(motion: Motion | None, travel: object) -> None:
     if motion is not None or travel is not None:
-        raise FieldError("/motion", "a six-bar moves over a turn of its motor: leave this")
+        raise FieldError("/motion", "must be left out: a six-bar moves over a turn of its motor")
 
 
 def on_hinge(six: SixBar, radian: float) -> Linkage:

@@ -213,7 +213,7 @@ class Goal:
             what = "rms torque" if self.request.target is None else "rms difference from the wanted curve"
             share = 100 * self.rank(mounted)[1] / self.size
             left = f"the best ({mounted.words}) leaves {share:.3g} % of the {what}"
-            return f"{left}: a spring is returned if it leaves at most half"
+            return f"{left}: springs that leave more than half are not returned"
         torque = self.difference(machine, mounted) + self.target(machine)
         wrong, (first, last) = [], torque[[0, -1]] * machine.sense
         if behaviour.holds_first and first < behaviour.margins[0]:
@@ -222,7 +222,7 @@ class Goal:
             wrong.append("does not hold the last position (open)")
         if behaviour.torque_max is not None and np.any(np.abs(torque) > behaviour.torque_max):
             wrong.append(f"needs a hand force of {np.abs(torque / self.hand_speed(machine)).max():.4g}")
-        return f"no spring of the catalogue behaves so: the nearest ({mounted.words}) {' and '.join(wrong)}"
+        return f"no spring of the catalogue has this behaviour; the nearest ({mounted.words}) {' and '.join(wrong)}"
 
 
 def find_springs(task: DriveTask, request: SpringRequest, set_number: int) -> None:
@@ -310,7 +310,7 @@ def _ideal(task: DriveTask, request: SpringRequest) -> Mounted | str:
     between, stiffness = request.between, None if request.stiffness is None else request.count * request.stiffness
     linkage, load = task.operation.linkage, task.question.load
     if load.torque or load.speed:
-        return "a torque, or inertia, has no potential that springs of zero free length carry: give a catalogue"
+        return "springs of zero free length cannot carry a torque or inertia; give a catalogue"
     if linkage is None:
         return _ideal_on_pendulums(task, between, stiffness)
     potential = potential_of(linkage, load)
@@ -325,8 +325,8 @@ def _ideal(task: DriveTask, request: SpringRequest) -> Mounted | str:
             found = next(spring for spring in two_springs(potential, stiffness) if spring.between == between)
         return Mounted((found,))
     if math.isinf(found):
-        return f"one spring between {between[0]} and {between[1]} does not balance this load; two springs do: leave `between`"
-    return f"one spring would need the stiffness {found:.6g}, below 0; two springs balance it: leave `between`"
+        return f"one spring between {between[0]} and {between[1]} does not balance this load; two springs do; leave `between` out"
+    return f"one spring would need the stiffness {found:.6g}, below 0; two springs balance it; leave `between` out"
 
 
 def _ideal_on_pendulums(task: DriveTask, between: tuple[str, str] | None, stiffness: float | None) -> Mounted | str:
@@ -335,9 +335,9 @@ def _ideal_on_pendulums(task: DriveTask, between: tuple[str, str] | None, stiffn
     springs = springs_on_pendulums(guided, task.machine, task.torque, stiffness)
     if springs is None:
         kind = "link on a hinge" if guided is None else guided.kind.value
-        return f"no springs of zero free length on a {kind} balance this load in every position: give a catalogue"
+        return f"no springs of zero free length on a {kind} balance this load in every position; give a catalogue"
     if not springs:
-        return "the drive carries nothing that springs could balance"
+        return "the drive carries no load that springs could balance"
     if between is not None and (len(springs) > 1 or springs[0].between != between):
         where = " and ".join("-".join(spring.between) for spring in springs)
         return f"one spring between {between[0]} and {between[1]} does not balance this load; {where} do: leave `between`"

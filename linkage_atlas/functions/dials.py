@@ -63,12 +63,12 @@ def read_dials(function: Fields, crank_span: float | None, degrees: bool) -> Dia
     fields = {name: value for name, value in function.items() if value is not None}
     check_names("/function", (name for name in fields if name != "of"), FIELDS)
     if crank_span is None:
-        raise FieldError("/crank_span", "needed for a `function`")
+        raise FieldError("/crank_span", "is required for a `function`")
     if "output_span" not in fields:
-        raise FieldError("/function/output_span", "needed: how far the rocker turns")
+        raise FieldError("/function/output_span", "is required: the angle through which the rocker turns")
     span = number("function/output_span", fields["output_span"]) * radians_in(degrees)
     if not 0 < abs(span) <= 20 * np.pi:
-        raise FieldError("/function/output_span", "wanted an angle other than 0, of at most ten turns")
+        raise FieldError("/function/output_span", "must be an angle other than 0, of at most ten turns")
     if ("name" in fields) + ("table" in fields) + ("of" in fields) != 1:
         raise FieldError("/function/name", "give either `name` or `table`")
     if "table" in fields:
@@ -83,7 +83,10 @@ def read_dials(function: Fields, crank_span: float | None, degrees: bool) -> Dia
     range_values = y if of is None else of(np.linspace(x[0], x[-1], _RANGE))
     low, high = float(range_values.min()), float(range_values.max())
     if not high > low:
-        raise FieldError("/function", "y is the same everywhere: the rocker would not turn")
+        raise FieldError(
+            "/function",
+            "has the same y everywhere, so that the rocker would not turn; choose another function or range",
+        )
     # if both ends are at the same height, the rocker turns in the direction in which y grows
     sign = -1.0 if y[0] - y[-1] > 1e-9 * (high - low) else 1.0
     scale, first = sign * span / (high - low), float(y[0])
@@ -102,15 +105,16 @@ def read_dials(function: Fields, crank_span: float | None, degrees: bool) -> Dia
 def _table(table: object) -> tuple[Floats, Floats]:
     rows = column("function/table", table)
     if rows.ndim != 2 or rows.shape[1] != 2 or not MIN_PAIRS <= len(rows) <= MAX_SAMPLES:
-        raise FieldError("/function/table", f"wanted {MIN_PAIRS} to {MAX_SAMPLES} pairs [x, y]")
+        raise FieldError("/function/table", f"must have {MIN_PAIRS} to {MAX_SAMPLES} pairs [x, y]")
     if np.any(bad := ~np.isfinite(rows).all(axis=1)):
-        raise FieldError(f"/function/table/{int(np.argmax(bad))}", "wanted finite numbers")
+        raise FieldError(f"/function/table/{int(np.argmax(bad))}", "must have finite numbers")
     x, y = rows.T
     steps = np.diff(x) * np.sign(x[-1] - x[0])
     if np.any(back := steps <= 1e-9 * abs(x[-1] - x[0])):
         index = int(np.argmax(back)) + 1
         raise FieldError(
-            f"/function/table/{index}", "x must increase from sample to sample, or decrease: this value does not"
+            f"/function/table/{index}",
+            "x must either increase or decrease from sample to sample; this value does not",
         )
     return x.copy(), y.copy()
 
@@ -118,20 +122,20 @@ def _table(table: object) -> tuple[Floats, Floats]:
 def _sampled(fields: Fields, degrees: bool) -> tuple[Floats, Floats, Callable[[Floats], Floats]]:
     one_of("function/name", fields.get("name", NAMES[0]), NAMES)
     if "x" not in fields:
-        raise FieldError("/function/x", "needed: [first, last]")
+        raise FieldError("/function/x", "is required: [first, last]")
     ends = column("function/x", fields["x"])
     if ends.shape != (2,) or not np.all(np.isfinite(ends)) or ends[0] == ends[1]:
-        raise FieldError("/function/x", "wanted two different finite numbers [first, last]")
+        raise FieldError("/function/x", "must be two different finite numbers [first, last]")
     samples = fields.get("samples", SAMPLES)
     if not isinstance(samples, (int, np.integer)) or not MIN_SAMPLES <= samples <= MAX_SAMPLES:
-        raise FieldError("/function/samples", f"wanted a whole number from {MIN_SAMPLES} to {MAX_SAMPLES}")
+        raise FieldError("/function/samples", f"must be a whole number from {MIN_SAMPLES} to {MAX_SAMPLES}")
     called = fields.get("of")
     of = partial(_called, called) if callable(called) else _named(fields, ends, degrees)
     x = np.linspace(ends[0], ends[1], samples)
     with np.errstate(all="ignore"):
         y = of(x)
     if not np.all(np.isfinite(y)) or np.abs(y).max() > LARGEST:
-        raise FieldError("/function/x", "the function is too large here")
+        raise FieldError("/function/x", "the function is too large in this range; choose another range")
     return x, y, of
 
 
@@ -146,7 +150,7 @@ def _called(of: RealFunction, x: Floats) -> Floats:
             y = np.array([_value(of, value) for value in x.ravel().tolist()]).reshape(x.shape)
     if np.any(bad := ~(np.abs(y) <= LARGEST)):
         found, at = y[bad].flat[0], x[bad].flat[0]
-        raise FieldError("/output", f"wanted finite numbers of at most {LARGEST:g}, found {found:g} at x = {at:g}")
+        raise FieldError("/output", f"must have finite values of at most {LARGEST:g}; it is {found:g} at x = {at:g}")
     return y.astype(float)
 
 
@@ -160,18 +164,20 @@ def _value(of: RealFunction, x: float) -> float:
 def _named(fields: Fields, ends: Floats, degrees: bool) -> Callable[[Floats], Floats]:
     name = str(fields["name"])
     if (name == "power") != ("exponent" in fields):
-        raise FieldError("/function/exponent", "belongs to the function 'power', which needs it")
+        raise FieldError(
+            "/function/exponent", "is required for the function 'power', and applies to no other function"
+        )
     exponent, radian = number("function/exponent", fields.get("exponent", 0.0)), radians_in(degrees)
     turns = np.floor(ends * radian / np.pi - 0.5)
     if name == "tan" and turns[0] != turns[1]:
-        raise FieldError("/function/x", "tan has a pole between these ends")
+        raise FieldError("/function/x", "tan has a pole in this range; choose another range")
     low, high = sorted(ends)
     if name in ("log10", "ln") and low <= 0:
         raise FieldError("/function/x", f"{name} needs x above 0")
     if low <= 0 <= high and (name == "reciprocal" or (name == "power" and exponent < 0)):
-        raise FieldError("/function/x", "the function has a pole at 0, between these ends")
+        raise FieldError("/function/x", "the function has a pole at 0, which is in this range; choose another range")
     if low < 0 and name == "power" and exponent != np.round(exponent):
-        raise FieldError("/function/x", "a power that is no whole number needs x of at least 0")
+        raise FieldError("/function/x", "a fractional power needs x of at least 0")
     if name == "power":
         return lambda x: np.asarray(np.power(x, exponent))
     return (lambda x: _OF_ANGLES[name](x * radian)) if name in _OF_ANGLES else _PLAIN[name]

@@ -213,11 +213,11 @@ def function(
             only_angles |= {"round_to": round_to, "sensitivity": sensitivity or None}
         kind = "from angle to angle" if question.dial.travels else "by pairs or a name"
         if foreign := [name for name, value in only_angles.items() if value is not None]:
-            raise FieldError(f"/{foreign[0]}", f"belongs to functions {kind}")
+            raise FieldError(f"/{foreign[0]}", f"applies only to functions {kind}; leave it out")
     starts = read_starts(start_from, degrees) or []
     if foreign_start := next((start for start in starts if not start.linkage.is_four_bar), None):
         raise FieldError(
-            f"/{foreign_start.field}", "is no four-bar: functions from angle to angle are made by four-bars"
+            f"/{foreign_start.field}", "must be a four-bar, because only four-bars make functions from angle to angle"
         )
     watch = work(budget)
     if question.dial.travels:
@@ -259,7 +259,9 @@ def _four_bars(
     target, quick, tolerance = question.function, question.quick, question.tolerance
     if quick is not None:
         if limits.family not in ("any", "crank_rocker", "full_crank"):
-            raise FieldError("/limits/family", "a quick return with a swing is made by a crank_rocker")
+            raise FieldError(
+                "/limits/family", "must be crank_rocker, because a crank-rocker makes a quick return with a swing"
+            )
         return _closed_form(crank_rocker_answers(target, quick.alpha, limits, count, tolerance), watch)
     if question.symmetric_from is not None:
         found = symmetric_four_bars(target, question.symmetric_from, limits, question.largest, count, watch)

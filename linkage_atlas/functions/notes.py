@@ -36,17 +36,20 @@ UNASKED = (
     "the best linkage violates."
 )
 OUT_OF_PROPORTION = (
-    "The linkage of least error (objective {error:.2g}) is out of all proportion: its longest link is {ratio:.2g} times the "
-    "shortest. Linkages within 100 times come before it."
+    "The linkage with the smallest error (objective {error:.2g}) is out of all proportion: its longest link is {ratio:.2g} "
+    "times the shortest. Linkages with a ratio of at most 100 come before it."
 )
 FIRST_OUT_OF_PROPORTION = (
     "The {which} linkage is out of all proportion: its longest link is {ratio:.2g} times the shortest. "
 )
-FOUND_WITHIN = "The best linkage within 100 times has the objective {:.2g}.", "No linkage within 100 times was found."
+FOUND_WITHIN = (
+    "The best linkage with a ratio of at most 100 has the objective {:.2g}.",
+    "No linkage with a ratio of at most 100 was found.",
+)
 """Endings of the sentence with such a linkage, and without."""
 STILL_BETTER = "The error was still falling slightly when the search had used all its steps."
 DOUBTFUL = (
-    "Between the samples the wanted curve is a spline that is uncertain by up to {0:.2g}: more samples would make the largest "
+    "Between the samples the requested curve is a spline that is uncertain by up to {0:.2g}: more samples would make the largest "
     "error more meaningful."
 )
 ILL_POSED = "The problem is ill-posed: lengths that differ by {0} make this function about equally well."

@@ -85,7 +85,7 @@ def read_dial(input_unit: str | None, output_unit: str | None, degrees: bool) ->
         if unit is None or unit == mine:
             return ANGLE
         if one_of(name, unit, UNITS) != LENGTH:
-            raise FieldError(f"/{name}", f"angles of this request are in {mine}: give {mine!r}, or {LENGTH!r}")
+            raise FieldError(f"/{name}", f"must be {mine!r}, the unit of the angles of this request, or {LENGTH!r}")
         return LENGTH
 
     return Dial(read("input_unit", input_unit), read("output_unit", output_unit))
@@ -107,9 +107,11 @@ def read_travel_limits(limits: Fields | None, laws: Sequence[Law], target: Targe
     named = {name: value for name, value in (limits or {}).items() if value is not None}
     for name, value in named.items():
         if name not in _LIMITS:
-            raise FieldError(f"/limits/{name}", f"functions with travel have {', '.join(_LIMITS)}")
+            raise FieldError(
+                f"/limits/{name}", f"does not apply to functions with travel, which have {', '.join(_LIMITS)}"
+            )
         if name == "family" and value != "any":
-            raise FieldError("/limits/family", "belongs to four-bars")
+            raise FieldError("/limits/family", "applies only to four-bars; leave it out")
     shape_limits = read_function_limits(
         {name: value for name, value in named.items() if name not in ("links", "offset")}, target, degrees
     )
@@ -120,12 +122,12 @@ def read_travel_limits(limits: Fields | None, laws: Sequence[Law], target: Targe
             continue
         if _LINKS.get(name) not in {known for law in laws for known in law.lengths}:
             kinds = ", ".join(dict.fromkeys(law.kind.value for law in laws))
-            raise FieldError(f"/limits/links/{name}", f"there is none in {kinds}")
+            raise FieldError(f"/limits/links/{name}", f"does not exist in {kinds}; leave it out")
         check_above_zero(**{f"limits/links/{name}": value})
         lengths[_LINKS[name]] = number(f"limits/links/{name}", value)
     if "offset" in named:
         if not any("offset" in law.lengths for law in laws):
-            raise FieldError("/limits/offset", "belongs to slider-cranks")
+            raise FieldError("/limits/offset", "applies only to slider-cranks; leave it out")
         lengths["offset"] = bounded("limits/offset", named["offset"], MAX_LENGTH)
     return TravelLimits(shape_limits, lengths)
 
@@ -145,11 +147,14 @@ class Scales(NamedTuple):
         spans = [abs(span) for what, span in zip(dial, (input_span, output_span)) if what == LENGTH]
         length = max(spans)
         if not min(spans) > 0:
-            raise FieldError("/output", "the travel is the same everywhere")
+            raise FieldError("/output", "must vary, but the travel is the same everywhere")
         if not length <= MAX_LENGTH:
-            raise FieldError("/output", f"wanted travel of at most {MAX_LENGTH:g}")
+            raise FieldError("/output", f"must have values of at most {MAX_LENGTH:g}")
         if length > _RATIO * min(spans):
-            raise FieldError("/output", f"one travel is more than {_RATIO:g} times the other")
+            raise FieldError(
+                "/output",
+                f"the travel of the input and of the output must not differ by a factor of more than {_RATIO:g}",
+            )
         sizes = (radian if what == ANGLE else 1 / length for what in dial)
         return cls(length, *sizes)
 
@@ -175,12 +180,12 @@ def read_wanted(
         if function is None and (span is None) == (input is None):
             raise FieldError(f"/{called}", f"give either `{called}` or `input`")
         if function is not None and span is None:
-            raise FieldError(f"/{called}", "needed for a `function`")
+            raise FieldError(f"/{called}", "is required for a `function`")
         input_span = number(called, span) if input is None else float(np.diff(_finite("input", input)[[0, -1]])[0])
         if function is None:
             output_range = float(np.ptp(_finite("output", output)))
         elif function.get("output_span") is None:
-            raise FieldError("/function/output_span", "needed: how far the output goes")
+            raise FieldError("/function/output_span", "is required: the travel of the output")
         else:
             output_range = number("function/output_span", function["output_span"])
         scales = Scales.of(dial, degrees, input_span, output_range)
@@ -204,7 +209,7 @@ def _in_radians(
     if np.ndim(crank_span):  # type: ignore[arg-type]
         raise FieldError(
             "/crank_span",
-            "wanted one number, the crank angle from the first sample to the last: "
+            "must be a single number, the crank angle from the first sample to the last; to prescribe every angle, "
             "give the crank angles of the samples as `input`",
         )
     span = None if crank_span is None else number("crank_span", crank_span) * of_input
@@ -212,7 +217,7 @@ def _in_radians(
     dials = exact = None
     if function is not None:
         if angles is not None:
-            raise FieldError("/input", "the input dial of a `function` is linear: give `crank_span`")
+            raise FieldError("/input", "the input dial of a `function` is linear; give `crank_span` instead")
         if of_output != radian and "output_span" in function:  # dials take it as an angle
             output_span = number("function/output_span", function["output_span"])
             function = {**function, "output_span": output_span * of_output / radian}
@@ -254,7 +259,7 @@ def _finite(name: str, samples: ArrayLike | None) -> Floats:
     """Return samples of an input or output after a check that they are finite."""
     values = column(name, samples)
     if values.ndim != 1 or values.size < 2 or not np.isfinite(values).all():
-        raise FieldError(f"/{name}", f"wanted at least {MIN_PAIRS} finite numbers")
+        raise FieldError(f"/{name}", f"must have at least {MIN_PAIRS} finite numbers")
     return values
 
 
@@ -266,7 +271,7 @@ def _check_one_way(target: TargetFunction, where: str) -> None:
         at = f"{where}/{index}" if where == "/output" else where
         raise FieldError(
             at,
-            f"the rocker must not turn back, but sample {index + 1} of the output does not go on from the one before",
+            f"the rocker must not reverse, but sample {index + 1} of the output continues in the other direction",
         )
 
 
@@ -334,13 +339,15 @@ class FunctionFields:
     def question(self) -> FunctionQuestion:
         """Return the checked question. Raises `FieldError` that names the argument."""
         if self.objective not in ("rms", "max"):
-            raise FieldError("/objective", f"wanted 'rms' or 'max', found {self.objective!r}")
+            raise FieldError("/objective", f"must be 'rms' or 'max'; it is {self.objective!r}")
         tolerance = number("tolerance", self.tolerance, 0.0)
         quick, fields = self._without_special()
         dial = read_dial(fields.input_unit, fields.output_unit, fields.degrees)
         kinds = read_kinds(fields.mechanisms, dial)
         if quick is not None and dial.travels and kinds != ["slider_crank"]:
-            raise FieldError("/mechanisms", "a quick return with a stroke is made by a slider_crank")
+            raise FieldError(
+                "/mechanisms", "must be slider_crank, because a slider-crank makes a quick return with a stroke"
+            )
         fields._check_spans(dial)
         fields = fields._without_callable()
         unwound_fields, notes = (fields, []) if quick is not None else fields._unwound(dial)
@@ -372,7 +379,7 @@ class FunctionFields:
         if self.quick_return is not None:
             self._check_alone("quick_return")
             if self.objective != "rms":
-                raise FieldError("/objective", "belongs to functions that are approximated: a quick return is exact")
+                raise FieldError("/objective", "does not apply to a quick return, which is exact; leave it out")
             quick = read_quick_return(self.quick_return, self.degrees)
             fields = build(replace, quick.pairs, self)
         elif self.steering is not None:
@@ -391,18 +398,18 @@ class FunctionFields:
             allowed.add("symmetric")
         for field in dataclasses.fields(self):
             if field.name not in allowed and getattr(self, field.name) is not field.default:
-                raise FieldError(f"/{field.name}", f"`{name}` says which function is wanted: leave this out")
+                raise FieldError(f"/{field.name}", f"`{name}` defines the function; leave this field out")
 
     def _check_spans(self, dial: Dial) -> None:
         """Refuse spans and limits of the other kind of input."""
         if self.crank_span is not None and dial.input != ANGLE:
-            raise FieldError("/crank_span", "the input is a travel: give `travel_span`")
+            raise FieldError("/crank_span", "the input is a travel; give `travel_span` instead")
         if self.travel_span is not None and dial.input == ANGLE:
             instead = "" if dial.travels else ", or `input_unit` 'length'"
             raise FieldError("/travel_span", f"the input is an angle: give `crank_span`{instead}")
         if not dial.travels and (self.limits or {}).get("offset") is not None:
             raise FieldError(
-                "/limits/offset", "belongs to slider-cranks: give `output_unit` or `input_unit` 'length'"
+                "/limits/offset", "applies only to slider-cranks; set `output_unit` or `input_unit` to 'length'"
             )
 
     def _without_callable(self) -> FunctionFields:
@@ -414,7 +421,7 @@ class FunctionFields:
             return replace(self, output=None, function={"of": self.output, **called})
         if set_fields := [name for name, value in called.items() if value is not None]:
             name = "interval" if set_fields[0] == "x" else set_fields[0]
-            raise FieldError(f"/{name}", "belongs to an `output` that is a callable")
+            raise FieldError(f"/{name}", "applies only if `output` is a callable; leave it out")
         return self
 
     def _unwound(self, dial: Dial) -> tuple[FunctionFields, list[str]]:
@@ -451,7 +458,7 @@ class FunctionFields:
             return replace(target, exact=lambda crank: np.interp(crank, *ends)), dials, scales
         field = "/output" if self.function is None else "/function"
         if not dial.travels and np.ptp(target.output) <= _STILL:
-            raise FieldError(field, "the output is the same everywhere: a rocker that stands still follows nothing")
+            raise FieldError(field, "must vary, but the output is the same everywhere")
         if self.one_way:
             _check_one_way(target, field)
         return replace(target, one_way=self.one_way), dials, scales

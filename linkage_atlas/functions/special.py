@@ -67,23 +67,23 @@ def read_quick_return(value: object, degrees: bool) -> QuickReturn:
         )
     if ratio is None:
         raise FieldError(
-            "/quick_return/time_ratio", "needed: the duration of the slow motion over that of the fast one"
+            "/quick_return/time_ratio",
+            "is required: the duration of the slow motion over the duration of the fast motion",
         )
     ratio = number("quick_return/time_ratio", ratio)
     if not 1 <= ratio <= 100:
         raise FieldError(
-            "/quick_return/time_ratio", f"wanted 1 to 100, found {ratio:g}: slow motion over fast motion"
+            "/quick_return/time_ratio",
+            f"must be from 1 to 100, the duration of the slow over the fast motion; it is {ratio:g}",
         )
     if stroke is not None:
         stroke = number("quick_return/stroke", stroke)
         if not 0 < stroke <= MAX_LENGTH:
-            raise FieldError("/quick_return/stroke", f"wanted a length above 0, found {stroke:g}")
+            raise FieldError("/quick_return/stroke", f"must be a length above 0; it is {stroke:g}")
     if swing is not None:
         swing = number("quick_return/swing", swing)
         if not 0 < swing * radians_in(degrees) < np.pi:
-            raise FieldError(
-                "/quick_return/swing", "wanted an angle between 0 and half a turn: a rocker swings no further"
-            )
+            raise FieldError("/quick_return/swing", "must be an angle between 0 and half a turn")
     return QuickReturn(excess_angle(ratio), stroke, swing, degrees)
 
 
@@ -96,13 +96,15 @@ def read_steering(value: object, degrees: bool) -> tuple[Floats, Floats, float]:
     values: dict[str, float] = {}
     for name in ("track", "wheelbase", "angle"):
         if value.get(name) is None:
-            raise FieldError(f"/steering/{name}", "needed: `track`, `wheelbase` and `angle`, that of the inner wheel")
+            raise FieldError(
+                f"/steering/{name}", "is required: give `track`, `wheelbase`, and `angle` of the inner wheel"
+            )
         values[name] = number(f"steering/{name}", value[name])
         if not 0 < values[name] <= MAX_LENGTH:
-            raise FieldError(f"/steering/{name}", f"wanted a number above 0, found {values[name]:g}")
+            raise FieldError(f"/steering/{name}", f"must be a number above 0; it is {values[name]:g}")
     inner = values["angle"] * radians_in(degrees)
     if inner > np.deg2rad(80):
-        raise FieldError("/steering/angle", "wanted at most 80 degrees for the inner wheel")
+        raise FieldError("/steering/angle", "must be at most 80 degrees for the inner wheel")
     ratio = values["track"] / values["wheelbase"]
     outer = float(ackermann(np.array([inner]), ratio)[0])
     left = np.linspace(-outer, inner, _STEERING_SAMPLES)
@@ -124,5 +126,5 @@ def with_ground(limits: Fields | None, track: float) -> dict[str, object]:
     own = named.get("links")
     links = {name: value for name, value in own.items() if value is not None} if isinstance(own, Mapping) else {}
     if links.get("ground", track) != track:
-        raise FieldError("/limits/links/ground", f"the ground is the track, {track:g}: leave it out")
+        raise FieldError("/limits/links/ground", f"must be left out: the ground is the track, {track:g}")
     return named | {"links": links | {"ground": track}}

@@ -99,7 +99,7 @@ def motor_driven(
     hole, width = plate_sizes(lengths, sizes.hole, sizes.width, sizes.hole_factor)
     plain = as_plates(linkage, used, Sizes(hole, width, sizes.clearance), body, bar)
     if motor.link not in plain.movement.names:
-        raise FieldError("/drive/link", f"the rod moves the {motor.link}, which is no plate: it is not arranged")
+        raise FieldError("/drive/link", f"the rod moves the {motor.link}, which is not a plate; choose another drive")
     link = plain.movement.names.index(motor.link)
     pin = motor.pin + plain.body_at if motor.link == BODY else motor.pin
     at = motor.at - plain.origin
@@ -204,7 +204,7 @@ def strut_driven(
     names, hole, width = plain.movement.names, plain.hole, plain.width
     for name in (drive.link, drive.on):
         if name != names[GROUND] and name not in [plate.name for plate in plain.plates]:
-            raise FieldError("/drive/link", f"an end is on the {name}, which is no plate: it is not arranged")
+            raise FieldError("/drive/link", f"an end is on the {name}, which is not a plate; choose another drive")
     link, on = names.index(drive.link), names.index(drive.on)
     pin = drive.pin + plain.body_at if drive.link == BODY else drive.pin
     still = plain.movement.bodies(np.zeros(1))

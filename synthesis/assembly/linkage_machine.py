@@ -323,7 +323,7 @@ def carried_by(
         post = nearest_room(corners, obstacles, hole / 2 + rim, hole + rim, point)
         if post is not None:
             return corners, post
-    raise FieldError("/body", f"leaves no room for a post with a hole of {hole:g} that joins it to the coupler")
+    raise FieldError("/body", f"must leave room for a post with a hole of {hole:g} that joins it to the coupler")
 
 
 def body_turn(linkage: Linkage) -> float:

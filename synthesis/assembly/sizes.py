@@ -43,6 +43,6 @@ def default_widths(lengths: Floats) -> Floats:
 def check_sizes(links: Sequence[float], hole: float, width: float, field: str) -> None:
     """Raise `FieldError` for a hole that leaves no material: wider than the plate, or than the distance of two joints."""
     if not hole < width:
-        raise FieldError(f"{field}/hole", f"wanted less than the width {width:g}, found {hole:g}")
+        raise FieldError(f"{field}/hole", f"must be less than the width {width:g}; it is {hole:g}")
     if not hole < min(links):
-        raise FieldError(f"{field}/hole", f"wanted less than the shortest link {min(links):g}, found {hole:g}")
+        raise FieldError(f"{field}/hole", f"must be less than the shortest link {min(links):g}; it is {hole:g}")

@@ -368,7 +368,8 @@ class StackSearch:
             self.work.go_on()  # else none was looked at
             raise FieldError(
                 "/layers_max",
-                f"plates on common pins{', with heads,' * self.request.heads} need more than {self.request.max_layers} layers",
+                f"must be larger: plates on common pins{', with pin heads,' * self.request.heads} need more than "
+                f"{self.request.max_layers} layers",
             )
         _, first, last = loose.longest(loose.of(best.pairs))
         free_part = None if first is None or last is None else Interval(first, last)

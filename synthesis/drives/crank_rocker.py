@@ -188,7 +188,7 @@ def place_motor_about_pivot(
     turned = np.unwrap(np.angle(link.direction))
     swing = abs(float(turned[-1] - turned[0]))
     if np.min(np.diff(turned) * np.sign(turned[-1] - turned[0])) <= 0:
-        return "the link turns back within the way: no motor drives it through"
+        return "the link reverses within the motion, so that no motor drives it through"
     has_equal_times = time_ratio is None or abs(time_ratio - 1) < options.equal_time_tolerance
     ratio = 1.0 if time_ratio is None or has_equal_times else max(time_ratio, 1 / time_ratio)
     # for equal times any rod works: other rods are tried if the motor has a box
@@ -219,7 +219,7 @@ def place_motor_about_pivot(
             good = [cycle for cycle in cycles if cycle is not None]
             if good:
                 return min(good, key=lambda cycle: float(np.abs(cycle.motor_torque).max()))
-    return "no place of the pin puts the motor into motor_box"
+    return "no position of the pin puts the motor into motor_box"
 
 
 def _pins(

@@ -137,7 +137,7 @@ class Layout:
             *self.fixed.values(),
         ]
         if not 1e-9 <= self.size * unit_mm or not float(np.max(np.abs(points))) * unit_mm <= LARGEST_MM:
-            raise FieldError("/length_unit", f"wanted a drawing between 1e-9 and {LARGEST_MM:.0e} mm in size")
+            raise FieldError("/length_unit", f"must give a drawing between 1e-9 and {LARGEST_MM:.0e} mm in size")
 
 
 def layout_of(linkage: Linkage, interval: Interval) -> Layout:
@@ -162,7 +162,7 @@ def closed_motions(linkage: Linkage, interval: Interval) -> tuple[LinkMotion, ..
         if not max(abs(guide[0].real), abs(guide[0].imag)) <= FARTHEST * linkage.reach:
             field = "mount/pivot_a" if four_bar else f"guides/{index}"
             raise FieldError(
-                f"/solution/{field}", f"lies more than {FARTHEST:.0e} link lengths from the origin: move the origin"
+                f"/solution/{field}", f"lies more than {FARTHEST:.0e} link lengths from the origin; move the origin"
             )
     links = linkage.motions(travel)
     closed = np.isfinite(links[1].angle)

@@ -369,7 +369,8 @@ class FreeSearch:
         """True if dyads are drawn at random because infinitely many fit the few complete samples."""
         if not (self.has_dyads or poses.ordered):
             raise FieldError(
-                "/order", "'any' needs rotation and position at three samples or more: a path has an order"
+                "/order",
+                "must be 'given' for this motion: 'any' needs rotation and position at three or more samples",
             )
 
     def run(self) -> bool:

@@ -50,7 +50,9 @@ def to_plates(linkage: Linkage, unit_mm: float = 1.0, hole: float | None = None,
     hole, width = plate_sizes(linkage.links, hole, width)
     for name, size in (("hole", hole), ("width", width)):
         if not LEAST_MM <= size * unit_mm <= LARGEST_MM:
-            raise FieldError(f"/plates/{name}", f"wanted {LEAST_MM:g} to {LARGEST_MM:g} mm, found {size * unit_mm:g}")
+            raise FieldError(
+                f"/plates/{name}", f"must be {LEAST_MM:g} to {LARGEST_MM:g} mm; it is {size * unit_mm:g}"
+            )
     check_sizes(linkage.links, hole, width, "/plates")
     rim = (width - hole) * unit_mm
     drawn = []
@@ -68,7 +70,9 @@ def to_plates(linkage: Linkage, unit_mm: float = 1.0, hole: float | None = None,
         drawn.append(_Drawn(name, prism.scaled(unit_mm), word, 0.3 * rim, scaled))
     largest = max(float(np.abs(plate.prism.corners).max()) for plate in drawn)
     if not largest <= LARGEST_MM:
-        raise FieldError("/length_unit", f"wanted plates of at most {LARGEST_MM:g} mm, found {largest:g}")
+        raise FieldError(
+            "/length_unit", f"must give plates of at most {LARGEST_MM:g} mm; the largest is {largest:g} mm"
+        )
     return dxf_text(_document(drawn))
 
 
@@ -84,7 +88,8 @@ def parts_to_plates(solids: Solids, kerf: float = 0.0) -> str:
             hole = part.prism.holes[0]
             if not all(opening.radius > kerf / 2 for opening in part.prism.holes):
                 raise FieldError(
-                    "/assembly/kerf", f"leaves nothing of a hole of {2 * hole.radius:g} mm in {part.name}"
+                    "/assembly/kerf",
+                    f"must be smaller, because it closes a hole of {2 * hole.radius:g} mm in {part.name}",
                 )
             rim = float(min(abs(corner - hole.centre) for corner in part.prism.corners)) - hole.radius
             word = hole.centre + complex(1.1 * hole.radius, -0.3 * rim)

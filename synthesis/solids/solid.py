@@ -191,7 +191,7 @@ def solids_of(machine: Machine, stack: Stack, manufacture: Manufacture, unit_mm:
     if not pin_radius > 0:
         raise FieldError(
             "/assembly/hole",
-            f"wanted holes above {manufacture.fit.turning:g} mm, the play of this fit, found {2 * turning:g}",
+            f"must give holes above {manufacture.fit.turning:g} mm, the play of this fit; a hole is {2 * turning:g} mm",
         )
     carriers = {pin.name: pin.points[0].body for pin in machine.pins}
     washers = _Washers(machine, parts, heights, manufacture, unit, pin_radius, held)
@@ -209,7 +209,7 @@ def solids_of(machine: Machine, stack: Stack, manufacture: Manufacture, unit_mm:
             if not prism.thinnest_wall > 1e-9 * unit:
                 raise FieldError(
                     "/assembly/body" if part.name == "body" else "/assembly/hole",
-                    f"leaves no material around a hole of {part.name}",
+                    f"must leave material around every hole, but leaves none around a hole of {part.name}",
                 )
             colour = COLOURS.get(names[part.body], OTHER_BODY)
             add(part, prism, 0j, low, manufacture.material, OTHER_BODY if part.name == "body" else colour)

@@ -85,9 +85,11 @@ class FourBarRoundingOptions:
 OPTIONS = FourBarRoundingOptions()
 _NEARBY = NearbyOptions((Stage(20, weight=3.0), Stage(20, weight=10.0), Stage(80, weight=30.0)), 1e-3)
 """Options of a descent of given lengths to its end."""
-NONE_CLOSES = "none of the lengths tried closes at all crank angles of this solution within the limits of shape"
-NO_PLACE = "none of the lengths tried has a place within the limits at the crank angles of this solution"
-NO_TIME = "the time was up before a linkage of lengths that can be had was in its place"
+NONE_CLOSES = (
+    "none of the lengths that were tried closes at all crank angles of this solution within the limits of shape"
+)
+NO_PLACE = "none of the lengths that were tried fits within the limits at the crank angles of this solution"
+NO_TIME = "the time was up before a linkage with available lengths was found"
 
 
 @dataclass(frozen=True)

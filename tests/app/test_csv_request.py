@@ -44,7 +44,7 @@ def test_errors_name_line_and_column(question, text, words) -> None:
 
 def test_a_table_that_cannot_be_read_ends_the_command(tmp_path, capsys) -> None:
     path = tmp_path / "motion.csv"
-    wrong = {"x,z\n1,2\n": "line 1: wanted both x and y", "x;y\n1;" + "2" * 200_000: "line 2: field larger than"}
+    wrong = {"x,z\n1,2\n": "line 1: give both x and y", "x;y\n1;" + "2" * 200_000: "line 2: field larger than"}
     for text, words in wrong.items():
         path.write_text(text)
         assert cli.main(["synthesize", str(path)]) == 2
@@ -79,7 +79,7 @@ def test_columns_are_chosen_by_head_or_number() -> None:
         ({"x": "TX", "y": "TQ"}, "/columns/y", "'TQ' is no column of the table; there are 'TX', 'TY'"),
         ({"x": "TX", "y": "TX"}, "/columns/y", "'TX' is named twice"),
         ({"z": "TX"}, "/columns/z", "there is no column 'z'"),
-        ({"x": "TX"}, "", "wanted both x and y"),
+        ({"x": "TX"}, "", "give both x and y"),
     ],
 )
 def test_a_wrong_choice_of_columns_is_refused(columns, field, words) -> None:

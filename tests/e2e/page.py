@@ -73,7 +73,7 @@ WORKS = {
     "reasons": [],
 }
 SHUT = ["transmission angle 21.9 degrees over the used interval, below 35", "b"]
-LATE = ["sample 3 is off by 2.4 times what is allowed, the most of all"]
+LATE = ["sample 3 is off by 2.4 times the tolerance, the largest ratio of all samples"]
 FAULTY = dict.fromkeys(("order", "branch", "practical_without_collisions"), False)
 FAULTY["reasons"] = ["samples 2 and 3 lie on different branches"]
 VERDICTS = [WORKS, WORKS | {"practical_without_collisions": False, "reasons": SHUT}]

@@ -34,8 +34,8 @@ def test_a_chosen_function_is_solved_seen_built_and_saved(page) -> None:
     page.unfold("charts")
     page.wait("document.querySelector('#curves h3')")
     titles = page.texts("#curves h3")
-    assert "Error (got minus wanted) in degrees of the rocker" in titles
-    assert "Error (got minus wanted) in units of y" in titles
+    assert "Error (actual minus required) in degrees of the rocker" in titles
+    assert "Error (actual minus required) in units of y" in titles
     assert "Extremes as large, alternating" in page.text("numbers")
     before = page.element("#canvas .crank").get_attribute("d")
     page.slide(60)

@@ -248,8 +248,8 @@ def test_sizes_and_refusals_have_the_words_of_the_page(page) -> None:
     )
     page.click("solve")
     page.wait(IDLE)
-    within = "is within the least and the greatest link length."
-    assert page.text("status") == f"Stock lengths: none of the lengths {within}"
+    within = "must have a length between the smallest and the largest link length."
+    assert page.text("status") == f"Stock lengths: {within}"
     detail = "has no point in common with `ground_box` or `some_field`"
     page.run("refused['/v2/synthesize'] = arguments[0]", ("limits/links/crank", detail))
     page.click("solve")
@@ -258,7 +258,7 @@ def test_sizes_and_refusals_have_the_words_of_the_page(page) -> None:
     assert page.text("status") == f"The given crank length: {common}", "no name of the interface is shown"
     page.press("[data-format=step]")
     page.wait("document.getElementById('export-note').textContent.startsWith('Assembly')")
-    assert page.text("export-note").endswith("“even where parts collide” writes them all the same.")
+    assert page.text("export-note").endswith("Set “even where parts collide” to write them anyway.")
 
 
 def test_a_link_holds_the_whole_request_and_a_damaged_one_says_so(page) -> None:
@@ -364,7 +364,7 @@ def test_columns_are_picked(shared, tmp_path) -> None:
     assert "or choose the columns below" in shared.text("paste-error") and shared.shown("columns-use")
     shared.select("column-x", "2")
     for head, message in (
-        ("", "Line 1: wanted both x and y, or neither"),
+        ("", "Line 1: give both x and y, or neither"),
         ("5", "'red' is not a number"),
         ("2", "The column 'right' is chosen for x and for y: choose a different column for each."),
     ):
@@ -410,7 +410,8 @@ def test_rows_are_pasted_into_cells_and_poses_that_repeat_or_wrap_are_named(shar
     shared.click("undo")
     assert [row[1:3] for row in shared.table()] == [[1, 2], [4, 5], [7, 8]]
     shared.paste("0,0,0\n10,4,6\n10,4,6\n20,5,15")
-    said = "Pasted. Columns without heads were read as x, y, angle. Poses 2 and 3 are the same: a crank that turns on cannot meet"
+    said = "Pasted. Columns without headings were read as x, y, angle. Poses 2 and 3 are the same: a crank that "
+    said += "turns on cannot meet"
     assert shared.text("example-note").startswith(said)
     shared.paste("x,y,angle\n0,0,0\n10,3,350\n20,5,10")
     assert [row[3] for row in shared.table()] == [0, 350, 10], "nothing is changed unasked"
@@ -430,7 +431,7 @@ def test_the_parts_of_a_motion_are_checked_and_angles_alone_suffice(shared) -> N
     for _ in range(3):
         shared.click("add-row")
     shared.click("solve")
-    assert "positions are needed" in shared.text("status")
+    assert "positions are required" in shared.text("status")
     shared.select("wanted", "position")
     assert shared.text("status") == "", "what was wrong is said no longer than it is"
     shared.click("any-order")
@@ -449,8 +450,8 @@ def test_the_parts_of_a_motion_are_checked_and_angles_alone_suffice(shared) -> N
 
 
 REFUSED = {
-    "/v2/synthesize": ("lengths_from", f"none of the lengths is within {BETWEEN_LENGTHS}"),
-    "/v2/export": ("assembly", "parts would collide. `allow_collisions` in `solids` writes them all the same"),
+    "/v2/synthesize": ("lengths_from", f"must have a length between {BETWEEN_LENGTHS}"),
+    "/v2/export": ("assembly", "parts would collide. Set `allow_collisions` in `solids` to write them anyway"),
 }
 
 
@@ -551,7 +552,7 @@ def test_a_path_is_solved_and_its_samples_are_passed(shared) -> None:
     marks = shared.texts("#solutions .verdict")
     assert marks == [
         "✓ within practical limits",
-        "! point 3 is off by 2.4 times what is allowed, the most of all",
+        "! point 3 is off by 2.4 times the tolerance, the largest ratio of all samples",
         "! transmission angle 21.9° over the used interval, below 35 (and 1 more)",
         "✕ order and branch defects",
     ]
@@ -586,7 +587,7 @@ def test_how_sure_a_linkage_is_and_what_holds_it_are_named(shared) -> None:
     shared.stub(request, angles, VERDICTS[:1])
     shared.run("window.stub.solutions[0].determination.active_limits = ['link_min', 'links.crank', 'pivot_box']")
     shared.solve()
-    assert "limited by the least link length, the given crank length and the pivot box." in shared.text("status")
+    assert "limited by the smallest link length, the given crank length and the pivot box." in shared.text("status")
     shared.renew()
     angles = -np.array([0, 20, 55, 100, 160, 200])
     request = path_request(angles, limits={"pivot_a": [10, 5]})

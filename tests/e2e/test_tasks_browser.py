@@ -443,7 +443,7 @@ def test_verdicts_and_texts_use_the_words_of_the_page(shared) -> None:
     assert shared.text("table-error").startswith("Point 2, x: “ten”")
     shared.renew()
     shared.solve_with_reply(path_request([0, 60, 120], tolerances={"position": 0.1}), [0, 60, 120], VERDICTS[2:3])
-    assert shared.text("status").endswith("The allowed errors are not kept at every point.")
+    assert shared.text("status").endswith("The errors exceed the tolerances at some points.")
     shared.renew()
     # The landing gear asks for 30 degrees of transmission, less than the practical limit, and gets them: stored and searched.
     shared.choose("gear")
@@ -481,7 +481,7 @@ def test_no_linkage_is_said_without_a_claim_that_was_not_proved(shared) -> None:
         if notes:
             assert shared.text("status").endswith("; with links of at least 42.5 there is one.")
             button = shared.pick("#suggestions button")
-            assert button.text == "Set the least link length to 42.5"
+            assert button.text == "Set the smallest link length to 42.5"
             button.click()
             shared.wait(IDLE)
             assert shared.last_request()["limits"]["link_min"] == 42.5

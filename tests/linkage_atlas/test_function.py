@@ -63,13 +63,13 @@ def test_a_callable_is_the_function_whether_it_takes_arrays_or_numbers() -> None
         (lambda x: math.log(x - 1.2), {}, "/output", "the function fails at x = 1: math domain error"),
         (lambda x: 1j * x, {}, "/output", "the function fails at x = 1: "),
         (lambda x: 3.0, {}, "/output", "the same everywhere"),
-        (np.sqrt, {"interval": None}, "/interval", "needed"),
+        (np.sqrt, {"interval": None}, "/interval", "is required"),
         (np.sqrt, {"interval": (1, 1)}, "/interval", "two different"),
-        (np.sqrt, {"output_span": None}, "/output_span", "needed"),
+        (np.sqrt, {"output_span": None}, "/output_span", "is required"),
         (np.sqrt, {"samples": 2}, "/samples", "whole number"),
-        (np.sqrt, {"crank_span": None}, "/crank_span", "needed"),
+        (np.sqrt, {"crank_span": None}, "/crank_span", "is required"),
         (np.sqrt, {"function": {"name": "ln"}}, "/output", "either"),
-        ([0, 10, 30], {"output_span": None}, "/interval", "belongs to"),
+        ([0, 10, 30], {"output_span": None}, "/interval", "applies only"),
     ],
 )
 def test_what_is_wrong_with_a_callable_is_named(of, more, field, words) -> None:

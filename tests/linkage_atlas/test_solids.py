@@ -46,7 +46,7 @@ def test_a_file_is_what_save_writes(linkage, kind, tmp_path) -> None:
     assert content.startswith(starts.get(kind, b"<?xml"))
     assert content != linkage.file(kind)
     if kind in ("3mf", "stl"):
-        with pytest.raises(la.FieldError, match="no text"):
+        with pytest.raises(la.FieldError, match="not a text format"):
             linkage.render(kind)
     else:
         assert linkage.render(kind).encode() == linkage.file(kind)

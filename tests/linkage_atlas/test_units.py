@@ -99,7 +99,7 @@ def test_a_unit_that_is_unknown_is_answered_with_the_allowed_units_and_the_neare
     with pytest.raises(la.FieldError) as error:
         la.Motion([0, 10, 30], crank_span=60, length_unit=unit)
     suggestion = f"; did you mean {close}?" if close else ""
-    assert error.value.message == f"wanted one of um, mm, cm, m, in, ft, found {unit!r}{suggestion}"
+    assert error.value.message == f"must be one of um, mm, cm, m, in, ft; it is {unit!r}{suggestion}"
 
 
 def test_notes_say_how_the_table_was_read(tmp_path) -> None:

@@ -159,7 +159,7 @@ def test_reasons_name_the_drive_and_a_drive_that_works_instead() -> None:
     pump = on_guides((Rail(0j, 0.0, 2 + 0j), Circle(0j, 1.0, 0j)), Driver.SLIDER)
     found = verdict(pump, [2.9, 1.1, 2.0])
     assert found.driver is None or found.driver == "crank"
-    assert "a slider that moves one way does not pass samples" in " ".join(found.reasons)
+    assert "a slider that moves in one direction does not pass samples" in " ".join(found.reasons)
     # out and back through both ends of the stroke: the crank does it, the slider does not
     found = verdict(pump, [2.0, 2.8, 2.0, 1.2], np.array([1, 1, -1, -1]) * pump.branch)
     assert found.driver == "crank" and found.circuit and not found.branch
@@ -207,7 +207,7 @@ def test_a_crank_that_turns_fully() -> None:
     swapped = judged(CRANK_ROCKER, [0, 90, 40, 200])
     assert said(swapped) == (False, True, True, None)
     assert swapped.reasons == (
-        "a crank that turns one way does not pass samples 2 and 3 in this order",
+        "a crank that turns in one direction does not pass samples 2 and 3 in this order",
         "neither crank nor rocker can drive the linkage through the samples, turning one way",
     )
     assert said(judged(CRANK_ROCKER, [0, 90, 40, 200], ordered=False)) == GOOD
@@ -215,7 +215,7 @@ def test_a_crank_that_turns_fully() -> None:
     assert said(apart) == (True, False, False, None)
     assert apart.reasons[:2] == (
         "samples 4 and 5 lie on different branches",
-        "samples 4 and 5 lie on different circuits: the linkage would have to be taken apart between them",
+        "samples 4 and 5 lie on different circuits: the linkage would have to be disassembled between them",
     )
 
 
