@@ -96,9 +96,11 @@ export async function startScenes(current = null) {
   try {
     const scenes = await (await fetch("/scenes")).json();
     for (const { name, title } of scenes) {
-      const link = build("a", { href: `/scenes/${name}`, textContent: title });
-      if (name === current) link.setAttribute("aria-current", "page");
-      $("scenes").append(link);
+      for (const host of document.querySelectorAll("[data-scenes]")) {
+        const link = build("a", { href: `/scenes/${name}`, textContent: title });
+        if (name === current) link.setAttribute("aria-current", "page");
+        host.append(link, " ");
+      }
     }
   } catch {
     /* without the list the page works, only the links are missing */
