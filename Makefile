@@ -112,6 +112,7 @@ bench: $(READY) $(ATLAS)
 
 docs: $(READY)
 	$(BIN)/python -m docs.figures
+	$(BIN)/python -m docs.howto_pictures
 	$(BIN)/python -m benchmarks.report
 
 site: $(READY)

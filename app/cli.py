@@ -565,17 +565,17 @@ def _serve(options: argparse.Namespace) -> int:
 
 _COMMANDS: dict[str, tuple[str, Callable[[argparse.ArgumentParser, str], None]]] = {
     "synthesize": (QUESTIONS["synthesize"], _add_questions),
-    "export": ("export a linkage for CAD, 3D printing, simulation or a workshop", _add_export),
-    "report": ("write a page on a solution, to print or pass on", _add_report),
+    "export": ("Export a linkage for CAD, 3D printing, simulation or a workshop.", _add_export),
+    "report": ("Write a page about a solution, to print or pass on.", _add_report),
     "drive": (QUESTIONS["drive"], _add_questions),
     "assembly": (QUESTIONS["assembly"], _add_questions),
     "function": (QUESTIONS["function"], _add_questions),
     "match": (QUESTIONS["match"], _add_questions),
     "motion": (QUESTIONS["motion"], _add_questions),
-    **{scene: (f"compute the {scene}", _add_questions) for scene in SCENES},
-    "study": ("answer a file of requests", _add_study),
-    "example": ("print an example request, or list the examples", _add_example),
-    "serve": ("serve the page and all queries over HTTP", _add_serve),
-    "completion": ("print a completion script for a shell", _add_completion),
+    **{scene: (f"Compute the {scene}.", _add_questions) for scene in SCENES},
+    "study": ("Answer a file of requests.", _add_study),
+    "example": ("Print an example request, or list the examples.", _add_example),
+    "serve": ("Serve the page and all queries over HTTP.", _add_serve),
+    "completion": ("Print or install a completion script for a shell.", _add_completion),
 }
 """Help of each command, except for those of the batch job, and the function that adds its arguments."""

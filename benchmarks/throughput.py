@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from benchmarks import report, service
+from benchmarks.figures import curve, figure
 from benchmarks.report import significant
 
 ONE_WORKER, TWO = "`--workers 1`", "`--workers 2`"
@@ -129,6 +130,21 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
     rows = [UNKNOWN | {"service": entry["service"], **load} for entry in services for load in entry["loads"]]
     rows.sort(key=lambda row: row["path"])  # stable: the order of services stays
     return report.tables("throughput", {"loads": rows}) | {"ratios": ratios_text(results)}
+
+
+def draw(results: dict[str, Any]) -> None:
+    """Draw the requests per second of both routes over the number of clients."""
+    with figure("throughput.svg", 1, 2, (9, 3.4), sharey=True) as (_, panels):
+        for axes, path in zip(panels, ("/v2/match", "/v2/synthesize")):
+            for entry in results["services"]:
+                loads = [load for load in entry["loads"] if load["path"] == path]
+                curve(axes, loads, "clients", "per_second", "o-", label=entry["service"].strip("`"))
+            axes.set(title=path, xlabel="clients", xscale="log")
+            axes.set_xticks([1, 8, 64], ["1", "8", "64"])
+            axes.minorticks_off()
+        fastest = max(load["per_second"] for entry in results["services"] for load in entry["loads"])
+        panels[0].set(ylabel="replies per second", ylim=(0, 1.1 * fastest))
+        panels[0].legend()
 
 
 def ratios_text(results: dict[str, Any]) -> str:

@@ -173,7 +173,7 @@ def _count(text: str) -> int:
 
 def add_commands(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the commands of the batch to a parser."""
-    build = commands.add_parser("build", help="build an atlas file", description="Build an atlas file.")
+    build = commands.add_parser("build", help="Build an atlas file.", description="Build an atlas file.")
     build.add_argument("--out", type=Path, default=Path("atlas.h5"), help="output file (default: %(default)s)")
     build.add_argument("--kind", choices=list(KINDS), default="four_bar", help="kind of linkages (%(default)s)")
     build.add_argument(
@@ -191,10 +191,10 @@ def add_commands(commands: argparse._SubParsersAction[argparse.ArgumentParser]) 
     build.add_argument("--scheduler", metavar="ADDRESS", help="run on the Dask cluster at this address")
     build.set_defaults(run=_build)
     verify = commands.add_parser(
-        "verify", help="check all contents of an atlas file", description="Check all contents of an atlas file."
+        "verify", help="Check all contents of an atlas file.", description="Check all contents of an atlas file."
     )
     verify.set_defaults(run=lambda options: {"status": "sound", **_described(options, check_contents)})
-    info = commands.add_parser("info", help="describe an atlas file", description="Describe an atlas file.")
+    info = commands.add_parser("info", help="Describe an atlas file.", description="Describe an atlas file.")
     info.set_defaults(run=_described)
     for command in (build, verify, info):
         command.add_argument("--json", action="store_true", help="print JSON")

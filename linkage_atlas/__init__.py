@@ -42,9 +42,9 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 BATCH_COMMANDS = {
-    "build": "build an atlas file",
-    "verify": "check all contents of an atlas file",
-    "info": "describe an atlas file",
+    "build": "Build an atlas file.",
+    "verify": "Check all contents of an atlas file.",
+    "info": "Describe an atlas file.",
 }
 """Commands of the batch job, which `data_build` runs, with their help."""
 

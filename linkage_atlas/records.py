@@ -170,7 +170,8 @@ def describe_fields(kind: type) -> None:
     rows = []
     for name, parameter in inspect.signature(kind).parameters.items():
         sentence = sentences.get(name) or name.replace("_", " ") + "."
-        rows.append(f"    {name} : {parameter.annotation}\n        {sentence[:1].upper()}{sentence[1:]}")
+        annotation = getattr(parameter.annotation, "__forward_arg__", parameter.annotation)
+        rows.append(f"    {name} : {annotation}\n        {sentence[:1].upper()}{sentence[1:]}")
     text, heading, examples = doc.partition("    Examples\n")
     parts = [text.rstrip(), "\n".join(["    Parameters", "    ----------", *rows]), (heading + examples).rstrip()]
     kind.__doc__ = "\n\n".join(filter(None, parts)) + "\n    "

@@ -101,7 +101,18 @@ _SHOWN_KINDS = {"four_bar": "", "slider_crank": "slider-crank "}
 
 @dataclass(frozen=True, kw_only=True)
 class Match(Record):
-    """Row of the atlas, and the start at which it turns like the request."""
+    """Row of the atlas, and the start at which it turns like the request.
+
+    Examples
+    --------
+    >>> import tempfile, numpy as np, linkage_atlas as la
+    >>> rotation = la.FourBar(5, 9, 12, 14, start_angle=30).joints(np.linspace(0, 70, 16)).rotation
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     atlas = la.build_atlas(f"{folder}/small.h5", perimeter=40, samples=16, jobs=1)
+    >>> match = la.match(rotation, 70, atlas=atlas)[0]
+    >>> match.type.number, match.type.lengths, match.start_angle
+    (33, [5, 9, 12, 14], 30.0)
+    """
 
     rank: int
     kind: str
@@ -141,7 +152,14 @@ class Matches(Record, Ranked[Match]):
 
     Examples
     --------
-    See `linkage_atlas.match`; ``matches[0].linkage`` is the linkage of the best row.
+    >>> import tempfile, linkage_atlas as la
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     atlas = la.build_atlas(f"{folder}/small.h5", perimeter=40, samples=16, jobs=1)
+    >>> matches = la.match([0, 12, 27, 45], 60, atlas=atlas, top=3)
+    >>> len(matches), matches.report.exhaustive
+    (3, True)
+    >>> matches[0].linkage.kind
+    'four_bar'
     """
 
     matches: list[Match]

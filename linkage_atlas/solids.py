@@ -103,7 +103,17 @@ class SolidPart(Record):
 
 @dataclass(frozen=True)
 class SolidParts(Record):
-    """Parts of a linkage, in millimetres and kilograms."""
+    """Parts of a linkage, in millimetres and kilograms.
+
+    Examples
+    --------
+    >>> import linkage_atlas as la
+    >>> parts = la.FourBar(30, 60, 70, 50).solids(material="plywood", thickness=6)
+    >>> [part.name for part in parts.parts][:4], len(parts.parts)
+    (['crank', 'coupler', 'rocker', 'pin_A'], 16)
+    >>> round(1000 * parts.mass, 1)  # grams
+    11.7
+    """
 
     fit: str
     scale: float

@@ -135,7 +135,15 @@ class Rounded(Record):
 
 @dataclass(frozen=True, kw_only=True)
 class Solution(Record):
-    """Linkage that answers a request, with its errors; fields that its kind does not have are null."""
+    """Linkage that answers a request, with its errors; fields that its kind does not have are null.
+
+    Examples
+    --------
+    >>> import linkage_atlas as la
+    >>> solution = la.synthesize([0, 12, 27, 45], crank_span=60, top=1).best
+    >>> solution.kind, solution.verdict.works, solution.errors.objective < 1e-9
+    ('four_bar', True, True)
+    """
 
     rank: int
     """From 1, by the preference, by default `Errors.objective`."""

@@ -101,7 +101,13 @@ def screens(family: str) -> tuple[PathScreen, ...]:
 
 
 def prepare() -> None:
-    """Make the coarse tables of the searches (about 0.3 s), which otherwise the first request makes."""
+    """Make the coarse tables of the searches (about 0.3 s), which otherwise the first request makes.
+
+    Examples
+    --------
+    >>> import linkage_atlas as la
+    >>> la.prepare()
+    """
     seed_tables()
     screens("full_crank")
 

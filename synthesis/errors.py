@@ -47,6 +47,15 @@ class FieldError(ValueError):
         Sentence for the user: what was found and what is allowed.
     **details
         Further facts as plain JSON values, for example ``constraint="closure", amount=12.5``.
+
+    Examples
+    --------
+    >>> import linkage_atlas as la
+    >>> try:
+    ...     la.synthesize([0, 12, 27], crank_span=5000)
+    ... except la.FieldError as error:
+    ...     print(error.field)
+    /crank_span
     """
 
     def __init__(self, field: str, message: str, **details: Any) -> None:
@@ -97,7 +106,13 @@ def _field_error(kind: type[FieldError], field: str, message: str, details: dict
 
 
 class AtlasFault(StrEnum):
-    """Reason to refuse an atlas file; the value is the sentence for the user."""
+    """Reason to refuse an atlas file; the value is the sentence for the user.
+
+    Examples
+    --------
+    >>> AtlasFault.SCHEMA.value
+    'the file is not an atlas of a schema that this version reads'
+    """
 
     MISSING = "there is no atlas file at this place"
     CHECKSUM = "the file's bytes do not match its checksum: it is damaged or cut off"
@@ -116,6 +131,15 @@ class AtlasError(Exception):
         The kind of fault.
     detail : str
         The observation, in words.
+
+    Examples
+    --------
+    >>> import linkage_atlas as la
+    >>> try:
+    ...     la.load_atlas("nowhere.h5")
+    ... except la.AtlasError as error:
+    ...     print(error.fault.name, error.detail)
+    MISSING nowhere.h5 does not exist
     """
 
     def __init__(self, fault: AtlasFault, detail: str) -> None:

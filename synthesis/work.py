@@ -9,11 +9,29 @@ from copy import copy
 
 
 class Cancelled(Exception):
-    """Raised when the result is no longer needed."""
+    """Raised when the result is no longer needed.
+
+    Examples
+    --------
+    >>> try:
+    ...     Work(cancelled=lambda: True).check()
+    ... except Cancelled:
+    ...     print("cancelled")
+    cancelled
+    """
 
 
 class OutOfTime(Exception):
-    """Raised when the budget is used up before there is a result."""
+    """Raised when the budget is used up before there is a result.
+
+    Examples
+    --------
+    >>> try:
+    ...     Work(budget=0).go_on()
+    ... except OutOfTime:
+    ...     print("no time left")
+    no time left
+    """
 
 
 class Work:
@@ -30,6 +48,14 @@ class Work:
         Returns True once the result is no longer needed; called at each check.
     clock : callable, optional
         Returns the seconds of a monotonic clock.
+
+    Examples
+    --------
+    >>> work = Work(budget=10)
+    >>> work.budget, work.expired()
+    (10, False)
+    >>> Work(budget=0).expired()
+    True
     """
 
     def __init__(

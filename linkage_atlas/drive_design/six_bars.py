@@ -36,7 +36,17 @@ _CURVE = 361
 
 
 class SixBarJoints(NamedTuple):
-    """Position of a six-bar at n angles of its motor, with angles in the linkage's unit."""
+    """Position of a six-bar at n angles of its motor, with angles in the linkage's unit.
+
+    Examples
+    --------
+    >>> import linkage_atlas as la
+    >>> four_bar = la.FourBar(30, 60, 70, 50, start_angle=40)
+    >>> wiper = la.drives(four_bar, [{"kind": "dyad", "links": ["crank"]}], crank_angle=[0, 60]).drives[0].linkage
+    >>> joints = wiper.joints([0, 90, 180])
+    >>> sorted(joints.joints), joints.joints["Q"].shape
+    (['A', 'B', 'C', 'D', 'K', 'M', 'Q'], (3, 2))
+    """
 
     joints: dict[str, Floats]
     """(n, 2) for each joint: A, B, C, D of the linkage, M the motor, K between its crank and the rod, Q on the link."""

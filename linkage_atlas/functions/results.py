@@ -108,7 +108,15 @@ class FunctionDetermination(Record):
 
 @dataclass(frozen=True, kw_only=True)
 class FunctionSolution(Record):
-    """Linkage that makes a function, with its errors."""
+    """Linkage that makes a function, with its errors.
+
+    Examples
+    --------
+    >>> import linkage_atlas as la
+    >>> solution = la.function([0, 50, 100], input=[0, 5, 10], top=1).best
+    >>> solution.verdict.works, solution.errors.max < 1e-6, solution.transmission_angle_min > 40
+    (True, True, True)
+    """
 
     rank: int
     """From 1: exact ones by merit, others by `FunctionErrors.objective`, uneven ones behind (function.md)."""
@@ -157,6 +165,13 @@ class FunctionResult(Record, Ranked[FunctionSolution | TravelSolution]):
     ``status`` is "reached" (the best objective is below the tolerance), "closest", "infeasible" (none within the limits),
     or "unknown" (none was found before the time was up). ``input`` and ``output`` are the samples of the request,
     ``x`` and ``y`` their numbers if a function was named.
+
+    Examples
+    --------
+    >>> import linkage_atlas as la
+    >>> result = la.function([0, 50, 100], input=[0, 5, 10], top=3)
+    >>> result.status, len(result), result.best is result[0]
+    ('reached', 3, True)
     """
 
     status: StatusName

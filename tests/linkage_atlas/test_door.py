@@ -322,17 +322,19 @@ def test_every_name_of_the_door_is_there_and_no_other() -> None:
 
 
 def test_the_examples_of_the_docstrings_are_true() -> None:
-    names = [module.name for module in pkgutil.iter_modules(la.__path__, "linkage_atlas.")]
-    results = [doctest.testmod(importlib.import_module(name)) for name in ["linkage_atlas", *names]]
+    names = [module.name for module in pkgutil.walk_packages(la.__path__, "linkage_atlas.")]
+    names += ["linkage_atlas", "synthesis.atlas.haar", "synthesis.errors", "synthesis.work"]
+    results = [doctest.testmod(importlib.import_module(name)) for name in names]
     assert sum(result.failed for result in results) == 0
-    assert sum(result.attempted for result in results) >= 5
 
 
 @pytest.mark.parametrize("name", [name for name in la.__all__ if callable(getattr(la, name))])
 def test_public_docstrings_are_complete(name) -> None:
-    """Parameters, returned values and fields of records are described; a new argument without a sentence is found here."""
+    """Parameters, returned values and fields of records are described, and there is an example."""
     validate = pytest.importorskip("numpydoc.validate").validate
-    optional = {"ES01", "SA01", "EX01"}  # extended summary, see also, examples
+    optional = {"ES01", "SA01"}  # extended summary, see also
+    if name.endswith(("batch", "batch_commands")):  # the commands of the batch job have no use in Python
+        optional.add("EX01")
     if name == "AtlasFault":
         optional.add("PR01")  # numpydoc takes the arguments of `enum.Enum` as parameters
     assert [error for error in validate(f"linkage_atlas.{name}")["errors"] if error[0] not in optional] == []
