@@ -66,7 +66,7 @@ def dask_executor(address: str) -> Iterator[Executor]:
     try:
         from distributed import Client
     except ImportError:
-        raise SystemExit("--scheduler requires an extra: pip install 'linkage-atlas[distributed]'") from None
+        raise SystemExit("--scheduler needs Dask: pip install distributed") from None
     with Client(address, timeout="10s", set_as_default=False) as client:
         yield client.get_executor()
 

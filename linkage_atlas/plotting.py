@@ -36,7 +36,7 @@ def axes_for(ax: Axes | None) -> Axes:
     try:
         from matplotlib import pyplot
     except ImportError as error:
-        raise ImportError("Drawing needs matplotlib: install it with `pip install 'linkage-atlas[plot]'`.") from error
+        raise ImportError("Drawing needs matplotlib: install it with `pip install matplotlib`.") from error
     return pyplot.gca() if ax is None else ax
 
 

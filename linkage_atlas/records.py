@@ -110,9 +110,7 @@ class Ranked(Sequence[Item], Generic[Item]):
         try:
             from pandas import DataFrame
         except ImportError as error:
-            raise ImportError(
-                "A table needs pandas: install it with `pip install 'linkage-atlas[pandas]'`."
-            ) from error
+            raise ImportError("A table needs pandas: install it with `pip install pandas`.") from error
         return DataFrame([dict(_cells(plain(result))) for result in self])
 
 
