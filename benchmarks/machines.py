@@ -6,17 +6,14 @@ The figures contain no times and are the same on every machine, to rounding.
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from app.resources import ServiceResources
 from app.scenes.chain.tolerance import ChainToleranceRequest, answer_tolerance
-from app.scenes.knotter.curves import CurvesRequest, answer_curves
 from app.scenes.knotter.tolerance import KnotterToleranceRequest
 from app.scenes.knotter.tolerance import answer_tolerance as answer_knotter_tolerance
 from app.settings import Settings
@@ -25,7 +22,6 @@ from synthesis.scenes.chain import crescent as chain
 from synthesis.scenes.chain.fit import exact_slot, fit_error, fit_slot, power_basis, power_error
 from synthesis.scenes.chain.groove import slot_polyarc
 
-PRINTED = json.loads((Path(__file__).parents[1] / "tests" / "reference" / "knotter.json").read_text())
 DEGREES = (4, 6, 8, 12, 16, 24)
 ROLLER = 20.0
 
@@ -53,20 +49,9 @@ def measure_chain() -> dict[str, Any]:
 
 
 def measure_knotter() -> dict[str, Any]:
-    """Measure the pair that the source chose and its table 1."""
+    """Measure the tolerances of the pair that the source chose."""
     resources = ServiceResources(Settings())
-    law = PRINTED["REF_PRINT"]["laws"]["beta"]
-    printed = {key: PRINTED["REF_PRINT"][key] for key in ("parameters", "points")} | {"laws": {"beta": law}}
-    before = []
-    for key, point in PRINTED["paper"]["E1_before_hit"].items():
-        pair = dict(zip(("alpha1", "alpha3"), map(float, key.split(","))))
-        with_defaults, fitted = (
-            answer_curves(CurvesRequest.model_validate({**pair, **options}), resources).step_before.point
-            for options in ({"step": 2}, {**printed, "step": PRINTED["REF_PRINT"]["scan_step"]})
-        )
-        before.append({"pair": key, "printed": point, "defaults": with_defaults[1:], "fitted": fitted[1:]})
     return {
-        "before": before,
         "tolerance": answer_knotter_tolerance(KnotterToleranceRequest(), resources).model_dump(),
     }
 
@@ -101,7 +86,6 @@ def chain_blocks(found: dict[str, Any]) -> dict[str, str]:
 
 def knotter_blocks(found: dict[str, Any]) -> dict[str, str]:
     """Return the blocks of docs/knotter.md."""
-    deviations = [np.abs(np.subtract(row["printed"], row["fitted"])).max() for row in found["before"]]
     tolerance = found["tolerance"]
     rows = []
     for name in ("wrap", "clearance", "bite"):
@@ -127,7 +111,6 @@ def knotter_blocks(found: dict[str, Any]) -> dict[str, str]:
         "largest sensitivities, per mm or degree",
     ]
     return {
-        "before": f"{max(deviations):.3f} mm",
         "tolerance": lines(head, rows),
     }
 

@@ -107,7 +107,7 @@ function space(host, reply, unit, follow) {
 }
 
 /** The crossing in the plane of its triangle (figure 9 of the source), with its way over the bill's angle. */
-function plane(host, { alpha, ...reply }, name, told, before) {
+function plane(host, { alpha, ...reply }, name, told) {
   const { point, on_rope: on, corners, frame, triangle } = reply[name],
     [right, up, kind, edge] = name === "E1" ? [1, 2, "body", "edge bill"] : [0, 2, "jaw", "edge jaws"],
     at = (place) => [place[right], place[up]],
@@ -126,7 +126,6 @@ function plane(host, { alpha, ...reply }, name, told, before) {
   };
   const one = name === "E1" ? 0 : 1,
     beside = (n) => (n === 2 ? [-24, 14] : [9, -8]),
-    earlier = before?.point && at(before.point),
     entered = told.point && at(told.point);
   const parts = [
     grid("mm"),
@@ -134,8 +133,6 @@ function plane(host, { alpha, ...reply }, name, told, before) {
     line("curve", way),
     line(edge, ({ held }) => held.slice(one, one + 2)),
     dot("point", (now) => now.way, 6),
-    earlier && dot("pin", earlier, 4),
-    earlier && symbol("before", earlier, -56, 5),
     entered && dot(told.holds ? "enter" : "enter wrong", entered, 9),
     entered && symbol(name, entered, 12, 4),
     ...triangle.map((corner, n) => symbol(corner, ({ held }) => held[n], ...beside(n))),
@@ -149,20 +146,18 @@ const assumed = (reply) => `Assumed and not published: ${reply.assumed.join(", "
 
 function pair({ reply, request }, hosts) {
   const unit = degree(request.angle_unit),
-    { wrap, bite, step_before: before, alpha } = reply,
+    { wrap, bite, alpha } = reply,
     followers = [],
     run = space(hosts.picture, reply, unit, (value) => followers.forEach((one) => one(value)));
   verdict(hosts.picture, reply, unit);
   const halves = [build("div"), build("div")];
   hosts.picture.append(element("div", "planes", ...halves));
-  followers.push(plane(halves[0], reply, "E1", wrap, before).go, plane(halves[1], reply, "E2", bite, null).go);
+  followers.push(plane(halves[0], reply, "E1", wrap).go, plane(halves[1], reply, "E2", bite).go);
   facts(hosts.facts, [
     ["status", reply.status],
     ["alpha1", reply.alpha1, unit],
     ["alpha3", reply.alpha3, unit],
     ...CONDITIONS.map((name) => [`margin of the ${name}`, reply[name].margin, "mm"]),
-    ["E1 one step before the hit", before.point?.slice(1), "mm"],
-    ["at alpha", before.alpha, unit],
   ]);
   note(hosts.facts, assumed(reply));
   const crossing = (name, one, two, title) => {

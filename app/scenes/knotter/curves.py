@@ -11,7 +11,6 @@ from pydantic import Field
 from app.query import Angles, Column, Computed, Count, Query, ReplyModel, Resources
 from app.scenes.knotter.machine import (
     DECIMALS,
-    BoundedPositive,
     ClearanceReply,
     EntryReply,
     PairRequest,
@@ -23,14 +22,12 @@ from app.scenes.knotter.machine import (
 )
 from app.terminal import DEGREES, Units, table
 from linkage_atlas import FieldError
-from synthesis.scenes.knotter.curves import crossing_before_entry, crossing_curve, point_paths
+from synthesis.scenes.knotter.curves import crossing_curve, point_paths
 from synthesis.scenes.knotter.mechanism import as_array
 from synthesis.sheet import csv_text
 
 MAX_SAMPLES = 7201
 """Largest number of bill angles in a reply."""
-MIN_STEP_DEGREES = 0.01
-"""Smallest step of the source's scan."""
 FIXED_FRAMES = ("shaft", "bearing", "seat")
 """Frames that do not move."""
 PATHS = ("S0", "S1", "S3", "S4", "S5", "S7", "S8", "S9", "S10", "O5")
@@ -45,12 +42,6 @@ class CurvesRequest(PairRequest):
     angle_range: Range | None = Field(None, description="Range of the angle of the bill; default: 0 to 360 degrees.")
     samples: Annotated[Count, Field(ge=2, le=MAX_SAMPLES)] = Field(
         181, description="Number of evenly spaced angles of the bill."
-    )
-    step: BoundedPositive | None = Field(
-        None,
-        description="Step of the source's scan; table 1 of the source lists the last crossing before the hit; "
-        "default: 2 degrees.",
-        json_schema_extra={"unit": "angle"},
     )
     frame: Literal["shaft", "bearing", "seat", "u3", "u4", "u5"] = Field(
         "shaft",
@@ -72,16 +63,6 @@ class RopeCrossingReply(ReplyModel):
     )
 
 
-class StepBeforeReply(ReplyModel):
-    """Last crossing of a scan before its first hit."""
-
-    step: float
-    alpha: float | None = Field(
-        description="Angle of the bill; null if no step of the scan is inside the triangle, or if its first step is."
-    )
-    point: list[float] | None
-
-
 class CurvesReply(Provenance):
     """Crossings, paths and verdicts of a pair."""
 
@@ -101,7 +82,6 @@ class CurvesReply(Provenance):
         description="Two points at unit distance on each of the axes of shaft (i1), disc (j2) and bill (k0), in the frame "
         "of the request; null if this frame moves."
     )
-    step_before: StepBeforeReply = Field(description="Last crossing E1 before the first hit of the scan.")
     wrap: EntryReply
     clearance: ClearanceReply
     bite: EntryReply
@@ -116,9 +96,6 @@ def answer_curves(request: CurvesRequest, resources: Resources) -> CurvesReply:
     )
     if not low < high:
         raise FieldError("/angle_range", "the first angle of the range must be smaller than the second")
-    step = math.radians(2.0) if request.step is None else angles.inward(request.step)
-    if step < math.radians(MIN_STEP_DEGREES) * (1 - 1e-9):
-        raise FieldError("/step", f"must be at least {MIN_STEP_DEGREES} degrees")
     frames = {frame for frame, _ in mechanism.points.values()} | {"seat"}
     for end in (low, high):  # tested separately: the laws may be constant over the range
         mechanism.require_laws(frames, end, end)
@@ -144,7 +121,6 @@ def answer_curves(request: CurvesRequest, resources: Resources) -> CurvesReply:
             triangle=list(condition.triangle),
             corners=np.moveaxis(curve.triangle, 0, 1).tolist(),
         )
-    before = crossing_before_entry(mechanism, conditions["wrap"], step)
     results = {name: condition.evaluate(mechanism, 1, work) for name, condition in conditions.items()}
     verdicts: dict[str, Any] = {
         name: condition_reply(name, conditions[name], result, 0, angles) for name, result in results.items()
@@ -164,11 +140,6 @@ def answer_curves(request: CurvesRequest, resources: Resources) -> CurvesReply:
             name: path.tolist() for name, path in point_paths(mechanism, list(PATHS), request.frame, driver).items()
         },
         axes=_axes(mechanism, request.frame) if request.frame in FIXED_FRAMES else None,
-        step_before=StepBeforeReply(
-            step=angles.outward(step),
-            alpha=None if before is None else angles.outward(before[0]),
-            point=None if before is None else before[1].tolist(),
-        ),
         **verdicts,
         **provenance(request, prescribed),
     )
@@ -189,16 +160,11 @@ def _axes(mechanism: Any, frame: str) -> dict[str, list[list[float]]]:
 
 def curves_table(reply: CurvesReply, units: Units = DEGREES) -> str:
     """Return the verdicts, and a row for each sample at which the rope itself meets a plane."""
-    before = reply.step_before
     lines = [f"alpha1 {reply.alpha1:g}, alpha3 {reply.alpha3:g} {units.angle}: {reply.status}"]
     for name in ("wrap", "clearance", "bite"):
         condition = getattr(reply, name)
         lines.append(
             f"{name:<10}{'holds' if condition.holds else 'fails'}, margin {condition.margin:+.4f}{units.behind(units.length)}"
-        )
-    if before.point is not None:
-        lines.append(
-            f"E1 one step of {before.step:g} before the hit: {before.alpha:g}, {before.point[1]:.4f}, {before.point[2]:.4f}"
         )
     rows = []
     for k, alpha in enumerate(reply.alpha):

@@ -63,35 +63,6 @@ def crossing_curve(mechanism: Mechanism, condition: SegmentEntersTriangle, drive
     return CrossingCurve(point, s_p * s_q < 0, crosses, triangle)
 
 
-def crossing_before_entry(
-    mechanism: Mechanism, condition: SegmentEntersTriangle, step: float
-) -> tuple[float, Floats] | None:
-    """Return the last crossing of a scan before the rope is first inside, as table 1 of the source lists it.
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-        A single mechanism.
-    condition : SegmentEntersTriangle
-        The condition, whose window is scanned.
-    step : float
-        Step of the scan, rad.
-
-    Returns
-    -------
-    tuple of float and ndarray, shape (3,), or None
-        Driver angle (rad) and crossing point.
-        None if no step of the scan is inside, or if already the first step is.
-    """
-    low, high = condition.window
-    driver = low + step * np.arange(int(np.floor((high - low) / step * (1 + 1e-12))) + 1)
-    curve = crossing_curve(mechanism, condition, driver)
-    first_inside = int(np.argmax(curve.inside))
-    if not curve.inside[first_inside] or first_inside == 0:
-        return None
-    return float(driver[first_inside - 1]), curve.point[first_inside - 1]
-
-
 def point_paths(mechanism: Mechanism, names: list[str], frame: str, driver: Floats) -> dict[str, Floats]:
     """Compute the paths of points in a frame.
 
