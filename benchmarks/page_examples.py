@@ -1,7 +1,7 @@
-"""Makes the page's examples, app/static/examples.json: eight machines and four motions to compare with, a word on each.
+"""Make the examples of the page, app/static/examples.json: eight machines and four motions, with a short explanation each.
 
-``python -m benchmarks.page_examples --solve`` also searches and stores what it finds, with its errors: the page
-shows that at once. Without ``--solve`` what is stored stays where the request is the same.
+With ``python -m benchmarks.page_examples --solve`` it also searches and stores the results with their errors, which the
+page shows at once. Without ``--solve`` the stored results of unchanged requests remain.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from benchmarks.report import ROOT, Times
 
 FILE = ROOT / "app/static/examples.json"
 BUDGET_MS = 8000
-"""Of the search for each example."""
+"""Time limit of the search for each example."""
 STORED = 3
 """Linkages of each example that are stored."""
 DIGITS = 9
-"""Of the numbers that are stored."""
+"""Digits of the stored numbers."""
 SHOWN = (
     "rank has_smallest_error source links branch start_angle body_offset mount errors crank_angle verdict excursion size "
     "family transmission_angle_min transmission_angle_min_turn determination"
@@ -195,7 +195,7 @@ def text(found: dict[str, Any]) -> str:
 
 
 def stored_replies() -> dict[str, Any]:
-    """Those in the file, of requests that are still the same."""
+    """Return the stored results of requests that are unchanged."""
     requests = {example["name"]: example["request"] for example in examples()}
     return {
         row["name"]: row.get("reply")
@@ -205,7 +205,7 @@ def stored_replies() -> dict[str, Any]:
 
 
 def main() -> None:
-    """Write the file; with ``--solve`` search, store the replies and print what is found."""
+    """Write the file; with ``--solve`` search, store the replies and print the results."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--solve", nargs="*", metavar="NAME", help="search these, or all")
     names = parser.parse_args().solve

@@ -71,7 +71,7 @@ class Figure:
     def arc(
         self, centre: complex, radius: float, first: float, last: float, words: str, out: float = 24, name: str = ""
     ) -> None:
-        """An angle from one direction to another, with a head at its end and its name outside of its middle."""
+        """Draw an angle from a direction to another, with an arrowhead at its end and its name outside of its middle."""
         reach = radius / self.sheet.scale
         shown = np.linspace(first, last, 40)
         self.line(centre + reach * np.exp(1j * shown), "arc")
@@ -112,7 +112,7 @@ def joints(linkage: Linkage, travel: Any) -> list[Any]:
 
 
 def notation() -> None:
-    """The symbols of the documents on one four-bar: both branches, all angles, the body and its point."""
+    """Draw the symbols of the documents on a four-bar: both branches, all angles, the body and its point."""
     turn, start, radius, angle = np.deg2rad(10), np.deg2rad(52), 6.3, np.deg2rad(38)
     marked = np.deg2rad(62)
     linkage = four_bar((4.6, 9.2, 8.0, 12.2), 1, start, 0j, turn, (radius, angle), marked - np.deg2rad(30))
@@ -196,7 +196,7 @@ def box(low: complex, high: complex) -> list[complex]:
 
 
 def limits() -> None:
-    """What each limit of a request concerns, on one four-bar over its used interval."""
+    """Draw the meaning of each limit of a request on a four-bar over its used interval."""
     linkage = four_bar((4.6, 9.2, 8.0, 12.2), 1, np.deg2rad(30), 0j, 0.0, (6.3, np.deg2rad(38)), 0.0)
     crank = np.linspace(0, np.deg2rad(110), 90)
     a, b = linkage.pivot_a, linkage.pivot_b
@@ -268,7 +268,7 @@ KINDS = {
     "two_rails": (_LEFT, _RAIL, "slider"),
     "two_slots": (_OWN, _SLOT, "hinge"),
 }
-"""Of each kind its guides, the driven one first, and its driver, as a reply has them."""
+"""Guides of each kind, the driven guide first, and its driver, as in a reply."""
 
 
 def kinds() -> None:
@@ -296,11 +296,11 @@ def kinds() -> None:
         position, turn = complex(joints.body_point[0] @ [1, 1j]), float(np.deg2rad(joints.rotation[0]))
         held = [complex(pin[0] @ [1, 1j]) for pin in (joints.crank_pin, joints.coupler_pin)]
         corners = []
-        for one, at in zip(guides, held):
-            corners.append(at if not isinstance(one, Slot) else position + np.exp(1j * turn) * one.body_point)
+        for guide, at in zip(guides, held):
+            corners.append(at if not isinstance(guide, Slot) else position + np.exp(1j * turn) * guide.body_point)
         figure.line([z + shift for z in (*corners, position)], "body", closed=True)
-        for k, (one, at) in enumerate(zip(guides, held)):
-            _draw_guide(figure, one, at, position, turn, shift, k == 0)
+        for k, (guide, at) in enumerate(zip(guides, held)):
+            _draw_guide(figure, guide, at, position, turn, shift, k == 0)
         figure.dot(position + shift, 8, "point")
         figure.line([position + shift, position + shift + 0.8 * np.exp(1j * turn)], "mark")
         figure.text("P", position + shift, (0, 16), "t-path")
@@ -356,7 +356,7 @@ def _draw_guide(
 
 
 def motion(seconds: float = 8.0, frames: int = 180) -> None:
-    """The worked example solved, and its best linkage turning through the motion that was asked for."""
+    """Solve the worked example and draw its best linkage through the requested motion."""
     request = json.loads((ROOT / "app" / "examples" / "worked_example.json").read_text())
     result = la.synthesize(request["rotation"], request["position"], request["crank_span"], top=1)
     assert result.status == "reached"

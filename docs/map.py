@@ -48,7 +48,7 @@ def module_graph() -> dict[str, set[str]]:
 
 
 def package_graph() -> dict[str, set[str]]:
-    """Each package with the packages that its modules import; a module that lies directly on a floor stands for itself."""
+    """Return each package with the packages that its modules import; a module directly on a floor represents itself."""
     graph: dict[str, set[str]] = {}
     for module, dependencies in module_graph().items():
         graph.setdefault(_home(module), set()).update(map(_home, dependencies))
@@ -61,7 +61,7 @@ def _home(module: str) -> str:
 
 
 def faults() -> list[str]:
-    """What breaks the order of the floors: arrows up, and circles of modules or packages."""
+    """Return violations of the order of the floors: upward imports, and cycles of modules or packages."""
     found = []
     graph = module_graph()
     for module, dependencies in graph.items():
@@ -80,7 +80,7 @@ def faults() -> list[str]:
 
 
 def picture() -> str:
-    """The map as text: floors from the top down, packages with what they import; one-module packages in a line of names."""
+    """Draw the map as text: floors from the top down, packages with their imports; one-module packages in a line."""
     graph, lines = package_graph(), []
     for floor in FLOORS:
         homes = sorted(home for home in graph if home.partition(".")[0] == floor)
@@ -107,7 +107,7 @@ def _is_package(home: str) -> bool:
 
 
 def main() -> int:
-    """Print the map and the faults; 1 where there is one."""
+    """Print the map and the faults; return 1 if there is a fault."""
     print(picture())
     print("\n".join(faults()) or "no arrow up, no circle")
     return 1 if faults() else 0

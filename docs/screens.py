@@ -26,9 +26,9 @@ IMAGES = Path(__file__).parent / "img"
 SHOTS = {"page": (1280, "light"), "page_dark": (1280, "dark"), "page_phone": (390, "light")}
 """Width in pixels and theme of each picture."""
 PLACES = {"lift": 0.5, "chain": 0.5, "knotter": 0.252}
-"""Where on its slider each machine stands, as a share of the range."""
+"""Position of the slider of each machine, as a fraction of the range."""
 QUESTIONS = {("lift", "page"): 1}
-"""Which question a picture shows, where it is not the first."""
+"""Query of a picture, if it is not the first."""
 
 
 @contextmanager
@@ -56,7 +56,7 @@ def wait(browser: Any, condition: str) -> None:
 
 
 def shoot(browser: Any, address: str, machine: str) -> None:
-    """The three pictures of one machine's page, from its head to the end of its curves."""
+    """Take the three pictures of a machine's page, from its head to the end of its curves."""
     for name, (width, theme) in SHOTS.items():
         if not (picture := IMAGES / f"{machine}_{name}.png").exists():  # no document shows it
             continue
