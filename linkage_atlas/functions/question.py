@@ -433,8 +433,8 @@ class FunctionFields:
         if dial.output == ANGLE:
             output, notes = unwound("output", output, self.degrees)
         if dial.input == ANGLE:
-            input, said = unwound("input", input, self.degrees)
-            notes = [*notes, *said]
+            input, input_notes = unwound("input", input, self.degrees)
+            notes = [*notes, *input_notes]
         return replace(self, output=output, input=input), notes
 
     def _function(self, dial: Dial, quick: QuickReturn | None) -> tuple[TargetFunction, Dials | None, Scales]:

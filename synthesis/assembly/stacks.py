@@ -509,7 +509,7 @@ def _head(pin: str) -> str:
 
 
 def _numbered(parts: Sequence[_Part], pairs: Sequence[Pair]) -> tuple[list[CarriedShape], list[tuple[int, int]]]:
-    """Return all shapes of some parts, and each pair by two shapes, which are on the same body if possible."""
+    """Return the shapes of all parts, and each pair of parts as indices of two shapes, on the same body if possible."""
     shapes = [shape for part in parts for shape in part.shapes]
     first, count = {}, 0
     for part in parts:

@@ -650,7 +650,7 @@ class _Motion:
         self.problem = JointProblem(poses, chart_of(family))
 
     def four_bars(self, dyads: Dyads, repair: bool = False, max_count: int = 150) -> Timed:
-        """The four-bars of pairs of dyads, with an angle at every sample; of many, those that fit the rest best."""
+        """Build the four-bars of pairs of dyads that fit the remaining samples best, with crank angles at every sample."""
         timed = four_bars(self.poses, self.body, dyads, self.family, self.work, repair)
         if not self.mixed:
             return timed

@@ -283,7 +283,7 @@ class ExactFamily:
         return found.take(np.lexsort(self.order(found)))
 
     def follows(self, candidates: Candidates) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Check that rockers turn as far as the output, without additional whole turns, and turn back only slightly."""
+        """Return masks of rockers that follow the output without extra turns, and of rockers that reverse at most slightly."""
         share = (1 - np.cos(np.linspace(0.0, np.pi, self.options.tracked_angles))) / 2
         travel = np.concatenate([self.function.crank, share * self.function.crank[-1]])
         closure = close_loop(candidates.lengths, candidates.parameters.start[:, None] + travel)

@@ -128,7 +128,7 @@ def _guide(own: Guides, poses: Poses, rotation: float, position: complex) -> Gui
 
 
 def as_guides(guide: Guide, poses: Poses) -> Guides:
-    """Return a guide in the lengths of the search."""
+    """Convert a guide to the unknowns of the search, scaled and relative to the middle of the poses."""
     scale, middle = poses.length_scale, poses.middle
     if isinstance(guide, Slot):
         numbers = (guide.pin - middle) / scale, guide.body_point / scale, guide.body_direction - np.pi / 2, 0.0, True

@@ -314,7 +314,7 @@ def manufactured(
 def _by_closed_loop(linkage: Linkage, direction: Floats, crank: _Guide, rocker: _Guide) -> tuple[Complexes, Floats]:
     """Return the poses of the couplers of four-bars at directions (n,) of the crank."""
     along = np.exp(1j * linkage.ground_angle)
-    # the ground line in its own frame, in which it turns by little
+    # the ground line relative to its nominal direction, from which it deviates only slightly
     ground = (rocker.fixed - crank.fixed) / along
     coupler = rocker.body_point - crank.body_point
     lengths = np.concatenate(
