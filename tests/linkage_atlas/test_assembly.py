@@ -161,5 +161,5 @@ def test_a_motor_and_its_rod_are_two_more_plates() -> None:
     found = linkage.assembly(request, drive=drive)
     assert set(found.layers) == {"crank", "coupler", "rocker", "motor_crank", "rod"}
     assert {pin.name for pin in found.pins} == {"A", "B", "C", "D", "K", "M", "Q"}
-    assert any("those of the motor" in reason for reason in found.reasons)
+    assert any("angles of the motor" in reason for reason in found.reasons)
     assert linkage.assembly(request, drive=drive.to_dict()).layers == found.layers

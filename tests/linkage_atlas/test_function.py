@@ -57,12 +57,12 @@ def test_a_callable_is_the_function_whether_it_takes_arrays_or_numbers() -> None
 @pytest.mark.parametrize(
     ("of", "more", "field", "words"),
     [
-        (lambda x: 1 / (x - 1.5), {}, "/output", "found inf at x = 1.5"),
-        (np.log10, {"interval": (0, 1)}, "/output", "found -inf at x = 0"),
-        (lambda x: np.where(np.abs(x - 1.50012207) < 1e-4, np.nan, x), {}, "/output", "found nan at x = 1.50012"),
+        (lambda x: 1 / (x - 1.5), {}, "/output", "it is inf at x = 1.5"),
+        (np.log10, {"interval": (0, 1)}, "/output", "it is -inf at x = 0"),
+        (lambda x: np.where(np.abs(x - 1.50012207) < 1e-4, np.nan, x), {}, "/output", "it is nan at x = 1.50012"),
         (lambda x: math.log(x - 1.2), {}, "/output", "the function fails at x = 1: math domain error"),
         (lambda x: 1j * x, {}, "/output", "the function fails at x = 1: "),
-        (lambda x: 3.0, {}, "/output", "the same everywhere"),
+        (lambda x: 3.0, {}, "/output", "the same y everywhere"),
         (np.sqrt, {"interval": None}, "/interval", "is required"),
         (np.sqrt, {"interval": (1, 1)}, "/interval", "two different"),
         (np.sqrt, {"output_span": None}, "/output_span", "is required"),
