@@ -40,7 +40,7 @@ from linkage_atlas.geometry import (
 from linkage_atlas.motions import Motion
 from linkage_atlas.plotting import plot_linkage
 from linkage_atlas.records import Record, plain, plane
-from linkage_atlas.solids import AskedSolids, SolidParts, read_solids, solids_in, split
+from linkage_atlas.solids import SolidParts, read_solids, solids_in, split
 from linkage_atlas.tolerance_study import Manufacture, ToleranceStudy, read_manufacture, studied
 from synthesis.arrays import Floats
 from synthesis.assembly.linkage_machine import loop_of
@@ -653,19 +653,8 @@ class Linkage:
         of_assembly, of_solids = split(options)
         target = self.target_of(motion, crank_angle)
         unit = self.unit_for(motion, length_unit) or "mm"
-        return self._solids(target, of_assembly, read_solids(of_solids, ""), unit, work or Work(), "")
-
-    def _solids(
-        self,
-        target: Target,
-        assembly: Fields | bool,
-        solids: AskedSolids,
-        length_unit: str,
-        work: Work,
-        where: str = "assembly/",
-    ) -> SolidParts:
-        assembly = {} if isinstance(assembly, bool) else assembly
-        return solids_in(self._arranged(target, assembly, work, where, length_unit), solids, length_unit)
+        layers = self._arranged(target, of_assembly, work or Work(), "", unit)
+        return solids_in(layers, read_solids(of_solids, ""), unit)
 
     def file(
         self,
@@ -705,23 +694,22 @@ class Linkage:
             an MJCF model, and to files of parts a motor and its rod or a cylinder, with the arm that carries its pin.
         """
         one_of("kind", kind, FORMATS)
-        if isinstance(drive, Record):
-            drive = drive.to_dict()
+        drive = drive.to_dict() if isinstance(drive, Record) else drive
         check_held(kind, assembly=assembly, solids=solids, drive=drive)
         target = self.target_of(motion, crank_angle if travel is None else travel)
         assembly, drive = with_drive(kind, assembly, drive)
-        arranged = bool(assembly or solids)
         settings = read_solids(solids or {})
-        unit = self.unit_for(motion, length_unit)
-        if analysis is not None and unit is not None:
-            analysis = {"length_unit": unit, **analysis}
+        scale = (unit := self.unit_for(motion, length_unit)) or "mm"
+        analysis = {"length_unit": unit, **analysis} if analysis is not None and unit is not None else analysis
         read_assembly(assembly or {})  # errors of the assembly are reported even if masses are left out
 
         def parts(allow_collisions: bool) -> SolidParts:
             request = settings._replace(allow_collisions=True) if allow_collisions else settings
-            return self._solids(target, assembly or {}, request, unit or "mm", work or Work())
+            layers = assembly if isinstance(assembly, Mapping) else {}
+            return solids_in(self._arranged(target, layers, work or Work(), "assembly/", scale), request, scale)
 
-        return content_of(self._linkage, target, self._radian, kind, unit, analysis, drive, parts, arranged)
+        has_parts = bool(assembly or solids)
+        return content_of(self._linkage, target, self._radian, kind, unit, analysis, drive, parts, has_parts)
 
     def render(self, kind: str, *arguments: Any, **more: Any) -> str:
         """Return the text of a file; arguments as for `file`. Raises FieldError for 3MF and STL, which are not text."""
@@ -739,9 +727,8 @@ class Linkage:
         path = Path(path)
         drive = options.pop("drive", None)
         of_assembly, of_solids = split(options)
-        kind = kind_of(path.name)
-        more = {} if drive is None else {"drive": drive}
-        path.write_bytes(self.file(kind, length_unit=length_unit, assembly=of_assembly, solids=of_solids, **more))
+        more: dict[str, Any] = {"length_unit": length_unit} | ({} if drive is None else {"drive": drive})
+        path.write_bytes(self.file(kind_of(path.name), assembly=of_assembly, solids=of_solids, **more))
 
     def _repr_svg_(self) -> str | None:
         """Return a drawing, for notebooks."""
@@ -761,9 +748,8 @@ def _from_joints(joints: Any, degrees: bool) -> Linkage:
         if joints.get(name) is None:
             raise FieldError(f"/joints/{name}", "is required")
     with pointing(lambda field: f"/joints/{field.lstrip('/')}"):
-        return Linkage.from_points(
-            **{name: value for name, value in joints.items() if value is not None}, degrees=degrees
-        )
+        given = {name: value for name, value in joints.items() if value is not None}
+        return Linkage.from_points(**given, degrees=degrees)
 
 
 def assembly(linkage: object, motion: Motion | None = None, **options: Any) -> Assembly:

@@ -19,7 +19,7 @@ from linkage_atlas.geometry import Joints
 from linkage_atlas.linkages import Linkage, given_linkage
 from linkage_atlas.motions import Motion
 from linkage_atlas.records import Record, Values, Vectors, plain, plane, xy
-from linkage_atlas.solids import read_solids
+from linkage_atlas.solids import read_solids, solids_in
 from linkage_atlas.tolerance_study import Manufacture, ToleranceStudy
 from synthesis.arrays import Floats
 from synthesis.drives.links import ends_of
@@ -356,10 +356,9 @@ class SixBarLinkage(Linkage):
         """
         length_unit = self.unit_for(motion, length_unit)
         if kind in (*OF_PARTS, "plates"):
-            turn = self.target_of(None, None)
-            return self._solids(turn, assembly or {}, read_solids(solids), length_unit or "mm", work or Work()).file(
-                kind
-            )
+            layers, unit = assembly if isinstance(assembly, Mapping) else {}, length_unit or "mm"
+            arranged = self._arranged(self.target_of(None, None), layers, work or Work(), "assembly/", unit)
+            return solids_in(arranged, read_solids(solids), unit).file(kind)
         base, plain = self._base, self._base.plain
         if kind == "csv":
             return self._table(motor, analysis, length_unit)
