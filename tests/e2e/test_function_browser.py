@@ -138,7 +138,7 @@ def test_a_table_that_cannot_be_used_is_named(page) -> None:
 def test_a_function_is_kept_linked_undone_and_marked_as_earlier(page) -> None:
     ask_table(page, PAIRS)
     page.press("#one-way")
-    assert page.text("draft-text").startswith("Draft, kept in this browser")
+    assert page.text("draft-text").startswith("Draft, stored in this browser")
     page.go("/scenes/lift")
     page.back()
     page.reload()

@@ -18,7 +18,7 @@ OVAL = [(round(150 * np.cos(t)), round(-80 * np.sin(t))) for t in np.linspace(0,
 def test_what_is_drawn_or_pasted_survives_reload_back_and_other_pages(page) -> None:
     page.draw(OVAL)
     oval = page.positions()
-    assert page.text("draft-text").startswith("Draft, kept in this browser")
+    assert page.text("draft-text").startswith("Draft, stored in this browser")
     page.reload()
     assert page.positions() == pytest.approx(oval) and page.ticked("closed")
     assert page.text("draft-text").startswith("Draft") and not page.shown("draft-open")
@@ -41,7 +41,7 @@ def test_an_example_and_a_link_leave_the_draft(page) -> None:
     page.click("any-order")
     assert page.shown("draft")
     page.choose("leg")
-    assert "kept in this browser" in page.text("draft-text"), "another example leaves the draft"
+    assert "stored in this browser" in page.text("draft-text"), "another example leaves the draft"
     page.click("draft-open")
     assert page.ticked("any-order") and len(page.table()) == 9
     page.load()
@@ -53,7 +53,7 @@ def test_an_example_and_a_link_leave_the_draft(page) -> None:
     page.leave()
     page.browser.get(f"{page.address}/#{link}")
     page.wait(f"{READY} && {IDLE}")
-    assert page.positions()[0].tolist() == [1, 2] and "is replaced once" in page.text("draft-text")
+    assert page.positions()[0].tolist() == [1, 2] and "change replaces it" in page.text("draft-text")
     page.click("draft-open")
     assert page.positions()[1].tolist() == [10, 20]
     page.undo()
@@ -64,7 +64,7 @@ def test_an_example_and_a_link_leave_the_draft(page) -> None:
     page.click("add-row")
     assert page.run("return location.hash") == "", "the address no longer says what is there"
     page.reload()
-    assert len(page.table()) == 4 and page.text("draft-text").startswith("Draft, kept")
+    assert len(page.table()) == 4 and page.text("draft-text").startswith("Draft, stored")
 
 
 def test_each_tab_keeps_its_own_draft(page) -> None:
