@@ -102,12 +102,12 @@ def _dimensions(solution: Solution, units: Units) -> list[tuple[str, str]]:
     length, angle = units.behind(units.length), units.behind(units.angle)
     rows = [("kind", solution.kind.replace("_", " ")), ("driven by", solution.driver)]
     if solution.links is None:
-        for place, guide in zip(("driven guide", "other guide"), solution.guides or ()):
+        for guide_name, guide in zip(("driven guide", "other guide"), solution.guides or ()):
             values = guide._asdict()
             words = ", ".join(
                 f"{name.replace('_', ' ')} {_value(value)}" for name, value in values.items() if value is not None
             )
-            rows.append((place, words))
+            rows.append((guide_name, words))
         return [*rows, ("start of the drive", number(solution.start)), ("branch", f"{solution.branch:+d}")]
     rows += [(name, f"{number(value)}{length}") for name, value in solution.links._asdict().items()]
     if solution.mount is not None:

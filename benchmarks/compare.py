@@ -94,8 +94,8 @@ def measure(
             worker.ask(name, seeds[0])  # tables are built once
         pairs = []
         for number, seed in enumerate(seeds):
-            asked = workers[:: -1 if number % 2 else 1]
-            found = [worker.ask(name, seed) for worker in asked][:: -1 if number % 2 else 1]
+            order = workers[:: -1 if number % 2 else 1]
+            found = [worker.ask(name, seed) for worker in order][:: -1 if number % 2 else 1]
             pairs.append(found)
         parts[name] = {
             "cost": [[report.finite(float(f"{cost:.6g}")) for cost, _ in pair] for pair in pairs],

@@ -69,10 +69,10 @@ class PositionRequest:
     def _bound(self, product: NDArray[np.complex64], off: NDArray[np.float32]) -> Floats:
         """Bound the squared errors from inner products (n, 3, m), off by as much as the rest of the series."""
         squares = product.real**2 + product.imag**2
-        other = np.maximum(np.sqrt(squares[:, 1] + squares[:, 2]) * np.float32(1 - _ROUNDING) - off, 0)
+        across = np.maximum(np.sqrt(squares[:, 1] + squares[:, 2]) * np.float32(1 - _ROUNDING) - off, 0)
         along = np.sqrt(squares[:, 0]) * np.float32(1 + _ROUNDING) + off
-        other *= other
-        share = other / np.maximum(other + along * along, np.float32(1e-37))
+        across *= across
+        share = across / np.maximum(across + along * along, np.float32(1e-37))
         return share.astype(float) * self.size**2
 
 

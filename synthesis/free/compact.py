@@ -127,7 +127,7 @@ def compacted(
         moved = (
             []
             if tightened is None
-            else _moved(poses, tightened, chart, [one for _, one in known], tolerance, work, options)
+            else _moved(poses, tightened, chart, [candidate for _, candidate in known], tolerance, work, options)
         )
         better = best_first(moved)
         if better and better[0][0] < (1 - options.gain) * merit:

@@ -238,8 +238,13 @@ class ExactFamily:
         angles, holds = self._crank_angles(pairs)
         used = Interval(angles.min(axis=1), angles.max(axis=1))
         transmission = np.where(holds, np.nan_to_num(transmission_angle_over(pairs.lengths, used)), 0.0)
-        kept = np.flatnonzero((transmission > 0) & (transmission >= self.limits.transmission_angle_min))
-        pairs, origin, angles, transmission = pairs.take(kept), origin[kept], angles[kept], transmission[kept]
+        selected = np.flatnonzero((transmission > 0) & (transmission >= self.limits.transmission_angle_min))
+        pairs, origin, angles, transmission = (
+            pairs.take(selected),
+            origin[selected],
+            angles[selected],
+            transmission[selected],
+        )
         inside = self._within_limits(pairs, angles)
         inside = inside[self._clear(pairs.take(inside), angles[inside])]
         pairs, origin, angles, transmission = pairs.take(inside), origin[inside], angles[inside], transmission[inside]
@@ -319,10 +324,10 @@ def _touches(middle: Complexes, along: Complexes, half: Floats) -> NDArray[np.bo
     ``middle``: of the segments from the centre of the box; ``along``: half their vectors.
     """
     width, height = half[:, :1], half[:, 1:]
-    near = np.abs(middle.real) <= width + np.abs(along.real)
-    near &= np.abs(middle.imag) <= height + np.abs(along.imag)
+    touching = np.abs(middle.real) <= width + np.abs(along.real)
+    touching &= np.abs(middle.imag) <= height + np.abs(along.imag)
     across = np.abs((np.conj(along) * middle).imag)
-    return near & (across <= width * np.abs(along.imag) + height * np.abs(along.real))
+    return touching & (across <= width * np.abs(along.imag) + height * np.abs(along.real))
 
 
 def is_few(poses: Poses) -> bool:

@@ -69,8 +69,8 @@ class TargetFunction:
         """The spline through the samples, the highest odd degree that they allow; a parabola through three."""
         from scipy.interpolate import make_interp_spline
 
-        side, most = -1.0 if self.clockwise else 1.0, self.crank.size - 1
-        degree = 2 if most == 2 else min(degree, most - (most + 1) % 2)
+        side, last = -1.0 if self.clockwise else 1.0, self.crank.size - 1
+        degree = 2 if last == 2 else min(degree, last - (last + 1) % 2)
         spline = make_interp_spline(side * self.crank, self.output, k=degree)
         return lambda crank: spline(side * crank)
 

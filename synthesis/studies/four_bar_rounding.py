@@ -193,9 +193,9 @@ def _best_of(
             refined_all = False
             break
         chunk = ranked[first : first + OPTIONS.fitted_batch]
-        for one in fitted_poses(target, links[chunk], old.branch, starts[chunk], old, limits, work):
-            if one is not None and (best is None or one.errors.objective < best.errors.objective):
-                best = one
+        for fitted in fitted_poses(target, links[chunk], old.branch, starts[chunk], old, limits, work):
+            if fitted is not None and (best is None or fitted.errors.objective < best.errors.objective):
+                best = fitted
         if work.expired():  # possibly before the last combination was fitted
             tried, refined_all = tried if best is not None else 0, False
             break
@@ -321,7 +321,7 @@ def _best_pose(target: Target, links: Floats, branch: int, start: Any) -> tuple[
     middle = complex(mean(target.position))
     crank = start[:, None] + target.crank
     angle = close_loop(links, crank).coupler_angle(np.array(branch))
-    wanted = (target.position - middle) / scale
+    target_path = (target.position - middle) / scale
     arm, own = np.exp(1j * angle), (links[:, :1] / scale) * np.exp(1j * crank)
     centred = arm - mean(arm)[:, None]
     square = mean(np.abs(centred) ** 2)
@@ -334,14 +334,14 @@ def _best_pose(target: Target, links: Floats, branch: int, start: Any) -> tuple[
     def deviation(values: Any) -> Complexes:
         return values - np.expand_dims(mean(values), -1) - share(values)[:, None] * centred
 
-    left, moved = deviation(wanted), deviation(own)
+    left, moved = deviation(target_path), deviation(own)
     turn = np.angle(mean(np.conj(moved) * left))
     direction = np.exp(1j * turn)
     cost = mean(np.abs(left - direction[:, None] * moved) ** 2)
     if target.rotation is not None:
         cost = cost + target.rotation_mean(rotation_residual(target, angle)[1] ** 2)
-    vector = share(wanted) - direction * share(own)
-    pivot = mean(wanted) - direction * mean(own) - vector * mean(arm)
+    vector = share(target_path) - direction * share(own)
+    pivot = mean(target_path) - direction * mean(own) - vector * mean(arm)
     with np.errstate(invalid="ignore"):  # NaN if the loop opens
         poses = _Poses(turn, middle + scale * pivot, scale * vector / direction)
     return np.where(np.isnan(cost), np.inf, cost), poses
