@@ -501,7 +501,7 @@ def refine_function(
     limits : Limits
         Given lengths and zeros replace the lengths and zeros of the linkage.
     largest : bool
-        True to minimize the largest error, see `function.search.generate`.
+        True to minimize the largest error, see `function.generators.generate`.
     linkage : Linkage
     offset : float or None
         output = theta3 + offset with theta3 in (-pi, pi] at the first sample; None: the offset with the smallest rms error.

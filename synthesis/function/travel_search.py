@@ -361,7 +361,7 @@ def generate_travel(
 ) -> tuple[list[Any], SearchReport]:
     """Find the best distinct linkages of some laws for a function, best first, including the best of each kind.
 
-    Arguments and results are as in `search.generate`; lengths are over the scale.
+    Arguments and results are as in `generators.generate`; lengths are over the scale.
     """
     work = work or Work()
     of_each: list[list[Any]] = []
