@@ -1,4 +1,4 @@
-"""Reference pages that are generated when the site is built: the command line, the HTTP interface and the settings."""
+"""Reference pages that are generated when the site is built: commands, HTTP interface, settings and messages."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from argparse import _SubParsersAction
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+
+from docs.messages import messages_page
 
 FOLDER = Path(__file__).parent / "generated"
 BOUNDS = {
@@ -23,6 +25,7 @@ def write_pages(app: object = None) -> None:
     FOLDER.mkdir(exist_ok=True)
     description = json.loads((Path(__file__).parent / "openapi.json").read_text())
     pages = {"command_line": command_line(), "http": http_routes(description), "settings": settings()}
+    pages["messages"] = messages_page()
     for name, content in pages.items():
         (FOLDER / f"{name}.md").write_text(content)
 

@@ -21,7 +21,7 @@ import yaml
 from app.cli import main, make_parser
 from app.openapi import FILE
 from app.settings import Settings
-from docs import data_model, figures, generated_pages
+from docs import data_model, figures, generated_pages, messages
 
 ROOT = Path(__file__).parents[1]
 SHELVES = ("", "start", "howto", "reference", "background")
@@ -75,6 +75,23 @@ def test_the_generated_pages_have_every_route_field_and_setting() -> None:
     assert all(f"`{name}`" in page for schema in schemas for name in schema.get("properties", ()))
     assert all(f"`LINKAGE_ATLAS_{name.upper()}`" in generated_pages.settings() for name in Settings.model_fields)
     assert "limits.pivot_box" in generated_pages.command_line()
+
+
+def test_the_table_of_messages_has_errors_notes_and_texts_of_the_page() -> None:
+    source = '''
+def check(name: str, count: int) -> None:
+    """Check a field that this sentence describes."""
+    if count > 3:
+        raise FieldError(f"/{name}", f"must be at most 3; it is {count:g}")
+    notes.append("The time was up before all limits were examined.")
+'''
+    found = list(messages.python_messages(source))
+    assert found == ["must be at most 3; it is {count}", "The time was up before all limits were examined."]
+    script = "// a comment in plain English\nshow(`Read ${rows.length} of the rows.`, 'status-line wide-box')"
+    assert list(messages.script_messages(script)) == ["Read {rows.length} of the rows."]
+    page = messages.messages_page()
+    assert all(f"\n## {title}\n" in f"\n{page}" for title in (*messages.PACKAGES, "The page"))
+    assert page.count("\n| `") > 1000
 
 
 # -- commands and links -----------------------------------------------------------------------------------------------
