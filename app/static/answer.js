@@ -40,10 +40,11 @@ export function scrolling(host, title, content) {
 export function table(host, title, columns, rows) {
   const head = columns.map((column) => (typeof column === "string" ? column : named(...column))),
     cells = rows.slice(0, ROWS).map((row) => row.map((value) => words(value))),
-    made = tableOf(head, cells, true);
-  for (const cell of made.querySelectorAll("td, th")) cell.classList.toggle("long", cell.textContent.length > LONG);
+    cellTable = tableOf(head, cells, true);
+  for (const cell of cellTable.querySelectorAll("td, th"))
+    cell.classList.toggle("long", cell.textContent.length > LONG);
   host.append(heading(title));
-  scrolling(host, title, made);
+  scrolling(host, title, cellTable);
   if (rows.length > ROWS) note(host, `The first ${ROWS} of ${rows.length} rows; the files hold all.`);
 }
 
@@ -78,11 +79,11 @@ const isObject = (value) => value !== null && typeof value === "object" && !Arra
 const isNumbers = (value) => value.length > 0 && value.every((part) => part === null || typeof part === "number");
 const isPoints = (value) =>
   value.length > 1 && value.every((part) => Array.isArray(part) && isNumbers(part) && part.length === value[0].length);
-const said = (path) => path.replaceAll("_", " ");
+const spaced = (path) => path.replaceAll("_", " ");
 
 /** A flat row {name: value} of an object in an object. */
 function flat(value, name = "") {
-  const inner = (part) => Object.values(flat(part)).map((one) => words(one));
+  const inner = (part) => Object.values(flat(part)).map((cell) => words(cell));
   if (Array.isArray(value) && value.some((part) => part !== null && typeof part === "object"))
     return { [name]: value.map((part) => inner(part).join(" ")).join("; ") };
   if (!isObject(value)) return { [name]: value };
@@ -95,10 +96,10 @@ export function everything(host, reply) {
     columns = new Map(),
     tables = [];
   const column = (path, values) =>
-    columns.set(values.length, [...(columns.get(values.length) ?? []), [said(path), values]]);
+    columns.set(values.length, [...(columns.get(values.length) ?? []), [spaced(path), values]]);
   const walk = (value, path) => {
     if (isObject(value)) for (const [key, part] of Object.entries(value)) walk(part, path ? `${path} · ${key}` : key);
-    else if (!Array.isArray(value)) single.push([said(path), value]);
+    else if (!Array.isArray(value)) single.push([spaced(path), value]);
     else if (isPoints(value) && value[0].length <= 4)
       for (const k of value[0].keys()) {
         const values = value.map((part) => part[k]);
@@ -108,14 +109,14 @@ export function everything(host, reply) {
     else if (isNumbers(value) && value.length > LISTED) column(path, value);
     else if (value.some((part) => part && typeof part === "object"))
       for (const [k, part] of value.entries()) walk(part, `${path} ${k + 1}`);
-    else single.push([said(path), value]);
+    else single.push([spaced(path), value]);
   };
   walk(reply, "");
   if (single.length) facts(host, single);
   for (const [path, rows] of tables) {
     const names = [...new Set(rows.flatMap((row) => Object.keys(row)))],
       cells = rows.map((row, k) => [k + 1, ...names.map((name) => row[name])]);
-    table(host, said(path), ["", ...names.map(said)], cells);
+    table(host, spaced(path), ["", ...names.map(spaced)], cells);
   }
   for (const [count, group] of columns) {
     const names = group.map(([name]) => name),

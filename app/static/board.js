@@ -229,7 +229,7 @@ export class Board {
     for (const after of this.redrawn) after(view);
   }
 
-  /** Where the canvas begins on the page: to ask for it in each frame of a drag costs a layout. */
+  /** Top left corner of the canvas on the page. Reading it in each frame of a drag would force a layout. */
   get #origin() {
     const { left, top } = this.svg.getBoundingClientRect();
     return [left + this.svg.clientLeft, top + this.svg.clientTop];
@@ -259,13 +259,13 @@ export class Board {
     const at = this.#pixel(event),
       { target } = event,
       { mode, actions } = this,
-      held = target.closest(".pose"),
+      poseNode = target.closest(".pose"),
       joint = target.getAttribute("data-joint"),
       corner = target.getAttribute("data-corner")?.split(" ").map(Number);
     if (mode === "path") this.#trace(event, at);
     else if (mode === "outline") this.#click(event, at, () => this.#addCorner(at));
     else if (mode === "hand" && joint && this.joints) this.#dragJoint(event, joint, at, actions.hand);
-    else if (held && (mode === "move" || mode === "add")) this.#dragPose(event, held, at);
+    else if (poseNode && (mode === "move" || mode === "add")) this.#dragPose(event, poseNode, at);
     else if (mode === "move" && this.#isPivot(joint) && !this.stale) this.#dragJoint(event, joint, at, actions.pivot);
     else if (corner && this.hasPlaces) {
       const [i, j] = corner,
@@ -298,11 +298,11 @@ export class Board {
     });
   }
 
-  #dragPose(event, held, at) {
-    const k = Number(held.dataset.pose),
+  #dragPose(event, poseNode, at) {
+    const k = Number(poseNode.dataset.pose),
       turning = event.target.hasAttribute("data-turner");
     this.actions.choose(k);
-    held.focus({ preventScroll: true });
+    poseNode.focus({ preventScroll: true });
     const { x, y, angle } = this.motion.poses[k];
     const change = (to) => (motion) => {
       const moved = motion.poses[k];
@@ -320,7 +320,7 @@ export class Board {
     return this.snap ? Math.round(near) : Number(near.toFixed(1));
   }
 
-  /** Whether a joint is a pivot of the linkage on the ground. */
+  /** Return true if a joint is a fixed pivot of the linkage. */
   #isPivot(joint) {
     return Boolean(this.joints?.[joint]) && this.joints.fixed[["a", "b"].indexOf(joint)];
   }
@@ -335,11 +335,12 @@ export class Board {
     const pen = new Pen(this.penLayer, ...at);
     const end = (cancelled) => {
       const { points, closed } = pen.end(),
-        places = points.map((point) => this.place(...point));
+        positions = points.map((point) => this.place(...point));
       if (cancelled) return;
       this.fitted = false;
-      if (places.length === 1 && !wantsAngles(this.motion) && this.motion.poses.length) this.actions.add(places[0]);
-      else this.actions.draw(places, closed);
+      if (positions.length === 1 && !wantsAngles(this.motion) && this.motion.poses.length)
+        this.actions.add(positions[0]);
+      else this.actions.draw(positions, closed);
     };
     this.follow(event, (...to) => pen.move(...to), end);
   }
@@ -394,8 +395,8 @@ export class Board {
 
   #closeOutline() {
     const pose = this.motion.poses[this.chosen],
-      place = placeOf(pose) ?? [0, 0],
-      local = (corner) => turned(less(corner, place), -(pose.angle ?? 0) * RAD),
+      position = placeOf(pose) ?? [0, 0],
+      local = (corner) => turned(less(corner, position), -(pose.angle ?? 0) * RAD),
       outline = [...this.corners, this.corners[0]].map((corner) => local(corner).map((x) => Number(x.toPrecision(6))));
     this.corners = [];
     this.penLayer.replaceChildren();
@@ -404,7 +405,7 @@ export class Board {
 
   // -- keys --
 
-  /** How far an arrow key moves what has it, a tenth of the grid or with Shift all of it; undefined for other keys. */
+  /** Return the displacement of an arrow key: a tenth of the grid step, or with Shift a whole step; else undefined. */
   nudge({ key, shiftKey }) {
     const go = (shiftKey ? 1 : 0.1) * this.step;
     return { ArrowLeft: [-go, 0], ArrowRight: [go, 0], ArrowDown: [0, -go], ArrowUp: [0, go] }[key];
@@ -423,9 +424,9 @@ export class Board {
       event.preventDefault();
       return;
     }
-    const held = event.target.closest?.(".pose");
-    if (!held || event.ctrlKey || event.metaKey || event.altKey) return;
-    const k = Number(held.dataset.pose);
+    const poseNode = event.target.closest?.(".pose");
+    if (!poseNode || event.ctrlKey || event.metaKey || event.altKey) return;
+    const k = Number(poseNode.dataset.pose);
     const by = this.nudge(event),
       turn = (event.shiftKey ? 10 : 1) * ({ "[": 1, "{": 1, "]": -1, "}": -1 }[event.key] ?? 0);
     if (by || turn) {

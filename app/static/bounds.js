@@ -7,7 +7,7 @@ import { PRESET, familyOf } from "./motion.js";
 import { RAD, direction, less, size } from "./plane.js";
 import { limitName } from "./verdict.js";
 
-/** How far within a limit a linkage is put, as a fraction of the motion's size or in radians. */
+/** Margin by which a linkage satisfies a limit, as a fraction of the motion's size or in radians. */
 export const INSIDE = 1e-5;
 /** Limits without a field in the form that the page computes. */
 const COMPUTED = ["links", "pivot_a", "pivot_b", "pivot_a_box", "pivot_b_box"];
@@ -23,24 +23,24 @@ function between(name, value, low, high, scale) {
     [`${name} high`, (high - value) / scale + exact],
   ];
 }
-/** The same for each coordinate of a point that has to lie in a box. */
+/** Return the margins of each coordinate of a point that has to lie in a box. */
 const inside = (name, point, box, scale) =>
   point && box ? [0, 1].flatMap((i) => between(`${name} ${i}`, point[i], box[i], box[i + 2], scale)) : [];
 const around = (point) => point && [...point, ...point];
 
 /** Rows of the lengths of a four-bar, and of the three excesses whose signs make its family. */
 function ofLinks([first, second], { min, max, kept, ratio, extra }, scale) {
-  const held = size(less(second.body_point, first.body_point)),
-    links = [first.radius, held, second.radius, size(less(second.pivot, first.pivot))],
+  const couplerLength = size(less(second.body_point, first.body_point)),
+    links = [first.radius, couplerLength, second.radius, size(less(second.pivot, first.pivot))],
     longest = Math.max(...links),
     [crank, coupler, rocker, ground] = links,
     total = crank + coupler + rocker + ground;
-  const rows = [rocker, coupler, ground].map((other, k) => [`family ${k}`, (total - 2 * (crank + other)) / longest]);
+  const rows = [rocker, coupler, ground].map((length, k) => [`family ${k}`, (total - 2 * (crank + length)) / longest]);
   for (const [k, length] of links.entries()) {
-    const given = extra.links?.[LINKS[k]];
+    const required = extra.links?.[LINKS[k]];
     if (min) rows.push([`link_min ${k}`, (length - min) / scale]);
     if (max) rows.push([`link_max ${k}`, (max - length) / scale]);
-    if (given) rows.push(...between(`links ${k}`, length, given, given, scale));
+    if (required) rows.push(...between(`links ${k}`, length, required, required, scale));
     if (kept.ratio) rows.push([`link_ratio_max ${k}`, (length - longest / (ratio ?? PRESET.ratio)) / scale]);
   }
   return rows;
@@ -52,14 +52,14 @@ function ofLinks([first, second], { min, max, kept, ratio, extra }, scale) {
  */
 function rowsOf({ guides, linkage, at }, { limits }, scale, spots) {
   const { kept, extra, box } = limits,
-    transmission = (q, least) => (at(q)?.transmission ?? 0) - least * RAD,
-    least = kept.use ? (limits.transmission ?? PRESET.use) : 0;
+    transmission = (q, minimum) => (at(q)?.transmission ?? 0) - minimum * RAD,
+    minAngle = kept.use ? (limits.transmission ?? PRESET.use) : 0;
   const rows = guides.flatMap(({ pivot, pin }, k) => {
     const own = `pivot_${"ab"[k]}`,
       boxes = { pivot_box: box, [`${own}_box`]: extra[`${own}_box`], [own]: around(extra[own]) };
     return Object.entries(boxes).flatMap(([name, bounds]) => inside(`${name} ${k}`, pivot ?? pin, bounds, scale));
   });
-  rows.push(...spots.map((q, k) => [`transmission_angle_min ${k}`, transmission(q, least)]));
+  rows.push(...spots.map((q, k) => [`transmission_angle_min ${k}`, transmission(q, minAngle)]));
   if (guides.some(({ guide }) => guide !== "circle")) return rows;
   rows.push(...ofLinks(guides, limits, scale));
   if (!kept.turn || !linkage.turnsFully) return rows;
@@ -70,19 +70,19 @@ function rowsOf({ guides, linkage, at }, { limits }, scale, spots) {
 
 export class Bounds {
   /** The limits of `motion` that a linkage satisfied for the motion `before`; a four-bar's `family` is one of them. */
-  constructor(motion, scale, { made, before, spots, family }) {
-    const held = rowsOf(made, before, scale, spots),
+  constructor(motion, scale, { made: model, before, spots, family }) {
+    const margins = rowsOf(model, before, scale, spots),
       isFamily = ([name]) => name.startsWith("family"),
-      broken = held.filter((row) => row[1] < -SLACK && !isFamily(row)),
+      broken = margins.filter((row) => row[1] < -SLACK && !isFamily(row)),
       signs = SIGNS[family],
       signOf = (margin, k) => (signs ? Number(`${signs[k]}1`) : Math.sign(margin)),
       excess = ([name, margin], k) => [name, { sign: signOf(margin, k), margin }];
     Object.assign(this, { motion, scale, broken: new Set(broken.map(([name]) => name)) });
-    this.excesses = new Map(held.filter(isFamily).map(excess));
+    this.excesses = new Map(margins.filter(isFamily).map(excess));
   }
 
-  margins(made, spots) {
-    return rowsOf(made, this.motion, this.scale, spots)
+  margins(model, spots) {
+    return rowsOf(model, this.motion, this.scale, spots)
       .filter(([name]) => !this.broken.has(name))
       .map(([name, margin]) => {
         const excess = this.excesses.get(name);
@@ -99,30 +99,32 @@ export function verdictOf(solution, motion, { places, turns, linkage }) {
   if (Object.keys(motion.limits.extra).some((name) => !COMPUTED.includes(name))) return null;
   const misfit = new Misfit(motion, solution),
     numbers = misfit.numbersOf(solution),
-    made = misfit.made(numbers),
+    model = misfit.made(numbers),
     drive = misfit.free ? misfit.driveOf(solution) : misfit.driveAt(numbers),
     [low, high] = [Math.min(...drive), Math.max(...drive)],
     grid = Array.from({ length: GRID + 1 }, (_, k) => low + ((high - low) * k) / GRID),
-    angles = grid.map((q) => made.at(q)?.transmission ?? Infinity);
+    angles = grid.map((q) => model.at(q)?.transmission ?? Infinity);
   const circuit = angles.every(Number.isFinite),
     worst = grid[angles.indexOf(Math.min(...angles))],
     sense = drive.at(-1) < drive[0] ? -1 : 1,
     order = motion.anyOrder || drive.every((q, k) => k === 0 || sense * (q - drive[k - 1]) > 0);
   const isBroken = ([name, margin]) => !name.startsWith("family") && margin < -SLACK,
-    rows = rowsOf(made, motion, misfit.scale, [worst]).filter(isBroken),
+    rows = rowsOf(model, motion, misfit.scale, [worst]).filter(isBroken),
     broken = rows.map(([name]) => name.split(" ")[0]);
   if (motion.spanMax && misfit.turns && high - low > motion.spanMax * RAD + SLACK) broken.push("crank_span_max");
   if (familyOf(motion) === "full_crank" && !linkage.turnsFully) broken.push("family");
   if (motion.limits.kept.reach && solution.size > PRESET.reach) broken.push("pivot_reach");
   const { rotation, position } = motion.tolerance,
     allowed = motion.poses.map(({ er, ep }) => [er ?? rotation ?? Infinity, ep ?? position ?? Infinity]);
-  const keeps = allowed.every(([turn, off], k) => Math.abs(turns[k] ?? 0) <= turn && (places[k] ?? 0) <= off),
+  const isWithinTolerance = allowed.every(
+      ([turn, off], k) => Math.abs(turns[k] ?? 0) <= turn && (places[k] ?? 0) <= off,
+    ),
     practical = circuit && !broken.length;
   return {
     order,
     branch: true,
     circuit,
-    within_tolerance: allowed.flat().some(Number.isFinite) ? keeps : null,
+    within_tolerance: allowed.flat().some(Number.isFinite) ? isWithinTolerance : null,
     practical_without_collisions: practical,
     practical,
     reasons: [...new Set(broken)].map((name) => `${limitName(name)} is violated`),

@@ -28,10 +28,10 @@ const longest = ({ links, guides }) =>
     ...(links ? Object.values(links) : guides.map(({ radius, used }) => radius ?? (used ? used[1] - used[0] : 0))),
   );
 const SORTS = {
-  rank: (one) => one.rank ?? 0,
-  error: (one) => one.errors.objective,
-  transmission: (one) => -one.transmission_angle_min,
-  size: (one) => one.size ?? longest(one),
+  rank: (solution) => solution.rank ?? 0,
+  error: (solution) => solution.errors.objective,
+  transmission: (solution) => -solution.transmission_angle_min,
+  size: (solution) => solution.size ?? longest(solution),
 };
 
 const unusable = ({ verdict }) => mark(verdict)?.kind === "bad";
@@ -43,16 +43,18 @@ export const sorted = (solutions, by) =>
 /** Rows [plural name of a kind, its solutions], in the order in which the kinds first come. */
 export function grouped(solutions) {
   const groups = new Map();
-  for (const one of solutions) {
-    const name = one.links ? "Four-bars" : capital(PLURALS[one.kind] ?? KINDS[one.kind] ?? one.kind);
-    groups.set(name, [...(groups.get(name) ?? []), one]);
+  for (const solution of solutions) {
+    const name = solution.links
+      ? "Four-bars"
+      : capital(PLURALS[solution.kind] ?? KINDS[solution.kind] ?? solution.kind);
+    groups.set(name, [...(groups.get(name) ?? []), solution]);
   }
   return [...groups];
 }
 
 const SOURCES = { hand: "By hand:", moved: "Moved:", link: "From the link:" };
 
-/** What a card calls a solution. */
+/** Return the name of a solution on its card. */
 export const nameOf = ({ rank, source, family, kind, driver, links }) =>
   `${SOURCES[source] ?? `${rank}.`} ${links ? (FAMILIES[family] ?? family) : `${KINDS[kind] ?? kind}, ${driver}`}`;
 
@@ -81,7 +83,7 @@ export function card(solution, motion, size, pinned, choose, compare) {
     Number.isFinite(solution.size) && ["size", `${text(solution.size, 3)} × motion`],
   ];
   const words = name + (solution.has_smallest_error ? " · least error" : "") + (solution.better ? " · better" : ""),
-    one = button("", choose, unusable(solution) ? "broken" : ""),
+    cardButton = button("", choose, unusable(solution) ? "broken" : ""),
     box = {
       type: "checkbox",
       checked: pinned,
@@ -89,11 +91,11 @@ export function card(solution, motion, size, pinned, choose, compare) {
       onchange: ({ target }) => compare(target.checked),
     },
     pin = build("input", box);
-  one.append(
+  cardButton.append(
     thumbnail(fit.linkage, [sense * low * RAD, sense * high * RAD], placesOf(motion)),
     element("span", "name", words),
     definitions(facts.filter(Boolean)),
     sign(solution.verdict, motion),
   );
-  return element("li", "", one, element("label", "check", pin, " Compare"));
+  return element("li", "", cardButton, element("label", "check", pin, " Compare"));
 }

@@ -22,16 +22,16 @@ const clip = (name) => name.replace("_", " ");
 
 /** SVG path data of a closed contour of rows x, y, bulge: the tangent of a quarter of the turn to the next row. */
 function contour(rows, view) {
-  const place = ([x, y]) => `${short(view.x(x))} ${short(view.y(y))}`;
+  const coordinates = ([x, y]) => `${short(view.x(x))} ${short(view.y(y))}`;
   const piece = ([x, y, bulge], k) => {
     const next = rows[(k + 1) % rows.length],
       turn = 4 * Math.atan(bulge);
-    if (!bulge) return `L${place(next)}`;
+    if (!bulge) return `L${coordinates(next)}`;
     const chord = size(less(next, [x, y])),
       radius = short((view.scale * chord) / (2 * Math.sin(Math.abs(turn) / 2)));
-    return `A${radius} ${radius} 0 ${Math.abs(turn) > Math.PI ? 1 : 0} ${turn > 0 ? 0 : 1} ${place(next)}`;
+    return `A${radius} ${radius} 0 ${Math.abs(turn) > Math.PI ? 1 : 0} ${turn > 0 ? 0 : 1} ${coordinates(next)}`;
   };
-  return `M${place(rows[0])}${rows.map(piece).join("")}Z`;
+  return `M${coordinates(rows[0])}${rows.map(piece).join("")}Z`;
 }
 
 const outlined = (kind, rows) => rows && path(kind, (view) => contour(rows, view));
@@ -58,9 +58,9 @@ function spokesOf({ centre, radius, spokes }, pins) {
 }
 
 /** Track, groove, wheels and links; the state of the drawing is the list of its pins. */
-function machine({ slot: made, pins, outline, geometry: g, ...reply }) {
+function machine({ slot: slotCurve, pins, outline, geometry: g, ...reply }) {
   const wheels = wheelsOf({ geometry: g, ...reply }),
-    free = made.free_pin - 1;
+    free = slotCurve.free_pin - 1;
   const names = g
     ? [
         ...wheels.map(({ centre }) => symbol("R0", centre, 8, 16)),
@@ -76,33 +76,37 @@ function machine({ slot: made, pins, outline, geometry: g, ...reply }) {
     ...wheels.map(({ centre, radius }) => circle("wheel", centre, radius)),
     ...walls(outline),
     outlined("ground", outline?.path),
-    line("curve", made.xy),
-    ...wheels.map((wheel) => line("wheel", (places) => spokesOf(wheel, places))),
-    line("link crank thin", (places) => places, true),
-    ...pins.xy[0].map((_, k) => dot(k === free ? "point" : "pin", (places) => places[k], k === free ? 6 : 4)),
+    line("curve", slotCurve.xy),
+    ...wheels.map((wheel) => line("wheel", (pinPoints) => spokesOf(wheel, pinPoints))),
+    line("link crank thin", (pinPoints) => pinPoints, true),
+    ...pins.xy[0].map((_, k) => dot(k === free ? "point" : "pin", (pinPoints) => pinPoints[k], k === free ? 6 : 4)),
     ...centres.map(([centre, radius]) => dot("fixed", centre, radius)),
-    ...[0, free].map((pin) => symbol(`P${pin + 1}`, (places) => places[pin])),
-    symbol("slot", made.xy[Math.floor(made.xy.length / 2)], -48, 26),
+    ...[0, free].map((pin) => symbol(`P${pin + 1}`, (pinPoints) => pinPoints[pin])),
+    symbol("slot", slotCurve.xy[Math.floor(slotCurve.xy.length / 2)], -48, 26),
     ...names,
   ];
 }
 
 /** The slot enlarged, its bare arc and walls, with the free pin and its neighbours. */
-function closeUp(host, { slot: made, outline, geometry }, state) {
-  const [xs, ys] = [0, 1].map((i) => made.xy.map((place) => place[i])),
+function closeUp(host, { slot: slotCurve, outline, geometry }, state) {
+  const [xs, ys] = [0, 1].map((i) => slotCurve.xy.map((point) => point[i])),
     [low, high] = [Math.min, Math.max].map((end) => [end(...xs), end(...ys)]),
     room = 0.06 * Math.max(...less(high, low)),
-    free = made.free_pin - 1,
-    name = `P${made.free_pin}`;
+    free = slotCurve.free_pin - 1,
+    name = `P${slotCurve.free_pin}`;
   const parts = [
     grid(),
     ...walls(outline),
     geometry && circle("bare", [0, 0], geometry.upper_radius),
-    line("curve", made.xy),
-    line("link crank thin", (places) => [places.at(free - 1), places[free], places[(free + 1) % places.length]]),
-    dot("point", (places) => places[free], 7),
-    symbol(name, (places) => places[free], 10, 20),
-    geometry && symbol("R1", made.xy[Math.round(made.xy.length / 5)], 4, -18),
+    line("curve", slotCurve.xy),
+    line("link crank thin", (pinPoints) => [
+      pinPoints.at(free - 1),
+      pinPoints[free],
+      pinPoints[(free + 1) % pinPoints.length],
+    ]),
+    dot("point", (pinPoints) => pinPoints[free], 7),
+    symbol(name, (pinPoints) => pinPoints[free], 10, 20),
+    geometry && symbol("R1", slotCurve.xy[Math.round(slotCurve.xy.length / 5)], 4, -18),
   ];
   const extent = [less(low, [room, room]), add(high, [room, room])];
   return stage(host, {
@@ -110,7 +114,7 @@ function closeUp(host, { slot: made, outline, geometry }, state) {
     extent,
     parts,
     state,
-    value: made.theta1?.[0] ?? 0,
+    value: slotCurve.theta1?.[0] ?? 0,
   });
 }
 
@@ -120,20 +124,20 @@ function powers(host, fit, unit) {
     return ["x", "y"].map((axis) => [`${k + 1} ${axis}`, ...ends, ...piece[axis]]);
   });
   if (!rows.length) return;
-  const most = Math.max(...rows.map((row) => row.length)),
-    names = Array.from({ length: most - 3 }, (_, k) => `t^${k}`),
-    cells = rows.map((row) => [...row, ...Array(most - row.length).fill(null)]);
+  const columnCount = Math.max(...rows.map((row) => row.length)),
+    names = Array.from({ length: columnCount - 3 }, (_, k) => `t^${k}`),
+    cells = rows.map((row) => [...row, ...Array(columnCount - row.length).fill(null)]);
   const title = "The fitted slot by powers of t, 0 to 1 over each piece";
   table(host, title, ["piece", ["from", unit], ["to", unit], ...names], cells);
 }
 
-function slotFacts(host, { slot: made, checks, geometry: g, fit, ...reply }, angle) {
+function slotFacts(host, { slot: slotCurve, checks, geometry: g, fit, ...reply }, angle) {
   facts(host, [
     ["status", reply.status],
-    ["depth of the slot", made.depth_max],
-    ["smallest curvature radius", made.radius_min],
-    ["step at the slot's ends", made.end_step],
-    ["largest slack", Math.max(...made.slack)],
+    ["depth of the slot", slotCurve.depth_max],
+    ["smallest curvature radius", slotCurve.radius_min],
+    ["step at the slot's ends", slotCurve.end_step],
+    ["largest slack", Math.max(...slotCurve.slack)],
     ["largest chord error", checks.chord_error_max],
     ["stretched", checks.stretched],
     ["roller fits", checks.roller_fits],
@@ -160,51 +164,51 @@ function slotFacts(host, { slot: made, checks, geometry: g, fit, ...reply }, ang
 }
 
 /** The angles of all pins over the phase, in the colours of the parts of the track; returns what marks a phase. */
-function angleCurves(host, { pins, slot: made }, { phases, unit, angle }) {
+function angleCurves(host, { pins, slot: slotCurve }, { phases, unit, angle }) {
   const pieces = pins.theta[0].flatMap((_, pin) =>
     pins.segments.map((part, n) => ({
       values: pins.theta.map((row, j) => (pins.segment[j][pin] === n ? row[pin] : null)),
       colour: PARTS[part][0],
-      width: pin + 1 === made.free_pin ? 3 : 1.4,
+      width: pin + 1 === slotCurve.free_pin ? 3 : 1.4,
     })),
   );
   const series = pieces.filter(({ values }) => values.some((value) => value !== null)),
     parts = pins.segments.map((part) => `${clip(part)} (${PARTS[part][1]})`).join(", ");
   const angles = `Angles θ1 … θ${pins.theta[0].length} of the pins`,
-    title = `${angles} on the ${parts}, ${angle}; thick: P${made.free_pin}`;
+    title = `${angles} on the ${parts}, ${angle}; thick: P${slotCurve.free_pin}`;
   return curves(host, { x: phases, xUnit: unit, list: [{ title, height: 320, series }] });
 }
 
-/** An answer, and what is drawn of it: `drawn`, the same with pins and outline. */
-function slot(reply, drawn, hosts) {
-  const { slot: made } = reply,
-    { pins, outline } = drawn,
+/** Show a reply; `drawing` is the same reply with pins and outline. */
+function slot(reply, drawing, hosts) {
+  const { slot: slotCurve } = reply,
+    { pins, outline } = drawing,
     angle = reply.angle_unit === "rad" ? "rad" : "°",
-    phases = drawn.slot.theta1 ?? drawn.slot.position,
-    [unit, name, sign] = made.theta1 ? [angle, "θ1", "θ1"] : ["", "way of P1", "P1"];
+    phases = drawing.slot.theta1 ?? drawing.slot.position,
+    [unit, name, sign] = slotCurve.theta1 ? [angle, "θ1", "θ1"] : ["", "way of P1", "P1"];
   slotFacts(hosts.facts, reply, angle);
-  const crossings = reply.crossings.map((one) => {
-    const onto = one.to ? clip(one.to) : `segment ${one.to_segment}`;
-    return [one.theta1 ?? one.position, `P${one.pin}`, onto];
+  const crossings = reply.crossings.map((crossing) => {
+    const onto = crossing.to ? clip(crossing.to) : `segment ${crossing.to_segment}`;
+    return [crossing.theta1 ?? crossing.position, `P${crossing.pin}`, onto];
   });
   const title = "Pins that pass a joint: the slot's curvature jumps";
   table(hosts.tables, title, [[name, unit], "pin", "onto"], crossings);
   powers(hosts.tables, reply.fit, unit);
-  const slack = [{ title: "Slack at the free pin", values: made.slack, colour: "path" }],
-    marks = [curves(hosts.curves, { x: made.theta1 ?? made.position, xUnit: unit, list: slack })];
-  if (pins?.theta) marks.push(angleCurves(hosts.curves, drawn, { phases, unit, angle }));
+  const slack = [{ title: "Slack at the free pin", values: slotCurve.slack, colour: "path" }],
+    marks = [curves(hosts.curves, { x: slotCurve.theta1 ?? slotCurve.position, xUnit: unit, list: slack })];
+  if (pins?.theta) marks.push(angleCurves(hosts.curves, drawing, { phases, unit, angle }));
   const between = (k, share) =>
-      pins.xy[k].map((place, pin) => add(place, times(less(pins.xy[k + 1][pin], place), share))),
+      pins.xy[k].map((point, pin) => add(point, times(less(pins.xy[k + 1][pin], point), share))),
     state = steps(phases, between),
-    mark = seldom((phase) => marks.forEach((one) => one(phase)));
+    mark = seldom((phase) => marks.forEach((setMark) => setMark(phase)));
   let beside = null;
   const run = stage(hosts.picture, {
-    label: `A chain of ${reply.links} links on its track; pin P${made.free_pin} hangs in the slot`,
+    label: `A chain of ${reply.links} links on its track; pin P${slotCurve.free_pin} hangs in the slot`,
     extent: [...pins.xy[0], ...(outline.right ?? outline.path)],
-    parts: machine(drawn),
+    parts: machine(drawing),
     state,
     play: {
-      name: made.theta1 ? "Angle of P1" : "Way of P1",
+      name: slotCurve.theta1 ? "Angle of P1" : "Way of P1",
       from: phases[0],
       to: phases.at(-1),
       seconds: 3,
@@ -216,22 +220,22 @@ function slot(reply, drawn, hosts) {
       beside?.go(phase);
     },
   });
-  beside = closeUp(hosts.picture, drawn, state);
+  beside = closeUp(hosts.picture, drawing, state);
   run.go(run.value);
   return run;
 }
 
 const WEAR = ["pitch error", "least slack", "largest slack", "stretched", "depth of the free pin", "past the slot"];
 
-function tolerance({ tolerance: made, wear, ...reply }, hosts) {
+function tolerance({ tolerance: study, wear, ...reply }, hosts) {
   const column = (name) => wear.map((row) => row[name]),
     errors = column("pitch_error");
   facts(hosts.facts, [
     ["layout within its tolerances", reply.status],
     ["just stretched at a pitch error of", reply.pitch_error_min],
-    ["least slack over the corners", made.slack_min],
-    ["largest slack over the corners", made.slack_max],
-    ["corners", made.corners],
+    ["least slack over the corners", study.slack_min],
+    ["largest slack over the corners", study.slack_max],
+    ["corners", study.corners],
     ["nominal slack", [reply.slack_min, reply.slack_max]],
   ]);
   note(hosts.facts, UNIT);
@@ -246,7 +250,7 @@ function tolerance({ tolerance: made, wear, ...reply }, hosts) {
   if (errors.length > 1 && errors.every((error, k) => !k || error > errors[k - 1]))
     curves(hosts.curves, { x: errors, list });
   const rows = wear.map((row) => Object.values(row)),
-    changes = Object.entries(made.sensitivity).map(([name, value]) => [clip(name), value]);
+    changes = Object.entries(study.sensitivity).map(([name, value]) => [clip(name), value]);
   table(hosts.tables, "Pitch wear", WEAR, rows);
   table(hosts.tables, "Change of the least slack", ["length", "per unit"], changes);
   return null;

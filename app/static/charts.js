@@ -47,8 +47,8 @@ export function chart(host, { x, series, height = 130, range = null, splits = nu
     u.ctx.stroke();
     u.ctx.restore();
   };
-  const curve = ({ points, steps, size = 6, width = 1.8, dash, ...one }) => {
-    const stroke = colour(one.colour),
+  const curve = ({ points, steps, size = 6, width = 1.8, dash, ...item }) => {
+    const stroke = colour(item.colour),
       paths = points ? () => null : steps ? uPlot.paths.stepped({ align: 1 }) : undefined,
       show = Boolean(points);
     return { pxAlign: 0, stroke, width, dash, spanGaps: show, paths, points: { show, size, fill: stroke, stroke } };
@@ -74,7 +74,7 @@ export function chart(host, { x, series, height = 130, range = null, splits = nu
     series: [{}, ...series.map(curve)],
     hooks: { draw: [draw] },
   };
-  const plot = new uPlot(options, [x, ...series.map((one) => one.values)], host);
+  const plot = new uPlot(options, [x, ...series.map((item) => item.values)], host);
   plot.mark = (value) => {
     marked = value;
     plot.redraw(false, false);

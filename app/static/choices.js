@@ -17,7 +17,7 @@ const times = ({ count }) => (count > 1 ? `${count} × ` : "");
 /** The name of a drive or a set of springs on its card. */
 export function nameOf(drive) {
   if (drive.springs)
-    return drive.springs.map((one) => times(one) + (one.name ?? `ideal ${one.kind} spring`)).join(" and ");
+    return drive.springs.map((spring) => times(spring) + (spring.name ?? `ideal ${spring.kind} spring`)).join(" and ");
   const sizes = drive.retracted ? ` ${text(drive.retracted, 4)} + ${text(drive.stroke, 4)}` : "";
   return `${drive.name ?? `${KINDS[drive.kind]}${sizes}`} on the ${plain(drive.link)}`;
 }
@@ -25,9 +25,10 @@ export function nameOf(drive) {
 /** The best drives of a reply, one of each kind if there are several, and its sets of springs by the torque left. */
 export function optionsOf({ drives, springs }) {
   const kinds = [...new Set(drives.map(({ kind }) => kind))];
-  const best = kinds.length > 1 ? kinds.map((kind) => drives.find((one) => one.kind === kind)) : drives.slice(0, BEST);
-  const sets = [...new Set(springs.map(({ set }) => set))].map((set) => springs.filter((one) => one.set === set)),
-    left = ([one]) => one.torque.after.rms;
+  const best =
+    kinds.length > 1 ? kinds.map((kind) => drives.find((drive) => drive.kind === kind)) : drives.slice(0, BEST);
+  const sets = [...new Set(springs.map(({ set }) => set))].map((set) => springs.filter((spring) => spring.set === set)),
+    left = ([spring]) => spring.torque.after.rms;
   sets.sort((a, b) => left(a) - left(b));
   return [...best, ...sets.slice(0, BEST).map((set) => ({ springs: set }))];
 }
@@ -35,7 +36,7 @@ export function optionsOf({ drives, springs }) {
 /** The unit of a moment arm: a change of length by the angle, or by the travel, of what drives the linkage. */
 export const armUnit = (unit, turns) => (turns ? `${unit} a radian` : `${unit} a ${unit} of travel`);
 
-/** How numbers are written: forces in newtons, or in the load's own unit. */
+/** Return the formatters of numbers: forces are in newtons, or in the load's own unit. */
 function wordsOf({ unit, newtons }) {
   const force = (value) => `${grouped(text(value, 4))}${newtons ? " N" : ""}`,
     torque = (value) => `${force(value)}${newtons ? `·${unit}` : ""}`;
@@ -67,19 +68,19 @@ function springRows(spring, { unit, ...how }) {
   const { force, point, left } = wordsOf({ unit, ...how }),
     angle = (value) => text(value, 4),
     { kind, name, stiffness, between, twist, curve, length } = spring;
-  const place =
+  const geometry =
     kind === "torsion"
       ? {
           "its joint": point(spring.point),
           "its twist": `${twist.map(angle).join(" to ")}°, ${angle(curve.twist[0])}° at the first pose`,
         }
       : {
-          "its ends": spring.points.map((one) => point(one)).join(" and "),
-          "its length": `${length.map((one) => text(one, 5)).join(" to ")} ${unit}`,
+          "its ends": spring.points.map((end) => point(end)).join(" and "),
+          "its length": `${length.map((value) => text(value, 5)).join(" to ")} ${unit}`,
         };
   return [
     [`${times(spring)}${kind} spring`, `${name ?? `${force(stiffness)} per ${unit}`}, ${between.join(" to ")}`],
-    ...Object.entries(place),
+    ...Object.entries(geometry),
     ["torque left (rms)", left(spring.torque)],
     ["by itself", spring.motion_at_ends],
   ];
@@ -88,7 +89,7 @@ function springRows(spring, { unit, ...how }) {
 /** Rows [name, value] of a drive or its springs; `how` is {unit, newtons, turns, item}, `turns` of the linkage. */
 export function rowsOf(drive, how) {
   const units = how.newtons ? [] : [["forces, torques", `in the load’s unit, and that times ${how.unit}`]];
-  if (drive.springs) return [...drive.springs.flatMap((one) => springRows(one, how)), ...units];
+  if (drive.springs) return [...drive.springs.flatMap((spring) => springRows(spring, how)), ...units];
   const { unit, turns, item } = how,
     { force, torque, point } = wordsOf(how),
     number = (value, digits = 5) => text(value, digits),

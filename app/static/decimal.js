@@ -55,7 +55,7 @@ export function pastedRows(content, width) {
   });
 }
 
-/** What is wrong with a typed value, as a sentence without its field's name; null if nothing is. */
+/** Return the fault of a typed value, as a sentence without the name of its field; null if it is valid. */
 export function wrong(value, entry, { range: [low, high], needed, whole }) {
   if (value === null) return needed ? "a number is needed" : null;
   if (!Number.isFinite(value)) return unreadable(entry);

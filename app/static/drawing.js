@@ -7,16 +7,16 @@ const SVG = "http://www.w3.org/2000/svg";
 
 /** An SVG element in `parent`; the attribute `text` is its content. */
 export function make(name, attributes = {}, parent = null) {
-  const made = document.createElementNS(SVG, name);
-  put(made, attributes);
-  parent?.append(made);
-  return made;
+  const node = document.createElementNS(SVG, name);
+  put(node, attributes);
+  parent?.append(node);
+  return node;
 }
 
-export function put(made, { text: content, ...attributes }) {
-  if (content !== undefined) made.textContent = content;
+export function put(node, { text: content, ...attributes }) {
+  if (content !== undefined) node.textContent = content;
   for (const [key, value] of Object.entries(attributes))
-    if (made.getAttribute(key) !== String(value)) made.setAttribute(key, value);
+    if (node.getAttribute(key) !== String(value)) node.setAttribute(key, value);
 }
 
 /** An HTML element with a class, and text or elements in it. */
@@ -87,8 +87,8 @@ export class View {
     const ends = [0, 1].map((i) =>
         good.reduce(([low, high], p) => [Math.min(low, p[i]), Math.max(high, p[i])], [Infinity, -Infinity]),
       ),
-      least = 1e-9 * Math.max(...ends.flat().map(Math.abs)) || 1,
-      scale = (pixels, [low, high]) => Math.max(pixels - 2 * pad, 20) / Math.max(high - low, least);
+      minExtent = 1e-9 * Math.max(...ends.flat().map(Math.abs)) || 1,
+      scale = (pixels, [low, high]) => Math.max(pixels - 2 * pad, 20) / Math.max(high - low, minExtent);
     [this.cx, this.cy] = ends.map(([low, high]) => (low + high) / 2);
     this.scale = Math.min(scale(this.width, ends[0]), scale(this.height, ends[1]));
   }
@@ -115,14 +115,14 @@ export function pathData(points, view = null) {
 
 /** Path data of the way of the body point, or else of C, of a linkage at joints of `Linkage.at`. */
 export function pointPath(joints, view) {
-  const places = joints.map((j) => j && (j.p ?? j.c));
-  return pathData(places, view);
+  const points = joints.map((j) => j && (j.p ?? j.c));
+  return pathData(points, view);
 }
 
-/** 1, 2 or 5 times a power of ten, at least `least`. */
-export function roundStep(least) {
-  const power = 10 ** Math.floor(Math.log10(least));
-  return [1, 2, 5, 10].map((k) => k * power).find((step) => step >= least * 0.999999);
+/** Return the smallest 1, 2 or 5 times a power of ten that is at least `minStep`. */
+export function roundStep(minStep) {
+  const power = 10 ** Math.floor(Math.log10(minStep));
+  return [1, 2, 5, 10].map((k) => k * power).find((step) => step >= minStep * 0.999999);
 }
 
 /** A number rounded to `digits` digits, in exponential notation where it is very large or small. */
@@ -192,18 +192,18 @@ export class LinkageShape {
     put(this.body, { d: `${pathData(p ? [d, c, p] : [d, c], view)}Z` });
     put(this.crank, { d: links[0] ? pathData(links[0], view) : "" });
     put(this.rocker, { d: links[1] ? pathData(links[1], view) : "" });
-    for (const [name, place] of Object.entries({ a, b, c, d, p })) {
+    for (const [name, position] of Object.entries({ a, b, c, d, p })) {
       const dot = this.joints[name];
-      dot.setAttribute("visibility", place ? "inherit" : "hidden");
-      this.names[name].setAttribute("visibility", place && this.detail ? "inherit" : "hidden");
-      if (!place) continue;
-      const [x, y] = view.at(place);
+      dot.setAttribute("visibility", position ? "inherit" : "hidden");
+      this.names[name].setAttribute("visibility", position && this.detail ? "inherit" : "hidden");
+      if (!position) continue;
+      const [x, y] = view.at(position);
       put(dot, { cx: x, cy: y });
       put(this.names[name], { x: x + 10, y: y - 8 });
     }
     if (!this.detail) return;
     const pivots = [a, b].filter((_, k) => fixed[k]);
-    put(this.bases, { d: pivots.map((place) => bearing(view.at(place))).join("") });
+    put(this.bases, { d: pivots.map((pivot) => bearing(view.at(pivot))).join("") });
     if (p || !directed) {
       const at = p && view.at(p);
       put(this.carried, { d: directed ? pathData([at, add(at, times(along(-joints.rotation), 26))]) : "" });

@@ -15,18 +15,19 @@ const WIDE = 0.09; // of a cylinder's body, over its retracted length
 const HANDLE = 8; // pixels
 const EARLIER = "What is shown was found for other entries: Find asks again.";
 const AGAIN = "Looking again: what is shown is of the linkage before it was moved.";
-/** What each kind of spring is asked with. */
+/** Fields of the request for each kind of spring. */
 const SPRINGS = { tension: { catalogue: "tension_springs" }, gas: {}, compression: {}, torsion: {} };
 
 const value = (id) => numberIn(`drive-${id}`);
 const checked = (id) => $(`drive-${id}`).checked;
-const given = (fields) => Object.fromEntries(Object.entries(fields).filter(([, one]) => one !== null && one !== ""));
-/** What the fields have asked, whatever the service has said of the linkage since. */
+const filledIn = (fields) =>
+  Object.fromEntries(Object.entries(fields).filter(([, content]) => content !== null && content !== ""));
+/** Return the part of a request that comes from the fields, without the data of the linkage. */
 const questionOf = ({ load, drives, springs }) => JSON.stringify({ load, drives, springs });
 /** Numbers that are given together, null if none is. Throws an error if only some are. */
 function together(ids, sentence) {
   const numbers = ids.map(value);
-  if (numbers.every((one) => one === null)) return null;
+  if (numbers.every((number) => number === null)) return null;
   if (numbers.includes(null)) throw new Error(sentence);
   return numbers;
 }
@@ -34,8 +35,8 @@ function together(ids, sentence) {
 function behaviour() {
   const [open, closed] = ["holds-open", "holds-closed"].map(checked),
     curve = numbersIn("drive-wanted", 2, true);
-  return given({
-    holds: open || closed ? { open, closed, ...given({ force_min: value("hold-force") }) } : null,
+  return filledIn({
+    holds: open || closed ? { open, closed, ...filledIn({ force_min: value("hold-force") }) } : null,
     hand_force_max: value("hand-force"),
     target: curve && { [$("drive-wanted-of").value]: curve },
     count: value("count"),
@@ -47,7 +48,7 @@ function loadOf() {
     acts = force.some(Boolean),
     mass = value("mass"),
     link = $("drive-on").value;
-  return given({
+  return filledIn({
     force: acts && link === "body" ? force : null,
     forces: acts && link !== "body" ? [{ link, force }] : null,
     torque: value("torque"),
@@ -73,18 +74,18 @@ function between({ crank_angle: x }, values, at) {
   const last = x.length - 1,
     share = Math.min(1, Math.max(0, (at - x[0]) / (x[last] - x[0] || 1))) * last,
     k = Math.min(last - 1, Math.floor(share)),
-    mix = (one, other) => one + (share - k) * (other - one);
-  const [one, other] = [values[k], values[k + 1]];
-  if (one === null || other === null) return null;
-  return Array.isArray(one) ? one.map((part, i) => mix(part, other[i])) : mix(one, other);
+    mix = (start, end) => start + (share - k) * (end - start);
+  const [lower, upper] = [values[k], values[k + 1]];
+  if (lower === null || upper === null) return null;
+  return Array.isArray(lower) ? lower.map((part, i) => mix(part, upper[i])) : mix(lower, upper);
 }
 
 /** Slopes of values at even steps, at the ends too those of a parabola. */
 function slopesOf(values, step) {
   const slope = (_, k) => {
     const j = Math.min(Math.max(k, 1), values.length - 2),
-      [before, here, after] = values.slice(j - 1, j + 2);
-    return ((after - before) / 2 + (k - j) * (after - 2 * here + before)) / step;
+      [before, middle, after] = values.slice(j - 1, j + 2);
+    return ((after - before) / 2 + (k - j) * (after - 2 * middle + before)) / step;
   };
   return values.map(slope);
 }
@@ -95,12 +96,12 @@ function moved(drive, linkage, torque) {
     frames = at.map((angle) => linkage.at(angle * RAD).frames[drive.link]),
     pin = frames.map((frame) => add(frame.at, turned(drive.pin_on_link, frame.angle))),
     ground = at.map(() => drive.ground_point),
-    length = pin.map((place) => Math.hypot(...less(place, drive.ground_point))),
+    length = pin.map((point) => Math.hypot(...less(point, drive.ground_point))),
     arm = slopesOf(length, (at[1] - at[0]) * RAD),
-    turns = arm.findIndex((one) => one * arm[0] <= 0),
+    turns = arm.findIndex((rate) => rate * arm[0] <= 0),
     ends = [length[0], length.at(-1)],
     stroke = Math.abs(ends[1] - ends[0]);
-  const force = turns < 0 && drive.curve.force ? arm.map((one, k) => torque.torque[k] / one / drive.count) : null,
+  const force = turns < 0 && drive.curve.force ? arm.map((rate, k) => torque.torque[k] / rate / drive.count) : null,
     peak_force = force && Math.max(...force.map(Math.abs)),
     peak_force_bound = force && torque.amount / stroke / drive.count;
   return {
@@ -171,17 +172,18 @@ export class Driving {
    */
   select(solution) {
     const before = this.solution,
-      same = before === solution || (before && solution && solution.source !== "moved" && alike(before, solution)),
-      asked = this.asked.get(this.reply) ?? this.pending;
+      isUnchanged =
+        before === solution || (before && solution && solution.source !== "moved" && alike(before, solution)),
+      question = this.asked.get(this.reply) ?? this.pending;
     this.solution = solution;
-    if (same) {
+    if (isUnchanged) {
       if (this.kept.has(before)) this.kept.set(solution, this.kept.get(before));
       this.#compare();
       return;
     }
     this.control?.abort();
-    if (solution?.source === "moved" && asked && !this.kept.has(solution)) {
-      this.#find(JSON.parse(asked));
+    if (solution?.source === "moved" && question && !this.kept.has(solution)) {
+      this.#find(JSON.parse(question));
       return;
     }
     this.#use(this.kept.get(solution) ?? null);
@@ -192,24 +194,24 @@ export class Driving {
   /** Says so where fields have changed since what is shown was found: its forces are those of another load. */
   #compare() {
     if (!this.reply) return;
-    let asked = "";
+    let question = "";
     try {
-      asked = questionOf(this.#request());
+      question = questionOf(this.#request());
     } catch {
       /* it cannot be asked as it is */
     }
-    const earlier = asked !== this.asked.get(this.reply);
+    const earlier = question !== this.asked.get(this.reply);
     $("drive-card").classList.toggle("other", earlier);
     if (earlier) this.#say(EARLIER);
     else if ($("drive-note").textContent === EARLIER) this.#say("");
   }
 
-  /** What is exported with the linkage: the drive that is shown. */
+  /** Drive that is shown, which is exported with the linkage. */
   get shown() {
     return this.drive && this.drive.kind ? this.drive : null;
   }
 
-  /** How numbers are shown. Forces are newtons if a mass, a bundled catalogue or its gas springs say so. */
+  /** Units of the shown numbers. Forces are in newtons if there is a mass, a bundled catalogue or a gas spring. */
   get #how() {
     const newtons = /"masses"|"catalogue":"\w+"|"gas"|"compression"|"torsion"/.test(this.asked.get(this.reply)),
       { motion } = this.answer;
@@ -243,13 +245,13 @@ export class Driving {
       box = together(sides, "Where may it be mounted? Give all four sides of the box, or none of them.");
     const ground_box = box,
       question = { ...this.#about, load: loadOf(), drives: [] };
-    if (kind === "ideal") return { ...question, springs: [given({ kind: "tension", ground_box })] };
-    const kinds = Object.keys(SPRINGS).filter((one) => kind === one || kind === "springs"),
-      spring = (one) => ({
-        kind: one,
-        ...SPRINGS[one],
+    if (kind === "ideal") return { ...question, springs: [filledIn({ kind: "tension", ground_box })] };
+    const kinds = Object.keys(SPRINGS).filter((name) => kind === name || kind === "springs"),
+      spring = (name) => ({
+        kind: name,
+        ...SPRINGS[name],
         ...behaviour(),
-        ...(box && one !== "torsion" && { ground_box }),
+        ...(box && name !== "torsion" && { ground_box }),
       });
     if (kinds.length) return { ...question, springs: kinds.map(spring) };
     const sized = catalogue === "",
@@ -269,7 +271,7 @@ export class Driving {
       toggle: { reach_max, ground_box },
     };
     const drives = kind === "any" ? ["rotary", "actuator", "dyad"] : [kind];
-    return { ...question, drives: drives.map((one) => ({ kind: one, ...given(wishes[one]) })) };
+    return { ...question, drives: drives.map((name) => ({ kind: name, ...filledIn(wishes[name]) })) };
   }
 
   /** Asks what the fields say, or for a linkage that was moved `again` what was asked for the one before. */
@@ -293,7 +295,7 @@ export class Driving {
       if (!again) this.board.reveal(this.board.driven());
       const because = reply.refused.length ? ", because of what is listed below" : "",
         none = found ? [] : [`No sensible ${request.springs ? "spring" : "drive"}${because}.`];
-      this.#say([...none, ...reply.notes.map((one) => `${capital(one)}.`)].join(" "), !found);
+      this.#say([...none, ...reply.notes.map((sentence) => `${capital(sentence)}.`)].join(" "), !found);
       this.#compare();
     } catch (error) {
       if (error.name === "AbortError") return;
@@ -308,7 +310,7 @@ export class Driving {
   #use(reply, kind = null) {
     this.reply = reply;
     this.options = reply ? optionsOf(reply) : [];
-    this.#choose(this.options.find((one) => one.kind === kind) ?? this.options[0] ?? null);
+    this.#choose(this.options.find((option) => option.kind === kind) ?? this.options[0] ?? null);
   }
 
   #choose(drive) {
@@ -333,9 +335,9 @@ export class Driving {
         this.board.reveal(this.board.driven());
       };
       const pressed = drive === this.drive || (this.drive?.byHand && this.drive.from === drive),
-        one = button("", act, "", { "aria-pressed": String(Boolean(pressed)) });
-      one.append(element("strong", "", nameOf(drive)), definitions(factsOf(drive, this.#how)));
-      return one;
+        card = button("", act, "", { "aria-pressed": String(Boolean(pressed)) });
+      card.append(element("strong", "", nameOf(drive)), definitions(factsOf(drive, this.#how)));
+      return card;
     });
     $("drive-found").replaceChildren(...cards);
     $("drive-found").hidden = !cards.length;
@@ -381,7 +383,7 @@ export class Driving {
       order = [...x.keys()].sort((i, j) => sense * (x[i] - x[j])),
       inOrder = (values) => order.map((k) => values[k]);
     const plot = (title, ...series) => {
-      const curves = series.map((one) => ({ ...one, values: inOrder(one.values) })),
+      const curves = series.map((curve) => ({ ...curve, values: inOrder(curve.values) })),
         options = { x: inOrder(x).map((at) => sense * at), series: curves, height: 140, ...axis };
       this.charts.push(titledChart(host, title, options));
     };
@@ -411,7 +413,7 @@ export class Driving {
   }
 
   #mark() {
-    if (this.board.joints) for (const one of this.charts) one.mark(Number($("slider").value));
+    if (this.board.joints) for (const plot of this.charts) plot.mark(Number($("slider").value));
   }
 
   /** The drive on the canvas at the crank's place: its parts, and handles at its ends. */
@@ -435,7 +437,7 @@ export class Driving {
       if (solution.links) for (const arm of armsOf(drive, joints, ground, pin)) this.#line("arm", arm);
       if (curve.knee && knee) {
         this.#line("rod", [ground, knee, pin]);
-        for (const place of [ground, knee, pin]) this.#dot(place, "joint");
+        for (const joint of [ground, knee, pin]) this.#dot(joint, "joint");
       } else this.#drawCylinder(ground, pin);
     }
   }
@@ -474,14 +476,14 @@ export class Driving {
     make("path", { class: `drive-${name}`, d: pathData(points, view) + (closed ? "Z" : "") }, driveLayer);
   }
 
-  #dot(place, name) {
-    const [cx, cy] = this.board.view.at(place);
+  #dot(position, name) {
+    const [cx, cy] = this.board.view.at(position);
     return make("circle", { class: `drive-${name}`, cx, cy, r: name === "motor" ? 12 : 5 }, this.board.driveLayer);
   }
 
   /** An end of a cylinder, which drags and arrow keys move. */
-  #handle(place, end, free) {
-    const dot = this.#dot(place, "end"),
+  #handle(position, end, free) {
+    const dot = this.#dot(position, "end"),
       label = `${end === "ground" ? "Ground point" : "Pin"} of the cylinder: drag, or arrow keys`;
     if (!free) return;
     put(dot, { r: HANDLE, tabindex: 0, role: "button", "data-end": end, "aria-label": label });
@@ -491,7 +493,7 @@ export class Driving {
       if (!by) return;
       event.preventDefault();
       event.stopPropagation();
-      this.#put(end, add(place, by));
+      this.#put(end, add(position, by));
     });
     dot.addEventListener("pointerdown", (event) => {
       const move = (px, py) => this.#put(end, this.board.view.world(px, py));
@@ -502,10 +504,10 @@ export class Driving {
   }
 
   /** One end is put elsewhere by hand, where the crank stands now. */
-  #put(end, place) {
+  #put(end, position) {
     const { drive } = this,
       { at, angle } = this.board.joints.frames[drive.link];
-    const ends = end === "ground" ? { ground_point: place } : { pin_on_link: turned(less(place, at), -angle) };
+    const ends = end === "ground" ? { ground_point: position } : { pin_on_link: turned(less(position, at), -angle) };
     this.#moveBy({ ...drive, ...ends }, drive.from ?? drive);
   }
 }

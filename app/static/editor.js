@@ -77,9 +77,9 @@ export class Editor {
 
   setMode(mode) {
     this.board.setMode(mode);
-    for (const one of modeButtons()) {
-      one.setAttribute("aria-pressed", String(one.dataset.mode === mode));
-      one.tabIndex = one.dataset.mode === mode ? 0 : -1;
+    for (const modeButton of modeButtons()) {
+      modeButton.setAttribute("aria-pressed", String(modeButton.dataset.mode === mode));
+      modeButton.tabIndex = modeButton.dataset.mode === mode ? 0 : -1;
     }
   }
 
@@ -131,8 +131,8 @@ export class Editor {
     const { motion } = this,
       body = $("poses").tBodies[0],
       angles = travels(motion),
-      [places, turns] = [wantsPlaces(motion), wantsAngles(motion)],
-      hides = { "no-crank": motion.timing === "free", "no-place": !places, "no-angle": !turns };
+      [hasPositions, turns] = [wantsPlaces(motion), wantsAngles(motion)],
+      hides = { "no-crank": motion.timing === "free", "no-place": !hasPositions, "no-angle": !turns };
     for (const [name, hidden] of Object.entries(hides)) $("poses").classList.toggle(name, hidden);
     while (body.rows.length > motion.poses.length) body.deleteRow(-1);
     while (body.rows.length < motion.poses.length) body.append(this.#makeRow(body.rows.length));
@@ -140,13 +140,13 @@ export class Editor {
       for (const [column, name] of Object.keys(COLUMNS).entries()) {
         const input = body.rows[k].cells[column + 1].firstChild,
           value = name === "t" ? angles[k] : pose[name],
-          asked = name === "angle" ? turns : places,
+          isRequired = name === "angle" ? turns : hasPositions,
           bad = this.cellFaults.has(cellOf(k, name));
         input.classList.toggle("invalid", bad);
         if (!bad && input !== document.activeElement) input.value = value === null ? "" : Number(value.toPrecision(6));
-        input.placeholder = value === null && asked ? "none" : "";
+        input.placeholder = value === null && isRequired ? "none" : "";
         if (name === "t") input.readOnly = motion.timing !== "table" || k === 0;
-        else input.disabled = !asked;
+        else input.disabled = !isRequired;
       }
     this.#markRow();
   }
@@ -186,8 +186,8 @@ export class Editor {
       const value = typed(input.value),
         fault = wrong(value, input.value, { range: ANY, needed: name === "t" }),
         used = fault ? before : value,
-        still = before === null ? "" : `; ${before} is still in use`;
-      if (fault) this.cellFaults.set(id, `${capital(itemOf(this.motion))} ${k + 1}, ${label}: ${fault}${still}.`);
+        fallback = before === null ? "" : `; ${before} is still in use`;
+      if (fault) this.cellFaults.set(id, `${capital(itemOf(this.motion))} ${k + 1}, ${label}: ${fault}${fallback}.`);
       else this.cellFaults.delete(id);
       input.classList.toggle("invalid", Boolean(fault));
       $("table-error").textContent = [...this.cellFaults.values()][0] ?? "";
@@ -239,7 +239,7 @@ export class Editor {
     $("paste-use").click();
   }
 
-  /** Whether a column of the table is not shown. */
+  /** Return true if a column of the table is hidden. */
   #hidden(name) {
     const { motion } = this;
     return name === "t" ? motion.timing !== "table" : name === "angle" ? !wantsAngles(motion) : !wantsPlaces(motion);
@@ -316,7 +316,7 @@ export class Editor {
   /** The modes are one stop of the tab key; arrows choose among them. */
   #bindModes() {
     const buttons = modeButtons();
-    for (const one of buttons) one.addEventListener("click", () => this.setMode(one.dataset.mode));
+    for (const modeButton of buttons) modeButton.addEventListener("click", () => this.setMode(modeButton.dataset.mode));
     $("modes").addEventListener("keydown", (event) => {
       const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
       if (!step) return;

@@ -81,7 +81,7 @@ export function startEntry(unit, use) {
       $("entry-error").textContent = error.message;
     }
   };
-  const place = () =>
+  const placeLinkage = () =>
     attempt(() => {
       const lengths = LINKS.map((name) => numberIn(`entry-${name}`));
       if (lengths.includes(null)) return;
@@ -90,7 +90,7 @@ export function startEntry(unit, use) {
       for (const name of Object.keys(JOINTS))
         for (const [k, id] of ids(name).entries()) $(id).value = Number(joints[name][k].toPrecision(10));
     });
-  listen("entry-lengths", "change", place);
+  listen("entry-lengths", "change", placeLinkage);
   listen("entry-open", "click", () => {
     dialog.showModal();
     $("entry-a-x").focus();

@@ -1,4 +1,4 @@
-// What the reader puts on the canvas besides the motion: ghosts, snapping, outline, a picture to trace; and the legend.
+// Optional contents of the canvas besides the motion: ghosts, snapping, outline, a picture to trace; and the legend.
 
 import { element } from "./drawing.js";
 import { typed } from "./decimal.js";
@@ -28,7 +28,7 @@ function legend(joints) {
     words = rows.map((row) => row[1]).join();
   if (list.dataset.shown === words) return;
   list.dataset.shown = words;
-  list.replaceChildren(...rows.map(([name, said]) => element("li", "", element("span", `swatch ${name}`), said)));
+  list.replaceChildren(...rows.map(([name, label]) => element("li", "", element("span", `swatch ${name}`), label)));
 }
 
 /** A picture behind the canvas, `width` units wide, its middle at `at`. It is painted, not loaded by an address. */
@@ -114,14 +114,14 @@ export function startStage(board, edit, setMode) {
     $("picture-width").value = backdrop.width;
     say(`${file.name} lies behind the canvas: draw over it. Show has fields for its width and place.`);
   });
-  const place = () => {
+  const placePicture = () => {
     const [width, x, y] = ["width", "x", "y"].map((name) => typed($(`picture-${name}`).value));
     if (width > 0) backdrop.width = width;
     if (Number.isFinite(x)) backdrop.at[0] = x;
     if (Number.isFinite(y)) backdrop.at[1] = y;
     board.draw();
   };
-  for (const name of ["width", "x", "y"]) listen(`picture-${name}`, "input", place);
+  for (const name of ["width", "x", "y"]) listen(`picture-${name}`, "input", placePicture);
   listen("picture-clear", "click", () => backdrop.clear());
   return { outline, picture };
 }

@@ -35,11 +35,11 @@ const number = (path, name, range, more = {}) => ({
   put: (m, value) => setAt(m, path, value),
   ...more,
 });
-/** The same for a limit of the preset: a value of its own switches it on, and 0 for an angle switches it off. */
-const preset = (kept, own, name, range) =>
+/** Return the field of a limit of the preset: a value switches the limit on, and 0 for an angle switches it off. */
+const preset = (flag, own, name, range) =>
   number(`limits.${own}`, name, range, {
     put: ({ limits }, value) => {
-      limits.kept[kept] = value !== 0;
+      limits.kept[flag] = value !== 0;
       limits[own] = value || null;
     },
   });
@@ -77,7 +77,7 @@ for (const [k, side] of ["left", "bottom", "right", "top"].entries()) {
     get: ({ limits: { extra } }) => (Math.abs(extra.envelope?.[k] ?? FAR) < FAR ? extra.envelope[k] : null),
     put: ({ limits: { extra } }, value) => {
       const box = (extra.envelope ?? FREE).with(k, value ?? FREE[k]);
-      if (box.every((one, i) => one === FREE[i])) delete extra.envelope;
+      if (box.every((bound, i) => bound === FREE[i])) delete extra.envelope;
       else extra.envelope = box;
     },
   });
@@ -199,10 +199,10 @@ export class Fields {
 
   /** The four fields of the pivot box are one entry: it is used once all four are there. */
   #readBox(id) {
-    for (const one of BOX) $(one).dataset.typed = "yes";
-    const entries = BOX.map((one) => $(one).value),
+    for (const fieldId of BOX) $(fieldId).dataset.typed = "yes";
+    const entries = BOX.map((fieldId) => $(fieldId).value),
       values = entries.map(typed);
-    for (const one of BOX) this.#blame(one, null);
+    for (const fieldId of BOX) this.#blame(fieldId, null);
     const bad = values.findIndex(Number.isNaN),
       blank = values.filter((value) => value === null).length;
     if (bad >= 0) this.#blame(BOX[bad], `Pivot box: ${unreadable(entries[bad])}.`);
@@ -210,7 +210,7 @@ export class Fields {
     else if (blank === 0 && values[0] > values[2]) this.#blame(BOX[0], "Pivot box: left must be less than right.");
     else if (blank === 0 && values[1] > values[3]) this.#blame(BOX[1], "Pivot box: bottom must be less than top.");
     else {
-      for (const one of BOX) $(one).dataset.typed = "";
+      for (const fieldId of BOX) $(fieldId).dataset.typed = "";
       this.edit((m) => (m.limits.box = blank ? null : values), id);
     }
   }
@@ -266,8 +266,8 @@ export class Fields {
     this.#set("stock", motion.stock?.join(" ") ?? "");
     this.#set("keep-out", (limits.extra.keep_out ?? []).map((box) => box.join(" ")).join("\n"));
     const { kept } = limits,
-      some = Object.values(kept).some(Boolean);
-    $("practical").indeterminate = some && !$("practical").checked;
+      isAnySet = Object.values(kept).some(Boolean);
+    $("practical").indeterminate = isAnySet && !$("practical").checked;
     for (const [id, name] of Object.entries({ transmission: "use", "transmission-turn": "turn", ratio: "ratio" }))
       $(id).placeholder = kept[name] ? PRESET[name] : "none";
     for (const element of document.querySelectorAll("[data-timing]"))
@@ -275,7 +275,7 @@ export class Fields {
     for (const element of document.querySelectorAll("[data-unit]")) element.textContent = motion.unit;
     $("timing-note").textContent =
       NOTES[motion.timing](itemOf(motion)) +
-      (!free && !some ? " The practical limits are off, unless chosen below." : "");
+      (!free && !isAnySet ? " The practical limits are off, unless chosen below." : "");
     $("motion-title").textContent = wantsAngles(motion) ? "Motion" : "Path";
     for (const option of $("prefer").options) option.hidden = option.disabled = !preferable(motion, option.value);
     for (const option of $("mechanisms").options)
@@ -313,7 +313,7 @@ export class Fields {
     return found;
   }
 
-  /** Whether some pose has a weight or tolerance of its own. */
+  /** Return true if a pose has a weight or tolerance of its own. */
   #has(...names) {
     return this.motion().poses.some((pose) => names.some((name) => pose[name] !== undefined));
   }

@@ -1,4 +1,4 @@
-// How well a linkage meets a motion: its joints and errors at each pose, and the pose of the largest error.
+// Fit of a linkage to a motion: its joints and errors at each pose, and the pose of the largest error.
 
 import { text } from "./drawing.js";
 import { Linkage } from "./kinematics.js";
@@ -13,8 +13,8 @@ export const LINKS = ["crank", "coupler", "rocker", "ground"];
 /** The index of the largest number of a list with nulls; null if all are. */
 function worstOf(list) {
   const sizes = list.map((value) => (value === null ? -1 : Math.abs(value))),
-    most = Math.max(-1, ...sizes);
-  return most < 0 ? null : sizes.indexOf(most);
+    maximum = Math.max(-1, ...sizes);
+  return maximum < 0 ? null : sizes.indexOf(maximum);
 }
 
 /**
@@ -28,8 +28,8 @@ export function fitOf(solution, motion) {
     at = pass.angles.map((angle) => linkage.at(angle * RAD)),
     placed = wantsPlaces(motion) && linkage.mount;
   const places = motion.poses.map((pose, k) => {
-    const place = placed && at[k]?.p && placeOf(pose);
-    return place ? size(less(at[k].p, place)) : null;
+    const target = placed && at[k]?.p && placeOf(pose);
+    return target ? size(less(at[k].p, target)) : null;
   });
   const turns = motion.poses.map(({ angle }, k) =>
     wantsAngles(motion) && angle !== null && at[k] ? angleError(motion, angle, at[k].rotation / RAD) : null,
@@ -69,8 +69,8 @@ export function worstRows({ places, turns, worst }, { unit }, scale) {
 export const worstWords = (rows, motion) =>
   rows.map(([, error, k]) => (k === null ? error : `${error} (${itemOf(motion)} ${k})`)).join(" and ");
 
-/** Whether two solutions are the same linkage to within a thousandth of its size. */
-export function alike(one, other) {
+/** Return true if two solutions are the same linkage to within a thousandth of its size. */
+export function alike(solution, reference) {
   const numbersOf = ({ links, mount, guides }) =>
     links
       ? [...LINKS.map((name) => links[name]), ...(mount ? [...mount.pivot_a, ...mount.pivot_b] : [])]
@@ -80,16 +80,16 @@ export function alike(one, other) {
           radius ?? direction ?? body_direction ?? 0,
         ]);
   const sort = ({ links, kind, driver, branch }) => JSON.stringify(links ? [branch] : [kind, driver, branch]);
-  if (sort(one) !== sort(other)) return false;
-  const [a, b] = [one, other].map(numbersOf),
-    sizes = one.links ? a.slice(0, LINKS.length) : a,
+  if (sort(solution) !== sort(reference)) return false;
+  const [a, b] = [solution, reference].map(numbersOf),
+    sizes = solution.links ? a.slice(0, LINKS.length) : a,
     longest = Math.max(1e-300, ...sizes.map(Math.abs));
   return a.length === b.length && a.every((value, k) => Math.abs(value - b[k]) <= 1e-3 * longest);
 }
 
 /** Rows of the guides of a solution with rails or slots; body points are in the body's frame. */
-export function guideRows({ guides, driver }, number, place, length) {
-  const pair = (point) => point.map(place).join(", ");
+export function guideRows({ guides, driver }, number, position, length) {
+  const pair = (point) => point.map(position).join(", ");
   const rowsOf = ({ guide, pivot, radius, point, direction, pin, body_direction, body_point, used }, k) => [
     [`${k ? "Second" : "First"} guide`, guide],
     pivot && ["– pivot", pair(pivot)],
@@ -99,7 +99,7 @@ export function guideRows({ guides, driver }, number, place, length) {
     pin && ["– pin", pair(pin)],
     pin && ["– direction in the body", `${number(body_direction)}°`],
     ["– body point", pair(body_point)],
-    used && ["– used", `${place(used[0])} to ${length(used[1])}`],
+    used && ["– used", `${position(used[0])} to ${length(used[1])}`],
   ];
   return [["Driven by", driver], ...guides.flatMap(rowsOf).filter(Boolean)];
 }

@@ -6,7 +6,7 @@ import { measured } from "./hand.js";
 import { Misfit, STEP } from "./misfit.js";
 import { drivePlaces } from "./timing.js";
 
-/** Of the two descents; lengths are fractions of the motion's size, angles are in radians. */
+/** Options of the two descents; lengths are fractions of the motion's size, angles are in radians. */
 const OPTIONS = {
   pull: 1e-5, // weight of the squared distance from the reference beside the mean squared error, in the first descent
   steps: 40, // of a descent
@@ -65,12 +65,12 @@ class Following {
   begin(solution, { solution: before, motion }) {
     const { misfit } = this,
       numbers = misfit.numbersOf(before),
-      made = misfit.made(numbers),
+      model = misfit.made(numbers),
       own = misfit.free ? misfit.driveOf(before) : misfit.driveAt(numbers),
-      { spots, closes } = this.#between(made, own),
-      held = { made, before: motion, spots, family: before.family };
+      { spots, closes } = this.#between(model, own),
+      reference = { made: model, before: motion, spots, family: before.family };
     Object.assign(this, { reference: numbers, closes, sense: own.at(-1) < own[0] ? -1 : 1 });
-    this.bounds = new Bounds(misfit.motion, misfit.scale, held);
+    this.bounds = new Bounds(misfit.motion, misfit.scale, reference);
     return this.#measured(misfit.numbersOf(solution), misfit.free ? misfit.driveOf(solution) : null);
   }
 
@@ -80,17 +80,17 @@ class Following {
    */
   passing(solution) {
     const { misfit } = this,
-      made = misfit.made(misfit.numbersOf(solution)),
+      model = misfit.made(misfit.numbersOf(solution)),
       former = misfit.driveOf(solution),
       [first, last] = [former[0], former.at(-1)],
       around = misfit.turns ? OPTIONS.around : OPTIONS.beyond * Math.max(...former.map((q) => Math.abs(q - first))),
       steps = Array.from({ length: 2 * OPTIONS.tries + 1 }, (_, n) => (around * (n - OPTIONS.tries)) / OPTIONS.tries);
     this.sense = last < first ? -1 : 1;
     const begins = former.map((q, k) => {
-      const costs = steps.map((step) => this.#cost(made, k, q + step));
+      const costs = steps.map((step) => this.#cost(model, k, q + step));
       return q + steps[costs.indexOf(Math.min(...costs))];
     });
-    const blocks = this.#blocks(made, begins);
+    const blocks = this.#blocks(model, begins);
     return blocks && blocks.flatMap((block) => block.q).map((q) => (q - first) / misfit.unit);
   }
 
@@ -111,28 +111,28 @@ class Following {
     // the vertex of the parabola through three of them
     const bottom = (k) => {
       if (k === undefined) return low;
-      const [before, here, after] = angles.slice(k - 1, k + 2);
-      return low + step * (k + (before - after) / 2 / (before - 2 * here + after));
+      const [before, middle, after] = angles.slice(k - 1, k + 2);
+      return low + step * (k + (before - after) / 2 / (before - 2 * middle + after));
     };
     const spots = [low, high, bottom(valleys[0]), bottom(valleys[1] ?? valleys[0])];
     return { spots, closes: angles.every((angle) => angle >= 0) };
   }
 
   /** A block of samples that are passed together: the drive position `z` at which they are met best, near `z`. */
-  #foot(made, members, z) {
+  #foot(model, members, z) {
     const { misfit, sense } = this,
       gap = this.ordered && members.length > 1 ? OPTIONS.gap * misfit.unitOfDrive : 0;
     const look = (from) => {
       const q = members.map((_, n) => from + sense * gap * (n - (members.length - 1) / 2)),
-        joints = q.map(made.at);
+        joints = q.map(model.at);
       if (!joints.every(Boolean)) return { cost: Infinity };
-      const errors = joints.flatMap((one, n) => misfit.error(members[n], one));
+      const errors = joints.flatMap((jointSet, n) => misfit.error(members[n], jointSet));
       return { z: from, q, errors, cost: squares(errors) };
     };
     let best = look(z);
     if (best.cost === Infinity) return best;
     for (let n = 0; n < OPTIONS.feet; n++) {
-      const slopes = members.flatMap((k, i) => misfit.slopeOfDrive(k, made, best.q[i])),
+      const slopes = members.flatMap((k, i) => misfit.slopeOfDrive(k, model, best.q[i])),
         along = product(slopes, best.errors),
         steep = squares(slopes);
       let step = steep > 0 ? -along / steep : 0,
@@ -151,17 +151,17 @@ class Following {
   }
 
   /** Blocks of samples with the drive positions at which they are met best; those out of order are pooled. */
-  #blocks(made, drive) {
+  #blocks(model, drive) {
     const blocks = [],
       gap = OPTIONS.gap * this.misfit.unitOfDrive,
       isLate = (block) => this.sense * (block.q[0] - blocks.at(-1).q.at(-1)) < gap;
     for (const [k, q] of drive.entries()) {
-      let block = { members: [k], ...this.#foot(made, [k], q) };
+      let block = { members: [k], ...this.#foot(model, [k], q) };
       while (this.ordered && blocks.length && block.cost < Infinity && isLate(block)) {
         const before = blocks.pop(),
           members = [...before.members, ...block.members],
           sum = before.z * before.members.length + block.z * block.members.length;
-        block = { members, ...this.#foot(made, members, sum / members.length) };
+        block = { members, ...this.#foot(model, members, sum / members.length) };
       }
       if (block.cost === Infinity) return null;
       blocks.push(block);
@@ -170,38 +170,42 @@ class Following {
   }
 
   /** The samples at the given positions of the drive, each a block; null if a loop is open. */
-  #given(made, drive) {
-    const joints = drive.map(made.at);
+  #given(model, drive) {
+    const joints = drive.map(model.at);
     if (!joints.every(Boolean)) return null;
     const turns = this.misfit.wholeTurns(joints);
-    return joints.map((one, k) => ({ members: [k], q: [drive[k]], errors: this.misfit.error(k, one, turns) }));
+    return joints.map((jointSet, k) => ({
+      members: [k],
+      q: [drive[k]],
+      errors: this.misfit.error(k, jointSet, turns),
+    }));
   }
 
   /** A linkage of these numbers with its errors, near positions `drive` if they are free; null if it does not close. */
   #measured(numbers, drive) {
     const { misfit } = this,
-      made = misfit.made(numbers),
-      blocks = made && (misfit.free ? this.#blocks(made, drive) : this.#given(made, misfit.driveAt(numbers)));
+      model = misfit.made(numbers),
+      blocks = model && (misfit.free ? this.#blocks(model, drive) : this.#given(model, misfit.driveAt(numbers)));
     if (!blocks) return null;
     const q = blocks.flatMap((block) => block.q),
-      { spots, closes } = this.#between(made, q);
+      { spots, closes } = this.#between(model, q);
     if (this.closes && !closes) return null;
     const cost = squares(blocks.flatMap(({ errors }) => errors)) / q.length,
-      margins = this.bounds.margins(made, spots),
+      margins = this.bounds.margins(model, spots),
       penalty = OPTIONS.penalty * squares(margins.map((margin) => Math.min(0, margin - INSIDE)));
-    return { numbers, made, blocks, drive: q, spots, cost, margins, penalty };
+    return { numbers, made: model, blocks, drive: q, spots, cost, margins, penalty };
   }
 
   /** The normal equations of the mean squared error: matrix and half its slope, free drive positions eliminated. */
-  #normal({ made, blocks, drive }, beside) {
+  #normal({ made: model, blocks, drive }, beside) {
     const { misfit } = this,
       n = misfit.units.length,
       matrix = Array.from({ length: n }, () => new Array(n).fill(0)),
       slope = new Array(n).fill(0),
       shares = [];
     for (const { members, errors, q } of blocks) {
-      const all = members.map((k, i) => misfit.slopes(k, made, beside, q[i])),
-        drives = members.flatMap((k, i) => (misfit.free ? misfit.slopeOfDrive(k, made, q[i]) : [0, 0, 0])),
+      const all = members.map((k, i) => misfit.slopes(k, model, beside, q[i])),
+        drives = members.flatMap((k, i) => (misfit.free ? misfit.slopeOfDrive(k, model, q[i]) : [0, 0, 0])),
         steep = squares(drives),
         columns = slope.map((_, j) => all.flatMap((slopes) => slopes[j])),
         ratios = columns.map((column) => (steep > 0 ? product(column, drives) / steep : 0));
@@ -216,7 +220,7 @@ class Following {
     return { matrix, slope, shares };
   }
 
-  /** How far drive positions between the samples move with number j, as those at the ends of the interval do. */
+  /** Return the derivatives of the drive positions at the limits by number j, from those at the ends of the interval. */
   #drift({ drive, spots }, shares, j) {
     const { free, unitOfDrive, units } = this.misfit,
       [low, high] = spots,
@@ -227,36 +231,36 @@ class Following {
 
   /** Slopes of the limits that are near, by differences: rows {margin, slope}. */
   #limits(state, shares, beside) {
-    const { numbers, made, margins, spots } = state,
+    const { numbers, made: model, margins, spots } = state,
       near = [...margins.keys()].filter((k) => margins[k] < OPTIONS.near),
       rows = near.map((k) => ({ k, margin: margins[k] - INSIDE, slope: [] }));
     for (const j of near.length ? numbers.keys() : []) {
-      const moved = j < beside.length ? beside[j][0] : made,
+      const moved = j < beside.length ? beside[j][0] : model,
         drift = this.#drift(state, shares, j),
-        places = spots.map((q, k) => q + STEP * drift[k]),
-        after = moved && this.bounds.margins(moved, places),
-        same = after?.length === margins.length;
-      for (const { k, slope } of rows) slope.push(same ? (after[k] - margins[k]) / STEP : 0);
+        positions = spots.map((q, k) => q + STEP * drift[k]),
+        after = moved && this.bounds.margins(moved, positions),
+        isComparable = after?.length === margins.length;
+      for (const { k, slope } of rows) slope.push(isComparable ? (after[k] - margins[k]) / STEP : 0);
     }
     return rows;
   }
 
   /** The step of least squares with limits that it would violate as further errors. */
   #step({ matrix, slope }, limits, damping) {
-    const taken = new Set(limits.filter(({ margin }) => margin < 0));
+    const active = new Set(limits.filter(({ margin }) => margin < 0));
     for (let n = 0; ; n++) {
       const left = matrix.map((row, i) => row.with(i, row[i] + damping)),
         right = slope.map((value) => -value);
-      for (const { margin, slope: row } of taken)
+      for (const { margin, slope: row } of active)
         for (const [i, value] of row.entries()) {
           right[i] -= OPTIONS.penalty * margin * value;
-          for (const [j, other] of row.entries()) left[i][j] += OPTIONS.penalty * value * other;
+          for (const [j, entry] of row.entries()) left[i][j] += OPTIONS.penalty * value * entry;
         }
       const step = solved(left, right),
-        isBroken = (one) => !taken.has(one) && one.margin + product(one.slope, step) < 0,
+        isBroken = (limit) => !active.has(limit) && limit.margin + product(limit.slope, step) < 0,
         more = step ? limits.filter(isBroken) : [];
       if (!more.length || n === 5) return step;
-      for (const one of more) taken.add(one);
+      for (const limit of more) active.add(limit);
     }
   }
 
@@ -266,9 +270,9 @@ class Following {
    */
   *descend(state, pull, gain) {
     const away = ({ numbers }) => squares(numbers.map((value, j) => value - this.reference[j]));
-    const total = (one) => one.cost + one.penalty + pull * away(one);
-    const least = pull || !this.misfit.exact ? OPTIONS.damping : OPTIONS.exact;
-    let damping = least;
+    const total = (candidate) => candidate.cost + candidate.penalty + pull * away(candidate);
+    const minDamping = pull || !this.misfit.exact ? OPTIONS.damping : OPTIONS.exact;
+    let damping = minDamping;
     for (let n = 0; n < OPTIONS.steps && state.cost + state.penalty > OPTIONS.rounding; n++) {
       const beside = this.misfit.beside(state.numbers),
         { matrix, slope, shares } = this.#normal(state, beside),
@@ -283,14 +287,14 @@ class Following {
       for (; damping < 1e3 && !next; damping *= next ? 1 : 10) {
         const step = this.#step(normal, limits, damping),
           moved = step?.map((value, j) => numbers[j] + value),
-          places = step && drive.map((q, k) => q - product(shares[k], step));
-        next = step && this.#measured(moved, places);
+          positions = step && drive.map((q, k) => q - product(shares[k], step));
+        next = step && this.#measured(moved, positions);
         if (next && !(total(next) < before)) next = null;
       }
       if (!next) return state;
       state = next;
       yield state;
-      damping = Math.max(least, damping / 10);
+      damping = Math.max(minDamping, damping / 10);
       if (before - total(state) < gain * before) return state;
     }
     return state;
@@ -306,7 +310,7 @@ class Following {
 export function* followed(motion, solution, reference) {
   const following = new Following(motion, solution),
     total = (state) => (state ? state.cost + state.penalty : Infinity),
-    made =
+    solutionOf =
       ({ numbers, drive }) =>
       () =>
         following.misfit.solution(numbers, drive, solution);
@@ -320,10 +324,10 @@ export function* followed(motion, solution, reference) {
   for (const begin of new Set([solution, reference.solution])) {
     const run = descents(begin);
     let step = run.next();
-    for (; !step.done; step = run.next()) yield made(found ?? step.value);
+    for (; !step.done; step = run.next()) yield solutionOf(found ?? step.value);
     if (total(step.value) < OPTIONS.better * total(found)) found = step.value;
   }
-  if (found) yield made(found);
+  if (found) yield solutionOf(found);
 }
 
 /** A solution changed by hand with its errors; free crank angles are found anew, the start is `shift` further on. */

@@ -7,30 +7,30 @@ import { build, listed } from "./shell.js";
 let serial = 0;
 
 /** A schema with its references resolved; `nullable` where null was one of its alternatives. */
-function plain({ $ref, allOf, anyOf, ...rest }, root) {
-  if ($ref) return plain({ ...root.$defs[$ref.split("/").at(-1)], ...rest }, root);
-  if (allOf?.length === 1) return plain({ ...allOf[0], ...rest }, root);
-  if (!anyOf) return rest;
+function plain({ $ref, allOf, anyOf, ...keywords }, root) {
+  if ($ref) return plain({ ...root.$defs[$ref.split("/").at(-1)], ...keywords }, root);
+  if (allOf?.length === 1) return plain({ ...allOf[0], ...keywords }, root);
+  if (!anyOf) return keywords;
   const kinds = anyOf.filter((kind) => kind.type !== "null");
-  if (kinds.length === anyOf.length) return { oneOf: anyOf, ...rest };
-  const only = kinds.length === 1 ? { ...kinds[0], ...rest } : { oneOf: kinds, ...rest };
-  return { ...plain(only, root), nullable: true };
+  if (kinds.length === anyOf.length) return { oneOf: anyOf, ...keywords };
+  const alternative = kinds.length === 1 ? { ...kinds[0], ...keywords } : { oneOf: kinds, ...keywords };
+  return { ...plain(alternative, root), nullable: true };
 }
 
 const spaced = (name) => String(name).replaceAll("_", " ");
 const isAuto = (title, name) => title.toLowerCase().replaceAll(" ", "_") === name.toLowerCase();
 
-/** What a field is called: the schema's own title, or the name of the property. */
+/** Return the label of a field: the schema's title, or the name of the property. */
 const label = (name, { title, type } = {}) =>
   title && type !== "object" && !isAuto(title, name) ? title : spaced(name);
 
 /** The range of a number in signs; bounds that only keep numbers within what can be computed are not worth any. */
 function range({ type, minimum, exclusiveMinimum, maximum, exclusiveMaximum }) {
-  const whole = type === "integer",
+  const isInteger = type === "integer",
     low = minimum ?? exclusiveMinimum,
-    high = maximum ?? (whole ? exclusiveMaximum - 1 : exclusiveMaximum),
+    high = maximum ?? (isInteger ? exclusiveMaximum - 1 : exclusiveMaximum),
     open = exclusiveMinimum !== undefined || (low > 0 && low < 1e-6),
-    closed = whole || exclusiveMaximum === undefined,
+    closed = isInteger || exclusiveMaximum === undefined,
     [from, to] = [low !== undefined && low > -1e6, high < 1e6],
     start = low < 1e-6 && open ? 0 : low;
   if (from && to && !open && closed) return `${start} … ${high}`;
@@ -44,14 +44,14 @@ function number(entered, schema) {
   if (schema.type === "integer" && !Number.isInteger(found))
     throw new Error(`must be a whole number; it is ${entered}`);
   const { minimum = -Infinity, maximum = Infinity, exclusiveMinimum = -Infinity, exclusiveMaximum = Infinity } = schema,
-    told = range(schema) || `${minimum} to ${maximum}`,
-    above = /^[>≥][^,]*$/.test(told) ? `≤ ${maximum}` : told;
-  if (found < minimum || found <= exclusiveMinimum) throw new Error(`must be ${told}; it is ${entered}`);
+    allowed = range(schema) || `${minimum} to ${maximum}`,
+    above = /^[>≥][^,]*$/.test(allowed) ? `≤ ${maximum}` : allowed;
+  if (found < minimum || found <= exclusiveMinimum) throw new Error(`must be ${allowed}; it is ${entered}`);
   if (found > maximum || found >= exclusiveMaximum) throw new Error(`must be ${above}; it is ${entered}`);
   return found;
 }
 
-/** What the schema says of a field, for a reader who sees fields and not JSON. */
+/** Return the schema's description of a field, for a reader who sees fields and not JSON. */
 const help = ({ description }) => description.replaceAll("`", "").replaceAll(/\bnull\b/g, "blank");
 
 const isNumber = ({ type }) => type === "number" || type === "integer";
@@ -74,14 +74,14 @@ class Fields {
     const id = `field-${++serial}`,
       part = (kind, content) => build("span", { className: kind, id: `${id}-${kind}` }, content),
       title = build("label", { htmlFor: id }, label(name, schema), schema.unit && [" ", this.unit(schema.unit)].flat()),
-      told = isNumber(schema) && range(schema) && part("range", range(schema)),
+      rangeNode = isNumber(schema) && range(schema) && part("range", range(schema)),
       about = schema.description && part("help", help(schema)),
       wrong = part("error", "");
     control.id = id;
-    const parts = [told, about, wrong].filter(Boolean);
-    control.setAttribute("aria-describedby", parts.map((one) => one.id).join(" "));
+    const parts = [rangeNode, about, wrong].filter(Boolean);
+    control.setAttribute("aria-describedby", parts.map((node) => node.id).join(" "));
     this.known.set(at, { control, wrong, title: label(name, schema) });
-    return element("div", wide ? "field wide" : "field", title, told, control, about, wrong);
+    return element("div", wide ? "field wide" : "field", title, rangeNode, control, about, wrong);
   }
 
   /** The unit beside a name; "angle" and "angle/s" follow the form's unit of angle. */
@@ -95,7 +95,7 @@ class Fields {
     for (const [mark, name] of this.units) mark.textContent = name.replace("angle", angle === "rad" ? "rad" : "°");
   }
 
-  /** What `parse` makes of a control's text; undefined where it is empty. */
+  /** Return the text of a control as converted by `parse`; undefined if it is empty. */
   read(at, control, parse) {
     const entered = control.value.trim();
     if (entered === "") return undefined;
@@ -116,12 +116,12 @@ class Fields {
     control.focus();
   }
 
-  /** Where a field of a request stands in the form: its rows keep their place while others come and go. */
+  /** Return the pointer of a field in the form: rows keep their index in the form when other rows are removed. */
   place(pointer) {
     let at = pointer;
     for (const [list, entries] of this.lists) {
-      const [index, ...rest] = at.startsWith(`${list}/`) ? at.slice(list.length + 1).split("/") : [];
-      if (entries[index]) at = [list, entries[index].at, ...rest].join("/");
+      const [index, ...subpath] = at.startsWith(`${list}/`) ? at.slice(list.length + 1).split("/") : [];
+      if (entries[index]) at = [list, entries[index].at, ...subpath].join("/");
     }
     return at;
   }
@@ -135,21 +135,21 @@ class Fields {
   }
 
   /** Adds the controls of one property to `host`; returns a function that reads them, undefined for left out. */
-  build(host, at, name, given, value, required = true) {
-    const schema = plain(given, this.root),
+  build(host, at, name, unresolved, value, required = true) {
+    const schema = plain(unresolved, this.root),
       { type } = schema,
-      place = [host, at, name, schema, value];
-    if (schema.oneOf) return this.variants(...place);
-    if (type === "object") return schema.nullable ? this.optional(...place) : this.group(...place, !required);
-    if (schema.enum || schema.const !== undefined || type === "boolean") return this.choice(...place);
-    if (type === "array") return this.list(...place);
-    return this.entry(...place, (entered) => (isNumber(schema) ? number(entered, schema) : entered));
+      context = [host, at, name, schema, value];
+    if (schema.oneOf) return this.variants(...context);
+    if (type === "object") return schema.nullable ? this.optional(...context) : this.group(...context, !required);
+    if (schema.enum || schema.const !== undefined || type === "boolean") return this.choice(...context);
+    if (type === "array") return this.list(...context);
+    return this.entry(...context, (entered) => (isNumber(schema) ? number(entered, schema) : entered));
   }
 
   entry(host, at, name, schema, value, parse, wide = false) {
     // where blank stands for the default, null has to be written: none
     const lifts = schema.nullable && !isNone(schema.default),
-      told = lifts ? described(schema, "“none” takes it away.") : schema;
+      helpSchema = lifts ? described(schema, "“none” takes it away.") : schema;
     const control = build("input", {
       type: "text",
       spellcheck: false,
@@ -157,7 +157,7 @@ class Fields {
       placeholder: shown(Array.isArray(schema.default) ? schema.default.join(", ") : schema.default),
       inputMode: isNumber(schema) && !lifts ? "decimal" : "",
     });
-    host.append(this.field(at, name, told, control, wide));
+    host.append(this.field(at, name, helpSchema, control, wide));
     const read = (entered) => (lifts && entered.toLowerCase() === "none" ? null : parse(entered));
     return () => this.read(at, control, read);
   }
@@ -180,10 +180,10 @@ class Fields {
   /** A box with a name, a sentence and room for fields; `folded` shows only the name until it is asked for more. */
   box(host, title, schema, folded = false) {
     const grid = element("div", "fields"),
-      said = schema.description && element("p", "help", help(schema)),
-      fold = folded && build("details", {}, build("summary", {}, title), said, grid);
+      description = schema.description && element("p", "help", help(schema)),
+      fold = folded && build("details", {}, build("summary", {}, title), description, grid);
     host.append(
-      build("fieldset", {}, element("legend", folded ? "hidden" : "", title), ...(fold ? [fold] : [said, grid])),
+      build("fieldset", {}, element("legend", folded ? "hidden" : "", title), ...(fold ? [fold] : [description, grid])),
     );
     return grid;
   }
@@ -209,10 +209,10 @@ class Fields {
 
   /** An object that may be left out: a switch, and its properties while that is on. */
   optional(host, at, name, schema, value) {
-    const stands = value === undefined ? schema.default : value,
-      toggle = build("input", { type: "checkbox", checked: !isNone(stands) }),
+    const initial = value === undefined ? schema.default : value,
+      toggle = build("input", { type: "checkbox", checked: !isNone(initial) }),
       grid = this.box(host, build("label", { className: "check" }, toggle, label(name, schema)), schema),
-      read = this.properties(grid, at, schema, stands ?? undefined);
+      read = this.properties(grid, at, schema, initial ?? undefined);
     const show = () => (grid.hidden = !toggle.checked);
     toggle.addEventListener("change", show);
     show();
@@ -224,48 +224,48 @@ class Fields {
   variants(host, at, name, schema, value) {
     const tag = schema.discriminator?.propertyName,
       kinds = schema.oneOf.map((kind) => plain(kind, this.root)),
-      stands = value ?? schema.default,
-      type = Array.isArray(stands) ? "array" : typeof stands;
+      initial = value ?? schema.default,
+      type = Array.isArray(initial) ? "array" : typeof initial;
     const word = ({ properties, title, type: own }) =>
         spaced(properties?.[tag]?.const ?? title ?? (own === "array" ? "list" : own)),
-      fits = (kind) => (tag ? kind.properties[tag].const === stands?.[tag] : kind.type === type),
+      fits = (kind) => (tag ? kind.properties[tag].const === initial?.[tag] : kind.type === type),
       options = kinds.map((kind, k) => new Option(word(kind), k)),
       chosen = build("select", {}, schema.nullable ? new Option("–", "") : [], options),
       grid = element("div", "fields"),
       none = schema.nullable ? "" : "0";
-    chosen.value = isNone(stands) ? none : String(Math.max(0, kinds.findIndex(fits)));
+    chosen.value = isNone(initial) ? none : String(Math.max(0, kinds.findIndex(fits)));
     const title = element("legend", "hidden", label(name, schema));
     host.append(build("fieldset", {}, title, this.field(at, name, { ...schema, type: "kind" }, chosen), grid));
     let read = () => undefined;
     const show = (now) => {
       const kind = kinds[Number(chosen.value)];
-      for (const known of this.known.keys()) if (known.startsWith(`${at}/`)) this.known.delete(known);
+      for (const pointer of this.known.keys()) if (pointer.startsWith(`${at}/`)) this.known.delete(pointer);
       grid.replaceChildren();
       if (chosen.value === "") read = () => undefined;
       else if (tag) {
-        const rest = this.properties(grid, at, kind, now, [tag]);
-        read = () => ({ [tag]: kind.properties[tag].const, ...rest() });
+        const readRemaining = this.properties(grid, at, kind, now, [tag]);
+        read = () => ({ [tag]: kind.properties[tag].const, ...readRemaining() });
       } else read = this.build(grid, `${at}/`, name, kind, now);
     };
     chosen.addEventListener("change", () => {
       show(undefined);
       this.showUnits();
     });
-    show(stands);
+    show(initial);
     return () => read();
   }
 
   list(host, at, name, schema, value) {
     const items = plain(schema.items ?? {}, this.root),
       count = schema.maxItems === schema.minItems ? schema.maxItems : 0,
-      place = [host, at, name, schema, items, value];
-    if (items.enum) return this.checks(...place);
-    if (items.properties || items.oneOf) return this.rows(...place);
-    if (items.type === "array") return this.matrix(...place);
-    if (count && count <= 4) return this.tuple(...place, count);
-    const told = described(schema, "Numbers, with spaces, semicolons or commas between."),
+      context = [host, at, name, schema, items, value];
+    if (items.enum) return this.checks(...context);
+    if (items.properties || items.oneOf) return this.rows(...context);
+    if (items.type === "array") return this.matrix(...context);
+    if (count && count <= 4) return this.tuple(...context, count);
+    const helpSchema = described(schema, "Numbers, with spaces, semicolons or commas between."),
       parse = (entered) => listEntries(entered).map((part) => number(part, items));
-    return this.entry(host, at, name, told, value?.join(", "), parse, true);
+    return this.entry(host, at, name, helpSchema, value?.join(", "), parse, true);
   }
 
   /** A few numbers that belong together, a field for each; `parts` of the schema names them. */
@@ -296,8 +296,8 @@ class Fields {
     const shownRows = (value ?? []).map((row) => row.join(", ")).join("\n"),
       control = build("textarea", { spellcheck: false, value: shownRows }),
       { minItems, maxItems } = items,
-      told = described(schema, `A row on each line, ${maxItems ?? "some"} numbers in it.`);
-    host.append(this.field(at, name, told, control, true));
+      helpSchema = described(schema, `A row on each line, ${maxItems ?? "some"} numbers in it.`);
+    host.append(this.field(at, name, helpSchema, control, true));
     const row = (line, k) => {
       const found = listEntries(line).map((part) => number(part, items.items ?? {})),
         count = found.length;
@@ -381,7 +381,9 @@ export function buildForm(host, schema, example) {
     mark(rows) {
       for (const { pointer, detail } of rows.toReversed()) {
         const at = fields.place((pointer ?? "").replace(/^#/, "")),
-          holding = [...fields.known.keys()].filter((one) => at === one || at.startsWith(`${one}/`)),
+          holding = [...fields.known.keys()].filter(
+            (fieldPointer) => at === fieldPointer || at.startsWith(`${fieldPointer}/`),
+          ),
           [found] = holding.sort((a, b) => b.length - a.length);
         if (found) fields.mark(found, detail);
       }

@@ -39,7 +39,7 @@ function mechanismsOf({ mechanisms, timing, startAngle, limits }) {
 export function toRequest(motion) {
   if (motion.law) return lawRequest(motion);
   const { poses, limits, tolerance, timing, direction, prefer, stock } = motion,
-    [angles, places, free] = [wantsAngles(motion), wantsPlaces(motion), timing === "free"],
+    [angles, hasPositions, free] = [wantsAngles(motion), wantsPlaces(motion), timing === "free"],
     own = (name) => poses.some((pose) => pose[name] !== undefined),
     weights = (name) => (own(name) ? poses.map((pose) => pose[name] ?? 1) : null),
     kinds = mechanismsOf(motion),
@@ -55,28 +55,28 @@ export function toRequest(motion) {
   const asked = {
     ...limits.extra,
     ...practical(limits, free),
-    ...present({ family, pivot_box: places ? box : null, link_min: min || null, link_max: max || null }),
+    ...present({ family, pivot_box: hasPositions ? box : null, link_min: min || null, link_max: max || null }),
   };
   return {
     ...motion.extra,
     ...present({
       rotation: angles ? poses.map((pose) => pose.angle) : null,
-      position: places ? poses.map(placeOf) : null,
+      position: hasPositions ? poses.map(placeOf) : null,
       ...timed,
-      weights: present({ rotation: angles ? weights("wr") : null, position: places ? weights("wp") : null }),
+      weights: present({ rotation: angles ? weights("wr") : null, position: hasPositions ? weights("wp") : null }),
       tolerances: present({
         rotation: angles ? perPose(poses, "er", tolerance.rotation) : null,
-        position: places ? perPose(poses, "ep", tolerance.position) : null,
+        position: hasPositions ? perPose(poses, "ep", tolerance.position) : null,
       }),
       prefer: prefer && preferable(motion, prefer) ? prefer : null,
       top: motion.top,
       diverse: motion.diverse || null,
       mechanisms: kinds === "four_bar" || !slidable(motion) ? null : kinds === "all" ? kinds : [kinds].flat(),
       limits: present(asked),
-      round_to: places ? motion.round || null : null,
-      lengths_from: places && !motion.round && stock?.length ? stock : null,
-      analysis: analysisOf(motion, places),
-      tolerance_study: places && present(sizes) ? { ...present(sizes), ...how } : null,
+      round_to: hasPositions ? motion.round || null : null,
+      lengths_from: hasPositions && !motion.round && stock?.length ? stock : null,
+      analysis: analysisOf(motion, hasPositions),
+      tolerance_study: hasPositions && present(sizes) ? { ...present(sizes), ...how } : null,
     }),
   };
 }
@@ -129,7 +129,7 @@ function spread(part, poses, names, unit, what) {
   return whole;
 }
 
-/** What a link and a draft hold of a motion: its request or its law, and what else the page shows of it. */
+/** Return the content of a link or draft of a motion: its request or law, and the other data that the page shows. */
 export const toPage = (request, { unit, outline, mechanisms, law, limits, top, round }, card = null) => ({
   ...(law ? { law, limits, top, round } : { request }),
   page: {
@@ -163,7 +163,7 @@ export function fromPage(content) {
   return { motion, card };
 }
 
-/** What a request is not, as a sentence; null if it is one for a motion. */
+/** Return the reason why a request does not describe a motion, as a sentence; null if it does. */
 function faultOf({ rotation, position, crank_span, crank_angle, ...more }, free) {
   const count = (rotation ?? position)?.length;
   if (more.function || more.output || more.quick_return || more.steering)

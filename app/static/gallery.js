@@ -7,7 +7,7 @@ import { placesOf } from "./motion.js";
 import { RAD } from "./plane.js";
 import { $, listen } from "./shell.js";
 
-/** What the gallery says of an example's stored reply. */
+/** Return the gallery's sentence about an example's stored reply. */
 function honest(reply, motion) {
   const best = reply.solutions[0],
     rows = worstRows(fitOf(best, motion), motion, reply.report.length_scale ?? 1),

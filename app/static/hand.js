@@ -9,7 +9,7 @@ const COINCIDE = 1e-9; // joints this part of the longest link apart are one
 const OF_SERVICE =
   "rank verdict rounded analysis tolerance_study excursion transmission_angle_min_turn arm_min sensitivity condition " +
   "determination has_smallest_error";
-/** What the service said of a solution, none of which holds once it has been changed. */
+/** Results of the service for a solution, which are invalid once the solution has been changed. */
 export const UNKNOWN = Object.fromEntries(OF_SERVICE.split(" ").map((name) => [name, null]));
 
 const wrap = (angle) => Math.atan2(Math.sin(angle), Math.cos(angle));
@@ -22,15 +22,15 @@ export const fromJoints = (joints, travel, before) =>
   before.links ? fourBarFrom(joints, travel, before) : guidedFrom(joints, travel, before);
 
 /** A guide through two joints; null where they coincide. */
-function guideFrom({ guide, ...before }, fixed, held, { p, rotation }) {
-  const reach = less(held, fixed),
+function guideFrom({ guide, ...before }, fixed, bodyPoint, { p, rotation }) {
+  const reach = less(bodyPoint, fixed),
     local = (point) => turned(less(point, p), -rotation),
     near = (angle, old) => angle / RAD + 180 * Math.round((old - angle / RAD) / 180);
   if (!(size(reach) > 0)) return null;
-  if (guide === "circle") return { guide, pivot: fixed, radius: size(reach), body_point: local(held) };
-  const away = direction(guide === "rail" ? less(fixed, held) : reach);
+  if (guide === "circle") return { guide, pivot: fixed, radius: size(reach), body_point: local(bodyPoint) };
+  const away = direction(guide === "rail" ? less(fixed, bodyPoint) : reach);
   return guide === "rail"
-    ? { guide, point: held, direction: near(away, before.direction), body_point: local(held), used: null }
+    ? { guide, point: bodyPoint, direction: near(away, before.direction), body_point: local(bodyPoint), used: null }
     : {
         guide,
         pin: fixed,
@@ -40,22 +40,22 @@ function guideFrom({ guide, ...before }, fixed, held, { p, rotation }) {
       };
 }
 
-/** The same of a linkage with rails or slots: each guide goes through its two joints. */
+/** Return the solution with rails or slots at the given joints: each guide goes through its two joints. */
 function guidedFrom(joints, travel, before) {
   const { a, b, c, d, p, rotation } = joints,
     driven = guideFrom(before.guides[0], a, d, joints),
-    other = guideFrom(before.guides[1], b, c, joints),
+    secondGuide = guideFrom(before.guides[1], b, c, joints),
     hinged = before.driver === "hinge";
-  if (!driven || !other) return null;
-  const place = (one) => one.pin ?? add(p, turned(one.body_point, rotation)),
-    slot = (one) => one.body_direction * RAD + rotation,
-    angle = hinged ? slot(driven) : before.driver === "crank" ? direction(less(place(driven), driven.pivot)) : 0;
-  const across = (one) => along((one.guide === "rail" ? one.direction * RAD : slot(one)) + Math.PI / 2),
-    push = other.guide === "circle" ? less(place(other), other.pivot) : across(other),
-    sine = hinged ? dot(push, along(slot(driven))) : cross(less(place(other), place(driven)), push),
+  if (!driven || !secondGuide) return null;
+  const pinOf = (guide) => guide.pin ?? add(p, turned(guide.body_point, rotation)),
+    slot = (guide) => guide.body_direction * RAD + rotation,
+    angle = hinged ? slot(driven) : before.driver === "crank" ? direction(less(pinOf(driven), driven.pivot)) : 0;
+  const across = (guide) => along((guide.guide === "rail" ? guide.direction * RAD : slot(guide)) + Math.PI / 2),
+    push = secondGuide.guide === "circle" ? less(pinOf(secondGuide), secondGuide.pivot) : across(secondGuide),
+    sine = hinged ? dot(push, along(slot(driven))) : cross(less(pinOf(secondGuide), pinOf(driven)), push),
     placed = { start: angle / RAD - travel, branch: sine < 0 ? -1 : 1 };
-  const made = { ...before, ...UNKNOWN, ...placed, source: "hand", guides: [driven, other] };
-  return new Linkage(made).at(travel * RAD) && made;
+  const changed = { ...before, ...UNKNOWN, ...placed, source: "hand", guides: [driven, secondGuide] };
+  return new Linkage(changed).at(travel * RAD) && changed;
 }
 
 function fourBarFrom({ a, b, c, d, p, rotation }, travel, before) {
@@ -66,7 +66,7 @@ function fourBarFrom({ a, b, c, d, p, rotation }, travel, before) {
   const turn = direction(sides.ground),
     angle = p && wrap(direction(less(p, d)) - direction(sides.coupler)) / RAD,
     coupler_point_polar = p ? { radius: size(less(p, d)), angle } : null;
-  const made = {
+  const changed = {
     ...before,
     ...UNKNOWN,
     source: "hand",
@@ -77,19 +77,19 @@ function fourBarFrom({ a, b, c, d, p, rotation }, travel, before) {
     mount: { ground_angle: turn / RAD, pivot_a: a, pivot_b: b, coupler_point_polar },
     family: family(lengths),
   };
-  const now = new Linkage(made).at(travel * RAD);
-  return now && { ...made, body_offset: before.body_offset === null ? null : (rotation - now.coupler) / RAD };
+  const now = new Linkage(changed).at(travel * RAD);
+  return now && { ...changed, body_offset: before.body_offset === null ? null : (rotation - now.coupler) / RAD };
 }
 
 /** Guides with the parts of rails and slots that poses (joints of `at`) use. */
 function withUsed(linkage, joints) {
-  return linkage.guides.map(({ fixed, body, angle, ...one }) => {
-    if (one.guide === "circle") return one;
-    const places = joints.filter(Boolean).map((j) => {
+  return linkage.guides.map(({ fixed, body, angle, ...guide }) => {
+    if (guide.guide === "circle") return guide;
+    const positions = joints.filter(Boolean).map((j) => {
       const beyond = less(add(j.p, turned(body, j.rotation)), fixed);
-      return one.guide === "rail" ? dot(along(angle), beyond) : -dot(along(angle + j.rotation), beyond);
+      return guide.guide === "rail" ? dot(along(angle), beyond) : -dot(along(angle + j.rotation), beyond);
     });
-    return { ...one, used: places.length ? [Math.min(...places), Math.max(...places)] : null };
+    return { ...guide, used: positions.length ? [Math.min(...positions), Math.max(...positions)] : null };
   });
 }
 
@@ -97,13 +97,13 @@ const present = (values) => values.filter((value) => value !== null);
 const rms = (values) =>
   values.length ? Math.sqrt(values.reduce((sum, value) => sum + value ** 2, 0) / values.length) : null;
 const largest = (values) => (values.length ? Math.max(...values.map(Math.abs)) : null);
-const middleOf = (places) => [0, 1].map((i) => places.reduce((sum, place) => sum + place[i], 0) / (places.length || 1));
-const scaleOf = (places) => Math.max(...places.map((place) => size(less(place, middleOf(places)))), Number.MIN_VALUE);
+const middleOf = (points) => [0, 1].map((i) => points.reduce((sum, point) => sum + point[i], 0) / (points.length || 1));
+const scaleOf = (points) => Math.max(...points.map((point) => size(less(point, middleOf(points)))), Number.MIN_VALUE);
 
 /** A solution with errors, transmission angle and size computed in the browser; its `fit`, and whether it `closes`. */
 export function measured(solution, motion) {
-  const wanted = placesOf(motion),
-    scale = scaleOf(wanted),
+  const targets = placesOf(motion),
+    scale = scaleOf(targets),
     fit = fitOf(solution, motion),
     { sense, low, high } = fit.pass,
     used = fit.linkage.over(sense * low * RAD, sense * high * RAD, 90),
@@ -111,7 +111,7 @@ export function measured(solution, motion) {
     [places, turns] = [present(fit.places), present(fit.turns)];
   const made = solution.links ? solution : { ...solution, guides: withUsed(fit.linkage, used) },
     { mount } = made,
-    away = (point) => size(less(point, middleOf(wanted)));
+    away = (point) => size(less(point, middleOf(targets)));
   const radius = mount?.coupler_point_polar?.radius ?? 0,
     reach = () => Math.max(...Object.values(made.links), radius, away(mount.pivot_a), away(mount.pivot_b));
   const errors = {
@@ -122,7 +122,7 @@ export function measured(solution, motion) {
     objective: Math.hypot((rms(places) ?? 0) / scale, (rms(turns) ?? 0) * RAD),
   };
   const transmission_angle_min = whole ? Math.min(...used.map((j) => j.transmission)) / RAD : 0,
-    extent = wanted.length && mount ? reach() / scale : null;
+    extent = targets.length && mount ? reach() / scale : null;
   return {
     fit,
     closes: whole && fit.at.every(Boolean),
@@ -139,8 +139,8 @@ export function fromHere(request, { links, branch, start_angle, body_offset, mou
 
 /** A request for linkages whose pivots lie near those of a solution: within `share` of the motion's extent. */
 export function nearby({ mechanisms: _mechanisms, ...request }, { mount }, share = 0.05) {
-  const places = request.position.filter(Boolean),
-    sides = [0, 1].map((i) => places.map((place) => place[i])),
+  const positions = request.position.filter(Boolean),
+    sides = [0, 1].map((i) => positions.map((point) => point[i])),
     room = share * Math.max(...sides.map((values) => Math.max(...values) - Math.min(...values))),
     corners = ([x, y]) => [x - room, y - room, x + room, y + room],
     around = (point) => corners(point).map((value) => Number(value.toPrecision(6)));

@@ -58,12 +58,12 @@ export class JointFields {
   /** Writes a coordinate into its field, with all digits where it is edited; an entry that stands for it stays. */
   #fill({ input, name, k, entry }) {
     const { joints } = this.board;
-    if ([...this.faults.keys()].some((one) => one.input === input)) return;
+    if ([...this.faults.keys()].some((fault) => fault.input === input)) return;
     const size = extent(joints),
       value = settled(joints[name][k], size);
-    const stands = entry && Math.abs(entry.value - value) <= SAME * Math.max(size, Math.abs(value)),
+    const isCurrent = entry && Math.abs(entry.value - value) <= SAME * Math.max(size, Math.abs(value)),
       number = input === document.activeElement ? String(Number(value.toPrecision(14))) : text(value, 5),
-      words = stands ? entry.text : number;
+      words = isCurrent ? entry.text : number;
     if (input.value !== words) input.value = words;
   }
 
@@ -88,10 +88,10 @@ export class JointFields {
     this.#blame(field, null);
     // leaving the field reads the same entry again
     if (Math.abs(value - joints[name][k]) <= ROUNDING * extent(joints)) return;
-    const place = [...joints[name]];
-    place[k] = value;
+    const position = [...joints[name]];
+    position[k] = value;
     field.entry = { value, text: input.value };
-    const fault = this.move(name, place);
+    const fault = this.move(name, position);
     if (fault) this.#blame(field, `${letter}: ${fault}`);
   }
 

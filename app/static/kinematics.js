@@ -26,7 +26,7 @@ function pairDifference(a, b, c, d) {
   return left - right + (leftError - rightError);
 }
 
-/** How a four-bar of lengths crank, coupler, rocker and ground can turn, by Grashof's rule. */
+/** Return the family of a four-bar of lengths crank, coupler, rocker and ground, by Grashof's rule. */
 export function family(lengths) {
   if (!lengths.every((value) => Number.isFinite(value) && value > 0)) return "triple_rocker";
   const [crank, coupler, rocker, ground] = lengths;
@@ -82,19 +82,19 @@ class Round extends Vector {
 
   longerThan(q, first, second) {
     const { distance, towards, radius } = this;
-    const least = pairDifference(distance, first, radius, second) * pairDifference(distance, second, radius, first);
-    return least + 4 * distance * radius * Math.sin((q - towards) / 2) ** 2;
+    const condition = pairDifference(distance, first, radius, second) * pairDifference(distance, second, radius, first);
+    return condition + 4 * distance * radius * Math.sin((q - towards) / 2) ** 2;
   }
 
   shorterThan(q, first, second) {
     const { distance, towards, radius } = this;
-    const least = pairDifference(first, second, distance, radius) * (first + second + distance + radius);
-    return least + 4 * distance * radius * Math.cos((q - towards) / 2) ** 2;
+    const condition = pairDifference(first, second, distance, radius) * (first + second + distance + radius);
+    return condition + 4 * distance * radius * Math.cos((q - towards) / 2) ** 2;
   }
 
   across(q, angle, length, side) {
-    const least = length - this.radius - side * cross(along(angle), this.middle);
-    return least + 2 * this.radius * Math.sin((q - angle) / 2 + (side * Math.PI) / 4) ** 2;
+    const condition = length - this.radius - side * cross(along(angle), this.middle);
+    return condition + 2 * this.radius * Math.sin((q - angle) / 2 + (side * Math.PI) / 4) ** 2;
   }
 }
 
@@ -137,11 +137,11 @@ class Straight extends Vector {
  * `still` side at Z: {atZ, atX}, the angle at Z and the acute angle at X, of `shorter` and `longer` as in `Round`, free
  * of cancellation; null if the loop does not close.
  */
-function triangle(varying, still, radius, shorter, longer, pinMovesOnBody) {
+function triangle(varying, constant, radius, shorter, longer, pinMovesOnBody) {
   if (!(shorter >= 0 && longer >= 0)) return null;
-  const total = varying + still + radius,
-    outer = varying + radius - still,
-    inner = varying + still - radius,
+  const total = varying + constant + radius,
+    outer = varying + radius - constant,
+    inner = varying + constant - radius,
     larger = Math.max(outer, inner),
     smaller = longer / (larger || 1),
     beyond = shorter / total,
@@ -156,9 +156,9 @@ function triangle(varying, still, radius, shorter, longer, pinMovesOnBody) {
 
 /** The guides of a solution in the linkage's own frames, in which the lengths of a four-bar are as they were given. */
 function guidesOf({ links, guides }) {
-  const bar = (radius, x, held) => ({ guide: "circle", pivot: [x, 0], radius, body_point: [held, 0] }),
-    given = links ? [bar(links.crank, 0, 0), bar(links.rocker, links.ground, links.coupler)] : guides;
-  return given.map((guide) => {
+  const bar = (radius, x, bodyX) => ({ guide: "circle", pivot: [x, 0], radius, body_point: [bodyX, 0] }),
+    guideList = links ? [bar(links.crank, 0, 0), bar(links.rocker, links.ground, links.coupler)] : guides;
+  return guideList.map((guide) => {
     const angle = (guide.direction ?? guide.body_direction ?? 0) * RAD;
     return { ...guide, fixed: guide[FIXED[guide.guide]], body: guide.body_point, angle };
   });
@@ -181,8 +181,8 @@ export class Linkage {
     this.offset = links ? (solution.body_offset ?? 0) * RAD : 0;
     this.point = times(along(angle * RAD), radius);
     this.start = (links ? solution.start_angle : solution.start) * (this.turns ? RAD : 1);
-    const [driven, other] = this.guides,
-      arm = less(other.body, driven.body),
+    const [driven, second] = this.guides,
+      arm = less(second.body, driven.body),
       slides = (middle) => new Straight(middle, driven.angle);
     const fromPin = (middle) =>
       driven.guide === "circle"
@@ -191,7 +191,7 @@ export class Linkage {
           ? slides(middle)
           : new Vector(middle);
     this.#pin = fromPin(times(driven.fixed, -1));
-    this.#spread = fromPin(less(other.fixed, driven.fixed));
+    this.#spread = fromPin(less(second.fixed, driven.fixed));
     this.#arm = driven.guide === "slot" ? slides(arm) : new Vector(arm);
     const lengths = this.guides.map(({ used, radius: length }) => (used ? used[1] - used[0] : (length ?? 0)));
     this.reach = Math.max(...lengths, size(arm));
@@ -201,7 +201,7 @@ export class Linkage {
     }
   }
 
-  /** Whether the drive can turn fully. */
+  /** True if the drive can turn fully. */
   get turnsFully() {
     const { crank, coupler, rocker, ground } = this.links ?? {};
     if (crank) return FULL_CRANK.includes(family([crank, coupler, rocker, ground]));
@@ -216,67 +216,67 @@ export class Linkage {
   }
 
   #byPin(q) {
-    const [driven, other] = this.guides,
+    const [driven, second] = this.guides,
       spread = this.#spread,
       arm = this.#arm,
       onBody = driven.guide === "slot",
       side = this.branch;
     const distance = size(spread.at(q)),
       length = size(arm.at(q)),
-      [varying, still] = onBody ? [arm, spread] : [spread, arm];
+      [varying, constant] = onBody ? [arm, spread] : [spread, arm];
     let rotation, transmission;
     if (!(distance > 0)) return null; // any direction would do
-    if (other.guide === "circle") {
-      const lengths = [still.distance, other.radius],
+    if (second.guide === "circle") {
+      const lengths = [constant.distance, second.radius],
         excess = [varying.shorterThan(q, ...lengths), varying.longerThan(q, ...lengths)],
         found = triangle(onBody ? length : distance, ...lengths, ...excess, onBody);
       if (!found) return null;
       rotation = spread.direction(q) + side * found.atZ - arm.direction(q);
       transmission = found.atX;
     } else {
-      const isRail = other.guide === "rail",
+      const isRail = second.guide === "rail",
         projected = isRail ? spread : arm;
       const conditions =
         projected === varying
-          ? [1, -1].map((one) => varying.across(q, other.angle, still.distance, one))
-          : [varying.longerThan(q, Math.abs(cross(along(other.angle), still.middle)), 0)];
+          ? [1, -1].map((sign) => varying.across(q, second.angle, constant.distance, sign))
+          : [varying.longerThan(q, Math.abs(cross(along(second.angle), constant.middle)), 0)];
       if (!conditions.every((value) => value >= 0)) return null;
       const root = conditions.reduce((product, value) => product * Math.sqrt(value), 1),
-        beside = cross(along(other.angle), projected.at(q));
+        beside = cross(along(second.angle), projected.at(q));
       const push = Math.atan2(beside, root),
         angle = side > 0 ? push : Math.PI - push;
-      rotation = isRail ? other.angle + angle - arm.direction(q) : spread.direction(q) - angle - other.angle;
+      rotation = isRail ? second.angle + angle - arm.direction(q) : spread.direction(q) - angle - second.angle;
       transmission = Math.atan2(root, Math.abs(beside));
     }
-    const held = onBody ? add(driven.body, times(along(driven.angle), q)) : driven.body;
-    return { rotation, place: times(add(this.#pin.at(q), turned(held, rotation)), -1), transmission };
+    const bodyPoint = onBody ? add(driven.body, times(along(driven.angle), q)) : driven.body;
+    return { rotation, place: times(add(this.#pin.at(q), turned(bodyPoint, rotation)), -1), transmission };
   }
 
   #byHinge(q) {
-    const [driven, other] = this.guides,
+    const [driven, second] = this.guides,
       rotation = q - driven.angle;
-    const between = less(driven.fixed, other.fixed),
+    const between = less(driven.fixed, second.fixed),
       arm = turned(this.#arm.middle, -driven.angle),
       free = add(turned(between, -q), arm);
     let extension, sine, cosine;
-    if (other.guide === "circle") {
+    if (second.guide === "circle") {
       const towards = direction(between),
         pushed = new Round(turned([0, arm[1]], towards), size(between)),
-        conditions = [1, -1].map((one) => pushed.across(q, towards, other.radius, one));
+        conditions = [1, -1].map((sign) => pushed.across(q, towards, second.radius, sign));
       if (!conditions.every((value) => value >= 0)) return null;
       [sine, cosine] = [Math.sqrt(conditions[0]) * Math.sqrt(conditions[1]), free[1]];
       extension = free[0] - this.branch * sine;
     } else {
-      const isRail = other.guide === "rail",
-        tilt = isRail ? other.angle - q : other.angle - driven.angle;
+      const isRail = second.guide === "rail",
+        tilt = isRail ? second.angle - q : second.angle - driven.angle;
       [sine, cosine] = [-Math.sin(tilt), Math.cos(tilt)];
       if (!sine || (isRail && Math.sign(sine) !== this.branch)) return null;
       extension = cross(along(tilt), free) / sine;
     }
-    const held = add(driven.body, times(along(driven.angle), extension));
+    const bodyPoint = add(driven.body, times(along(driven.angle), extension));
     return {
       rotation,
-      place: less(driven.fixed, turned(held, rotation)),
+      place: less(driven.fixed, turned(bodyPoint, rotation)),
       transmission: Math.atan2(Math.abs(sine), Math.abs(cosine)),
     };
   }
@@ -313,17 +313,17 @@ export class Linkage {
   }
 
   /** The two joints of a guide: a fixed pivot and its pin, or the ends of a rail or slot, added to the parts. */
-  #ends({ guide, fixed, body: held, angle, used }, ground, body, coupler, { rails, slots, blocks }) {
+  #ends({ guide, fixed, body: bodyPoint, angle, used }, ground, body, coupler, { rails, slots, blocks }) {
     const at = ground(fixed),
-      pin = body(held),
+      pin = body(bodyPoint),
       isRail = guide === "rail";
     if (guide === "circle") return [at, pin];
     const [low, high] = used ?? [0, 0],
       margin = BEYOND * this.reach,
-      way = along(angle + (isRail ? this.turn : coupler)),
-      line = [low - margin, high + margin].map((s) => add(isRail ? at : pin, times(way, s)));
+      axis = along(angle + (isRail ? this.turn : coupler)),
+      line = [low - margin, high + margin].map((s) => add(isRail ? at : pin, times(axis, s)));
     (isRail ? rails : slots).push(line);
-    blocks.push([isRail ? pin : at, direction(way)]);
+    blocks.push([isRail ? pin : at, direction(axis)]);
     return isRail ? [line[1], pin] : [at, line[1]];
   }
 

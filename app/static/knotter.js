@@ -16,7 +16,7 @@ const ROPE = {
   bite: ["The jaw bites the rope over S8S9", "The jaw does not bite the rope"],
 };
 
-/** What a verdict means, in words. */
+/** Return a verdict as a sentence. */
 function sentence(name, part, unit) {
   const { worst_angle: worst } = part;
   const margin = `${text(Math.abs(part.margin), 4)} mm ${part.holds ? "to spare" : "short"}`,
@@ -47,16 +47,16 @@ const AXES = { shaft: "i1", disc: "j2", bill: "k0" };
 
 /** The mechanism in space; returns its player. */
 function space(host, reply, unit, follow) {
-  const seen = new Projection(),
+  const projection = new Projection(),
     { axes, paths, alpha } = reply,
     turn = unit === "rad" ? 2 * Math.PI : 360;
   const rim = axes ? circle(paths.S0[0], axes.disc) : paths.S0,
-    every = Object.values(paths).flat().concat(rim),
-    sides = [0, 1, 2].map((k) => every.map((point) => point[k])),
+    points = Object.values(paths).flat().concat(rim),
+    sides = [0, 1, 2].map((k) => points.map((point) => point[k])),
     centre = sides.map((values) => (Math.min(...values) + Math.max(...values)) / 2),
     away = (point) => point.map((value, k) => value - centre[k]),
-    reach = Math.max(...every.map((point) => Math.hypot(...away(point)))),
-    flat = (point) => seen.at(away(point));
+    reach = Math.max(...points.map((point) => Math.hypot(...away(point)))),
+    flat = (point) => projection.at(away(point));
   const state = steps(alpha, (k, share) => {
     const entries = Object.entries(paths).map(([name, path]) => [name, along(path[k], path[k + 1], share)]);
     return Object.fromEntries(entries);
@@ -71,9 +71,9 @@ function space(host, reply, unit, follow) {
     tip = ([start, end], share) => flat(along(start, end, share * reach * 0.5)),
     marks = [...entryOf(reply.wrap, "E1"), ...entryOf(reply.bite, "E2")],
     entry =
-      ({ ends: [one, other], fraction }) =>
+      ({ ends: [from, to], fraction }) =>
       (now) =>
-        flat(along(now[one], now[other], fraction));
+        flat(along(now[from], now[to], fraction));
   const parts = [
     ...shafts.map(([, ends]) => line("axis", () => [tip(ends, -1.1), tip(ends, 1.1)])),
     line("disc", () => rim.map(flat)),
@@ -86,8 +86,8 @@ function space(host, reply, unit, follow) {
     line(idle(false), lie("S0", "S1")),
     line(idle(true), lie("S0", "S7")),
     ...["S0", "S1", "S7", "S10"].map((name) => dot(name === "S0" ? "fixed" : "pin", at(name))),
-    ...marks.map((one) => dot(one.kind, entry(one), 9)),
-    ...marks.map((one) => symbol(one.name, entry(one), 12, 14)),
+    ...marks.map((marker) => dot(marker.kind, entry(marker), 9)),
+    ...marks.map((marker) => symbol(marker.name, entry(marker), 12, 14)),
     ...["S0", "S1", "S3", "S4", "S7", "S8", "S9", "S10"].map((name) => symbol(name, at(name))),
     ...shafts.map(([name, ends]) => symbol(name, () => tip(ends, 1.1), 4, -4)),
   ];
@@ -102,38 +102,38 @@ function space(host, reply, unit, follow) {
     words: (value) => `alpha ${value.toFixed(unit === "rad" ? 3 : 1)}${unit}`,
     follow,
   });
-  seen.control(host, host.querySelector("svg.stage"), () => run.go(run.value));
+  projection.control(host, host.querySelector("svg.stage"), () => run.go(run.value));
   return run;
 }
 
 /** The crossing in the plane of its triangle (figure 9 of the source), with its way over the bill's angle. */
-function plane(host, { alpha, ...reply }, name, told) {
+function plane(host, { alpha, ...reply }, name, judgement) {
   const { point, on_rope: on, corners, frame, triangle } = reply[name],
     [right, up, kind, edge] = name === "E1" ? [1, 2, "body", "edge bill"] : [0, 2, "jaw", "edge jaws"],
-    at = (place) => [place[right], place[up]],
-    near = told.angle ?? told.nearest_angle,
+    at = (xyz) => [xyz[right], xyz[up]],
+    near = judgement.angle ?? judgement.nearest_angle,
     away = (k) => Math.abs(alpha[k] - near),
     closest = [...alpha.keys()].reduce((best, k) => (away(k) < away(best) ? k : best));
   const shape = corners[closest].map(at),
     distance = (p, q) => Math.hypot(p[0] - q[0], p[1] - q[1]),
     size = Math.max(...shape.flatMap((p) => shape.map((q) => distance(p, q)))),
     middle = [0, 1].map((k) => shape.reduce((sum, p) => sum + p[k], 0) / 3),
-    way = point.map((p, k) => (p && on[k] && distance(at(p), middle) < FAR * size ? at(p) : null));
+    trace = point.map((p, k) => (p && on[k] && distance(at(p), middle) < FAR * size ? at(p) : null));
   const state = (value) => {
     const share = ((value - alpha[0]) / (alpha.at(-1) - alpha[0])) * (alpha.length - 1),
       k = Math.min(alpha.length - 1, Math.max(0, Math.round(share)));
-    return { way: way[k], held: corners[k].map(at) };
+    return { way: trace[k], held: corners[k].map(at) };
   };
-  const one = name === "E1" ? 0 : 1,
+  const edgeStart = name === "E1" ? 0 : 1,
     beside = (n) => (n === 2 ? [-24, 14] : [9, -8]),
-    entered = told.point && at(told.point);
+    entered = judgement.point && at(judgement.point);
   const parts = [
     grid("mm"),
     line(kind, ({ held }) => held, true),
-    line("curve", way),
-    line(edge, ({ held }) => held.slice(one, one + 2)),
+    line("curve", trace),
+    line(edge, ({ held }) => held.slice(edgeStart, edgeStart + 2)),
     dot("point", (now) => now.way, 6),
-    entered && dot(told.holds ? "enter" : "enter wrong", entered, 9),
+    entered && dot(judgement.holds ? "enter" : "enter wrong", entered, 9),
     entered && symbol(name, entered, 12, 4),
     ...triangle.map((corner, n) => symbol(corner, ({ held }) => held[n], ...beside(n))),
   ];
@@ -148,7 +148,7 @@ function pair({ reply, request }, hosts) {
   const unit = degree(request.angle_unit),
     { wrap, bite, alpha } = reply,
     followers = [],
-    run = space(hosts.picture, reply, unit, (value) => followers.forEach((one) => one(value)));
+    run = space(hosts.picture, reply, unit, (value) => followers.forEach((show) => show(value)));
   verdict(hosts.picture, reply, unit);
   const halves = [build("div"), build("div")];
   hosts.picture.append(element("div", "planes", ...halves));
@@ -160,12 +160,12 @@ function pair({ reply, request }, hosts) {
     ...CONDITIONS.map((name) => [`margin of the ${name}`, reply[name].margin, "mm"]),
   ]);
   note(hosts.facts, assumed(reply));
-  const crossing = (name, one, two, title) => {
+  const crossing = (name, first, second, title) => {
     const { point, on_rope: on } = reply[name],
       of = (k) => point.map((p, n) => (p && on[n] ? p[k] : null));
     const series = [
-      { values: of(one), colour: "crank" },
-      { values: of(two), colour: "body" },
+      { values: of(first), colour: "crank" },
+      { values: of(second), colour: "body" },
     ];
     return on.some(Boolean) ? [{ title, unit: "mm", series }] : [];
   };
@@ -187,35 +187,35 @@ const CELLS =
 /** A table of verdicts over the first two axes; of more than `MOST_CELLS` cells a list. */
 function verdicts(host, { axes, pairs }) {
   const [first, second] = axes,
-    value = (one, axis) => one[axis] ?? one.parameters?.[axis],
-    [rows, columns] = [first, second].map((axis) => [...new Set(pairs.map((one) => value(one, axis)))]);
+    value = (entry, axis) => entry[axis] ?? entry.parameters?.[axis],
+    [rows, columns] = [first, second].map((axis) => [...new Set(pairs.map((entry) => value(entry, axis)))]);
   if (rows.length * columns.length > MOST_CELLS) {
-    const cells = pairs.map((one) => {
-      const margins = CONDITIONS.map((name) => one[name]?.margin);
-      return [...axes.map((axis) => value(one, axis)), one.feasible, ...margins];
+    const cells = pairs.map((entry) => {
+      const margins = CONDITIONS.map((name) => entry[name]?.margin);
+      return [...axes.map((axis) => value(entry, axis)), entry.feasible, ...margins];
     });
     table(host, "Margins, positive if the condition holds", [...axes, "ties", ...CONDITIONS], cells);
     return;
   }
   const best = (row, column) =>
     pairs
-      .filter((one) => value(one, first) === row && value(one, second) === column)
+      .filter((entry) => value(entry, first) === row && value(entry, second) === column)
       .reduce((a, b) => (b.margin > a.margin ? b : a));
-  const words = (one) => {
-    const parts = CONDITIONS.filter((name) => one[name]).map((name) => {
-      const { holds, margin } = one[name];
+  const words = (entry) => {
+    const parts = CONDITIONS.filter((name) => entry[name]).map((name) => {
+      const { holds, margin } = entry[name];
       return [`${holds ? "✓" : "✗"} ${name} ${text(margin, 3)}`, build("br")];
     });
-    return [element("strong", "", one.feasible ? "ties" : "fails"), ...parts.flat()];
+    return [element("strong", "", entry.feasible ? "ties" : "fails"), ...parts.flat()];
   };
   const pick = rows.map((row) => columns.map((column) => best(row, column))),
     cells = pick.map((row, k) => [text(rows[k], 5), ...row.map(words)]),
-    made = tableOf([`${first} \\ ${second}`, ...columns.map((column) => text(column, 5))], cells, true);
-  made.className = "verdicts";
-  for (const [k, cell] of made.querySelectorAll("td").entries())
+    verdictTable = tableOf([`${first} \\ ${second}`, ...columns.map((column) => text(column, 5))], cells, true);
+  verdictTable.className = "verdicts";
+  for (const [k, cell] of verdictTable.querySelectorAll("td").entries())
     cell.className = pick.flat()[k].feasible ? "yes" : "no";
-  made.prepend(element("caption", "note", `Rows vary ${first}, columns ${second}. ${CELLS}`));
-  scrolling(host, "Verdicts", made);
+  verdictTable.prepend(element("caption", "note", `Rows vary ${first}, columns ${second}. ${CELLS}`));
+  scrolling(host, "Verdicts", verdictTable);
 }
 
 function scan({ reply }, { facts: figures, tables }) {
@@ -272,7 +272,7 @@ function tolerance({ reply }, { facts: figures, tables }) {
   });
   table(tables, "Conditions within the tolerances", ["condition", "margin", ...WITHIN], rows);
   const changes = Object.keys(reply.wrap.sensitivity).map((name) => {
-    const margins = CONDITIONS.map((one) => reply[one].sensitivity[name]);
+    const margins = CONDITIONS.map((condition) => reply[condition].sensitivity[name]);
     return [name, ...margins];
   });
   table(tables, "Change of the margins per unit of each dimension", ["dimension", ...CONDITIONS], changes);
@@ -280,9 +280,10 @@ function tolerance({ reply }, { facts: figures, tables }) {
 
 const SHOWN = { curves: pair, scan, limit, needle, tolerance };
 
-const still = ({ point, path, corners, on_rope, inside, ...crossing }) => crossing;
+const withoutCurves = ({ point, path, corners, on_rope, inside, ...crossing }) => crossing;
 
 export const knotter = {
-  numbers: ({ paths, E1, E2, ...reply }) => (paths ? { ...reply, E1: still(E1), E2: still(E2) } : reply),
+  numbers: ({ paths, E1, E2, ...reply }) =>
+    paths ? { ...reply, E1: withoutCurves(E1), E2: withoutCurves(E2) } : reply,
   show: (answer, hosts) => SHOWN[answer.query.path.split("/").at(-1)](answer, hosts) ?? null,
 };

@@ -13,7 +13,7 @@ const kindsOf = (kind, input_unit, output_unit) => ({
   ...(output_unit && { output_unit }),
   mechanisms: [kind],
 });
-/** What a drive asks for, and what goes in and comes out. */
+/** Fields of the request for each drive (`asks`), and the names of its input and output (`says`). */
 export const DRIVES = {
   four_bar: { asks: {}, says: ["Crank turns", "Rocker turns"] },
   crank_slider: { asks: kindsOf("slider_crank", null, TRAVEL), says: ["Crank turns", "Slider moves"] },
@@ -41,7 +41,7 @@ function checkDrive(name, drive) {
   if (name === "steering" && drive !== "four_bar") throw new Error("Steering is made by a four-bar: choose it.");
   return true;
 }
-/** What stands behind a number of a unit. */
+/** Return the sign that follows a number of a unit. */
 const sign = (unit) => (unit === TRAVEL ? "" : "°");
 const DRAWN = 41; // samples of a drawn curve
 export const PAD = { width: 320, height: 200, border: 8 };
@@ -73,9 +73,9 @@ export function soundLaw(content) {
 }
 
 /** The drawn curve at even x, smoothed over its neighbours: [[x, y], ...] with both in 0 .. 1. */
-function drawnTable(drawn) {
-  if (drawn.length < 3) throw new Error("Draw the function from left to right first.");
-  const [xs, ys] = [0, 1].map((i) => drawn.map((point) => point[i])),
+function drawnTable(stroke) {
+  if (stroke.length < 3) throw new Error("Draw the function from left to right first.");
+  const [xs, ys] = [0, 1].map((i) => stroke.map((point) => point[i])),
     step = (xs.at(-1) - xs[0]) / (DRAWN - 1),
     heights = Array.from({ length: DRAWN }, (_, n) => 1 - between(xs, ys, xs[0] + n * step) / PAD.height);
   const smooth = (values) =>
@@ -83,7 +83,7 @@ function drawnTable(drawn) {
   return smooth(smooth(smooth(heights))).map((y, n) => [n / (DRAWN - 1), Number(y.toFixed(6))]);
 }
 
-/** Whether a function is given by the rows of a table. */
+/** Return true if a function is given by the rows of a table. */
 export const isTable = ({ name }) => ["table", "pairs"].includes(name);
 
 /** The rows of a law's table, {x, y} or {output, input}. Throws Error if they cannot be used. */
@@ -114,19 +114,19 @@ function build({ law, limits, top, round }) {
     isFourBar = drive === "four_bar",
     special = SPECIAL.includes(name) && checkDrive(name, drive),
     number = (id) => numberOf($(id), law[id]),
-    { crank_span, ...wanted } = wantedOf(law, number);
-  if (wanted.output) pairs.check(asks);
-  const asked = { ...practical(limits, false), ...(isFourBar ? { family: limits.family ?? "any" } : {}) },
+    { crank_span, ...fields } = wantedOf(law, number);
+  if (fields.output) pairs.check(asks);
+  const limitFields = { ...practical(limits, false), ...(isFourBar ? { family: limits.family ?? "any" } : {}) },
     length = number(isFourBar ? "ground" : "pivots");
   if (length !== null && name !== "steering" && (isFourBar || asks.mechanisms[0] === "swinging_block"))
-    asked.links = { ground: length };
-  if (number("offset") !== null && asks.mechanisms?.[0] === "slider_crank") asked.offset = number("offset");
+    limitFields.links = { ground: length };
+  if (number("offset") !== null && asks.mechanisms?.[0] === "slider_crank") limitFields.offset = number("offset");
   return {
-    ...wanted,
+    ...fields,
     ...(crank_span === undefined ? {} : { [asks.input_unit ? "travel_span" : "crank_span"]: crank_span }),
     ...(special ? {} : asks),
     ...(name === "quick" ? {} : { objective: law.objective }),
-    limits: asked,
+    limits: limitFields,
     top,
     curves: true,
     ...(law["one-way"] && !special ? { one_way: true } : {}),
@@ -166,11 +166,11 @@ export function lawAnswer(motion, request, reply) {
     travels = inputs.map((value) => value - inputs[0]);
   const range = Math.max(...reply.output) - Math.min(...reply.output),
     unitOfY = reply.y && range ? (Math.max(...reply.y) - Math.min(...reply.y)) / range : null;
-  const place = travels.map((value) => [value, 0]); // any line: the linkage is given
+  const positions = travels.map((value) => [value, 0]); // any line: the linkage is given
   const within = {
     rotation: travels.map(() => 0),
     ...(asks.input_unit ? { travel: travels } : { crank_angle: travels }),
-    ...(asks.mechanisms ? { mechanisms: asks.mechanisms, position: place } : {}),
+    ...(asks.mechanisms ? { mechanisms: asks.mechanisms, position: positions } : {}),
     limits: { family: "any" },
   };
   const samples = { input: reply.input, output: reply.output };
@@ -196,9 +196,9 @@ function between(xs, ys, x) {
 /** Input and output of a solution of a law after a travel from the first sample, as words. */
 export function reading({ output }, travel, unit) {
   const { input, error, samples, from, signs } = output,
-    made = between(samples.input, samples.output, travel) + between(input, error, travel);
+    actual = between(samples.input, samples.output, travel) + between(input, error, travel);
   const inWords = (value, k) => (signs[k] ? `${value.toFixed(1 + k)}°` : `${text(value, 5)} ${unit}`);
-  return [from + travel, made].map(inWords).join(" → ");
+  return [from + travel, actual].map(inWords).join(" → ");
 }
 
 /** Curves of a solution of a law over travels in the crank's sense: [{title, x, values}]. */

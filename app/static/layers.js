@@ -41,18 +41,18 @@ const partText = (name) =>
   name.startsWith("head ") ? `head of pin ${name.slice(5)}` : name.length <= 2 ? `pin ${name}` : name;
 const inWords = (pair) => pair.map(partText).join(" and ");
 
-/** Whether a place of the drive lies within a collision, also one over the seam of a turn. */
-const within = ({ from, to }, place, turns) =>
-  (turns ? [-360, 0, 360] : [0]).some((turn) => from <= place + turn && place + turn <= to);
+/** Return true if a drive position lies within a collision, also if the collision spans the seam of a turn. */
+const within = ({ from, to }, position, turns) =>
+  (turns ? [-360, 0, 360] : [0]).some((turn) => from <= position + turn && position + turn <= to);
 
 /** Takes the assembly from a verdict. */
 function forget(solution) {
-  const { assembly: _gone, reasons = [], ...rest } = solution.verdict,
-    others = reasons.filter((one) => !one.startsWith("layers:"));
-  solution.verdict = { ...rest, practical_without_collisions: null, reasons: others };
+  const { assembly: _gone, reasons = [], ...remaining } = solution.verdict,
+    otherReasons = reasons.filter((reason) => !reason.startsWith("layers:"));
+  solution.verdict = { ...remaining, practical_without_collisions: null, reasons: otherReasons };
 }
 
-/** What an assembly is like, as a sentence. */
+/** Return the description of an assembly, as a sentence. */
 function sentenceOf({ status, count, exhaustive, smallest_gap: gap, sizes }, unit, sign) {
   const state = {
     free: `Nothing collides in ${layersOf(count)}`,
@@ -147,7 +147,8 @@ export class Layers {
       setTimeout(done);
     });
     // while the search goes on the others may be replaced
-    const first = answer.last === false ? [] : answer.reply.solutions.filter((one) => one.verdict).slice(0, FIRST);
+    const first =
+      answer.last === false ? [] : answer.reply.solutions.filter((solution) => solution.verdict).slice(0, FIRST);
     for (const solution of [this.solution, ...first])
       // oxlint-disable-next-line no-await-in-loop
       if (solution && !signal.aborted) await this.#ask(solution, answer, signal);
@@ -210,12 +211,12 @@ export class Layers {
     words.textContent = sentenceOf(assembly, unitOf(this.answer.motion), this.#sign);
     drawStack($("stack"), assembly);
     const reasons = assembly.reasons.slice(assembly.status === "blocked" ? 0 : 1),
-      sentences = reasons.map((one) => `${capital(one)}.`.replaceAll(/(\d) degrees/g, "$1°"));
-    $("layers-reasons").append(...sentences.map((one) => element("li", "", one)));
-    const places = placesOf(assembly),
+      sentences = reasons.map((reason) => `${capital(reason)}.`.replaceAll(/(\d) degrees/g, "$1°"));
+    $("layers-reasons").append(...sentences.map((sentence) => element("li", "", sentence)));
+    const positions = placesOf(assembly),
       jump = ([name, at]) => button(`${name}: ${placeText(at, this.#sign)}`, () => this.jump(at));
-    $("layers-jumps").append(...places.map(jump));
-    $("layers-jumps").hidden = !places.length || !assembly.pivot_supports;
+    $("layers-jumps").append(...positions.map(jump));
+    $("layers-jumps").hidden = !positions.length || !assembly.pivot_supports;
   }
 
   /** Plates on the canvas from the lowest layer up, each with its shadow; those that collide here in red. */
@@ -226,8 +227,8 @@ export class Layers {
     layer.replaceChildren();
     board.svg.classList.toggle("plated", Boolean(shown));
     if (!shown) return;
-    const here = (one) => within(one, joints.travel / RAD, driveTurns(solution)),
-      hit = new Set(assembly.collisions.filter(here).flatMap(({ pair }) => pair)),
+    const isAtDrive = (collision) => within(collision, joints.travel / RAD, driveTurns(solution)),
+      hit = new Set(assembly.collisions.filter(isAtDrive).flatMap(({ pair }) => pair)),
       flat = assembly.parts.filter(({ kind }) => kind !== "board");
     flat.sort((a, b) => a.layers[1] - b.layers[1] || (a.kind === "plate" ? -1 : 1));
     for (const { name, kind, link, core, radius, slits } of flat) {

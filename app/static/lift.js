@@ -44,7 +44,7 @@ function drawing(host, moved, follow) {
     shut = Math.min(...moved.cylinder_length) * 0.92,
     high = [points.D[0], 1.06 * top];
   const at = (name) => (now) => now[name],
-    middle = (one, other, share) => (now) => between(now[one], now[other], share),
+    middle = (from, to, share) => (now) => between(now[from], now[to], share),
     value = (list, { k, share }) => list[k] + share * ((list[k + 1] ?? list[k]) - list[k]);
   const words = (now) => {
     const pose = state(now);
@@ -138,12 +138,13 @@ const unitOf = (name, angle) => (name === "transmission_angle" ? angle : (UNITS[
 const plain = (name) => name.replaceAll("_", " ");
 
 /** Limits that hold a design, in words: `jerk<=max` is "jerk at most". */
-const held = (names) => names?.map((name) => plain(name.replace("<=max", " at most").replace(">=min", " at least")));
+const limitNames = (names) =>
+  names?.map((name) => plain(name.replace("<=max", " at most").replace(">=min", " at least")));
 
-/** What an optimum has beside each limit, those that hold it first. */
+/** Show the limits of an optimum with their values, the active limits first. */
 function limits(host, { constraints, unconstrained: free, objective_increase: increase }, angle) {
   const rows = constraints
-    .toSorted((one, two) => two.active - one.active)
+    .toSorted((first, second) => second.active - first.active)
     .map((row) => {
       const sign = row.kind === "minimum" ? "≥" : "≤";
       return [plain(row.name), row.value, sign, row.limit, unitOf(row.name, angle), row.active];
@@ -168,27 +169,27 @@ function batch({ rows }, hosts) {
     ...LENGTHS.map((name) => row.design?.[name]),
     row.objective,
     row.motion?.rise_time,
-    held(row.active) ?? row.detail,
+    limitNames(row.active) ?? row.detail,
   ]);
   table(hosts.tables, "An optimum for each cylinder", [...BATCH, ["rise time", "s"], "held by"], cells);
   return null;
 }
 
 async function optimum({ request, reply, ask }, hosts) {
-  const other = reply.unconstrained;
-  const designs = other ? [reply, other] : [reply],
-    beside = other ? [request.cylinder.length] : [];
+  const unconstrained = reply.unconstrained;
+  const designs = unconstrained ? [reply, unconstrained] : [reply],
+    beside = unconstrained ? [request.cylinder.length] : [];
   const lengths = LENGTHS.map((name) => [`${name}, mm`, ...designs.map(({ design }) => design[name])]),
     closed = ["closed l1′, mm", reply.closed_length, ...beside],
     objectives = ["objective", ...designs.map(({ objective }) => objective)],
-    columns = ["", "optimum", ...(other ? ["the source's problem"] : [])];
+    columns = ["", "optimum", ...(unconstrained ? ["the source's problem"] : [])];
   table(hosts.facts, "Design", columns, [...lengths, closed, objectives]);
   facts(hosts.facts, [
     ["time of the rise", reply.motion.rise_time, "s"],
     ["speed at the start", reply.motion.velocity_start, "mm/s"],
     ["mean speed over height", reply.motion.velocity_mean, "mm/s"],
     ["cylinder at the dead point", reply.motion.dead_point_length, "mm"],
-    ["held by", held(reply.active)],
+    ["held by", limitNames(reply.active)],
     ["evaluations", reply.evaluations],
   ]);
   note(hosts.facts, reply.note);

@@ -24,7 +24,7 @@ async function through(bytes, stream) {
   }
 }
 
-/** What a page holds, as plain values, as the fragment of a link, the part behind #. */
+/** Return the content of a page, as plain values, as the fragment of a link, the part after #. */
 export async function toFragment(content) {
   const bytes = new TextEncoder().encode(JSON.stringify(content));
   if (typeof CompressionStream === "undefined") return `j=${toBase64(bytes)}`;
@@ -56,7 +56,7 @@ export function enter(host, entries) {
   }
 }
 
-/** What the fragment of a link holds; null if there is none. Throws Error for a damaged one. */
+/** Return the content of the fragment of a link; null if there is none. Throws Error if it is damaged. */
 export async function fromFragment(fragment) {
   const [, kind, text] = /^#?([zj])=(.+)$/.exec(fragment) ?? [];
   if (!kind) return null;

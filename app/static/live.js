@@ -20,11 +20,11 @@ const BETTER = 0.8; // times the error of the linkage that was moved: another on
 // kinds of changes, by their first words
 const FOLLOWED = ["drag", "key", "cell", "box", "box-0", "box-1", "box-2", "box-3"];
 
-/** Whether a linkage for one motion can follow another one: only poses, crank angles and limits may differ. */
+/** Return true if a linkage can follow a changed motion: only poses, crank angles and limits may differ. */
 function followable(motion, before) {
   const fixed = ["wanted", "timing", "direction", "anyOrder", "closed", "unit"],
-    same = fixed.every((name) => motion[name] === before[name]);
-  return same && motion.poses.length === before.poses.length && !fault(motion);
+    isCompatible = fixed.every((name) => motion[name] === before[name]);
+  return isCompatible && motion.poses.length === before.poses.length && !fault(motion);
 }
 
 /**
@@ -74,12 +74,12 @@ export class Live {
   }
 
   /** Follows a fixed pivot that is dragged to a place. */
-  pull(joint, place) {
+  pull(joint, position) {
     if (!this.#can) return;
     const { limits } = this.editor.motion,
-      extra = { ...limits.extra, [`pivot_${joint}`]: place };
+      extra = { ...limits.extra, [`pivot_${joint}`]: position };
     this.editor.keep(`pivot ${joint}`);
-    this.#follow({ ...limits, extra }, null, (joints) => size(less(joints[joint], place)) === 0);
+    this.#follow({ ...limits, extra }, null, (joints) => size(less(joints[joint], position)) === 0);
   }
 
   /**
@@ -126,14 +126,14 @@ export class Live {
   #advance() {
     const run = this.#run,
       end = performance.now() + SLICE_MS;
-    let made = null;
+    let solutionOf = null;
     while (run.steps && performance.now() < end) {
       const { value, done } = run.steps.next();
       if (done) run.steps = null;
-      else made = value ?? made;
+      else solutionOf = value ?? solutionOf;
     }
-    if (!made) return;
-    run.reached = made();
+    if (!solutionOf) return;
+    run.reached = solutionOf();
     this.results.track(run.reached, run.motion, run.k);
   }
 
@@ -155,7 +155,7 @@ export class Live {
     else this.#soon();
   }
 
-  /** What the user does has come to rest: the linkage is where it ends once its descent is over. */
+  /** Mark the user's change as finished: the linkage is final once its descent is over. */
   #rest() {
     if (this.#run) this.#run.rests = true;
   }
@@ -184,15 +184,15 @@ export class Live {
       const question = { ...request, ...begin, budget_ms: BUDGET_MS },
         { solutions, report } = await (await ask("/v2/synthesize", question, control.signal)).json(),
         shown = answer.reply.solutions,
-        isNew = (one) => !shown.some((other) => alike(one, other)),
-        others = solutions.filter(isNew).map((one, k) => ({ ...one, rank: k + 1 })),
-        [first] = others;
+        isNew = (candidate) => !shown.some((known) => alike(candidate, known)),
+        additions = solutions.filter(isNew).map((solution, k) => ({ ...solution, rank: k + 1 })),
+        [first] = additions;
       if (control.signal.aborted || !first) return;
       const { objective } = first.errors,
         { length_scale } = answer.reply.report,
         nearer = objective < BETTER * moved.errors.objective && objective > ROUNDING;
       first.better = nearer && !defects(first.verdict).length;
-      answer.reply = { ...answer.reply, report: { ...report, length_scale }, solutions: [...shown, ...others] };
+      answer.reply = { ...answer.reply, report: { ...report, length_scale }, solutions: [...shown, ...additions] };
       if (answer !== this.page.answer()) return;
       this.results.extend();
       this.page.say();

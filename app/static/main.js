@@ -78,18 +78,18 @@ const visits = new Visits(showAgain, (question) => {
   startSearch();
 });
 
-function pathDrawn(places, closed) {
-  sources.useDrawn(places, closed);
+function pathDrawn(points, closed) {
+  sources.useDrawn(points, closed);
   editor.board.reveal();
 }
 
-function jointDragged(joint, place) {
-  const hinders = results.drag(joint, place);
+function jointDragged(joint, position) {
+  const hinders = results.drag(joint, position);
   if (hinders) editor.board.tell(hinders);
 }
 
-function pivotDragged(joint, place) {
-  live.pull(joint, place);
+function pivotDragged(joint, position) {
+  live.pull(joint, position);
   updateStale();
   editor.board.draw();
 }
@@ -98,8 +98,8 @@ function asShown() {
   return { answer, state: results.state };
 }
 
-function fits(one) {
-  return Boolean(one) && JSON.stringify(toRequest(editor.motion)) === JSON.stringify(one.request);
+function fits(stored) {
+  return Boolean(stored) && JSON.stringify(toRequest(editor.motion)) === JSON.stringify(stored.request);
 }
 
 /** Brings back, with an earlier motion, the answer that was shown with it, and its linkage as it was by hand. */
@@ -195,12 +195,12 @@ function showRequest() {
   $("request-text").textContent = request ? requestText(request) : lawFault(motion)[0];
 }
 
-/** After each change of the motion; while a pointer is `held` only what is drawn every frame. */
-function motionChanged(held = false) {
+/** Update the page after a change of the motion; with `isDragging` only the parts that are drawn in every frame. */
+function motionChanged(isDragging = false) {
   showLaw(editor.motion);
   live.change(editor.history.kind);
   updateStale();
-  if (held) return;
+  if (isDragging) return;
   showRequest();
   sources.say(editor.motion);
   keepDraft();
@@ -361,20 +361,20 @@ async function startSearch(near = null) {
 
 async function searchMotion(motion, near, control, begin) {
   const request = toRequest(motion),
-    made = {}; // one answer of all stages
+    state = {}; // one answer of all stages
   let further = false;
   const show = (reply, last) => {
     const found = reply.solutions.length > 0,
-      nothing = last ? "None found with both pivots near there." : "Nothing within the limits yet. Still searching…";
+      failure = last ? "None found with both pivots near there." : "Nothing within the limits yet. Still searching…";
     if (running !== control) return;
     // what is shown stays until there is something in its place
     if (!found && (near || !last)) {
-      say(nothing, last);
+      say(failure, last);
       return;
     }
     const { hand } = (further && results.state) || {};
     if (hand) reply.solutions.push(hand);
-    take(Object.assign(made, { request, reply, motion, last, seconds: secondsSince(begin) }), further);
+    take(Object.assign(state, { request, reply, motion, last, seconds: secondsSince(begin) }), further);
     if (!further) {
       if (found) present();
       performance.measure("first result", { start: begin, end: performance.now() });
@@ -394,7 +394,7 @@ async function startRefinement() {
     begun = results.solution;
   if (!motion || !begun) return;
   const request = toRequest(motion),
-    same = !editor.board.stale,
+    isFresh = !editor.board.stale,
     before = begun.errors.objective;
   await run(async (control, begin) => {
     const reply = await refine(fromHere(request, begun), control.signal),
@@ -404,9 +404,9 @@ async function startRefinement() {
       say(NOT_REACHED, true);
       return;
     }
-    const others = same ? answer.reply.solutions.filter((one) => one.source !== "hand") : [],
+    const earlier = isFresh ? answer.reply.solutions.filter((solution) => solution.source !== "hand") : [],
       seconds = secondsSince(begin);
-    reply.solutions = together(request, others, reply, others.length + 1, alike);
+    reply.solutions = together(request, earlier, reply, earlier.length + 1, alike);
     answer = { request, reply, motion, seconds, refined: true };
     visit();
     passed = false;
@@ -414,7 +414,7 @@ async function startRefinement() {
     results.show(answer, true);
     results.choose(refined);
     const near = howNear({ reply: { ...reply, solutions: [refined] }, motion }),
-      gained = !same || refined.errors.objective < before * (1 - 1e-6);
+      gained = !isFresh || refined.errors.objective < before * (1 - 1e-6);
     const parts = [
       `Refined from there: ${near}.`,
       !gained && "The descent gained nothing.",

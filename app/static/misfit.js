@@ -20,13 +20,13 @@ function guidesOf(solution) {
   const { links, mount, branch, start_angle, body_offset } = solution,
     turn = (mount?.ground_angle ?? 0) * RAD,
     pivot = mount?.pivot_a ?? [0, 0],
-    other = mount?.pivot_b ?? add(pivot, times(along(turn), links.ground)),
+    secondPivot = mount?.pivot_b ?? add(pivot, times(along(turn), links.ground)),
     { radius, angle } = mount?.coupler_point_polar ?? { radius: 0, angle: 0 },
     point = times(along(angle * RAD), radius),
-    local = (held) => turned(less(held, point), -(body_offset ?? 0) * RAD);
+    local = (joint) => turned(less(joint, point), -(body_offset ?? 0) * RAD);
   const guides = [
     { guide: "circle", pivot, radius: links.crank, body_point: local([0, 0]) },
-    { guide: "circle", pivot: other, radius: links.rocker, body_point: local([links.coupler, 0]) },
+    { guide: "circle", pivot: secondPivot, radius: links.rocker, body_point: local([links.coupler, 0]) },
   ];
   return { guides, driver: "crank", branch, start: start_angle + turn / RAD };
 }
@@ -34,9 +34,9 @@ function guidesOf(solution) {
 export class Misfit {
   constructor(motion, solution) {
     const { guides, driver, branch } = guidesOf(solution),
-      places = placesOf(motion),
+      positions = placesOf(motion),
       kinds = guides.map(({ guide }) => guide),
-      middle = [0, 1].map((i) => places.reduce((sum, place) => sum + place[i], 0) / (places.length || 1)),
+      middle = [0, 1].map((i) => positions.reduce((sum, point) => sum + point[i], 0) / (positions.length || 1)),
       reach = Math.max(
         ...guides.map(({ radius = 0, body_point }) => Math.max(radius, size(body_point))),
         Number.MIN_VALUE,
@@ -44,7 +44,7 @@ export class Misfit {
     Object.assign(this, { motion, driver, branch, middle, kinds });
     this.free = motion.timing === "free";
     this.turns = driveTurns(solution);
-    this.scale = Math.max(0, ...places.map((place) => size(less(place, middle)))) || reach;
+    this.scale = Math.max(0, ...positions.map((point) => size(less(point, middle)))) || reach;
     this.unit = this.turns ? RAD : 1; // of the drive's coordinate in a solution
     this.unitOfDrive = this.turns ? 1 : this.scale;
     this.samples = motion.poses.map((pose) => ({
@@ -76,7 +76,7 @@ export class Misfit {
 
   /** The drive's coordinate at the samples: of a solution, or of numbers that hold its start. */
   driveOf(solution) {
-    return drivePlaces(solution).map((place) => (guidesOf(solution).start + place) * this.unit);
+    return drivePlaces(solution).map((position) => (guidesOf(solution).start + position) * this.unit);
   }
 
   driveAt(numbers) {
@@ -113,8 +113,8 @@ export class Misfit {
     const { place, angle, weights } = this.samples[k],
       off = place ? times(less(got, place), weights[0]) : [0, 0],
       gap = rotation - angle,
-      whole = this.free ? TURN * Math.round(gap / TURN) : counted;
-    return [...off, angle === null ? 0 : weights[1] * (gap - whole)];
+      turns = this.free ? TURN * Math.round(gap / TURN) : counted;
+    return [...off, angle === null ? 0 : weights[1] * (gap - turns)];
   }
 
   /** The whole turns by which the body is mounted away from what is wanted where crank angles are given. */
@@ -136,14 +136,14 @@ export class Misfit {
   }
 
   /** The slopes of that error by each number, with the linkages `beside` it. */
-  slopes(k, made, beside, q) {
+  slopes(k, model, beside, q) {
     const found = beside.map(([more, fewer]) => this.#difference(k, more?.at(q), fewer?.at(q), STEP));
-    return this.free ? found : [...found, this.slopeOfDrive(k, made, q).map((slope) => slope * this.unitOfDrive)];
+    return this.free ? found : [...found, this.slopeOfDrive(k, model, q).map((slope) => slope * this.unitOfDrive)];
   }
 
-  #difference(k, one, other, step) {
-    const before = other ? this.error(k, other) : null;
-    return one && before ? this.error(k, one).map((value, i) => (value - before[i]) / (2 * step)) : [0, 0, 0];
+  #difference(k, forward, backward, step) {
+    const before = backward ? this.error(k, backward) : null;
+    return forward && before ? this.error(k, forward).map((value, i) => (value - before[i]) / (2 * step)) : [0, 0, 0];
   }
 
   /**
@@ -151,15 +151,15 @@ export class Misfit {
    * said of that.
    */
   solution(numbers, drive, before) {
-    const made = this.made(numbers),
+    const model = this.made(numbers),
       start = drive[0] / this.unit,
       own = { ...UNKNOWN, source: "moved" },
       name = before.travel ? "travel" : "crank_angle";
     if (this.free) own[name] = drive.map((q) => q / this.unit - start);
-    if (!before.links) return { ...before, ...own, guides: made.guides, start };
-    const joints = made.linkage.at(this.turns ? drive[0] : drive[0] * RAD),
-      whole = this.free ? 0 : this.wholeTurns(drive.map(made.at)),
-      found = fromJoints({ ...joints, rotation: joints.rotation - whole }, 0, before),
+    if (!before.links) return { ...before, ...own, guides: model.guides, start };
+    const joints = model.linkage.at(this.turns ? drive[0] : drive[0] * RAD),
+      turns = this.free ? 0 : this.wholeTurns(drive.map(model.at)),
+      found = fromJoints({ ...joints, rotation: joints.rotation - turns }, 0, before),
       { mount, links } = found;
     if (found.body_offset !== null) {
       if (!before.mount) found.body_offset += mount.ground_angle;

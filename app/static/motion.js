@@ -61,7 +61,7 @@ export const emptyMotion = (wanted = "both") => ({
   extra: {},
 });
 
-/** Whether the motion asks for places, for angles; a function asks for neither. */
+/** Return true if the motion prescribes positions or angles, respectively; a function prescribes neither. */
 export const wantsPlaces = (motion) => ["both", "position"].includes(motion.wanted);
 export const wantsAngles = (motion) => ["both", "rotation"].includes(motion.wanted);
 
@@ -79,13 +79,13 @@ export const REPLACED = [
  */
 export function practical(limits, free) {
   const { kept } = limits,
-    asked = kept.reach ? { preset: "practical" } : free ? { preset: "none" } : {};
+    fields = kept.reach ? { preset: "practical" } : free ? { preset: "none" } : {};
   for (const [name, own, field, none] of REPLACED) {
     if (kept[name]) {
-      if (limits[own] !== null || !kept.reach) asked[field] = limits[own] ?? PRESET[name];
-    } else if (kept.reach) asked[field] = none;
+      if (limits[own] !== null || !kept.reach) fields[field] = limits[own] ?? PRESET[name];
+    } else if (kept.reach) fields[field] = none;
   }
-  return asked;
+  return fields;
 }
 
 /** The families to search for: flaps swing, but closed paths and given crank angles need a crank that turns fully. */
@@ -95,13 +95,13 @@ export const familyOf = ({ limits, timing, closed }) =>
 /** The unit of a linkage's lengths: without places its ground is 1. */
 export const unitOf = (motion) => (motion.wanted === "rotation" ? "× ground" : motion.unit);
 
-/** What a row of the motion is called. */
+/** Return the name of a row of the motion. */
 export const itemOf = (motion) => (wantsAngles(motion) ? "pose" : "point");
 
-/** Whether rails and slots can be looked for: they need places, and angles unless the crank angles are free. */
+/** Return true if rails and slots are possible: they need positions, and angles unless the crank angles are free. */
 export const slidable = (motion) => wantsPlaces(motion) && (wantsAngles(motion) || motion.timing === "free");
 
-/** Whether all linkages are not alike in what is to be preferred: lengths need places, swings free crank angles. */
+/** Return true if a preference can rank linkages: lengths need positions, swings need free crank angles. */
 export const preferable = (motion, prefer) =>
   (prefer !== "size" || wantsPlaces(motion)) && (prefer !== "crank_span" || motion.timing === "free");
 
@@ -135,7 +135,7 @@ export function takeTiming(motion, timing) {
   const { kept } = motion.limits,
     was = motion.timing === "free",
     is = timing === "free";
-  if (Object.values(kept).every((one) => one === was)) for (const name of Object.keys(kept)) kept[name] = is;
+  if (Object.values(kept).every((isOn) => isOn === was)) for (const name of Object.keys(kept)) kept[name] = is;
   motion.timing = timing;
 }
 
@@ -152,13 +152,13 @@ export function scaleTravels(motion, span) {
 export function fault(motion) {
   const { poses, timing, span, anyOrder } = motion,
     { box, min, max } = motion.limits,
-    [places, angles, free] = [wantsPlaces(motion), wantsAngles(motion), timing === "free"],
+    [hasPositions, angles, free] = [wantsPlaces(motion), wantsAngles(motion), timing === "free"],
     kind = angles ? "motion" : "path",
     item = itemOf(motion),
     count = poses.length;
-  const given = free ? "A" : "With given crank angles a",
-    needs = `${given} ${kind} needs at least ${free ? "two" : "three"} ${item}s`,
-    isBlank = (pose) => !(places && placeOf(pose)) && !(angles && pose.angle !== null),
+  const start = free ? "A" : "With given crank angles a",
+    needs = `${start} ${kind} needs at least ${free ? "two" : "three"} ${item}s`,
+    isBlank = (pose) => !(hasPositions && placeOf(pose)) && !(angles && pose.angle !== null),
     blank = poses.findIndex(isBlank),
     back = timing === "table" ? poses.findIndex((pose, k) => k > 0 && !(pose.t > poses[k - 1].t)) : -1,
     order = `that of ${item} ${back + 1} is not larger than that of ${item} ${back}`;
@@ -166,7 +166,7 @@ export function fault(motion) {
     [count < (free ? 2 : 3), `${needs}; there ${count === 1 ? "is 1" : `are ${count}`}.`, "add-row"],
     [count > 1024, `A ${kind} has at most 1024 ${item}s.`, "poses"],
     [
-      free && !places,
+      free && !hasPositions,
       "With free crank angles positions are needed: nearly every linkage meets angles alone.",
       "wanted",
     ],
@@ -176,7 +176,7 @@ export function fault(motion) {
       "any-order",
     ],
     [free && blank >= 0, `The row of ${item} ${blank + 1} is empty.`, "poses"],
-    [places && !poses.some(placeOf), "No row has both x and y.", "poses"],
+    [hasPositions && !poses.some(placeOf), "No row has both x and y.", "poses"],
     [
       angles && poses.every((pose) => pose.angle === null),
       'No row has an angle. For a path choose "position only".',
@@ -254,9 +254,9 @@ export class History {
   #step(from, to) {
     if (!from.length) return;
     to.push([this.value, this.beside.get()]);
-    const [value, kept] = from.pop();
+    const [value, context] = from.pop();
     Object.assign(this, { value, kind: null });
-    this.beside.put(kept);
+    this.beside.put(context);
     this.onChange(this.value);
   }
 
@@ -287,7 +287,7 @@ export function jump(motion) {
   return at < 0 ? null : [rows[at - 1][1], rows[at][1]];
 }
 
-/** Whether the angles look like radians: all within a turn of them, and most of them no simple numbers. */
+/** Return true if the angles look like radians: all are within a turn in radians, and most are not simple numbers. */
 export function looksRadian(motion) {
   const angles = motion.poses.map(({ angle }) => angle).filter((angle) => angle !== null),
     odd = angles.filter((angle) => (2 * angle) % 1 !== 0);
@@ -312,7 +312,7 @@ export function dropClosing(motion) {
 
 /** The first two neighbouring poses, from 1, that ask for the same place and angle; null without such. */
 export function repeated(motion) {
-  const same = (one, other) => ["x", "y", "angle"].every((name) => one[name] === other[name]);
-  const at = motion.poses.findIndex((pose, k) => k > 0 && same(pose, motion.poses[k - 1]));
+  const isSame = (pose, reference) => ["x", "y", "angle"].every((name) => pose[name] === reference[name]);
+  const at = motion.poses.findIndex((pose, k) => k > 0 && isSame(pose, motion.poses[k - 1]));
   return at < 0 ? null : [at, at + 1];
 }

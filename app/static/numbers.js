@@ -19,14 +19,14 @@ const FROM_THERE =
 
 /** Rows [name, value] of a solution, its lengths and angles with `digits` digits. */
 export function numberRows(solution, { motion, size }, digits = DIGITS) {
-  const { links, mount, rounded, errors, transmission_angle_min_turn: whole } = solution,
+  const { links, mount, rounded, errors, transmission_angle_min_turn: fullTurnAngle } = solution,
     unit = unitOf(motion),
     item = itemOf(motion),
     { places, turns, worst } = fitOf(solution, motion);
   const number = (value) => text(value, digits),
-    place = (value) => number(settled(value, size)),
-    length = (value) => `${place(value)} ${unit}`,
-    point = (pair) => `${pair.map(place).join(", ")} ${unit}`,
+    coordinate = (value) => number(settled(value, size)),
+    length = (value) => `${coordinate(value)} ${unit}`,
+    point = (pair) => `${pair.map(coordinate).join(", ")} ${unit}`,
     degrees = (value) => `${number(value)}°`;
   const at = (k, error) => (error === "rounding" ? error : `${error} at ${item} ${k + 1}`),
     turnError = (value) => errorText(value, 57, "°"),
@@ -34,11 +34,14 @@ export function numberRows(solution, { motion, size }, digits = DIGITS) {
     angle = (value) => `${text(value, DIGITS)}°`;
   const start = driveTurns(solution) ? degrees : length,
     polar = mount?.coupler_point_polar,
-    held = solution.determination?.active_limits ?? [],
+    activeLimits = solution.determination?.active_limits ?? [],
     off = roundedText(solution, size, ` ${unit}`),
-    lengths = off && rounded.closes && roundedLinks(rounded).map(([name, one]) => `${name} ${number(one)}`);
+    lengths =
+      off && rounded.closes && roundedLinks(rounded).map(([name, linkLength]) => `${name} ${number(linkLength)}`);
   const rows = [
-    ...(links ? LINKS.map((name) => [capital(name), length(links[name])]) : guideRows(solution, number, place, length)),
+    ...(links
+      ? LINKS.map((name) => [capital(name), length(links[name])])
+      : guideRows(solution, number, coordinate, length)),
     ["Branch", solution.branch > 0 ? "+1" : "−1"],
     links ? ["Start angle", degrees(solution.start_angle)] : [`Drive at the first ${item}`, start(solution.start)],
     Number.isFinite(solution.body_offset) && ["Body offset", degrees(solution.body_offset)],
@@ -55,8 +58,8 @@ export function numberRows(solution, { motion, size }, digits = DIGITS) {
     Number.isFinite(solution.excursion) && [`Detour between ${item}s`, `${text(solution.excursion, 3)} × distance`],
     ["Transmission", angle(solution.transmission_angle_min)],
     Number.isFinite(solution.arm_min) && ["Moment arm, least", length(solution.arm_min)],
-    Number.isFinite(whole) && ["Transmission, whole turn", angle(whole)],
-    held.length && ["Limited by", held.map(limitName).join(", ")],
+    Number.isFinite(fullTurnAngle) && ["Transmission, whole turn", angle(fullTurnAngle)],
+    activeLimits.length && ["Limited by", activeLimits.map(limitName).join(", ")],
     lengths && ["Rounded links", `${lengths.join(", ")} ${unit}`],
     off && ["Error when rounded", off],
   ];
@@ -66,7 +69,7 @@ export function numberRows(solution, { motion, size }, digits = DIGITS) {
 /** The places of the drive at the samples with their unit; null where the request gives them. */
 export function placesInWords(solution, motion, digits = DIGITS) {
   const sign = driveTurns(solution) ? "°" : ` ${motion.unit}`;
-  return drivePlaces(solution)?.map((place) => `${text(place, digits)}${sign}`) ?? null;
+  return drivePlaces(solution)?.map((position) => `${text(position, digits)}${sign}`) ?? null;
 }
 
 function verdictBlock(solution, motion) {
@@ -79,7 +82,7 @@ function verdictBlock(solution, motion) {
     return [name, signed("dd", kind, { good: "✓", poor: "!", bad: "✕" }[kind], words)];
   };
   const list = definitions(rows.map(judgement)),
-    why = sentences.map((one) => element("li", "", one));
+    why = sentences.map((sentence) => element("li", "", sentence));
   return element("div", "judged", element("h3", "", "Verdict"), list, why.length && build("ul", {}, why));
 }
 
@@ -93,7 +96,7 @@ function crankBlock(solution, motion) {
   return build("details", {}, element("summary", "", `${title} at the ${item}s`), table);
 }
 
-/** What can be done with a linkage that was changed by hand. */
+/** Return the actions for a linkage that was changed by hand. */
 function handBlock({ links }) {
   const act = (id, words, event) => button(words, () => document.dispatchEvent(new Event(event)), "", { id }),
     acts = [

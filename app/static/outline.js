@@ -54,14 +54,15 @@ function fromDxf(content) {
   let vertices = [],
     closed = false;
   for (const [type, codes] of entities(content)) {
-    const one = (code) => codes.find(([at]) => at === code)?.[1] ?? 0,
-      point = (code) => [one(code), one(code + 10)],
+    const numberAt = (code) => codes.find(([at]) => at === code)?.[1] ?? 0,
+      point = (code) => [numberAt(code), numberAt(code + 10)],
       [x, y] = point(10);
     if (type === "LINE") lines.push([[x, y], point(11)]);
-    else if (type === "CIRCLE") lines.push(arc(x, y, one(40), 0, 360));
-    else if (type === "ARC") lines.push(arc(x, y, one(40), one(50), one(51) + (one(51) < one(50) ? 360 : 0)));
-    else if (type === "POLYLINE") [vertices, closed] = [[], (one(70) & 1) === 1];
-    else if (type === "VERTEX") vertices.push({ at: [x, y], bulge: one(42) });
+    else if (type === "CIRCLE") lines.push(arc(x, y, numberAt(40), 0, 360));
+    else if (type === "ARC")
+      lines.push(arc(x, y, numberAt(40), numberAt(50), numberAt(51) + (numberAt(51) < numberAt(50) ? 360 : 0)));
+    else if (type === "POLYLINE") [vertices, closed] = [[], (numberAt(70) & 1) === 1];
+    else if (type === "VERTEX") vertices.push({ at: [x, y], bulge: numberAt(42) });
     else if (type === "SEQEND" && vertices.length) lines.push(joined(vertices, closed));
     else if (type === "LWPOLYLINE") {
       const points = [];
@@ -70,7 +71,7 @@ function fromDxf(content) {
         else if (code === 20 && points.length) points.at(-1).at[1] = value;
         else if (code === 42 && points.length) points.at(-1).bulge = value;
       }
-      if (points.length) lines.push(joined(points, (one(70) & 1) === 1));
+      if (points.length) lines.push(joined(points, (numberAt(70) & 1) === 1));
     }
   }
   return lines;
@@ -88,8 +89,8 @@ function fromSvg(content) {
     const kind = shape.localName,
       names = GEOMETRY.filter((name) => shape.hasAttribute(name)),
       own = make(kind, Object.fromEntries(names.map((name) => [name, shape.getAttribute(name)])), host),
-      whole = own.getTotalLength(),
-      even = Array.from({ length: whole > 0 ? CURVE_POINTS + 1 : 0 }, (_, k) => (whole * k) / CURVE_POINTS),
+      perimeter = own.getTotalLength(),
+      even = Array.from({ length: perimeter > 0 ? CURVE_POINTS + 1 : 0 }, (_, k) => (perimeter * k) / CURVE_POINTS),
       points =
         kind.startsWith("poly") && own.points.length ? [...own.points] : even.map((at) => own.getPointAtLength(at));
     if (kind === "polygon" && own.points.length) points.push(points[0]);

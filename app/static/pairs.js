@@ -35,7 +35,7 @@ export class Pairs {
     this.changed();
   }
 
-  /** How the table was read, as sentences; "" if it was not. */
+  /** Notes on the interpretation of the table, as sentences; "" if it was not read. */
   get notes() {
     return (this.table.notes ?? []).map((note) => capital(note.replace(/\.?$/, "."))).join(" ");
   }
@@ -45,9 +45,9 @@ export class Pairs {
     for (const end of ["input", "output"]) {
       const unit = this.table.units?.[end],
         turns = ["deg", "rad"].includes(unit),
-        here = `here it is ${turns ? "a length" : "an angle"}: choose another linkage, or change the head.`;
+        correction = `here it is ${turns ? "a length" : "an angle"}: choose another linkage, or change the head.`;
       if (unit && turns === (asks[`${end}_unit`] === "length"))
-        throw new Error(`The table has the ${end} in ${unit}, and ${here}`);
+        throw new Error(`The table has the ${end} in ${unit}, and ${correction}`);
     }
   }
 
@@ -56,8 +56,8 @@ export class Pairs {
     const { table } = this;
     if (table.content !== content) throw new Error(READING);
     if (table.error) throw table.error;
-    const { input, output, function: given } = table.request;
-    if (given) return { x: given.table.map(([x]) => x), y: given.table.map(([, y]) => y) };
+    const { input, output, function: functionFields } = table.request;
+    if (functionFields) return { x: functionFields.table.map(([x]) => x), y: functionFields.table.map(([, y]) => y) };
     if (!numbers || !table.bare) return { input, output };
     if (!input) throw new Error("Each row must hold x, y.");
     return { x: input, y: output };

@@ -2,7 +2,7 @@
 
 import { make, put } from "./drawing.js";
 
-/** How many points a drawn way becomes, a short one fewer. */
+/** Number of points of a drawn path; a short path has fewer. */
 export const PATH_POINTS = 24;
 
 const APART = 4; // pixels between points
@@ -18,15 +18,15 @@ function lengths(points) {
 
 /** `count` points evenly along a polyline, its ends included; of a closed one the last is left out. */
 function thin(points, count, closed = false) {
-  const way = closed ? [...points, points[0]] : points,
-    at = lengths(way);
+  const path = closed ? [...points, points[0]] : points,
+    at = lengths(path);
   const step = at.at(-1) / (closed ? count : count - 1);
   let k = 1;
   return Array.from({ length: count }, (_, n) => {
-    const wanted = Math.min(n * step, at.at(-1));
-    while (k < way.length - 1 && at[k] < wanted) k++;
-    const share = at[k] > at[k - 1] ? (wanted - at[k - 1]) / (at[k] - at[k - 1]) : 0;
-    return [0, 1].map((i) => way[k - 1][i] + share * (way[k][i] - way[k - 1][i]));
+    const target = Math.min(n * step, at.at(-1));
+    while (k < path.length - 1 && at[k] < target) k++;
+    const share = at[k] > at[k - 1] ? (target - at[k - 1]) / (at[k] - at[k - 1]) : 0;
+    return [0, 1].map((i) => path[k - 1][i] + share * (path[k][i] - path[k - 1][i]));
   });
 }
 

@@ -70,8 +70,8 @@ export function player(host, { name, from, to, seconds = 4, round = false, show 
         return;
       }
       frame = requestAnimationFrame(step);
-      const gone = (heading * (now - before) * Number(speed.value)) / (1000 * seconds);
-      let value = Number(slider.value) + gone * (high - low);
+      const progress = (heading * (now - before) * Number(speed.value)) / (1000 * seconds);
+      let value = Number(slider.value) + progress * (high - low);
       before = now;
       if (round) value = low + ((((value - low) % (high - low)) + (high - low)) % (high - low));
       else if (value >= high) [value, heading] = [high, -1];

@@ -25,7 +25,7 @@ function setButton(name) {
   $("play").querySelector("path").setAttribute("d", ICONS[name]);
 }
 
-/** What canvas and curves need of a solution: joints over the interval and the turn, and errors at the samples. */
+/** Return the data for canvas and curves: joints over the interval and the turn, and errors at the samples. */
 export function trajectory(solution, motion, coarse = false) {
   const fit = fitOf(solution, motion),
     { linkage, pass } = fit,
@@ -95,7 +95,7 @@ export class Player {
     Object.assign(this.board, { linkage: this.shown, joints });
   }
 
-  /** Where the slider stands, in degrees of crank from the first sample, with sign. */
+  /** Position of the slider, in degrees of crank from the first sample, with sign. */
   get travel() {
     return this.shown ? this.shown.pass.sense * Number($("slider").value) : 0;
   }
@@ -206,13 +206,16 @@ export class Player {
       rounded = degrees.toFixed(1).replace(/^-0\.0$/, "0.0"),
       length = `${text(settled(degrees, pass.high - pass.low), 4)} ${motion.unit}`,
       passed = this.stops.filter((stop) => Math.abs(stop.travel - travel) < this.#near).map(({ k }) => k + 1),
-      here = passed.length ? `${itemOf(motion)} ${passed.join(", ")}` : "";
+      passedPoses = passed.length ? `${itemOf(motion)} ${passed.join(", ")}` : "";
     $("travel").value = pass.turns ? `${rounded}°` : length;
-    $("at-sample").textContent = solution.output ? reading(solution, degrees, motion.unit) : here;
+    $("at-sample").textContent = solution.output ? reading(solution, degrees, motion.unit) : passedPoses;
     const moves = pass.turns ? `turned by ${rounded} degrees` : `moved by ${length}`;
-    $("slider").setAttribute("aria-valuetext", `${driveName(solution)} ${moves}${here && `, at ${here}`}`);
+    $("slider").setAttribute(
+      "aria-valuetext",
+      `${driveName(solution)} ${moves}${passedPoses && `, at ${passedPoses}`}`,
+    );
     this.board.showJoints(this.shown.linkage.at(degrees * RAD));
-    for (const one of this.charts) one.mark(travel);
+    for (const plot of this.charts) plot.mark(travel);
   }
 
   #play() {
@@ -229,10 +232,10 @@ export class Player {
         speed = Number($("speed").value),
         count = this.stops.length;
       const from = Number(slider.value),
-        gone = now - before;
+        elapsed = now - before;
       before = now;
       if (now < until) return;
-      let value = from + (heading * gone * speed * (high - low)) / RANGE_MS;
+      let value = from + (heading * elapsed * speed * (high - low)) / RANGE_MS;
       // each sample on the way is shown for a moment
       const isPassed = ({ travel }) => heading * (travel - from) > this.#near && heading * (value - travel) >= 0,
         stop = this.stops.find(isPassed);
@@ -275,24 +278,24 @@ export class Player {
     $("curves-over").textContent = `Curves over the ${driveName(solution)}`;
 
     // wanted angles are drawn beside the curve, whole turns away where they do not count
-    const wanted = (k) => {
+    const target = (k) => {
       const j = joints[x.indexOf(this.marks[k])];
       return miss[k] === null || !j ? null : j.rotation / RAD - miss[k];
     };
     const rotation = [{ values: over((j) => j.rotation / RAD), colour: "body" }],
       degrees = { degreesY: true, height: 160 },
       zero = { values: over(() => 0), colour: "line" };
-    if (turns) rotation.push(dots(wanted, "pose"));
+    if (turns) rotation.push(dots(target, "pose"));
     add(`Rotation of the ${turns ? "body, degrees (dots: required)" : "coupler, degrees"}`, rotation, degrees);
     if (worst.place !== null) add(`Position error at the ${item}s, ${unit}`, [dots((k) => places[k], "bad"), zero]);
     if (turns)
       add(`Rotation error (actual minus required) at the ${item}s, degrees`, [dots((k) => miss[k], "bad"), zero]);
 
     const transmission = [{ values: over((j) => j.transmission / RAD), colour: "path" }],
-      least = limits.kept.use ? (limits.transmission ?? PRESET.use) : null,
+      minAngle = limits.kept.use ? (limits.transmission ?? PRESET.use) : null,
       scale = { range: [0, 90], splits: [0, 30, 60, 90] };
-    if (least) transmission.push({ values: x.map(() => least), colour: "box", dash: [6, 4], width: 1.2 });
-    add(`Transmission angle, degrees${least ? " (dashed: limit)" : ""}`, transmission, { ...degrees, ...scale });
+    if (minAngle) transmission.push({ values: x.map(() => minAngle), colour: "box", dash: [6, 4], width: 1.2 });
+    add(`Transmission angle, degrees${minAngle ? " (dashed: limit)" : ""}`, transmission, { ...degrees, ...scale });
     // an analysis is over the used interval: over a whole turn its curves have gaps
     for (const { title, x: own, values } of analysisCurves(solution, sense, unit)) {
       const before = low < own[0] ? [low] : [],
@@ -300,6 +303,6 @@ export class Player {
         padded = [...before.map(() => null), ...values, ...after.map(() => null)];
       add(title, [{ values: padded, colour: "body" }], { x: [...before, ...own, ...after] });
     }
-    for (const one of this.charts) one.mark(Number($("slider").value));
+    for (const plot of this.charts) plot.mark(Number($("slider").value));
   }
 }

@@ -29,11 +29,11 @@ export class Poses {
     poses.forEach((pose, k) => {
       const parts = this.made[k],
         selected = k === chosen,
-        place = placeOf(pose);
-      parts.group.setAttribute("visibility", place ? "inherit" : "hidden");
-      if (!place) return;
+        position = placeOf(pose);
+      parts.group.setAttribute("visibility", position ? "inherit" : "hidden");
+      if (!position) return;
       const turning = wantsAngles(motion) && pose.angle !== null;
-      const [x, y] = view.at(place);
+      const [x, y] = view.at(position);
       const turn = turning ? (pose.angle * Math.PI) / 180 : -Math.PI / 2;
       const arm = selected ? ARM : crowded ? 13 : 18;
       const ax = arm * Math.cos(turn),

@@ -29,17 +29,17 @@ export function listProjects(open) {
   const names = Object.keys(stored()).sort();
   $("projects").hidden = !names.length;
   const remove = (name) => {
-    const { [name]: _, ...rest } = stored();
-    store(rest);
+    const { [name]: _, ...remaining } = stored();
+    store(remaining);
     listProjects(open);
   };
   const item = (name) => {
-    const gone = button("×", () => remove(name), "quiet", { "aria-label": `Delete the project ${name}` });
+    const deleteButton = button("×", () => remove(name), "quiet", { "aria-label": `Delete the project ${name}` });
     return element(
       "li",
       "",
       button(name, () => open(stored()[name]), "link"),
-      gone,
+      deleteButton,
     );
   };
   $("project-list").replaceChildren(...names.map(item));

@@ -57,14 +57,14 @@ export class Results {
     };
     this.layers = new Layers(board, jump, (solution) => this.#judgedAnew(solution));
     this.driving = new Driving(board, this.player);
-    const drag = (name, place) => this.drag(name, place, null);
+    const drag = (name, position) => this.drag(name, position, null);
     this.fields = new JointFields(board, drag, () => this.player.stop());
     listen("copy", "click", () => {
       const lines = this.#rows().map((row) => row.join("\t"));
       copy(lines.join("\n"), "The numbers are copied.", note);
     });
-    for (const one of document.querySelectorAll("[data-format]"))
-      one.addEventListener("click", () => this.#save(one.dataset.format));
+    for (const exportButton of document.querySelectorAll("[data-format]"))
+      exportButton.addEventListener("click", () => this.#save(exportButton.dataset.format));
     listen("sort", "change", () => this.#list());
     listen("drive-find", "click", () => (this.picked = true));
     listen("overlay", "change", () => this.#showOthers());
@@ -78,14 +78,14 @@ export class Results {
     if (!further) this.picked = false;
     // the view stays for further answers, and where the user has moved it to look at the linkages of this request
     const request = JSON.stringify(answer?.request),
-      same = this.answer && JSON.stringify(this.answer.request) === request,
-      stays = further || (this.board.moved && same);
+      isRepeated = this.answer && JSON.stringify(this.answer.request) === request,
+      stays = further || (this.board.moved && isRepeated);
     const before = this.picked ? this.solution : null,
       solutions = answer?.reply.solutions ?? [];
-    let held = before && solutions.find((one) => alike(one, before));
+    let selection = before && solutions.find((solution) => alike(solution, before));
     // a further answer to the same question need not have the linkage that the user holds
-    if (before && !held && this.answer === answer)
-      solutions.push((held = Object.assign(before, { rank: solutions.length + 1 })));
+    if (before && !selection && this.answer === answer)
+      solutions.push((selection = Object.assign(before, { rank: solutions.length + 1 })));
     this.answer = answer;
     for (const id of CARDS) $(id).hidden = !solutions.length;
     if (!solutions.length) {
@@ -103,8 +103,8 @@ export class Results {
         : `${Math.round(report.elapsed_ms.total)} ms`;
     const ended = live ? "" : `${refined ? "Descent" : "Search"} ended: ${ENDS[report.stopped_by]}.`;
     $("results-note").textContent = `largest errors${answer.within ? "" : `, at ${item} (no.)`} · ${from}`;
-    $("trace-note").textContent = [ended, ...report.notes.map((one) => plainNote(one, item))].join(" ");
-    this.solution = held ?? solutions[0];
+    $("trace-note").textContent = [ended, ...report.notes.map((sentence) => plainNote(sentence, item))].join(" ");
+    this.solution = selection ?? solutions[0];
     this.#list();
     this.layers.show(answer);
     this.driving.show(answer);
@@ -118,9 +118,9 @@ export class Results {
   }
 
   #clear() {
-    for (const one of [this.layers, this.driving]) {
-      one.show(null);
-      one.select(null);
+    for (const panel of [this.layers, this.driving]) {
+      panel.show(null);
+      panel.select(null);
     }
     this.solution = null;
     $("solutions").replaceChildren();
@@ -129,13 +129,15 @@ export class Results {
     this.player.clear();
   }
 
-  /** Selects the solution that is like `wanted`; adds `wanted`, with errors computed here, where there is none. */
-  choose(wanted) {
+  /** Selects the solution that is like `target`; adds `target`, with errors computed here, if there is none. */
+  choose(target) {
     const { motion, reply } = this.answer;
-    let found = reply.solutions.find((one) => one === wanted) ?? reply.solutions.find((one) => alike(one, wanted));
+    let found =
+      reply.solutions.find((solution) => solution === target) ??
+      reply.solutions.find((solution) => alike(solution, target));
     if (!found) {
       const bare = { verdict: null, rank: null, determination: { ill_posed: false, active_limits: [] } };
-      found = { ...assessed({ ...wanted, ...bare }, motion).solution, source: "link" };
+      found = { ...assessed({ ...target, ...bare }, motion).solution, source: "link" };
       reply.solutions.push(found);
     }
     this.picked = true;
@@ -161,7 +163,7 @@ export class Results {
     this.#showOthers();
   }
 
-  /** What undo brings back: the linkage changed by hand, the one selected, and where its crank stands. */
+  /** State that undo restores: the linkage changed by hand, the selected linkage, and its crank angle. */
   get state() {
     const { solution, player } = this;
     return solution && { hand: this.answer.reply.solutions.find(isHand), solution, travel: player.travel };
@@ -169,10 +171,12 @@ export class Results {
 
   restore({ hand, solution, travel }) {
     const { reply } = this.answer,
-      others = reply.solutions.filter((one) => !isHand(one)),
-      all = hand ? [...others, hand] : others;
+      computed = reply.solutions.filter((candidate) => !isHand(candidate)),
+      all = hand ? [...computed, hand] : computed;
     reply.solutions = all;
-    this.#select(all.find((one) => one === solution) ?? all.find((one) => alike(one, solution)) ?? all[0]);
+    this.#select(
+      all.find((candidate) => candidate === solution) ?? all.find((candidate) => alike(candidate, solution)) ?? all[0],
+    );
     this.player.goto(travel);
     this.#list();
   }
@@ -181,15 +185,15 @@ export class Results {
    * Moves a joint of the selected linkage, dragged or typed, and computes its errors anew. Drags of one `kind` are one
    * step of undo. Returns what hinders it, or null.
    */
-  drag(name, place, kind = `joint ${name}`) {
+  drag(name, position, kind = `joint ${name}`) {
     const { motion, reply } = this.answer ?? {};
     if (!(this.solution?.mount || this.solution?.guides) || !this.board.joints)
       return "without positions a linkage has no place.";
     this.player.stop();
-    const made = fromJoints({ ...this.board.joints, [name]: place }, this.player.travel, this.solution);
-    if (!made) return "two joints would coincide there.";
+    const moved = fromJoints({ ...this.board.joints, [name]: position }, this.player.travel, this.solution);
+    if (!moved) return "two joints would coincide there.";
     this.keep(kind);
-    const { solution, shift, closes } = assessed(made, motion),
+    const { solution, shift, closes } = assessed(moved, motion),
       travel = this.player.travel - shift,
       old = reply.solutions.findIndex(isHand);
     if (old >= 0) reply.solutions[old] = solution;
@@ -215,11 +219,11 @@ export class Results {
     const { solution, answer } = this,
       { verdict } = solution,
       item = itemOf(answer.motion),
-      places = placesInWords(solution, answer.motion, 17);
+      drivePositions = placesInWords(solution, answer.motion, 17);
     const rows = numberRows(solution, answer, 17);
-    if (places) rows.push([driveTurns(solution) ? "Crank angles" : "Travel", places.join(", ")]);
+    if (drivePositions) rows.push([driveTurns(solution) ? "Crank angles" : "Travel", drivePositions.join(", ")]);
     if (verdict) rows.push(["Verdict", mark(verdict, item).text]);
-    return verdict ? [...rows, ...reasons(verdict, item).map((one) => ["Reason", one])] : rows;
+    return verdict ? [...rows, ...reasons(verdict, item).map((reason) => ["Reason", reason])] : rows;
   }
 
   #list() {
@@ -232,11 +236,13 @@ export class Results {
       this.#select(solution);
       this.changed();
     };
-    const item = (one) => {
-      const compare = (on) => this.#compare(one, on);
-      return card(one, motion, size, this.pinned.includes(one), () => choose(one), compare);
+    const item = (solution) => {
+      const compare = (on) => this.#compare(solution, on);
+      return card(solution, motion, size, this.pinned.includes(solution), () => choose(solution), compare);
     };
-    this.pinned = this.pinned.map((one) => reply.solutions.find((other) => alike(one, other))).filter(Boolean);
+    this.pinned = this.pinned
+      .map((pinned) => reply.solutions.find((solution) => alike(pinned, solution)))
+      .filter(Boolean);
     const parts = groups.map(([kind, solutions]) => {
       const list = build("ol", {}, solutions.map(item));
       return groups.length > 1 ? [element("h3", "", kind), list] : [list];
@@ -260,7 +266,7 @@ export class Results {
 
   /** Adds a solution to the two that are compared, or takes it away. */
   #compare(solution, on) {
-    this.pinned = [...this.pinned.filter((one) => one !== solution), ...(on ? [solution] : [])].slice(-2);
+    this.pinned = [...this.pinned.filter((pinned) => pinned !== solution), ...(on ? [solution] : [])].slice(-2);
     this.#list();
     this.#showOthers();
   }
@@ -274,19 +280,19 @@ export class Results {
       host.replaceChildren(element("p", "note", "Choose a second linkage to compare."));
       return;
     }
-    const [one, other] = pinned.map((solution) => {
+    const [first, second] = pinned.map((solution) => {
       const words = mark(solution.verdict, itemOf(answer.motion))?.text ?? "not judged";
       return new Map([...numberRows(solution, answer), ["Verdict", words]]);
     });
-    const names = [...one.keys()].filter((name) => other.has(name)),
-      rows = names.map((name) => [name, one.get(name), other.get(name)]);
+    const names = [...first.keys()].filter((name) => second.has(name)),
+      rows = names.map((name) => [name, first.get(name), second.get(name)]);
     host.replaceChildren(element("h3", "", "Compared"), tableOf(["", ...pinned.map(nameOf)], rows, true));
   }
 
   /** The verdict of a solution has its layers: its card and, where it is selected, its numbers say so. */
   #judgedAnew(solution) {
-    const place = this.cards?.indexOf(solution) ?? -1,
-      item = $("solutions").querySelectorAll("li")[place];
+    const index = this.cards?.indexOf(solution) ?? -1,
+      item = $("solutions").querySelectorAll("li")[index];
     item?.querySelector(".verdict")?.replaceWith(sign(solution.verdict, this.answer.motion));
     if (solution === this.solution) this.#showNumbers(true);
   }
@@ -320,14 +326,14 @@ export class Results {
     const { board, answer } = this,
       { view } = board,
       own = pointsOf(this.player.shown.used),
-      wanted = placesOf(answer.motion);
+      targets = placesOf(answer.motion);
     if (!own.length) return;
-    const motionSize = extent(wanted.length > 1 ? wanted : own, view),
-      most = Math.max(extent([...own, ...wanted], view), NEAR * motionSize),
+    const motionSize = extent(targets.length > 1 ? targets : own, view),
+      maxExtent = Math.max(extent([...own, ...targets], view), NEAR * motionSize),
       more = [];
     for (const solution of solutions.slice(0, 12)) {
       const points = pointsOf(fitOf(solution, answer.motion).at);
-      if (points.length && extent([...own, ...wanted, ...more, ...points], view) <= most) more.push(...points);
+      if (points.length && extent([...own, ...targets, ...more, ...points], view) <= maxExtent) more.push(...points);
     }
     board.fit(more);
   }
@@ -335,8 +341,8 @@ export class Results {
   #showOthers() {
     const { motion, reply } = this.answer ?? {},
       faint = $("overlay").checked && reply ? reply.solutions : this.pinned,
-      others = faint.filter((one) => one !== this.solution);
-    this.board.showOthers(others.map((one) => trajectory(one, motion)));
+      background = faint.filter((candidate) => candidate !== this.solution);
+    this.board.showOthers(background.map((candidate) => trajectory(candidate, motion)));
   }
 
   /** `again`: the same solution, so that what the last export said stays. */
@@ -362,8 +368,8 @@ export class Results {
     const last = report.trace.at(-1),
       rows = [...report.trace, [Math.max(report.elapsed_ms.total, last[0] * 1.001), last[1]]],
       values = rows.map(([, objective]) => Math.max(objective, 1e-17)),
-      told = report.trace.slice(-6).map(([ms, objective]) => `${text(objective, 2)} after ${text(ms, 3)} ms`);
-    box.setAttribute("aria-label", `Best error after each round: ${told.join(", ")}`);
+      progress = report.trace.slice(-6).map(([ms, objective]) => `${text(objective, 2)} after ${text(ms, 3)} ms`);
+    box.setAttribute("aria-label", `Best error after each round: ${progress.join(", ")}`);
     const series = [{ values, colour: "accent", steps: true, size: 5 }];
     chart(box, { x: rows.map(([ms]) => ms), height: 170, degreesX: false, logY: true, xName: " ms", series });
   }

@@ -12,7 +12,7 @@ import { $, copy, listen, markEarlier, say, startScenes, startTheme } from "./sh
 import { Visits } from "./visits.js";
 
 /**
- * What a machine's module exports: `show(answer, hosts)`, which draws an answer {query, request, reply, ask} into the
+ * Exports of a machine's module: `show(answer, hosts)`, which draws an answer {query, request, reply, ask} into the
  * elements of `hosts` (picture, facts, curves, tables) and may return the player of its drawing; and, if its drawing
  * needs more than was asked for, `request(query, request)`, what is sent instead, and `numbers(reply)`, without it.
  */
@@ -52,7 +52,7 @@ let edited = false; // whether the form has changed since it was sent
 const visits = new Visits(showAgain, () => {}); // the question of the address is sent by `hashchange`
 
 function chooseQuery(path) {
-  query = scene.queries.find((one) => one.path === path);
+  query = scene.queries.find((entry) => entry.path === path);
   $("query").value = path;
   $("summary").textContent = query.summary;
   const options = Object.keys(query.examples).map((name) => new Option(name.replaceAll(/[_-]/g, " "), name));
@@ -82,27 +82,27 @@ function busy(now) {
  * throws AbortError, so that only the latest work draws. Returns whether the work came to its end.
  */
 async function run(question, work) {
-  const mine = Object.assign(new AbortController(), { question }),
+  const current = Object.assign(new AbortController(), { question }),
     asking = form;
   running?.abort();
-  running = mine;
+  running = current;
   edited = false;
   busy(true);
   try {
-    await work(async (path, body) => (await ask(path, body, mine.signal)).json());
-    mine.signal.throwIfAborted();
+    await work(async (path, body) => (await ask(path, body, current.signal)).json());
+    current.signal.throwIfAborted();
     markEarlier(edited);
     say(answered.words);
     return true;
   } catch (error) {
-    if (running !== mine) return false;
+    if (running !== current) return false;
     markEarlier(edited || answered?.request !== question.request);
     if (form === asking) form.mark(error.rows ?? []);
     if (error.name === "AbortError") say("Stopped.");
     else say(error.message, true);
     return false;
   } finally {
-    if (running === mine) {
+    if (running === current) {
       running = null;
       busy(false);
     }
@@ -120,14 +120,14 @@ async function answer(at = null) {
   }
   const question = { query: query.path, request },
     begin = performance.now(),
-    asked = query;
+    current = query;
   if (running && JSON.stringify(question) === JSON.stringify(running.question)) return;
   say("Calculating…");
   const complete = await run(question, async (get) => {
-    const sent = machine.request?.(asked, request) ?? request,
-      reply = await get(asked.path, sent),
+    const sent = machine.request?.(current, request) ?? request,
+      reply = await get(current.path, sent),
       words = `Calculated in ${Math.round(performance.now() - begin)} ms.`;
-    answered = { query: asked, request, sent, reply, words };
+    answered = { query: current, request, sent, reply, words };
     await show(at, get);
   });
   const shown = answered,
@@ -162,20 +162,20 @@ async function show(at, get) {
 }
 
 function showExports() {
-  const { query: asked, request, sent, reply } = answered,
-    name = asked.command.replaceAll(" ", "-"),
+  const { query: answeredQuery, request, sent, reply } = answered,
+    name = answeredQuery.command.replaceAll(" ", "-"),
     type = "application/json";
   const json = () => new Blob([JSON.stringify({ request: sent, reply }, null, 1)], { type }),
-    made = async (format) => (await ask(`${asked.path}.${format}`, request)).blob();
+    fetchFile = async (format) => (await ask(`${answeredQuery.path}.${format}`, request)).blob();
   const save = async (format) => {
     try {
-      download(await (format === "json" ? json() : made(format)), `${name}.${format}`);
+      download(await (format === "json" ? json() : fetchFile(format)), `${name}.${format}`);
     } catch (error) {
       say(error.message, true);
     }
   };
   const saves = (format) => button(format.toUpperCase(), () => save(format), "", { "data-format": format });
-  $("exports").replaceChildren(...["json", ...asked.exports].map(saves));
+  $("exports").replaceChildren(...["json", ...answeredQuery.exports].map(saves));
 }
 
 /** The page's address with the question, its values and the place of the slider behind #. */
@@ -187,13 +187,13 @@ async function copyLink() {
 
 /** The question in the page's address; false if it holds none. */
 async function openLink() {
-  const kept = await fromFragment(location.hash);
-  if (!kept) return false;
-  if (!scene.queries.some((one) => one.path === kept.query))
+  const saved = await fromFragment(location.hash);
+  if (!saved) return false;
+  if (!scene.queries.some((entry) => entry.path === saved.query))
     throw new Error("The link is of another machine or version.");
-  chooseQuery(kept.query);
-  fill(kept.request);
-  await answer(kept.at ?? null);
+  chooseQuery(saved.query);
+  fill(saved.request);
+  await answer(saved.at ?? null);
   return true;
 }
 
@@ -207,9 +207,9 @@ async function start() {
   document.title = `${scene.title} · linkage-atlas`;
   $("title").textContent = scene.title;
   [$("purpose").textContent, $("caption").textContent] = CASES[name];
-  const options = scene.queries.map((one) => new Option(one.command.split(" ").slice(1).join(" "), one.path)),
+  const options = scene.queries.map((entry) => new Option(entry.command.split(" ").slice(1).join(" "), entry.path)),
     change = () => markEarlier((edited = true)),
-    tell = (error) => say(error.message, true);
+    showError = (error) => say(error.message, true);
   $("query").replaceChildren(...options);
   listen("query", "change", () => {
     chooseQuery($("query").value);
@@ -227,12 +227,12 @@ async function start() {
     running?.abort();
     $("run").focus();
   });
-  listen("link", "click", () => copyLink().catch(tell));
+  listen("link", "click", () => copyLink().catch(showError));
   listen("all-fold", "toggle", () => {
     const { reply } = answered;
     if ($("all-fold").open && !$("all").childElementCount) everything($("all"), machine.numbers?.(reply) ?? reply);
   });
-  addEventListener("hashchange", () => location.hash !== `#${own}` && openLink().catch(tell));
+  addEventListener("hashchange", () => location.hash !== `#${own}` && openLink().catch(showError));
   chooseQuery(scene.queries[0].path);
   let wrong = null;
   const opened = await openLink().catch((error) => {

@@ -1,4 +1,4 @@
-// What lies around the poses on the canvas: grid, pivot box, way, path and errors, ghosts, body outline, overlay.
+// Scenery around the poses on the canvas: grid, pivot box, way, path and errors, ghosts, body outline, overlay.
 
 import { LinkageShape, make, pathData, pointPath, roundStep, text } from "./drawing.js";
 import { itemOf, placeOf, placesOf, wantsAngles, wantsPlaces } from "./motion.js";
@@ -9,8 +9,8 @@ const MOST_GHOSTS = 40;
 const times = (factor) => (factor < 1e5 ? factor : factor.toExponential(0));
 
 /** Polylines of a body, moved to a place and turned by an angle in radians, as path data. */
-function placedOutline(outline, place, turn, view) {
-  const placed = (point) => add(place, turned(point, turn));
+function placedOutline(outline, position, turn, view) {
+  const placed = (point) => add(position, turned(point, turn));
   return outline.map((line) => pathData(line.map(placed), view)).join("");
 }
 
@@ -68,37 +68,37 @@ export function drawBox(layer, motion, view) {
   make("text", { class: "tick", x: x + 7, y: y + 16, text: "pivots" }, layer);
   for (const corner of ["0 3", "2 3", "2 1", "0 1"]) {
     const [i, j] = corner.split(" "),
-      place = { x: view.x(box[i]) - 5, y: view.y(box[j]) - 5 };
-    make("rect", { class: "box-handle", ...place, width: 10, height: 10, rx: 2, "data-corner": corner }, layer);
+      labelAt = { x: view.x(box[i]) - 5, y: view.y(box[j]) - 5 };
+    make("rect", { class: "box-handle", ...labelAt, width: 10, height: 10, rx: 2, "data-corner": corner }, layer);
   }
 }
 
 /** The way from pose to pose where the crank angles are free, and `invitation`, what to do on an empty canvas. */
 export function drawWay(layer, motion, view, invitation) {
   layer.replaceChildren();
-  const places = placesOf(motion);
+  const targets = placesOf(motion);
   if (invitation) {
     const letter = view.width < 500 ? 15 : 18,
       style = { class: "invite", "font-size": letter, "text-anchor": "middle", "aria-hidden": "true" };
     make("text", { ...style, x: view.width / 2, y: view.height / 2 - letter, text: invitation }, layer);
   }
-  if (motion.timing !== "free" || motion.anyOrder || places.length < 2) return;
-  make("path", { class: "way", d: pathData(places, view) }, layer);
-  if (motion.closed && places.length > 2)
-    make("path", { class: "way return", d: pathData([places.at(-1), places[0]], view) }, layer);
+  if (motion.timing !== "free" || motion.anyOrder || targets.length < 2) return;
+  make("path", { class: "way", d: pathData(targets, view) }, layer);
+  if (motion.closed && targets.length > 2)
+    make("path", { class: "way return", d: pathData([targets.at(-1), targets[0]], view) }, layer);
 }
 
 /** The body at each wanted pose: its outline if it has one, else the coupler's triangle of the linkage there. */
 export function drawGhosts(layer, motion, linkage, view) {
   layer.replaceChildren();
-  const every = Math.ceil(motion.poses.length / MOST_GHOSTS);
+  const interval = Math.ceil(motion.poses.length / MOST_GHOSTS);
   motion.poses.forEach((pose, k) => {
-    if (k % every) return;
-    const place = placeOf(pose),
+    if (k % interval) return;
+    const position = placeOf(pose),
       joints = linkage?.at[k];
-    if (motion.outline && place && wantsPlaces(motion)) {
+    if (motion.outline && position && wantsPlaces(motion)) {
       const turn = wantsAngles(motion) && pose.angle !== null ? pose.angle * RAD : (joints?.rotation ?? 0);
-      make("path", { class: "ghost", d: placedOutline(motion.outline, place, turn, view) }, layer);
+      make("path", { class: "ghost", d: placedOutline(motion.outline, position, turn, view) }, layer);
     } else if (!motion.outline && joints)
       make("path", { class: "ghost", d: `${pathData([joints.d, joints.c, joints.p].filter(Boolean), view)}Z` }, layer);
   });
@@ -112,9 +112,9 @@ export function drawBody(layer, outline, joints, view) {
 }
 
 /** Other linkages, faint, at their first pose, with their paths. */
-export function drawOverlay(layer, others, view) {
+export function drawOverlay(layer, curves, view) {
   layer.replaceChildren();
-  for (const { at, used } of others) {
+  for (const { at, used } of curves) {
     make("path", { class: "curve", d: pointPath(used, view) }, layer);
     new LinkageShape(layer, false).show(at.find(Boolean) ?? null, view);
   }
@@ -157,12 +157,12 @@ function drawBand(curves, targets, band, view) {
     widest = Math.max(0, ...along.map(([, radius]) => radius)) * view.scale;
   if (along.length < 2 || !(widest > 1e-7)) return;
   const factor = widest >= 3 ? 1 : roundStep(5 / widest),
-    places = along.map(([place]) => view.at(place));
+    points = along.map(([point]) => view.at(point));
   const edge = (side) =>
     along.map(([, radius], k) => {
-      const [dx, dy] = less(places[Math.min(along.length - 1, k + 1)], places[Math.max(0, k - 1)]),
+      const [dx, dy] = less(points[Math.min(along.length - 1, k + 1)], points[Math.max(0, k - 1)]),
         far = (side * radius * view.scale * factor) / (Math.hypot(dx, dy) || 1);
-      return add(places[k], [far * dy, -far * dx]);
+      return add(points[k], [far * dy, -far * dx]);
     });
   const wider = factor === 1 ? "" : `, drawn ${times(factor)} times wider`,
     at = { class: "band-note", x: view.width - 10, y: 36, "text-anchor": "end" };

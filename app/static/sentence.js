@@ -17,10 +17,10 @@ const FIRST = {
 const ENDED = "No linkage was found within these limits, and the search ran to its end.";
 const LOOSEN = "Loosen a limit, allow any family, or let the pivots lie elsewhere.";
 
-/** Whether a note belongs beside the error of the best linkage: none comes near, or another order is much nearer. */
+/** Return true if a note belongs beside the smallest error: no linkage is near, or another order is much nearer. */
 const matters = (note) => note.startsWith("No linkage that was found comes near") || note.endsWith("(`order`).");
 
-/** What the best linkage found really does, in a few words: "off by 0.27 mm (pose 5) and 0.08° (pose 4)". */
+/** Return the errors of the best linkage in a few words: "off by 0.27 mm (pose 5) and 0.08° (pose 4)". */
 export function howNear({ reply, motion }) {
   const best = reply.solutions[0];
   if (best.off) return best.off === "rounding" ? "met to within rounding" : `off by at most ${best.off}`;
@@ -34,24 +34,24 @@ export function howNear({ reply, motion }) {
 export function sentenceOf({ reply, request, motion, stored, live, seconds }, selected) {
   const { status, solutions, report } = reply,
     item = itemOf(motion),
-    plain = (notes) => notes.map((one) => plainNote(one, item)),
-    nearness = (one) => howNear({ reply: { solutions: [one], report }, motion }),
+    plain = (notes) => notes.map((remark) => plainNote(remark, item)),
+    nearness = (solution) => howNear({ reply: { solutions: [solution], report }, motion }),
     time = `${seconds?.toFixed(1)} s`;
   const [best] = solutions;
   if (!best) {
-    const why = plain(report.notes.filter((one) => !one.startsWith("No linkage within"))).join(" "),
+    const why = plain(report.notes.filter((remark) => !remark.startsWith("No linkage within"))).join(" "),
       proved = status === "infeasible" ? ENDED : `None found in ${time}, when the time was up; that proves nothing.`;
     return `${proved} ${why || LOOSEN}`;
   }
   if (live) {
     const source = selected.source === "moved" ? "Moved with the motion" : "Found beside the one that was moved",
-      better = solutions.some((one) => one.better) && !selected.better;
+      better = solutions.some((solution) => solution.better) && !selected.better;
     return `${source}: ${nearness(selected)}.${better ? " A better linkage was found; see the cards." : ""}`;
   }
   const reached = status === "reached",
-    held = best.determination?.active_limits ?? [],
-    limits = new Intl.ListFormat("en-GB").format(held.map(limitName)),
-    limited = held.length && !reached ? `, limited by ${limits}` : "",
+    activeLimits = best.determination?.active_limits ?? [],
+    limits = new Intl.ListFormat("en-GB").format(activeLimits.map(limitName)),
+    limited = activeLimits.length && !reached ? `, limited by ${limits}` : "",
     within = reached && request.tolerances && `Within the allowed errors at every ${item}`,
     kept = within || (!request.tolerances && request.prefer && "Near the smallest error"),
     first = FIRST[preferred(request)],
@@ -91,8 +91,8 @@ function offered(note, request, found) {
 
 /** Offers what the notes of an answer suggest, as buttons that call `use` with another request. */
 export function showOffers({ reply: { report, solutions }, request }, use) {
-  const all = report.notes.map((one) => offered(one, request, solutions.length > 0)).filter(Boolean);
-  const found = all.filter(([words], k) => all.findIndex(([other]) => other === words) === k);
+  const all = report.notes.map((remark) => offered(remark, request, solutions.length > 0)).filter(Boolean);
+  const found = all.filter(([words], k) => all.findIndex(([label]) => label === words) === k);
   $("suggestions").hidden = !found.length;
   $("suggestions").replaceChildren(...found.map(([words, eased]) => button(words, () => use(eased))));
 }

@@ -8,7 +8,7 @@ export const STAGES = [200, 5000];
 const LONGER = 20000; // of a last stage, where nothing was found by then
 const SHARE = 0.8; // of a budget, which a search that ended by itself did not use up
 
-/** What an error reply says of a wrong field, which it names by a pointer. */
+/** Return the error message for a wrong field, which the error reply names by a pointer. */
 function faultOf({ pointer = "", detail }) {
   const path = pointer.replace(/^#?\/?/, "").replaceAll("/", " "),
     field = path.replace(/(?<= )\d+\b/g, (k) => +k + 1) || "request"; // the user counts from 1
@@ -20,8 +20,8 @@ class Problem extends Error {
   constructor(status, body) {
     const rows = body?.errors ?? [],
       faults = rows.slice(0, 3).map(faultOf).join("; "),
-      said = faults || body?.detail || `The service answered with ${status}`;
-    super(capital(plainWords(`${said}${/[.!?]$/.test(said) ? "" : "."}`)));
+      message = faults || body?.detail || `The service answered with ${status}`;
+    super(capital(plainWords(`${message}${/[.!?]$/.test(message) ? "" : "."}`)));
     Object.assign(this, { status, rows });
   }
 }
@@ -44,9 +44,9 @@ export async function ask(path, body, signal) {
 const faulty = ({ verdict }) => ["order", "branch", "circuit"].some((name) => verdict?.[name] === false);
 const outside = ({ verdict }) => verdict?.within_tolerance === false;
 const objective = ({ errors }) => (errors.objective < 1e-10 ? 0 : errors.objective);
-const rounded = (one) => one.rounded?.errors?.objective ?? Infinity;
+const rounded = (solution) => solution.rounded?.errors?.objective ?? Infinity;
 
-/** What a request's first solution is to have: its `prefer`, or the service's default. */
+/** Return the preference that ranks the solutions of a request: its `prefer`, or the service's default. */
 export function preferred({ prefer, timing, tolerances, position, limits, round_to, lengths_from }) {
   if (prefer) return prefer;
   if (timing === "free" && limits?.preset !== "none" && !round_to && !lengths_from) return "balanced";
@@ -60,27 +60,27 @@ const comparison = (request) => (a, b) => {
   return faulty(a) - faulty(b) || outside(a) - outside(b) || nearer;
 };
 
-/** At most `top` solutions of a reply in its order, and among them those of an earlier one that it lacks by `same`. */
-export function together(request, earlier, reply, top, same) {
+/** Merge at most `top` solutions of a reply, in its order, with the earlier solutions that it lacks by `isSame`. */
+export function together(request, earlier, reply, top, isSame) {
   const all = [...reply.solutions],
     worse = comparison(request);
-  for (const one of earlier.filter((before) => !reply.solutions.some((other) => same(before, other)))) {
-    const at = all.findIndex((other) => worse(one, other) < 0);
-    all.splice(at < 0 ? all.length : at, 0, one);
+  for (const candidate of earlier.filter((before) => !reply.solutions.some((solution) => isSame(before, solution)))) {
+    const at = all.findIndex((solution) => worse(candidate, solution) < 0);
+    all.splice(at < 0 ? all.length : at, 0, candidate);
   }
-  return all.slice(0, top).map((one, k) => ({ ...one, rank: k + 1 }));
+  return all.slice(0, top).map((solution, k) => ({ ...solution, rank: k + 1 }));
 }
 
 /** Repeats the search with the next budget as long as the budget ended it; `show(reply, last)` gets each answer. */
-export async function solve(request, show, signal, same) {
+export async function solve(request, show, signal, isSame) {
   let found = [];
   const worse = comparison(request);
   const budgets = [...STAGES, LONGER];
   for (const [k, budget] of budgets.entries()) {
     const reply = await (await ask("/v2/synthesize", { ...request, budget_ms: budget }, signal)).json(),
       [best] = reply.solutions,
-      earlier = found.filter((one) => !best || worse(one, best) < 0);
-    if (k) reply.solutions = together(request, earlier, reply, request.top ?? 10, same);
+      earlier = found.filter((solution) => !best || worse(solution, best) < 0);
+    if (k) reply.solutions = together(request, earlier, reply, request.top ?? 10, isSame);
     // a search that its budget ends on the way to smaller linkages says what ended its first part
     const { stopped_by, elapsed_ms } = reply.report,
       ended = stopped_by !== "budget" && elapsed_ms.total < SHARE * budget;

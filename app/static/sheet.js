@@ -25,10 +25,10 @@ function drawing(fit, motion, drive) {
   const svg = picture(SIZE),
     view = new View(...SIZE),
     used = joints(fit).filter(Boolean);
-  const wanted = wantsPlaces(motion) ? motion.poses.map(placeOf) : [];
+  const targets = wantsPlaces(motion) ? motion.poses.map(placeOf) : [];
   if (!used.length) return svg;
   const parts = drive?.lines() ?? [];
-  view.fit([used[0].a, used[0].b, ...used.flatMap((j) => [j.c, j.d, j.p]), ...wanted, ...parts.flat()], 26);
+  view.fit([used[0].a, used[0].b, ...used.flatMap((j) => [j.c, j.d, j.p]), ...targets, ...parts.flat()], 26);
   fit.at.forEach((j, k) => {
     if (j && k % Math.ceil(fit.at.length / MOST_GHOSTS) === 0)
       make("path", { class: "ghost", d: `${pathData([j.d, j.c, j.p].filter(Boolean), view)}Z` }, svg);
@@ -37,12 +37,12 @@ function drawing(fit, motion, drive) {
   new LinkageShape(svg).show(fit.at[0] ?? used[0], view);
   for (const line of parts) {
     make("path", { class: "drive-rod", d: pathData(line, view) }, svg);
-    for (const place of line)
-      make("circle", { class: "drive-joint", cx: view.x(place[0]), cy: view.y(place[1]), r: 3.5 }, svg);
+    for (const joint of line)
+      make("circle", { class: "drive-joint", cx: view.x(joint[0]), cy: view.y(joint[1]), r: 3.5 }, svg);
   }
-  wanted.forEach((place, k) => {
-    if (!place) return;
-    const [x, y] = view.at(place),
+  targets.forEach((target, k) => {
+    if (!target) return;
+    const [x, y] = view.at(target),
       { angle } = motion.poses[k],
       arm = angle === null ? "" : `l${14 * Math.cos(angle * RAD)} ${-14 * Math.sin(angle * RAD)}`;
     make("circle", { class: "wanted", cx: x, cy: y, r: 3 }, svg);

@@ -1,4 +1,4 @@
-// What both pages have in common: elements by id, the status line, light or dark colours, links to the machines.
+// Code that both pages share: elements by id, the status line, light or dark colours, links to the machines.
 
 const KEY = "linkage-atlas-theme";
 const system = matchMedia("(prefers-color-scheme: dark)");
@@ -21,12 +21,12 @@ export const listed = (...items) => items.filter(Boolean).join(", ");
 
 /** An HTML element with properties or attributes, and children. */
 export function build(name, properties = {}, ...children) {
-  const made = document.createElement(name);
+  const node = document.createElement(name);
   for (const [key, value] of Object.entries(properties))
-    if (key in made) made[key] = value;
-    else made.setAttribute(key, value);
-  made.append(...children.flat().filter((child) => child || child === 0));
-  return made;
+    if (key in node) node[key] = value;
+    else node.setAttribute(key, value);
+  node.append(...children.flat().filter((child) => child || child === 0));
+  return node;
 }
 
 /** The value of plain data at a path as "limits.min". */
@@ -46,12 +46,12 @@ export function say(sentence, bad = false) {
 }
 
 /** Puts `content` on the clipboard and tells that it is `done`; where the browser forbids it, tells `otherwise`. */
-export async function copy(content, done, tell = say, otherwise = content) {
+export async function copy(content, done, notify = say, otherwise = content) {
   try {
     await navigator.clipboard.writeText(content);
-    tell(done);
+    notify(done);
   } catch {
-    tell(otherwise);
+    notify(otherwise);
   }
 }
 

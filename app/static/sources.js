@@ -1,4 +1,4 @@
-// Where a motion comes from: an example, pasted rows, a file or a link; and the links to a request.
+// Sources of a motion: an example, pasted rows, a file or a link; and the links to a request.
 
 import { toCsv, withSamples } from "./csv.js";
 import { fromPage, fromRequest, toPage, toRequest } from "./formats.js";
@@ -20,7 +20,7 @@ const ROLES = ["x", "y", "angle", "crank"];
 /** All of a motion that a link holds, to be compared. */
 const contentOf = (motion) => JSON.stringify(toPage(toRequest(motion), motion));
 
-/** What can be done with other files than tables and requests, by their endings. */
+/** Actions for files other than tables and requests, by their extensions. */
 const FILES = new Map([
   [/\.(svg|dxf)$/i, "outline"],
   [/\.(png|jpe?g|webp)$/i, "picture"],
@@ -73,15 +73,15 @@ export class Sources {
   }
 
   /** Begins a new motion, path or function that keeps the unit; a function perhaps with `fields` of its law. */
-  begin(wanted, fields = {}) {
-    const law = wanted === "function" ? { ...firstLaw(), ...fields } : null;
-    const mode = { both: "add", position: "path", function: "move" }[wanted];
-    this.#take({ ...emptyMotion(wanted), law, unit: this.current().unit }, { mode });
+  begin(kind, fields = {}) {
+    const law = kind === "function" ? { ...firstLaw(), ...fields } : null;
+    const mode = { both: "add", position: "path", function: "move" }[kind];
+    this.#take({ ...emptyMotion(kind), law, unit: this.current().unit }, { mode });
   }
 
   /** Does nothing for a name that no example has. */
   useExample(name) {
-    const example = this.examples.find((one) => one.name === name);
+    const example = this.examples.find((entry) => entry.name === name);
     if (example) this.#open(example, { mode: "move" });
   }
 
@@ -93,13 +93,13 @@ export class Sources {
   }
 
   /** Takes a path drawn by hand: places only, free crank angles, the limits of the motion before. */
-  useDrawn(places, closed) {
+  useDrawn(points, closed) {
     const { limits, tolerance, top, round, unit, diverse } = this.#settings(),
-      poses = places.map(([x, y], k) => ({ t: k, x, y, angle: 0 })),
-      count = `${places.length} points${closed ? " of a closed path" : ""}`,
-      note = places.length > 1 ? `Drawn by hand: ${count}, crank angles free. Move points, or solve.` : "",
-      kept = { limits, top, round, unit, diverse, tolerance: { ...tolerance, rotation: null } };
-    this.#take(structuredClone({ ...emptyMotion("position"), ...kept, closed, poses }), { note, fit: false });
+      poses = points.map(([x, y], k) => ({ t: k, x, y, angle: 0 })),
+      count = `${points.length} points${closed ? " of a closed path" : ""}`,
+      note = points.length > 1 ? `Drawn by hand: ${count}, crank angles free. Move points, or solve.` : "",
+      settings = { limits, top, round, unit, diverse, tolerance: { ...tolerance, rotation: null } };
+    this.#take(structuredClone({ ...emptyMotion("position"), ...settings, closed, poses }), { note, fit: false });
   }
 
   /** Takes the motion from the page's address; false if there is none. Throws for a damaged one. */
@@ -125,7 +125,7 @@ export class Sources {
     this.#take(fromPage(content).motion, { note: "From your draft.", mode: "move", build: content.build });
   }
 
-  /** Whether a motion is work of the user's own: it has poses, and is no example or link as it came. */
+  /** Return true if a motion is the user's work: it has poses, and is not an unchanged example or link. */
   isOwn(motion) {
     const { law } = motion,
       hasWork = law ? JSON.stringify(law) !== JSON.stringify(firstLaw()) : motion.poses.length > 0;
@@ -147,11 +147,11 @@ export class Sources {
   /** Says where a motion comes from, as long as it is there. */
   say(motion) {
     const twice = motion.note && repeated(motion),
-      other = this.isOwn(motion) && this.examples.some(({ title }) => motion.note?.startsWith(`${title}. `)),
-      note = other ? "" : motion.note, // an example's words are of its own poses and limits
-      same = twice && `${capital(itemOf(motion))}s ${twice.join(" and ")} are the same`,
+      isEdited = this.isOwn(motion) && this.examples.some(({ title }) => motion.note?.startsWith(`${title}. `)),
+      note = isEdited ? "" : motion.note, // an example's words are of its own poses and limits
+      repetition = twice && `${capital(itemOf(motion))}s ${twice.join(" and ")} are the same`,
       cannot = "a crank that turns on cannot meet both exactly.";
-    $("example-note").textContent = same ? `${note} ${same}: ${cannot}`.trim() : note;
+    $("example-note").textContent = repetition ? `${note} ${repetition}: ${cannot}`.trim() : note;
     $("unwrap").hidden ||= !jump(motion) && !looksRadian(motion);
   }
 
@@ -177,8 +177,8 @@ export class Sources {
       const next = structuredClone(this.current()),
         angles = next.poses.map(({ angle }) => angle),
         degrees = (angle) => angle && Number((angle / RAD).toPrecision(12)),
-        made = radian ? angles.map(degrees) : unwrapped(angles);
-      for (const [k, angle] of made.entries()) next.poses[k].angle = angle;
+        converted = radian ? angles.map(degrees) : unwrapped(angles);
+      for (const [k, angle] of converted.entries()) next.poses[k].angle = angle;
       this.#take(next, { note: radian ? "Angles converted from radians." : "Angles unwrapped.", fit: false });
     };
   }
@@ -201,13 +201,13 @@ export class Sources {
   async #read(source, from, failed, columns = null) {
     const turn = { source, from, failed },
       isText = typeof source === "string",
-      whole = () => (isText ? source : source.text());
+      readAll = () => (isText ? source : source.text());
     this.reading = turn;
     $("paste-use").disabled = true;
     try {
       const start = isText ? source : await source.slice(0, 1000).text();
       if (start.trimStart().startsWith("{")) {
-        const motion = this.#fromJson(await whole());
+        const motion = this.#fromJson(await readAll());
         if (this.reading === turn) this.#take(motion, { note: from, mode: "move" });
         return;
       }
@@ -215,7 +215,7 @@ export class Sources {
         read = await readTable(content, "synthesize", columns);
       if (this.reading !== turn) return;
       const motion = withSamples(this.#settings(), read),
-        notes = read.notes.map((one) => capital(one.replace(/\.?$/, "."))),
+        notes = read.notes.map((remark) => capital(remark.replace(/\.?$/, "."))),
         units = Object.fromEntries(read.columns.map(({ role, unit }) => [role, unit]));
       if (thin) notes.push(thin);
       if (dropClosing(motion)) notes.push("The last row repeated the first: it was dropped, and the motion is closed.");
@@ -224,7 +224,7 @@ export class Sources {
     } catch (error) {
       if (this.reading !== turn) return;
       if (error.ofOther) {
-        const law = { ...firstLaw(), name: "pairs", table: await whole() },
+        const law = { ...firstLaw(), name: "pairs", table: await readAll() },
           note = `${from} Its columns are those of a function.`;
         this.#take({ ...emptyMotion("function"), unit: this.current().unit, law }, { note, mode: "move" });
         return;

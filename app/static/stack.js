@@ -7,7 +7,7 @@ const [WIDE, HIGH, LEFT] = [64, 26, 42]; // pixels between columns and layers, a
 
 /** Draws an assembly into an SVG. */
 export function drawStack(svg, { count, parts, status }) {
-  const used = COLUMNS.filter((name) => parts.some((one) => one.name.endsWith(`_${name}`))),
+  const used = COLUMNS.filter((name) => parts.some((piece) => piece.name.endsWith(`_${name}`))),
     plates = parts.filter(({ kind }) => kind === "plate"),
     rows = parts.flatMap(({ layers }) => layers),
     high = Math.max(...rows);

@@ -9,17 +9,17 @@ const [LEAST, MOST] = [240, 520];
 const [LETTER, LINE] = [9, 18]; // pixels that a letter of a name is wide, and high
 
 /** A value of a part: as it is, or what a function makes of the state of the machine. */
-const given = (value, now) => (typeof value === "function" ? value(now) : value);
+const valueAt = (value, state) => (typeof value === "function" ? value(state) : value);
 
 /** A part whose path data `data(view, now)` makes. A part draws into a layer and returns what lays it for a state. */
 export const path = (kind, data) => (layer, view) => {
-  const made = make("path", {}, layer);
-  return (now) => put(made, { class: given(kind, now), d: data(view, now) });
+  const node = make("path", {}, layer);
+  return (now) => put(node, { class: valueAt(kind, now), d: data(view, now) });
 };
 
 /** A polyline with the class `kind` through points. */
 export const line = (kind, points, closed = false) =>
-  path(kind, (view, now) => pathData(given(points, now), view) + (closed ? "Z" : ""));
+  path(kind, (view, now) => pathData(valueAt(points, now), view) + (closed ? "Z" : ""));
 
 /** A circle of the size that it has in the world. */
 export const circle =
@@ -33,11 +33,11 @@ export const circle =
 export const dot =
   (kind, at, r = 5) =>
   (layer, view) => {
-    const made = make("circle", { class: kind, r }, layer);
+    const node = make("circle", { class: kind, r }, layer);
     return (now) => {
-      const place = given(at, now);
-      put(made, { visibility: place ? "visible" : "hidden" });
-      if (place) put(made, { cx: view.x(place[0]), cy: view.y(place[1]) });
+      const position = valueAt(at, now);
+      put(node, { visibility: position ? "visible" : "hidden" });
+      if (position) put(node, { cx: view.x(position[0]), cy: view.y(position[1]) });
     };
   };
 
@@ -48,7 +48,7 @@ export const dot =
 export const symbol =
   (name, at, dx = 9, dy = -8) =>
   (layer, view) => {
-    const others = [...layer.querySelectorAll(".symbol")],
+    const earlier = [...layer.querySelectorAll(".symbol")],
       wide = LETTER * name.length + 4;
     const word = make("text", { class: "symbol", visibility: "hidden", "data-wide": wide }, layer),
       [, letter, index] = /^([A-Za-zΑ-ωθαβγφξε′]+)_?(\w*)(?:′)?$/.exec(name) ?? [null, name, ""];
@@ -56,15 +56,15 @@ export const symbol =
     if (index) make("tspan", { class: "index", dy: "3", text: index }, word);
     if (name.endsWith("′")) make("tspan", { dy: index ? "-3" : "0", text: "′" }, word);
     return (now) => {
-      const place = given(at, now),
-        x = Math.max(4, Math.min(view.x(place[0]) + dx, view.width - wide)),
-        y = view.y(place[1]) + dy;
-      const covers = (other) => {
-        const [left, low, width] = ["x", "y", "data-wide"].map((side) => Number(other.getAttribute(side))),
-          seen = other.getAttribute("visibility") === "visible";
-        return seen && Math.abs(y - low) < LINE && x < left + width && left < x + wide;
+      const position = valueAt(at, now),
+        x = Math.max(4, Math.min(view.x(position[0]) + dx, view.width - wide)),
+        y = view.y(position[1]) + dy;
+      const covers = (label) => {
+        const [left, low, width] = ["x", "y", "data-wide"].map((side) => Number(label.getAttribute(side))),
+          isVisible = label.getAttribute("visibility") === "visible";
+        return isVisible && Math.abs(y - low) < LINE && x < left + width && left < x + wide;
       };
-      put(word, { x, y, visibility: others.some(covers) ? "hidden" : "visible" });
+      put(word, { x, y, visibility: earlier.some(covers) ? "hidden" : "visible" });
     };
   };
 

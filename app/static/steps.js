@@ -4,7 +4,7 @@ import { $ } from "./shell.js";
 
 const narrow = matchMedia("(max-width: 900px)");
 
-/** Whether the panel is a sheet below the canvas. */
+/** Return true if the panel is a sheet below the canvas. */
 export const isNarrow = () => narrow.matches;
 const tabs = () => [...$("steps").children];
 

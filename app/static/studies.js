@@ -1,4 +1,4 @@
-// What a designer asks of a solution next, as curves, a band, and rows of numbers.
+// Studies of a solution, shown as curves, a band, and rows of numbers.
 
 import { text } from "./drawing.js";
 import { lawCurves } from "./law.js";
@@ -11,9 +11,9 @@ export function analysisCurves({ analysis, ...solution }, sense, unit) {
   if (solution.output) return lawCurves(solution, sense, unit);
   if (!analysis) return [];
   const { velocity, acceleration, angular_velocity, drive_load: load, crank_angle, travel } = analysis.curve,
-    places = crank_angle ?? travel,
-    order = [...places.keys()].sort((i, j) => sense * (places[i] - places[j])),
-    x = order.map((k) => sense * places[k]),
+    positions = crank_angle ?? travel,
+    order = [...positions.keys()].sort((i, j) => sense * (positions[i] - positions[j])),
+    x = order.map((k) => sense * positions[k]),
     at = (list) => order.map((k) => list[k]);
   const drive = crank_angle ? `Torque of the drive, force × ${unit}` : "Force of the drive";
   const curves = [
@@ -31,8 +31,8 @@ export function band({ tolerance_study: study }, linkage) {
   const radii = study?.band.position?.p95;
   if (!radii) return null;
   return study.band.crank_angle.map((angle, k) => {
-    const place = linkage.at(angle * RAD)?.p;
-    return place && radii[k] !== null ? [place, radii[k]] : null;
+    const position = linkage.at(angle * RAD)?.p;
+    return position && radii[k] !== null ? [position, radii[k]] : null;
   });
 }
 
@@ -42,7 +42,7 @@ export function studyRows({ tolerance_study: study, rounded }, lengthUnit) {
     of = `of ${combinations} combinations`,
     off = (value, unit = "") => (value === null ? "does not close" : `${text(value, 3)}${unit}`),
     { position, rotation, largest } = study ?? {},
-    most = largest?.position ?? largest?.rotation;
+    dominant = largest?.position ?? largest?.rotation;
   const rows = [
     rounded?.closes &&
       combinations !== null && [
@@ -51,7 +51,7 @@ export function studyRows({ tolerance_study: study, rounded }, lengthUnit) {
       ],
     position && ["As made, off by (95 %)", off(position.worst.p95, ` ${lengthUnit}`)],
     rotation && ["As made, turned by (95 %)", off(rotation.worst.p95, "°")],
-    most && ["Contributes most", most],
+    dominant && ["Contributes most", dominant],
   ];
   return rows.filter(Boolean);
 }

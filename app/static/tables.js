@@ -24,8 +24,8 @@ const OTHER = {
 };
 
 /** Points to the other question if the named columns of the table are read there; else "". */
-async function pointer(table, asked) {
-  const [query, roles, sentence] = OTHER[asked],
+async function pointer(table, kind) {
+  const [query, roles, sentence] = OTHER[kind],
     { status, columns } = await (await ask("/v2/motion", { ...table, query })).json(),
     isOther = ({ role, head }) => roles.split(" ").includes(role) && !/^\d+$/.test(head);
   return status === "read" && columns.some(isOther) ? sentence : "";

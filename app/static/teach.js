@@ -16,7 +16,7 @@ const across = ([x, y]) => [-y, x];
 function velocities(linkage, { travel }) {
   const [before, after] = [-STEP, STEP].map((step) => linkage.at(travel + step));
   if (!before || !after) return null;
-  const rate = (one, other) => times(less(one, other), 1 / (2 * STEP));
+  const rate = (later, earlier) => times(less(later, earlier), 1 / (2 * STEP));
   const of = Object.fromEntries(
     ["d", "c", "p"].flatMap((name) => (after[name] ? [[name, rate(after[name], before[name])]] : [])),
   );

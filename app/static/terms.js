@@ -12,14 +12,14 @@ export function explainTerms() {
     const name = word.dataset.term,
       note = element("span", "explanation", explanations.get(name).textContent),
       labels = { "aria-label": `What is meant by ${name}`, "aria-expanded": "false" };
-    const asks = button("?", () => {}, "explain", labels);
-    asks.onclick = (event) => {
+    const helpButton = button("?", () => {}, "explain", labels);
+    helpButton.onclick = (event) => {
       event.preventDefault();
       note.hidden = !note.hidden;
-      asks.setAttribute("aria-expanded", String(!note.hidden));
+      helpButton.setAttribute("aria-expanded", String(!note.hidden));
     };
     Object.assign(note, { hidden: true, role: "note" });
-    word.after(asks);
+    word.after(helpButton);
     (word.closest(".across, .preset > .check") ?? word.closest(".field") ?? word.parentNode).after(note);
   }
 }

@@ -4,7 +4,7 @@ import { travels } from "./motion.js";
 
 const TURN = 360;
 
-/** Whether the coordinate of a solution's drive is an angle; a slider's or cylinder's is a length. */
+/** Return true if the drive coordinate of a solution is an angle; for a slider or cylinder it is a length. */
 export const driveTurns = (solution) => !["slider", "cylinder"].includes(solution.driver);
 
 /** The places of a solution's drive at the samples, in degrees or lengths; null where the request gives them. */
@@ -57,7 +57,7 @@ export function marksWithin({ angles, sense, turns }, low, high) {
 }
 
 /** The error of an angle in degrees, actual minus required; with free crank angles whole turns do not count. */
-export function angleError(motion, wanted, got) {
-  const gap = got - wanted;
+export function angleError(motion, target, got) {
+  const gap = got - target;
   return motion.timing === "free" ? gap - TURN * Math.round(gap / TURN) : gap;
 }

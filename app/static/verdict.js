@@ -57,8 +57,9 @@ const brief = (reason, item) =>
 /** The names of what keeps a linkage from making its motion as a machine: "order", "branch", "circuit". */
 export const defects = (verdict) => DEFECTS.filter((name) => verdict && verdict[name] === false);
 
-/** Whether a linkage satisfies the practical limits; earlier drafts have no such field. */
-const practical = ({ practical: kept, practical_without_collisions }) => kept ?? practical_without_collisions;
+/** Return true if a linkage satisfies the practical limits; earlier drafts lack the field. */
+const practical = ({ practical: withCollisions, practical_without_collisions }) =>
+  withCollisions ?? practical_without_collisions;
 
 /** {kind, sign, text}: what the list says of a solution; null without a verdict. */
 export function mark(verdict, item) {
@@ -69,9 +70,9 @@ export function mark(verdict, item) {
   if (wrong.length)
     return { kind: "bad", sign: "✕", text: `${wrong.join(" and ")} defect${wrong.length > 1 ? "s" : ""}` };
   if (!reasons.length && usable && within !== false) {
-    const kept = assembly ? `buildable in ${layersOf(assembly.count)}` : "within practical limits",
+    const summary = assembly ? `buildable in ${layersOf(assembly.count)}` : "within practical limits",
       tolerance = assembly ? ", within tolerance" : " and tolerance";
-    return { kind: "good", sign: "✓", text: kept + (within ? tolerance : "") };
+    return { kind: "good", sign: "✓", text: summary + (within ? tolerance : "") };
   }
   const [first = usable ? "outside the tolerance" : "outside practical limits"] = reasons,
     more = reasons.length > 1 ? ` (and ${reasons.length - 1} more)` : "",
@@ -82,7 +83,7 @@ export function mark(verdict, item) {
 /** Rows [what was judged, true | false | null, in words] for a solution of a motion. */
 export function judged(verdict, motion, item, drive = "crank", turns = true) {
   const { order, branch, circuit, within_tolerance: within, assembly } = verdict,
-    near = (verdict.reasons ?? []).some((one) => one.includes("near a change point")),
+    near = (verdict.reasons ?? []).some((reason) => reason.includes("near a change point")),
     all = motion.anyOrder ? `all ${item}s` : `the ${item}s in the order given`,
     who = `a ${drive} that ${turns ? "turns" : "moves"} one way`,
     at = `the ${drive} passes the ${item}s at the ${turns ? "angles" : "places"} given`,
@@ -106,10 +107,10 @@ export function judged(verdict, motion, item, drive = "crank", turns = true) {
     "Practical limits": [usable, "all are kept", "one or more are broken"],
   };
   const rows = Object.entries(words).filter(([, row]) => row);
-  return rows.map(([name, [good, yes, no]]) => [name, good, good ? yes : no]);
+  return rows.map(([name, [good, satisfied, violated]]) => [name, good, good ? satisfied : violated]);
 }
 
-export const reasons = (verdict, item) => (verdict.reasons ?? []).map((one) => sentence(one, item));
+export const reasons = (verdict, item) => (verdict.reasons ?? []).map((reason) => sentence(reason, item));
 
 /**
  * Words of the service for people: without the names in parentheses that are for those who write requests, and with the

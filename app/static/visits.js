@@ -25,12 +25,12 @@ export class Visits {
    */
   add(question, answer, hash = location.hash) {
     const visit = `${Date.now()}-${++this.#count}`,
-      same = JSON.stringify(history.state?.question) === JSON.stringify(question);
+      isRepeated = JSON.stringify(history.state?.question) === JSON.stringify(question);
     const address = `${location.pathname}${location.search}${hash}`;
     this.leave(null); // the question that was changed there is the one that is answered here
     this.#entries.set(visit, { answer, left: null });
     if (this.#entries.size > MOST) this.#entries.delete(this.#entries.keys().next().value);
-    if (same || !history.state?.visit) history.replaceState({ visit, question }, "", address);
+    if (isRepeated || !history.state?.visit) history.replaceState({ visit, question }, "", address);
     else history.pushState({ visit, question }, "", address);
   }
 
