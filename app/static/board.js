@@ -141,8 +141,8 @@ export class Board {
   }
 
   /** Draws other linkages, {used, at}, faintly. */
-  showOthers(others) {
-    this.others = others;
+  showOthers(linkages) {
+    this.others = linkages;
     this.draw();
   }
 

@@ -10,7 +10,7 @@ export const BEST = 3; // drives that are offered
 export const plain = (link) => link.replaceAll("_", " ");
 
 /** A number with its thousands apart. */
-const grouped = (number) => number.replace(/^-?\d+/, (whole) => whole.replace(/\B(?=(\d{3})+$)/g, "\u202f"));
+const grouped = (number) => number.replace(/^-?\d+/, (digits) => digits.replace(/\B(?=(\d{3})+$)/g, "\u202f"));
 
 const times = ({ count }) => (count > 1 ? `${count} × ` : "");
 

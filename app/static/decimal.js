@@ -67,9 +67,9 @@ export function wrong(value, entry, { range: [low, high], needed, whole }) {
 }
 
 /** The range [low, high] that a field with `data-number` allows. */
-const rangeOf = ({ dataset: { least, most } }) => [
-  least === "above 0" ? Number.MIN_VALUE : Number(least ?? -1e50),
-  Number(most ?? 1e50),
+const rangeOf = ({ dataset: { least: minimum, most: maximum } }) => [
+  minimum === "above 0" ? Number.MIN_VALUE : Number(minimum ?? -1e50),
+  Number(maximum ?? 1e50),
 ];
 
 /** Marks a field as wrong, for the reason in the element `note`, or takes the mark away. */
@@ -95,11 +95,13 @@ export function numberOf(field, entry) {
 
 /** The number in a field; the browser says what is wrong with it: in red, and when the form is sent. */
 function check(field) {
-  const { whole } = field.dataset,
+  const { whole: integerFlag } = field.dataset,
     range = rangeOf(field);
   const value = typed(field.value),
-    asked = !field.disabled && !field.closest("[hidden]");
-  const fault = asked ? wrong(value, field.value, { range, needed: field.required, whole: whole !== undefined }) : null;
+    isActive = !field.disabled && !field.closest("[hidden]");
+  const fault = isActive
+    ? wrong(value, field.value, { range, needed: field.required, whole: integerFlag !== undefined })
+    : null;
   field.setCustomValidity(fault ? `${capital(fault)}.` : "");
   return fault || Number.isNaN(value) ? null : value;
 }

@@ -24,7 +24,7 @@ const filledIn = (fields) =>
   Object.fromEntries(Object.entries(fields).filter(([, content]) => content !== null && content !== ""));
 /** Return the part of a request that comes from the fields, without the data of the linkage. */
 const questionOf = ({ load, drives, springs }) => JSON.stringify({ load, drives, springs });
-/** Numbers that are given together, null if none is. Throws an error if only some are. */
+/** Return numbers that belong together, null if all are blank. Throws an error if only some are blank. */
 function together(ids, sentence) {
   const numbers = ids.map(value);
   if (numbers.every((number) => number === null)) return null;
@@ -191,7 +191,7 @@ export class Driving {
     this.#compare();
   }
 
-  /** Says so where fields have changed since what is shown was found: its forces are those of another load. */
+  /** Show a message if fields have changed since the shown drive was found, because its forces are of another load. */
   #compare() {
     if (!this.reply) return;
     let question = "";
@@ -357,7 +357,7 @@ export class Driving {
     return this.drive ? rowsOf(this.drive, this.#how) : [];
   }
 
-  /** Its parts at the first pose as lines, for the sheet. */
+  /** Return the parts of the drive at the first pose as lines, for the sheet. */
   lines() {
     const { drive } = this;
     if (!drive) return [];

@@ -16,12 +16,12 @@ const modeButtons = () => [...document.querySelectorAll("[data-mode]:not(svg)")]
 
 export class Editor {
   /**
-   * `changed()` is called after every change of the motion, before it is drawn again; `drawn(places, closed)` gets a
-   * path drawn by hand, which begins a new motion; `hand` moves the joints of the selected linkage and `pivot` its
-   * pivots, which undo brings back `beside` the motion. While a pointer drags, changes are drawn once a frame with
+   * `changed()` is called after every change of the motion, before it is drawn again; `pathDrawn(points, closed)`
+   * gets a path drawn by hand, which begins a new motion; `hand` moves the joints of the selected linkage and `pivot`
+   * its pivots, which undo brings back `beside` the motion. While a pointer drags, changes are drawn once a frame with
    * `changed(true)`.
    */
-  constructor(changed, drawn, { hand, pivot }, beside) {
+  constructor(changed, pathDrawn, { hand, pivot }, beside) {
     this.changed = changed;
     this.chosen = 0;
     this.cellFaults = new Map();
@@ -40,7 +40,7 @@ export class Editor {
       choose: (k) => this.#choose(k),
       add: (at) => this.#add(at),
       remove: (k) => this.#remove(k),
-      draw: drawn,
+      draw: pathDrawn,
     });
     this.fields = new Fields({ edit, settle, motion: () => this.motion });
     this.#bindButtons();

@@ -68,7 +68,7 @@ class Backdrop {
   }
 }
 
-/** Binds the panel of the canvas; `edit` changes the motion, `setMode` its mode. Returns {outline, picture} for files. */
+/** Bind the panel of the canvas; `edit` changes the motion, `setMode` its mode. Return {outline, picture} for files. */
 export function startStage(board, edit, setMode) {
   const backdrop = new Backdrop(board);
   legend(null);

@@ -152,7 +152,7 @@ export class Fields {
     }
   }
 
-  /** Says beside a field what is wrong with it; null takes that back. */
+  /** Show the fault of a field beside it; null removes the message. */
   #blame(id, sentence) {
     const field = $(id),
       beside = BOX.includes(id) ? $("box-error") : null;

@@ -220,7 +220,7 @@ class Following {
     return { matrix, slope, shares };
   }
 
-  /** Return the derivatives of the drive positions at the limits by number j, from those at the ends of the interval. */
+  /** Return the derivatives of the drive positions in `spots` by number j, from those at the ends of the interval. */
   #drift({ drive, spots }, shares, j) {
     const { free, unitOfDrive, units } = this.misfit,
       [low, high] = spots,

@@ -328,11 +328,11 @@ class Fields {
       entries = [],
       item = { ...items, title: undefined, description: undefined };
     this.lists.set(at, entries);
-    const append = (one) => {
+    const append = (content) => {
       const row = element("div", "row"),
         entry = { at: ++serial },
         numbered = `${title} ${entries.length + 1}`;
-      entry.read = this.build(row, `${at}/${entry.at}`, numbered, item, one);
+      entry.read = this.build(row, `${at}/${entry.at}`, numbered, item, content);
       const remove = () => {
         entries.splice(entries.indexOf(entry), 1);
         row.remove();
@@ -345,7 +345,7 @@ class Fields {
     };
     const add = button("Add one", () => append(entries.at(-1)?.read() ?? {}));
     host.append(build("fieldset", {}, build("legend", {}, title), rows, add));
-    for (const one of value ?? []) append(one);
+    for (const row of value ?? []) append(row);
     return () => (entries.length ? entries.map((entry) => entry.read() ?? {}) : undefined);
   }
 }
@@ -373,10 +373,10 @@ export function buildForm(host, schema, example) {
     read() {
       fields.clear();
       const entries = readers.map(([name, read]) => [name, read()]).filter(([, found]) => found !== undefined),
-        known = Object.fromEntries(entries);
+        body = Object.fromEntries(entries);
       // null differs from leaving out: a null of the example is sent as long as its field is blank
-      for (const [name, value] of Object.entries(example)) if (value === null && !(name in known)) known[name] = null;
-      return known;
+      for (const [name, value] of Object.entries(example)) if (value === null && !(name in body)) body[name] = null;
+      return body;
     },
     mark(rows) {
       for (const { pointer, detail } of rows.toReversed()) {

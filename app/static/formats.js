@@ -15,11 +15,11 @@ import {
 } from "./motion.js";
 import { counted } from "./shell.js";
 
-/** A number for each pose where at least one has its own, `whole` for the others; otherwise `whole`. */
-function perPose(poses, name, whole) {
-  if (poses.every((pose) => pose[name] === undefined)) return whole;
+/** Return a number for each pose if a pose has its own, with `common` for the others; otherwise `common`. */
+function perPose(poses, name, common) {
+  if (poses.every((pose) => pose[name] === undefined)) return common;
   const largest = Math.max(...poses.map((pose) => pose[name] ?? 0));
-  return poses.map((pose) => pose[name] ?? whole ?? largest);
+  return poses.map((pose) => pose[name] ?? common ?? largest);
 }
 
 /** An object without the entries that are null or undefined; undefined if nothing is left. */
@@ -52,7 +52,7 @@ export function toRequest(motion) {
         crank_angle: timing === "table" ? poses.map((pose) => direction * pose.t) : null,
         start_angle: motion.startAngle,
       };
-  const asked = {
+  const limitFields = {
     ...limits.extra,
     ...practical(limits, free),
     ...present({ family, pivot_box: hasPositions ? box : null, link_min: min || null, link_max: max || null }),
@@ -72,7 +72,7 @@ export function toRequest(motion) {
       top: motion.top,
       diverse: motion.diverse || null,
       mechanisms: kinds === "four_bar" || !slidable(motion) ? null : kinds === "all" ? kinds : [kinds].flat(),
-      limits: present(asked),
+      limits: present(limitFields),
       round_to: hasPositions ? motion.round || null : null,
       lengths_from: hasPositions && !motion.round && stock?.length ? stock : null,
       analysis: analysisOf(motion, hasPositions),
@@ -87,18 +87,18 @@ function readPractical(limits, unit, free) {
     read = { kept: { reach: preset } };
   for (const [name, own, field, none] of REPLACED) {
     const value = limits[field] ?? null,
-      given = value === null ? null : value * (name === "ratio" ? 1 : unit),
-      off = given === null ? !preset : given === none;
+      converted = value === null ? null : value * (name === "ratio" ? 1 : unit),
+      off = converted === null ? !preset : converted === none;
     read.kept[name] = !off;
-    read[own] = off ? null : given;
+    read[own] = off ? null : converted;
   }
   return read;
 }
 
 /** The analysis that a motion asks for; its speed is in the sense of the crank where that is known. */
-function analysisOf({ analysis: { speed, force, torque }, timing, direction }, places) {
+function analysisOf({ analysis: { speed, force, torque }, timing, direction }, hasPositions) {
   if (speed === null) return null;
-  const acts = places && force.some(Boolean),
+  const acts = hasPositions && force.some(Boolean),
     load = present({ force: acts ? force.map((part) => part ?? 0) : null, torque: torque || null });
   return { crank_speed: timing === "free" ? speed : direction * speed, ...(load && { load }) };
 }
@@ -115,18 +115,18 @@ const isPlace = (value) => isNumbers(value) && value.length === 2;
 const isColumn = (list, good) => Array.isArray(list) && list.every((entry) => entry === null || good(entry));
 
 /** Puts the lists of `part` ({rotation, position}) into the poses as `names`; returns what is not a list. */
-function spread(part, poses, names, unit, what) {
-  const whole = {};
+function spread(part, poses, names, unit, label) {
+  const common = {};
   for (const [k, side] of ["rotation", "position"].entries()) {
     const value = part?.[side] ?? null,
       scale = k === 0 ? unit : 1;
-    whole[side] = Number.isFinite(value) ? value * scale : null;
+    common[side] = Number.isFinite(value) ? value * scale : null;
     if (!Array.isArray(value)) continue;
     if (!isNumbers(value) || value.length !== poses.length)
-      throw new Error(`The request has ${counted(poses.length, "pose")} but not as many ${what}.`);
+      throw new Error(`The request has ${counted(poses.length, "pose")} but not as many ${label}.`);
     for (const [at, entry] of value.entries()) poses[at][names[k]] = entry * scale;
   }
-  return whole;
+  return common;
 }
 
 /** Return the content of a link or draft of a motion: its request or law, and the other data that the page shows. */
@@ -184,9 +184,9 @@ const isNone = (value) => value === undefined || value === null;
 /** Crank angles, order and sense of a motion as its request says. */
 function timingOf({ crank_span, crank_angle, order, closed, crank_span_max, start_angle }, unit, free) {
   if (free) return { anyOrder: order === "any", closed: closed === true, spanMax: crank_span_max * unit || null };
-  const whole = (crank_angle ? crank_angle.at(-1) - crank_angle[0] : crank_span) * unit,
+  const span = (crank_angle ? crank_angle.at(-1) - crank_angle[0] : crank_span) * unit,
     startAngle = isNone(start_angle) ? null : start_angle * unit;
-  return { timing: crank_angle ? "table" : "even", direction: whole < 0 ? -1 : 1, span: Math.abs(whole), startAngle };
+  return { timing: crank_angle ? "table" : "even", direction: span < 0 ? -1 : 1, span: Math.abs(span), startAngle };
 }
 
 /** Fields of a request that the motion holds otherwise, or that are no part of it. */
@@ -220,11 +220,11 @@ export function fromRequest(body) {
   const { family = null, pivot_box: box = null, link_min: min = null, link_max: max = null, ...more } = limits,
     read = ["preset", ...REPLACED.map(([, , field]) => field)];
   motion.limits = { family, box, min, max, ...readPractical(limits, unit, free), extra: without(more, read) };
-  const [only = "four_bar", ...others] = [mechanisms ?? []].flat(),
+  const [first = "four_bar", ...further] = [mechanisms ?? []].flat(),
     { prefer = null, round_to: round = null, lengths_from: stock, diverse } = request;
   const top = request.top ?? 8;
   Object.assign(motion, { prefer, round, top, diverse: diverse === true, stock: isNumbers(stock) ? stock : null });
-  motion.mechanisms = others.length ? mechanisms : only;
+  motion.mechanisms = further.length ? mechanisms : first;
   if (analysis) {
     const { force = [null, null], torque = null } = analysis.load ?? {},
       speed = (analysis.crank_speed ?? 0) * unit;

@@ -9,35 +9,35 @@ const ENDS = { sin: ["0", "90"], cos: ["0", "90"], tan: ["0", "45"] };
 const endsOf = (name) => ENDS[name] ?? ["1", "2"];
 const FEW_ROWS = 5; // number of free dimensions of a four-bar, which can meet that many rows exactly
 
-function tracePad(drawn) {
-  put($("pad").querySelector(".pen"), { d: drawn.length > 1 ? pathData(drawn) : "" });
+function tracePad(points) {
+  put($("pad").querySelector(".pen"), { d: points.length > 1 ? pathData(points) : "" });
 }
 
-function startPad(keep) {
+function startPad(save) {
   const pad = $("pad"),
     { width, height, border } = PAD;
-  let drawn = [];
+  let points = [];
   make("rect", { class: "frame", x: 0.5, y: 0.5, width: width - 1, height: height - 1 }, pad);
   make("path", { class: "pen" }, pad);
   const pointOf = (event) => {
     const box = pad.getBoundingClientRect(),
-      clip = (share, most) => Math.min(Math.max(share * most, border), most - border),
+      clip = (share, extent) => Math.min(Math.max(share * extent, border), extent - border),
       [x, y] = [event.clientX - box.left, event.clientY - box.top];
     return [clip(x / box.width, width), clip(y / box.height, height)];
   };
   pad.addEventListener("pointerdown", (event) => {
     pad.setPointerCapture(event.pointerId);
-    drawn = [pointOf(event)];
-    tracePad(drawn);
+    points = [pointOf(event)];
+    tracePad(points);
   });
   pad.addEventListener("pointermove", (event) => {
     if (!pad.hasPointerCapture(event.pointerId)) return;
     const point = pointOf(event);
-    if (point[0] > drawn.at(-1)[0] + 0.5) drawn.push(point); // a function has one y for each x
-    tracePad(drawn);
+    if (point[0] > points.at(-1)[0] + 0.5) points.push(point); // a function has one y for each x
+    tracePad(points);
   });
-  pad.addEventListener("pointerup", () => keep(drawn));
-  listen("pad-clear", "click", () => keep([]));
+  pad.addEventListener("pointerup", () => save(points));
+  listen("pad-clear", "click", () => save([]));
 }
 
 /** The rows of the table of a law; nothing if it has none that can be used, which is said when it is solved. */
@@ -96,7 +96,7 @@ export function startFunction(edit, settle) {
     listen(id, isCheck || field.matches("select") ? "change" : "input", () => edit(change, `law ${id}`));
     listen(id, "blur", settle);
   }
-  startPad((drawn) => edit(({ law }) => (law.drawn = drawn)));
+  startPad((points) => edit(({ law }) => (law.drawn = points)));
   return ({ law }) => {
     document.body.dataset.kind = law ? "function" : "motion";
     // a four-bar for a function has no body point

@@ -107,34 +107,34 @@ export function measured(solution, motion) {
     fit = fitOf(solution, motion),
     { sense, low, high } = fit.pass,
     used = fit.linkage.over(sense * low * RAD, sense * high * RAD, 90),
-    whole = used.every(Boolean),
-    [places, turns] = [present(fit.places), present(fit.turns)];
-  const made = solution.links ? solution : { ...solution, guides: withUsed(fit.linkage, used) },
-    { mount } = made,
+    isClosed = used.every(Boolean),
+    [distances, turns] = [present(fit.places), present(fit.turns)];
+  const updated = solution.links ? solution : { ...solution, guides: withUsed(fit.linkage, used) },
+    { mount } = updated,
     away = (point) => size(less(point, middleOf(targets)));
   const radius = mount?.coupler_point_polar?.radius ?? 0,
-    reach = () => Math.max(...Object.values(made.links), radius, away(mount.pivot_a), away(mount.pivot_b));
+    reach = () => Math.max(...Object.values(updated.links), radius, away(mount.pivot_a), away(mount.pivot_b));
   const errors = {
-    position_rms: rms(places),
-    position_max: largest(places),
+    position_rms: rms(distances),
+    position_max: largest(distances),
     rotation_rms: rms(turns),
     rotation_max: largest(turns),
-    objective: Math.hypot((rms(places) ?? 0) / scale, (rms(turns) ?? 0) * RAD),
+    objective: Math.hypot((rms(distances) ?? 0) / scale, (rms(turns) ?? 0) * RAD),
   };
-  const transmission_angle_min = whole ? Math.min(...used.map((j) => j.transmission)) / RAD : 0,
+  const transmission_angle_min = isClosed ? Math.min(...used.map((j) => j.transmission)) / RAD : 0,
     extent = targets.length && mount ? reach() / scale : null;
   return {
     fit,
-    closes: whole && fit.at.every(Boolean),
-    solution: { ...made, size: extent, transmission_angle_min, errors },
+    closes: isClosed && fit.at.every(Boolean),
+    solution: { ...updated, size: extent, transmission_angle_min, errors },
   };
 }
 
 /** A request to refine a solution from just there. */
 export function fromHere(request, { links, branch, start_angle, body_offset, mount, crank_angle }) {
-  const { diverse: _diverse, prefer: _prefer, mechanisms: _mechanisms, ...others } = request,
+  const { diverse: _diverse, prefer: _prefer, mechanisms: _mechanisms, ...options } = request,
     begun = { links, branch, start_angle, body_offset, mount, crank_angle };
-  return { ...others, top: 1, refine_only: true, start_from: [begun] };
+  return { ...options, top: 1, refine_only: true, start_from: [begun] };
 }
 
 /** A request for linkages whose pivots lie near those of a solution: within `share` of the motion's extent. */

@@ -71,7 +71,7 @@ class Round extends Vector {
     return less(this.middle, times(along(q), this.radius));
   }
 
-  /** Its angle, continuous in q. */
+  /** Return the angle, continuous in q. */
   direction(q) {
     const { distance, towards, radius } = this,
       x = q - towards;

@@ -90,9 +90,9 @@ export class Layers {
   outline = null;
   wrong = new Map();
 
-  /** `jump(degrees)` moves the crank; `told(solution)` is called when the verdict of a solution has its assembly. */
-  constructor(board, jump, told) {
-    Object.assign(this, { board, jump, told });
+  /** `jump(degrees)` moves the crank; `onVerdict(solution)` is called once the verdict of a solution is complete. */
+  constructor(board, jump, onVerdict) {
+    Object.assign(this, { board, jump, told: onVerdict });
     for (const id of SETTINGS) listen(id, "change", () => this.#soonAgain());
     listen("layer-plates", "change", () => this.#drawPlates());
     board.seen.push(() => this.#drawPlates());

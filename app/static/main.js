@@ -120,7 +120,7 @@ function visit() {
   addressSoon();
 }
 
-/** All that a link or a project restores: the motion, the selected linkage, and the entries of Build. */
+/** Return the state that a link or a project restores: the motion, the selected linkage, and the entries of Build. */
 function pageContent() {
   const card = chosenCard(),
     { request, motion } = card ? answer : { request: toRequest(editor.motion), motion: editor.motion };

@@ -34,9 +34,9 @@ const STUDY_SAMPLES = 2000; // linkages of a tolerance study: the search is aske
  * service's default. Only the page uses `unit`, `outline` (polylines from the body point at angle 0) and the `note` on
  * where the motion comes from. A function has no poses, but a `law`.
  */
-export const emptyMotion = (wanted = "both") => ({
+export const emptyMotion = (prescribed = "both") => ({
   poses: [],
-  wanted,
+  wanted: prescribed,
   timing: "free",
   span: 90,
   direction: 1,
@@ -105,10 +105,10 @@ export const slidable = (motion) => wantsPlaces(motion) && (wantsAngles(motion) 
 export const preferable = (motion, prefer) =>
   (prefer !== "size" || wantsPlaces(motion)) && (prefer !== "crank_span" || motion.timing === "free");
 
-/** The place [x, y] of a pose; null where it is missing. */
+/** Return the position [x, y] of a pose; null if it is missing. */
 export const placeOf = (pose) => (pose.x === null || pose.y === null ? null : [pose.x, pose.y]);
 
-/** The places that are wanted. */
+/** Return the prescribed positions. */
 export const placesOf = (motion) => (wantsPlaces(motion) ? motion.poses.map(placeOf).filter(Boolean) : []);
 
 /** The crank's travel from the first pose to each pose, in degrees, without sign; even ones where they are free. */
@@ -130,7 +130,7 @@ export function setTiming(motion, timing) {
   takeTiming(motion, timing);
 }
 
-/** By default the practical limits hold where the crank angles are free, and not where they are given. */
+/** Set the timing. By default the practical limits are on if the crank angles are free, and off if they are given. */
 export function takeTiming(motion, timing) {
   const { kept } = motion.limits,
     was = motion.timing === "free",

@@ -66,7 +66,7 @@ export function numberRows(solution, { motion, size }, digits = DIGITS) {
   return [...rows.filter(Boolean), ...studyRows(solution, unit)];
 }
 
-/** The places of the drive at the samples with their unit; null where the request gives them. */
+/** Return the drive positions at the samples with their unit; null if the request gives them. */
 export function placesInWords(solution, motion, digits = DIGITS) {
   const sign = driveTurns(solution) ? "°" : ` ${motion.unit}`;
   return drivePlaces(solution)?.map((position) => `${text(position, digits)}${sign}`) ?? null;
@@ -107,7 +107,7 @@ function handBlock({ links }) {
   return element("div", "judged", sentence, element("div", "group wrap", links && acts));
 }
 
-/** All that is said of a solution of an answer, as elements. */
+/** Return the elements that describe a solution of an answer. */
 export function numberBlocks(solution, answer) {
   const { motion } = answer,
     table = namedRows(numberRows(solution, answer));

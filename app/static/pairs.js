@@ -40,13 +40,13 @@ export class Pairs {
     return (this.table.notes ?? []).map((note) => capital(note.replace(/\.?$/, "."))).join(" ");
   }
 
-  /** Checks the units of the table against the ends of a linkage: `asks` says which are lengths. Throws Error. */
-  check(asks) {
+  /** Check the units of the table against the ends of a linkage: `ends` names the lengths. Throws Error. */
+  check(ends) {
     for (const end of ["input", "output"]) {
       const unit = this.table.units?.[end],
         turns = ["deg", "rad"].includes(unit),
         correction = `here it is ${turns ? "a length" : "an angle"}: choose another linkage, or change the head.`;
-      if (unit && turns === (asks[`${end}_unit`] === "length"))
+      if (unit && turns === (ends[`${end}_unit`] === "length"))
         throw new Error(`The table has the ${end} in ${unit}, and ${correction}`);
     }
   }

@@ -20,10 +20,10 @@ export class Poses {
     while (this.made.length > poses.length) this.made.pop().group.remove();
     while (this.made.length < poses.length) this.made.push(this.#make(this.made.length));
     const placed = poses.map(placeOf).filter(Boolean);
-    let way = 0;
+    let pathLength = 0;
     for (let k = 1; k < placed.length; k++)
-      way += Math.hypot(placed[k][0] - placed[k - 1][0], placed[k][1] - placed[k - 1][1]) * view.scale;
-    const crowded = placed.length > 4 && way / (placed.length - 1) < 16;
+      pathLength += Math.hypot(placed[k][0] - placed[k - 1][0], placed[k][1] - placed[k - 1][1]) * view.scale;
+    const crowded = placed.length > 4 && pathLength / (placed.length - 1) < 16;
     this.layer.classList.toggle("crowded", crowded);
     const last = poses.length - 1;
     poses.forEach((pose, k) => {

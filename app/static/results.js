@@ -48,9 +48,9 @@ export class Results {
   picked = false;
   pinned = [];
 
-  /** `keep(kind)` begins a step of undo; `changed()` is called when the user has moved a joint or picked a card. */
-  constructor(board, keep, changed) {
-    Object.assign(this, { keep, changed, board, player: new Player(board) });
+  /** `beginStep(kind)` begins an undo step; `changed()` is called when the user has moved a joint or picked a card. */
+  constructor(board, beginStep, changed) {
+    Object.assign(this, { keep: beginStep, changed, board, player: new Player(board) });
     const jump = (degrees) => {
       this.player.stop();
       this.player.goto(degrees);

@@ -20,7 +20,7 @@ const MACHINES = { lift, chain, knotter };
 const HOSTS = ["picture", "facts", "curves", "tables"];
 
 const CHOSEN = "Press Calculate to see the result.";
-/** For each machine what it is for and what its result means, and the parts in its picture. */
+/** Purpose of each machine, the meaning of its result, and the parts in its picture. */
 const CASES = {
   lift: [
     "A pneumatic cylinder pushes a corner of a rigid triangle, and the triangle lifts a platform along a " +
@@ -71,7 +71,7 @@ function chooseExample(name) {
   if (!running) say(CHOSEN);
 }
 
-/** While a search runs a button stops it, in the service too. */
+/** Show the button that stops a running search, in the service too. */
 function busy(now) {
   $("stop").hidden = !now;
   $("form").setAttribute("aria-busy", String(now));

@@ -53,11 +53,11 @@ export function sentenceOf({ reply, request, motion, stored, live, seconds }, se
     limits = new Intl.ListFormat("en-GB").format(activeLimits.map(limitName)),
     limited = activeLimits.length && !reached ? `, limited by ${limits}` : "",
     within = reached && request.tolerances && `Within the allowed errors at every ${item}`,
-    kept = within || (!request.tolerances && request.prefer && "Near the smallest error"),
+    summary = within || (!request.tolerances && request.prefer && "Near the smallest error"),
     first = FIRST[preferred(request)],
     rounded = roundedText(best, report.length_scale, ` ${motion.unit}`);
   const parts = [
-    `${kept && first ? `${kept}, ${first}` : kept || "Best found"}: ${nearness(best)}${limited}.`,
+    `${summary && first ? `${summary}, ${first}` : summary || "Best found"}: ${nearness(best)}${limited}.`,
     rounded && `With rounded links: ${rounded}.`,
     report.stopped_by === "budget" && !stored && `The time was up after ${time}; there may be better linkages.`,
     stored && "Searched beforehand.",

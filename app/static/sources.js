@@ -17,7 +17,7 @@ const TAKEN =
   "and pictures to trace (PNG, JPEG, WebP).";
 const ROLES = ["x", "y", "angle", "crank"];
 
-/** All of a motion that a link holds, to be compared. */
+/** Return the content of a motion's link, for comparison. */
 const contentOf = (motion) => JSON.stringify(toPage(toRequest(motion), motion));
 
 /** Actions for files other than tables and requests, by their extensions. */
@@ -144,7 +144,7 @@ export class Sources {
     this.use({ ...motion, note }, how);
   }
 
-  /** Says where a motion comes from, as long as it is there. */
+  /** Show the source of a motion while the motion is shown. */
   say(motion) {
     const twice = motion.note && repeated(motion),
       isEdited = this.isOwn(motion) && this.examples.some(({ title }) => motion.note?.startsWith(`${title}. `)),

@@ -1,4 +1,4 @@
-// For lessons: velocity arrows and instant centres on the canvas, the canvas in full screen, and a film of it.
+// Tools for lessons: velocity arrows and instant centres on the canvas, the canvas in full screen, and a film of it.
 
 import { make } from "./drawing.js";
 import { add, cross, dot, less, size, times } from "./plane.js";

@@ -7,7 +7,7 @@ const TURN = 360;
 /** Return true if the drive coordinate of a solution is an angle; for a slider or cylinder it is a length. */
 export const driveTurns = (solution) => !["slider", "cylinder"].includes(solution.driver);
 
-/** The places of a solution's drive at the samples, in degrees or lengths; null where the request gives them. */
+/** Return the drive positions at the samples, in degrees or lengths; null if the request gives them. */
 export const drivePlaces = (solution) => solution.crank_angle ?? solution.travel ?? null;
 
 /** The name of a solution's drive: crank, slider, cylinder or hinge. */
