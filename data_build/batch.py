@@ -172,19 +172,26 @@ def _count(text: str) -> int:
 
 
 def add_commands(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the commands of the batch to a parser."""
+    """Add the commands `build`, `verify` and `info`, which build, check and describe an atlas file.
+
+    Each sets ``run``, a function of the parsed options that returns the values to print.
+    """
     build = commands.add_parser("build", help="Build an atlas file.", description="Build an atlas file.")
     build.add_argument("--out", type=Path, default=Path("atlas.h5"), help="output file (default: %(default)s)")
-    build.add_argument("--kind", choices=list(KINDS), default="four_bar", help="kind of linkages (%(default)s)")
+    build.add_argument(
+        "--kind", choices=list(KINDS), default="four_bar", help="kind of linkage (default: %(default)s)"
+    )
     build.add_argument(
         "--perimeter",
         type=int,
-        help="sum of the lengths of a type (default: 400 for four_bar, 640 for slider_crank)",
+        help="sum of the lengths of each linkage (default: 400 for four_bar, 640 for slider_crank)",
     )
-    build.add_argument("--smallest", type=int, help="length of the smallest crank (2)")
+    build.add_argument("--smallest", type=int, help="length of the smallest crank (default: 2)")
     orders = [rule.value for rule in OrderRule]
-    build.add_argument("--order", choices=orders, help=f"order of the lengths of a four-bar ({orders[0]})")
-    build.add_argument("--samples", type=int, help="number of samples of a curve, a power of two (256)")
+    build.add_argument(
+        "--order", choices=orders, help=f"orders of the four lengths that are enumerated (default: {orders[0]})"
+    )
+    build.add_argument("--samples", type=int, help="number of samples of a curve, a power of two (default: 256)")
     build.add_argument(
         "--jobs", type=_count, default=os.cpu_count() or 1, help="number of processes (default: number of cores)"
     )
@@ -193,16 +200,16 @@ def add_commands(commands: argparse._SubParsersAction[argparse.ArgumentParser]) 
     verify = commands.add_parser(
         "verify", help="Check all contents of an atlas file.", description="Check all contents of an atlas file."
     )
-    verify.set_defaults(run=lambda options: {"status": "sound", **_described(options, check_contents)})
+    verify.set_defaults(run=lambda options: {"status": "sound", **_describe(options, check_contents)})
     info = commands.add_parser("info", help="Describe an atlas file.", description="Describe an atlas file.")
-    info.set_defaults(run=_described)
+    info.set_defaults(run=_describe)
     for command in (build, verify, info):
         command.add_argument("--json", action="store_true", help="print JSON")
     for command in (verify, info):
         command.add_argument("file", type=Path)
 
 
-def _described(options: Any, check: Callable[[Path, StoredAtlas], None] = lambda path, atlas: None) -> dict[str, Any]:
+def _describe(options: Any, check: Callable[[Path, StoredAtlas], None] = lambda path, atlas: None) -> dict[str, Any]:
     atlas = load_atlas(options.file)
     check(options.file, atlas)
     facts = {"file": str(options.file), "bytes": options.file.stat().st_size, "types": len(atlas.lengths)}
@@ -231,4 +238,4 @@ def _build(options: Any) -> dict[str, Any]:
 
         build_atlas(rule, options.out, executor, progress)
     options.file = options.out
-    return {**_described(options), "seconds": round(time.perf_counter() - started, 2)}
+    return {**_describe(options), "seconds": round(time.perf_counter() - started, 2)}

@@ -138,7 +138,7 @@ def run_batch(arguments: Sequence[str]) -> int:
 
 
 def add_batch_commands(commands: _SubParsersAction[ArgumentParser]) -> None:
-    """Add the commands of the batch with all their options to a parser.
+    """Add the commands that build, check and describe an atlas file, with all their options, to a parser.
 
     Parameters
     ----------

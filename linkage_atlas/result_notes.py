@@ -31,7 +31,7 @@ from synthesis.target import TURN
 from synthesis.work import Work
 
 NUMERALS = {2: "two", 3: "three", 4: "four"}
-UNASKED = (
+PRACTICAL_LIMITS_OFF = (
     "With given {drive} the practical limits apply only if they are switched on (`limits.preset`): "
     "the verdict names the limits that the best linkage violates."
 )
@@ -56,8 +56,12 @@ LOCAL = (
     "Each given linkage was refined to the nearest optimum that its descent reached: linkages elsewhere were not searched and "
     "may be better."
 )
-CUT_SHORT = "No linkage within the limits was found before the time was up; this does not prove that there is none."
-NOWHERE = "No descent from a given linkage led within the limits; this does not prove that there is no such linkage."
+NOTHING_FOUND_IN_TIME = (
+    "No linkage within the limits was found before the time was up; this does not prove that there is none."
+)
+NO_DESCENT_WITHIN_LIMITS = (
+    "No descent from a given linkage led within the limits; this does not prove that there is no such linkage."
+)
 TIME_UP = "The time was up: only the best {0} of {1} found are reported."
 _HOPELESS = 0.5
 """Ratio to the error of a body at rest above which a linkage is not near the motion."""
@@ -123,9 +127,9 @@ def _ranks_of(continued: Sequence[model.Solution | None], solutions: Sequence[So
 def _empty_notes(task: Task, search: Search, candidates: Candidates, notes: Sequence[str]) -> list[str]:
     """Return why a result has no solutions: the time, the given linkage, or the limits."""
     if candidates.report.time_up:
-        return [CUT_SHORT]
+        return [NOTHING_FOUND_IN_TIME]
     if task.refine_only:
-        return [NOWHERE]
+        return [NO_DESCENT_WITHIN_LIMITS]
     if task.limits.only_family or isinstance(task.source, Scan) or set(notes) & set(NOTHING_ROUND.values()):
         return []
 
@@ -217,7 +221,7 @@ def _unasked_notes(task: Task, solutions: Sequence[Solution]) -> list[str]:
         return []
     if not solutions or solutions[0].verdict.practical:
         return []
-    return [UNASKED.format(drive="crank angles" if motion.travel is None else "travel")]
+    return [PRACTICAL_LIMITS_OFF.format(drive="crank angles" if motion.travel is None else "travel")]
 
 
 def _envelope_notes(motion: Motion, limits: Limits) -> list[str]:

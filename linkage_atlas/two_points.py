@@ -14,33 +14,34 @@ from synthesis.errors import FieldError
 
 ROUNDING = 5e-3
 """Relative difference of two distances that is taken as rounding of drawn or measured numbers."""
-_REMARKED = 1e-3
+_NOTED = 1e-3
 """Relative difference of distances above which a note mentions it."""
 Vector = tuple[float, float]
 
 
-def check_distances(along: Sequence[Vector | None], error: Callable[[int, str], FieldError]) -> str | None:
-    """Check that the vectors between two points have the same length, and return a note if they vary a little.
+def check_distances(vectors: Sequence[Vector | None], error: Callable[[int, str], FieldError]) -> str | None:
+    """Check that the vectors between two points of a rigid body have the same length.
 
-    ``error(index, message)`` makes the `FieldError` of a row.
+    Each length is compared with the median. Missing vectors are None. ``error(index, message)`` makes the `FieldError` of a
+    row. A variation that is taken as rounding is not refused, but returned as a note if it is large enough to be noticed.
     """
-    lengths = {index: math.hypot(*vector) for index, vector in enumerate(along) if vector is not None}
-    usual = median(lengths.values()) if lengths else 0.0
-    gaps = {index: abs(length - usual) for index, length in lengths.items()}
-    worst = max(gaps, key=lambda index: gaps[index], default=None)
+    lengths = {index: math.hypot(*vector) for index, vector in enumerate(vectors) if vector is not None}
+    median_length = median(lengths.values()) if lengths else 0.0
+    deviations = {index: abs(length - median_length) for index, length in lengths.items()}
+    worst = max(deviations, key=lambda index: deviations[index], default=None)
     if worst is None:
         return None
-    if usual == 0 or gaps[worst] > ROUNDING * usual:
-        side = "more" if lengths[worst] > usual else "less"
-        part = "" if usual == 0 else f" ({100 * gaps[worst] / usual:.2g} %)"
+    if median_length == 0 or deviations[worst] > ROUNDING * median_length:
+        side = "more" if lengths[worst] > median_length else "less"
+        percentage = "" if median_length == 0 else f" ({100 * deviations[worst] / median_length:.2g} %)"
         raise error(
             worst,
-            f"the two points are {lengths[worst]:.4g} apart, {gaps[worst]:.3g}{part} {side} than {usual:.4g} as usual: two "
-            f"points of a rigid body keep their distance, and only {100 * ROUNDING:g} % is taken as rounding",
+            f"the two points are {lengths[worst]:.4g} apart, {deviations[worst]:.3g}{percentage} {side} than {median_length:.4g} "
+            f"as usual: two points of a rigid body keep their distance, and only {100 * ROUNDING:g} % is taken as rounding",
         )
-    if gaps[worst] <= _REMARKED * usual:
+    if deviations[worst] <= _NOTED * median_length:
         return None
-    return f"the distance of the two points varies by {100 * gaps[worst] / usual:.2g} %, which is taken as rounding"
+    return f"the distance of the two points varies by {100 * deviations[worst] / median_length:.2g} %, which is taken as rounding"
 
 
 def poses_of_points(points: ArrayLike, degrees: bool) -> tuple[list[float], list[list[float]], list[str]]:

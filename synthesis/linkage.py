@@ -543,8 +543,20 @@ class Linkage:
         return BodyRates(velocity, np.where(known, unity, np.nan), change, np.where(known, none, np.nan))
 
     def motions(self, travel: ArrayLike) -> tuple[LinkMotion, ...]:
-        """Return the motions of the moving links, in the order of `link_names`, over travel (n,) from the first sample.
+        """Return the motions of the three moving links, in the order of `link_names`.
 
+        Parameters
+        ----------
+        travel : array_like, shape (n,)
+            Travel of the drive from the first sample, in radians or lengths.
+
+        Returns
+        -------
+        tuple of three LinkMotion
+            Derivatives are by the drive's coordinate.
+
+        Notes
+        -----
         The frames of the links are:
 
         * crank or rocker: at its pivot, towards its body point;
@@ -554,12 +566,12 @@ class Linkage:
 
         Law: positions and directions agree with `body`, and rates are the limits of their difference quotients.
         """
-        q = self.start + np.atleast_1d(np.asarray(travel, dtype=float))
-        found, rates = self.body(q), self.rates(q)
+        coordinate = self.start + np.atleast_1d(np.asarray(travel, dtype=float))
+        poses, rates = self.body(coordinate), self.rates(coordinate)
         body = LinkMotion(
             BODY,
-            found.position,
-            found.rotation,
+            poses.position,
+            poses.rotation,
             rates.position,
             rates.rotation,
             rates.position_second,
@@ -567,7 +579,7 @@ class Linkage:
         )
         names = self.link_names
         with np.errstate(invalid="ignore", over="ignore"):
-            return self._link(0, names[0], q, body), body, self._link(1, names[2], q, body)
+            return self._link(0, names[0], coordinate, body), body, self._link(1, names[2], coordinate, body)
 
     def _link(self, index: int, name: str, q: Floats, body: LinkMotion) -> LinkMotion:
         """Return the motion of the link of a guide."""

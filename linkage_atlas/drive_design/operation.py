@@ -171,14 +171,17 @@ class Operation(NamedTuple):
         return [weight._asdict() for weight in weights]
 
 
-def _crank_angles(view: Linkage, motion: Motion) -> Floats:
-    """Return the crank angles, in the linkage's unit, at which it comes nearest to the samples of a motion of free timing."""
-    samples, found = motion.samples, None
-    if isinstance(samples, Poses) and samples.requested is None and view.plain.is_four_bar and view.plain.mounted:
-        found = crank_angles_at(samples, view.plain)
-    if found is None:
+def _crank_angles(linkage: Linkage, motion: Motion) -> Floats:
+    """Return the crank angles at which a linkage comes nearest to the poses of a motion whose timing is free.
+
+    The angles are in the unit of the linkage.
+    """
+    poses, crank_angles = motion.samples, None
+    if isinstance(poses, Poses) and poses.requested is None and linkage.plain.is_four_bar and linkage.plain.mounted:
+        crank_angles = crank_angles_at(poses, linkage.plain)
+    if crank_angles is None:
         raise FieldError(
             "/linkage/crank_angle",
             "is required, because the crank angles of the motion are free; pass the solution of a reply, which has them",
         )
-    return found / view._unit
+    return crank_angles / linkage._unit

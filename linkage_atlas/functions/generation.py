@@ -15,13 +15,13 @@ from linkage_atlas.arguments import (
     check_top,
 )
 from linkage_atlas.functions.dials import RealFunction
-from linkage_atlas.functions.notes import UNASKED, angle_notes, travel_notes
+from linkage_atlas.functions.notes import PRACTICAL_LIMITS_OFF, angle_notes, travel_notes
 from linkage_atlas.functions.question import FunctionFields, FunctionQuestion, read_travel_limits
 from linkage_atlas.functions.results import FunctionReport, FunctionResult, FunctionSolution, TravelSolution
 from linkage_atlas.functions.solutions import described, described_travel, rounded
 from linkage_atlas.limits import read_function_limits
 from linkage_atlas.notes import sentences
-from linkage_atlas.result_notes import CUT_SHORT, NOWHERE
+from linkage_atlas.result_notes import NO_DESCENT_WITHIN_LIMITS, NOTHING_FOUND_IN_TIME
 from linkage_atlas.solutions import FINISHING
 from linkage_atlas.task import seed_tables
 from linkage_atlas.warm_start import (
@@ -324,27 +324,31 @@ def _result(
     question: FunctionQuestion,
     found: Sequence[Generator | TravelGenerator],
     solutions: Sequence[FunctionSolution | TravelSolution],
-    course: SearchReport,
-    searched: float,
+    search_report: SearchReport,
+    search_seconds: float,
     watch: Work,
     notes: list[str],
     refine_only: bool = False,
 ) -> FunctionResult:
-    """Return the result of a search that took ``searched`` seconds, or (``refine_only``) of a descent from a given linkage."""
+    """Return the result of a search that took ``search_seconds``.
+
+    ``solutions`` describe the linkages ``found``, in the same order. With ``refine_only`` the search was a descent from given
+    linkages.
+    """
     if question.limits.get("preset") is None and solutions and not solutions[0].verdict.practical:
-        notes.append(UNASKED)
+        notes.append(PRACTICAL_LIMITS_OFF)
     status = Status.of(found, question.tolerance).value
-    if not solutions and (refine_only or course.stopped_by == "budget"):
+    if not solutions and (refine_only or search_report.stopped_by == "budget"):
         status = "unknown"
-        notes.append(NOWHERE if refine_only else CUT_SHORT)
+        notes.append(NO_DESCENT_WITHIN_LIMITS if refine_only else NOTHING_FOUND_IN_TIME)
     total = watch.elapsed
-    stages = {"screen": course.screen_seconds, "refine": searched - course.screen_seconds}
-    stages |= {"report": total - searched, "total": total}
+    stages = {"screen": search_report.screen_seconds, "refine": search_seconds - search_report.screen_seconds}
+    stages |= {"report": total - search_seconds, "total": total}
     report = FunctionReport(
         elapsed_ms={name: 1000 * seconds for name, seconds in stages.items()},
-        trace=[(1000 * seconds, value) for seconds, value in course.trace],
-        stopped_by=course.stopped_by.value,
-        seeds=course.seeds,
+        trace=[(1000 * seconds, value) for seconds, value in search_report.trace],
+        stopped_by=search_report.stopped_by.value,
+        seeds=search_report.seeds,
         notes=sentences(notes),
     )
     target, scales, dials = question.function, question.scales, question.dials

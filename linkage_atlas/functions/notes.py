@@ -31,7 +31,7 @@ from synthesis.ranking import PROPORTION
 
 _STEEP = 8.0
 """Ratio of the slope of a step to the slope of any other step from which on it is called a jump."""
-UNASKED = (
+PRACTICAL_LIMITS_OFF = (
     "For functions the practical limits apply only if they are switched on (`limits.preset`): the verdict names those that "
     "the best linkage violates."
 )

@@ -189,9 +189,17 @@ def hinged_at(pivot: complex, start: float, length: float, at: Floats) -> LinkMo
     length : float
         Distance of the body point from the hinge.
     at : ndarray, shape (n,)
-        Angles in radians.
+        Angles by which the link is turned, in radians.
     """
-    ones, still, end = np.ones(at.size), np.zeros(at.size, dtype=complex), complex(length)
-    rocker = LinkMotion("rocker", pivot + still, start + at, still, ones, still, 0 * ones, pivot)
-    body = LinkMotion("body", rocker.position(end), start + at, rocker.speed(end), ones, rocker.change(end), 0 * ones)
-    return LinkMotions(at, {"rocker": rocker}, body, "rocker", length, {"rocker": length}, {"rocker": end / 2})
+    ones, zeros, tip = np.ones(at.size), np.zeros(at.size, dtype=complex), complex(length)
+    rocker = LinkMotion("rocker", pivot + zeros, start + at, zeros, ones, zeros, 0 * ones, pivot)
+    body = LinkMotion("body", rocker.position(tip), start + at, rocker.speed(tip), ones, rocker.change(tip), 0 * ones)
+    return LinkMotions(
+        at,
+        {"rocker": rocker},
+        body,
+        drive="rocker",
+        extent=length,
+        reaches={"rocker": length},
+        middles={"rocker": tip / 2},
+    )

@@ -63,25 +63,27 @@ def to_csv(linkage: Linkage, target: Target, unit: float, more: Mapping[str, Ite
 def _motion_columns(
     target: Target, unit: float, rotation: Floats, position: Complexes | None
 ) -> dict[str, Iterable[Any]]:
-    """Return columns of the requested and the actual motion, and of its errors."""
-    requested_motion, rows = target.requested, target.samples
-    requested = None if requested_motion.rotation is None else requested_motion.rotation / unit
-    turned = rotation - requested_motion.moved
-    if requested_motion.rotation is not None:  # whole turns do not matter
-        turned = turned - TURN * np.round(np.nanmean(turned - requested_motion.rotation) / TURN)
-    turned = turned / unit
-    error = (
-        None
-        if position is None or requested_motion.position is None
-        else np.abs(requested_motion.position - position)
-    )
+    """Return columns of the requested motion, the motion of the linkage, and the errors.
+
+    ``rotation`` (rad) and ``position`` are the motion of the body. Whole turns are added to its rotation so that it lies near the
+    request.
+    """
+    request, rows = target.requested, target.samples
+    requested_rotation = None if request.rotation is None else request.rotation / unit
+    actual_rotation = rotation - request.moved
+    if request.rotation is not None:  # whole turns do not matter
+        actual_rotation = actual_rotation - TURN * np.round(np.nanmean(actual_rotation - request.rotation) / TURN)
+    actual_rotation = actual_rotation / unit
+    position_error = None if position is None or request.position is None else np.abs(request.position - position)
     return {
-        "rotation_wanted": given_cells(requested, rows),
-        **_coordinates("{}_wanted", requested_motion.position, rows),
-        "rotation": turned,
+        "rotation_wanted": given_cells(requested_rotation, rows),
+        **_coordinates("{}_wanted", request.position, rows),
+        "rotation": actual_rotation,
         **_coordinates("{}", position, rows),
-        "rotation_error": given_cells(None if requested is None else turned - requested, rows),
-        "position_error": given_cells(error, rows),
+        "rotation_error": given_cells(
+            None if requested_rotation is None else actual_rotation - requested_rotation, rows
+        ),
+        "position_error": given_cells(position_error, rows),
     }
 
 

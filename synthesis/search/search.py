@@ -53,10 +53,10 @@ class Round(NamedTuple):
     """True if all descents continue to their end after an exact answer, to find alternatives."""
 
 
-FIRST_LOOK = (Round(15, fresh=16, every=True), Round(20, fresh=60, best=12))
+FIRST_ROUNDS = (Round(15, fresh=16, every=True), Round(20, fresh=60, best=12))
 """Rounds before a search within limits: half of all reachable motions end in the first round, most in the second."""
-TO_THE_END = Round(1000, best=12)
-"""Schedule for a nearly exact answer, since narrow basins require many steps."""
+FINAL_ROUND = Round(1000, best=12)
+"""Round for a nearly exact solution, since narrow basins require many steps."""
 
 # -- the search ----------------------------------------------------------------------------------------------------
 
@@ -77,14 +77,16 @@ class TimedOptions:
     nearer: float = 1e-5
     """Error below which an exact answer lies in the same narrow basin."""
     finished: int = 12
-    """Number of candidates that are then refined to machine precision."""
+    """Number of candidates that are refined to machine precision at the end."""
     in_sight: float = 1e-4
     """Error below which further rounds look for an exact answer in another basin."""
     idle_in_sight: int = 6
     """Number of idle rounds that end the search for such an answer."""
     continued_damping: float = 1e-6
     """Damping of descents that continue where others ended."""
-    few_steps: int = 6
+    polish_steps: int = 30
+    """Number of steps of that refinement."""
+    alternative_steps: int = 6
     """Number of steps for alternatives to an exact answer."""
 
 
@@ -183,18 +185,22 @@ class _Search:
 
     # -- within limits, or if no linkage is exact ---------------------------------------------------------------------
 
-    def look(self, rounds: Sequence[Round], top: int) -> list[Any]:
-        """Return exact answers without limits that satisfy the limits, if a few rounds lead near them."""
+    def try_without_limits(self, rounds: Sequence[Round], top: int) -> list[Any]:
+        """Search without limits, and return the refined solutions that satisfy the limits nevertheless.
+
+        Return none if no round comes close to an exact solution. ``top`` is the number of solutions requested.
+        """
         if not self.reached:
             self.free_search(*rounds)
         is_close = self.pool.cost.min(initial=np.inf) < OPTIONS.close**2
         if not (is_close or self.limits.only_family):
             return []
         if not self.reached and self.pool.cost.min() < OPTIONS.nearer**2:
-            self.free_search(TO_THE_END)
+            self.free_search(FINAL_ROUND)
         # if the tolerance is reached, alternatives are worth a few steps, not another search
         return self.polished(
-            max(top + 4, OPTIONS.finished), 30 if is_close and not self.reached else OPTIONS.few_steps
+            max(top + 4, OPTIONS.finished),
+            OPTIONS.polish_steps if is_close and not self.reached else OPTIONS.alternative_steps,
         )
 
     def bounded_search(self, windows: Callable[[str], Windows], solutions: list[Any], top: int) -> list[Any]:
@@ -204,9 +210,9 @@ class _Search:
             spaces = []  # these spaces treat the start and the offset as unknowns
         is_tested = self.limits.only_family
         if not spaces:
-            solutions = solutions if is_tested else self.look(FIRST_LOOK[:1], top)
-            self.free_search(TO_THE_END)
-            return solutions + self.polished(OPTIONS.finished, 30)
+            solutions = solutions if is_tested else self.try_without_limits(FIRST_ROUNDS[:1], top)
+            self.free_search(FINAL_ROUND)
+            return solutions + self.polished(OPTIONS.finished, OPTIONS.polish_steps)
         first, solutions = solutions, []
         found = Incumbents(self.tolerance, lambda objective: self.note(np.array([objective**2])))
         for chart, space in zip(charts, spaces):
@@ -222,7 +228,7 @@ class _Search:
                 begin = list(islice(seeds, 1))
             max_error = 0.0 if late else np.inf
             if not (is_tested or late):  # a single round shows if an exact answer satisfies the limits
-                first, is_tested = self.look(FIRST_LOOK[:1], top), True
+                first, is_tested = self.try_without_limits(FIRST_ROUNDS[:1], top), True
                 self.note(np.array([solution.errors.objective for solution in first]) ** 2)
                 if Status.of(first, self.tolerance) is Status.REACHED:
                     if len(first) >= top:
@@ -258,8 +264,8 @@ class _Search:
             self.pool = close._replace(timed=close.timed._replace(shape=shape))
             solutions = solutions + self.polished(OPTIONS.finished, 100)
             if not self.reached and close.cost.min() < OPTIONS.nearer**2:
-                self.free_search(TO_THE_END)
-                solutions = solutions + self.polished(OPTIONS.finished, 30)
+                self.free_search(FINAL_ROUND)
+                solutions = solutions + self.polished(OPTIONS.finished, OPTIONS.polish_steps)
         return list(solutions)
 
     def report(self, solutions: list[Any]) -> SearchReport:
@@ -312,7 +318,7 @@ def search(
     run = _Search(tables, target, limits, tolerance, work or Work(), mechanism)
     solutions: list[Any] = []
     if limits.only_family:
-        solutions = run.look(FIRST_LOOK, top)
+        solutions = run.try_without_limits(FIRST_ROUNDS, top)
     run.note(np.array([s.errors.objective for s in solutions]) ** 2)
     if not (run.done(solutions) or (solutions and run.reached)):
         solutions = run.bounded_search(tables.windows, solutions, top)

@@ -95,6 +95,10 @@ class Arc(NamedTuple):
         """Return the points at fractions 0 to 1 of the arc."""
         return self.centre + self.radius * np.exp(1j * (self.first + self.angle * share))
 
+    def covers(self, angle: float) -> bool:
+        """Check if the arc contains the point at an angle from its first point, in radians with the sign of ``self.angle``."""
+        return min(self.angle, 0.0) <= angle <= max(self.angle, 0.0)
+
 
 class MassProperties(NamedTuple):
     """Mass, centre of mass and inertia about it, for a part or for all parts of a body.
@@ -275,7 +279,7 @@ class Prism:
 
     @cached_property
     def extent(self) -> tuple[complex, complex]:
-        """Smallest and largest coordinates, x + i y."""
+        """Lower left and upper right corner of the bounding box of the outline, x + i y."""
         low, high = (
             [self.corners.real.min(), self.corners.imag.min()],
             [
@@ -287,8 +291,8 @@ class Prism:
             if arc is not None:
                 # extreme points of the circle that lie on the arc
                 for quarter in range(4):
-                    turned = (quarter * np.pi / 2 - arc.first) % (2 * np.pi)
-                    if turned - (2 * np.pi if arc.angle < 0 else 0) in _Between(arc.angle):
+                    angle = (quarter * np.pi / 2 - arc.first) % (2 * np.pi)
+                    if arc.covers(angle - (2 * np.pi if arc.angle < 0 else 0)):
                         point = arc.centre + arc.radius * 1j**quarter
                         low = [min(low[0], point.real), min(low[1], point.imag)]
                         high = [max(high[0], point.real), max(high[1], point.imag)]
@@ -310,16 +314,6 @@ class Prism:
                 rims += [hole.distance(complex(corner)) for corner in self.corners]
             walls.append(min(rims) - hole.radius)
         return float(min(walls))
-
-
-class _Between:
-    """Angles covered by an arc."""
-
-    def __init__(self, angle: float) -> None:
-        self.low, self.high = min(angle, 0.0), max(angle, 0.0)
-
-    def __contains__(self, angle: float) -> bool:
-        return self.low <= angle <= self.high
 
 
 def _foot(first: complex, last: complex, point: complex) -> complex:
@@ -349,8 +343,8 @@ def distance_to_outline(prism: Prism, point: complex) -> float:
         else:
             distance = ends
             off = point - arc.centre
-            turned = (np.angle(off) - arc.first) % (2 * np.pi) - (2 * np.pi if arc.angle < 0 else 0) if off else 0.0
-            if turned in _Between(arc.angle):
+            angle = (np.angle(off) - arc.first) % (2 * np.pi) - (2 * np.pi if arc.angle < 0 else 0) if off else 0.0
+            if arc.covers(angle):
                 distance = min(distance, abs(abs(off) - arc.radius))
         smallest = min(smallest, distance, ends)
     return float(smallest)

@@ -126,22 +126,23 @@ _SOURCES: dict[type[Circle] | type[Rail] | type[Slot], tuple[tuple[str, str, str
 def sources_of(linkage: Linkage) -> list[Source]:
     """Return the sources of error of a linkage.
 
-    The body of a four-bar is a coupler of some length with a body point; that of other kinds has two body points or slots.
+    A four-bar has the length of its coupler and a body point as separate sources. The body of any other kind has two
+    body points or slots instead, one for each guide.
     """
     if not linkage.is_four_bar:
         return [
-            Source(words.format(name), tolerance, ((index, field, 1.0),))
+            Source(name_template.format(name), tolerance, ((index, field, 1.0),))
             for index, (name, guide) in enumerate(linkage.named_guides)
-            for words, tolerance, field in _SOURCES[type(guide)]
+            for name_template, tolerance, field in _SOURCES[type(guide)]
         ]
     first, second = linkage.guides
     coupler = second.body_point - first.body_point
-    along = complex(coupler / abs(coupler))
+    coupler_direction = complex(coupler / abs(coupler))
     return [
         Source("crank length", "links", ((0, "radius", 1.0),)),
-        Source("coupler length", "links", ((1, "body_point", along),)),
+        Source("coupler length", "links", ((1, "body_point", coupler_direction),)),
         Source("rocker length", "links", ((1, "radius", 1.0),)),
-        Source("body point", "links", ((0, "body_point", -along), (1, "body_point", -along))),
+        Source("body point", "links", ((0, "body_point", -coupler_direction), (1, "body_point", -coupler_direction))),
         Source("pivot A", "pivots", ((0, "fixed", 1.0),)),
         Source("pivot B", "pivots", ((1, "fixed", 1.0),)),
         Source("clearance at pivot A", "clearance", ((0, "fixed", 1.0),)),

@@ -12,7 +12,7 @@ from fastapi.testclient import TestClient
 import linkage_atlas as la
 from app import cli
 from app.registry import worked_example
-from linkage_atlas.result_notes import LOCAL, NOWHERE
+from linkage_atlas.result_notes import LOCAL, NO_DESCENT_WITHIN_LIMITS
 
 EXAMPLE = worked_example()
 POSES = {name: EXAMPLE[name] for name in ("rotation", "position")}
@@ -86,7 +86,7 @@ def test_functions_are_refined_too(client: TestClient) -> None:
     distant = la.function(
         expected["output"], input=expected["input"], start_from=[begin], refine_only=True, limits=limits
     )
-    assert distant.status == "unknown" and NOWHERE in distant.report.notes
+    assert distant.status == "unknown" and NO_DESCENT_WITHIN_LIMITS in distant.report.notes
     first["links"]["crank"] = 1e9
     reply = client.post("/v2/function", json={**expected, "start_from": [first], "refine_only": True})
     assert reply.json()["errors"][0]["pointer"].startswith("#/start_from/0/links/")

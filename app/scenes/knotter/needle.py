@@ -68,7 +68,10 @@ class NeedleReply(ReplyModel):
 
 
 def answer_needle(request: NeedleRequest, _: Resources) -> NeedleReply:
-    """Compute clearance and length at the angle alpha2, and the angles for a given clearance or length."""
+    """Compute the clearance and the length d5 at the angle alpha2, the range of free angles, and the angles for a given d5.
+
+    Without ``alpha2`` and ``beta0`` the published angles are used.
+    """
     angles = Angles(request.angle_unit, DECIMALS)
     alpha2 = d_knotter.ALPHA2 if request.alpha2 is None else angles.inward(request.alpha2)
     if not abs(alpha2) < math.radians(90.0):
@@ -77,29 +80,28 @@ def answer_needle(request: NeedleRequest, _: Resources) -> NeedleReply:
         **{name: getattr(request, name) for name in ("S1x", "S1y", "r0", "D0", "d6", "r1")},
         beta0=d_knotter.BETA0 if request.beta0 is None else angles.inward(request.beta0),
     )
-    clearance, length, best = float(needle.clearance(alpha2)), float(needle.d5(alpha2)), needle.best_angle()
-    free = needle.free_range()
-    complete = needle.smallest_whole_degree()
-    for_length = needle.angles_for_d5(request.d5)
-    nearest = min(for_length, key=lambda angle: abs(angle - alpha2), default=None)
+    clearance, d5, best_angle = float(needle.clearance(alpha2)), float(needle.d5(alpha2)), needle.best_angle()
+    free_range = needle.free_range()
+    angles_for_d5 = needle.angles_for_d5(request.d5)
+    nearest = min(angles_for_d5, key=lambda angle: abs(angle - alpha2), default=None)
     slope = 0.0 if nearest is None else float(needle.d5_slope(nearest)) * angles.inward(1.0)
     names = [name for name in NeedleRequest.model_fields if name != "angle_unit"]
     prescribed = [name for name in names if name in request.model_fields_set and getattr(request, name) is not None]
     return NeedleReply(
         status="free" if clearance > 0 else "blocked",
         clearance=clearance,
-        alpha2_range=None if free is None else [angles.outward(angle) for angle in free],
-        alpha2_whole_degrees=complete,
-        clearance_max=float(needle.clearance(best)),
-        clearance_max_angle=angles.outward(best),
-        d5=length,
-        d5_whole=math.trunc(length),
+        alpha2_range=None if free_range is None else [angles.outward(angle) for angle in free_range],
+        alpha2_whole_degrees=needle.smallest_whole_degree(),
+        clearance_max=float(needle.clearance(best_angle)),
+        clearance_max_angle=angles.outward(best_angle),
+        d5=d5,
+        d5_whole=math.trunc(d5),
         d5_per_angle=float(needle.d5_slope(alpha2)) * angles.inward(1.0),
         alpha2_for_d5=None if nearest is None else angles.outward(nearest),
         alpha2_per_d5=1.0 / slope
         if abs(slope) > MIN_SLOPE * math.hypot(request.S1x, request.d6 + request.S1y)
         else None,
-        alpha2_for_d5_all=[angles.outward(angle) for angle in for_length],
+        alpha2_for_d5_all=[angles.outward(angle) for angle in angles_for_d5],
         assumed=[],
         published=[name for name in names if name not in prescribed],
         from_request=prescribed,

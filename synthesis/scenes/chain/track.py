@@ -376,7 +376,7 @@ class Track:
         return np.where(fits, on_arc, np.inf)
 
     def step(self, position: TrackPosition, pitch: float, direction: int = 1) -> TrackPosition:
-        """Return the next pins, which are the first positions ahead at a chord of one pitch.
+        """Return the next pin of each pin: the first position ahead whose straight distance from it is one pitch.
 
         Parameters
         ----------
@@ -391,7 +391,7 @@ class Track:
         -------
         TrackPosition
         """
-        return self.advance(position, pitch, 1, direction)
+        return self.advance(position, pitch, links=1, direction=direction)
 
     def advance(self, position: TrackPosition, pitch: float, links: ArrayLike, direction: int = 1) -> TrackPosition:
         """Return the pins ``links`` links ahead, which is equivalent to calling `step` ``links`` times.

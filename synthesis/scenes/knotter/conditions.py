@@ -510,7 +510,10 @@ class SegmentEntersTriangle:
         return np.stack([side, side, edge, edge, edge])
 
     def _closest_approach(self, mechanism: Mechanism, rows: Integers, ends: Floats) -> tuple[Floats, Floats]:
-        """Return the smallest distance of segment and triangle over the range, and its driver angle, for some items."""
+        """Return the smallest distance between segment and triangle, and the driver angle at which it occurs.
+
+        ``rows`` are the indices of the evaluated items, and ``ends`` the ends of the pieces of the driver's range.
+        """
         mechanism = mechanism.select(rows[:, None])
 
         def distance(driver: Floats) -> Any:

@@ -496,17 +496,20 @@ def angular_accelerations(pose: Pose, cylinder_speed: Any, cylinder_acceleration
 
 
 def _angle_rates(pose: Pose) -> tuple[Floats, Floats]:
-    """Return the first and second derivatives of the five angles with respect to the turn."""
-    # the first derivative of B is (down, height' + across), the second is (-across, height'' + down)
+    """Return the first and second derivatives of `link_angles` with respect to the turn T, shape (..., 5) each."""
+    # With primes for derivatives by T, the first derivative of point B is (down, height' + across), and the second is
+    # (-across, height'' + down).
     y_1, y_2 = pose.height_1 + pose.across, pose.height_2 + pose.down
     square = pose.length * pose.length
     theta1_1 = (pose.x * y_1 - pose.y * pose.down) / square
     theta1_2 = (pose.x * y_2 + pose.y * pose.across) / square - 2 * theta1_1 * pose.length_1 / pose.length
-    level, c_height = pose.design.l3 * pose.cos_turn, pose.c_height
-    # c_height^2 - level^2 = k^2 = l5^2 - l3^2
-    k_squared = (c_height - np.abs(level)) * (c_height + np.abs(level))
+    a_above_c, c_height = pose.design.l3 * pose.cos_turn, pose.c_height
+    # c_height^2 - a_above_c^2 = k^2 = l5^2 - l3^2
+    k_squared = (c_height - np.abs(a_above_c)) * (c_height + np.abs(a_above_c))
+    theta5_1 = -a_above_c / c_height
     theta5_2 = pose.design.l3 * pose.sin_turn * k_squared / (c_height * c_height * c_height)
-    return _stack_links(theta1_1, 1.0, 1.0, 1.0, -level / c_height), _stack_links(theta1_2, 0.0, 0.0, 0.0, theta5_2)
+    # The suffixes _1 and _2 denote the first and second derivative; theta2 to theta4 turn with the triangle.
+    return _stack_links(theta1_1, 1.0, 1.0, 1.0, theta5_1), _stack_links(theta1_2, 0.0, 0.0, 0.0, theta5_2)
 
 
 def _stack_links(*values: Any) -> Floats:
