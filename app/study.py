@@ -52,11 +52,11 @@ def run_study(options: argparse.Namespace) -> int:
             if '"error"' in str(line[:80]) and "error" in (row := json.loads(line)):
                 errors.append(f"line {row['line']}: {row['error']}")
     except KeyboardInterrupt:
-        print("interrupted; the same command continues from here", file=sys.stderr)
+        print("interrupted; run the same command again to continue", file=sys.stderr)
         return Exit.INTERRUPTED
     except (OSError, BrokenExecutor) as error:
         what = "a worker process ended" if isinstance(error, BrokenExecutor) else "cannot write"
-        print(f"{what}: {error}; the same command continues from here", file=sys.stderr)
+        print(f"{what}: {error}; run the same command again to continue", file=sys.stderr)
         return Exit.FAILED
     refused = f", {len(errors):,} refused; the first: {errors[0]}" if errors else ""
     answered = f"{counted(total, 'request')}, {total - len(errors):,} answered{refused}"

@@ -21,6 +21,7 @@ from linkage_atlas.arguments import (
     sequence,
     whole_number,
 )
+from linkage_atlas.notes import counted
 from linkage_atlas.part_settings import PART_SETTINGS, PartSettings
 from linkage_atlas.records import PYTHON_ONLY, Record
 from synthesis.assembly import stacks
@@ -449,7 +450,8 @@ def assembled(
     if beyond:
         # these collisions do not depend on the layers
         found = replace(found, status="blocked", collisions=(*beyond, *found.collisions))
-        more = [f"and so {len(beyond) - MOST_TOLD} times more"] * (len(beyond) > MOST_TOLD)
+        others = len(beyond) - MOST_TOLD
+        more = [f"and {counted(others, 'further violation')} of the envelope or keep-out boxes"] if others > 0 else []
         reasons = [*(_beyond(collision, machine, unit) for collision in beyond[:MOST_TOLD]), *more, *reasons]
     return described(machine, request, found, reasons, unit)
 
@@ -581,7 +583,7 @@ def _reasons(machine: Machine, found: Arrangement, request: StackRequest, unit: 
             reasons.append(f"none of the {found.tried:,} examined arrangements is free over the used interval")
         best = found.free
         part = (
-            "is free nowhere"
+            "has a collision at every position"
             if best is None
             else f"is free from {best.first / unit.radian:.6g} to {_angle(best.last, unit)}"
         )

@@ -38,8 +38,8 @@ from synthesis.work import Work
 OUT_OF_PROPORTION = (
     "The linkage with the smallest error (objective {error:.2g}) is out of all proportion: its largest part is {times:.2g} "
     "times the extent of the motion or the shortest link. "
-    "Linkages within {fair:g} times come before it; only the error counts if the "
-    "request declines the practical limits (`limits.preset`)."
+    "Linkages up to {fair:g} times as large are ranked before it; to rank by error only, "
+    "switch the practical limits off (`limits.preset`: 'none')."
 )
 FIRST_OUT_OF_PROPORTION = (
     "The {which} linkage is out of all proportion: its largest part is {times:.2g} times the extent of the motion or the "

@@ -329,7 +329,7 @@ class Numbers:
         )
         unit = ""
         if found and found[2] and re.fullmatch(r"[^\W\d_]+", found[2]):
-            unit = f"; '{found[2][:10]}' is no unit of {', '.join(dict.fromkeys(UNITS.values()))}"
+            unit = f"; '{found[2][:10]}' is not a known unit; use one of {', '.join(dict.fromkeys(UNITS.values()))}"
         raise FieldError("", f"{where}'{cell[:20]}' is not a number{unit}{missing}")
 
 

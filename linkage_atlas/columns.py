@@ -108,7 +108,7 @@ class Reading:
                 alike = [int(text) - 1]
             if len(alike) != 1 or alike[0] in found:
                 there = ", ".join(repr(head.text) for head in heads) or f"{self.sheet.width} columns without headings"
-                what = "is named twice" if alike else "is no column of the table"
+                what = "is named twice" if alike else "is not a column of the table"
                 raise FieldError(f"/columns/{_word(role)}", f"{text!r} {what}; there are {there}")
             found[alike[0]] = role
         return found
@@ -279,7 +279,9 @@ class Reading:
                 cells = cells[:-1]
             if len(cells) != width:
                 commas = (
-                    "; a number with a decimal comma is quoted, or semicolons separate" if len(cells) > width else ""
+                    "; put numbers with a decimal comma in quotes, or separate the cells by semicolons"
+                    if len(cells) > width
+                    else ""
                 )
                 raise FieldError(
                     "", f"line {row.line}: the line must have {width} cells; it has {len(cells)}{commas}"

@@ -90,7 +90,9 @@ def _check(kinds: Kinds, motion: Motion) -> None:
         message = f"a {driver} would have to reverse: a closed path needs a drive that turns fully"
         raise FieldError("/driver", message)
     if is_closed(motion.samples) and not kinds.four_bars and not set(kinds.kinds) & _turning_fully(driver):
-        raise FieldError("/mechanisms", "none of them has a drive that turns fully, as a closed path requires")
+        raise FieldError(
+            "/mechanisms", "none of these kinds has a drive that turns fully, which a closed path requires"
+        )
     if motion.travel is not None:
         _check_travel(kinds)
     elif not motion.free:
@@ -116,7 +118,9 @@ def _check_travel(kinds: Kinds) -> None:
     if kinds.driver not in (None, Driver.SLIDER, Driver.CYLINDER):
         raise FieldError("/driver", f"travel drives sliders and cylinders, not a {kinds.driver}")
     if not kinds.driven_by((Driver.SLIDER, Driver.CYLINDER)):
-        raise FieldError("/mechanisms", "none of them is driven by a slider or cylinder, as travel does")
+        raise FieldError(
+            "/mechanisms", "none of these kinds is driven by a slider or cylinder, which `travel` requires"
+        )
 
 
 def _check_crank_angles(kinds: Kinds) -> None:
@@ -125,7 +129,7 @@ def _check_crank_angles(kinds: Kinds) -> None:
         message = f"crank angles drive a crank, not a {kinds.driver}: give `travel`, or `timing` 'free'"
         raise FieldError("/driver", message)
     if not kinds.driven_by((Driver.CRANK,)):
-        message = "none of them has a crank, but crank angles are given; give `travel`, or `timing` 'free'"
+        message = "none of these kinds has a crank, but crank angles are given; give `travel`, or `timing` 'free'"
         raise FieldError("/mechanisms", message)
 
 

@@ -25,7 +25,7 @@ MATERIALS = {"H7": ("aluminium", "steel"), "print": ("PLA", "PLA")}
 LEAST_MM, LARGEST_MM = 0.01, 1e6
 """Smallest pin and largest plate, in millimetres, that readers of the files can represent."""
 NAME = "linkage"
-SLIDES = "{!r} is written for linkages whose joints all turn: a file of the kind 'mjcf' has sliding joints"
+SLIDES = "{!r} supports only linkages whose joints all turn; the format 'mjcf' supports sliding joints too"
 
 
 class AskedSolids(NamedTuple):

@@ -286,7 +286,9 @@ def _read_motion(
     if not (arguments and isinstance(arguments[0], Motion)):
         return build(Motion, named, *arguments), requested_limits, studies
     if named or len(arguments) > 2:
-        raise TypeError(f"beside a Motion and its limits there is no {', '.join(named) or 'third argument'}")
+        raise TypeError(
+            f"synthesize() accepts only limits and studies beside a Motion, not {', '.join(named) or 'a third argument'}"
+        )
     if len(arguments) > 1 and arguments[1] is not None:
         requested_limits = mapping("limits", arguments[1])
     return arguments[0], requested_limits, studies

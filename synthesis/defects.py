@@ -340,16 +340,16 @@ def _reasons_of(
         )
     if passed.no_return:
         only = f"the {drive} only swings" if turns else f"the {drive} only moves back and forth"
-        reasons.append(f"{only}: {moving} one way it does not come from the last sample to the first")
+        reasons.append(f"{only}: {moving} in one direction, it does not return from the last sample to the first")
     if driver is not None and driver != drive:
         reasons.append(f"only the {driver} can drive the linkage through the samples, not the {drive}")
     elif driver is None:
         drives = [drive, *alternatives]
         named = f"{', '.join(drives[:-1])} nor {drives[-1]}"
         reasons.append(
-            f"neither {named} can drive the linkage through the samples, {moving} one way"
+            f"neither {named} can drive the linkage through the samples, {moving} in one direction"
             if alternatives
-            else f"the {drive} cannot drive the linkage through the samples, {moving} one way"
+            else f"the {drive} cannot drive the linkage through the samples, {moving} in one direction"
         )
     if passed.uncertain:
         reasons.append("the linkage is so near a change point that it may pass from one circuit to the other")
@@ -393,7 +393,7 @@ def shared_positions(motion: Target, turns: bool = True) -> list[str]:
     what, closeness = (
         ("crank position", "rounding or a whole turn") if turns else ("position of the drive", "rounding")
     )
-    return [f"{_listed(names)} share one {what}, to {closeness}, alalthough they differ"]
+    return [f"{_listed(names)} share one {what}, to {closeness}, although they differ"]
 
 
 def _named(flags: Flags) -> str:

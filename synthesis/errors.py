@@ -114,11 +114,11 @@ class AtlasFault(StrEnum):
     'the file is not an atlas of a schema that this version reads'
     """
 
-    MISSING = "there is no atlas file at this place"
+    MISSING = "there is no atlas file at this path"
     CHECKSUM = "the file's bytes do not match its checksum: it is damaged or cut off"
     SCHEMA = "the file is not an atlas of a schema that this version reads"
     CONTENT = "the file's arrays contradict its own description"
-    NOT_WANTED = "this was started without an atlas"
+    NOT_WANTED = "the program was started without an atlas"
     LIMIT = "the atlas is larger than this service may load"
 
 

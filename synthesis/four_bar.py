@@ -112,7 +112,7 @@ def _scaled(lengths: ArrayLike) -> tuple[Floats, NDArray[Any]]:
     """Return lengths over a power of two near the longest length, so that squares neither overflow nor vanish; exact."""
     lengths = np.asarray(lengths, dtype=float)
     if lengths.shape[-1:] != (4,):
-        raise ValueError(f"lengths: wanted shape (..., 4), found {lengths.shape}")
+        raise ValueError(f"lengths must have the shape (..., 4); it is {lengths.shape}")
     with np.errstate(invalid="ignore"):
         _, exponent = np.frexp(np.max(np.abs(lengths), axis=-1, keepdims=True))
     good = np.all(np.isfinite(lengths) & (lengths > 0), axis=-1)

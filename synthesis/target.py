@@ -487,7 +487,7 @@ def _weights(name: str, columns: dict[str, Any], weights: Floats | None) -> Floa
 
 
 HOW_TURNED = (
-    "say how the crank turns: `crank_span` (its even rotation from the first sample to the last), "
+    "state how the crank turns: `crank_span` (its even rotation from the first sample to the last), "
     "or `crank_angle` (its angle at each sample)"
 )
 """Message for a request with neither `crank_span` nor `crank_angle`."""

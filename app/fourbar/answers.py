@@ -137,9 +137,8 @@ def ranked(request: SynthesizeRequest, rank: int, resources: Resources) -> la.So
     if not solutions:
         raise la.FieldError("/limits", "no linkage was found within these limits; relax a limit")
     if len(solutions) < rank:
-        message = (
-            f"must be at most {len(solutions)}; within these limits {counted(len(solutions), 'linkage')} was found"
-        )
+        found = f"{counted(len(solutions), 'linkage')} {'was' if len(solutions) == 1 else 'were'} found"
+        message = f"must be at most {len(solutions)}; within these limits {found}"
         raise la.FieldError("/rank", message)
     return solutions[rank - 1]
 
@@ -261,13 +260,16 @@ LINKAGE_FILES = Files(
 def find_drives(request: DrivesRequest, resources: Resources) -> la.Drives:
     """Find drives of each kind, best first, and the reasons for which a kind is not possible."""
     if request.linkage is None and request.rocker is None:
-        raise la.FieldError("/linkage", "is required, a solution of a reply; or give `rocker`, a link on a hinge")
+        raise la.FieldError(
+            "/linkage", "is required: pass a solution of a reply, or give `rocker`, a link on a hinge"
+        )
     unit = request.angle_unit or ("deg" if request.request is None else request.request.angle_unit)
     motion = None
     if request.request is not None:
         if request.request.angle_unit != unit:
             raise la.FieldError(
-                "/angle_unit", f"must be {request.request.angle_unit!r}, the unit of the request of the linkage"
+                "/angle_unit",
+                f"must be {request.request.angle_unit!r}, the unit of the request that the linkage comes from",
             )
         with pointing(lambda field: "/request" + field):
             motion = motion_of(request.request)
@@ -328,7 +330,7 @@ def answer_assembly(request: AssemblyRequest, resources: Resources) -> la.Assemb
     motion_request, known = request.request, request.linkage
     if motion_request is None and known is None:
         raise la.FieldError(
-            "/linkage", "is required, a solution of a reply; or give a `request`, which is then solved"
+            "/linkage", "is required: pass a solution of a reply, or give a `request`, which is then solved"
         )
     motion = None
     if motion_request is not None:

@@ -11,7 +11,7 @@ const LAYERS = "grid box way overlay ghosts curves plates targets linkage body d
 const CLICK = 4; // pixels: a press that moves less is a click
 const EMPTY = (item, law) => ({
   move: law ? "Choose or draw a function, then press Solve" : `No ${item}s yet: draw a path or add ${item}s`,
-  add: `Click the place of the first ${item}`,
+  add: `Click where the first ${item} should be`,
   path: "Draw a path here",
   box: "Drag a box for both fixed pivots",
   hand: "",
@@ -23,14 +23,14 @@ const HELP = (item, turns) => ({
     `Drag a ${item}${turns ? ", or the end of its arm to turn it" : ""}; ${MOVE} ${turns ? "[ and ] turn, " : ""}` +
     "Page Up and Down select, Enter adds one, Delete removes.",
   add:
-    `Click the place of the next ${item}; drag one to move it. ` +
+    `Click where the next ${item} should be; drag one to move it. ` +
     `Keys: Add a ${item}, then arrows move it, and Enter adds the next.`,
   path:
-    `Drag along the way that a point of the body shall take: it becomes at most ${PATH_POINTS} points of a new ` +
+    `Drag along the path that a point of the body should follow: it becomes at most ${PATH_POINTS} points of a new ` +
     "motion. Or click point after point. Keys: Path, then Add a point, arrows and Enter.",
   box: "Drag a box that must contain both fixed pivots; drag its corners to change it, or type it under Limits.",
   hand:
-    "Drag a joint of the selected linkage, or type its place, and see its error change. " +
+    "Drag a joint of the selected linkage, or type its coordinates, and watch the error change. " +
     "Keys: Tab selects a joint, arrows move it.",
   outline:
     `Click the corners of the body at its selected ${item}; ` +

@@ -63,7 +63,7 @@ export function sign(verdict, motion) {
   const found = mark(verdict, itemOf(motion));
   return found
     ? signed("span", `verdict ${found.kind}`, found.sign, found.text)
-    : signed("span", "verdict", "·", "errors computed here; the service has not judged it");
+    : signed("span", "verdict", "·", "errors computed by this page; the service has not checked it");
 }
 
 /** Make the card of a solution as a list item; `choose()` is called when it is pressed, `compare(on)` to compare it. */

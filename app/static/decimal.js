@@ -41,7 +41,7 @@ export function pastedRows(content, width) {
     const cells = line.split("\t");
     if (cells.length > width)
       throw new Error(
-        `The pasted row ${n + 1} has ${cells.length} cells, and there ${room} from here on. ` +
+        `The pasted row ${n + 1} has ${cells.length} cells, but there ${room} from the selected cell on. ` +
           "For a whole table use Paste above.",
       );
     return cells.map((cell, k) => {
@@ -114,7 +114,7 @@ export function numbersIn(id, count, isLeast = false) {
   if (!numbers.length) return null;
   if (numbers.every(Number.isFinite) && (numbers.length === count || (isLeast && numbers.length > count)))
     return numbers;
-  throw new Error(`${name}: ${isLeast ? "at least " : ""}${count} numbers are needed, with blanks between them.`);
+  throw new Error(`${name}: ${isLeast ? "at least " : ""}${count} numbers are needed, separated by spaces.`);
 }
 
 /** Fields with `data-number` say what is wrong with them from now on. */

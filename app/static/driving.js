@@ -13,8 +13,8 @@ import { driveTurns } from "./timing.js";
 
 const WIDE = 0.09; // of a cylinder's body, over its retracted length
 const HANDLE = 8; // pixels
-const EARLIER = "What is shown was found for other entries: Find asks again.";
-const AGAIN = "Looking again: what is shown is of the linkage before it was moved.";
+const EARLIER = "These results belong to earlier entries. Press Find to search again.";
+const AGAIN = "Searching again. The results shown belong to the linkage before it was moved.";
 /** Fields of the request for each kind of spring. */
 const SPRINGS = { tension: { catalogue: "tension_springs" }, gas: {}, compression: {}, torsion: {} };
 

@@ -112,7 +112,7 @@ export function startStage(board, edit, setMode) {
   const picture = choose("picture-open", "picture-file", async (file) => {
     await backdrop.open(file);
     $("picture-width").value = backdrop.width;
-    say(`${file.name} lies behind the canvas: draw over it. Show has fields for its width and place.`);
+    say(`${file.name} is shown behind the canvas: trace over it. Set its width and position under Show.`);
   });
   const placePicture = () => {
     const [width, x, y] = ["width", "x", "y"].map((name) => typed($(`picture-${name}`).value));

@@ -149,7 +149,7 @@ class Fields {
   entry(host, at, name, schema, value, parse, wide = false) {
     // where blank stands for the default, null has to be written: none
     const lifts = schema.nullable && !isNone(schema.default),
-      helpSchema = lifts ? described(schema, "“none” takes it away.") : schema;
+      helpSchema = lifts ? described(schema, "“none” removes it.") : schema;
     const control = build("input", {
       type: "text",
       spellcheck: false,
@@ -286,7 +286,7 @@ class Fields {
       if (found.every((part) => part === undefined)) return undefined;
       if (items.nullable) return found.map((part, k) => (part === undefined ? (defaults[k] ?? null) : part));
       if (missing < 0) return found;
-      this.mark(`${at}/${missing}`, "is required with the others");
+      this.mark(`${at}/${missing}`, "is required if the other numbers are given");
       throw new Error(`${title}: ${names[missing]} is missing.`);
     };
   }

@@ -251,6 +251,6 @@ export function fromRequest(body) {
     ];
   const isBox = box === null || (isNumbers(box) && box.length === 4);
   if (!isBox || ![...numbers, links, pivots, clearance].every((value) => value === null || isNumber(value)))
-    throw new Error("The request has something else where a number is needed.");
+    throw new Error("The request has a value that is not a number in a field that requires a number.");
   return motion;
 }

@@ -253,7 +253,7 @@ function needle({ reply, request }, { facts: figures }) {
     ["smallest whole degree", reply.alpha2_whole_degrees, "°"],
     ["largest L", reply.clearance_max, "mm"],
     ["at alpha2", reply.clearance_max_angle, unit],
-    ["d5 that eq 5 wants", reply.d5, "mm"],
+    ["d5 required by equation 5", reply.d5, "mm"],
     ["alpha2 for the requested d5", reply.alpha2_for_d5, unit],
   ]);
 }

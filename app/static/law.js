@@ -68,7 +68,7 @@ export function soundLaw(content) {
   const isPoint = (point) => Array.isArray(point) && point.length === 2 && point.every(Number.isFinite);
   law.drawn = Array.isArray(law.drawn) ? law.drawn.filter(isPoint) : [];
   if (!DRIVES[law.drive] || ![...$("name").options].some(({ value }) => value === law.name))
-    throw new Error("The link is of another page or version.");
+    throw new Error("The link belongs to another page or version.");
   return law;
 }
 
@@ -218,7 +218,7 @@ export function lawCurves({ output }, sense, unit) {
 /** Rows [name, value] of the errors of a solution of a law. */
 export function lawRows({ errors, output, output_offset: offset, input_zero: zero }, unit) {
   const [into, out] = output.signs.map((found) => found || ` ${unit}`),
-    offsetName = output.isRocker ? "Output less rocker angle" : "Output less the linkage's own";
+    offsetName = output.isRocker ? "Offset added to the rocker angle" : "Offset added to the output";
   const rows = [
     ["Largest error", text(errors.max, 4) + out],
     ["Root mean square error", text(errors.rms, 4) + out],

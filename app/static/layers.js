@@ -17,7 +17,7 @@ const EDGE = 1.5;
 const CLICK_MS = 300;
 const SIZES = ["hole", "width", "thickness", "clearance", "kerf", "scale"]; // part settings, for layers and every file
 const SETTINGS = ["boards", "heads", "body", ...SIZES].map((name) => `layer-${name}`);
-const AGAIN = "Looking for layers again: what is shown is of the linkage before it was moved.";
+const AGAIN = "Searching for layers again. The layers shown belong to the linkage before it was moved.";
 
 /** The longest closed line of an outline as corners, thinned out where it has too many; null where none is closed. */
 function polygonOf(outline) {
@@ -58,7 +58,7 @@ function sentenceOf({ status, count, exhaustive, smallest_gap: gap, sizes }, uni
     free: `Nothing collides in ${layersOf(count)}`,
     touching: `In ${layersOf(count)} parts may just touch`,
     blocked: exhaustive
-      ? "Cannot be built so: parts collide in every order of the layers allowed"
+      ? "Cannot be built: parts collide in every order of the allowed number of layers"
       : "Parts collide in every order of layers that was tried",
   }[status];
   const where = gap && `${inWords(gap.pair)} at ${placeText(gap.crank_angle, sign)}`,
@@ -204,8 +204,8 @@ export class Layers {
     for (const id of ["stack", "layers-reasons", "layers-jumps"]) $(id).replaceChildren();
     $("stack").toggleAttribute("hidden", !assembly);
     if (!assembly) {
-      const none = "Layers are looked for where the service has found the linkage.";
-      words.textContent = wrong ?? (solution?.verdict ? "Looking for layers…" : none);
+      const none = "Layers are searched for only if the service has found or refined the linkage.";
+      words.textContent = wrong ?? (solution?.verdict ? "Searching for layers…" : none);
       return;
     }
     words.textContent = sentenceOf(assembly, unitOf(this.answer.motion), this.#sign);

@@ -149,12 +149,12 @@ function limits(host, { constraints, unconstrained: free, objective_increase: in
       const sign = row.kind === "minimum" ? "≥" : "≤";
       return [plain(row.name), row.value, sign, row.limit, unitOf(row.name, angle), row.active];
     });
-  table(host, "Constraints", ["limit of", "has", "", "limit", "unit", "holds the design"], rows);
+  table(host, "Constraints", ["limit of", "has", "", "limit", "unit", "active"], rows);
   if (!free) return;
   const broken = free.violated.map(({ name, value }) =>
       `${plain(name)} ${text(value, 3)} ${unitOf(name, angle)}`.trim(),
     ),
-    outside = broken.length ? `Outside of the limits there: ${broken.join(", ")}.` : "It keeps to all limits.",
+    outside = broken.length ? `It violates these limits: ${broken.join(", ")}.` : "It satisfies all limits.",
     gain = `${text(Math.abs(100 * increase), 3)} % ${increase < 0 ? "below" : "above"}`;
   const source = `The source's problem, for the same objective, has the optimum ${text(free.objective, 5)}`;
   note(host, `${source}: this one is ${gain}. ${outside}`);

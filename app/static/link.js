@@ -66,6 +66,6 @@ export async function fromFragment(fragment) {
       new TextDecoder().decode(kind === "z" ? await through(bytes, new DecompressionStream("deflate-raw")) : bytes),
     );
   } catch (error) {
-    throw new Error("The link is damaged: what it holds cannot be read.", { cause: error });
+    throw new Error("The link is damaged and cannot be read. Copy the whole link again.", { cause: error });
   }
 }

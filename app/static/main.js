@@ -33,7 +33,7 @@ import { Visits, readdress } from "./visits.js";
 const FOUR_BAR = "links start_angle body_offset mount family branch crank_angle";
 const GUIDED = "kind driver guides start travel branch crank_angle";
 const NOT_REACHED =
-  "No linkage within the limits was reached from there; that proves nothing. " +
+  "No linkage within the limits was reached from there; this does not prove that there is none. " +
   "Move it, loosen a limit, or search near here.";
 const ADDRESS_MS = 300; // after which the page's address follows a change
 
@@ -365,7 +365,9 @@ async function searchMotion(motion, near, control, begin) {
   let further = false;
   const show = (reply, last) => {
     const found = reply.solutions.length > 0,
-      failure = last ? "None found with both pivots near there." : "Nothing within the limits yet. Still searching…";
+      failure = last
+        ? "No linkage was found with both pivots near these positions."
+        : "Nothing within the limits yet. Still searching…";
     if (running !== control) return;
     // what is shown stays until there is something in its place
     if (!found && (near || !last)) {
@@ -417,9 +419,9 @@ async function startRefinement() {
       gained = !isFresh || refined.errors.objective < before * (1 - 1e-6);
     const parts = [
       `Refined from there: ${near}.`,
-      !gained && "The descent gained nothing.",
+      !gained && "The refinement did not reduce the error.",
       reply.report.stopped_by === "budget" && `The time was up after ${seconds.toFixed(1)} s.`,
-      "Linkages elsewhere were not looked at.",
+      "Linkages elsewhere were not searched.",
     ];
     say(parts.filter(Boolean).join(" "));
   });

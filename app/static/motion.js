@@ -167,12 +167,12 @@ export function fault(motion) {
     [count > 1024, `A ${kind} has at most 1024 ${item}s.`, "poses"],
     [
       free && !hasPositions,
-      "With free crank angles positions are needed: nearly every linkage meets angles alone.",
+      "Free crank angles require positions, because nearly every linkage can produce angles alone.",
       "wanted",
     ],
     [
       free && anyOrder && !(angles && count > 2),
-      "Only three full poses or more can be passed in any order.",
+      "Any order requires at least three poses with both position and angle.",
       "any-order",
     ],
     [free && blank >= 0, `The row of ${item} ${blank + 1} is empty.`, "poses"],

@@ -45,7 +45,7 @@ export class Pairs {
     for (const end of ["input", "output"]) {
       const unit = this.table.units?.[end],
         turns = ["deg", "rad"].includes(unit),
-        correction = `here it is ${turns ? "a length" : "an angle"}: choose another linkage, or change the head.`;
+        correction = `here it is ${turns ? "a length" : "an angle"}: choose another linkage, or change the heading.`;
       if (unit && turns === (ends[`${end}_unit`] === "length"))
         throw new Error(`The table has the ${end} in ${unit}, and ${correction}`);
     }

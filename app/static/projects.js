@@ -20,7 +20,9 @@ function store(projects) {
   try {
     localStorage.setItem(KEY, JSON.stringify(projects));
   } catch (error) {
-    throw new Error("The browser does not store the project: its store is blocked or full.", { cause: error });
+    throw new Error("The project was not saved: the browser's storage is blocked or full. Save a file instead.", {
+      cause: error,
+    });
   }
 }
 

@@ -188,7 +188,7 @@ export class Results {
   drag(name, position, kind = `joint ${name}`) {
     const { motion, reply } = this.answer ?? {};
     if (!(this.solution?.mount || this.solution?.guides) || !this.board.joints)
-      return "without positions a linkage has no place.";
+      return "without positions the location of a linkage is undefined.";
     this.player.stop();
     const moved = fromJoints({ ...this.board.joints, [name]: position }, this.player.travel, this.solution);
     if (!moved) return "two joints would coincide there.";
@@ -281,7 +281,7 @@ export class Results {
       return;
     }
     const [first, second] = pinned.map((solution) => {
-      const words = mark(solution.verdict, itemOf(answer.motion))?.text ?? "not judged";
+      const words = mark(solution.verdict, itemOf(answer.motion))?.text ?? "not checked";
       return new Map([...numberRows(solution, answer), ["Verdict", words]]);
     });
     const names = [...first.keys()].filter((name) => second.has(name)),

@@ -190,7 +190,7 @@ async function openLink() {
   const saved = await fromFragment(location.hash);
   if (!saved) return false;
   if (!scene.queries.some((entry) => entry.path === saved.query))
-    throw new Error("The link is of another machine or version.");
+    throw new Error("The link belongs to another machine or version.");
   chooseQuery(saved.query);
   fill(saved.request);
   await answer(saved.at ?? null);

@@ -167,5 +167,5 @@ function drawBand(curves, targets, band, view) {
   const wider = factor === 1 ? "" : `, drawn ${times(factor)} times wider`,
     at = { class: "band-note", x: view.width - 10, y: 36, "text-anchor": "end" };
   make("path", { class: "band", d: `${pathData([...edge(-1), ...edge(1).reverse()])}Z` }, curves);
-  make("text", { ...at, text: `95 % of those made are within the band${wider}` }, targets);
+  make("text", { ...at, text: `95 % of the manufactured linkages are within the band${wider}` }, targets);
 }

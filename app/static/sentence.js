@@ -40,7 +40,7 @@ export function sentenceOf({ reply, request, motion, stored, live, seconds }, se
   const [best] = solutions;
   if (!best) {
     const why = plain(report.notes.filter((remark) => !remark.startsWith("No linkage within"))).join(" "),
-      proved = status === "infeasible" ? ENDED : `None found in ${time}, when the time was up; that proves nothing.`;
+      proved = status === "infeasible" ? ENDED : `None was found in ${time}; this does not prove that there is none.`;
     return `${proved} ${why || LOOSEN}`;
   }
   if (live) {

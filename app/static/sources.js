@@ -33,7 +33,7 @@ const FILES = new Map([
 async function thinned(source) {
   if (source.size > MAX_TEXT_BYTES) throw new Error("The file is larger than 20 MB, which is too large for a table.");
   const content = typeof source === "string" ? source : await source.text();
-  if (content.includes("\0")) throw new Error(`The file holds no text. ${TAKEN}`);
+  if (content.includes("\0")) throw new Error(`The file contains no text. ${TAKEN}`);
   const lines = content.split(/\r\n|\r|\n/).filter((line) => line.trim()),
     first = lines.findIndex((line) => /^\s*["']?[-+−]?[.,]?\d/.test(line)),
     count = lines.length - first;
@@ -42,7 +42,7 @@ async function thinned(source) {
     stays = (k) => k < first || (k - first) % step === 0;
   return [
     lines.filter((_, k) => stays(k)).join("\n"),
-    `One of ${step} rows is used: the table has ${count}, and at most ${MAX_ROWS} are read.`,
+    `One row in ${step} is used, because the table has ${count} rows and at most ${MAX_ROWS} are allowed.`,
   ];
 }
 
@@ -68,7 +68,7 @@ export class Sources {
       this.examples = await (await fetch("/static/examples.json")).json();
       for (const { request } of this.examples) this.asCame.add(contentOf(fromRequest(request)));
     } catch {
-      say("The machines to begin with cannot be loaded.", true);
+      say("The examples cannot be loaded. Reload the page to try again.", true);
     }
   }
 
@@ -150,7 +150,7 @@ export class Sources {
       isEdited = this.isOwn(motion) && this.examples.some(({ title }) => motion.note?.startsWith(`${title}. `)),
       note = isEdited ? "" : motion.note, // an example's words are of its own poses and limits
       repetition = twice && `${capital(itemOf(motion))}s ${twice.join(" and ")} are the same`,
-      cannot = "a crank that turns on cannot meet both exactly.";
+      cannot = "a crank that keeps turning cannot reach both exactly.";
     $("example-note").textContent = repetition ? `${note} ${repetition}: ${cannot}`.trim() : note;
     $("unwrap").hidden ||= !jump(motion) && !looksRadian(motion);
   }

@@ -85,7 +85,7 @@ export function judged(verdict, motion, item, drive = "crank", turns = true) {
   const { order, branch, circuit, within_tolerance: within, assembly } = verdict,
     near = (verdict.reasons ?? []).some((reason) => reason.includes("near a change point")),
     all = motion.anyOrder ? `all ${item}s` : `the ${item}s in the order given`,
-    who = `a ${drive} that ${turns ? "turns" : "moves"} one way`,
+    who = `a ${drive} that ${turns ? "turns" : "moves"} in one direction`,
     at = `the ${drive} passes the ${item}s at the ${turns ? "angles" : "places"} given`,
     passes = motion.timing === "free" ? `${who} passes ${all}` : at,
     free = assembly?.status === "free",
@@ -100,11 +100,11 @@ export function judged(verdict, motion, item, drive = "crank", turns = true) {
     Circuit: [
       circuit,
       `all ${item}s, and all between, lie on one circuit${near ? ", but near a change point" : ""}`,
-      `${item}s lie on different circuits: it would have to be taken apart`,
+      `${item}s lie on different circuits: it would have to be disassembled between them`,
     ],
-    Tolerance: within !== null && [within, `every ${item} keeps it`, `not every ${item} keeps it`],
+    Tolerance: within !== null && [within, `every ${item} is within it`, `not every ${item} is within it`],
     Layers: assembly && [free, `nothing collides in ${assembly.count}`, "parts collide in all"],
-    "Practical limits": [usable, "all are kept", "one or more are broken"],
+    "Practical limits": [usable, "all are satisfied", "one or more are violated"],
   };
   const rows = Object.entries(words).filter(([, row]) => row);
   return rows.map(([name, [good, satisfied, violated]]) => [name, good, good ? satisfied : violated]);

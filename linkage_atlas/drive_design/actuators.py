@@ -204,9 +204,8 @@ def _of_given_ends(task: DriveTask, request: ActuatorRequest, name: str, ground:
     retracted = low if request.retracted is None else request.retracted
     stroke = high - retracted if request.stroke is None else request.stroke
     if not _covers(Actuator(retracted, stroke), used):
-        words = (
-            f"its length ranges from {low:.6g} to {high:.6g}, beyond an actuator of {retracted:.6g} + {stroke:.6g}"
-        )
+        reach = f"the actuator reaches only {retracted:.6g} to {retracted + stroke:.6g}"
+        words = f"its length ranges from {low:.6g} to {high:.6g}, but {reach}"
         task.findings.refuse("actuator", name, words)
         return
     _add(task, request, name, question, placement, Actuator(retracted, stroke), None, 0)
@@ -319,7 +318,7 @@ def _add(
         stops="none, because the ends of its stroke are the ends of the motion"
         if is_whole
         else "two stops, or position control, because its stroke is longer than the motion",
-        holds="a spindle does, and a cylinder with closed valves",
+        holds="yes with a spindle, or with a cylinder whose valves are closed",
         name=None if row is None else row.name,
         price=None if row is None else row.price,
         retracted=sizes.retracted,
@@ -380,7 +379,9 @@ def _none_fits(task: DriveTask, name: str, question: PlacementSearch, unfit: lis
     weak = [(why, max(row.push, row.pull), row.name) for row, why in unfit if isinstance(why, float)]
     if weak:
         force, available, row_name = min(weak, key=lambda refusal: refusal[0] / refusal[1])
-        findings.refuse("actuator", name, f"needs a force of {force:.4g}, and it gives {available:.4g}", row_name)
+        findings.refuse(
+            "actuator", name, f"needs a force of {force:.4g}, but this actuator gives only {available:.4g}", row_name
+        )
     placeless = [(row, why) for row, why in unfit if isinstance(why, Refusal)]
     if placeless:
         row, why = min(placeless, key=lambda refusal: refusal[0].actuator.stroke)

@@ -127,7 +127,7 @@ class Operation(NamedTuple):
             bad = ~np.isfinite(link.rate)
             if bad.any():
                 at = self.words(self.fine.at[int(np.argmax(bad))])
-                raise FieldError("/linkage", f"does not close, or is dead, at {at} of its drive's way")
+                raise FieldError("/linkage", f"does not close, or has a dead point, at {at} of its drive's travel")
 
     @property
     def linkage(self) -> Plain | None:

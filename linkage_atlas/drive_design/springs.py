@@ -213,7 +213,7 @@ class Goal:
             what = "rms torque" if self.request.target is None else "rms difference from the wanted curve"
             share = 100 * self.rank(mounted)[1] / self.size
             left = f"the best ({mounted.words}) leaves {share:.3g} % of the {what}"
-            return f"{left}: springs that leave more than half are not returned"
+            return f"{left}; only springs that remove at least half of it are returned"
         torque = self.difference(machine, mounted) + self.target(machine)
         wrong, (first, last) = [], torque[[0, -1]] * machine.sense
         if behaviour.holds_first and first < behaviour.margins[0]:
@@ -325,8 +325,8 @@ def _ideal(task: DriveTask, request: SpringRequest) -> Mounted | str:
             found = next(spring for spring in two_springs(potential, stiffness) if spring.between == between)
         return Mounted((found,))
     if math.isinf(found):
-        return f"one spring between {between[0]} and {between[1]} does not balance this load; two springs do; leave `between` out"
-    return f"one spring would need the stiffness {found:.6g}, below 0; two springs balance it; leave `between` out"
+        return f"one spring between {between[0]} and {between[1]} does not balance this load; two springs do; remove `between`"
+    return f"one spring would need the stiffness {found:.6g}, below 0; two springs balance it; remove `between`"
 
 
 def _ideal_on_pendulums(task: DriveTask, between: tuple[str, str] | None, stiffness: float | None) -> Mounted | str:
@@ -340,7 +340,7 @@ def _ideal_on_pendulums(task: DriveTask, between: tuple[str, str] | None, stiffn
         return "the drive carries no load that springs could balance"
     if between is not None and (len(springs) > 1 or springs[0].between != between):
         where = " and ".join("-".join(spring.between) for spring in springs)
-        return f"one spring between {between[0]} and {between[1]} does not balance this load; {where} do: leave `between`"
+        return f"one spring between {between[0]} and {between[1]} does not balance this load; {where} do; remove `between`"
     return Mounted(tuple(springs))
 
 

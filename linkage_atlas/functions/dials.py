@@ -74,7 +74,10 @@ def read_dials(function: Fields, crank_span: float | None, degrees: bool) -> Dia
     if "table" in fields:
         for name in ("x", "exponent", "samples"):
             if name in fields:
-                raise FieldError(f"/function/{name}", "belongs to a function by name, not to a table")
+                raise FieldError(
+                    f"/function/{name}",
+                    "applies only to a function by `name`; remove it",
+                )
         x, y = _table(fields["table"])
         of = None
     else:

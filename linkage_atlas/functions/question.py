@@ -45,7 +45,7 @@ UNITS = ("deg", "rad", LENGTH)
 _LIMITS = ("transmission_angle_min", "link_min", "link_max", "link_ratio_max", "links", "offset", "family", "preset")
 _LINKS = {"crank": "crank", "coupler": "rod", "ground": "ground"}
 """Names of limits' links, and of the lengths that they are."""
-_UNIT_HINT = "; `input_unit` and `output_unit` say what is a length"
+_UNIT_HINT = "; set `input_unit` or `output_unit` to 'length' for a travel"
 _STILL = 1e-12
 """Largest change of an output, in radians, that counts as rest."""
 _RATIO = 500.0
@@ -98,7 +98,9 @@ def read_kinds(mechanisms: Sequence[str] | str | None, dial: Dial) -> list[str]:
     if mechanisms is None:
         return known[:1]
     return kinds_among(
-        mechanisms, known, f"from {dial.input} to {dial.output} there is {' or '.join(known)}{_UNIT_HINT}"
+        mechanisms,
+        known,
+        f"must be {' or '.join(known)} for a function from {dial.input} to {dial.output}{_UNIT_HINT}",
     )
 
 

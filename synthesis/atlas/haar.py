@@ -18,7 +18,7 @@ from synthesis.arrays import Floats
 def levels(samples: int) -> int:
     """Return j for 2^j samples; raise ValueError if the number is no power of two or below 2."""
     if samples < 2 or samples & (samples - 1):
-        raise ValueError(f"samples: wanted a power of two of at least 2, found {samples}")
+        raise ValueError(f"samples must be a power of two of at least 2; it is {samples}")
     return samples.bit_length() - 1
 
 

@@ -34,8 +34,8 @@ ALTERNATIVES_TIME = 0.02
 """Minimum time in seconds for alternatives to an exact linkage, if the search may end soon."""
 
 
-_HINGE = "the body comes back without a full turn, but it turns with a hinge that turns fully."
-_SLIDER = "the body makes a full turn, which it cannot if a crank drives a slider."
+_HINGE = "the body returns without a full turn, but in these linkages it is driven by a hinge that turns fully."
+_SLIDER = "the body makes a full turn, which is impossible if a crank drives a slider."
 _ROUND = "No linkage of these kinds passes this closed path: "
 _LEADS = "No linkage of these kinds was found for this closed path. Only rotations of the best four-bars were tried, with which "
 NOTHING_ROUND = {

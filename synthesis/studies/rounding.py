@@ -31,7 +31,7 @@ from synthesis.work import Work
 
 AROUND = 2
 """Number of nearest lengths that are combined for each length."""
-NONE_KEEPS = "none of the lengths that were tried closes at every sample and keeps the limits"
+NONE_KEEPS = "no combination of lengths that was tried closes at every sample and satisfies the limits"
 _STEPS = 15
 """Largest number of steps of the least squares."""
 _DAMPING = 1e-3

@@ -76,7 +76,7 @@ def test_columns_are_chosen_by_head_or_number() -> None:
 @pytest.mark.parametrize(
     ("columns", "field", "words"),
     [
-        ({"x": "TX", "y": "TQ"}, "/columns/y", "'TQ' is no column of the table; there are 'TX', 'TY'"),
+        ({"x": "TX", "y": "TQ"}, "/columns/y", "'TQ' is not a column of the table; there are 'TX', 'TY'"),
         ({"x": "TX", "y": "TX"}, "/columns/y", "'TX' is named twice"),
         ({"z": "TX"}, "/columns/z", "there is no column 'z'"),
         ({"x": "TX"}, "", "give both x and y"),

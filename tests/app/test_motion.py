@@ -45,7 +45,7 @@ def test_a_choice_of_columns_is_asked_for_and_taken(client: TestClient) -> None:
     reply = client.post("/v2/motion", json={"table": table, "columns": chosen}).json()
     assert reply["request"]["position"] == [[1, 2], [4, 5]] and reply["request"]["rotation"] == [3, 6]
     wrong = client.post("/v2/motion", json={"table": table, "columns": {"x": "up", "y": "2"}}).json()
-    assert wrong["status"] == "refused" and "'up' is no column of the table" in wrong["message"]
+    assert wrong["status"] == "refused" and "'up' is not a column of the table" in wrong["message"]
 
 
 @pytest.mark.parametrize(

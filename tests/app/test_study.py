@@ -147,6 +147,6 @@ def test_an_interrupt_ends_a_study_that_can_be_gone_on_with(tmp_path) -> None:
     process.send_signal(signal.SIGINT)
     messages = process.communicate(timeout=PATIENCE)[1].decode()
     assert process.returncode == Exit.INTERRUPTED
-    assert messages.strip() == "interrupted; the same command continues from here"
+    assert messages.strip() == "interrupted; run the same command again to continue"
     done = out.read_bytes()
     assert done.endswith(b"\n") and 0 < done.count(b"\n") < 400

@@ -238,8 +238,7 @@ def test_a_torsion_spring_holds_a_body_shut(opened) -> None:
     fill(opened, **{"hold-force": "", "wanted": "0 2 x"})
     opened.click("drive-find")
     assert (
-        opened.text("drive-note")
-        == "Its values, first to last: at least 2 numbers are needed, with blanks between them."
+        opened.text("drive-note") == "Its values, first to last: at least 2 numbers are needed, separated by spaces."
     )
     fill(opened, wanted="0; 2,5; 3")
     opened.record_requests()

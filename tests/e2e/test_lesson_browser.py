@@ -47,7 +47,7 @@ def test_each_file_that_is_dropped_says_what_can_be_done_with_it(page) -> None:
         ("a.xlsx", "PK", "copy its rows"),
         ("b.stl", "solid", "SVG or DXF"),
         ("c.pdf", "%PDF", "tables (CSV, TSV, text)"),
-        ("d.bin", "\0\1", "holds no text"),
+        ("d.bin", "\0\1", "contains no text"),
         ("e.svg", '<svg xmlns="http://www.w3.org/2000/svg"><path d="M0 0L9 0L9 5Z"/></svg>', "outline of the body"),
     ):
         page.run(DROP, name, content)
@@ -63,6 +63,6 @@ def test_each_file_that_is_dropped_says_what_can_be_done_with_it(page) -> None:
     assert [round(row[3]) for row in page.table()] == [0, 12, 30, 63] and not page.shown("unwrap")
     page.run(DROP, "long.csv", "x,y\n" + "\n".join(f"{k},{k * k / 900}" for k in range(2001)))
     page.wait("document.getElementById('example-note').textContent.includes('long.csv')")
-    assert "One of 3 rows is used" in page.text("example-note") and len(page.table()) == 667
+    assert "One row in 3 is used" in page.text("example-note") and len(page.table()) == 667
     page.run(DROP, "law.csv", "input;output\n0;0\n20;11\n45;33\n")
     page.wait("document.body.dataset.kind === 'function'")

@@ -412,7 +412,7 @@ def test_rows_are_pasted_into_cells_and_poses_that_repeat_or_wrap_are_named(shar
     assert [row[1:3] for row in shared.table()] == [[1, 2], [4, 5], [7, 8]]
     shared.paste("0,0,0\n10,4,6\n10,4,6\n20,5,15")
     said = "Pasted. Columns without headings were read as x, y, angle. Poses 2 and 3 are the same: a crank that "
-    said += "turns on cannot meet"
+    said += "keeps turning cannot reach"
     assert shared.text("example-note").startswith(said)
     shared.paste("x,y,angle\n0,0,0\n10,3,350\n20,5,10")
     assert [row[3] for row in shared.table()] == [0, 350, 10], "nothing is changed unasked"
@@ -437,7 +437,7 @@ def test_the_parts_of_a_motion_are_checked_and_angles_alone_suffice(shared) -> N
     assert shared.text("status") == "", "what was wrong is said no longer than it is"
     shared.click("any-order")
     shared.click("solve")
-    assert shared.text("status") == "Only three full poses or more can be passed in any order."
+    assert shared.text("status") == "Any order requires at least three poses with both position and angle."
     assert shared.focus == "any-order"
     shared.renew()
     shared.load_request({"rotation": [0, 10, 25, 30], "crank_span": 90})
@@ -447,7 +447,7 @@ def test_the_parts_of_a_motion_are_checked_and_angles_alone_suffice(shared) -> N
     assert "1 × ground" in lengths and "mm" not in lengths, "a linkage without a place has no size"
     shared.mode("hand")
     shared.drag(shared.element("#canvas [data-joint=c]"), 30, 20)
-    assert shared.text("canvas-note") == "without positions a linkage has no place."
+    assert shared.text("canvas-note") == "without positions the location of a linkage is undefined."
 
 
 REFUSED = {

@@ -123,7 +123,7 @@ def test_a_link_restores_question_values_and_place(at) -> None:
     page = at("lift", fragment="#j=damaged")
     assert page.element(".stage")
     page = at("chain", fragment=fragment)
-    assert page.element(".stage") and page.text("status") == "The link is of another machine or version."
+    assert page.element(".stage") and page.text("status") == "The link belongs to another machine or version."
 
 
 def test_choosing_only_shows_and_clicks_and_steps_back_ask_once(at) -> None:

@@ -496,7 +496,7 @@ def test_a_linkage_is_changed_by_hand(opened) -> None:
     opened.drag(opened.pick("#canvas [data-joint=c]"), 14, -9)
     scale = opened.view()[2]
     assert abs(opened.drawn("c") - (before + complex(14, 9) / scale)) < 3 / scale
-    assert opened.card().startswith("By hand") and "not judged" in opened.card()
+    assert opened.card().startswith("By hand") and "not checked" in opened.card()
     opened.run("window.copied = ''; navigator.clipboard.writeText = async (t) => { window.copied = t; }")
     opened.click("copy")
     opened.wait("window.copied")
@@ -630,7 +630,7 @@ def test_layers_come_by_themselves_and_collisions_are_shown_where_they_are(page)
     assert [name for name in plates if "_" not in name] == stack[::-1]
     page.run("document.getElementById('layer-width').value = 400")
     page.run("document.getElementById('layer-width').dispatchEvent(new Event('change'))")
-    said = "Cannot be built so: parts collide in every order"
+    said = "Cannot be built: parts collide in every order"
     page.wait(f"document.getElementById('layers-note').textContent.startsWith('{said}')")
     assert "layers:" in page.read("#solutions .verdict")
     page.pick("#layers-jumps button").click()

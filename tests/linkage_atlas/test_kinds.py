@@ -166,7 +166,7 @@ def test_why_nothing_goes_round_is_said_at_once() -> None:
     with pytest.raises(la.FieldError, match="turns fully"):  # its slot never passes the rail's direction
         la.synthesize(**oval, mechanisms=["rail_slot"])
     still = la.synthesize(**oval, rotation=10 * np.sin(turn), mechanisms=["two_slots"])
-    assert still.status == "infeasible" and "comes back without a full turn" in still.report.notes[-1]
+    assert still.status == "infeasible" and "returns without a full turn" in still.report.notes[-1]
     round_once = la.synthesize(**oval, rotation=np.rad2deg(turn), mechanisms=["slider_crank"])
     assert round_once.status == "infeasible" and "makes a full turn" in round_once.report.notes[-1]
 

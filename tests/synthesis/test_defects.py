@@ -208,7 +208,7 @@ def test_a_crank_that_turns_fully() -> None:
     assert said(swapped) == (False, True, True, None)
     assert swapped.reasons == (
         "a crank that turns in one direction does not pass samples 2 and 3 in this order",
-        "neither crank nor rocker can drive the linkage through the samples, turning one way",
+        "neither crank nor rocker can drive the linkage through the samples, turning in one direction",
     )
     assert said(judged(CRANK_ROCKER, [0, 90, 40, 200], ordered=False)) == GOOD
     apart = judged(CRANK_ROCKER, [0, 40, 90, 200, 350], [1, 1, 1, 1, -1])
@@ -226,7 +226,7 @@ def test_a_crank_that_swings() -> None:
     closed = judged(ROCKER_CRANK, [40, 50, 60], closed=True)
     assert said(closed) == (False, True, True, "rocker")
     assert closed.reasons == (
-        "the crank only swings: turning one way it does not come from the last sample to the first",
+        "the crank only swings: turning in one direction, it does not return from the last sample to the first",
         "only the rocker can drive the linkage through the samples, not the crank",
     )
     round_trip = judged(ROCKER_CRANK, [40, 60, 50], [1, 1, -1])
