@@ -213,7 +213,7 @@ def _body_of(target: Target, content: Any, rank: int) -> tuple[dict[str, Any], s
         while isinstance(inner.get("request"), dict):
             inner = inner["request"]
         body, dropped = _without_foreign(target, inner)
-        return body, f"{what}, of which the request is used" + dropped.replace("a request ", ", ")
+        return body, f"{what}, whose request is used" + dropped.replace("a request ", ", ")
     if _is_linkage(content):
         return {LINKAGE: content}, "a linkage"
     if not _is_reply(content):

@@ -116,7 +116,7 @@ def _continued(out: Path, questions: Iterator[Question]) -> Iterator[bytes]:
         for line in file:
             if not line.endswith(b"\n"):
                 if not (line.startswith(HEAD) or HEAD.startswith(line) or not line.strip(b"\0")):
-                    raise FieldError("/out", f"{out} holds no answers: name another file, or remove this one")
+                    raise FieldError("/out", f"{out} contains no replies: name another file, or delete this one")
                 break
             _check(line, next(questions, None), out)
             complete += len(line)
@@ -130,9 +130,9 @@ def _check(line: bytes, question: Question | None, out: Path) -> None:
     except ValueError:
         found = None
     if question is None or not isinstance(found, dict) or found.get("line") != question.line:
-        problem = "holds lines that are no answers to these requests"
+        problem = "contains lines that are not replies to these requests"
     elif found.get("key") != question.key:
-        problem = f"answers another request in line {question.line}, or is of another version or command"
+        problem = f"has a reply to another request in line {question.line}, or comes from another version or command"
     else:
         return
     raise FieldError("/out", f"{out} {problem}: name another file, or remove this one")

@@ -251,9 +251,9 @@ class Reading:
         if role in ("x", "y") and self.kind is FUNCTIONS:
             return ""
         if unit not in known:
-            there = f"known are {', '.join(known)}" if known else "it has none"
+            there = f"use one of {', '.join(known)}" if known else "remove it, because this column has no unit"
             raise FieldError(
-                "", f"{where} has the unit '{text[:20]}', but the unit of {_word(role)} must be known: {there}"
+                "", f"{where} has the unit '{text[:20]}', which is not a known unit of {_word(role)}; {there}"
             )
         return unit
 

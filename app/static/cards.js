@@ -82,7 +82,7 @@ export function card(solution, motion, size, pinned, choose, compare) {
     [solution.links ? "longest link" : "longest guide", `${text(longest(solution), 4)} ${unit}`],
     Number.isFinite(solution.size) && ["size", `${text(solution.size, 3)} × motion`],
   ];
-  const words = name + (solution.has_smallest_error ? " · least error" : "") + (solution.better ? " · better" : ""),
+  const words = name + (solution.has_smallest_error ? " · smallest error" : "") + (solution.better ? " · better" : ""),
     cardButton = button("", choose, unusable(solution) ? "broken" : ""),
     box = {
       type: "checkbox",

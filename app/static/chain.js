@@ -225,7 +225,7 @@ function slot(reply, drawing, hosts) {
   return run;
 }
 
-const WEAR = ["pitch error", "least slack", "largest slack", "stretched", "depth of the free pin", "past the slot"];
+const WEAR = ["pitch error", "smallest slack", "largest slack", "stretched", "depth of the free pin", "past the slot"];
 
 function tolerance({ tolerance: study, wear, ...reply }, hosts) {
   const column = (name) => wear.map((row) => row[name]),
@@ -233,7 +233,7 @@ function tolerance({ tolerance: study, wear, ...reply }, hosts) {
   facts(hosts.facts, [
     ["layout within its tolerances", reply.status],
     ["just stretched at a pitch error of", reply.pitch_error_min],
-    ["least slack over the corners", study.slack_min],
+    ["smallest slack over the corners", study.slack_min],
     ["largest slack over the corners", study.slack_max],
     ["corners", study.corners],
     ["nominal slack", [reply.slack_min, reply.slack_max]],
@@ -244,7 +244,7 @@ function tolerance({ tolerance: study, wear, ...reply }, hosts) {
     { values: column("slack_min"), colour: "crank" },
   ];
   const list = [
-    { title: "Slack over the pitch error, least and largest", series },
+    { title: "Slack over the pitch error, smallest and largest", series },
     { title: "Free pin past the slot, at most", values: column("beyond_slot"), colour: "body" },
   ];
   if (errors.length > 1 && errors.every((error, k) => !k || error > errors[k - 1]))
@@ -252,7 +252,7 @@ function tolerance({ tolerance: study, wear, ...reply }, hosts) {
   const rows = wear.map((row) => Object.values(row)),
     changes = Object.entries(study.sensitivity).map(([name, value]) => [clip(name), value]);
   table(hosts.tables, "Pitch wear", WEAR, rows);
-  table(hosts.tables, "Change of the least slack", ["length", "per unit"], changes);
+  table(hosts.tables, "Change of the smallest slack", ["length", "per unit"], changes);
   return null;
 }
 

@@ -97,7 +97,7 @@ export function rowsOf(drive, how) {
     { peak_torque: moment, buckling, six_bar: bars, lock } = drive;
   const side = count > 1 ? `, ${count} side by side` : "",
     moves = drive.extends ? "extends" : "retracts",
-    bound = ratio ? `, ${number(ratio, 4)} × the least there can be` : "",
+    bound = ratio ? `, ${number(ratio, 4)} × the smallest possible` : "",
     safe = buckling?.safety === null ? "never pushed" : `${number(buckling?.safety, 3)} times safe`;
   const rows = [
     ["drive", `${drive.name ?? KINDS[kind]} on the ${plain(drive.link)}${side}${drive.byHand ? ", by hand" : ""}`],
@@ -107,7 +107,7 @@ export function rowsOf(drive, how) {
     drive.pin && ["pin on the link", point(drive.pin_on_link)],
     retracted && ["retracted, stroke", `${number(retracted)} + ${number(stroke)} ${unit}, ${moves}`],
     Number.isFinite(dead) && ["dead point", `at ${number(dead)}${turns ? "°" : ` ${unit}`}`],
-    Number.isFinite(arm) && ["least arm", `${number(arm)} ${armUnit(unit, turns)}`],
+    Number.isFinite(arm) && ["smallest moment arm", `${number(arm)} ${armUnit(unit, turns)}`],
     Number.isFinite(push) && ["peak force", force(push) + bound],
     Number.isFinite(moment) && [kind === "toggle" ? "torque at the handle" : "peak torque", torque(moment)],
     drive.holding && ["holding, first and last", drive.holding.map(kind === "rotary" ? torque : force).join(", ")],

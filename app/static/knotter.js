@@ -258,7 +258,7 @@ function needle({ reply, request }, { facts: figures }) {
   ]);
 }
 
-const WITHIN = ["at the worse corner", "least sample", "samples that hold, %", "tolerances until it fails"];
+const WITHIN = ["at the worse corner", "smallest sample", "samples that hold, %", "tolerances until it fails"];
 
 function tolerance({ reply }, { facts: figures, tables }) {
   facts(figures, [

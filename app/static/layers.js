@@ -62,7 +62,7 @@ function sentenceOf({ status, count, exhaustive, smallest_gap: gap, sizes }, uni
       : "Parts collide in every order of layers that was tried",
   }[status];
   const where = gap && `${inWords(gap.pair)} at ${placeText(gap.crank_angle, sign)}`,
-    room = gap ? `; least gap ${text(gap.value, 4)} ${unit} beyond the clearance, ${where}` : "",
+    room = gap ? `; smallest gap ${text(gap.value, 4)} ${unit} beyond the clearance, ${where}` : "",
     list = ["hole", "width", "thickness"].map((name) => `${name === "hole" ? "holes" : name} ${text(sizes[name], 4)}`);
   return `${state}${room}; ${list.join(", ")} ${unit}.`;
 }

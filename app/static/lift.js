@@ -124,10 +124,10 @@ function motionFacts(host, { forces, ...reply }) {
   if (!forces) return;
   const rows = [
     ["largest force of the cylinder", forces.cylinder_max, "N"],
-    ["least force of the cylinder", forces.cylinder_min, "N"],
+    ["smallest force of the cylinder", forces.cylinder_min, "N"],
     ["largest pressure needed", forces.pressure_max, "bar"],
     ["pressure is enough", forces.pressure_is_enough],
-    ["least bore", forces.bore_min, "mm"],
+    ["smallest bore", forces.bore_min, "mm"],
   ];
   facts(host, rows, "Forces");
 }

@@ -57,7 +57,7 @@ export function numberRows(solution, { motion, size }, digits = DIGITS) {
     Number.isFinite(solution.size) && ["Size", `${number(solution.size)} × motion`],
     Number.isFinite(solution.excursion) && [`Detour between ${item}s`, `${text(solution.excursion, 3)} × distance`],
     ["Transmission", angle(solution.transmission_angle_min)],
-    Number.isFinite(solution.arm_min) && ["Moment arm, least", length(solution.arm_min)],
+    Number.isFinite(solution.arm_min) && ["Moment arm, smallest", length(solution.arm_min)],
     Number.isFinite(fullTurnAngle) && ["Transmission, whole turn", angle(fullTurnAngle)],
     activeLimits.length && ["Limited by", activeLimits.map(limitName).join(", ")],
     lengths && ["Rounded links", `${lengths.join(", ")} ${unit}`],

@@ -116,7 +116,7 @@ export class Sources {
       example = this.examples.find(({ request }) => contentOf(fromRequest(request)) === contentOf(motion));
     this.asCame.add(contentOf(motion));
     if (example) this.#open(example, how);
-    else this.#take(motion, { note: "From a link", ...how });
+    else this.#take(motion, { note: "Opened from a link", ...how });
     return true;
   }
 

@@ -50,7 +50,7 @@ class Operation(NamedTuple):
         """Prepare a linkage between the smallest and the largest travel of its drive, perhaps at samples of a motion."""
         ends, four_bar = ends_of(travel), linkage.is_four_bar
         if not abs(ends.last - ends.first) > (1e-6 if four_bar else 0.0):
-            field, words = ("crank_angle", "crank angle") if four_bar else ("travel", "place of the drive")
+            field, words = ("crank_angle", "crank angle") if four_bar else ("travel", "position of the drive")
             raise FieldError(f"/{field}", f"has no range: its first and last {words} are the same")
         if not four_bar and not linkage.closes_over(ends.after(linkage.start)):
             raise FieldError("/linkage", "does not close over the whole motion; give a smaller range")

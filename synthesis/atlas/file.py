@@ -180,7 +180,7 @@ def _opened(
             _refuse(AtlasFault.LIMIT, f"{size} bytes, at most {max_bytes}")
         head = file.read(HEADER_BYTES)
         if len(head) < HEADER_BYTES or not head.startswith(_MAGIC.encode()):
-            _refuse(AtlasFault.SCHEMA, "its header is not that of an atlas")
+            _refuse(AtlasFault.SCHEMA, "its header is not the header of an atlas")
         if not head.startswith(f"{_MAGIC} {SCHEMA}\n".encode()):
             detail = f"its header names another schema than {SCHEMA}; `linkage-atlas build` makes a new file"
             _refuse(AtlasFault.SCHEMA, detail)
@@ -225,10 +225,10 @@ def load_atlas(path: Path, max_bytes: int | None = None, max_types: int = MAX_TY
         lengths = file["lengths"][...]
         arrays = {name: file[name][...] for name in datasets if name.startswith("tree_")}
     if not np.array_equal(lengths, rule.lengths()):
-        _refuse(AtlasFault.CONTENT, "the lengths are not those of its rule")
+        _refuse(AtlasFault.CONTENT, "the lengths do not match its rule")
     rows = arrays["tree_rows"]
     if not np.array_equal(np.sort(rows[rows != -1]), np.arange(count)):
-        _refuse(AtlasFault.CONTENT, "the leaves of the tree are not the types")
+        _refuse(AtlasFault.CONTENT, "the leaves of the tree do not match the types")
     return StoredAtlas(rule, generator, content, lengths, Tree(_levels(arrays, count), rows), sha256)
 
 
@@ -267,7 +267,7 @@ def check_contents(path: Path, atlas: StoredAtlas) -> None:
     series, leaf = compute_series(atlas.lengths[chosen], mechanism), np.argsort(atlas.tree.rows, kind="stable")
     leaf = leaf[len(leaf) - count :][chosen]
     if not same or not np.allclose(atlas.tree.levels[-1].series[leaf], series.coefficients, 0, 1e-6):
-        _refuse(AtlasFault.CONTENT, "features or series are not those of the lengths")
+        _refuse(AtlasFault.CONTENT, "features or series do not match the lengths")
 
 
 def _plain(text: str) -> str:

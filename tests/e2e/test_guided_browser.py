@@ -55,7 +55,7 @@ def test_linkages_are_drawn_moved_and_changed_by_hand(shared, drives) -> None:
         types = [guide.guide for guide in solution.guides]
         numbers, legend = shared.text("numbers"), shared.text("legend")
         assert all(guide_type in numbers for guide_type in types)
-        assert solution.driver in numbers and "Moment arm, least" in numbers
+        assert solution.driver in numbers and "Moment arm, smallest" in numbers
         assert ("rail" in legend, "slot" in legend) == ("rail" in types, "slot" in types)
         assert ("crank" in legend) == ("circle" in types) and "rocker" not in legend and "ground" not in legend
         travel = solution.travel if solution.travel is not None else solution.crank_angle

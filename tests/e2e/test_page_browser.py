@@ -432,7 +432,7 @@ def test_the_parts_of_a_motion_are_checked_and_angles_alone_suffice(shared) -> N
     for _ in range(3):
         shared.click("add-row")
     shared.click("solve")
-    assert "positions are needed" in shared.text("status")
+    assert "require positions" in shared.text("status")
     shared.select("wanted", "position")
     assert shared.text("status") == "", "what was wrong is said no longer than it is"
     shared.click("any-order")

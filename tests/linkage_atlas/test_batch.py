@@ -82,12 +82,12 @@ def test_a_study_cut_off_at_any_byte_continues_to_the_same_bytes(tmp_path) -> No
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda text: b"x,y\n1,2\n", "no answers to these requests"),
-        (lambda text: b"words without an end of line", "holds no answers"),
+        (lambda text: b"x,y\n1,2\n", "not replies to these requests"),
+        (lambda text: b"words without an end of line", "contains no replies"),
         (lambda text: text.replace(b"0002", b"0009"), "another request in line 5"),
-        (lambda text: text.replace(b'"line": 5', b'"line": 6'), "no answers to these requests"),
-        (lambda text: text + text, "no answers to these requests"),
-        (lambda text: b"[]\n" + text, "no answers to these requests"),
+        (lambda text: text.replace(b'"line": 5', b'"line": 6'), "not replies to these requests"),
+        (lambda text: text + text, "not replies to these requests"),
+        (lambda text: b"[]\n" + text, "not replies to these requests"),
     ],
 )
 def test_a_file_of_something_else_is_refused_and_left_as_it_is(change, words, tmp_path) -> None:

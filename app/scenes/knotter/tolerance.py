@@ -112,7 +112,7 @@ def tolerance_table(reply: KnotterToleranceReply, units: Units = DEGREES) -> str
             + ", ".join(f"{key} {value:+.3g}" for key, value in largest)
             + f" per {units.length or 'unit of length'} or {units.angle}"
         )
-    lengths = [units.head(word, units.length) for word in ("margin", "worse corner", "least sample")]
+    lengths = [units.head(word, units.length) for word in ("margin", "worse corner", "smallest sample")]
     head = ["condition", *lengths, "hold", "tolerances times"]  # the last: factor by which the tolerances may grow
     pair = f"alpha1 {reply.alpha1:g}, alpha3 {reply.alpha3:g} {units.angle}"
     title = f"{pair}: {reply.status}; {reply.share:.1%} of {reply.samples} samples tie"
