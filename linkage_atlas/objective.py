@@ -28,7 +28,7 @@ def residuals(linkage: Linkage, motion: Motion, travel: ArrayLike | None = None)
     Returns
     -------
     ndarray, shape (N,), (2 N,) or (3 N,)
-        Rotation errors in radians, then position errors along x and along y over the length scale of the motion. Each is
+        Requested minus reached values: rotation in radians, then x and y over the length scale of the motion. Each is
         multiplied by the root of its weight in the mean, so that the sum of squares is the square of `objective`. NaN at
         samples at which the linkage does not close.
 
@@ -67,7 +67,7 @@ def residuals(linkage: Linkage, motion: Motion, travel: ArrayLike | None = None)
 
 
 def objective(linkage: Linkage, motion: Motion, travel: ArrayLike | None = None) -> float:
-    """Return the error of a linkage that makes a motion, which `synthesize` minimises.
+    """Return the error of a linkage that makes a motion, which a search for the smallest error minimises.
 
     Parameters
     ----------

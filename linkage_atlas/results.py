@@ -125,7 +125,7 @@ class Match(Record):
     offset: float
     """Added to the angle of the coupler, rocker or rod (in -180..180 degrees at the first sample, continuous)."""
     rotation_rms: float
-    """Rms rotation error of this row at this start: a distance."""
+    """Rms rotation error of this row at this start, in the angle unit of the request (smaller is better)."""
     features: Features | None = None
     linkage: Linkage = field(metadata=PYTHON_ONLY)
     """With the type's lengths, this start and offset."""

@@ -146,7 +146,7 @@ class Solution(Record):
     """
 
     rank: int
-    """From 1, by the preference, by default `Errors.objective`."""
+    """From 1, by the preference; see ``prefer`` of `synthesize`."""
     has_smallest_error: bool = False
     """True if it has the smallest error of the solutions that can be used."""
     source: Literal["atlas", "refined"]

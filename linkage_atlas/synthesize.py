@@ -55,11 +55,11 @@ def synthesize(
         Maximum number of linkages, which differ from one another.
     effort : {"refine", "atlas"}
         "refine" searches and refines to machine precision; "atlas" returns the best rows of ``atlas`` without refinement.
-    prefer : {"error", "size", "transmission", "crank_span", "layers"}, optional
-        Merit of linkages inside the tolerances: smallest error, smallest links and reach, best transmission angle, shortest
-        swing of the crank, or layers in which nothing passes over the fixed pivots (this includes an ``assembly``).
-        Default: "size" with tolerances, otherwise "error". Without tolerances, linkages compete whose error is at most 10 %
-        above the smallest error.
+    prefer : {"balanced", "error", "size", "transmission", "crank_span", "layers"}, optional
+        Merit by which linkages that are accurate enough are ranked: "balanced" weighs size, pivots, transmission angle and
+        swing of the crank, then smallest error, smallest links and reach, best transmission angle, shortest swing of the
+        crank, or layers in which nothing passes over the fixed pivots (this includes an ``assembly``).
+        Default: "size" with tolerances, "balanced" with free timing, otherwise "error".
     diverse : bool
         Spread the solutions over families, branches and positions; their objective is at most twice the best objective.
     tolerance : float
