@@ -154,6 +154,8 @@ def run_report(options: argparse.Namespace) -> int:
     from app.resources import ServiceResources
     from app.settings import atlas_of, settings_of
 
+    if options.out and Path(options.out).suffix not in (".html", ".htm"):
+        raise FieldError("/out", f"must end in .html; it is '{options.out}'. A browser prints the page as PDF")
     (query,), rank = queries_named("synthesize"), options.rank or 1
     source = _read(Target.of(query), options)
     request = source.request.model_copy(update={"top": max(rank, source.request.top)})

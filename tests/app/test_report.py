@@ -52,6 +52,11 @@ def test_a_report_of_a_rank_that_is_missing_is_not_written(run, tmp_path) -> Non
     assert code != Exit.OK and "no solution of rank 1" in err and not [*tmp_path.iterdir()]
 
 
+def test_a_report_is_a_page_of_html_only(run, tmp_path) -> None:
+    code, _, err = run("report", "--example", "casement", "--out", tmp_path / "a.pdf")
+    assert code == Exit.USAGE and "must end in .html" in err and not [*tmp_path.iterdir()]
+
+
 def test_the_curves_of_drives_are_written(run, tmp_path, client) -> None:
     table, picture = tmp_path / "curves.csv", tmp_path / "curves.svg"
     code, out, _ = run(

@@ -84,5 +84,5 @@ def test_a_rod_on_a_slider_has_no_plate() -> None:
     # on the rail's line, a crank of half the way
     direction = abs(at[1] - at[0])
     motor = Motor("slider", complex(min(at.real) - 2 * direction, 0.3), direction / 2, 2.5 * direction, 0j)
-    with pytest.raises(FieldError, match="slider, which is no plate"):
+    with pytest.raises(FieldError, match="slider, which is not a plate"):
         motor_driven(slider, used, motor, Sizes())
