@@ -191,7 +191,8 @@ def exact_function(kind: str, samples: int, zeros: str, seed: int) -> Case:
     def cost(solution: dict[str, Any]) -> float:
         return recompute_rms(request, solution) if zeros_kept(request, solution) else np.inf
 
-    return Case(request, cost, la.function)
+    # the exact linkage may transmit badly and is then ranked last
+    return Case(request | {"top": 50}, cost, la.function)
 
 
 def largest(seed: int) -> Case:

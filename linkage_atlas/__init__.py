@@ -28,12 +28,12 @@ if TYPE_CHECKING:
     from linkage_atlas.limits import Limits
     from linkage_atlas.linkages import Linkage, assembly
     from linkage_atlas.matching import match
+    from linkage_atlas.motion_errors import objective, residuals
     from linkage_atlas.motions import Motion
-    from linkage_atlas.objective import objective, residuals
+    from linkage_atlas.pipeline import synthesize
     from linkage_atlas.results import Match, Matches, Result
     from linkage_atlas.solids import SolidParts
     from linkage_atlas.solutions import Solution
-    from linkage_atlas.synthesize import synthesize
     from linkage_atlas.task import prepare
     from synthesis.atlas import haar
     from synthesis.errors import AtlasError, AtlasFault, FieldError
@@ -49,7 +49,7 @@ BATCH_COMMANDS = {
 """Commands of the batch job, which `data_build` runs, with their help."""
 
 _HOMES = {
-    "linkage_atlas.synthesize": ("synthesize",),
+    "linkage_atlas.pipeline": ("synthesize",),
     "linkage_atlas.task": ("prepare",),
     "linkage_atlas.matching": ("match",),
     "linkage_atlas.drive_design.design": ("drives",),
@@ -61,7 +61,7 @@ _HOMES = {
     "linkage_atlas.constructors": ("FourBar", "SliderCrank"),
     "linkage_atlas.geometry": ("Joints",),
     "linkage_atlas.motions": ("Motion",),
-    "linkage_atlas.objective": ("objective", "residuals"),
+    "linkage_atlas.motion_errors": ("objective", "residuals"),
     "synthesis.atlas": ("haar",),
     "linkage_atlas.drive_design.six_bars": ("SixBarLinkage", "SixBarJoints"),
     "linkage_atlas.solids": ("SolidParts",),

@@ -215,7 +215,7 @@ def _answer(question: Question) -> bytes:
     """Return the line that answers a question of `study`."""
     from threadpoolctl import threadpool_limits
 
-    from linkage_atlas.synthesize import synthesize
+    from linkage_atlas.pipeline import synthesize
 
     try:
         with threadpool_limits(1, "blas"):  # the processes would only wait for each other's threads

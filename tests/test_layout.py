@@ -109,3 +109,11 @@ def test_a_scene_costs_only_itself(scene: str) -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
+
+
+def test_no_module_hides_a_public_name() -> None:
+    """An import of a module sets its name on the package, which would then no longer be the function."""
+    import linkage_atlas
+
+    modules = {path.stem for path in Path(linkage_atlas.__file__).parent.iterdir()}
+    assert not modules & set(linkage_atlas.__all__)
