@@ -87,10 +87,12 @@ class Case(NamedTuple):
     cost: Callable[[dict[str, Any]], float]
     """Function that returns J of a solution in the form of a reply; infinite if it violates the request."""
     search: Callable[..., Any] = la.synthesize
+    top: int = 10
+    """Number of solutions: more where the linkage of the smallest error cannot be used or transmits badly, and is ranked last."""
 
     def ask(self, budget: float | None = None, **more: Any) -> Any:
         """Return the reply by the error alone, with a budget in seconds of the processor."""
-        request = {**self.request, **more}
+        request = {"top": self.top, **self.request, **more}
         if self.search is la.synthesize:
             request = {"prefer": "error"} | request
         if request.get("timing") != "free":
@@ -178,7 +180,7 @@ def poses(samples: int, seed: int) -> Case:
     position = random.standard_normal((samples, 2)).round(6)
     request = {"rotation": rotation.tolist(), "position": position.tolist(), "timing": "free"}
     request["limits"] = {"family": "any", "preset": "practical"}
-    return untimed(position @ [1, 1j], np.deg2rad(rotation), request)
+    return untimed(position @ [1, 1j], np.deg2rad(rotation), request)._replace(top=200)
 
 
 def limited(kind: str, seed: int) -> Case:
@@ -191,8 +193,7 @@ def exact_function(kind: str, samples: int, zeros: str, seed: int) -> Case:
     def cost(solution: dict[str, Any]) -> float:
         return recompute_rms(request, solution) if zeros_kept(request, solution) else np.inf
 
-    # the exact linkage may transmit badly and is then ranked last
-    return Case(request | {"top": 50}, cost, la.function)
+    return Case(request, cost, la.function, top=50)
 
 
 def largest(seed: int) -> Case:
