@@ -71,7 +71,11 @@ def objective(linkage: Linkage, motion: Motion, travel: ArrayLike | None = None)
 
     Parameters
     ----------
-    linkage, motion, travel
+    linkage : Linkage
+        See `residuals`.
+    motion : Motion
+        The requested motion.
+    travel : array_like, shape (N,), optional
         See `residuals`.
 
     Returns

@@ -71,7 +71,9 @@ def test_loads_have_units_and_results_for_other_loads_are_marked(opened) -> None
     assert "peak torque" in before and not opened.text("drive-note")
     opened.wait("document.querySelectorAll('#stack rect').length > 4")
     opened.type_into("drive-force-y", "-200")
-    opened.wait("document.getElementById('drive-note').textContent.startsWith('What is shown was found for other')")
+    opened.wait(
+        "document.getElementById('drive-note').textContent.startsWith('These results belong to earlier entries')"
+    )
     assert opened.run("return getComputedStyle(document.querySelector('.drive-result')).opacity") == "0.5"
     opened.type_into("drive-force-y", "-100")
     opened.wait("document.getElementById('drive-note').textContent === ''")
