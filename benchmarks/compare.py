@@ -1,4 +1,4 @@
-"""The searches beside those of another checkout: the same requests in pairs, alternately, each in a process of its own.
+"""Compare the searches with another checkout: the same requests in pairs, alternately, each in its own process.
 
 ``python -m benchmarks.compare --tree ../before --cases 30`` asks the requests of `benchmarks.engine` of each class in both
 trees; the other tree has its own interpreter in ``.venv`` and its own `benchmarks.engine`. An answer is *good* if its

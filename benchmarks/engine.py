@@ -88,10 +88,10 @@ class Case(NamedTuple):
     """Function that returns J of a solution in the form of a reply; infinite if it violates the request."""
     search: Callable[..., Any] = la.synthesize
     top: int = 10
-    """Number of solutions: more where the linkage of the smallest error cannot be used or transmits badly, and is ranked last."""
+    """Number of solutions: larger for requests whose most accurate linkage cannot be used and is therefore ranked last."""
 
     def ask(self, budget: float | None = None, **more: Any) -> Any:
-        """Return the reply by the error alone, with a budget in seconds of the processor."""
+        """Return the reply ranked by error, with a budget in seconds of processor time."""
         request = {"top": self.top, **self.request, **more}
         if self.search is la.synthesize:
             request = {"prefer": "error"} | request

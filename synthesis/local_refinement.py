@@ -105,7 +105,7 @@ def turning_fully(linkage: Linkage, family: str) -> Linkage:
     ----------
     linkage : Linkage
     family : str
-        Family of `limits.FAMILIES`; ``any`` stands for the full cranks.
+        Family of `limits.FAMILIES`; ``any`` means full cranks.
     """
     family = "full_crank" if family == "any" else family
     if in_family(family, np.array([linkage.links]))[0]:

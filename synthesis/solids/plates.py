@@ -91,7 +91,7 @@ def parts_to_plates(solids: Solids, kerf: float = 0.0) -> str:
                     "/assembly/kerf",
                     f"must be smaller, because it closes a hole of {2 * hole.radius:g} mm in {part.name}",
                 )
-            # the corners of a large body are far from its hole: its letters are no larger than those of a link
+            # limit the letters of a large body, whose corners are far from its hole
             rim = min(float(np.abs(part.prism.corners - hole.centre).min()) - hole.radius, 3 * hole.radius)
             word = hole.centre + complex(1.1 * hole.radius, -0.3 * rim)
             drawn.append(_Drawn(part.name.upper(), part.prism.grown(kerf / 2), word, 0.6 * rim))

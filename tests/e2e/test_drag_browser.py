@@ -74,7 +74,7 @@ def test_the_linkage_follows_arrow_keys_and_numbers_in_the_table(shared) -> None
 
 
 def test_a_better_linkage_is_offered_beside_the_one_that_was_moved(shared) -> None:
-    example = next(one for one in EXAMPLES if one["name"] == "carton")
+    example = next(item for item in EXAMPLES if item["name"] == "carton")
     shared.choose("carton")
     shared.stub(example["request"], [0.0] * len(example["request"]["position"]))
     shared.drag(shared.pick(DRAGGED["a pose"]), 40, -30)

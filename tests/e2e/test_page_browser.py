@@ -75,7 +75,7 @@ def check_joints(shared, example: str) -> None:
         "return new Response(t,{status:r.status,headers:r.headers})}"
     )
     shared.solve_soon()
-    replied = [one for reply in shared.run("return window.replies") for one in reply["solutions"]]
+    replied = [solution for reply in shared.run("return window.replies") for solution in reply["solutions"]]
     request = next(e["request"] for e in EXAMPLES if e["name"] == example)
     for rank in (0, min(2, len(shared.cards()) - 1)):
         shared.choose_card(rank)
@@ -88,8 +88,8 @@ def check_joints(shared, example: str) -> None:
         }
         start = dimensions.pop("start angle")
         # a further stage keeps results of an earlier stage: the displayed linkage may come from either reply
-        alike = [one for one in replied if one["links"] == pytest.approx(dimensions, rel=1e-7)]
-        shown = [one for one in alike if one["start_angle"] == pytest.approx(start, abs=1e-4)][-1]
+        alike = [solution for solution in replied if solution["links"] == pytest.approx(dimensions, rel=1e-7)]
+        shown = [solution for solution in alike if solution["start_angle"] == pytest.approx(start, abs=1e-4)][-1]
         own = shown["crank_angle"]
         span = own[-1] if own else request.get("crank_span") or request["crank_angle"][-1]
         linkage = la.Linkage.from_dict(shown)

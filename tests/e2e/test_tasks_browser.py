@@ -73,7 +73,7 @@ def test_the_gallery_and_explained_terms(shared) -> None:
     for button in shared.elements("#limits .explain"):
         shared.centre(button).click()
         assert button.get_attribute("aria-expanded") == "true"
-    assert all(one.is_displayed() for one in shared.elements("#limits .explanation"))
+    assert all(element.is_displayed() for element in shared.elements("#limits .explanation"))
     assert shared.faults("#limits") == []
 
 
@@ -310,7 +310,7 @@ def test_the_preferred_linkage_is_requested_kept_and_first(opened) -> None:
     assert prefers() == ("error", None) and not opened.pick("#prefer [value=size]").is_enabled()
     opened.renew("casement")
     # As the service ranks them, through both of its answers; the least error is a card further down or gone.
-    stored = next(one["reply"]["solutions"][0] for one in EXAMPLES if one["name"] == "casement")
+    stored = next(example["reply"]["solutions"][0] for example in EXAMPLES if example["name"] == "casement")
     opened.pause()
     opened.type_into("tolerance-position", "2" + Keys.TAB)
     opened.type_into("tolerance-rotation", "1" + Keys.TAB)
@@ -436,7 +436,7 @@ def test_verdicts_and_texts_use_the_words_of_the_page(shared) -> None:
     shared.renew()
     shared.solve_with_reply(path_request([0, 60, 120]), [0, 55, 120])
     said = [*map(shared.text, ("status", "results-note", "numbers")), shared.content("canvas")]
-    assert all("point" in one and "pose" not in one for one in said), said
+    assert all("point" in message and "pose" not in message for message in said), said
     shared.paste("x,y\n0,0\n10,4\n10,4\n20,5")
     assert "Points 2 and 3 are the same" in shared.text("example-note")
     shared.cell("Pose 2, x", "ten", Keys.TAB)
@@ -466,7 +466,7 @@ def test_verdicts_and_texts_use_the_words_of_the_page(shared) -> None:
 EXCLUDED = [
     "No linkage was found with links of at least 99; with links of at least 42.5 there is one (`limits.link_min`)."
 ]
-ENDS = [("unknown", [], "the time was up"), ("infeasible", EXCLUDED, "ran to its end")]
+ENDS = [("unknown", [], "this does not prove that there is none"), ("infeasible", EXCLUDED, "ran to its end")]
 
 
 def test_no_linkage_is_said_without_a_claim_that_was_not_proved(shared) -> None:

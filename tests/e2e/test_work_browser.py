@@ -84,7 +84,7 @@ def test_each_tab_keeps_its_own_draft(page) -> None:
         page.click("draft-discard")
         page.reload()
         assert page.shown("welcome")
-        page.browser.switch_to.window(next(one for one in page.browser.window_handles if one != first))
+        page.browser.switch_to.window(next(handle for handle in page.browser.window_handles if handle != first))
         page.reload()
         assert page.positions()[1].tolist() == [7, 8]
         page.browser.close()
