@@ -21,6 +21,8 @@ REFUSALS = re.compile(r"error|refus|malformed|invalid|no_such|notfound|notclosin
 """Names of exceptions and functions, in lower case, whose arguments are messages of any length."""
 TEMPLATE = re.compile(r'"((?:[^"\\\n]|\\.)*)"|`((?:[^`\\]|\\.)*)`', re.DOTALL)
 """Literals of a script in double quotes or backticks, as its formatter writes them."""
+PATTERN = re.compile(r"(?<=[(,=])\s*/(?:\[(?:[^\]\\\n]|\\.)*\]|[^/\\\[\n]|\\.)+/[dgimsuvy]*(?=[\s,.;)])")
+"""Regular expressions of a script: the quotes in them open no text."""
 CODE = re.compile(r"</?\w|^[\w-]+(?: [\w-]+-[\w-]+)+$|^[MLAZ]\d|=>|\$\{[^}]*$|^\s*[,)]|px\b|'none';")
 """Markup, styles and lists of their classes, paths of drawings, and code between two templates."""
 
@@ -50,7 +52,7 @@ def python_messages(source: str) -> Iterator[str]:
 
 def script_messages(source: str) -> Iterator[str]:
     """Yield the sentences among the string literals of a script, with placeholders in braces."""
-    code = re.sub(r"/\*.*?\*/|(?<![:\"'`\w])//[^\n]*", "", source, flags=re.DOTALL)
+    code = PATTERN.sub("", re.sub(r"/\*.*?\*/|(?<![:\"'`\w])//[^\n]*", "", source, flags=re.DOTALL))
     for match in TEMPLATE.finditer(code):
         text = re.sub(r"\$\{((?:[^{}]|\{[^}]*\})*)\}", r"{\1}", match[1] or match[2] or "")
         if not CODE.search(text) and len(WORD.findall(re.sub(r"\{[^}]*\}", "", text))) >= MIN_WORDS:
@@ -95,6 +97,6 @@ def _section(title: str, rows: list[tuple[str, str]]) -> str:
     lines = ["| module | message |", "| --- | --- |"]
     for module, text in rows:
         shown = " ".join(text.split()).replace("\\", "\\\\").replace("|", "&#124;").replace("<", "&lt;")
-        escaped = re.sub(r"([*_`$])", r"\\\1", shown)
+        escaped = re.sub(r"([]*_`$~^[])", r"\\\1", shown)
         lines.append(f"| `{module}` | {escaped} |")
     return f"## {title}\n\n" + "\n".join(lines) + "\n"
