@@ -134,8 +134,9 @@ export class Driving {
   kept = new WeakMap(); // the reply for each solution
   asked = new WeakMap(); // the question of each reply
 
-  constructor(board, player) {
-    Object.assign(this, { board, player });
+  /** `chosen()` is called when another drive is shown, or none. */
+  constructor(board, player, chosen) {
+    Object.assign(this, { board, player, chosen });
     listen("drive-find", "click", () => this.#find());
     listen("drive-kind", "change", () => this.#offer());
     listen("drive-catalogue", "change", () => {
@@ -319,6 +320,7 @@ export class Driving {
     $("drive-numbers").replaceChildren(...(drive ? [namedRows(this.rows())] : []));
     this.#curves();
     this.#draw();
+    this.chosen();
   }
 
   /** Chooses a drive whose ends were put by hand, `from` one of the options. */

@@ -33,7 +33,7 @@ function joined(vertices, isClosed) {
   return [vertices[0].at, ...nexts.flatMap(({ at }, k) => bulged(vertices[k].at, at, vertices[k].bulge))];
 }
 
-/** Entities of a DXF text: [type, codes], where codes are pairs [code, value]. */
+/** Entities of a DXF text: [type, codes], where codes are pairs [code, value], and the values of code 8 are names. */
 function entities(content) {
   const rows = content.split(/\r\n|\r|\n/).map((row) => row.trim()),
     found = [];
@@ -44,26 +44,28 @@ function entities(content) {
     if (code === 2 && value === "ENTITIES") inside = true;
     else if (code === 0 && value === "ENDSEC") inside = false;
     else if (inside && code === 0) found.push([value, []]);
-    else if (inside && found.length) found.at(-1)[1].push([code, Number(value)]);
+    else if (inside && found.length) found.at(-1)[1].push([code, code === 8 ? value : Number(value)]);
   }
   return found;
 }
 
-function fromDxf(content) {
-  const lines = [];
+/** The contours of a DXF text: rows {layer, line}, where the line is a polyline. */
+export function contoursOf(content) {
+  const found = [];
   let vertices = [],
     closed = false;
   for (const [type, codes] of entities(content)) {
-    const numberAt = (code) => codes.find(([at]) => at === code)?.[1] ?? 0,
-      point = (code) => [numberAt(code), numberAt(code + 10)],
-      [x, y] = point(10);
-    if (type === "LINE") lines.push([[x, y], point(11)]);
-    else if (type === "CIRCLE") lines.push(arc(x, y, numberAt(40), 0, 360));
+    const valueAt = (code) => codes.find(([at]) => at === code)?.[1] ?? 0,
+      point = (code) => [valueAt(code), valueAt(code + 10)],
+      [x, y] = point(10),
+      add = (line) => found.push({ layer: valueAt(8), line });
+    if (type === "LINE") add([[x, y], point(11)]);
+    else if (type === "CIRCLE") add(arc(x, y, valueAt(40), 0, 360));
     else if (type === "ARC")
-      lines.push(arc(x, y, numberAt(40), numberAt(50), numberAt(51) + (numberAt(51) < numberAt(50) ? 360 : 0)));
-    else if (type === "POLYLINE") [vertices, closed] = [[], (numberAt(70) & 1) === 1];
-    else if (type === "VERTEX") vertices.push({ at: [x, y], bulge: numberAt(42) });
-    else if (type === "SEQEND" && vertices.length) lines.push(joined(vertices, closed));
+      add(arc(x, y, valueAt(40), valueAt(50), valueAt(51) + (valueAt(51) < valueAt(50) ? 360 : 0)));
+    else if (type === "POLYLINE") [vertices, closed] = [[], (valueAt(70) & 1) === 1];
+    else if (type === "VERTEX") vertices.push({ at: [x, y], bulge: valueAt(42) });
+    else if (type === "SEQEND" && vertices.length) add(joined(vertices, closed));
     else if (type === "LWPOLYLINE") {
       const points = [];
       for (const [code, value] of codes) {
@@ -71,10 +73,10 @@ function fromDxf(content) {
         else if (code === 20 && points.length) points.at(-1).at[1] = value;
         else if (code === 42 && points.length) points.at(-1).bulge = value;
       }
-      if (points.length) lines.push(joined(points, (numberAt(70) & 1) === 1));
+      if (points.length) add(joined(points, (valueAt(70) & 1) === 1));
     }
   }
-  return lines;
+  return found;
 }
 
 const SHAPES = "path, polygon, polyline, line, rect, circle, ellipse";
@@ -102,7 +104,7 @@ function fromSvg(content) {
 
 /** The outline in a file's text, by its name's ending. Throws Error where there is none. */
 export function readOutline(content, name) {
-  const lines = /\.svg$/i.test(name) ? fromSvg(content) : fromDxf(content);
+  const lines = /\.svg$/i.test(name) ? fromSvg(content) : contoursOf(content).map(({ line }) => line);
   const points = lines.flat();
   if (!points.length || !points.every((point) => point.every(Number.isFinite)))
     throw new Error("The file has no lines, arcs, circles or polylines that can be read.");

@@ -11,6 +11,7 @@ import { JointFields } from "./joints.js";
 import { Layers } from "./layers.js";
 import { itemOf, placesOf } from "./motion.js";
 import { numberBlocks, numberRows, placesInWords } from "./numbers.js";
+import { Preview } from "./parts.js";
 import { Player, trajectory } from "./player.js";
 import { ask, download } from "./service.js";
 import { $, build, copy, listed, listen } from "./shell.js";
@@ -56,7 +57,11 @@ export class Results {
       this.player.goto(degrees);
     };
     this.layers = new Layers(board, jump, (solution) => this.#judgedAnew(solution));
-    this.driving = new Driving(board, this.player);
+    this.driving = new Driving(board, this.player, () => this.preview.soon());
+    this.preview = new Preview(
+      () => this.solution?.verdict?.assembly && this.#fileRequest("plates"),
+      (request, signal) => ask("/v2/export", request, signal),
+    );
     const drag = (name, position) => this.drag(name, position, null);
     this.fields = new JointFields(board, drag, () => this.player.stop());
     listen("copy", "click", () => {
@@ -203,6 +208,7 @@ export class Results {
     this.player.goto(travel);
     this.layers.select(solution);
     this.driving.select(solution);
+    this.preview.soon();
     clearTimeout(this.later);
     this.later = setTimeout(() => this.player.drawCurves(), REST_MS);
     this.#showNumbers();
@@ -294,7 +300,9 @@ export class Results {
     const index = this.cards?.indexOf(solution) ?? -1,
       item = $("solutions").querySelectorAll("li")[index];
     item?.querySelector(".verdict")?.replaceWith(sign(solution.verdict, this.answer.motion));
-    if (solution === this.solution) this.#showNumbers(true);
+    if (solution !== this.solution) return;
+    this.#showNumbers(true);
+    this.preview.soon();
   }
 
   #press() {
@@ -319,6 +327,7 @@ export class Results {
     this.#showOthers();
     this.layers.select(solution);
     this.driving.select(solution);
+    this.preview.soon();
   }
 
   /** Fits the selected solution, and those beside it that leave the motion large enough to be looked at. */
@@ -374,24 +383,28 @@ export class Results {
     chart(box, { x: rows.map(([ms]) => ms), height: 170, degreesX: false, logY: true, xName: " ms", series });
   }
 
-  /** A file of the selected linkage; its parts have the sizes of its layers. */
-  #file(format) {
+  /** The request for a file of the selected linkage; its parts have the sizes of its layers. */
+  #fileRequest(format) {
     const { solution, layers } = this,
       { request, within = request, motion } = this.answer,
-      { shown } = this.driving;
+      { shown } = this.driving,
+      common = { linkage: solution, format, length_unit: motion.unit };
     if (within !== request && ["json", "csv"].includes(format))
-      return ask("/v2/function/export", { request, linkage: solution, format, length_unit: motion.unit });
+      return { route: "/v2/function/export", request, ...common };
     const solids = { fit: $("parts-fit").value, allow_collisions: $("parts-collisions").checked },
       ofParts = [...OF_PARTS, "mjcf", "plates"].includes(format);
     const driven = shown && WITH_DRIVE.includes(format) && !(shown.kind === "actuator" && TURNING.includes(format));
-    return ask("/v2/export", {
+    return {
       request: within,
-      linkage: solution,
-      format,
-      length_unit: motion.unit,
+      ...common,
       ...(ofParts && { assembly: layers.options(solution, motion), solids }),
       ...(driven && { drive: shown }),
-    });
+    };
+  }
+
+  #file(format) {
+    const { route = "/v2/export", ...request } = this.#fileRequest(format);
+    return ask(route, request);
   }
 
   /** The parts list of the selected linkage, a row a part by column; null where its layers are not free. */

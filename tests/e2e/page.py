@@ -50,14 +50,14 @@ SERIOUS = (
 """Script that runs the axe-core rules of serious and critical impact."""
 RECORD = (
     "window.requests=[];const own=window.fetch;window.fetch=async(...a)=>{"
-    "if(a[0]==='/v2/assembly')return window.stub?new Promise(()=>{}):own(...a);"
+    "if(a[0]==='/v2/assembly'||a[0]==='/v2/export')return window.stub?new Promise(()=>{}):own(...a);"
     "if(!String(a[0]).startsWith('/v2/')||a[0]==='/v2/motion')return own(...a);"
     "window.requests.push(JSON.parse(a[1].body));const s=a[0]==='/v2/synthesize'&&window.stub;"
     "return s?new Response(JSON.stringify(s),{headers:{'content-type':'application/json'}}):own(...a)}"
 )
 """Script that records request bodies and answers with `window.stub` if it is set.
 
-Requests for layers are not recorded, and stay unanswered while a stub is set.
+Requests for layers and files are not recorded, and stay unanswered while a stub is set.
 """
 MOUNT = {"pivot_a": (10, 5), "ground_angle": 8, "coupler_point_polar": (40, 35), "body_offset": 12}
 FREE = la.FourBar(20, 60, 55, 58, start_angle=30, **MOUNT)

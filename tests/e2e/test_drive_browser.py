@@ -143,6 +143,8 @@ def test_other_kinds_are_found_and_drawn(opened, kinds) -> None:
         assert opened.count("#drive-numbers tr") >= 3 and opened.count("#drive-curves .chart") >= 1
         assert not re.search(r"e-\d", opened.text("drive-numbers")), "rounding errors are shown as zero"
         assert opened.count("[data-layer=drive] *") >= 1, kind
+        parts = "[...document.querySelectorAll('#parts [data-part]')].map((part) => part.dataset.part)"
+        opened.wait(f"{parts}.includes('coupler') && {parts}.includes('rod') === {str(kind == 'dyad').lower()}")
 
 
 def test_a_catalogue_offers_its_rows_and_the_drawing_has_the_drive(opened) -> None:
