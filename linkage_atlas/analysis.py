@@ -158,7 +158,7 @@ def read_load(
         Links that may have a mass.
     mounted : bool
         True if there is a body point.
-    most : int
+    max_parts : int
         Maximum number of masses.
     *also : str
         Names of further fields, which are read elsewhere.
@@ -225,7 +225,7 @@ def _rates(linkage: Linkage, request: AskedAnalysis, travel: Floats, radian: flo
     held = None
     if request.load is not None:
         held = forces(linkage, travel, on_links(request.load._replace(speed=speed), linkage))
-    pins = None if held is None else (held.driven_ground, held.driven, held.other, held.other_ground)
+    pins = None if held is None else (held.driven_ground, held.driven, held.undriven, held.undriven_ground)
     turning = [link for link in links if not link.name.endswith("slider")]
     sliding = [(index, link) for index, link in enumerate(links[::2]) if not link.name.endswith(("crank", "rocker"))]
     return {

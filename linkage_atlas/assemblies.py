@@ -225,7 +225,7 @@ class Assembly(Record):
     """The arrangement in radians."""
     settings: PartSettings = field(metadata=PYTHON_ONLY, repr=False)
     """All sizes, including defaults."""
-    given: PartSettings = field(metadata=PYTHON_ONLY, repr=False)
+    requested: PartSettings = field(metadata=PYTHON_ONLY, repr=False)
     """The sizes of the request."""
     driven_hinge: str = field(default="", metadata=PYTHON_ONLY, repr=False)
     """Name of the link with a drive in its hinge; empty without such a drive."""
@@ -510,7 +510,7 @@ def described(
         machine=machine,
         arrangement=found,
         settings=settings,
-        given=request.settings,
+        requested=request.settings,
         driven_hinge=request.drive if isinstance(request.drive, str) else "",
     )
 

@@ -241,7 +241,7 @@ def what_excludes(
     subject : str
         Noun for the linkages that the search finds.
     """
-    names = [name for name in limits.given if name != "family"]
+    names = [name for name in limits.active_names if name != "family"]
     if limits.family != "any":  # it may be the default, which the user has not thought of
         names.insert(0, "family")
     if all_lengths := all(limits.links):  # the given lengths satisfy the limits of lengths: these exclude nothing
@@ -367,7 +367,7 @@ def _eased(limits: model.Limits, name: str, share: float, extent: float, radian:
         case "angle":
             return _changed(limits, name, _rounded(value * (1 - share) / radian, -1, 3) * radian, extent)
         case "length" | "ratio":
-            eased = _rounded(value * (1 - share), -1) if form.least else _rounded(value / (1 - share), 1)
+            eased = _rounded(value * (1 - share), -1) if form.minimum else _rounded(value / (1 - share), 1)
             return _changed(limits, name, eased, extent)
         case "box":
             by, distance = share / (1 - share) * extent, max(map(abs, value))

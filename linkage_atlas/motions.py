@@ -94,11 +94,11 @@ class Tolerances:
             off = target.rotation - rotation
             if target.found:  # whole turns do not count
                 off -= TURN * np.round(off / TURN)
-            gap = target.rotation_mean.given(np.abs(off))
+            gap = target.rotation_mean.zero_missing(np.abs(off))
             share = np.maximum(share, gap / self.rotation)
         if self.position is not None and target.position is not None:
             assert points is not None
-            gap = target.position_mean.given(np.abs(target.position - points))
+            gap = target.position_mean.zero_missing(np.abs(target.position - points))
             share = np.maximum(share, gap / self.position)
         return share
 

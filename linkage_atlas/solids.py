@@ -214,8 +214,8 @@ def solids_in(assembly: Assembly, request: AskedSolids, length_unit: str) -> Sol
         request.fit,
         request.material,
         request.pins,
-        _height(assembly.given.thickness, settings.thickness, request.fit.plate / (unit * scale)),
-        _height(assembly.given.washer, settings.washer, request.fit.washer / (unit * scale)),
+        _height(assembly.requested.thickness, settings.thickness, request.fit.plate / (unit * scale)),
+        _height(assembly.requested.washer, settings.washer, request.fit.washer / (unit * scale)),
         request.fillet,
         scale,
     )

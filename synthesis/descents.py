@@ -83,7 +83,7 @@ class Pool(NamedTuple):
         return rows_of_all(self, *following)
 
     @property
-    def least(self) -> float:
+    def min_error(self) -> float:
         """Square root of the smallest cost; infinite without candidates."""
         return float(np.sqrt(self.cost.min())) if self.cost.size else np.inf
 

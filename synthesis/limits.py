@@ -71,7 +71,7 @@ class Form(NamedTuple):
     """Subject: length ratios and the start only, actual lengths, position of the linkage, or rails and slots."""
     says: str
     """Description in a request."""
-    least: bool = False
+    minimum: bool = False
     """True for a smallest length; a limit of an angle is always the smallest angle."""
 
 
@@ -106,7 +106,7 @@ class Limits:
     pivot_reach: Annotated[Reach | None, Form("reach", "position", "The distance of the pivots.")] = None
     keep_out: Annotated[tuple[Box, ...], Form("boxes", "position", "Boxes in which no fixed pivot may lie.")] = ()
     link_ratio_max: Annotated[float | None, Form("ratio", "shape", "Longest link over the shortest, at most.")] = None
-    link_min: Annotated[float | None, Form("length", "lengths", "Shortest length of any link.", least=True)] = None
+    link_min: Annotated[float | None, Form("length", "lengths", "Shortest length of any link.", minimum=True)] = None
     link_max: Annotated[float | None, Form("length", "lengths", "Longest length of any link.")] = None
     links: Annotated[tuple[float | None, ...], Form("links", "lengths", "Lengths that are given.")] = (None,) * 4
     coupler_radius_max: Annotated[
@@ -132,7 +132,7 @@ class Limits:
         ),
     ] = None
     cylinder_dead_length: Annotated[
-        float | None, Form("length", "sliders", "Shortest length of a driving cylinder, pin to pin.", least=True)
+        float | None, Form("length", "sliders", "Shortest length of a driving cylinder, pin to pin.", minimum=True)
     ] = None
     cylinder_extended_max: Annotated[
         float | None, Form("length", "sliders", "Longest length of a driving cylinder, pin to pin.")
@@ -140,7 +140,10 @@ class Limits:
     arm_min: Annotated[
         float | None,
         Form(
-            "length", "sliders", "Least moment arm of a slot that is not driven, over the used interval.", least=True
+            "length",
+            "sliders",
+            "Least moment arm of a slot that is not driven, over the used interval.",
+            minimum=True,
         ),
     ] = None
 
@@ -266,13 +269,13 @@ class Limits:
         links = [None if length is None else length / ground for length in self.links[:3]]
         values: dict[str, Any] = {
             name: value / ground if FORMS[name].kind == "length" else value
-            for name in self.given
+            for name in self.active_names
             if FORMS[name].concerns not in ("position", "sliders") and (value := getattr(self, name)) is not None
         }
         return Limits(**values | {"links": (*links, None)})
 
     @property
-    def given(self) -> list[str]:
+    def active_names(self) -> list[str]:
         """Names of the limits that are set, in the order shape, lengths, positions, sliders, and the family last."""
         order = ("shape", "lengths", "position", "sliders")
         names = [name for name in FORMS if getattr(self, name) != _FREE[name]]
@@ -299,7 +302,7 @@ class Limits:
     @cached_property
     def only_family(self) -> bool:
         """True if no limit except the family is set."""
-        return set(self.given) <= {"family"}
+        return set(self.active_names) <= {"family"}
 
     @cached_property
     def of_shape(self) -> Limits:

@@ -360,7 +360,7 @@ def nearby_poses(
         return []
     chart = chart_of(limits.family)
     unmoved = _as_it_is(JointProblem(poses, chart), timed)
-    if unmoved.least < tolerance and (accurate := solutions_of(poses, unmoved, chart, limits, 1, tolerance)):
+    if unmoved.min_error < tolerance and (accurate := solutions_of(poses, unmoved, chart, limits, 1, tolerance)):
         return accurate
     problem = limited_problem(poses, chart, limits)
     moved = problem.descended(timed, options.stages, tolerance, work, options.damping)

@@ -142,7 +142,7 @@ def motion_errors(target: Target, angle: Floats, points: Complexes | None) -> tu
 
 def rms_and_max(values: NDArray[Any], mean: Mean) -> list[Any]:
     """Return the root mean square and the maximum of errors (n, N) as n pairs, without missing samples."""
-    size = mean.given(np.abs(values))
+    size = mean.zero_missing(np.abs(values))
     largest = size.max(axis=-1)
     # squares of ratios: no under- or overflow at any unit of length
     rms = largest * np.sqrt(mean((size / np.where(largest > 0, largest, 1.0)[..., None]) ** 2))

@@ -89,9 +89,9 @@ class Mean:
 
     def reach(self, values: NDArray[Any]) -> float:
         """Return the largest distance from the mean of the samples (N,) that are not missing."""
-        return float(np.max(self.given(np.abs(values - self(values)))))
+        return float(np.max(self.zero_missing(np.abs(values - self(values)))))
 
-    def given(self, values: NDArray[Any]) -> NDArray[Any]:
+    def zero_missing(self, values: NDArray[Any]) -> NDArray[Any]:
         """Return values (..., N) with zeros for missing samples."""
         return values if self.weights is None else np.where(self.weights > 0, values, 0.0)
 
@@ -187,7 +187,7 @@ class Samples:
         """Positions relative to their mean, over the length scale, shape (N,); zeros for missing positions."""
         if self.position is None:
             return np.zeros(self.samples, dtype=complex)
-        return self.position_mean.given((self.position - self.middle) / self.length_scale)
+        return self.position_mean.zero_missing((self.position - self.middle) / self.length_scale)
 
 
 class RequestedMotion(NamedTuple):
@@ -521,7 +521,7 @@ def _crank(crank_span: float | None, crank_angle: Floats | None, samples: int) -
 
 
 def _length_scale(position: Complexes, mean: Mean, length_scale: float | None) -> float:
-    position = mean.given(position)
+    position = mean.zero_missing(position)
     largest = float(max(np.max(np.abs(position.real)), np.max(np.abs(position.imag))))
     for field, length in (("/position", largest or None), ("/length_scale", length_scale)):
         if length is not None and not MIN_LENGTH <= length <= MAX_LENGTH:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import re
 import subprocess
 import sys
@@ -117,3 +118,14 @@ def test_no_module_hides_a_public_name() -> None:
 
     modules = {path.stem for path in Path(linkage_atlas.__file__).parent.iterdir()}
     assert not modules & set(linkage_atlas.__all__)
+
+
+@pytest.mark.parametrize("path", PRODUCT, ids=lambda path: path.relative_to(ROOT).as_posix())
+def test_documented_parameters_are_those_of_the_signature(path) -> None:
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.FunctionDef) and (not node.args.kwarg or node.args.kwarg.annotation is None):
+            section = re.search(r"Parameters\n-{10}\n(.*?)(\n\w+\n---|$)", ast.get_docstring(node) or "", re.DOTALL)
+            documented = re.findall(r"^\*{0,2}(\w.*?)(?: :.*)?$", section[1] if section else "", re.MULTILINE)
+            arguments = {argument.arg for argument in ast.walk(node.args) if isinstance(argument, ast.arg)}
+            unknown = {name.strip(" *") for names in documented for name in names.split(",")} - arguments
+            assert not unknown, f"{node.name} documents {unknown}"

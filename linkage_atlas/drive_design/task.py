@@ -106,7 +106,7 @@ class DriveTask:
             name = "coupler" if link == "body" else link
             acting.append(Pull(name, machine.link(link).position(at), np.full(machine.at.size, force)))
         states = [forces(linkage, machine.at, load, [*acting, *pulls]) for pulls in directions]
-        pins = [(state.driven_ground, state.driven, state.other, state.other_ground) for state in states]
+        pins = [(state.driven_ground, state.driven, state.undriven, state.undriven_ground) for state in states]
         return PinPeaks(*(float(np.abs(pin).max()) for pin in zip(*pins)))
 
     def too_flat(self, kind: str, link: str, words: str, angle: float | None, minimum: float) -> bool:

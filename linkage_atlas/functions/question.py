@@ -161,7 +161,7 @@ class Scales(NamedTuple):
         return cls(length, *sizes)
 
 
-def read_wanted(
+def read_target(
     output: ArrayLike | None = None,
     span: float | None = None,
     *,
@@ -442,7 +442,7 @@ class FunctionFields:
     def _function(self, dial: Dial, quick: QuickReturn | None) -> tuple[TargetFunction, Dials | None, Scales]:
         """Return the wanted function, its dials if it has a name, and what a unit is."""
         assert not callable(self.output)
-        target, dials, scales = read_wanted(
+        target, dials, scales = read_target(
             self.output,
             self.crank_span if dial.input == ANGLE else self.travel_span,
             dial=dial,

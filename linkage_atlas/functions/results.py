@@ -185,7 +185,7 @@ class FunctionResult(Record, Ranked[FunctionSolution | TravelSolution]):
     """The samples' x and y, where a function was named."""
     y: Floats | None
     report: FunctionReport
-    wanted: TargetFunction = field(repr=False, metadata=PYTHON_ONLY)
+    target: TargetFunction = field(repr=False, metadata=PYTHON_ONLY)
     degrees: bool = field(default=True, metadata=PYTHON_ONLY)
     dial: Dial = field(default=Dial("angle", "angle"), repr=False, metadata=PYTHON_ONLY)
     scales: Scales = field(default=Scales(1.0, 1.0, 1.0), repr=False, metadata=PYTHON_ONLY)
@@ -216,7 +216,7 @@ class FunctionResult(Record, Ranked[FunctionSolution | TravelSolution]):
             )
         chosen = self.solutions[rank - 1]
         linkage, offset = chosen.linkage, chosen.output_offset
-        return render(self.wanted, self.scales, self.dial, linkage, offset, kind, length_unit)
+        return render(self.target, self.scales, self.dial, linkage, offset, kind, length_unit)
 
     def __repr__(self) -> str:
         unit = ("deg" if self.degrees else "rad") if self.dial.output == "angle" else "(length)"

@@ -129,7 +129,7 @@ class BestWindows:
         Whether the time is up; called between evaluations.
     enough : float
         Once ``top`` windows have an error of at most this, no better ones are looked for.
-    most : float
+    max_windows : float
         Largest number of windows evaluated.
     """
 

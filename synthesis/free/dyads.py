@@ -597,10 +597,10 @@ def search_motion(poses: Poses, family: str, tolerance: float, work: Work) -> It
         search.four_bars(dyads), [Stage(25)], exact, work, steps_after_first=np.inf if five else 1.0
     )
     yield pool
-    if pool.least < tolerance or (work.expired() and np.isfinite(pool.least)):
+    if pool.min_error < tolerance or (work.expired() and np.isfinite(pool.min_error)):
         return
     everywhere, _ = landscape(search.body, work=work)
-    if work.expired() and np.isfinite(pool.least):
+    if work.expired() and np.isfinite(pool.min_error):
         return
     pool = search.measured(everywhere.joined(dyads), repair=True).joined(pool)
     yield pool
@@ -611,14 +611,14 @@ def search_motion(poses: Poses, family: str, tolerance: float, work: Work) -> It
 def _rounds(search: _Motion, found: Pool, tolerance: float, work: Work) -> Iterator[Pool]:
     """A pool with its best refined, after each round."""
     for round_options in ROUNDS:
-        if round_options is ROUNDS[-1] and found.least > OPTIONS.exact_in_sight:
+        if round_options is ROUNDS[-1] and found.min_error > OPTIONS.exact_in_sight:
             break
         going = found.best(round_options.most)
         found = search.problem.descended(
             going.timed, [Stage(round_options.iterations)], 0.3 * tolerance, work
         ).joined(found)
         yield found
-        if found.least < tolerance or work.expired():
+        if found.min_error < tolerance or work.expired():
             break
 
 
@@ -631,11 +631,11 @@ def _sampled(search: _Motion, tolerance: float, work: Work) -> Iterator[Pool]:
         found = search.measured(sampled_dyads(search.body, OPTIONS.sampled_dyads, random))
         *_, found = _rounds(search, found, tolerance, work)
         found = found.best(OPTIONS.max_candidates)
-        gained = best is None or found.least < (1 - OPTIONS.gain) * best.least
+        gained = best is None or found.min_error < (1 - OPTIONS.gain) * best.min_error
         best = found if best is None else best.joined(found)
         yield best
         idle = 0 if gained else idle + 1
-        if best.least < tolerance or work.expired() or (idle == 2 and best.least > OPTIONS.exact_in_sight):
+        if best.min_error < tolerance or work.expired() or (idle == 2 and best.min_error > OPTIONS.exact_in_sight):
             break
 
 

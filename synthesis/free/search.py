@@ -381,7 +381,7 @@ class FreeSearch:
         # full cranks first, so that the larger family is never worse; an exact linkage of any family is found at once
         if self.has_dyads and not self._sampled:
             pool = next(search_motion(self.poses, family, self.incumbents.tolerance, self.work))
-            if pool.least <= self.incumbents.tolerance:
+            if pool.min_error <= self.incumbents.tolerance:
                 self._accept_dyads(pool, family)
         if self.incumbents.reached:
             return True
@@ -403,7 +403,7 @@ class FreeSearch:
             if run.problem.has_limits and not work.expired():
                 if not starts:
                     starts += islice(guesses, 1)  # the best are answers
-                elif pool.least > options.exact_in_sight_within:
+                elif pool.min_error > options.exact_in_sight_within:
                     break
         if pool is not None and self._settled(pool):
             return not work.expired()
@@ -415,7 +415,7 @@ class FreeSearch:
             if family == "any" and None in self.limits.links:
                 guesses = islice(guesses, options.guesses_beside_dyads)
         exact: Iterator[Run] = iter(())
-        if self.poses.ordered and family != "any" and (pool is None or pool.least <= options.far):
+        if self.poses.ordered and family != "any" and (pool is None or pool.min_error <= options.far):
             exact = self._exact(chart_of(family), family)
             for before in islice(exact, 1):
                 found = before.problem.at_all_samples(before.best(options.seeds_before))
@@ -460,7 +460,7 @@ class FreeSearch:
             return False
         if self.poses.full.size < self.poses.samples:
             return False
-        return not (self.poses.ordered and self.poses.samples > FEW and pool.least > self.options.far)
+        return not (self.poses.ordered and self.poses.samples > FEW and pool.min_error > self.options.far)
 
     # -- seeds ------------------------------------------------------------------------------------------------------
 

@@ -203,7 +203,7 @@ def errors_of(
     """
     rms = np.sqrt(target.mean(residual**2))
     if not largest:
-        worst = np.abs(target.mean.given(residual)).max(axis=1)
+        worst = np.abs(target.mean.zero_missing(residual)).max(axis=1)
         return [
             FunctionErrors(float(rms_error), float(largest_error), None, float(rms_error))
             for rms_error, largest_error in zip(rms, worst)

@@ -108,7 +108,7 @@ class ExactFamily:
 
     Parameters
     ----------
-    wanted : TargetFunction
+    target : TargetFunction
         Of two to five pairs, with a crank that turns counter-clockwise.
     limits : Limits
         Lengths over the ground.
@@ -337,7 +337,7 @@ def exact_functions(
 
     Parameters
     ----------
-    wanted : TargetFunction
+    target : TargetFunction
         See `is_few`; with a crank that turns counter-clockwise.
     limits : Limits
         Lengths over the ground.

@@ -13,11 +13,11 @@ def apart(rows: double[:, ::1], reach: double[::1], selected, start: Py_ssize_t,
     rows : ndarray, shape (n, m)
         Best first.
     reach : ndarray, shape (n,)
-    kept : sequence of int
+    selected : sequence of int
         Rows selected already.
     start : int
         First row to examine.
-    most : int
+    max_rows : int
         Maximum number of rows to select.
 
     Returns

@@ -93,7 +93,7 @@ class CrankDriven(SearchProblem):
 
     def may_answer(self, pool: Pool) -> bool:
         """Return whether the search satisfies the limits, or a candidate is exact."""
-        return self.within_limits or pool.least <= self.tolerance
+        return self.within_limits or pool.min_error <= self.tolerance
 
     # -- refinement -------------------------------------------------------------------------------------------------
 

@@ -49,11 +49,11 @@ class Round(NamedTuple):
     """Number of best starts of the coarse table, of each branch, up to this round."""
     best: int = 0
     """Number of the best basins that continue."""
-    every: bool = False
+    continue_all: bool = False
     """True if all descents continue to their end after an exact answer, to find alternatives."""
 
 
-FIRST_ROUNDS = (Round(15, fresh=16, every=True), Round(20, fresh=60, best=12))
+FIRST_ROUNDS = (Round(15, fresh=16, continue_all=True), Round(20, fresh=60, best=12))
 """Rounds before a search within limits: half of all reachable motions end in the first round, most in the second."""
 FINAL_ROUND = Round(1000, best=12)
 """Round for a nearly exact solution, since narrow basins require many steps."""
@@ -148,7 +148,7 @@ class _Search:
                 0.3 * self.tolerance,
                 self.work,
                 1e-3 if plan.fresh else OPTIONS.continued_damping,
-                steps_after_first=np.inf if plan.every else 0.0,
+                steps_after_first=np.inf if plan.continue_all else 0.0,
             )
             self.pool = self.pool.joined(found)
             if self.limits.only_family:

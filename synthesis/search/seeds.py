@@ -132,7 +132,7 @@ class Windows:
             angles.append(angle[closed])
         window, branch, angle = np.concatenate(windows), np.concatenate(sides), np.concatenate(angles)
         fits = Fits.of(target, angle)
-        merit = fits.rotation + fits.least + 3 * miss[window] ** 2
+        merit = fits.rotation + fits.position + 3 * miss[window] ** 2
         if problem.posed:
             assert boxes is not None and reach is not None
             best = _smallest(merit, OPTIONS.posed * count)
@@ -183,7 +183,7 @@ class Fits(NamedTuple):
 
     rotation: Floats
     """Mean square of the rotation's error."""
-    least: Floats
+    position: Floats
     """Mean square of the error of the position in the best pose."""
     one_one: Floats
     one_turned: Complexes

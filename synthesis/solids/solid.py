@@ -268,7 +268,7 @@ class _Washers:
             machine.width / 2 * unit,
             _SIDE_BY_SIDE * min(apart, default=np.inf) * unit,
         )
-        self.wanted = self.radius - self.turning >= _LEAST_RIM * machine.hole * unit and self.gap > 0
+        self.is_needed = self.radius - self.turning >= _LEAST_RIM * machine.hole * unit and self.gap > 0
         self.pins = {part.name: part for part in parts if part.kind == "pin"}
         self.plates: dict[str, dict[int, Part]] = {}
         """Plates, boards and heads on each pin, by layer."""
@@ -298,7 +298,7 @@ class _Washers:
 
     def positions(self, pin: Part) -> Iterable[tuple[float, float, bool]]:
         """Yield the lower face and thickness of each washer of a pin, and whether the pin holds it."""
-        if not self.wanted:
+        if not self.is_needed:
             return
         layers = self.plates[_pin_of(pin)]
         for layer in range(min(layers) - 1, max(layers) + 1):

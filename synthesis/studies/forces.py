@@ -60,11 +60,11 @@ class Forces(NamedTuple):
     """Counter-clockwise torque of a crank or hinge; force of a slider along its rail, of a cylinder outwards."""
     driven: Complexes
     """Force on the body by the link of the driven guide."""
-    other: Complexes
+    undriven: Complexes
     """Force on the body by the link of the other guide."""
     driven_ground: Complexes
     """Force on the link of the driven guide by the ground and by a sliding drive."""
-    other_ground: Complexes
+    undriven_ground: Complexes
     """Force on the link of the other guide by the ground."""
 
 

@@ -267,7 +267,7 @@ class Evaluator:
         design : Design
         gamma : float or ndarray, optional
             The triangle's angle at A, if it is known more accurately than it follows from the three sides.
-        closed_length : float or ndarray, optional
+        closed : float or ndarray, optional
             Cylinder length at the start, if it differs from the task's.
         """
         gamma = triangle_angle(design.l2, design.l3, design.l4)[2] if gamma is None else gamma

@@ -129,4 +129,4 @@ def test_noisy_poses_are_fitted_no_worse_than_by_the_truth() -> None:
         truth = unposed(problem.chart.unknowns(case.lengths[None]), case.theta1[None], float(case.branch))
         polished_truth = problem.descended(problem.facing(truth), [Stage(200)])
         found = free(noisy.rotation, noisy.position, degrees=False, length_scale=poses.length_scale)
-        assert found.best.errors.objective <= 1.01 * polished_truth.least, seed
+        assert found.best.errors.objective <= 1.01 * polished_truth.min_error, seed

@@ -96,7 +96,7 @@ def equilibrium(linkage: Linkage, joints: Joints, k: int, load: Load) -> tuple[n
 
 
 def as_row(found: Forces, k: int) -> np.ndarray:
-    pins = [found.driven_ground[k], found.driven[k], found.other[k], found.other_ground[k]]
+    pins = [found.driven_ground[k], found.driven[k], found.undriven[k], found.undriven_ground[k]]
     return np.array([part for pin in pins for part in (pin.real, pin.imag)] + [found.drive[k]])
 
 
@@ -121,7 +121,7 @@ def test_a_dead_position_has_no_values_and_a_closed_loop_next_to_it_has() -> Non
         found, held = rates(linkage, np.array([0.0, 1e-9, 4.0]), 1.0), forces(linkage, np.zeros(1), Load(1 + 1j))
     assert np.isnan([found.coupler_velocity[0], found.rocker_acceleration[0], found.velocity[0].real]).all()
     assert np.isfinite(found.acceleration[1:]).all() and np.isfinite(found.rocker_velocity[1:]).all()
-    assert np.isnan(held.drive).all() and np.isnan(held.other_ground).all()
+    assert np.isnan(held.drive).all() and np.isnan(held.undriven_ground).all()
     # 3, 4, 5: at a right angle of the crank coupler and rocker are stretched, to rounding
     nearly = rates(four_bar((3.0, 2.0, 3.0, 4.0), 1), np.array([np.pi / 2]), 1.0).coupler_velocity
     assert np.isnan(nearly[0]) or abs(nearly[0]) > 1e6
@@ -183,8 +183,8 @@ def test_forces_on_the_body_balance_and_guides_push_across(drive) -> None:
         found = analysis.forces(linkage, travel, load)
         body = linkage.motions(travel)[1]
         turned = np.exp(1j * body.angle)
-        assert np.allclose(found.driven + found.other + load.force, 0, atol=1e-10)
-        for index, (guide, force) in enumerate(zip(linkage.guides, (found.driven, found.other))):
+        assert np.allclose(found.driven + found.undriven + load.force, 0, atol=1e-10)
+        for index, (guide, force) in enumerate(zip(linkage.guides, (found.driven, found.undriven))):
             if index == 0 and linkage.driver is not Driver.HINGE:
                 continue
             if isinstance(guide, Rail):
