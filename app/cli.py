@@ -396,12 +396,13 @@ def _fields(model: Any, path: str = "") -> Iterator[tuple[str, str]]:
     """Yield the path and the help of each field, including the fields of objects."""
     from app.query import models_in
 
+    descriptions = model.descriptions()
     for name, info in model.model_fields.items():
         within = [] if name in ("linkage", "start_from") else models_in(info.annotation)
         is_list = "list[" in str(info.annotation)
         if name == "request":
             continue
-        parts = [info.description or ((within and within[0].__doc__) or "").partition("\n")[0]]
+        parts = [descriptions.get(name) or ((within and within[0].__doc__) or "").partition("\n")[0]]
         if values := [str(value) for value in get_args(info.annotation) if isinstance(value, str)]:
             parts.append(f"One of {', '.join(values)}.")
         if within and is_list:

@@ -25,7 +25,7 @@ from app import page, problems
 from app.bodies import says_json
 from app.compute import Workers
 from app.middleware import BodyLimit, SecurityHeaders
-from app.query import ReplyModel
+from app.query import ReplyModel, RequestModel, derived_from
 from app.questions import (
     ATLAS,
     ATLAS_TYPE,
@@ -93,7 +93,12 @@ def described(app: FastAPI) -> dict[str, Any]:
     with warnings.catch_warnings():  # FastAPI silences these if models are built at once
         warnings.simplefilter("ignore", UnsupportedFieldAttributeWarning)
         document = app.openapi()
-    document["components"]["schemas"]["Problem"] = problems.SCHEMA
+    schemas = document["components"]["schemas"]
+    for model in derived_from(RequestModel):
+        if model.described_by:
+            for field, text in model.descriptions().items():
+                schemas[model.__name__]["properties"][field]["description"] = text
+    schemas["Problem"] = problems.SCHEMA
     return document
 
 

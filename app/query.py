@@ -7,18 +7,22 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields, is_dataclass
 from functools import cache
 from importlib.resources import files
+from pkgutil import resolve_name
 from types import UnionType
 from typing import (
     TYPE_CHECKING,
     Annotated,
     Any,
+    ClassVar,
     Literal,
     Protocol,
     Self,
+    TypeVar,
     Union,
     get_args,
     get_origin,
@@ -44,11 +48,12 @@ from pydantic_core import to_json
 from app.sentences import sentence
 from linkage_atlas import FieldError
 from linkage_atlas.formats import FORMATS, Format
-from linkage_atlas.records import field_sentences, names_of, plain
+from linkage_atlas.records import field_sentences, names_of, parameter_sentences, plain
 
 if TYPE_CHECKING:
     from linkage_atlas import Atlas, Work
 
+Base = TypeVar("Base", bound=BaseModel)
 MAX_ERRORS = 20
 """Largest number of errors that are reported for a request."""
 Number = Annotated[float, Strict(), AllowInfNan(False)]
@@ -120,10 +125,28 @@ class Angles:
         return short if math.radians(short) == angle else degrees
 
 
+_JSON_WORD = {"``": "`", "None": "null", "True": "true", "False": "false"}
+_JSON_WORDS = re.compile(r"``|\b(?:None|True|False)\b")
+
+
 class RequestModel(BaseModel):
     """Base of all requests; an unknown field is an error."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
+    described_by: ClassVar[Sequence[str]] = ()
+    """Names in `linkage_atlas` whose parameters describe the fields that have no description of their own."""
+
+    @classmethod
+    def descriptions(cls) -> dict[str, str]:
+        """Return the descriptions of the fields by name."""
+        found = {name: info.description for name, info in cls.model_fields.items() if info.description}
+        for name in cls.described_by:
+            source = resolve_name(f"linkage_atlas.{name}")
+            sentences_of = field_sentences if is_dataclass(source) else parameter_sentences
+            for parameter, text in sentences_of(source).items():
+                if parameter in cls.model_fields:
+                    found.setdefault(parameter, _JSON_WORDS.sub(lambda word: _JSON_WORD[word[0]], text))
+        return found
 
     def arguments(self, *names: str, exclude: Sequence[str] = ()) -> dict[str, Any]:
         """Return the named fields, or all fields except ``exclude``, as arguments for a function of `linkage_atlas`."""
@@ -255,14 +278,17 @@ class ReplyModel(BaseModel):
         return cls.model_construct(_fields_set=_NO_FIELDS, **values)
 
 
-def build_models(base: type[BaseModel] | None = None) -> None:
-    """Build the validators of all models that derive from ``base``, by default of all requests and replies.
+def derived_from(base: type[Base]) -> Iterator[type[Base]]:
+    """Yield a model and all models that derive from it."""
+    yield base
+    for model in base.__subclasses__():
+        yield from derived_from(model)
 
-    Without this call, the validator of a model is built at its first use, which is faster for a command.
-    """
-    for model in base.__subclasses__() if base else (RequestModel, ReplyModel):
+
+def build_models() -> None:
+    """Build the validators of all requests and replies; otherwise each is built at its first use, as for a command."""
+    for model in (*derived_from(RequestModel), *derived_from(ReplyModel)):
         model.model_rebuild()
-        build_models(model)
 
 
 class Resources(Protocol):

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import IntEnum
-from operator import attrgetter
+from functools import reduce
 from typing import Any
 
 DELAY = 1.0
@@ -114,10 +114,16 @@ def table(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
 
 
 def columns(items: Iterable[Any], *shown: tuple[str, str, str | Callable[[Any], Any]]) -> str:
-    """Lay out a row for each item. Each column has a head, a format and an attribute or function; None is shown as a dash."""
+    """Lay out a row for each item.
 
-    def cell(item: Any, spec: str, what: str | Callable[[Any], Any]) -> str:
-        value = attrgetter(what)(item) if isinstance(what, str) else what(item)
+    Each column has a head, a format, and an attribute or function. None and an attribute that an item lacks are shown as a dash.
+    """
+
+    def cell(item: Any, spec: str, source: str | Callable[[Any], Any]) -> str:
+        names = source.split(".") if isinstance(source, str) else []
+        value = (
+            source(item) if callable(source) else reduce(lambda part, name: getattr(part, name, None), names, item)
+        )
         return "-" if value is None else format(value, spec)
 
     return table([head for head, *_ in shown], [[cell(item, *column) for _, *column in shown] for item in items])

@@ -533,13 +533,16 @@ class Linkage:
 
         Parameters
         ----------
-        links, pivots : float
-            Largest deviation of lengths (radii and body points of a body on two guides), and of coordinates of fixed parts
-            (pivots, pins and rails), distributed evenly about their nominal values.
+        links : float
+            Largest deviation of each length (radii and body points of a body on two guides), evenly distributed.
+        pivots : float
+            Largest deviation of each coordinate of fixed parts (pivots, pins and rails), evenly distributed.
         clearance : float
             Diameter of a hole minus the diameter of its pin, in all joints: the play at both ends of each guide.
-        samples, seed : int
-            Number of simulated linkages (10,000), and the seed of the random numbers (0).
+        samples : int
+            Number of simulated linkages.
+        seed : int
+            Seed of the random numbers; equal seeds give equal results.
         work : Work, optional
             Limits the time, and ends the computation if the result is no longer needed.
         """
@@ -572,24 +575,26 @@ class Linkage:
             For a motion with free timing: crank angles from the first sample, or travel of a drive that slides.
         work : Work, optional
             Limits the time, and ends the computation if the result is no longer needed.
-        width, hole, clearance : float
-            Width of the plates, diameter of the pins, and the smallest gap between moving parts.
-        thickness, washer : float
-            Thickness of the plates, and of the washers between layers.
-        kerf, scale : float
-            Width of the cut, for plates to cut (0), and scale of a model (1); plays and kerf are not scaled.
-        length_unit : {"mm", "cm", "m", "in"}
-            Unit of its lengths ("mm"): default sizes are standard sizes in millimetres.
+        width, hole, thickness, washer, clearance, kerf, scale, length_unit
+            Sizes of plates and pins, see `linkage_atlas.part_settings.PartSettings`.
         boards : {"below", "above", "both", "bar"}
-            Support of the fixed pins: in a board on either side or both, or in a bar, a plate of its own.
+            Support of the fixed pins: a board below the links, above them or on each side, or a bar, a plate like the links.
         pin_heads : bool
-            True if pins have heads, of 1.8 diameters, that fill a layer at each free end.
+            Give the pins heads of 1.8 diameters, which fill a layer at each free end.
         mounts : mapping
-            How fixed pins must be held: {"A": "below+above"}.
+            Required supports of fixed pins: {"A": "below+above"}.
         body : array_like, shape (n, 2)
-            Outline of the body, a plate that the coupler carries, in the body's frame, from the body point.
+            Outline of the body, a plate on the coupler: corners [x, y] in the frame of the body, which has the requested position
+            and rotation (without a rotation the axes of the ground at the first sample).
         layers_max : int
-            Maximum number of layers (6).
+            Maximum number of layers.
+        envelope : array_like, shape (4,)
+            Box [xmin, ymin, xmax, ymax] that contains all plates. Default: the envelope in the limits of the request.
+        keep_out : sequence of array_like, shape (4,)
+            Boxes that no plate may enter. Default: the boxes in the limits of the request.
+        drive : mapping
+            A drive of a reply. A cylinder or a latch adds two plates. A motor and its rod also add two plates, and the assembly
+            is then checked over a whole turn of the motor.
 
         Examples
         --------
@@ -628,13 +633,13 @@ class Linkage:
             a plate turns and 0.1 mm if it holds the pin, and with plates and gaps that a printer makes well.
         material, pins : str
             Material of plates and boards, and of pins, washers and heads: steel, stainless, aluminium, brass, plywood, acrylic,
-            POM, PLA, PETG or ABS.
+            POM, PLA, PETG or ABS. Default: aluminium and steel; PLA for printing.
         fillet : float
-            Radius at the convex corners of the body's outline, in the unit of its lengths (0).
+            Radius at the convex corners of the body's outline, in the unit of the lengths.
         layout : {"assembled", "bed"}
-            Position of the parts in STEP (assembled) and 3MF (side by side on the bed); default: as in brackets.
+            Arrangement of the parts in STEP and 3MF. Default: assembled in STEP, side by side on the print bed in 3MF.
         allow_collisions : bool
-            Make the parts even if they collide (False).
+            Make the parts even if they collide.
         **options
             See `assembly`.
 

@@ -59,7 +59,7 @@ def match(
     Parameters
     ----------
     rotation : array_like, shape (N,)
-        Rotation of the body at the samples.
+        Rotation of the body at the samples, continuous and without jumps by whole turns.
     crank_span : float, optional
         Crank angle from the first sample to the last, evenly spaced; negative: clockwise.
     crank_angle : array_like, shape (N,), optional

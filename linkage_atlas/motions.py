@@ -119,24 +119,25 @@ class Motion:
         not count. In angles written within 0 to 360 or -180 to 180, such as 350, 10, a jump that is less than a quarter turn
         in the other direction is taken as that smaller turn. None: missing at this sample.
     position : array_like, shape (N, 2), or complex, shape (N,), optional
-        Positions of a point of the body at the samples, in any unit. Rotation, position or both are required, at 3 to 1,024
-        samples (at least 2 with free crank angles). None: missing at this sample.
+        Positions [x, y] of a point of the body at the samples, in any unit. Rotation, position or both are required, at 3 to
+        1,024 samples (at least 2 with free crank angles). None: missing at this sample.
     crank_span : float, optional
         Crank angle from the first sample to the last, evenly spaced; negative: clockwise.
     crank_angle : array_like, shape (N,), optional
         Crank angles in place of ``crank_span``; only the increments from the first angle count.
     timing : {"free"}, optional
-        In place of both: the crank angles are unknown, and each solution has its own crank angles. This is the default if
-        ``position`` or ``points`` is given, but neither crank angles nor a travel are.
+        "free": the crank angles are unknown, and each solution has its own; leave out ``crank_span`` and ``crank_angle``. This is
+        the default if ``position`` or ``points`` is given, but neither crank angles nor a travel are.
     order : {"given", "any"}
-        With free crank angles: "given" if the crank passes the samples in their order, in either direction of rotation.
+        With free crank angles: "given" if the crank passes the samples in their order, in either direction of rotation; "any" if
+        their order does not matter.
     closed : bool
         With free crank angles: True if the motion continues from the last sample to the first.
     travel : array_like, shape (N,), optional
         For linkages with sliders, in place of crank angles: travel of the slider, or extension of the cylinder, at each sample;
         only the increments from the first value count. A cylinder with positive travel extends.
     travel_span : float, optional
-        Travel from the first sample to the last, evenly spaced.
+        Travel from the first sample to the last, evenly spaced; negative: a cylinder retracts.
     start_angle : float, optional
         Crank angle at the first sample from the ground line A->B, counter-clockwise, for example of a motor with a given rest
         position; the crank angles are then absolute. Only for four-bars with given crank angles. Default: the best angle.

@@ -32,11 +32,11 @@ class PartSettings:
     """
 
     hole: float | None = None
-    """Diameter of pins and holes. Default: 0.3 of the shortest link, at most 0.05 of the longest."""
+    """Diameter of the pins. Default: the largest standard diameter up to 0.3 of the shortest and 0.05 of the longest link."""
     width: float | None = None
-    """Width of the plates. Default: 2.5 holes."""
+    """Width of the plates. Default: 2.5 hole diameters, in whole millimetres."""
     thickness: float | None = None
-    """Thickness of the plates. Default: half a hole."""
+    """Thickness of the plates. Default: the standard sheet from half a hole diameter on."""
     washer: float | None = None
     """Thickness of the washers between layers. Default: a fifth of the plate's thickness."""
     clearance: float | None = None
@@ -44,9 +44,9 @@ class PartSettings:
     kerf: float = 0.0
     """Width of the cut: contours in plates to cut are larger by half of it, and holes smaller; it is not scaled."""
     scale: float = 1.0
-    """Scale of a model, in every file of parts."""
+    """Scale of the parts in all files; clearances and the kerf are not scaled."""
     length_unit: str | None = None
-    """Unit of the lengths, for the default sizes; None: the unit of the file, or mm."""
+    """Unit of the lengths, for the default sizes, which are standard millimetre sizes; None: the unit of the file, or mm."""
 
     @classmethod
     def read(cls, fields: Fields, where: str) -> PartSettings:

@@ -54,25 +54,26 @@ def synthesize(
     top : int
         Maximum number of linkages, which differ from one another.
     effort : {"refine", "atlas"}
-        "refine" searches and refines to machine precision; "atlas" returns the best rows of ``atlas`` without refinement.
+        "refine" searches and refines to machine precision; "atlas" returns the best rows of the atlas without refinement.
     prefer : {"balanced", "error", "size", "transmission", "crank_span", "layers"}, optional
         Merit by which linkages that are accurate enough are ranked: "balanced" weighs size, pivots, transmission angle and
         swing of the crank, then smallest error, smallest links and reach, best transmission angle, shortest swing of the
         crank, or layers in which nothing passes over the fixed pivots (this includes an ``assembly``).
         Default: "size" with tolerances, "balanced" with free timing, otherwise "error".
     diverse : bool
-        Spread the solutions over families, branches and positions; their objective is at most twice the best objective.
+        For four-bars only: spread the solutions over families, branches and positions; their objective is at most twice the best
+        objective.
     tolerance : float
         Objective below which the search ends.
     budget : float, optional
         Time limit in seconds; the best linkages found by then are returned. Without a limit, and with one kind of linkage that
         has rails or slots, alternatives to an exact linkage are searched for as long again as it took, at least 20 ms.
     start_from : sequence of Linkage, Solution or mapping, optional
-        Linkages that are candidates from the first step, for example the displayed linkage while a motion is changed. Plain
-        values are those of `Solution.to_dict`, or ``joints``, see `Linkage.from_points`. Each is refined within the limits
-        before the search begins: with the preference "balanced" a four-bar until its error is small or almost stops falling,
-        otherwise to its nearest optimum. ``report.start_from_ranks`` has the rank of each result. With free timing a four-bar
-        needs its mount.
+        Linkages that are candidates from the first step, for example the displayed solution while a motion is changed: solutions
+        of a reply, or ``joints`` of a four-bar, see `Linkage.from_points`. Each is refined within the limits before the search
+        begins: with the preference "balanced" a four-bar until its error is small or almost stops falling, otherwise to its
+        nearest optimum. ``report.start_from_ranks`` has the rank of each result. With free timing a four-bar needs its ``mount``
+        or ``joints``, and ``crank_angle`` if it is known.
     refine_only : bool
         Search nowhere else: only the linkages of ``start_from`` are refined, which need not lead to the best linkage.
     atlas : Atlas, str or Path, optional

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ast
 import inspect
+import re
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass
@@ -148,6 +149,13 @@ def field_sentences(kind: type) -> dict[str, str]:
             if isinstance(statement, ast.AnnAssign) and isinstance(below, ast.Expr):
                 found[ast.unparse(statement.target)] = " ".join(ast.literal_eval(below.value).split())
     return found
+
+
+def parameter_sentences(function: object) -> dict[str, str]:
+    """Return the descriptions of the parameters in the docstring of a function or class, by name."""
+    section = inspect.cleandoc(function.__doc__ or "").partition("Parameters\n----------\n")[2]
+    rows = re.findall(r"^([*\w, ]+) : .*\n((?:(?: {4}.*)?\n)+)", section, re.MULTILINE)
+    return {name.strip(" *"): " ".join(text.split()) for names, text in rows for name in names.split(",")}
 
 
 @cache

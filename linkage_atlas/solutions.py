@@ -220,19 +220,28 @@ class Solution(Record):
         work : Work, optional
             Limits the time, and ends the computation if the result is no longer needed.
         round_to : float
-            ``rounded``: the lengths on this grid and the rest fitted again, within the limits of the request.
+            Also report ``rounded``: the links at multiples of this length and the other dimensions fitted again, within the
+            limits.
         lengths_from : array_like, shape (n,)
-            Instead: each length from this list, in the best combination.
+            Stock lengths from which the links are selected in the best combination, in place of ``round_to``.
         sensitivity : bool
-            ``sensitivity``: the change of the motion per unit of each length.
+            Also report the change of the motion per unit of each length.
         analysis : mapping
-            ``analysis``: ``crank_speed`` and optionally ``load``, see `Linkage.analysis`.
-        load, drives, springs, drive
-            ``drives``, ``refused``, ``springs``, ``has_drive``: the best of each kind, see `linkage_atlas.drives`.
+            Also report velocities and accelerations and, with a load, torque and pin forces: ``crank_speed`` and optionally
+            ``load``, see `Linkage.analysis`.
+        load : mapping
+            Load for ``drives``, ``springs`` and ``drive``, see `linkage_atlas.drives`.
+        drives : sequence of mapping
+            Also report the best drive of each of these kinds, and in ``refused`` why a kind is missing.
+        springs : sequence of mapping
+            Also report springs that balance the load.
+        drive : mapping
+            Rank solutions with such a drive before solutions without (``has_drive``), and report the drive.
         tolerance_study : mapping
-            ``tolerance_study``: ``links``, ``pivots``, ``clearance``, ``samples``, ``seed``, see `Linkage.tolerance_study`.
+            Also report the effect of manufacturing tolerances, the arguments of `Linkage.tolerance_study`.
         assembly : mapping or True
-            ``verdict.assembly``: layers in which nothing collides; arguments of `Linkage.assembly`, or True for their defaults.
+            Also search for layers in which nothing collides (``verdict.assembly``), and rank solutions with such layers first:
+            arguments of `Linkage.assembly`, or True for their defaults.
 
         Examples
         --------

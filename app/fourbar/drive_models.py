@@ -80,19 +80,13 @@ class AnalysisRequest(RequestModel):
 class ToleranceStudyRequest(RequestModel):
     """Manufacturing tolerances, in the unit of the positions."""
 
-    links: Size = Field(
-        0.0, description="Half width of the uniform distribution of each length about its nominal value."
-    )
-    pivots: Size = Field(0.0, description="Half width of the distribution of each coordinate of a fixed pivot.")
-    clearance: Size = Field(
-        0.0, description="Clearance of all four joints: diameter of the hole minus diameter of the pin."
-    )
-    samples: Annotated[Count, Field(ge=FEWEST_SAMPLES, le=MOST_SAMPLES)] = Field(
-        SAMPLES, description="Number of random linkages."
-    )
-    seed: Annotated[Count, Field(ge=0, le=2**32 - 1)] = Field(
-        0, description="Seed of the random numbers; equal seeds give equal results."
-    )
+    described_by = ("Linkage.tolerance_study",)
+
+    links: Size = 0.0
+    pivots: Size = 0.0
+    clearance: Size = 0.0
+    samples: Annotated[Count, Field(ge=FEWEST_SAMPLES, le=MOST_SAMPLES)] = SAMPLES
+    seed: Annotated[Count, Field(ge=0, le=2**32 - 1)] = 0
 
 
 class MassRequest(RequestModel):

@@ -93,88 +93,37 @@ class SteeringRequest(RequestModel):
 class FunctionRequest(RequestModel):
     """A function, for which linkages are searched whose output follows it."""
 
-    output: Pairs | None = Field(
-        None,
-        description="Rocker angles, or travel, at the samples; continuous, up to a constant. Decreasing values mean that the "
-        "output moves against an increasing input.",
-    )
-    crank_span: Number | None = Field(
-        None,
-        description="Crank angle from the first sample to the last; the samples are evenly spaced. Negative: clockwise.",
-    )
-    travel_span: Number | None = Field(
-        None,
-        description="Travel of the input from the first sample to the last, if the input is a travel; evenly spaced.",
-    )
-    input: Pairs | None = Field(
-        None,
-        description="Crank angles, or travel, instead of the span; only the differences from the first have an effect.",
-    )
-    input_unit: FunctionUnit | None = Field(
-        None,
-        description="`length`: the input is the travel of a slider or cylinder. Default: an angle, in `angle_unit`.",
-    )
-    output_unit: FunctionUnit | None = Field(
-        None,
-        description="`length`: the output is the travel of a slider or cylinder. Default: an angle, in `angle_unit`.",
-    )
-    mechanisms: Annotated[list[MakerKind], Field(min_length=1, max_length=5)] | Literal["all"] | None = Field(
-        None,
-        description="Kinds of mechanisms. Angle to angle: `four_bar`. Angle to length and length to angle: `slider_crank` and "
-        "`swinging_block`; length to angle: also `rail_slot`. Length to length: `two_rails`. Default: the first possible kind.",
-    )
-    function: FunctionOfX | None = Field(None, description="Function by name or table, instead of `output`.")
-    quick_return: QuickReturnRequest | None = Field(
-        None, description="Stroke or swing and time ratio of a quick-return motion, instead of `output`."
-    )
-    steering: SteeringRequest | None = Field(
-        None,
-        description="Symmetric linkage that steers two wheels by the Ackermann condition, instead of `output`.",
-    )
-    symmetric: Flag = Field(
-        False,
-        description="The left and the right arm are mirror images, and `input` and `output` are measured from the symmetric "
-        "position. The arms have 0.1 to 0.2 of the ground length, unless the limits prescribe lengths.",
-    )
-    objective: Literal["rms", "max"] = Field(
-        "rms", description="Minimize the rms error at the samples, or the largest error over the whole interval."
-    )
-    input_zero: Number | None = Field(
-        None,
-        description="Prescribed crank angle at the first sample, measured from the ground line A->B or from the rail; or "
-        "prescribed position of the slider or length of the cylinder.",
-    )
-    output_zero: Number | None = Field(
-        None, description="Prescribed output at the first sample, measured in the same manner."
-    )
+    described_by = ("function",)
+
+    output: Pairs | None = None
+    crank_span: Number | None = None
+    travel_span: Number | None = None
+    input: Pairs | None = None
+    input_unit: FunctionUnit | None = None
+    output_unit: FunctionUnit | None = None
+    mechanisms: Annotated[list[MakerKind], Field(min_length=1, max_length=5)] | Literal["all"] | None = None
+    function: FunctionOfX | None = None
+    quick_return: QuickReturnRequest | None = None
+    steering: SteeringRequest | None = None
+    symmetric: Flag = False
+    objective: Literal["rms", "max"] = "rms"
+    input_zero: Number | None = None
+    output_zero: Number | None = None
     weights: (
         Annotated[list[Annotated[Number, Field(ge=0)]], Field(min_length=MIN_PAIRS, max_length=MAX_SAMPLES)] | None
-    ) = Field(
-        None,
-        description="Weights of the squared errors; for the objective `max`, weights of the errors, interpolated linearly.",
-    )
-    one_way: Flag = Field(False, description="The rocker must not reverse within the interval.")
+    ) = None
+    one_way: Flag = False
     limits: FunctionLimitsRequest = FunctionLimitsRequest()
-    top: Annotated[Count, Field(ge=1, le=100)] = Field(10, description="Number of different linkages to return.")
-    tolerance: Tolerance = Field(1e-10, description="Objective below which the search ends.")
+    top: Annotated[Count, Field(ge=1, le=100)] = 10
+    tolerance: Tolerance = 1e-10
     budget_ms: PositiveNumber | None = Field(
         None, description="Time limit of the search, which returns the best linkages found so far."
     )
-    round_to: Length | None = Field(
-        None,
-        description="Also report each solution with its links rounded to multiples of this length and its zeros fitted again.",
-    )
-    start_from: Annotated[list[GivenGenerator], Field(min_length=1, max_length=MAX_STARTS)] | None = Field(
-        None,
-        description="Four-bars that are candidates from the first step. Each is refined to its nearest optimum within the "
-        "limits; then the search continues.",
-    )
-    refine_only: Flag = Field(
-        False,
-        description="Only refine the linkages of `start_from` to their nearest optima; do not search for others.",
-    )
-    sensitivity: Flag = Field(False, description="Also report the change of the output per unit of each length.")
-    curves: Flag = Field(False, description="Also report the error of each solution over the interval.")
+    round_to: Length | None = None
+    start_from: Annotated[list[GivenGenerator], Field(min_length=1, max_length=MAX_STARTS)] | None = None
+    refine_only: Flag = False
+    sensitivity: Flag = False
+    curves: Flag = False
     angle_unit: AngleUnit = Field("deg", description="Unit of every angle in request and reply.")
 
 

@@ -90,12 +90,12 @@ def function(
     Parameters
     ----------
     output : array_like, shape (N,), or callable, optional
-        Rocker angles at 2 to 1,024 samples, continuous, up to a constant; falling angles turn against a rising input.
-        A callable of arrays or numbers is a function y = f(x) on two linear dials.
+        Rocker angles, or travel, at 2 to 1,024 samples, continuous, up to a constant; falling values move against a rising input.
+        In Python also a callable of arrays or numbers: a function y = f(x) with linear scales of input and output.
     crank_span : float, optional
         Crank angle from the first sample to the last, evenly spaced; negative: clockwise.
     input : array_like, shape (N,), optional
-        Crank angles in place of ``crank_span``; only the increments from the first angle count.
+        Crank angles, or travel, in place of the span; only the increments from the first value count.
     interval : array_like, shape (2,), optional
         First and last x of a callable, between which the crank turns by ``crank_span``.
     output_span : float, optional
@@ -105,8 +105,8 @@ def function(
         Number of samples of a callable, 3 to 1,024 (101).
     function : mapping, optional
         Function by ``name`` in place of ``output``: log10, ln, exp, power (with ``exponent``), sin, cos, tan (x in the unit of
-        angle) or reciprocal; ``x`` is [first, last]. Or ``table``: [[x, y], ...]. ``output_span`` and ``samples`` have the
-        meaning that they have for a callable.
+        angle) or reciprocal; ``x`` is [first, last]. Or ``table``: [[x, y], ...]. The rocker turns by ``output_span`` from the
+        smallest to the largest y, at ``samples`` samples (101).
     quick_return : mapping, optional
         Motion there and back in place of ``output``: ``time_ratio``, the duration of the slow over the fast
         motion, and ``stroke`` for a slider-crank or ``swing`` (an angle) for a crank-rocker. The crank turns evenly and fully.
@@ -119,8 +119,8 @@ def function(
     objective : {"rms", "max"}
         Minimise the root of the mean square error at the samples, or the largest error over the whole interval.
     input_zero, output_zero : float, optional
-        Crank angle at the first sample, and wanted rocker angle there, both from the ground line A->B.
-        By default the best angles are found.
+        Prescribed input and output at the first sample: angles from the ground line A->B or from the rail, the position of a
+        slider, or the length of a cylinder. Default: the best.
     weights : array_like, shape (N,), optional
         Weights of at least 0 of the squared errors, or for "max" of the errors, linear between the samples.
     one_way : bool
@@ -136,7 +136,7 @@ def function(
         angle to length and back; "rail_slot" (a slotted lever) from length to angle; "two_rails" (two sliders and a rod) from
         length to length. Default: the first kind that fits.
     limits : mapping, optional
-        Limits of `linkage_atlas.Limits` on shape and lengths. The family is "any" by default, which closes over the interval.
+        Limits on shape and lengths. The family is "any" by default, which closes over the interval.
         Lengths are given as links: {"ground": 100, ...}; the ground is 1 unless it is given.
         With travel: transmission_angle_min, link_min, link_max, link_ratio_max, links (crank, coupler for the rod, ground),
         offset (of the rail from the crank pivot) and preset.
@@ -149,8 +149,8 @@ def function(
     round_to : float, optional
         Grid of lengths: each solution is also given with rounded links and zeros fitted again; needs limits.links.ground.
     start_from : sequence of Linkage, FunctionSolution or mapping, optional
-        Four-bars that are candidates from the first step; plain values as in `FunctionSolution.to_dict`. Each is refined
-        to its nearest optimum within the limits before the search begins.
+        Four-bars that are candidates from the first step, for example solutions of a reply. Each is refined to its nearest
+        optimum within the limits before the search begins.
     refine_only : bool
         Search nowhere else: only the linkages of ``start_from`` are refined, which need not lead to the best linkage.
     sensitivity : bool
