@@ -104,7 +104,7 @@ export class Editor {
         if (!this.waits) return;
         this.changed(true);
         this.board.show(this.motion, this.chosen);
-        this.#showTable();
+        if (this.motion.poses.length) this.#fillRow(this.chosen);
       });
   }
 
@@ -130,25 +130,32 @@ export class Editor {
   #showTable() {
     const { motion } = this,
       body = $("poses").tBodies[0],
-      angles = travels(motion),
-      [hasPositions, turns] = [wantsPlaces(motion), wantsAngles(motion)],
-      hides = { "no-crank": motion.timing === "free", "no-place": !hasPositions, "no-angle": !turns };
+      hides = {
+        "no-crank": motion.timing === "free",
+        "no-place": !wantsPlaces(motion),
+        "no-angle": !wantsAngles(motion),
+      };
     for (const [name, hidden] of Object.entries(hides)) $("poses").classList.toggle(name, hidden);
     while (body.rows.length > motion.poses.length) body.deleteRow(-1);
     while (body.rows.length < motion.poses.length) body.append(this.#makeRow(body.rows.length));
-    for (const [k, pose] of motion.poses.entries())
-      for (const [column, name] of Object.keys(COLUMNS).entries()) {
-        const input = body.rows[k].cells[column + 1].firstChild,
-          value = name === "t" ? angles[k] : pose[name],
-          isRequired = name === "angle" ? turns : hasPositions,
-          bad = this.cellFaults.has(cellOf(k, name));
-        input.classList.toggle("invalid", bad);
-        if (!bad && input !== document.activeElement) input.value = value === null ? "" : Number(value.toPrecision(6));
-        input.placeholder = value === null && isRequired ? "none" : "";
-        if (name === "t") input.readOnly = motion.timing !== "table" || k === 0;
-        else input.disabled = !isRequired;
-      }
+    for (const [k, angle] of travels(motion).entries()) this.#fillRow(k, angle);
     this.#markRow();
+  }
+
+  #fillRow(k, crankAngle = travels(this.motion)[k]) {
+    const { motion } = this,
+      { cells } = $("poses").tBodies[0].rows[k];
+    for (const [column, name] of Object.keys(COLUMNS).entries()) {
+      const input = cells[column + 1].firstChild,
+        value = name === "t" ? crankAngle : motion.poses[k][name],
+        isRequired = name === "angle" ? wantsAngles(motion) : wantsPlaces(motion),
+        bad = this.cellFaults.has(cellOf(k, name));
+      input.classList.toggle("invalid", bad);
+      if (!bad && input !== document.activeElement) input.value = value === null ? "" : Number(value.toPrecision(6));
+      input.placeholder = value === null && isRequired ? "none" : "";
+      if (name === "t") input.readOnly = motion.timing !== "table" || k === 0;
+      else input.disabled = !isRequired;
+    }
   }
 
   /** Marks the row of the selected pose; only its cells are stops of the tab key, arrows lead to the others. */
