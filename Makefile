@@ -123,7 +123,6 @@ scenes: $(READY)
 	$(BIN)/python -m benchmarks.lift_constrained
 	$(BIN)/python -m benchmarks.chain
 	$(BIN)/python -m benchmarks.knotter
-	$(BIN)/python -m benchmarks.machines
 
 report: $(READY)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[test,docs,baselines]'

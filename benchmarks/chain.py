@@ -1,4 +1,4 @@
-"""The chain on a U-shaped slide: published numbers, speed, representations and other tracks, for docs/chain.md.
+"""The chain on a U-shaped slide: published numbers, speed and representations, for docs/chain.md.
 
 All results except times are reproducible up to rounding. A time is the smallest processor time of several runs, and
 times are compared only within the same run.
@@ -37,11 +37,6 @@ ORDERS = (2, 3, 4, 5, 6, 8, 10, 12, 14)
 def window(slot: Slot, count: int = PHASES) -> np.ndarray:
     """Return phases over the window of the slot, both ends included."""
     return np.linspace(slot.start, slot.end, count)
-
-
-def shifted(track: Track, away: float) -> Track:
-    """Return the same track at a distance from the origin of the drawing."""
-    return Track([segment._replace(x=segment.x + away, y=segment.y + away) for segment in track.segments])
 
 
 def next_by_bracketing(path: oracle.Path, s: float, pitch: float, direction: int = 1) -> float:
@@ -184,14 +179,6 @@ def measure_large_radii() -> Iterator[dict[str, Any]]:
         yield {"radius": radius} | {name: np.abs(np.abs(c) - L).max() for name, c in chords.items()}
 
 
-def measure_tracks() -> Iterator[dict[str, Any]]:
-    for label, slot in pictures.other_tracks().items():
-        facts = analyse_slot(slot, window(slot, 501))
-        found = {"slack": facts.slack_max.value, "depth": facts.depth_max.value, "radius": facts.radius_min}
-        exact = {"end_step": facts.end_step, "chord": facts.chord_error}
-        yield {"track": label, "pitch": slot.chain.pitch, "links": slot.chain.links} | found | exact
-
-
 def blocks(results: dict[str, Any]) -> dict[str, str]:
     """Return the tables and figures of docs/chain.md."""
     speed, words = results["speed"], results["published"]["words"]
@@ -213,7 +200,6 @@ def draw(results: dict[str, Any]) -> None:
     crescent, slot = chain.crescent_slot(L, N, R1)
     pictures.draw_track(crescent, slot)
     pictures.draw_defect(crescent, slot)
-    pictures.draw_tracks(pictures.other_tracks(), results["tracks"])
 
 
 def measure() -> Iterator[dict[str, Any]]:
@@ -224,7 +210,6 @@ def measure() -> Iterator[dict[str, Any]]:
         "speed": measure_speed(crescent, slot),
         "fits": list(measure_fits(slot)),
         "large_radii": list(measure_large_radii()),
-        "tracks": list(measure_tracks()),
     }
 
 

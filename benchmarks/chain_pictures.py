@@ -1,51 +1,15 @@
-"""Pictures of docs/chain.md, and the other tracks that are drawn and measured there."""
+"""Pictures of docs/chain.md."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from scipy.optimize import brentq
 
 from benchmarks import figures
-from synthesis.scenes.chain import crescent as chain
-from synthesis.scenes.chain.closure import Chain
 from synthesis.scenes.chain.crescent import Crescent
-from synthesis.scenes.chain.slot import Slot, find_slot
-from synthesis.scenes.chain.track import Segment, Track, arc, line
-
-
-def middle_of(track: Track, segment: int) -> float:
-    """Return the arc length of the middle of a segment."""
-    return float(track.joints[segment] + track.length[segment] / 2)
-
-
-def rounded_triangle(side: float, radius: float) -> Track:
-    """Return a track of three lines and three arcs, counter-clockwise."""
-    corners = side / math.sqrt(3) * np.exp(1j * np.radians([210, 330, 90]))
-    segments: list[Segment] = []
-    for here, there in zip(corners, np.roll(corners, -1)):
-        heading = float(np.angle(there - here))
-        out = -1j * radius * np.exp(1j * heading)
-        a, b = here + out, there + out
-        segments.append(line(a.real, a.imag, b.real, b.imag))
-        segments.append(arc(there.real, there.imag, radius, heading - math.pi / 2, 2 * math.pi / 3))
-    return Track(segments)
-
-
-def other_tracks() -> dict[str, Slot]:
-    """Return four more chains on four more tracks."""
-    stadium = chain.critical_stadium(50.0, 16, 60.0)
-    side = brentq(lambda side: Chain(rounded_triangle(side, 70.0), 40.0, 30).smallest_overrun().value, 180, 330)
-    triangle = rounded_triangle(side, 70.0)
-    return {
-        "crescent, 24 links of 25.4": chain.crescent_slot(25.4, 24, 70.0)[1],
-        "crescent, wheels of six pins": chain.crescent_slot(60.0, 23, 120.0, 60.0)[1],
-        "stadium, straight from the closure": find_slot(Chain(stadium, 50.0, 16), middle_of(stadium, 2)),
-        "rounded triangle, 30 links": find_slot(Chain(triangle, 40.0, 30), middle_of(triangle, 3)),
-    }
+from synthesis.scenes.chain.slot import Slot
 
 
 def plot(axes: Any, points: np.ndarray, *style: Any, **options: Any) -> None:
@@ -128,11 +92,3 @@ def draw_defect(crescent: Crescent, slot: Slot) -> None:
             label, box = f"P{crossing.pin} onto {names[crossing.segment]}", {"fc": "white", "ec": "none", "pad": 1}
             defect.text(crossing.phase / unit, 1.2, label, fontsize=8, ha="center", bbox=box)
         drawing.suptitle("One period: the chain fits the bare track at its two ends only")
-
-
-def draw_tracks(slots: Mapping[str, Slot], rows: Sequence[Mapping[str, Any]]) -> None:
-    """Draw four chains on other tracks."""
-    with figures.figure("chain_tracks.png", 2, 2, (10, 7.2)) as (_, panels):
-        for axes, (label, slot), row in zip(panels, slots.items(), rows):
-            draw_slot(axes, slot, 0.5 * (slot.start + slot.end), 3.6)
-            axes.set_title(f"{label}\nslot {row['depth']:.3f} deep")

@@ -22,8 +22,8 @@ from benchmarks.report import ends, lines, repeat, run, tables
 from synthesis.scenes.knotter import d_knotter
 from synthesis.scenes.knotter.d_knotter import Needle
 from synthesis.scenes.knotter.mechanism import Mechanism, as_array
-from synthesis.scenes.knotter.segment_triangle import classify, crosses_inside, crossing_point, orientations
-from synthesis.scenes.knotter.study import find_limits, study
+from synthesis.scenes.knotter.segment_triangle import crosses_inside, crossing_point, orientations
+from synthesis.scenes.knotter.study import study
 from tests.oracles.knotter import Exact
 
 TOO_CLOSE_MM = 1e-8
@@ -68,7 +68,6 @@ def predicate_errors() -> Iterator[dict[str, Any]]:
         p, q = np.add(point, (3.0, 0.0, 0.0)), np.subtract(point, (2.0, 0.0, 0.0))
         signs = orientations(tuple(p.T), tuple(q.T), tuple(a), tuple(b), tuple(c))
         row["orientation"] = _percent(crosses_inside(signs) != exact)
-        row["classify"] = _percent((classify(p, q, a, b, c) == 0) != exact)
         yield row
 
 
@@ -221,6 +220,15 @@ def short_windows(closing: float) -> Iterator[dict[str, Any]]:
         yield {**row, "cells": bool(found.holds[0])}
 
 
+def closing_length() -> float:
+    """Return the largest d5 at which the pair (10, 25) wraps the rope, by bisection of the exact verdict."""
+    low, high = 54.0, 120.0
+    while (middle := 0.5 * (low + high)) not in (low, high):
+        holds = d_knotter.wrap().evaluate(knotters_at(10.0, 25.0, d5=middle), 1).holds[0]
+        low, high = (middle, high) if holds else (low, middle)
+    return low
+
+
 def figures() -> dict:
     """Compute the quantities that the source prints, and the figures of single pairs in the document."""
     needle = Needle()
@@ -229,7 +237,7 @@ def figures() -> dict:
     wrap, clearance = result.conditions["wrap"], result.conditions["clearance"]
     chosen, best = PAIRS.index((10, 25)), int(np.argmax(result.margin))
     limiting = min(result.conditions, key=lambda name: result.conditions[name].margin[chosen])
-    (closing,), _ = find_limits(knotters_at(10.0, 25.0), d_knotter.wrap(), "d5", (20.0, 120.0))
+    closing = closing_length()
     index = {f"{alpha1},{alpha3}": row for row, (alpha1, alpha3) in enumerate(PAIRS)}
     return {
         "alpha2_range": list(np.degrees(needle.free_range())),
@@ -244,8 +252,8 @@ def figures() -> dict:
         "worst_deg": float(np.degrees(clearance.worst_driver[chosen])),
         "chosen": {"margin_mm": float(result.margin[chosen]), "limited_by": limiting},
         "best": {"pair": list(PAIRS[best]), "margin_mm": float(result.margin[best])},
-        "closing_d5_mm": closing.value,
-        "closing_deg": float(np.degrees(closing.result.enter[0])),
+        "closing_d5_mm": closing,
+        "closing_deg": float(np.degrees(d_knotter.wrap().evaluate(knotters_at(10.0, 25.0, d5=closing), 1).enter[0])),
     }
 
 

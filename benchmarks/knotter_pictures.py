@@ -12,7 +12,7 @@ from benchmarks.report import ROOT
 from synthesis.scenes.knotter import d_knotter
 from synthesis.scenes.knotter.mechanism import Mechanism, as_array
 from synthesis.scenes.knotter.segment_triangle import crossing_point, orientations
-from synthesis.scenes.knotter.study import find_limits, study
+from synthesis.scenes.knotter.study import study
 
 PUBLISHED = json.loads((ROOT / "tests" / "reference" / "knotter.json").read_text())["paper"]
 PAIRS = [(alpha1, alpha3) for alpha1 in (0, 10, 20) for alpha3 in (20, 25, 30)]
@@ -151,20 +151,17 @@ def draw_map() -> None:
     """Draw the smallest margin over (alpha1, alpha3), with the limit of each condition and the published pairs."""
     first, third = np.linspace(-5, 30, 281), np.linspace(15, 40, 251)
     grid = {"alpha1": np.radians(first), "alpha3": np.radians(third)}
-    margin = study(d_knotter.mechanism(), grid, d_knotter.conditions()).margin.reshape(len(first), -1).T
+    result, shape = study(d_knotter.mechanism(), grid, d_knotter.conditions()), (len(first), len(third))
+    margin = result.margin.reshape(shape).T
     with figure("knotter_map.png", size=(8.2, 5.6)) as (drawing, (axes,)):
         axes.contourf(first, third, margin, [-1e9, 0], colors=["#f3efe9"])
         levels = np.arange(0, np.ceil(margin.max()) + 0.5, 1.0)
         filled = axes.contourf(first, third, margin, levels, cmap="YlGn", extend="max")
         axes.clabel(axes.contour(first, third, margin, levels[1:], colors=INK, linewidths=0.5), fmt="%g", fontsize=7)
         for condition, colour in zip(d_knotter.conditions(), (BILL, DISC, JAW)):
-            limits = []
-            for alpha1 in np.linspace(-5, 30, 36):
-                found, _ = find_limits(
-                    knotters_at(alpha1, 25.0), condition, "alpha3", tuple(np.radians([15, 40])), samples=65
-                )
-                limits += [(alpha1, np.degrees(limit.value)) for limit in found]
-            axes.plot(*np.transpose(limits), color=colour, lw=2.2, label=f"limit of the {condition.name}")
+            own = result.conditions[condition.name].margin.reshape(shape).T
+            axes.contour(first, third, own, [0.0], colors=colour, linewidths=2.2)
+            axes.plot([], [], color=colour, lw=2.2, label=f"limit of the {condition.name}")
         box = {"boxstyle": "round,pad=0.15", "fc": PAPER, "ec": "none", "alpha": 0.8}
         for pair in PAIRS:
             fill = INK if list(pair) in PUBLISHED["feasible"] else PAPER

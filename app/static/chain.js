@@ -1,4 +1,4 @@
-// The chain's page: the chain in motion on its track with wheels and slot, the slot enlarged, and what wear does to it.
+// The chain's page: the chain in motion on its track with wheels and slot, and the slot enlarged.
 
 import { curves, facts, note, table } from "./answer.js";
 import { add, along, less, size, times } from "./plane.js";
@@ -15,7 +15,6 @@ const PARTS = {
   upper_arc: ["pose", "red"],
 };
 const UNIT = "All lengths are in the unit of the pitch.";
-const TOLERANCE = "/v2/chain/tolerance";
 
 const short = (value) => Math.round(value * 100) / 100;
 const clip = (name) => name.replace("_", " ");
@@ -39,7 +38,6 @@ const walls = (outline) => [outline?.left, outline?.right].map((rows) => outline
 
 /** The wheels of the crescent: centres, and the number of their spokes. */
 function wheelsOf({ geometry: g, angle_unit: unit }) {
-  if (!g) return [];
   const turn = unit === "rad" ? 2 * Math.PI : 360,
     [x, y] = times(along((g.epsilon * 2 * Math.PI) / turn), g.upper_radius + g.wheel_radius),
     spokes = Math.round(turn / g.delta_wheel);
@@ -61,16 +59,14 @@ function spokesOf({ centre, radius, spokes }, pins) {
 function machine({ slot: slotCurve, pins, outline, geometry: g, ...reply }) {
   const wheels = wheelsOf({ geometry: g, ...reply }),
     free = slotCurve.free_pin - 1;
-  const names = g
-    ? [
-        ...wheels.map(({ centre }) => symbol("R0", centre, 8, 16)),
-        symbol("O1", [0, 0], 8, -4),
-        symbol("O2", [0, g.eccentricity], 8, -4),
-        symbol("R1", times(along(-2.2), g.upper_radius), -26, 0),
-        symbol("R2", add([0, g.eccentricity], times(along(-2), g.lower_radius)), -8, 20),
-      ]
-    : [];
-  const centres = g ? [...wheels.map(({ centre }) => [centre, 4]), [[0, 0], 3], [[0, g.eccentricity], 3]] : [];
+  const names = [
+    ...wheels.map(({ centre }) => symbol("R0", centre, 8, 16)),
+    symbol("O1", [0, 0], 8, -4),
+    symbol("O2", [0, g.eccentricity], 8, -4),
+    symbol("R1", times(along(-2.2), g.upper_radius), -26, 0),
+    symbol("R2", add([0, g.eccentricity], times(along(-2), g.lower_radius)), -8, 20),
+  ];
+  const centres = [...wheels.map(({ centre }) => [centre, 4]), [[0, 0], 3], [[0, g.eccentricity], 3]];
   return [
     grid(),
     ...wheels.map(({ centre, radius }) => circle("wheel", centre, radius)),
@@ -97,7 +93,7 @@ function closeUp(host, { slot: slotCurve, outline, geometry }, state) {
   const parts = [
     grid(),
     ...walls(outline),
-    geometry && circle("bare", [0, 0], geometry.upper_radius),
+    circle("bare", [0, 0], geometry.upper_radius),
     line("curve", slotCurve.xy),
     line("link crank thin", (pinPoints) => [
       pinPoints.at(free - 1),
@@ -106,29 +102,10 @@ function closeUp(host, { slot: slotCurve, outline, geometry }, state) {
     ]),
     dot("point", (pinPoints) => pinPoints[free], 7),
     symbol(name, (pinPoints) => pinPoints[free], 10, 20),
-    geometry && symbol("R1", slotCurve.xy[Math.round(slotCurve.xy.length / 5)], 4, -18),
+    symbol("R1", slotCurve.xy[Math.round(slotCurve.xy.length / 5)], 4, -18),
   ];
   const extent = [less(low, [room, room]), add(high, [room, room])];
-  return stage(host, {
-    label: `The slot of pin ${name}, enlarged`,
-    extent,
-    parts,
-    state,
-    value: slotCurve.theta1?.[0] ?? 0,
-  });
-}
-
-function powers(host, fit, unit) {
-  const rows = (fit?.power.pieces ?? []).flatMap((piece, k) => {
-    const ends = piece.theta1 ?? piece.position;
-    return ["x", "y"].map((axis) => [`${k + 1} ${axis}`, ...ends, ...piece[axis]]);
-  });
-  if (!rows.length) return;
-  const columnCount = Math.max(...rows.map((row) => row.length)),
-    names = Array.from({ length: columnCount - 3 }, (_, k) => `t^${k}`),
-    cells = rows.map((row) => [...row, ...Array(columnCount - row.length).fill(null)]);
-  const title = "The fitted slot by powers of t, 0 to 1 over each piece";
-  table(host, title, ["piece", ["from", unit], ["to", unit], ...names], cells);
+  return stage(host, { label: `The slot of pin ${name}, enlarged`, extent, parts, state, value: slotCurve.theta1[0] });
 }
 
 function slotFacts(host, { slot: slotCurve, checks, geometry: g, fit, ...reply }, angle) {
@@ -142,7 +119,7 @@ function slotFacts(host, { slot: slotCurve, checks, geometry: g, fit, ...reply }
     ["stretched", checks.stretched],
     ["roller fits", checks.roller_fits],
   ]);
-  const layout = g && [
+  const layout = [
     ["R0", g.wheel_radius],
     ["R1", g.upper_radius],
     ["R2", g.lower_radius],
@@ -152,19 +129,18 @@ function slotFacts(host, { slot: slotCurve, checks, geometry: g, fit, ...reply }
     ["start of the window", g.phase_start, angle],
     ["wheels out of phase by", reply.wheel_phase_conflict, angle],
   ];
-  if (layout) facts(host, layout, "Layout");
+  facts(host, layout, "Layout");
   const fitted = fit && [
     ["order", fit.order],
     ["error square to the slot", fit.max_normal],
     ["error of a link", fit.max_chord],
-    ["error by powers", fit.power.max_normal],
   ];
   if (fitted) facts(host, fitted, "Fit");
   note(host, UNIT);
 }
 
 /** The angles of all pins over the phase, in the colours of the parts of the track; returns what marks a phase. */
-function angleCurves(host, { pins, slot: slotCurve }, { phases, unit, angle }) {
+function angleCurves(host, { pins, slot: slotCurve }, phases, angle) {
   const pieces = pins.theta[0].flatMap((_, pin) =>
     pins.segments.map((part, n) => ({
       values: pins.theta.map((row, j) => (pins.segment[j][pin] === n ? row[pin] : null)),
@@ -176,7 +152,7 @@ function angleCurves(host, { pins, slot: slotCurve }, { phases, unit, angle }) {
     parts = pins.segments.map((part) => `${clip(part)} (${PARTS[part][1]})`).join(", ");
   const angles = `Angles θ1 … θ${pins.theta[0].length} of the pins`,
     title = `${angles} on the ${parts}, ${angle}; thick: P${slotCurve.free_pin}`;
-  return curves(host, { x: phases, xUnit: unit, list: [{ title, height: 320, series }] });
+  return curves(host, { x: phases, xUnit: angle, list: [{ title, height: 320, series }] });
 }
 
 /** Show a reply; `drawing` is the same reply with pins and outline. */
@@ -184,19 +160,16 @@ function slot(reply, drawing, hosts) {
   const { slot: slotCurve } = reply,
     { pins, outline } = drawing,
     angle = reply.angle_unit === "rad" ? "rad" : "°",
-    phases = drawing.slot.theta1 ?? drawing.slot.position,
-    [unit, name, sign] = slotCurve.theta1 ? [angle, "θ1", "θ1"] : ["", "way of P1", "P1"];
+    phases = drawing.slot.theta1;
   slotFacts(hosts.facts, reply, angle);
-  const crossings = reply.crossings.map((crossing) => {
-    const onto = crossing.to ? clip(crossing.to) : `segment ${crossing.to_segment}`;
-    return [crossing.theta1 ?? crossing.position, `P${crossing.pin}`, onto];
-  });
+  const crossings = reply.crossings.map(({ theta1, pin, to }) => [theta1, `P${pin}`, clip(to)]);
   const title = "Pins that pass a joint: the slot's curvature jumps";
-  table(hosts.tables, title, [[name, unit], "pin", "onto"], crossings);
-  powers(hosts.tables, reply.fit, unit);
+  table(hosts.tables, title, [["θ1", angle], "pin", "onto"], crossings);
   const slack = [{ title: "Slack at the free pin", values: slotCurve.slack, colour: "path" }],
-    marks = [curves(hosts.curves, { x: slotCurve.theta1 ?? slotCurve.position, xUnit: unit, list: slack })];
-  if (pins?.theta) marks.push(angleCurves(hosts.curves, drawing, { phases, unit, angle }));
+    marks = [
+      curves(hosts.curves, { x: slotCurve.theta1, xUnit: angle, list: slack }),
+      angleCurves(hosts.curves, drawing, phases, angle),
+    ];
   const between = (k, share) =>
       pins.xy[k].map((point, pin) => add(point, times(less(pins.xy[k + 1][pin], point), share))),
     state = steps(phases, between),
@@ -207,14 +180,8 @@ function slot(reply, drawing, hosts) {
     extent: [...pins.xy[0], ...(outline.right ?? outline.path)],
     parts: machine(drawing),
     state,
-    play: {
-      name: slotCurve.theta1 ? "Angle of P1" : "Way of P1",
-      from: phases[0],
-      to: phases.at(-1),
-      seconds: 3,
-      round: true,
-    },
-    words: (phase) => `${sign} ${phase.toFixed(unit === "rad" ? 4 : 2)}${unit}`,
+    play: { name: "Angle of P1", from: phases[0], to: phases.at(-1), seconds: 3, round: true },
+    words: (phase) => `θ1 ${phase.toFixed(angle === "rad" ? 4 : 2)}${angle}`,
     follow: (phase) => {
       mark(phase);
       beside?.go(phase);
@@ -225,52 +192,19 @@ function slot(reply, drawing, hosts) {
   return run;
 }
 
-const WEAR = ["pitch error", "smallest slack", "largest slack", "stretched", "depth of the free pin", "past the slot"];
-
-function tolerance({ tolerance: study, wear, ...reply }, hosts) {
-  const column = (name) => wear.map((row) => row[name]),
-    errors = column("pitch_error");
-  facts(hosts.facts, [
-    ["layout within its tolerances", reply.status],
-    ["just stretched at a pitch error of", reply.pitch_error_min],
-    ["smallest slack over the corners", study.slack_min],
-    ["largest slack over the corners", study.slack_max],
-    ["corners", study.corners],
-    ["nominal slack", [reply.slack_min, reply.slack_max]],
-  ]);
-  note(hosts.facts, UNIT);
-  const series = [
-    { values: column("slack_max"), colour: "path" },
-    { values: column("slack_min"), colour: "crank" },
-  ];
-  const list = [
-    { title: "Slack over the pitch error, smallest and largest", series },
-    { title: "Free pin past the slot, at most", values: column("beyond_slot"), colour: "body" },
-  ];
-  if (errors.length > 1 && errors.every((error, k) => !k || error > errors[k - 1]))
-    curves(hosts.curves, { x: errors, list });
-  const rows = wear.map((row) => Object.values(row)),
-    changes = Object.entries(study.sensitivity).map(([name, value]) => [clip(name), value]);
-  table(hosts.tables, "Pitch wear", WEAR, rows);
-  table(hosts.tables, "Change of the smallest slack", ["length", "per unit"], changes);
-  return null;
-}
-
 /** A question as its drawing needs it. */
 const drawable = (request, samples) => ({ ...request, samples, include: ["pins", "outline"] });
 
 export const chain = {
   request(query, request) {
-    if (query.path === TOLERANCE) return request;
     const samples = Math.max(request.samples ?? USUAL, FEWEST);
-    return samples * (request.links ?? 200) > MOST_PINS ? request : drawable(request, samples);
+    return samples * request.links > MOST_PINS ? request : drawable(request, samples);
   },
   numbers: ({ pins, outline, ...reply }) => reply,
   async show({ query, request, reply, ask }, hosts) {
-    if (query.path === TOLERANCE) return tolerance(reply, hosts);
     if (reply.pins && reply.outline) return slot(reply, reply, hosts);
     const samples = Math.min(USUAL, Math.floor(MOST_PINS / reply.links)),
-      bare = { ...request, fit: null, power_decimals: null };
+      bare = { ...request, fit: null };
     return slot(reply, await ask(query.path, drawable(bare, samples)), hosts);
   },
 };

@@ -227,23 +227,6 @@ function scan({ reply }, { facts: figures, tables }) {
   note(figures, assumed(reply));
 }
 
-function limit({ reply, request }, { facts: figures, tables }) {
-  const condition = request.condition ?? "wrap",
-    { status, parameter } = reply;
-  facts(figures, Object.entries({ status, condition, parameter }));
-  if (!reply.limits.length) {
-    const always = status === "always" ? "holds" : "fails";
-    note(figures, `The ${condition} ${always} over the whole range of ${parameter}.`);
-    return;
-  }
-  const rows = reply.limits.map(({ value, holds, wrap, clearance, bite }) => {
-    const { angle, worst_angle, margin } = wrap ?? clearance ?? bite;
-    return [value, holds, angle ?? worst_angle ?? null, margin];
-  });
-  const columns = [parameter, "holds", "bill angle there", "margin there"];
-  table(tables, "Where the verdict changes", columns, rows);
-}
-
 function needle({ reply, request }, { facts: figures }) {
   const unit = degree(request.angle_unit);
   facts(figures, [
@@ -258,27 +241,7 @@ function needle({ reply, request }, { facts: figures }) {
   ]);
 }
 
-const WITHIN = ["at the worse corner", "smallest sample", "samples that hold, %", "tolerances until it fails"];
-
-function tolerance({ reply }, { facts: figures, tables }) {
-  facts(figures, [
-    ["status", reply.status],
-    ["samples that tie the knot", 100 * reply.share, "%"],
-    ["dimensions with a tolerance", reply.dimensions],
-  ]);
-  const rows = CONDITIONS.map((name) => {
-    const { margin, corner, margin_min, share, factor } = reply[name];
-    return [name, margin, corner, margin_min, 100 * share, factor];
-  });
-  table(tables, "Conditions within the tolerances", ["condition", "margin", ...WITHIN], rows);
-  const changes = Object.keys(reply.wrap.sensitivity).map((name) => {
-    const margins = CONDITIONS.map((condition) => reply[condition].sensitivity[name]);
-    return [name, ...margins];
-  });
-  table(tables, "Change of the margins per unit of each dimension", ["dimension", ...CONDITIONS], changes);
-}
-
-const SHOWN = { curves: pair, scan, limit, needle, tolerance };
+const SHOWN = { curves: pair, scan, needle };
 
 const withoutCurves = ({ point, path, corners, on_rope, inside, ...crossing }) => crossing;
 

@@ -1,6 +1,5 @@
-"""The chain over HTTP and on the command line: its slot on a crescent or any track, and its slack within tolerances."""
+"""The chain over HTTP and on the command line: its slot on a crescent."""
 
-from app.scenes.chain.slot import SLOT, TRACK
-from app.scenes.chain.tolerance import TOLERANCE
+from app.scenes.chain.slot import SLOT
 
-QUERIES = (SLOT, TRACK, TOLERANCE)
+QUERIES = (SLOT,)

@@ -14,16 +14,12 @@ MAX_SAMPLES = 10_001
 """Largest number of phases in a reply or export."""
 MAX_PINS = 1_000_000
 """Largest number of samples times links in a request; every pin is computed at every sample to check the chords."""
-MAX_SEGMENTS = 50
-"""Largest number of segments of a track."""
 MIN_LENGTH = 1e-9
 """Smallest length, in the unit of the request."""
 MAX_LENGTH = 1e9
 """Largest length, in the unit of the request."""
 
 Length = Annotated[Number, Field(ge=MIN_LENGTH, le=MAX_LENGTH)]
-Coordinate = Annotated[Number, Field(ge=-MAX_LENGTH, le=MAX_LENGTH)]
-Point = Annotated[list[Coordinate], Field(min_length=2, max_length=2)]
 Links = Annotated[Count, Field(ge=3, le=MAX_LINKS)]
 Samples = Annotated[Count, Field(ge=3, le=MAX_SAMPLES)]
 
@@ -34,27 +30,12 @@ class FitRequest(RequestModel):
     order: Annotated[Count, Field(ge=1, le=64)] = Field(8, description="Degree of each piece.")
 
 
-class SlotOptions(RequestModel):
-    """Chain and output options, common to the requests for a slot."""
+class ChainSlotRequest(RequestModel):
+    """A chain on a crescent: an upper and a lower arc joined by two wheels. Missing dimensions are computed."""
 
     pitch: Length = Field(description="Length of a link, pin to pin.")
-    samples: Samples = Field(91, description="Number of evenly spaced phases of the slot, both ends included.")
-    fit: FitRequest | None = Field(FitRequest(), description="Approximation of the slot; null: none.")
-    power_decimals: Annotated[Count, Field(ge=0, le=15)] | None = Field(
-        None, description="Decimals of the coefficients of the power form of the fit; null: all digits."
-    )
-    roller_radius: Length | None = Field(None, description="Radius of the rollers that run in the slot.")
-    include: Annotated[list[Literal["pins", "outline"]], Field(max_length=2)] = Field(
-        [],
-        description="pins: all pins and links at every sample, in the reply and as columns of the CSV file. outline: the "
-        "closed contours to cut.",
-    )
-    angle_unit: AngleUnit = "deg"
-
-
-class CrescentDimensions(RequestModel):
-    """Dimensions of a crescent, an upper and a lower arc joined by two wheels; missing dimensions are computed."""
-
+    links: Links = Field(description="Number of links.")
+    upper_radius: Length = Field(description="R1, radius of the upper arc.")
     wheel_radius: Length | None = Field(
         None, description="R0, radius of the wheels; null: pitch/sqrt(2), four pins per turn."
     )
@@ -66,71 +47,18 @@ class CrescentDimensions(RequestModel):
         description="b, height of the lower arc's centre above the upper arc's centre. If the request has only one of "
         "lower_radius and eccentricity, the missing value places the wheels level with the upper arc's centre.",
     )
-
-
-class ChainSlotRequest(CrescentDimensions, SlotOptions):
-    """A crescent: an upper and a lower arc joined by two wheels."""
-
-    links: Links = Field(description="Number of links.")
-    upper_radius: Length = Field(description="R1, radius of the upper arc.")
     phase_start: Number | None = Field(
         None, description="Angle theta1 at which the window starts; null: the angle with the smallest slack."
     )
-
-
-class StadiumTrack(RequestModel):
-    """Two half circles joined by lines."""
-
-    radius: Length
-    straight: Length | None = Field(
-        None, description="Distance between the centres; null: computed from the critical closure."
+    samples: Samples = Field(91, description="Number of evenly spaced phases of the slot, both ends included.")
+    fit: FitRequest | None = Field(FitRequest(), description="Approximation of the slot; null: none.")
+    roller_radius: Length | None = Field(None, description="Radius of the rollers that run in the slot.")
+    include: Annotated[list[Literal["pins", "outline"]], Field(max_length=2)] = Field(
+        [],
+        description="pins: all pins and links at every sample, in the reply and as columns of the CSV file. outline: the "
+        "closed contours to cut.",
     )
-
-
-class LineSegment(RequestModel):
-    """A straight segment."""
-
-    kind: Literal["line"]
-    start: Point
-    end: Point
-
-
-class ArcSegment(RequestModel):
-    """A circular arc; a positive sweep turns left."""
-
-    kind: Literal["arc"]
-    centre: Point
-    radius: Length
-    start_angle: Number
-    sweep: Number
-
-
-Segments = Annotated[
-    list[Annotated[LineSegment | ArcSegment, Field(discriminator="kind")]],
-    Field(min_length=1, max_length=MAX_SEGMENTS),
-]
-
-
-class ChainTrackRequest(SlotOptions):
-    """Any closed track of tangent arcs and lines."""
-
-    stadium: StadiumTrack | None = None
-    segments: Segments | None = Field(
-        None, description="Segments in order of travel, each tangent to the next; give these or a stadium."
-    )
-    links: Links | None = Field(
-        None, description="Number of links; null: the smallest number for which the chain is not stretched."
-    )
-    driver_segment: Annotated[Count, Field(ge=0, lt=MAX_SEGMENTS)] | None = Field(
-        None, description="Segment along which P1 is driven; null: the first segment long enough for a link."
-    )
-    free_segment: Annotated[Count, Field(ge=0, lt=MAX_SEGMENTS)] | None = Field(
-        None,
-        description="Segment with the slot; null: the arc with the smallest radius that is long enough for two links.",
-    )
-    side: Literal["left", "right"] = Field(
-        "left", description="Side of a slot on a line; the slot of an arc is always on its outer side."
-    )
+    angle_unit: AngleUnit = "deg"
 
 
 class GeometryReply(ReplyModel):
@@ -159,9 +87,10 @@ class CrossingReply(ReplyModel):
     to: Literal["left_wheel", "lower_arc", "right_wheel", "upper_arc"]
 
 
-class LocusReply(ReplyModel):
+class SlotReply(ReplyModel):
     """Path of the free pin over one period."""
 
+    theta1: list[float]
     xy: list[list[float]]
     slack: Column = Field(
         description="Slack: length by which two links, laid along the bare track from one neighbour of the free pin, extend "
@@ -171,37 +100,17 @@ class LocusReply(ReplyModel):
     depth_max: float
     radius_min: FiniteOrNull = Field(description="Smallest radius of curvature of the path; null: straight.")
     end_step: float = Field(description="Distance of the ends of the slot from the bare track.")
-
-
-class SlotReply(LocusReply):
-    """Slot of a crescent over one period."""
-
-    theta1: list[float]
     defect_max: float = Field(description="Largest 2 delta_upper - (theta13 - theta15).")
     defect_min: float
     defect_max_theta1: float
 
 
 class PieceReply(ReplyModel):
-    """Coefficients of x and y over a piece of the slot."""
+    """Chebyshev coefficients of x and y over a piece of the slot."""
 
-    theta1: list[float] | None = Field(None, description="Angles theta1 at the ends of the piece, on a crescent.")
-    position: list[float] | None = Field(None, description="Positions of P1 at the ends, on a general track.")
+    theta1: list[float] = Field(description="Angles theta1 at the ends of the piece.")
     x: Column
     y: Column
-
-
-class PowerReply(ReplyModel):
-    """Power form of the fit in the coordinates of the drawing, for the controls of machine tools.
-
-    x and y are polynomials in t, lowest power first; t runs from 0 to 1 over the piece.
-    """
-
-    pieces: list[PieceReply] | None = Field(
-        description="Pieces of the fit; null if the power form of this degree is numerically inaccurate."
-    )
-    max_normal: float = Field(description="Largest distance from the exact slot, with the coefficients of the reply.")
-    decimals: int | None
 
 
 class FitReply(ReplyModel):
@@ -213,7 +122,6 @@ class FitReply(ReplyModel):
     max_chord: float
     origin: list[float] = Field(description="Point to which x and y of the pieces are relative.")
     pieces: list[PieceReply] = Field(description="Chebyshev series over each piece, scaled to -1 .. 1.")
-    power: PowerReply
 
 
 class WithoutSlotReply(ReplyModel):
@@ -239,12 +147,6 @@ class ChecksReply(ReplyModel):
     roller_radius_max: FiniteOrNull = Field(description="Smallest radius of curvature of the path; null: straight.")
     roller_fits: bool | None = Field(description="True if the roller fits into the slot; null without a roller.")
     clearance: FiniteOrNull = Field(description="Distance from the path to the segments that it does not replace.")
-    condition: FiniteOrNull = Field(
-        description="Displacement of the free pin per change in length of a link; null: unbounded."
-    )
-    free_pin_speed: list[float] = Field(
-        description="Smallest and largest speed of the free pin, relative to the speed of P1."
-    )
 
 
 class PinsReply(ReplyModel):
@@ -256,9 +158,9 @@ class PinsReply(ReplyModel):
         description="Index of the segment of each pin, from 0; the free pin has the index of the first segment that the slot "
         "replaces."
     )
-    theta: Computed[list[list[float]] | None] = Field(
+    theta: Computed[list[list[float]]] = Field(
         description="Angles theta1 to thetaN. On a wheel they count from the upper arc over the top; on an arc they count "
-        "about its centre from straight down, positive to the right. null on a general track."
+        "about its centre from straight down, positive to the right."
     )
     link_angle: Computed[list[list[float]]] = Field(
         description="Direction of the link from each pin to the next, measured from x; continuous over the samples."
@@ -273,8 +175,8 @@ class OutlineReply(ReplyModel):
     right: Computed[list[list[float]] | None] = Field(description="Right wall of the groove; null without a roller.")
 
 
-class ClosureReply(ReplyModel):
-    """Part of a reply that is common to all tracks."""
+class ChainSlotReply(ReplyModel):
+    """Slot of a chain on a crescent."""
 
     status: Literal["closed", "slack"] = Field(
         description="closed: the chain is taut at some phase; the slot may still end in a step, see `end_step`. slack: the "
@@ -283,47 +185,13 @@ class ClosureReply(ReplyModel):
     pitch: float
     links: int
     angle_unit: AngleUnit
+    geometry: GeometryReply
+    events: list[float]
+    crossings: list[CrossingReply]
+    slot: SlotReply
     fit: FitReply | None
     pins: PinsReply | None = Field(description="null unless `include` contains pins.")
     outline: OutlineReply | None = Field(description="null unless `include` contains outline.")
     without_slot: WithoutSlotReply
     checks: ChecksReply
-
-
-class ChainSlotReply(ClosureReply):
-    """Slot of a chain on a crescent."""
-
-    geometry: GeometryReply
-    events: list[float]
-    crossings: list[CrossingReply]
-    slot: SlotReply
     wheel_phase_conflict: float
-
-
-class TrackCrossingReply(ReplyModel):
-    """Passage of a pin onto a segment."""
-
-    position: float
-    pin: int
-    to_segment: int
-
-
-class TrackSlotReply(LocusReply):
-    """Slot over one period; the phase is the position of P1 along the driving segment."""
-
-    position: list[float]
-    slack_max: float
-    slack_min: float
-
-
-class ChainTrackReply(ClosureReply):
-    """Slot of a chain on a general track."""
-
-    track_length: float
-    straight: float | None = Field(description="Distance between the centres of a stadium.")
-    driver_segment: int
-    free_segment: int
-    replaced_segments: list[int]
-    position_start: float
-    crossings: list[TrackCrossingReply]
-    slot: TrackSlotReply

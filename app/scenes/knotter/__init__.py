@@ -2,7 +2,6 @@
 
 from app.scenes.knotter.curves import CURVES
 from app.scenes.knotter.needle import NEEDLE
-from app.scenes.knotter.scan import LIMIT, SCAN
-from app.scenes.knotter.tolerance import TOLERANCE
+from app.scenes.knotter.scan import SCAN
 
-QUERIES = (CURVES, SCAN, LIMIT, NEEDLE, TOLERANCE)
+QUERIES = (CURVES, SCAN, NEEDLE)

@@ -11,9 +11,8 @@ from app.query import Angles, AngleUnit, Number, PositiveNumber, ReplyModel, Req
 from app.terminal import Units
 from linkage_atlas import FieldError
 from synthesis.scenes.knotter import d_knotter
-from synthesis.scenes.knotter.conditions import EntryStatus
-from synthesis.scenes.knotter.mechanism import ANGULAR_DIMENSIONS, Linear, Table
-from synthesis.scenes.knotter.segment_triangle import CrossingCase
+from synthesis.scenes.knotter.conditions import STATUS_SENTENCES, EntryStatus
+from synthesis.scenes.knotter.mechanism import Linear, Table
 
 MAX_LENGTH = 1e9
 """Largest length, and largest angle in either unit; the sum of two larger values loses too many digits in float64."""
@@ -21,6 +20,8 @@ MAX_RATIO = 1000
 """Largest ratio of the speed of a body to the speed of the bill."""
 MAX_TABLE_ROWS = 1000
 """Largest number of rows in the table of a law."""
+ANGLES = ("alpha1", "alpha2", "alpha3")
+"""Names of the parameters that are angles; all others are lengths."""
 MAX_RANGE_TURNS = 2
 """Largest width of a range, in turns of the bill."""
 DECIMALS = 9
@@ -70,17 +71,8 @@ class Senses(RequestModel):
     beta: Sense | None = Field(None, description="Sense of the disc; assumed: -1.")
 
 
-class Dwell(RequestModel):
-    """Rest at a first angle, turn at constant speed, rest at a second angle."""
-
-    before: Bounded
-    after: Bounded
-    start: Bounded = Field(description="Angle of the bill at which the turn starts.")
-    end: Bounded = Field(description="Angle of the bill at which the turn ends.")
-
-
 class LawModel(RequestModel):
-    """Angle of a body as a function of the angle of the bill: give `lead` (and `ratio`), or `table`, or `dwell`."""
+    """Angle of a body as a function of the angle of the bill: give `lead` (and `ratio`), or `table`."""
 
     lead: Bounded | None = Field(None, description="Angle of the body when the angle of the bill is zero.")
     ratio: Annotated[Number, Field(ge=-MAX_RATIO, le=MAX_RATIO)] | None = Field(
@@ -96,7 +88,6 @@ class LawModel(RequestModel):
         "alpha4, because the jaw swings and rests). error: the request is refused (default of beta, because the disc "
         "keeps turning).",
     )
-    dwell: Dwell | None = None
 
 
 class Laws(RequestModel):
@@ -205,12 +196,6 @@ class EntryReply(ReplyModel):
     nearest_angle: float | None = Field(
         description="Angle of the bill at the closest approach, if the rope never enters."
     )
-    nearest_case: str | None = Field(
-        description="Position of the rope relative to the triangle at the closest approach."
-    )
-    angle_per_length: float | None = Field(
-        description="Condition number: shift of the angle of entry per shift of the edge."
-    )
 
 
 class ClearanceReply(ReplyModel):
@@ -242,28 +227,24 @@ def given_fields(model: RequestModel) -> dict[str, Any]:
 
 def inward(name: str, value: float, angles: Angles) -> float:
     """Return a dimension in model units: radians for an angle, the same value for a length."""
-    return angles.inward(value) if name in ANGULAR_DIMENSIONS else value
+    return angles.inward(value) if name in ANGLES else value
 
 
 def _law(name: str, model: LawModel, angles: Angles) -> Any:
     field = f"/laws/{name}"
-    kinds = [model.lead is not None or model.ratio is not None, model.table is not None, model.dwell is not None]
-    if sum(kinds) != 1:
-        raise FieldError(field, "give exactly one of: lead (with or without ratio), table, dwell")
-    if model.outside is not None and model.table is None:
+    is_linear = model.lead is not None or model.ratio is not None
+    if is_linear == (model.table is not None):
+        raise FieldError(field, "give either lead (with or without ratio) or table")
+    if model.outside is not None and is_linear:
         raise FieldError(f"{field}/outside", "outside applies only to a table; leave it out or give a table")
-    if kinds[0]:
+    if model.table is None:
         if model.kind != "linear":
             raise FieldError(f"{field}/kind", "a law with lead and ratio is linear; use a table for kind pchip")
         return Linear(angles.inward(model.lead or 0.0), model.ratio or 0.0)
     outside = model.outside or ("hold" if name == "alpha4" else "error")
-    rows = model.table
-    if model.dwell is not None:
-        rows = [[model.dwell.start, model.dwell.before], [model.dwell.end, model.dwell.after]]
-        outside = "hold"
+    columns = (tuple(angles.inward(row[k]) for row in model.table) for k in range(2))
     try:
-        columns = ([angles.inward(row[0]) for row in rows], [angles.inward(row[1]) for row in rows])
-        return Table(*map(tuple, columns), model.kind, outside)
+        return Table(*columns, model.kind, outside)
     except ValueError as error:
         raise FieldError(field, f"the table of the law {name} is invalid: {error}", constraint="law_table") from error
 
@@ -355,10 +336,9 @@ def _entry(condition: Any, result: Any, row: int, angles: Angles) -> EntryReply:
     """Return the reply to the wrap or the bite of a row."""
     enters = result.windows[row] > 0
     entry = int(result.entered_by[row])
-    sensitivity = float(result.sensitivity[row])
     return EntryReply.computed(
         holds=bool(result.holds[row]),
-        status=EntryStatus(int(result.status[row])).sentence,
+        status=STATUS_SENTENCES[EntryStatus(int(result.status[row]))],
         angle=angles.outward(float(result.enter[row])) if enters else None,
         edge=condition.edge_names[entry - 2] if entry >= 2 else None,
         entered_by=("start" if entry < 0 else "rope end" if entry < 2 else "edge") if enters else None,
@@ -368,8 +348,6 @@ def _entry(condition: Any, result: Any, row: int, angles: Angles) -> EntryReply:
         windows=int(result.windows[row]),
         margin=float(result.margin[row]),
         nearest_angle=None if enters else angles.outward(float(result.nearest[row])),
-        nearest_case=None if enters else CrossingCase(int(result.nearest_case[row])).sentence,
-        angle_per_length=angles.outward(sensitivity) if math.isfinite(sensitivity) else None,
     )
 
 
@@ -384,11 +362,6 @@ def condition_reply(name: str, condition: Any, result: Any, row: int, angles: An
         worst_angle=angles.outward(float(result.worst_driver[row])),
         margin=float(result.margin[row]),
     )
-
-
-def unit_of(name: str, angles: Angles) -> float:
-    """Return the number of radians in the request's unit of an angle; 1 for a length."""
-    return angles.radian if name in ANGULAR_DIMENSIONS else 1.0
 
 
 def units_note(units: Units, quantities: str = "margins and lengths") -> str:

@@ -14,9 +14,6 @@ from linkage_atlas import FieldError
 from synthesis.scenes.knotter import d_knotter
 from synthesis.scenes.knotter.d_knotter import Needle
 
-MIN_SLOPE = 1e-12
-"""Slope of eq 5 relative to its amplitude below which the angle for a length is undetermined."""
-
 
 class NeedleRequest(RequestModel):
     """The needle and the cam of the jaw; every default is published."""
@@ -54,17 +51,9 @@ class NeedleReply(ReplyModel):
     clearance_max_angle: float
     d5: float = Field(description="Length d5 that satisfies eq 5 at alpha2.")
     d5_whole: int = Field(description="This length truncated to an integer, as the source prints it.")
-    d5_per_angle: float = Field(description="Slope of eq 5 at alpha2, per unit of angle.")
     alpha2_for_d5: float | None = Field(
         description="Angle nearest to alpha2 at which eq 5 gives the d5 of the request."
     )
-    alpha2_per_d5: float | None = Field(
-        description="Condition number: shift of this angle per unit of d5; null at the largest possible length."
-    )
-    alpha2_for_d5_all: list[float]
-    assumed: list[str]
-    published: list[str]
-    from_request: list[str]
 
 
 def answer_needle(request: NeedleRequest, _: Resources) -> NeedleReply:
@@ -82,11 +71,7 @@ def answer_needle(request: NeedleRequest, _: Resources) -> NeedleReply:
     )
     clearance, d5, best_angle = float(needle.clearance(alpha2)), float(needle.d5(alpha2)), needle.best_angle()
     free_range = needle.free_range()
-    angles_for_d5 = needle.angles_for_d5(request.d5)
-    nearest = min(angles_for_d5, key=lambda angle: abs(angle - alpha2), default=None)
-    slope = 0.0 if nearest is None else float(needle.d5_slope(nearest)) * angles.inward(1.0)
-    names = [name for name in NeedleRequest.model_fields if name != "angle_unit"]
-    prescribed = [name for name in names if name in request.model_fields_set and getattr(request, name) is not None]
+    nearest = min(needle.angles_for_d5(request.d5), key=lambda angle: abs(angle - alpha2), default=None)
     return NeedleReply(
         status="free" if clearance > 0 else "blocked",
         clearance=clearance,
@@ -96,21 +81,13 @@ def answer_needle(request: NeedleRequest, _: Resources) -> NeedleReply:
         clearance_max_angle=angles.outward(best_angle),
         d5=d5,
         d5_whole=math.trunc(d5),
-        d5_per_angle=float(needle.d5_slope(alpha2)) * angles.inward(1.0),
         alpha2_for_d5=None if nearest is None else angles.outward(nearest),
-        alpha2_per_d5=1.0 / slope
-        if abs(slope) > MIN_SLOPE * math.hypot(request.S1x, request.d6 + request.S1y)
-        else None,
-        alpha2_for_d5_all=[angles.outward(angle) for angle in angles_for_d5],
-        assumed=[],
-        published=[name for name in names if name not in prescribed],
-        from_request=prescribed,
     )
 
 
 def needle_table(reply: NeedleReply, units: Units = DEGREES) -> str:
     """Return a line for each field of the reply."""
-    rows = reply.model_dump(exclude={"assumed", "published", "from_request"})
+    rows = reply.model_dump()
     return "\n".join([*(f"{name:<22}{value}" for name, value in rows.items()), units_note(units, "lengths")])
 
 

@@ -1,4 +1,4 @@
-"""Questions about a grid of spatial angles and about the limits of a parameter."""
+"""The question about a grid of spatial angles."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from app.query import Angles, Count, Query, ReplyModel, RequestModel, Resources
+from app.query import Angles, Query, ReplyModel, RequestModel, Resources
 from app.scenes.knotter.machine import (
     DECIMALS,
     Bounded,
@@ -17,38 +17,28 @@ from app.scenes.knotter.machine import (
     EntryReply,
     MachineRequest,
     Provenance,
-    Range,
     condition_reply,
     given_fields,
     inward,
     machine_of,
-    pair_of,
     provenance,
     units_note,
 )
 from app.terminal import DEGREES, Units
 from linkage_atlas import FieldError
 from synthesis.scenes.knotter import d_knotter
-from synthesis.scenes.knotter.mechanism import ANGULAR_DIMENSIONS
-from synthesis.scenes.knotter.study import find_limits, study
+from synthesis.scenes.knotter.study import study
 from synthesis.sheet import csv_text
 
 MAX_GRID_VALUES = 1001
 """Largest number of values of a grid parameter."""
 MAX_PAIRS = 20_000
 """Largest number of combinations in a grid."""
-MIN_LIMIT_SAMPLES = 3
-"""Smallest number of values of the parameter at which a search for limits evaluates the condition first."""
-MAX_LIMIT_SAMPLES = 1025
-"""Largest number of these values."""
 LONG_PAIRS = 200
 """Number of combinations above which a scan takes more than a fraction of a second."""
-LONG_SAMPLES = 300
-"""Number of samples above which a search for limits takes more than a fraction of a second."""
 
 
 GridValues = Annotated[list[Bounded], Field(min_length=1, max_length=MAX_GRID_VALUES)]
-ParameterName = Literal["alpha1", "alpha2", "alpha3", "d1", "D", "d5", "d6", "d9", "d10"]
 
 
 class Grid(RequestModel):
@@ -110,35 +100,6 @@ class ScanReply(Provenance):
     report: Report
 
 
-class LimitRequest(MachineRequest):
-    """A condition, and the parameter whose limits are searched for."""
-
-    alpha1: Bounded | None = Field(None, description="Angle of the disc's axis; default: 10 degrees.")
-    alpha3: Bounded | None = Field(None, description="Angle of the bill's axis; default: 25 degrees.")
-    condition: ConditionName = "wrap"
-    parameter: ParameterName = "d5"
-    between: Range = Field([20.0, 120.0], description="Range of the parameter that is searched.")
-    samples: Annotated[Count, Field(ge=MIN_LIMIT_SAMPLES, le=MAX_LIMIT_SAMPLES)] = 257
-
-
-class LimitRow(ReplyModel):
-    """A limit of the parameter."""
-
-    value: float = Field(description="Last value of the parameter at which the condition holds.")
-    holds: Literal["above", "below"]
-    wrap: EntryReply | None
-    clearance: ClearanceReply | None
-    bite: EntryReply | None
-
-
-class LimitReply(Provenance):
-    """All limits in the range, in increasing order."""
-
-    status: Literal["limited", "always", "never"]
-    parameter: str
-    limits: list[LimitRow]
-
-
 def answer_scan(request: ScanRequest, resources: Resources) -> ScanReply:
     """Check the conditions for all combinations of the grid."""
     work = resources.work()
@@ -193,38 +154,6 @@ def answer_scan(request: ScanRequest, resources: Resources) -> ScanReply:
     )
 
 
-def answer_limit(request: LimitRequest, resources: Resources) -> LimitReply:
-    """Find the values of a parameter at which the verdict of a condition changes."""
-    angles = Angles(request.angle_unit, DECIMALS)
-    mechanism, conditions, _, prescribed = pair_of(request, angles)
-    condition = conditions[request.condition]
-    low, high = (inward(request.parameter, x, angles) for x in request.between)
-    if not low < high:
-        raise FieldError("/between", "the first value of the range must be smaller than the second")
-    if request.parameter in {*prescribed, *given_fields(request.parameters)}:
-        message = f"{request.parameter} cannot have a value because its limits are searched for; remove the value"
-        raise FieldError("/parameter", message)
-    limits, holds = find_limits(
-        mechanism, condition, request.parameter, (low, high), request.samples, resources.work()
-    )
-    rows = []
-    for limit in limits:
-        verdict = condition_reply(request.condition, condition, limit.result, 0, angles)
-        rows.append(
-            LimitRow(
-                value=angles.outward(limit.value) if request.parameter in ANGULAR_DIMENSIONS else limit.value,
-                holds="above" if limit.holds_above else "below",
-                **{name: verdict if name == request.condition else None for name in conditions},
-            )
-        )
-    return LimitReply(
-        status="limited" if limits else "always" if holds else "never",
-        parameter=request.parameter,
-        limits=rows,
-        **provenance(request, [*prescribed, request.parameter]),
-    )
-
-
 def scan_table(reply: ScanReply, units: Units = DEGREES) -> str:
     """Return a row for each pair with the verdict, position and margin of each condition."""
     labels = [
@@ -237,17 +166,13 @@ def scan_table(reply: ScanReply, units: Units = DEGREES) -> str:
         verdicts = "  ".join(map(_verdict, (pair.wrap, pair.clearance, pair.bite)))
         lines.append(f"{label:<{width}}{verdicts}  {'yes' if pair.feasible else 'no'}")
     return "\n".join(
-        [*lines, f"feasible: {len(reply.feasible)} of {len(reply.pairs)}", units_note(units), _assumed(reply)]
+        [
+            *lines,
+            f"feasible: {len(reply.feasible)} of {len(reply.pairs)}",
+            units_note(units),
+            f"assumed, not published: {', '.join(reply.assumed) or 'nothing'}",
+        ]
     )
-
-
-def limit_table(reply: LimitReply, units: Units = DEGREES) -> str:
-    """Return a row for each limit with its verdict."""
-    lines = [
-        f"  {row.value:.9f}, holds {row.holds}  {_verdict(row.wrap or row.clearance or row.bite)}"
-        for row in reply.limits
-    ]
-    return "\n".join([f"{reply.parameter}: {reply.status}", *lines, units_note(units), _assumed(reply)])
 
 
 def scan_csv(reply: ScanReply) -> str:
@@ -270,10 +195,6 @@ def _cell(value: Any) -> Any:
     return " ".join(map(repr, value)) if isinstance(value, list) else value
 
 
-def _assumed(reply: ScanReply | LimitReply) -> str:
-    return f"assumed, not published: {', '.join(reply.assumed) or 'nothing'}"
-
-
 def _verdict(condition: EntryReply | ClearanceReply | None) -> str:
     if condition is None:
         return f"{'':33}"
@@ -293,11 +214,4 @@ SCAN = Query(
     table=scan_table,
     exports={"csv": lambda request, resources: scan_csv(answer_scan(request, resources)).encode()},
     is_long=lambda request: math.prod(map(len, given_fields(request.grid).values())) > LONG_PAIRS,
-)
-LIMIT = Query(
-    command="knotter limit",
-    summary="Find the values of a parameter at which a condition begins or ceases to hold.",
-    answer=answer_limit,
-    table=limit_table,
-    is_long=lambda request: request.samples > LONG_SAMPLES,
 )

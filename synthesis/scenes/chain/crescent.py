@@ -16,7 +16,7 @@ from synthesis.errors import FieldError
 from synthesis.one_variable import Floats
 from synthesis.scenes.chain.closure import Chain, critical_parameter
 from synthesis.scenes.chain.slot import Pins, Slot, find_slot
-from synthesis.scenes.chain.track import Segment, Track, arc, check_link_fits, line
+from synthesis.scenes.chain.track import Segment, Track, arc, check_link_fits
 from synthesis.work import Work
 
 FLATTEST = 1e-6
@@ -181,64 +181,6 @@ def critical_crescent(
     )
 
 
-def stadium(radius: float, straight: float) -> Track:
-    """Return two half circles joined by lines.
-
-    The direction of travel is to the left, from the joint of the lower line with the right half circle.
-
-    Parameters
-    ----------
-    radius : float
-        Radius of the half circles.
-    straight : float
-        Distance between their centres, on the x axis.
-
-    Returns
-    -------
-    Track
-    """
-    half = straight / 2
-    return Track(
-        [
-            Segment(half, -radius, 0.0, 1 / radius, np.pi * radius),
-            line(half, radius, -half, radius),
-            Segment(-half, radius, np.pi, 1 / radius, np.pi * radius),
-            line(-half, -radius, half, -radius),
-        ]
-    )
-
-
-def critical_stadium(pitch: float, links: int, radius: float, work: Work | None = None) -> Track:
-    """Find the stadium of a given radius on which the chain just closes.
-
-    Parameters
-    ----------
-    pitch : float
-        Length of a link.
-    links : int
-        Number of links.
-    radius : float
-        Radius of the half circles.
-    work : Work, optional
-        Called between the steps to check whether the result is still wanted.
-
-    Returns
-    -------
-    Track
-
-    Raises
-    ------
-    FieldError
-        The chain is shorter than the two half circles.
-    """
-    check_link_fits("/stadium/radius", pitch, radius)
-    family_name = "on any straight of this stadium"
-    straight = critical_parameter(
-        lambda x: stadium(radius, x), pitch, links, links * pitch, 1e-6 * pitch, family_name, work
-    )
-    return stadium(radius, straight)
-
-
 def crescent_slot(
     pitch: float,
     links: int,
@@ -291,7 +233,7 @@ def crescent_slot(
     middle = float(track.joints[UPPER_ARC] + 0.5 * track.length[UPPER_ARC])
     phase = None if start is None else start * wheel_radius
     chain = Chain(track, pitch, links)
-    return crescent, find_slot(chain, middle, start=phase, field="/upper_radius", work=work)
+    return crescent, find_slot(chain, middle, phase, work)
 
 
 def _check_radius(name: str, radius: float, pitch: float) -> None:
@@ -325,58 +267,6 @@ def _sized_crescent(
     assert eccentricity is not None
     lower_radius = float(wheel_radius + np.hypot(c, eccentricity)) if lower_radius is None else lower_radius
     return given_crescent(wheel_radius, upper_radius, lower_radius, eccentricity)
-
-
-def free_pin_segment(track: Track, pitch: float, driver: int) -> int:
-    """Choose the segment for the free pin: the tightest arc that holds two links, otherwise the longest segment.
-
-    On a tight arc, a small slack makes a shallow slot. On a straight run, the depth of the slot is about
-    sqrt(pitch * slack), and its derivative is unbounded where the slack vanishes.
-
-    Parameters
-    ----------
-    track : Track
-    pitch : float
-        Length of a link.
-    driver : int
-        Index of the driving segment, which is excluded.
-
-    Returns
-    -------
-    int
-        Index of the segment.
-    """
-    capacity = track.length / track.link_lengths(pitch)
-    candidates = [index for index in range(track.count) if index != driver] or [driver]
-    arcs = [index for index in candidates if track.curvature[index] != 0 and capacity[index] >= 2 - 1e-9]
-    if arcs:
-        return max(arcs, key=lambda index: (abs(track.curvature[index]), -index))
-    return max(candidates, key=lambda index: (capacity[index], -index))
-
-
-def driving_segment(track: Track, pitch: float) -> int:
-    """Choose the first segment that holds a link as the driver.
-
-    Parameters
-    ----------
-    track : Track
-    pitch : float
-        Length of a link.
-
-    Returns
-    -------
-    int
-        Index of the segment.
-
-    Raises
-    ------
-    FieldError
-        No segment holds a link.
-    """
-    holding = np.flatnonzero(track.link_lengths(pitch) <= track.length)
-    if not len(holding):
-        raise FieldError("/pitch", "no segment of the track is long enough for one link", constraint="link_on_track")
-    return int(holding[0])
 
 
 def crescent_angles(crescent: Crescent, slot: Slot, pins: Pins) -> Floats:

@@ -1,4 +1,4 @@
-"""The slot as piecewise Chebyshev series, and as powers of a parameter for the controls of machine tools.
+"""The slot as piecewise Chebyshev series.
 
 The slot is smooth, but its curvature jumps when a pin passes a joint. The pieces lie between these phases, where the
 series converge like those of an analytic function.
@@ -10,8 +10,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.polynomial import Chebyshev, Polynomial, chebyshev
-from numpy.polynomial.polynomial import polyval
+from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
 from synthesis.errors import FieldError
@@ -34,14 +33,10 @@ class Fit:
     series: NDArray[np.complex128]
     """Coefficients of x + i y of each piece over its range of phases, scaled to -1 .. 1, shape (n, order + 1)."""
 
-    def pieces_at(self, phase: Floats) -> tuple[NDArray[np.intp], Floats]:
-        """Return the piece of each phase, and the position in it from 0 to 1."""
-        piece = np.clip(np.searchsorted(self.breaks, phase, side="right") - 1, 0, len(self.series) - 1)
-        return piece, (phase - self.breaks[piece]) / np.diff(self.breaks)[piece]
-
     def evaluate(self, phase: Floats) -> Any:
         """Return the points of the fitted slot at phases, both of shape (n,)."""
-        piece, t = self.pieces_at(phase)
+        piece = np.clip(np.searchsorted(self.breaks, phase, side="right") - 1, 0, len(self.series) - 1)
+        t = (phase - self.breaks[piece]) / np.diff(self.breaks)[piece]
         return self.origin + chebyshev.chebval(2 * t - 1, self.series[piece].T, tensor=False)
 
 
@@ -112,33 +107,3 @@ def fit_error(slot: Slot, fit: Fit, exact: ExactSlot) -> FitError:
     normal = np.abs(dot(fitted - exact.points, exact.normals)).max()
     chords = np.abs([fitted - exact.first, fitted - exact.last])
     return FitError(float(normal), float(np.abs(chords - slot.chain.pitch).max()))
-
-
-def power_basis(fit: Fit, decimals: int | None = None) -> NDArray[np.complex128]:
-    """Convert a fit to powers of t from 0 to 1 over each piece, in the coordinates of the drawing.
-
-    Parameters
-    ----------
-    fit : Fit
-    decimals : int, optional
-        Number of decimals of the coefficients. Each rounded coefficient moves the slot by at most half a unit of the
-        last decimal.
-
-    Returns
-    -------
-    ndarray of complex, shape (n, order + 1)
-        Coefficients of x + i y of each piece, lowest power first.
-    """
-    powers = np.zeros_like(fit.series)
-    for row, series in zip(powers, fit.series):
-        converted = Chebyshev(series, domain=[0, 1]).convert(kind=Polynomial).coef
-        row[: converted.size] = converted
-    powers[:, 0] += fit.origin
-    return powers if decimals is None else np.round(powers, decimals)
-
-
-def power_error(fit: Fit, powers: NDArray[np.complex128], exact: ExactSlot) -> float:
-    """Return the largest distance of a slot in powers from the exact slot, in the direction of its normal."""
-    piece, t = fit.pieces_at(exact.phases)
-    points = polyval(t, powers[piece].T, tensor=False)
-    return float(np.abs(dot(points - exact.points, exact.normals)).max())

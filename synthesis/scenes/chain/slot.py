@@ -45,8 +45,6 @@ class SlotSearchOptions:
     """Distance past the requested middle of the slot, in pitches, up to which a pin counts as not past it."""
     slack_tie: float = 1e-10
     """Difference of slack, in pitches, up to which two phases count as equally slack."""
-    straight_tolerance: float = 1e-9
-    """Bulge of the track over two links, in pitches, below which the track counts as straight."""
     singular_sine: float = 1e-6
     """Sine of the angle between the links of the free pin below which its motion is undetermined. On a straight run
     the sine is the square root of the slack, which is known up to rounding."""
@@ -339,9 +337,7 @@ class Slot:
 def find_slot(
     chain: Chain,
     middle: float,
-    side: int = 1,
     start: float | None = None,
-    field: str = "/free_segment",
     work: Work | None = None,
 ) -> Slot:
     """Find the slot nearest to a position on the track.
@@ -354,12 +350,8 @@ def find_slot(
     chain : Chain
     middle : float
         Arc length of the requested middle of the slot from the start of the driver.
-    side : {1, -1}
-        Side of a slot on a straight run, 1 for left. Elsewhere, the slot is on the outside of the bend.
     start : float, optional
         Phase of the start of the window, instead of the phase with the smallest slack. The slot then ends in steps.
-    field : str
-        Field of the request that determines the position of the slot, for error messages.
     work : Work, optional
         Called between the steps to check whether the result is still wanted.
 
@@ -386,7 +378,7 @@ def find_slot(
         raise NotClosing(links, closing_links(track, pitch, work), -worst.value, "on this track")
     start_phase = worst.phase if start is None else float(start % chain.period)
     work.go_on()
-    slot = _slot_at(chain, start_phase, middle, side, field)
+    slot = _slot_at(chain, start_phase, middle)
     _check_running(slot)
     if start is not None:
         return slot
@@ -396,7 +388,7 @@ def find_slot(
     phase = refine_extreme(slot, minimum.phase, 1) % chain.period
     if chain.period - phase < 1e-9 * chain.period:
         phase = 0.0
-    return _slot_at(chain, phase, middle, side, field)
+    return _slot_at(chain, phase, middle)
 
 
 def _check_running(slot: Slot) -> None:
@@ -414,8 +406,8 @@ def _check_running(slot: Slot) -> None:
             raise ChordError(ChordFault.REVERSAL, float(track.arc_length(position)[failing[0]] % track.total))
 
 
-def _slot_at(chain: Chain, phase: float, middle: float, side: int, field: str) -> Slot:
-    """Return the slot of the pin that reaches ``middle`` next; ``side`` matters only on a straight run.
+def _slot_at(chain: Chain, phase: float, middle: float) -> Slot:
+    """Return the slot of the pin that reaches ``middle`` next, on the outside of the bend.
 
     There is no slot if the track bends in opposite directions at the start and at the end of the free pin's path. The
     pin would have to cross the line between its neighbours, which its slack does not allow.
@@ -427,15 +419,14 @@ def _slot_at(chain: Chain, phase: float, middle: float, side: int, field: str) -
     free = int(np.clip(np.count_nonzero(has_passed), 2, links - 1))
     # bulge of the bare track over two links at the start and at the end of the free pin's path
     link_vectors = np.diff(track.points(positions.select(slice(free - 2, free + 2)))) / pitch
-    bulge = cross(link_vectors[1:], link_vectors[:-1])
-    sides = np.sign(bulge[np.abs(bulge) > OPTIONS.straight_tolerance])
-    if len(sides) == 2 and sides[0] != sides[1]:
+    sides = np.sign(cross(link_vectors[1:], link_vectors[:-1]))
+    if sides[0] != sides[1]:
         raise FieldError(
-            field,
+            "/upper_radius",
             "the track bends to both sides within one link of the free pin, so no slot can guide it from one bend to the other",
             constraint="no_slot",
         )
-    return Slot(chain, free, int(sides[0]) if len(sides) else side, phase)
+    return Slot(chain, free, int(sides[0]), phase)
 
 
 def refine_extreme(slot: Slot, phase: float, sign: int) -> float:
@@ -484,14 +475,10 @@ class SlotReport(NamedTuple):
     """Smallest radius of curvature of the pin's path; infinite for a straight path."""
     single_valued: bool
     """True if x in the slot's frame is monotonic, so that y(x) exists."""
-    condition: float
-    """Largest displacement of the free pin per change of a link's length."""
     clearance: float
     """Smallest distance of the slot from the segments that it does not replace."""
     chord_error: float
     """Largest difference between a chord and the pitch, over all links."""
-    free_speed: tuple[float, float]
-    """Smallest and largest speed of the free pin, relative to the speed of P1."""
     held_chord_error: float
     """Length by which the links are too short if the free pin is held halfway on the bare track, without a slot."""
 
@@ -518,7 +505,6 @@ def analyse_slot(slot: Slot, phases: Floats, work: Work | None = None) -> SlotRe
     grid = np.concatenate([np.linspace(a, b, 33) for a, b in _smooth_pieces(slot)])
     _, velocity, _ = slot.motion(grid)
     finite_velocity = velocity[np.isfinite(velocity)]
-    speed = np.abs(finite_velocity)
     work.go_on()
     _, direction = slot.frame
     replaced = {segment for segment, _ in slot.base}
@@ -535,10 +521,8 @@ def analyse_slot(slot: Slot, phases: Floats, work: Work | None = None) -> SlotRe
         end_step=float(np.abs(slot.depth(np.array([slot.start, slot.end]))).max()),
         radius_min=smallest_radius(slot),
         single_valued=bool(np.all((finite_velocity / direction).real < 0)),
-        condition=_condition(slot, np.concatenate([[slot.start], grid, [slot.end]])),
         clearance=find_minimum(distance, slot.start, slot.end, cells).value if kept_segments else np.inf,
         chord_error=chord_error(slot, phases, work),
-        free_speed=(float(speed.min()), float(speed.max())),
         held_chord_error=_held_chord_error(slot, slack_max.phase, cells),
     )
 
@@ -588,14 +572,6 @@ def chord_error(slot: Slot, phases: Floats, work: Work | None = None) -> float:
         pins = slot.pins(phases[first : first + block_size])
         largest = max(largest, float(np.abs(np.abs(pins - np.roll(pins, -1, axis=1)) - slot.chain.pitch).max()))
     return largest
-
-
-def _condition(slot: Slot, phases: Floats) -> float:
-    """Return the largest 1/|sin| of the angle between the links of the free pin; infinite if they are in line."""
-    before, after = slot.neighbour_points(phases)
-    point = slot.hang_between(before, after)
-    sine = np.abs(cross(point - before, point - after)).min() / slot.chain.pitch**2
-    return float(1 / sine) if sine > OPTIONS.singular_sine else np.inf
 
 
 def _held_chord_error(slot: Slot, phase: float, cells: int) -> float:

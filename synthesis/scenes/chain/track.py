@@ -46,24 +46,6 @@ class ChordError(FieldError):
         self.fault = fault
 
 
-class TrackError(FieldError):
-    """Error for segments that do not form a closed tangent track.
-
-    Parameters
-    ----------
-    message : str
-        The fault and the allowed values.
-    segment : int
-        Index of the segment at fault.
-    amount : float
-        Size of the fault: a gap, an angle, a length or a number of turns.
-    """
-
-    def __init__(self, message: str, segment: int, amount: float) -> None:
-        super().__init__(f"/segments/{segment}", message, constraint="closed_tangent_track", amount=amount)
-        self.segment = segment
-
-
 class NotClosing(FieldError):
     """Error for a chain with the wrong number of links for its track.
 
@@ -105,10 +87,6 @@ def check_link_fits(field: str, pitch: float, radius: float) -> None:
         )
 
 
-JOINT_GAP = 1e-7
-"""Largest gap between two segments, as a fraction of the track's length."""
-JOINT_KINK = 1e-6
-"""Largest difference of the headings of two segments at their joint, in radians."""
 GRAZING = 1e-7
 """Cosine of the angle between link and track below which the pitch does not determine the position of a pin."""
 
@@ -138,11 +116,6 @@ class Segment(NamedTuple):
     """Signed curvature: positive for a left turn, negative for a right turn, 0 for a line."""
     length: float
     """Arc length."""
-
-
-def line(x0: float, y0: float, x1: float, y1: float) -> Segment:
-    """Return the line between two points."""
-    return Segment(x0, y0, float(np.arctan2(y1 - y0, x1 - x0)), 0.0, float(np.hypot(x1 - x0, y1 - y0)))
 
 
 def arc(cx: float, cy: float, radius: float, start_angle: float, sweep: float) -> Segment:
@@ -209,27 +182,10 @@ class Track:
     segments : sequence of Segment
         Segments in the direction of travel. Each segment starts at the end of its predecessor with the same heading,
         and the last segment ends at the start of the first.
-
-    Raises
-    ------
-    TrackError
-        There is no segment, a segment has no length, an arc has more than one turn, or two segments meet with a gap
-        or a kink.
     """
 
     def __init__(self, segments: Sequence[Segment]) -> None:
-        if not segments:
-            raise TrackError("a track needs at least one segment", 0, 0)
         rows = np.array(segments, dtype=float)
-        for index, row in enumerate(rows):
-            if not np.isfinite(row).all():
-                raise TrackError(f"segment {index} has a coordinate that is not finite", index, 0)
-            if not row[4] > 0:
-                raise TrackError(f"segment {index} has no length", index, float(row[4]))
-            if abs(row[3]) * row[4] > 2 * np.pi * (1 + 1e-12):
-                turns = float(abs(row[3]) * row[4] / (2 * np.pi))
-                raise TrackError(f"segment {index} turns {turns:.6g} times; at most 1 turn is allowed", index, turns)
-        self.segments = tuple(Segment(*map(float, row)) for row in rows)
         starts, self._heading = rows[:, 0] + 1j * rows[:, 1], rows[:, 2].copy()
         # all geometry is relative to the start of the first segment, because the origin of the drawing can be far away
         self.origin = complex(starts[0])
@@ -238,22 +194,6 @@ class Track:
         self._start, self._direction = starts - self.origin, np.cos(self._heading) + 1j * np.sin(self._heading)
         self.joints = np.concatenate([[0.0], np.cumsum(self.length)])
         self.total = float(self.joints[-1])
-        self._check_joints()
-
-    def _check_joints(self) -> None:
-        end = self._points(np.arange(self.count), self.length)
-        gap = np.abs(np.roll(self._start, -1) - end)
-        turn = np.roll(self._heading, -1) - self._heading - self.curvature * self.length
-        kink = np.abs(np.arctan2(np.sin(turn), np.cos(turn)))
-        for name, sizes, allowed in (
-            ("a gap of {:.6g}; at most {:.3g} is allowed", gap, JOINT_GAP * self.total),
-            ("a kink of {:.6g} rad; at most {:.3g} is allowed", kink, JOINT_KINK),
-        ):
-            worst = int(np.argmax(sizes))
-            if sizes[worst] > allowed:
-                text = name.format(sizes[worst], allowed)
-                message = f"between segment {worst} and segment {(worst + 1) % self.count} there is {text}"
-                raise TrackError(message, worst, float(sizes[worst]))
 
     @cached_property
     def reverse(self) -> Track:
@@ -262,10 +202,6 @@ class Track:
         headings = self._heading + self.curvature * self.length + np.pi
         rows = zip(ends.real, ends.imag, headings, -self.curvature, self.length)
         return Track([Segment(*map(float, row)) for row in rows][::-1])
-
-    def starting_at(self, segment: int) -> Track:
-        """Return the same loop with the arc length measured from the start of another segment."""
-        return Track(self.segments[segment:] + self.segments[:segment]) if segment else self
 
     # Places and points
 
@@ -290,13 +226,6 @@ class Track:
     def points(self, position: TrackPosition) -> Points:
         """Return the points of the track at positions, shape (n,)."""
         return self._points(position.segment, position.along) + self.origin
-
-    def beside(self, position: TrackPosition, offset: Floats) -> Points:
-        """Return the points at a perpendicular offset from the track, positive to the left.
-
-        This function is the inverse of `feet`.
-        """
-        return self.points(position) + 1j * offset * self.tangents(position)
 
     def tangents(self, position: TrackPosition) -> Points:
         """Return the unit tangents in the direction of travel, shape (n,)."""

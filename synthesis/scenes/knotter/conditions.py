@@ -10,6 +10,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable
 from dataclasses import dataclass, fields
+from enum import IntEnum
 from functools import partial
 from typing import Any, Protocol, TypeVar
 
@@ -21,8 +22,6 @@ from synthesis.scenes.knotter import events
 from synthesis.scenes.knotter.mechanism import Integers, Mechanism, Vector, as_array
 from synthesis.scenes.knotter.segment_triangle import (
     UNIT_ROUNDOFF,
-    DescribedCode,
-    classify,
     cross,
     crosses_inside,
     crossing_point,
@@ -47,8 +46,6 @@ class EvaluationOptions:
     """Number of pieces evaluated at once, which bounds the memory and keeps the arrays in the cache."""
     narrow_window: float = 1e-5
     """Width (rad) below which a window is confirmed in extended precision."""
-    sensitivity_step: float = 1e-6
-    """Half step (rad) of the central difference that gives the speed of a crossing."""
     approach_nodes: int = 7
     """Number of nodes in each piece of the range from which the closest approach is searched."""
     approach_steps: int = 60
@@ -270,14 +267,24 @@ def evaluate_in_chunks(
     return type(results[0])(*columns)
 
 
-class EntryStatus(DescribedCode):
-    """Outcome of the search for a segment's entry into a triangle; ``sentence`` describes it to the user."""
+class EntryStatus(IntEnum):
+    """Outcome of the search for a segment's entry into a triangle; see `STATUS_SENTENCES`."""
 
-    ENTERS = 0, "the segment first enters through the wanted edge"
-    ENTERS_ELSEWHERE = 1, "the segment first enters through another edge, or with one end through the plane"
-    INSIDE_AT_START = 2, "the segment is inside already where the range starts"
-    NEVER = 3, "the segment never crosses the triangle in the range"
-    ALWAYS_IN_PLANE = 4, "an end of the segment lies in the triangle's plane throughout: it never crosses"
+    ENTERS = 0
+    ENTERS_ELSEWHERE = 1
+    INSIDE_AT_START = 2
+    NEVER = 3
+    ALWAYS_IN_PLANE = 4
+
+
+STATUS_SENTENCES = {
+    EntryStatus.ENTERS: "the segment first enters through the wanted edge",
+    EntryStatus.ENTERS_ELSEWHERE: "the segment first enters through another edge, or with one end through the plane",
+    EntryStatus.INSIDE_AT_START: "the segment is inside already where the range starts",
+    EntryStatus.NEVER: "the segment never crosses the triangle in the range",
+    EntryStatus.ALWAYS_IN_PLANE: "an end of the segment lies in the triangle's plane throughout: it never crosses",
+}
+"""Each outcome as a sentence to the user."""
 
 
 @dataclass(frozen=True)
@@ -301,14 +308,8 @@ class EntryResult(ConditionResult):
     """Position of ``point`` along the edge of entry, 0 at its first vertex and 1 at the next, shape (items,)."""
     windows: Integers
     """Number of separate windows in the range, shape (items,)."""
-    sensitivity: Floats
-    """Condition number of the event: change of ``enter`` per displacement of the edge of entry (or of the end of the
-    segment), rad per length, shape (items,).
-    It grows without bound as the entry becomes tangential."""
     nearest: Floats
     """Driver angle (rad) of the closest approach, if the segment never enters, shape (items,)."""
-    nearest_case: Integers
-    """Position of the segment at the closest approach, a value of `CrossingCase`; -1 if it enters, shape (items,)."""
 
 
 @dataclass(frozen=True)
@@ -429,27 +430,21 @@ class SegmentEntersTriangle:
         entered, missing = np.flatnonzero(count), np.flatnonzero(count == 0)
         first = np.searchsorted(item, entered)
 
-        enter, leave, fraction, margin, sensitivity, nearest = np.full((6, items), np.nan)
+        enter, leave, fraction, margin, nearest = np.full((5, items), np.nan)
         point = np.full((items, 3), np.nan)
-        entered_by, case = np.full((2, items), -1)
+        entered_by = np.full(items, -1)
         enter[entered], leave[entered], entered_by[entered] = start[first], end[first], opened_by[first]
         point[entered], fraction[entered], margin[entered] = self._crossing(mechanism, entered, enter, entered_by)
-        through = np.flatnonzero(entered_by >= 0)
-        sensitivity[through] = self._sensitivity(mechanism.select(through), enter[through], entered_by[through])
         if len(missing):
             distance, nearest[missing] = self._closest_approach(mechanism, missing, ends)
             margin[missing] = -distance
-            corners = self.positions(mechanism.select(missing), nearest[missing])
-            case[missing] = classify(*(as_array(corner, missing.shape).T for corner in corners))
         status = np.select(
             [in_plane, count == 0, entered_by < 0, entered_by == 2 + self.required_edge],
             [EntryStatus.ALWAYS_IN_PLANE, EntryStatus.NEVER, EntryStatus.INSIDE_AT_START, EntryStatus.ENTERS],
             EntryStatus.ENTERS_ELSEWHERE,
         )
         holds = status == EntryStatus.ENTERS
-        return EntryResult(
-            holds, margin, status, enter, leave, entered_by, point, fraction, count, sensitivity, nearest, case
-        )
+        return EntryResult(holds, margin, status, enter, leave, entered_by, point, fraction, count, nearest)
 
     def _crossing(
         self, mechanism: Mechanism, rows: Integers, enter: Floats, entered_by: Integers
@@ -471,22 +466,6 @@ class SegmentEntersTriangle:
                 to_edge = norm(subtract(point, point_on_line(a, ab, np.clip(edge_fraction, 0, 1))))
                 margin = np.where(through, np.maximum(to_nearer_end, 0.0), -to_edge)
         return np.transpose(point) + 0.0, fraction, margin  # adding 0.0 removes negative zeros
-
-    def _sensitivity(self, mechanism: Mechanism, enter: Floats, entered_by: Integers) -> Floats:
-        """Return ``|d driver / d length|``, the reciprocal of the speed at which the crossing passes its edge."""
-
-        def distance(driver: Floats) -> Floats:
-            p, q, a, b, c = self.positions(mechanism, driver)
-            s_p, s_q, *u = orientations(p, q, a, b, c)
-            area = safe_divisor(norm(cross(subtract(b, a), subtract(c, a))))
-            scale = safe_divisor(s_p - s_q) * area
-            sides = (norm(subtract(end, start)) for start, end in ((a, b), (b, c), (c, a)))
-            rows = (s_p / area, s_q / area, *(edge / (scale * safe_divisor(side)) for edge, side in zip(u, sides)))
-            return np.choose(entered_by, as_array(rows, enter.shape))
-
-        step = self.options.sensitivity_step
-        speed = np.abs(distance(enter + step) - distance(enter - step)) / (2 * step)
-        return np.where(speed > 0, 1.0 / safe_divisor(speed), np.inf)
 
     def _noise(self, mechanism: Mechanism, items: int, ends: Floats) -> Floats:
         """Return the rounding error of the five orientations, shape (5, items); refuse a triangle without area."""

@@ -298,10 +298,6 @@ class Needle:
         """
         return self.r1 * np.sin(self.beta0) + self.S1x * np.cos(alpha2) + (self.d6 + self.S1y) * np.sin(alpha2)
 
-    def d5_slope(self, alpha2: Floats | float) -> Any:
-        """Return ``d d5 / d alpha2``; at its zeros the angle for a given d5 is ill-conditioned."""
-        return (self.d6 + self.S1y) * np.cos(alpha2) - self.S1x * np.sin(alpha2)
-
     def angles_for_d5(self, d5: float) -> list[float]:
         """Return the angles alpha2 at which eq 5 gives a length ``d5``.
 

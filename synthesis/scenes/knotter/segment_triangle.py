@@ -2,48 +2,19 @@
 
 A vector is a tuple ``(x, y, z)`` of numbers or arrays that broadcast against each other, so that each function works
 on single points and on batches.
-`orientations` also accepts fractions.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from enum import IntEnum
-from fractions import Fraction
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from synthesis.one_variable import Flags, Floats
 from synthesis.scenes.knotter.mechanism import Vector
 
 UNIT_ROUNDOFF = 2.0**-53
-
-
-class DescribedCode(IntEnum):
-    """Integer codes that carry a sentence for the user, written ``NAME = code, sentence``."""
-
-    sentence: str
-
-    def __new__(cls, code: int, sentence: str) -> Self:
-        """Create the code and attach its sentence."""
-        member = int.__new__(cls, code)
-        member._value_ = code
-        member.sentence = sentence
-        return member
-
-
-class CrossingCase(DescribedCode):
-    """Position of a segment relative to a triangle; ``sentence`` describes it to the user."""
-
-    CROSSES = 0, "the segment crosses the triangle's inside"
-    MISSES = 1, "the segment crosses the plane outside the triangle"
-    TOUCHES = 2, "the segment touches the triangle's edge, a vertex or its plane with one end"
-    SAME_SIDE = 3, "both ends lie on one side of the plane"
-    PARALLEL = 4, "the segment runs parallel to the plane"
-    IN_PLANE = 5, "the segment lies in the plane"
-    DEGENERATE = 6, "the triangle has no area"
 
 
 def subtract(a: Vector, b: Vector) -> Vector:
@@ -147,65 +118,6 @@ def crossing_point(p: Vector, q: Vector, a: Vector, b: Vector, c: Vector) -> Vec
     s_p, s_q = dot(normal, subtract(p, a)), dot(normal, subtract(q, a))
     w = s_p - s_q
     return point_on_line(p, subtract(q, p), np.where(w != 0, s_p / safe_divisor(w), 0.0))
-
-
-def classify(p: ArrayLike, q: ArrayLike, a: ArrayLike, b: ArrayLike, c: ArrayLike) -> NDArray[np.int8]:
-    """Determine exactly how segments pq lie relative to triangles abc.
-
-    Parameters
-    ----------
-    p, q, a, b, c : array_like, shape (..., 3)
-        Ends of the segments and vertices of the triangles.
-        They must be finite and broadcast against each other.
-
-    Returns
-    -------
-    ndarray, shape (...)
-        Values of `CrossingCase`, exact for the given doubles.
-
-    Notes
-    -----
-    This is a filtered predicate (Shewchuk 1997).
-    A sign is taken from double precision if it exceeds a bound of its rounding error, and from rational arithmetic
-    otherwise.
-    """
-    points = np.array(np.broadcast_arrays(p, q, a, b, c), float)
-    shape = points.shape[1:-1]
-    points = points.reshape(5, -1, 3)
-    with np.errstate(all="ignore"):
-        relative = np.moveaxis(points - points[2], -1, 1)
-        signs = np.array(orientations(*relative))
-        distance_p, distance_q, _, ab, ac = (norm(point) for point in relative)
-        side_bound = 16 * UNIT_ROUNDOFF * ab * ac * np.array([distance_p, distance_q])
-        edge_bound = (
-            128 * UNIT_ROUNDOFF * (ab * ac) ** 2 * (ab + ac) * (distance_p + ab + ac) * (distance_q + ab + ac)
-        )
-        # Possibly degenerate triangles, possibly parallel segments and underflow also go to rational arithmetic.
-        certain = norm(cross(relative[3], relative[4])) > 16 * UNIT_ROUNDOFF * ab * ac
-        certain &= np.abs(signs[0] - signs[1]) > side_bound.sum(axis=0)
-        certain &= np.all(np.abs(signs[:2]) > side_bound, axis=0)
-        certain &= np.all(np.abs(signs[2:]) > edge_bound + np.finfo(float).tiny, axis=0)
-        certain &= np.all(np.isfinite(signs), axis=0)
-        crosses = np.where(crosses_inside(signs), CrossingCase.CROSSES, CrossingCase.MISSES)
-    same_side = np.sign(signs[0]) == np.sign(signs[1])
-    cases = np.where(same_side, CrossingCase.SAME_SIDE, crosses).astype(np.int8)
-    for row in np.flatnonzero(~certain):
-        cases[row] = _classify_exactly(*([Fraction(float(x)) for x in point] for point in points[:, row]))
-    return cases.reshape(shape)
-
-
-def _classify_exactly(p: Vector, q: Vector, a: Vector, b: Vector, c: Vector) -> CrossingCase:
-    if not any(cross(subtract(b, a), subtract(c, a))):
-        return CrossingCase.DEGENERATE
-    s_p, s_q, *edge_sides = orientations(p, q, a, b, c)
-    if s_p == s_q:
-        return CrossingCase.PARALLEL if s_p else CrossingCase.IN_PLANE
-    if s_p * s_q > 0:
-        return CrossingCase.SAME_SIDE
-    side = 1 if s_p > s_q else -1
-    if any(side * u < 0 for u in edge_sides):
-        return CrossingCase.MISSES
-    return CrossingCase.CROSSES if s_p * s_q and all(edge_sides) else CrossingCase.TOUCHES
 
 
 def segment_distance(p: Vector, q: Vector, a: Vector, b: Vector) -> Any:

@@ -43,27 +43,23 @@ def test_the_contracts_request_and_reply(client) -> None:
 
 def test_exports_alike_over_http_and_on_the_command_line(client, tmp_path) -> None:
     file = tmp_path / "request.json"
-    for path, body in (
-        ("slot", {**PUBLISHED, "roller_radius": 20, "samples": 21}),
-        ("track", {"pitch": 50, "links": 16, "stadium": {"radius": 60}, "samples": 21}),
-    ):
-        file.write_text(json.dumps(body))
-        start = b"theta1_deg,x" if path == "slot" else b"position,x"
-        for name in ("csv", "svg"):
-            response = client.post(f"/v2/chain/{path}.{name}", json=body)
-            assert response.status_code == 200
-            if name == "csv":
-                assert response.content.startswith(start)
-            else:
-                assert ElementTree.fromstring(response.content).tag == "{http://www.w3.org/2000/svg}svg"
-            target = tmp_path / f"slot.{name}"
-            assert main(["chain", path, str(file), "--export", str(target)]) == 0
-            assert target.read_bytes() == response.content
-        response = client.post(f"/v2/chain/{path}.dxf", json=body)
-        assert response.status_code == 200 and b"SPLINE" in response.content
+    body = {**PUBLISHED, "roller_radius": 20, "samples": 21}
+    file.write_text(json.dumps(body))
+    for name in ("csv", "svg"):
+        response = client.post(f"/v2/chain/slot.{name}", json=body)
+        assert response.status_code == 200
+        if name == "csv":
+            assert response.content.startswith(b"theta1_deg,x")
+        else:
+            assert ElementTree.fromstring(response.content).tag == "{http://www.w3.org/2000/svg}svg"
+        target = tmp_path / f"slot.{name}"
+        assert main(["chain", "slot", str(file), "--export", str(target)]) == 0
+        assert target.read_bytes() == response.content
+    response = client.post("/v2/chain/slot.dxf", json=body)
+    assert response.status_code == 200 and b"SPLINE" in response.content
 
 
-# Stretch, pins, powers, tolerances
+# Stretch and pins
 
 
 def test_a_layout_given_back_is_closed_and_a_hair_less_is_stretched(client) -> None:
@@ -98,17 +94,3 @@ def test_all_pins_over_http_and_as_a_table(client) -> None:
     assert last["theta15_deg"] == pins["theta"][-1][14] and last["P3_x"] == pins["xy"][-1][2][0]
     radians = client.post("/v2/chain/slot", json={**body, "samples": 5, "angle_unit": "rad"}).json()["pins"]
     assert radians["theta"][0] == pytest.approx([math.radians(angle) for angle in pins["theta"][0]])
-
-
-def test_powers_of_the_fit_for_a_control(client) -> None:
-    fit = client.post("/v2/chain/slot", json={**PUBLISHED, "fit": {"order": 8}, "power_decimals": 6}).json()["fit"]
-    power = fit["power"]
-    assert power["decimals"] == 6 and len(power["pieces"]) == 5 and power["max_normal"] < 2e-5
-    assert power["pieces"][0]["theta1"] == fit["pieces"][0]["theta1"]
-    ends = [[sum(piece["x"]), sum(piece["y"])] for piece in power["pieces"]]
-    starts = [[piece["x"][0], piece["y"][0]] for piece in power["pieces"]]
-    for end, start in zip(ends, starts[1:]):
-        assert end == pytest.approx(start, abs=3e-5)
-    assert starts[0] == pytest.approx([65.5, -169.569214], abs=2e-5)
-    lost = client.post("/v2/chain/slot", json={**PUBLISHED, "fit": {"order": 64}}).json()["fit"]["power"]
-    assert lost["pieces"] is None and lost["max_normal"] > 1

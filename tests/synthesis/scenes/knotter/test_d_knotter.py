@@ -12,7 +12,7 @@ import pytest
 from synthesis.scenes.knotter import d_knotter
 from synthesis.scenes.knotter.curves import crossing_curve
 from synthesis.scenes.knotter.d_knotter import Needle
-from synthesis.scenes.knotter.mechanism import Linear, dimensions, with_dimensions
+from synthesis.scenes.knotter.mechanism import Linear
 from synthesis.scenes.knotter.study import study
 from tests.oracles.knotter import Exact
 
@@ -116,13 +116,3 @@ def test_crossings_agree_with_the_printed_equations() -> None:
         assert curve.on_rope[row] == (0 < fraction < 1)
         expected = np.array([[float(x) for x in c] for c in corners])
         assert curve.triangle[:, row, 1:] == pytest.approx(expected, abs=1e-12)
-
-
-def test_a_machine_with_its_own_dimensions_is_unchanged() -> None:
-    machine = at_pair(10, 25)
-    nominal = dimensions(machine)
-    assert {"d1", "beta.lead", "beta.ratio", "S1.j", "S10.k"} <= set(nominal) and "O5.i" not in nominal
-    copies = with_dimensions(machine, {name: np.full(3, value) for name, value in nominal.items()})
-    for condition in d_knotter.conditions():
-        single, three = condition.evaluate(machine, 1), condition.evaluate(copies, 3)
-        assert three.margin == pytest.approx(np.repeat(single.margin, 3), abs=1e-12)

@@ -1,9 +1,8 @@
-"""Verdicts, margins, limits and tolerances of random knotters agree with an independent model and a fine scan.
+"""Verdicts and margins of random knotters agree with an independent model and a fine scan.
 
 A missed window, a wrong edge of entry or an item that depends on its neighbours would show here.
 """
 
-import math
 from functools import cache
 
 import numpy as np
@@ -17,17 +16,14 @@ from synthesis.scenes.knotter.conditions import (
     EntryStatus,
 )
 from synthesis.scenes.knotter.mechanism import (
-    ANGULAR_DIMENSIONS,
     Chain,
     Linear,
     Mechanism,
     Rotation,
     Table,
     Translation,
-    dimensions,
-    with_dimensions,
 )
-from synthesis.scenes.knotter.study import analyse_tolerances, find_limits, study
+from synthesis.scenes.knotter.study import study
 from tests.oracles.knotter import RandomKnotter
 
 
@@ -163,16 +159,6 @@ def test_an_item_does_not_depend_on_its_neighbours() -> None:
                 assert in_batch == pytest.approx(expected, rel=1e-9, abs=1e-9, nan_ok=True), (name, field)
 
 
-def test_limits_are_found_on_both_sides() -> None:
-    machine = d_knotter.mechanism({"alpha1": np.radians(10.0)})
-    limits, holds_at_first = find_limits(machine, d_knotter.bite(), "alpha3", (0.0, 1.2))
-    assert not holds_at_first and [limit.holds_above for limit in limits] == [True, False]
-    for limit in limits:
-        assert limit.result.holds[0]
-        beyond = limit.value + (-1e-13 if limit.holds_above else 1e-13)
-        assert not d_knotter.bite().evaluate(machine.with_parameters(alpha3=beyond), 1).holds[0]
-
-
 # Infeasible and refused mechanisms
 
 
@@ -182,47 +168,3 @@ def test_empty_grid_and_too_much_work_are_refused() -> None:
     fast = d_knotter.mechanism(laws={"beta": Linear(0.0, 900.0)})
     with pytest.raises(FieldError, match="pieces"):
         study(fast, {"alpha1": np.zeros(1000)}, d_knotter.conditions())
-
-
-# Tolerances
-
-CONDITIONS = {condition.name: condition for condition in d_knotter.conditions()}
-
-
-@pytest.fixture(scope="module")
-def machine():
-    return d_knotter.mechanism().with_parameters(alpha1=math.radians(10), alpha3=math.radians(25))
-
-
-def tolerances_of(machine, length: float, degrees: float) -> dict[str, float]:
-    names = (name for name in dimensions(machine) if not name.endswith("ratio"))
-    return {name: math.radians(degrees) if name in ANGULAR_DIMENSIONS else length for name in names}
-
-
-@pytest.fixture(scope="module")
-def analysis(machine):
-    return analyse_tolerances(machine, CONDITIONS, tolerances_of(machine, 0.1, 0.1), 50, 7)
-
-
-def margin(machine, name, changes) -> float:
-    nominal = dimensions(machine)
-    moved = with_dimensions(machine, {key: nominal[key] + change for key, change in changes.items()})
-    return float(CONDITIONS[name].evaluate(moved, 1).margin[0])
-
-
-@pytest.mark.parametrize("name", CONDITIONS)
-def test_corner_and_sensitivities_agree_with_single_machines(name, machine, analysis) -> None:
-    result, tolerances = analysis[0][name], tolerances_of(machine, 0.1, 0.1)
-    assert result.margin == margin(machine, name, {}) > 0
-    for key in list(tolerances)[::5]:
-        step = 1e-4 * tolerances[key]
-        slope = (margin(machine, name, {key: step}) - margin(machine, name, {key: -step})) / (2 * step)
-        assert result.sensitivity[key] == pytest.approx(slope, rel=2e-3, abs=1e-6), key
-    worst = {
-        key: -math.copysign(tolerances[key], result.sensitivity[key]) for key in tolerances if result.sensitivity[key]
-    }
-    assert result.corner == pytest.approx(margin(machine, name, worst), abs=1e-12)
-    assert result.corner == pytest.approx(result.linear, abs=0.15)
-    assert result.corner <= result.margin_min <= result.margin
-    failing = {key: result.factor * change for key, change in worst.items()}
-    assert margin(machine, name, failing) == pytest.approx(0, abs=1e-6) and result.factor > 1
