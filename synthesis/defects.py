@@ -1,18 +1,14 @@
 """Defects of linkages that reach every sample of a motion: order, branch and circuit, and violated practical limits.
 
 A linkage that reaches every sample may still fail as a machine: the drive must reverse between two samples (order
-defect),
-pass a dead position (branch defect), or the linkage must be disassembled and assembled in another way (circuit
-defect). The
-terms are those of Chase and Mirth, "Circuits and branches of single-degree-of-freedom planar linkages", ASME
-Journal of
-Mechanical Design 115 (1993), 223-230.
+defect), pass a dead position (branch defect), or the linkage must be disassembled and assembled in another way
+(circuit defect). The terms are those of Chase and Mirth, "Circuits and branches of single-degree-of-freedom planar
+linkages", ASME Journal of Mechanical Design 115 (1993), 223-230.
 
-The loop closes at all coordinates, or in intervals that are separated by *cuts*; both branches meet at the ends of
-an interval, the
-dead positions. Therefore each interval is a circuit if it has ends, and each branch is a circuit if it has none.
-The slot of a hinge
-beside a rail has two intervals whose ends it never reaches, because the body would be infinitely far away.
+The loop closes at all coordinates, or in intervals that are separated by *cuts*; both branches meet at the ends of an
+interval, the dead positions. Therefore each interval is a circuit if it has ends, and each branch is a circuit if it
+has none. The slot of a hinge beside a rail has two intervals whose ends it never reaches, because the body would be
+infinitely far away.
 """
 
 from __future__ import annotations
@@ -101,8 +97,7 @@ class Circuits:
     """Coordinates that a drive can reach, in intervals.
 
     ``turns``: the loop closes throughout a turn. ``meet``: the two branches meet at the ends of each interval.
-    ``uncertain``:
-    nearer to a change point than `NEAR_CHANGE_POINT`.
+    ``uncertain``: nearer to a change point than `NEAR_CHANGE_POINT`.
     """
 
     def __init__(self, linkage: Linkage) -> None:
@@ -156,8 +151,7 @@ class Verdict:
         All samples, and the motion between them, lie on a single circuit.
     driver : str or None
         The drive if it passes all samples in order while it moves in one direction (order, branch and circuit are
-        true);
-        otherwise another suitable drive of the guides; None if there is none.
+        true); otherwise another suitable drive of the guides; None if there is none.
     uncertain : bool
         The linkage is nearer to a change point than `NEAR_CHANGE_POINT`.
     reasons : tuple of str
@@ -197,12 +191,10 @@ def passage(
     """Return how the drive of a linkage passes samples.
 
     A drive that turns fully passes them in order if the steps from sample to sample, all taken forwards or all
-    backwards, add up
-    to at most a turn; any other drive, if its coordinates rise or fall monotonically.
+    backwards, add up to at most a turn; any other drive, if its coordinates rise or fall monotonically.
 
     Law: the result is the same for reversed samples, for a mirrored, moved or scaled linkage, and, without timing,
-    for coordinates
-    that differ by whole turns.
+    for coordinates that differ by whole turns.
 
     Parameters
     ----------
@@ -218,8 +210,7 @@ def passage(
         The path continues from the last sample to the first.
     timed : bool
         The coordinates are prescribed: the drive moves through exactly these values, also over several turns.
-        Otherwise
-        angles count modulo a turn.
+        Otherwise angles count modulo a turn.
     """
     q, side = np.asarray(coordinate, dtype=float), np.asarray(side)
     where = Circuits(linkage)
@@ -359,9 +350,8 @@ def _reasons_of(
 def shared_positions(motion: Target, turns: bool = True) -> list[str]:
     """Return a sentence if different samples lie at the same position of the drive, to rounding.
 
-    A drive that passes the samples in order only thanks to rounding cannot separate such samples. The ends of an
-    open path that are a
-    whole turn apart are an example.
+    A drive that passes the samples in order only thanks to rounding cannot separate such samples. The ends of an open
+    path that are a whole turn apart are an example.
 
     Parameters
     ----------

@@ -222,10 +222,9 @@ class Vector:
     """Plane vector over the drive's coordinate q, an array (n,) in every method; this class is a constant vector.
 
     Vectors that vary have three conditions: ``longer_than``, the square of the vector less the square of the
-    difference of two
-    lengths; ``shorter_than``, the square of the sum of two lengths less the square of the vector; and ``across``, a
-    length less the
-    component of the vector to the left of a direction (sign +1) or to the right of it (sign -1).
+    difference of two lengths; ``shorter_than``, the square of the sum of two lengths less the square of the vector;
+    and ``across``, a length less the component of the vector to the left of a direction (sign +1) or to the right of
+    it (sign -1).
     """
 
     middle: complex

@@ -1,9 +1,8 @@
 """Planar linkage: a body on two guides, the first of which is driven; its dimensions and the motion of its links.
 
-Each guide imposes a condition on the body: a *circle* (a body point on a crank or rocker), a *rail* (a body point
-on a line of the
-ground), or a *slot* (a line of the body through a fixed pin). A four-bar has two circles. The first guide is the
-driven guide:
+Each guide imposes a condition on the body: a *circle* (a body point on a crank or rocker), a *rail* (a body point on
+a line of the ground), or a *slot* (a line of the body through a fixed pin). A four-bar has two circles. The first
+guide is the driven guide:
 
 =========  ======  =======================================================================================
 driver     guide   coordinate q
@@ -15,28 +14,21 @@ hinge      slot    direction of the slot in the plane, radians (the body turns a
 =========  ======  =======================================================================================
 
 If the drive is locked, the body can still turn about a pin Z, which is the pin of the crank or slider, or the fixed
-pin of the
-cylinder; if a hinge is locked, the body can slide along its slot. The other guide then pushes along a line through
-X with
-direction f, and
+pin of the cylinder; if a hinge is locked, the body can slide along its slot. The other guide then pushes along a line
+through X with direction f, and
 
     sin mu = cross(X - Z, f) / |X - Z|,   hinge:  sin mu = f . (direction of the slot).
 
 Its sign is the branch, and its absolute value is the sine of the transmission angle. It vanishes at the dead
-positions. It must be
-computed without cancellation: a loop closes if certain differences are not negative, for example of a squared
-length and a square,
-or of a length and a projection. Each is written as a sum of terms that are not negative wherever the drive moves
-freely, as in
-`four_bar`.
+positions. It must be computed without cancellation: a loop closes if certain differences are not negative, for
+example of a squared length and a square, or of a length and a projection. Each is written as a sum of terms that are
+not negative wherever the drive moves freely, as in `four_bar`.
 
 The pose of a body is its position P (complex) and its rotation gamma, R = e^{i gamma}; body points m are in the
-body's frame:
-P + R m.
+body's frame: P + R m.
 
 The dimensions are in the linkage's own frames, see `Linkage`. Therefore the lengths of a four-bar are stored
-unchanged, and a large
-distance from the origin costs no accuracy.
+unchanged, and a large distance from the origin costs no accuracy.
 """
 
 from __future__ import annotations
@@ -86,11 +78,9 @@ class Linkage:
     Attributes
     ----------
     local_guides : tuple of Circle, Rail or Slot
-        The guides in the linkage's own frames of ground and body. The first is driven. The frames of a four-bar
-        begin at pivot A
-        and at the crank pin, and lie along ground and coupler: its guides are Circle(0, crank, 0) and
-        Circle(ground, rocker,
-        coupler). Other linkages use the frames of the plane and of their motion.
+        The guides in the linkage's own frames of ground and body. The first is driven. The frames of a four-bar begin
+        at pivot A and at the crank pin, and lie along ground and coupler: its guides are Circle(0, crank, 0) and
+        Circle(ground, rocker, coupler). Other linkages use the frames of the plane and of their motion.
     driver : Driver
         Drive of the first guide.
     branch : int
@@ -98,19 +88,16 @@ class Linkage:
         four-bar, +1
         has the coupler pin to the left of the line from the crank pin to pivot B.
     start : float
-        Coordinate of the drive at the first sample of the motion, in the linkage's own frame of the ground: the
-        crank angle of a
-        four-bar is measured from its ground line.
+        Coordinate of the drive at the first sample of the motion, in the linkage's own frame of the ground: the crank
+        angle of a four-bar is measured from its ground line.
     pivot_a, ground_angle : complex, float
         Origin and direction of the own frame of the ground in the plane.
     coupler_point_polar : tuple of float or None
-        Radius and angle of the body point in the own frame of the body. None if the motion has no positions: then
-        the linkage is
-        not mounted.
+        Radius and angle of the body point in the own frame of the body. None if the motion has no positions: then the
+        linkage is not mounted.
     body_offset : float or None
         Rotation of the body less the rotation of its own frame, which lies in (-pi, pi] to the ground line at the
-        first sample.
-        None if the motion has no rotations.
+        first sample. None if the motion has no rotations.
     """
 
     local_guides: tuple[Guide, Guide]

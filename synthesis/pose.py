@@ -99,8 +99,7 @@ def fit_positions(target: Target, angle: Floats) -> PositionFit:
     Returns
     -------
     PositionFit
-        The pose with the smallest mean square residual.
-        If e^{i theta2} lies in the span of {1, e^{it}}, z2 is 0.
+        The pose with the smallest mean square residual. If e^{i theta2} lies in the span of {1, e^{it}}, z2 is 0.
     """
     mean, scale = target.position_mean, target.length_scale
     column, crank_mean, crank_norm = _crank_column(target)
@@ -171,9 +170,8 @@ def objective(target: Target, angle: Floats) -> Floats:
     Returns
     -------
     ndarray, shape (n,)
-        The objective; without positions this is the rms rotation error in radians.
-        Infinite for candidates that do not close at every sample, and for candidates whose best fit is a linkage that is
-        shrunk to a point.
+        The objective; without positions this is the rms rotation error in radians. Infinite for candidates that do
+        not close at every sample, and for candidates whose best fit is a linkage that is shrunk to a point.
     """
     total = np.zeros(len(angle))
     if target.rotation is not None:

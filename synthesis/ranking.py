@@ -187,8 +187,7 @@ def distinct(
         Sort key; by default the objective.
     exact : float
         Objective below which a linkage is exact. Above it, a linkage that is similar to a better linkage and about as
-        good belongs to
-        the same basin and is dropped.
+        good belongs to the same basin and is dropped.
     """
     chosen: list[A] = []
     identities, objectives, appearances = np.empty((0, 0)), np.empty(0), np.empty((0, 0))
@@ -266,10 +265,8 @@ def merit(size: Floats, transmission: Floats, swing: Floats, ratio: Floats) -> F
     """Rate exact linkages by their practicality; lower is better.
 
     The merit is the size, increased by four factors: a steep one below a transmission angle of 40 degrees and a
-    gentle one above it;
-    a factor for a crank that swings by more than about 100 degrees; and a factor for links of very different lengths, because
-    play in the pins
-    of a short link turns the body considerably.
+    gentle one above it; a factor for a crank that swings by more than about 100 degrees; and a factor for links of
+    very different lengths, because play in the pins of a short link turns the body considerably.
 
     Parameters
     ----------

@@ -33,8 +33,7 @@ def hinge_of(samples: Samples, allowed: float | None = None, min_poses: int = _P
     """Find the hinge that makes a motion without a linkage.
 
     With rotations the positions belong to a point of the body, ``p = centre + arm e^{i rotation}``, which is linear
-    in centre and arm.
-    Without rotations they must follow in order on a circle.
+    in centre and arm. Without rotations they must follow in order on a circle.
 
     Parameters
     ----------

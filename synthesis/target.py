@@ -59,8 +59,7 @@ class Mean:
     samples : int
         Number of samples N.
     weights : ndarray, shape (N,), optional
-        Weights of at least 0, not all 0; a sample of weight 0 is missing.
-        Without them all samples have equal weight.
+        Weights of at least 0, not all 0; a sample of weight 0 is missing. Without them all samples have equal weight.
     """
 
     def __init__(self, samples: int, weights: Floats | None = None) -> None:
@@ -209,9 +208,8 @@ class Target(Samples):
     """
 
     crank: Floats
-    """Crank angle relative to the first sample (rad), shape (N,).
-    It increases strictly, or decreases strictly for a clockwise crank.
-    If the crank angles were found and not given, the crank may pass the samples in another order."""
+    """Crank angle relative to the first sample (rad), shape (N,). It increases strictly, or decreases strictly for a
+    clockwise crank. If the crank angles were found and not given, the crank may pass the samples in another order."""
     start: float | None = None
     """Crank angle theta1 at the first sample (rad), if it is prescribed."""
     offset: float | None = None
@@ -351,8 +349,7 @@ def make_target(
     Parameters
     ----------
     rotation : ndarray, shape (N,), optional
-        Rotation of the body (rad), for 3 to 1024 samples.
-        Rotation, position or both are required.
+        Rotation of the body (rad), for 3 to 1024 samples. Rotation, position or both are required.
     position : ndarray of complex, shape (N,), optional
         Position x + i y of a point of the body, in the user's unit of length.
     crank_span : float, optional

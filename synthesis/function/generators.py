@@ -170,9 +170,8 @@ def best_built(
 ) -> list[Generator]:
     """Return the leading answers: exact linkages by merit, others by `counted_error`.
 
-    The linkage with the smallest error is among the first two.
-    Exact linkages whose rocker turns back on the way come behind the other exact linkages, and linkages that cannot be
-    used come last. ``sized``: see `function_merit`.
+    The linkage with the smallest error is among the first two. Exact linkages whose rocker turns back on the way come
+    behind the other exact linkages, and linkages that cannot be used come last. ``sized``: see `function_merit`.
     """
     if not found:
         return []

@@ -413,8 +413,7 @@ class Problem:
     ) -> tuple[Pairs, Floats, Floats]:
         """Run a descent; return pairs, drive at the first sample (n,) and cost; unchanged candidates if the time is over.
 
-        ``labels`` (n, 3): branch, direction of the drive, and direction along which
-        the drive is measured.
+        ``labels`` (n, 3): branch, direction of the drive, and direction along which the drive is measured.
         """
         x = _with(chart, start)
         cost = self._kernel.set_candidates(
