@@ -148,10 +148,7 @@ def read_limits(limits: Fields | None, motion: Motion) -> model.Limits:
     default = {} if turns else {"family": "any"}
     checked = _read(limits, motion.samples, motion.radian, LIMITS, PRESETS[0] if free else PRESETS[1], default)
     checked.check_against(motion.samples)
-    angle = checked.transmission_angle_min
-    if isinstance(motion.samples, Poses) and motion.samples.closed and angle:  # which uses the whole turn
-        return replace(checked, transmission_angle_min_turn=max(angle, checked.transmission_angle_min_turn or 0.0))
-    return checked
+    return checked.over_whole_turn if isinstance(motion.samples, Poses) and motion.samples.closed else checked
 
 
 def read_function_limits(limits: Fields | None, samples: Samples, degrees: bool) -> model.Limits:

@@ -287,6 +287,12 @@ class Limits:
         return self.pivot_reach is not None
 
     @property
+    def over_whole_turn(self) -> Limits:
+        """The limits for a closed path, which uses the whole turn: the transmission angle holds over all of it."""
+        angle = max(self.transmission_angle_min, self.transmission_angle_min_turn)
+        return replace(self, transmission_angle_min_turn=angle)
+
+    @property
     def dead_length(self) -> float | None:
         """Smallest length of a driving cylinder; 0 if only the largest length, or practical limits, are given."""
         dead_length = self.cylinder_dead_length

@@ -78,7 +78,6 @@ class FreeTiming(CrankDriven):
         self.poses, self._indices = poses, poses.spread(samples)
         self.thin = poses if self._indices.size == poses.samples else poses.at(self._indices)
         self._shift = poses.off(self.thin)
-        self._may_stray = not (limits.practical and poses.ordered and poses.position is not None)
         self.plain = JointProblem(poses, chart)
         self.within = self.plain if limits.only_family else limited_problem(poses, chart, limits)
         self.search = self.within if within_limits else self.plain
@@ -94,9 +93,9 @@ class FreeTiming(CrankDriven):
         return timing, np.abs(timing).max(axis=1, initial=0.0)
 
     def strays(self, pool: Pool) -> Flags:
-        """Return whether candidates within the practical limits leave the path between samples, measured by chords."""
+        """Return whether candidates leave the path between samples, measured by chords."""
         timed = pool.timed
-        if self._may_stray or not timed.branch.size:
+        if not (self.poses.ordered and timed.branch.size):
             return super().strays(pool)
         at_all = timed.angles.shape[1] == self.poses.samples
         poses, problem = (self.poses, self.plain) if at_all else (self.thin, self.search)

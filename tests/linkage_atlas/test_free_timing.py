@@ -248,6 +248,24 @@ def test_the_first_linkage_stays_between_samples_and_is_the_same_for_any_number_
     assert len(strays) == 10 and strays == sorted(strays)
 
 
+@pytest.mark.parametrize(("seed", "closed"), [(1, True), (5, False)])
+def test_wider_limits_never_give_a_worse_first_linkage(seed, closed):
+    """Without limits most candidates leave such a path between samples, and usable ones were lost among them."""
+    random = np.random.default_rng(seed)
+    turn = np.arange(24) / 24 if closed else np.linspace(0, 0.6, 24)
+    path = sum(
+        100 * complex(*random.normal(size=2)) / wave**1.5 * np.exp(2j * np.pi * sense * wave * turn)
+        for wave in (1, 2, 3)
+        for sense in (1, -1)
+    )
+    motion = la.Motion(position=np.column_stack([path.real, path.imag]), timing="free", closed=closed)
+    practical, unlimited = (
+        la.synthesize(motion, {"preset": name}, prefer="error").best for name in ("practical", "none")
+    )
+    assert practical.excursion < 2.5 and not (unlimited.excursion or 0) > 2.5
+    assert unlimited.errors.objective <= practical.errors.objective * (1 + 1e-9)
+
+
 @pytest.mark.parametrize(
     ("envelope", "said"),
     [
