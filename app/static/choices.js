@@ -36,10 +36,10 @@ export function optionsOf({ drives, springs }) {
 /** The unit of a moment arm: a change of length by the angle, or by the travel, of what drives the linkage. */
 export const armUnit = (unit, turns) => (turns ? `${unit} a radian` : `${unit} a ${unit} of travel`);
 
-/** Return the formatters of numbers: forces are in newtons, or in the load's own unit. */
-function wordsOf({ unit, newtons }) {
-  const force = (value) => `${grouped(text(value, 4))}${newtons ? " N" : ""}`,
-    torque = (value) => `${force(value)}${newtons ? `·${unit}` : ""}`;
+/** Return the formatters of numbers with their units. */
+function wordsOf({ unit }) {
+  const force = (value) => `${grouped(text(value, 4))} N`,
+    torque = (value) => `${force(value)}·${unit}`;
   const point = (pair, digits = 5) => `${pair.map((value) => text(value, digits)).join(", ")} ${unit}`,
     left = ({ before, after }) => `${torque(settled(after.rms, before.rms))} of ${torque(before.rms)}`;
   return { force, torque, point, left, length: (value) => `${text(value, 4)} ${unit}` };
@@ -86,10 +86,9 @@ function springRows(spring, { unit, ...how }) {
   ];
 }
 
-/** Rows [name, value] of a drive or its springs; `how` is {unit, newtons, turns, item}, `turns` of the linkage. */
+/** Rows [name, value] of a drive or its springs; `how` is {unit, turns, item}, `turns` of the linkage. */
 export function rowsOf(drive, how) {
-  const units = how.newtons ? [] : [["forces, torques", `in the load’s unit, and that times ${how.unit}`]];
-  if (drive.springs) return [...drive.springs.flatMap((spring) => springRows(spring, how)), ...units];
+  if (drive.springs) return drive.springs.flatMap((spring) => springRows(spring, how));
   const { unit, turns, item } = how,
     { force, torque, point } = wordsOf(how),
     number = (value, digits = 5) => text(value, digits),
@@ -119,7 +118,6 @@ export function rowsOf(drive, how) {
     lock && ["over centre", `${number(lock.over_centre, 3)}° at the ${lock.locked_at} pose`],
     ["stops", drive.stops],
     ["without power", drive.holds],
-    ...((push ?? moment) ? units : []),
   ];
   return rows.filter(Boolean);
 }

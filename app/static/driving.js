@@ -212,11 +212,10 @@ export class Driving {
     return this.drive && this.drive.kind ? this.drive : null;
   }
 
-  /** Units of the shown numbers. Forces are in newtons if there is a mass, a bundled catalogue or a gas spring. */
+  /** Units and names in the shown numbers. */
   get #how() {
-    const newtons = /"masses"|"catalogue":"\w+"|"gas"|"compression"|"torsion"/.test(this.asked.get(this.reply)),
-      { motion } = this.answer;
-    return { newtons, unit: motion.unit, turns: driveTurns(this.solution), item: itemOf(motion) };
+    const { motion } = this.answer;
+    return { unit: motion.unit, turns: driveTurns(this.solution), item: itemOf(motion) };
   }
 
   #offer() {
@@ -379,7 +378,7 @@ export class Driving {
     this.charts = [];
     if (!drive || $("drive-card").hidden) return;
     const sense = this.player.shown?.pass.sense ?? 1,
-      { newtons, unit, turns } = this.#how,
+      { unit, turns } = this.#how,
       axis = turns ? { sense } : { sense, degreesX: false, xName: ` ${unit}` },
       x = (drive.springs?.[0] ?? drive).curve.crank_angle,
       order = [...x.keys()].sort((i, j) => sense * (x[i] - x[j])),
@@ -389,11 +388,10 @@ export class Driving {
         options = { x: inOrder(x).map((at) => sense * at), series: curves, height: 140, ...axis };
       this.charts.push(titledChart(host, title, options));
     };
-    const [force, moment] = newtons ? [", N", `, N·${unit}`] : ["", ""],
-      thin = { dash: [6, 4], width: 1.2 };
+    const thin = { dash: [6, 4], width: 1.2 };
     if (drive.springs) {
       plot(
-        `Torque of the drive with the springs${moment} (dashed: without)`,
+        `Torque of the drive with the springs, N·${unit} (dashed: without)`,
         { values: drive.springs[0].curve.torque, colour: "body" },
         { values: reply.torque.torque, colour: "muted", ...thin },
       );
@@ -405,11 +403,11 @@ export class Driving {
       dashed = bound ? " (dashed: no peak is below this)" : "";
     if (curve.force)
       plot(
-        `Force of the ${KINDS[kind]}, push or pull${force}${dashed}`,
+        `Force of the ${KINDS[kind]}, push or pull, N${dashed}`,
         { values: curve.force.map(Math.abs), colour: "body" },
         ...level,
       );
-    if (curve.torque) plot(name + moment, { values: curve.torque, colour: "body" });
+    if (curve.torque) plot(`${name}, N·${unit}`, { values: curve.torque, colour: "body" });
     if (curve.arm) plot(`Moment arm, ${armUnit(unit, turns)}`, { values: curve.arm.map(Math.abs), colour: "path" });
     this.#mark();
   }

@@ -36,7 +36,9 @@ function bodyOf(outline, solution, motion) {
   return corners.map((corner) => turned(corner, turn));
 }
 
-const placeText = (value, sign) => `${text(Math.abs(value) < 1e-9 ? 0 : value, 5)}${sign}`;
+/** A sentence with four digits in each of its decimal numbers. */
+const rounded = (sentence) => sentence.replaceAll(/\d+\.\d+/g, (value) => text(Number(value), 4));
+const placeText = (value, sign) => `${text(Math.abs(value) < 1e-9 ? 0 : value, 4)}${sign}`;
 const partText = (name) =>
   name.startsWith("head ") ? `head of pin ${name.slice(5)}` : name.length <= 2 ? `pin ${name}` : name;
 const inWords = (pair) => pair.map(partText).join(" and ");
@@ -211,7 +213,7 @@ export class Layers {
     words.textContent = sentenceOf(assembly, unitOf(this.answer.motion), this.#sign);
     drawStack($("stack"), assembly);
     const reasons = assembly.reasons.slice(assembly.status === "blocked" ? 0 : 1),
-      sentences = reasons.map((reason) => `${capital(reason)}.`.replaceAll(/(\d) degrees/g, "$1°"));
+      sentences = reasons.map((reason) => `${capital(rounded(reason))}.`.replaceAll(/(\d) degrees/g, "$1°"));
     $("layers-reasons").append(...sentences.map((sentence) => element("li", "", sentence)));
     const positions = placesOf(assembly),
       jump = ([name, at]) => button(`${name}: ${placeText(at, this.#sign)}`, () => this.jump(at));

@@ -15,7 +15,7 @@ export function analysisCurves({ analysis, ...solution }, sense, unit) {
     order = [...positions.keys()].sort((i, j) => sense * (positions[i] - positions[j])),
     x = order.map((k) => sense * positions[k]),
     at = (list) => order.map((k) => list[k]);
-  const drive = crank_angle ? `Torque of the drive, force × ${unit}` : "Force of the drive";
+  const drive = crank_angle ? `Torque of the drive, N·${unit}` : "Force of the drive, N";
   const curves = [
     velocity && [`Velocity of the body point, ${unit}/s`, at(velocity).map(size)],
     velocity && [`Acceleration of the body point, ${unit}/s²`, at(acceleration).map(size)],
