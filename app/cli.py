@@ -408,7 +408,7 @@ def _fields(model: Any, path: str = "") -> Iterator[tuple[str, str]]:
         if within and is_list:
             parts.append(f"Fields of each: {', '.join(within[0].model_fields)}.")
         if not (info.is_required() or info.default is None or info.default_factory):
-            parts.append(f"({json.dumps(info.default, default=str)})")
+            parts.append(f"Default: {json.dumps(info.default, default=str)}.")
         yield path + name, " ".join(filter(None, parts))
         if within and not is_list and path.count(".") < 2:
             yield from _fields(within[0], f"{path}{name}.")

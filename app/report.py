@@ -13,7 +13,7 @@ import numpy as np
 from app.terminal import Units, number
 from linkage_atlas import Result, Solution, __version__
 from linkage_atlas.drive_design.curves import curves_svg
-from linkage_atlas.drive_design.records import Drive
+from linkage_atlas.drive_design.records import AnySpring, Drive, Spring
 
 STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; color: #222; max-width: 52em; margin: 2em auto; padding: 0 1em }
@@ -161,6 +161,16 @@ def _verdict(solution: Solution, units: Units) -> str:
 def _drives(solution: Solution) -> str:
     found: list[Drive] = solution.drives or []
     springs = solution.springs or []
-    return _list(item.summary for item in (*found, *springs)) + _picture(
-        curves_svg([*found, *springs]), "Forces and torques"
-    )
+    items = [*found, *springs]
+    lines = _list(f"{item.summary}; at the first sample: {_ends(item)}" for item in items)
+    return lines + _picture(curves_svg(items), "Forces and torques")
+
+
+def _ends(item: Drive | AnySpring) -> str:
+    """Return the points that a drive or spring joins, in words."""
+    if isinstance(item, Spring):
+        ends = zip((f"end on the {link}" for link in item.between), item.points)
+    else:
+        names = [name for name in ("motor", "ground_point", "pin", "point") if hasattr(item, name)]
+        ends = zip((name.replace("_", " ") for name in names), (getattr(item, name) for name in names))
+    return ", ".join(f"{name} {_point(point)}" for name, point in ends)

@@ -42,12 +42,18 @@ def rank_solutions(task: Task, candidates: Candidates, solutions: list[Solution]
     shown = _without_equal_roundings(ranked)[: task.top] if task.rounds else ranked
     same_lengths = min(len(solutions), task.top) - len(shown) if task.rounds else 0
     total = min(len(candidates.found), task.top) - same_lengths if task.rounds else len(candidates.found)
-    smallest = candidates.ranking.smallest_error([solution.origin.found for solution in shown])
+    found = [solution.origin.found for solution in shown]
+    smallest, usable = candidates.ranking.marked(found), candidates.ranking.usable(found)
     return RankedSolutions(
         status,
         [
-            replace(solution, rank=number, has_smallest_error=solution.origin.found is smallest)
-            for number, solution in enumerate(shown, 1)
+            replace(
+                solution,
+                rank=number,
+                has_smallest_error=solution.origin.found is smallest,
+                verdict=replace(solution.verdict, works=works),
+            )
+            for number, (solution, works) in enumerate(zip(shown, usable), 1)
         ],
         total,
         same_lengths,

@@ -35,6 +35,7 @@ _SEARCHES = 24
 """Largest number of quick searches, of 40 to 120 ms each, for the limits that exclude every linkage."""
 _FEW_SAMPLES = 48
 """Largest number of samples of the motions of these searches."""
+ANY_ERROR = "Linkages in these sentences satisfy all other limits, but their errors may be large."
 QUICK, QUICK_ROUNDS = 0.1, 2
 """J at which a search for some linkage ends, and its rounds."""
 
@@ -265,6 +266,8 @@ def what_excludes(
     except OutOfTime:
         notes += [_sentence(limits, name, motion, None, subject) for name in single[len(notes) :]]
         notes.append("The time was up before all limits were examined.")
+    if subject == "linkage" and any("`limits." in note for note in notes):
+        notes.append(ANY_ERROR)
     return notes
 
 

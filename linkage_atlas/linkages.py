@@ -584,8 +584,10 @@ class Linkage:
         mounts : mapping
             Required supports of fixed pins: {"A": "below+above"}.
         body : array_like, shape (n, 2)
-            Outline of the body, a plate on the coupler: corners [x, y] in the frame of the body, which has the requested position
-            and rotation (without a rotation the axes of the ground at the first sample).
+            Outline of the body, a plate on the coupler: corners [x, y] in the frame of the body. The origin of this frame is the
+            requested position, and its x axis has the requested rotation (without a rotation, the axes are those of the ground
+            at the first sample). A lid of 400 by 20 whose hinged end is the body point is
+            [[0, 0], [400, 0], [400, 20], [0, 20]].
         layers_max : int
             Maximum number of layers.
         envelope : array_like, shape (4,)

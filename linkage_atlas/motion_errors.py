@@ -7,18 +7,19 @@ from numpy.typing import ArrayLike
 
 from linkage_atlas.linkages import Linkage
 from linkage_atlas.motions import Motion
+from linkage_atlas.solutions import Solution
 from synthesis.arrays import Floats
 from synthesis.errors import FieldError
 from synthesis.target import TURN
 
 
-def residuals(linkage: Linkage, motion: Motion, travel: ArrayLike | None = None) -> Floats:
+def residuals(linkage: Linkage | Solution, motion: Motion, travel: ArrayLike | None = None) -> Floats:
     """Return the weighted errors of a linkage at the samples of a motion, for example for `scipy.optimize.least_squares`.
 
     Parameters
     ----------
-    linkage : Linkage
-        Its own start, position and body offset count: nothing is fitted.
+    linkage : Linkage or Solution
+        Its own start, position and body offset count: nothing is fitted. A solution stands for its linkage.
     motion : Motion
         The requested motion.
     travel : array_like, shape (N,), optional
@@ -46,6 +47,8 @@ def residuals(linkage: Linkage, motion: Motion, travel: ArrayLike | None = None)
     >>> la.residuals(la.FourBar(19, 72, 144, 165), motion).round(9)
     array([0., 0., 0., 0.])
     """
+    if isinstance(linkage, Solution):
+        linkage = linkage.linkage
     plain = linkage.plain
     if motion.free and travel is None and motion.travel is None:
         travel = linkage.sample_travel(motion)
@@ -66,12 +69,12 @@ def residuals(linkage: Linkage, motion: Motion, travel: ArrayLike | None = None)
     return np.concatenate(parts)
 
 
-def objective(linkage: Linkage, motion: Motion, travel: ArrayLike | None = None) -> float:
+def objective(linkage: Linkage | Solution, motion: Motion, travel: ArrayLike | None = None) -> float:
     """Return the error of a linkage that makes a motion, which a search for the smallest error minimises.
 
     Parameters
     ----------
-    linkage : Linkage
+    linkage : Linkage or Solution
         See `residuals`.
     motion : Motion
         The requested motion.
@@ -89,7 +92,7 @@ def objective(linkage: Linkage, motion: Motion, travel: ArrayLike | None = None)
     >>> import linkage_atlas as la
     >>> motion = la.Motion(position=[[0, 0], [40, 8], [75, 30], [90, 60], [95, 90]])
     >>> best = la.synthesize(motion, top=1).best
-    >>> abs(la.objective(best.linkage, motion) - best.errors.objective) < 1e-9
+    >>> abs(la.objective(best, motion) - best.errors.objective) < 1e-9
     True
     """
     return float(np.linalg.norm(residuals(linkage, motion, travel)))

@@ -80,6 +80,8 @@ class Ranking:
         self.layers: Mapping[int, LayerRank] = {}
         """Rank of the layers by id of a linkage, if layers are preferred and were made."""
         self._facts: dict[int, _Facts] = {}
+        self._smallest: Solution | None = None
+        """The linkage with the smallest error among all from which the shown linkages were chosen."""
 
     # -- scores ---------------------------------------------------------------------------------------------------------
 
@@ -205,12 +207,21 @@ class Ranking:
         usable = [solution for solution, use in zip(found, self.usable(found)) if use and self.prefer != "error"]
         return min(usable or found, key=lambda solution: solution.errors.objective, default=None)
 
+    def marked(self, shown: Sequence[Solution]) -> Solution | None:
+        """Return the shown linkage with the smallest error; None if a linkage with a clearly smaller error is not shown."""
+        best = self.smallest_error(shown)
+        return best if best is None or self._smallest is None or self._as_good(best, self._smallest) else None
+
+    def _as_good(self, solution: Solution, smallest: Solution) -> bool:
+        """Return whether the errors differ by nothing that matters in practice."""
+        return solution.errors.objective <= max(_AS_GOOD * smallest.errors.objective, self.tolerance)
+
     def _with_smallest_error(self, chosen: list[Solution], found: Sequence[Solution], top: int) -> list[Solution]:
-        smallest = self.smallest_error(found)
+        self._smallest = smallest = self.smallest_error(found)
         if smallest is None or top < 2 or any(solution is smallest for solution in chosen):
             return chosen
         best = self.smallest_error(chosen)
-        if best is not None and best.errors.objective <= max(_AS_GOOD * smallest.errors.objective, self.tolerance):
+        if best is not None and self._as_good(best, smallest):
             return chosen
         return self.ordered([*chosen[: top - 1], smallest])
 

@@ -101,7 +101,8 @@ class Ranked(Sequence[Item], Generic[Item]):
         -------
         pandas.DataFrame
             A column for each number and word, named by its path in the result, such as ``errors.position_max`` and
-            ``mount.pivot_a.0``. Lists of more than four values, such as curves, are left out.
+            ``mount.pivot_a.0``. Values of a result at each sample, such as ``crank_angle.0``, have a column each. Other lists of
+            more than four values, such as curves, are left out.
 
         Raises
         ------
@@ -116,18 +117,19 @@ class Ranked(Sequence[Item], Generic[Item]):
 
 
 MAX_CELLS = 4
-"""Longest list whose values have columns of their own in a table of results."""
+"""Longest list inside of a part of a result whose values have columns of their own in a table."""
 
 
 def _cells(value: object, path: str = "") -> Iterator[tuple[str, object]]:
-    """Yield the path and value of each number and word in plain values, without long lists."""
+    """Yield the path and value of each number and word in plain values, without long lists inside of parts."""
     if isinstance(value, Mapping):
         parts = list(value.items())
     elif not isinstance(value, list):
         yield path, value
         return
     else:
-        parts = list(enumerate(value)) if len(value) <= MAX_CELLS else []
+        is_per_sample = "." not in path and not any(isinstance(item, (Mapping, list)) for item in value)
+        parts = list(enumerate(value)) if is_per_sample or len(value) <= MAX_CELLS else []
     for name, part in parts:
         yield from _cells(part, f"{path}.{name}" if path else str(name))
 

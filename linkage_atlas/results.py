@@ -27,7 +27,8 @@ class Report(Record):
     elapsed_ms: dict[str, float]
     """Milliseconds of each stage and in total."""
     trace: list[tuple[float, float]]
-    """[milliseconds, best objective] after each round."""
+    """[milliseconds, best objective] after each round, of all linkages within the limits. They count even with a defect, which
+    ranks them last, so that the last value may be below the error of the first solution."""
     stopped_by: StoppedBy
     length_scale: float | None
     """Length by which position errors were divided."""

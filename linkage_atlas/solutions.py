@@ -74,6 +74,9 @@ class Verdict(Record):
     """All samples, and all positions between them, lie on one circuit: nothing must be taken apart."""
     within_tolerance: bool | None
     """Every sample satisfies the tolerances; null without tolerances."""
+    works: bool
+    """True if the linkage can be used: no defect of order, branch or circuit, no change point near the motion, no two samples at
+    the same position of the drive, and a path that does not leave the samples between them. Other linkages are ranked last."""
     practical: bool
     """No practical limit is violated; a limit of the request replaces the practical limit."""
     practical_without_collisions: bool | None
@@ -84,8 +87,8 @@ class Verdict(Record):
     """If requested: layers in which nothing collides; null if the drive does not carry the linkage through the samples."""
 
     @property
-    def works(self) -> bool:
-        """True if the drive moves the linkage through the samples."""
+    def is_driven(self) -> bool:
+        """True if the drive moves the linkage through the samples: no defect of order, branch or circuit."""
         return self.order and self.branch and self.circuit
 
 
@@ -148,7 +151,7 @@ class Solution(Record):
     rank: int
     """From 1, by the preference; see ``prefer`` of `synthesize`."""
     has_smallest_error: bool = False
-    """True if it has the smallest error of the solutions that can be used."""
+    """True if it has the smallest error of the linkages that were found and can be used, up to 2 %."""
     source: Literal["atlas", "refined"]
     """A row of the atlas as it is, or a result of a search."""
     type: AtlasType | None
@@ -393,6 +396,7 @@ def verdict_of(passage: defects.Verdict, within: bool | None, reasons: Sequence[
         branch=passage.branch,
         circuit=passage.circuit,
         within_tolerance=within,
+        works=passage.order and passage.branch and passage.circuit,
         practical=practical,
         practical_without_collisions=None,
         reasons=tuple(reasons),
@@ -463,7 +467,7 @@ def _with_assembly(
     """Add the assembly to the verdict; the parts of a linkage that fails at the samples are not arranged."""
     verdict, (candidate, own, limits, _) = solution.verdict, solution.origin
     found: Assembly | None = None
-    if not verdict.works:
+    if not verdict.is_driven:
         why = ["layers were not searched for: the drive does not carry the linkage through the samples"]
     else:
         try:

@@ -80,7 +80,13 @@ class Limits:
     """Limits of a request; angles in radians, lengths in the user's unit (without positions: the ground is 1)."""
 
     family: Annotated[
-        str, Form("family", "shape", "`any`: closes over the used interval without changing its branch.")
+        str,
+        Form(
+            "family",
+            "shape",
+            "`any`: closes over the used interval without changing its branch. Default: `full_crank` if crank angles are given, "
+            "if the path is closed or if a transmission angle over the whole turn is given; otherwise, and for functions, `any`.",
+        ),
     ] = "full_crank"
     transmission_angle_min: Annotated[
         float, Form("angle", "shape", "Smallest transmission angle over the used interval.")

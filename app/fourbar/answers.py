@@ -105,8 +105,6 @@ def budget_of(budget_ms: float | None, resources: Resources) -> float | None:
 def answer_synthesize(request: SynthesizeRequest, resources: Resources) -> la.Result:
     """Find linkages for a motion, best first."""
     arguments = request.arguments(exclude=("angle_unit", "budget_ms"))
-    if "family" not in request.limits.model_fields_set:  # only a default family is mentioned in the notes
-        del arguments["limits"]["family"]
     return la.synthesize(
         **arguments,
         degrees=request.degrees,

@@ -276,7 +276,11 @@ class SpringRequest(RequestModel):
         None, description="Number of equal springs side by side; stiffness and forces are those of each."
     )
     stiffness: Above | None = Field(None, description="Stiffness of ideal springs.")
-    ground_box: Box | None = Field(None, description="Box for the end on the ground.")
+    ground_box: Box | None = Field(
+        None,
+        description="For catalogue springs: box for the end on the ground. It does not apply to a spring between two moving "
+        "links; set `between` to exclude these.",
+    )
     reach_max: Above | None = Field(
         None, description="Largest distance of an end from the origin of the frame of its link."
     )

@@ -140,7 +140,7 @@ class LinksRequest(RequestModel):
 
 
 _FORMS: dict[str, Any] = {
-    "family": Literal["full_crank", "crank_rocker", "double_crank", "any"],
+    "family": Literal["full_crank", "crank_rocker", "double_crank", "any"] | None,
     "angle": Number | None,
     "length": Length | None,
     "ratio": PositiveNumber | None,
@@ -152,11 +152,10 @@ _FORMS: dict[str, Any] = {
 """Type of the field for each kind of limit, see `synthesis.limits.Form`."""
 
 
-def limits_request(name: str, doc: str, forms: Mapping[str, Any], family: str, preset: str) -> Any:
+def limits_request(name: str, doc: str, forms: Mapping[str, Any], preset: str) -> Any:
     """Return the model of a set of limits, with a field for each limit and the field ``preset``."""
     fields: dict[str, Any] = {
-        limit: (_FORMS[form.kind], Field(family if limit == "family" else None, description=form.says))
-        for limit, form in forms.items()
+        limit: (_FORMS[form.kind], Field(None, description=form.says)) for limit, form in forms.items()
     }
     fields["preset"] = (Literal["practical", "none"] | None, Field(None, description=preset))
     return create_model(name, __base__=RequestModel, __module__=__name__, __doc__=doc, **fields)

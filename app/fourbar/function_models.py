@@ -48,7 +48,6 @@ _FunctionLimits: Any = limits_request(
     "_FunctionLimits",
     "Limits that every linkage satisfies.",
     FUNCTION_LIMITS,
-    "any",
     "`practical`: transmission angle at least 35 degrees over the interval and 15 degrees over the full turn, longest link "
     "at most 10 times the shortest. A limit in the request replaces the limit of the preset.",
 )

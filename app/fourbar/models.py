@@ -82,7 +82,6 @@ LimitsRequest = limits_request(
     "LimitsRequest",
     "Limits that every solution satisfies.",
     LIMITS,
-    "full_crank",
     "`practical`: transmission angle at least 35 degrees over the used interval and 15 degrees over the full turn, longest "
     "link at most 10 times the shortest, no link and no distance of a pivot from the centre of the motion above 10 times "
     "the extent of the motion. A limit in the request replaces the limit of the preset.",

@@ -245,7 +245,7 @@ export class Driving {
       box = together(sides, "Where may it be mounted? Give all four sides of the box, or none of them.");
     const ground_box = box,
       question = { ...this.#about, load: loadOf(), drives: [] };
-    if (kind === "ideal") return { ...question, springs: [filledIn({ kind: "tension", ground_box })] };
+    if (kind === "ideal") return { ...question, springs: [{ kind: "tension" }] };
     const kinds = Object.keys(SPRINGS).filter((name) => kind === name || kind === "springs"),
       spring = (name) => ({
         kind: name,

@@ -342,6 +342,12 @@ class Reader:
                     f"/{at}/{name}",
                     "needs springs of a `catalogue`: with ideal springs the linkage stays at every position",
                 )
+        for name in ("ground_box", "reach_max", "pivot_distance_min"):
+            if name in values and not is_real:
+                raise FieldError(
+                    f"/{at}/{name}",
+                    "applies only to springs of a `catalogue`: the balance fixes the ends of ideal springs",
+                )
         if "holds" in values:
             values["holds"] = self._holding(f"{at}/holds", values["holds"])
         if "target" in values:

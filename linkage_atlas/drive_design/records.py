@@ -383,7 +383,9 @@ class _SpringEffect(Record):
         """Describe the spring in a line."""
         before, after = self.torque.before.rms, self.torque.after.rms
         left = f"{100 * after / before:.3g} % of the torque left" if before > 0 else "nothing to carry"
-        return f"{self.kind} spring {'-'.join(self.between)}, {self._size}: {left}"
+        kind = f"{self.kind} spring"
+        row = f" ({self.name})" if self.name and kind not in self.name else ""
+        return f"{self.name if self.name and not row else kind}{row} {'-'.join(self.between)}, {self._size}: {left}"
 
     @property
     def _size(self) -> str:
@@ -539,15 +541,16 @@ class Drives(Record, Ranked[Drive]):
         Raises
         ------
         ValueError
-            If no drive was found, or if no load was given.
+            If no drive was found, with the reason, or if no load was given.
         """
-        curve = self.drives[0].curve if self.drives else None
+        if not self.drives:
+            reason = self.refused[0].sentence if self.refused else "the request names no drive (`drives`)"
+            raise ValueError(f"There is no drive to draw: {reason}.")
+        kind, curve = self.drives[0].kind, self.drives[0].curve
         values = {name: getattr(curve, name, None) for name in ("force", "torque")}
-        curves = {
-            f"{name} of the {self.drives[0].kind}": known for name, known in values.items() if known is not None
-        }
-        if curve is None or not curves:
-            raise ValueError("There is no force to draw: no drive was found, or no load was given.")
+        curves = {f"{name} of the {kind}": known for name, known in values.items() if known is not None}
+        if not curves:
+            raise ValueError(f"The {kind} has no force or torque to draw: give a `load`.")
         return plot_curves(curve.crank_angle, curves, ax, "travel from the first sample", "force or torque")
 
     def __repr__(self) -> str:

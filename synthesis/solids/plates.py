@@ -33,6 +33,8 @@ class _Drawn(NamedTuple):
     """Height of the letters."""
     mark: complex | None = None
     """Body point on the coupler."""
+    thickness: float | None = None
+    """Thickness of the sheet, if it is known."""
 
 
 def to_plates(linkage: Linkage, unit_mm: float = 1.0, hole: float | None = None, width: float | None = None) -> str:
@@ -79,6 +81,7 @@ def to_plates(linkage: Linkage, unit_mm: float = 1.0, hole: float | None = None,
 def parts_to_plates(solids: Solids, kerf: float = 0.0) -> str:
     """Write plates, boards and washers of an assembly, with the holes of their fit, each on its own layer.
 
+    The name of a part on the layer MARK is followed by the thickness of its sheet.
     ``kerf`` is the width of the cut in millimetres. Contours are offset by half of it, so that the parts have their size after
     the cut.
     """
@@ -94,7 +97,9 @@ def parts_to_plates(solids: Solids, kerf: float = 0.0) -> str:
             # limit the letters of a large body, whose corners are far from its hole
             rim = min(float(np.abs(part.prism.corners - hole.centre).min()) - hole.radius, 3 * hole.radius)
             word = hole.centre + complex(1.1 * hole.radius, -0.3 * rim)
-            drawn.append(_Drawn(part.name.upper(), part.prism.grown(kerf / 2), word, 0.6 * rim))
+            drawn.append(
+                _Drawn(part.name.upper(), part.prism.grown(kerf / 2), word, 0.6 * rim, thickness=part.prism.height)
+            )
     return dxf_text(_document(drawn))
 
 
@@ -129,6 +134,7 @@ def _document(plates: Sequence[_Drawn]) -> object:
             space.add_lwpolyline(contour, format="xyb", close=True, dxfattribs={"layer": plate.name})
         if plate.mark is not None:
             space.add_point(at(plate.mark), dxfattribs={"layer": "MARK"})
-        text = space.add_text(plate.name.lower(), height=plate.height, dxfattribs={"layer": "MARK"})
+        sheet = "" if plate.thickness is None else f" {plate.thickness:.4g} mm"
+        text = space.add_text(plate.name.lower() + sheet, height=plate.height, dxfattribs={"layer": "MARK"})
         text.set_placement(at(plate.word))
     return document

@@ -24,6 +24,7 @@ DRIVEN = {
         {"kind": "rotary"},
         {"kind": "actuator", "links": ["rocker", "coupler"], "retracted": 200, "stroke": 20},
     ],
+    "springs": [{"kind": "tension"}],
 }
 SLIDER = {"position": DRIVEN["position"], "rotation": DRIVEN["rotation"], "mechanisms": ["slider_crank"], "top": 1}
 ROTATION = {"rotation": [0, 12, 27, 45], "crank_span": 60, "top": 1}
@@ -41,6 +42,9 @@ def test_a_report_shows_the_solution_and_needs_nothing_else(request_body, rank, 
         assert f"{length:.6g}" in page
     assert f"{solution['transmission_angle_min']:.4g}" in page
     assert ("Drives" in page) == bool(solution.get("drives"))
+    for spring in solution.get("springs") or ():
+        for link, point in zip(spring["between"], spring["points"]):
+            assert f"end on the {link} ({point[0]:.6g}, {point[1]:.6g})" in page
     assert not re.search(r'(?:src|href)="(?!data:)|url\(|<script', page)
 
 

@@ -65,3 +65,17 @@ def test_a_drive_is_drawn_over_its_travel(ax) -> None:
     )
     found.plot(ax)
     assert np.allclose(ax.lines[0].get_xydata()[:, 1], found.best("rotary").curve.torque)
+
+
+@pytest.mark.parametrize(
+    "arguments, reason",
+    [
+        ({"drives": []}, "names no drive"),
+        ({"drives": [{"kind": "rotary"}]}, "give a `load`"),
+        ({"drives": [{"kind": "actuator", "retracted": 200, "stroke": 150, "reach_max": 10}]}, "no actuator on the"),
+    ],
+)
+def test_a_drawing_without_a_curve_says_why(ax, arguments, reason) -> None:
+    found = la.drives(la.FourBar(19, 72, 144, 165, start_angle=30), crank_angle=[0, 35, 70], **arguments)
+    with pytest.raises(ValueError, match=reason):
+        found.plot(ax)

@@ -41,6 +41,9 @@ def test_results_are_sequences_with_a_table() -> None:
     assert table["errors.position_max"].tolist() == [solution.errors.position_max for solution in result]
     assert table["links.crank"].tolist() == [solution.linkage.crank for solution in result]
     assert table["mount.pivot_a.0"][0] == result.linkage.pivot_a[0]
+    crank = [table[f"crank_angle.{k}"] for k in range(len(motion))]
+    assert np.transpose(crank).tolist() == [solution.crank_angle.tolist() for solution in result]
+    assert not any("curve" in name for name in drives.to_dataframe())
     assert drives.to_dataframe()["kind"].tolist() == ["rotary"]
 
 
@@ -52,7 +55,8 @@ def test_the_objective_is_that_of_the_solution(degrees, arguments) -> None:
     arguments = {name: value * unit if name == "crank_span" else value for name, value in arguments.items()}
     motion = la.Motion(np.array(ROTATION) * unit, POSITION, weights=weights, degrees=degrees, **arguments)
     best = la.synthesize(motion, la.Limits(preset="none"), top=1).best
-    assert la.objective(best.linkage, motion) == pytest.approx(best.errors.objective, rel=1e-6, abs=1e-9)
+    assert la.objective(best.linkage, motion) == la.objective(best, motion)
+    assert la.objective(best, motion) == pytest.approx(best.errors.objective, rel=1e-6, abs=1e-9)
     errors = la.residuals(best.linkage, motion, None if best.crank_angle is None else best.crank_angle)
     assert errors.shape == (15,) and errors[1] == 0
 
