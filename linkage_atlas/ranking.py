@@ -28,7 +28,7 @@ from synthesis.ranking import (
     pareto_front,
     spread,
 )
-from synthesis.scores import scores_of, usable_solutions
+from synthesis.scores import scores_of
 from synthesis.solution import Solution, target_of
 
 _NO_ANSWER = 0.1
@@ -54,7 +54,8 @@ class _Facts(NamedTuple):
     """Properties of a linkage that take time to compute."""
 
     found: Solution
-    usable: bool
+    score: Score
+    """Measures that do not depend on other linkages."""
     within: bool
     """True if every error is within the tolerances of the request, or else within the everyday accuracy."""
 
@@ -88,15 +89,10 @@ class Ranking:
     def scores(self, found: Sequence[Solution]) -> list[Score]:
         """Return the score of each linkage; whether it is accurate depends on the others."""
         facts = self._examined(found)
-        usable = np.array([fact.usable for fact in facts], dtype=bool)
+        usable = np.array([fact.score.usable for fact in facts], dtype=bool)
         within = np.array([fact.within for fact in facts], dtype=bool)
-        scores = scores_of(
-            found,
-            self.motion.samples,
-            self.tolerance,
-            usable,
-            self._accurate(found, usable, within),
-        )
+        accurate = self._accurate(found, usable, within)
+        scores = [replace(fact.score, accurate=bool(flag)) for fact, flag in zip(facts, accurate)]
         if self.fair is not None:
             best = min(((float(f"{score.error:.6g}"), score.proportion) for score in scores), default=(0.0, 0.0))
             out = best[1] > PROPORTION
@@ -108,7 +104,7 @@ class Ranking:
 
     def usable(self, found: Sequence[Solution]) -> list[bool]:
         """Return which linkages can be used."""
-        return [fact.usable for fact in self._examined(found)]
+        return [fact.score.usable for fact in self._examined(found)]
 
     def accurate(self, found: Sequence[Solution]) -> list[Solution]:
         """Return the linkages that the preference may choose: the usable linkages if there are any."""
@@ -121,8 +117,9 @@ class Ranking:
         fresh = [solution for solution in found if id(solution) not in self._facts]
         within = [self._within(solution) for solution in fresh]
         tolerated = within if self.motion.tolerances is not None else None
-        for solution, usable, inside in zip(fresh, usable_solutions(fresh, self.motion.samples, tolerated), within):
-            self._facts[id(solution)] = _Facts(solution, bool(usable), inside)
+        scores = scores_of(fresh, self.motion.samples, self.tolerance, tolerated)
+        for solution, score, inside in zip(fresh, scores, within):
+            self._facts[id(solution)] = _Facts(solution, score, inside)
         return [self._facts[id(solution)] for solution in found]
 
     def _within(self, solution: Solution) -> bool:

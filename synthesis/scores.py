@@ -34,10 +34,9 @@ def scores_of(
     found: Sequence[Solution],
     samples: Poses | Target,
     tolerance: float,
-    usable: Sequence[bool] | Flags | None = None,
-    accurate: Sequence[bool] | Flags | None = None,
+    within_tolerances: Sequence[bool] | None = None,
 ) -> list[Score]:
-    """Measure solutions.
+    """Measure solutions, all of which count as accurate.
 
     Parameters
     ----------
@@ -45,24 +44,20 @@ def scores_of(
     samples : Poses or Target
     tolerance : float
         Objective below which a linkage is exact.
-    usable : sequence of bool, optional
-        See `usable_solutions`, by which it is computed by default.
-    accurate : sequence of bool, optional
-        Whether the error of each is small enough for the preference to count; default: all.
+    within_tolerances : sequence of bool, optional
+        See `usable_solutions`.
     """
-    usable = usable_solutions(found, samples) if usable is None else usable
     exact = exact_below(samples, tolerance)
     return [
         Score(
-            usable=bool(usable[k]),
-            accurate=accurate is None or bool(accurate[k]),
+            usable=bool(usable),
             error=0.0 if solution.errors.objective < exact else solution.errors.objective,
             transmission=solution.transmission_angle_min,
             size=relative_size(solution, samples),
             swing=swing_of(solution),
             ratio=link_ratio(solution.linkage),
         )
-        for k, solution in enumerate(found)
+        for solution, usable in zip(found, usable_solutions(found, samples, within_tolerances))
     ]
 
 
