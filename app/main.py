@@ -95,7 +95,7 @@ def described(app: FastAPI) -> dict[str, Any]:
         document = app.openapi()
     schemas = document["components"]["schemas"]
     for model in derived_from(RequestModel):
-        if model.described_by:
+        if model.__name__ in schemas:
             for field, text in model.descriptions().items():
                 schemas[model.__name__]["properties"][field]["description"] = text
     schemas["Problem"] = problems.SCHEMA

@@ -134,19 +134,18 @@ class RequestModel(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
     described_by: ClassVar[Sequence[str]] = ()
-    """Names in `linkage_atlas` whose parameters describe the fields that have no description of their own."""
+    """Names in `linkage_atlas` whose parameters describe the fields that have no sentence of their own."""
 
     @classmethod
     def descriptions(cls) -> dict[str, str]:
         """Return the descriptions of the fields by name."""
-        found = {name: info.description for name, info in cls.model_fields.items() if info.description}
+        found = field_sentences(cls)
         for name in cls.described_by:
             source = resolve_name(f"linkage_atlas.{name}")
-            sentences_of = field_sentences if is_dataclass(source) else parameter_sentences
-            for parameter, text in sentences_of(source).items():
-                if parameter in cls.model_fields:
-                    found.setdefault(parameter, _JSON_WORDS.sub(lambda word: _JSON_WORD[word[0]], text))
-        return found
+            found = (field_sentences if is_dataclass(source) else parameter_sentences)(source) | found
+        found = {name: _JSON_WORDS.sub(lambda word: _JSON_WORD[word[0]], text) for name, text in found.items()}
+        texts = {name: info.description or found.get(name) for name, info in cls.model_fields.items()}
+        return {name: text for name, text in texts.items() if text}
 
     def arguments(self, *names: str, exclude: Sequence[str] = ()) -> dict[str, Any]:
         """Return the named fields, or all fields except ``exclude``, as arguments for a function of `linkage_atlas`."""

@@ -37,44 +37,39 @@ class LinkMassRequest(RequestModel):
     """A mass on a link."""
 
     link: Literal["crank", "coupler", "rocker", "body", "slider", "block", "second_slider", "second_block"]
-    mass: Annotated[Number, Field(gt=0, le=LARGEST)] = Field(description="Mass in kg.")
-    centre: Pair | None = Field(
-        None,
-        description="Centre of mass [x, y] in the frame of the link. The origin is its first joint (crank: pivot A, coupler: "
-        "crank pin, rocker: pivot B) and the x axis points to the second; the frame of the body has its point as origin and "
-        "its rotation.",
-    )
-    inertia: Annotated[Number, Field(ge=0, le=LARGEST)] = Field(
-        0.0, description="Moment of inertia about the centre of mass, kg times length squared."
-    )
+    mass: Annotated[Number, Field(gt=0, le=LARGEST)]
+    """Mass in kg."""
+    centre: Pair | None = None
+    """Centre of mass [x, y] in the frame of the link. The origin is its first joint (crank: pivot A, coupler: crank pin,
+    rocker: pivot B) and the x axis points to the second; the frame of the body has its point as origin and its rotation."""
+    inertia: Annotated[Number, Field(ge=0, le=LARGEST)] = 0.0
+    """Moment of inertia about the centre of mass, kg times length squared."""
 
 
 class LoadRequest(RequestModel):
     """Load on the body, in directions that do not rotate with it."""
 
-    force: Pair | None = Field(None, description="Force [fx, fy] at the body point.")
-    torque: Bounded = Field(0.0, description="Torque, positive counter-clockwise: force times length.")
-    masses: Annotated[list[LinkMassRequest], Field(max_length=MOST_LINK_MASSES)] | None = Field(
-        None, description="Masses of the links; forces are then in newtons."
-    )
-    parts: Flag = Field(
-        False, description="Add the weight of the plates and pins of each linkage, with their default sizes."
-    )
-    gravity: Pair | None = Field(
-        None, description="Gravity [gx, gy] that acts on the masses, m/s^2; default: [0, -9.81]."
-    )
+    force: Pair | None = None
+    """Force [fx, fy] at the body point."""
+    torque: Bounded = 0.0
+    """Torque, positive counter-clockwise: force times length."""
+    masses: Annotated[list[LinkMassRequest], Field(max_length=MOST_LINK_MASSES)] | None = None
+    """Masses of the links; forces are then in newtons."""
+    parts: Flag = False
+    """Add the weight of the plates and pins of each linkage, with their default sizes."""
+    gravity: Pair | None = None
+    """Gravity [gx, gy] that acts on the masses, m/s^2; default: [0, -9.81]."""
 
 
 class AnalysisRequest(RequestModel):
     """Speed of the crank and load of the body for an analysis."""
 
-    crank_speed: Bounded = Field(
-        description="Constant speed of the crank, in units of angle per second; negative: clockwise."
-    )
-    load: LoadRequest | None = Field(
-        None, description="Load, to compute the torque or force of the drive and the pin forces."
-    )
-    length_unit: LengthUnit = Field("mm", description="Unit of lengths, from which inertia forces are computed.")
+    crank_speed: Bounded
+    """Constant speed of the crank, in units of angle per second; negative: clockwise."""
+    load: LoadRequest | None = None
+    """Load, to compute the torque or force of the drive and the pin forces."""
+    length_unit: LengthUnit = "mm"
+    """Unit of lengths, from which inertia forces are computed."""
 
 
 class ToleranceStudyRequest(RequestModel):
@@ -92,45 +87,40 @@ class ToleranceStudyRequest(RequestModel):
 class MassRequest(RequestModel):
     """A mass on a link."""
 
-    link: LinkName | None = Field(None, description="Link: `body` (default), `crank`, `coupler` or `rocker`.")
+    link: LinkName | None = None
+    """Link: `body` (default), `crank`, `coupler` or `rocker`."""
     mass: Annotated[Number, Field(ge=0, le=LARGEST)]
-    centre: PlacePair | None = Field(
-        None,
-        description="Centre of mass in the frame of the link; the origin of the body's frame is the body point. Default: the "
-        "midpoint of the link, or the body point.",
-    )
-    inertia: Annotated[Number, Field(ge=0, le=LARGEST)] | None = Field(
-        None, description="Moment of inertia about the centre of mass."
-    )
+    centre: PlacePair | None = None
+    """Centre of mass in the frame of the link; the origin of the body's frame is the body point. Default: the midpoint of the
+    link, or the body point."""
+    inertia: Annotated[Number, Field(ge=0, le=LARGEST)] | None = None
+    """Moment of inertia about the centre of mass."""
 
 
 class PointForceRequest(RequestModel):
     """A force at a point of a link, in a direction that does not rotate with the link."""
 
-    link: LinkName = Field(description="Link: `crank`, `coupler`, `rocker` or `body`.")
-    point: PlacePair | None = Field(
-        None, description="Point in the frame of the link. Default: the midpoint of the link."
-    )
-    force: Pair = Field(description="Force [fx, fy].")
+    link: LinkName
+    """Link: `crank`, `coupler`, `rocker` or `body`."""
+    point: PlacePair | None = None
+    """Point in the frame of the link. Default: the midpoint of the link."""
+    force: Pair
+    """Force [fx, fy]."""
 
 
 class DriveLoadRequest(LoadRequest):
     """Load on the body and on the links, in directions that do not rotate with them."""
 
-    forces: Annotated[list[PointForceRequest], Field(max_length=MAX_MASSES)] | None = Field(
-        None, description="Forces at points of links."
-    )
+    forces: Annotated[list[PointForceRequest], Field(max_length=MAX_MASSES)] | None = None
+    """Forces at points of links."""
 
-    torque: Bounded | None = Field(
-        None, description="Torque on the body, positive counter-clockwise: force times length."
-    )
+    torque: Bounded | None = None
+    """Torque on the body, positive counter-clockwise: force times length."""
     masses: Annotated[list[MassRequest], Field(max_length=MAX_MASSES)] | None = None
-    parts: Flag = Field(
-        False, description="For /v2/drives: add the weight of the plates and pins of the linkage, with default sizes."
-    )
-    speed: Bounded | None = Field(
-        None, description="Constant speed of the crank, to include the inertia forces of the masses."
-    )
+    parts: Flag = False
+    """For /v2/drives: add the weight of the plates and pins of the linkage, with default sizes."""
+    speed: Bounded | None = None
+    """Constant speed of the crank, to include the inertia forces of the masses."""
 
 
 class CatalogueRow(RequestModel):
@@ -139,18 +129,14 @@ class CatalogueRow(RequestModel):
     name: Annotated[str, Field(max_length=200)] | None = None
     retracted: Above | None = None
     stroke: Above | None = None
-    force: Above | None = Field(
-        None, description="Largest pushing force of an actuator, or force of an extended gas spring."
-    )
-    pull: Above | None = Field(
-        None, description="Largest pulling force of an actuator; default: its largest pushing force."
-    )
-    bore: Above | None = Field(
-        None, description="Bore of a cylinder; its force follows from the pressure if `force` is missing."
-    )
-    rod: Above | None = Field(
-        None, description="Diameter of the rod, for the pulling force of a cylinder and for buckling."
-    )
+    force: Above | None = None
+    """Largest pushing force of an actuator, or force of an extended gas spring."""
+    pull: Above | None = None
+    """Largest pulling force of an actuator; default: its largest pushing force."""
+    bore: Above | None = None
+    """Bore of a cylinder; its force follows from the pressure if `force` is missing."""
+    rod: Above | None = None
+    """Diameter of the rod, for the pulling force of a cylinder and for buckling."""
     price: Annotated[Number, Field(ge=0, le=MAX_LENGTH)] | None = None
     stiffness: Above | None = None
     free_length: Above | None = None
@@ -158,12 +144,14 @@ class CatalogueRow(RequestModel):
     shortest: Above | None = None
     longest: Above | None = None
     extended: Above | None = None
-    progression: Above | None = Field(
-        None, description="Ratio of the compressed force of a gas spring to its extended force."
-    )
-    load_max: Above | None = Field(None, description="Largest load of a compression spring.")
-    rate: Above | None = Field(None, description="Rate of a torsion spring: torque per unit of angle.")
-    angle_max: Above | None = Field(None, description="Largest twist of a torsion spring.")
+    progression: Above | None = None
+    """Ratio of the compressed force of a gas spring to its extended force."""
+    load_max: Above | None = None
+    """Largest load of a compression spring."""
+    rate: Above | None = None
+    """Rate of a torsion spring: torque per unit of angle."""
+    angle_max: Above | None = None
+    """Largest twist of a torsion spring."""
 
 
 Catalogue = Words | Annotated[list[CatalogueRow], Field(min_length=1, max_length=MOST_ROWS)]
@@ -173,128 +161,111 @@ class DriveRequest(RequestModel):
     """A kind of drive and its limits; docs/drives.md lists the fields of each kind."""
 
     kind: Literal["rotary", "actuator", "cylinder", "dyad", "toggle"]
-    links: LinkNames | None = Field(
-        None, description="Links that may be driven; default: all links on which this kind is possible."
-    )
-    base_link: LinkName | None = Field(
-        None, description="Link that carries the other end of an actuator; default: `ground`."
-    )
-    retracted: Above | None = Field(None, description="Retracted length; null: optimized.")
-    stroke: Above | None = Field(None, description="Stroke; null: optimized.")
-    dead_length: Size | None = Field(
-        None,
-        description="Smallest retracted length minus stroke, if either is optimized; the dead length is not made larger if "
-        "this costs at most 5 % of force.",
-    )
+    links: LinkNames | None = None
+    """Links that may be driven; default: all links on which this kind is possible."""
+    base_link: LinkName | None = None
+    """Link that carries the other end of an actuator; default: `ground`."""
+    retracted: Above | None = None
+    """Retracted length; null: optimized."""
+    stroke: Above | None = None
+    """Stroke; null: optimized."""
+    dead_length: Size | None = None
+    """Smallest retracted length minus stroke, if either is optimized; the dead length is not made larger if this costs at
+    most 5 % of force."""
     catalogue: Catalogue | None = Field(
         None,
         description=f"Name of a bundled catalogue ({', '.join(ACTUATORS)}), a list of rows, or a CSV text with the names of "
         "the fields as headings.",
     )
-    pressure: Above | None = Field(None, description="Pressure in bar, for rows with a bore; default: 6.")
-    rod: Above | None = Field(None, description="Diameter of the rod, for buckling.")
-    extends: Flag | None = Field(
-        None, description="True: the actuator extends from the first position to the last. False: it retracts."
-    )
-    ground_box: Box | None = Field(None, description="Box for the ground point.")
-    reach_max: Above | None = Field(
-        None, description="Largest distance of the pin from the origin of its link's frame."
-    )
-    pin_box: Box | None = Field(None, description="Box for the pin of an actuator, in the frame of its link.")
-    ground_point: PlacePair | None = Field(
-        None,
-        description="Prescribed ground point of an actuator. With `pin` or `pin_on_link`, the actuator is evaluated without a "
-        "search.",
-    )
-    motor: PlacePair | None = Field(
-        None,
-        description="Prescribed motor of a dyad. With `pin` or `pin_on_link`, the dyad is evaluated without a search.",
-    )
-    pin: PlacePair | None = Field(None, description="Prescribed pin, in the ground frame at the first position.")
-    pin_on_link: PlacePair | None = Field(None, description="Prescribed pin, in the frame of its link.")
-    count: Annotated[Count, Field(ge=1, le=MAX_COUNT)] | None = Field(
-        None, description="Number of equal actuators side by side; forces are those of each."
-    )
-    arm_min: Size | None = Field(None, description="Smallest moment arm, per radian of the crank.")
-    time_ratio: Above | None = Field(
-        None, description="Ratio of the durations of the slower and the faster stroke of a motor; null: optimized."
-    )
-    motor_box: Box | None = Field(None, description="Box for the motor.")
-    pin_radius: Above | None = Field(None, description="Distance of the rod's pin from the pivot of the link.")
-    transmission_angle_min: Annotated[Number, Field(ge=0, le=90)] | None = Field(
-        None, description="Smallest transmission angle of a motor with a rod."
-    )
-    locked_at: Literal["first", "last"] | None = Field(
-        None, description="Position that an over-centre latch locks; default: `last`."
-    )
-    over_centre: Annotated[Number, Field(ge=0, le=90)] | None = Field(
-        None, description="Angle by which a latch passes its dead centre; default: 5 degrees."
-    )
-    knee: Annotated[Number, Field(ge=0.1, le=0.9)] | None = Field(
-        None, description="Length of the handle of a latch as a fraction of handle plus strut; default: 0.5."
-    )
+    pressure: Above | None = None
+    """Pressure in bar, for rows with a bore; default: 6."""
+    rod: Above | None = None
+    """Diameter of the rod, for buckling."""
+    extends: Flag | None = None
+    """True: the actuator extends from the first position to the last. False: it retracts."""
+    ground_box: Box | None = None
+    """Box for the ground point."""
+    reach_max: Above | None = None
+    """Largest distance of the pin from the origin of its link's frame."""
+    pin_box: Box | None = None
+    """Box for the pin of an actuator, in the frame of its link."""
+    ground_point: PlacePair | None = None
+    """Prescribed ground point of an actuator. With `pin` or `pin_on_link`, the actuator is evaluated without a search."""
+    motor: PlacePair | None = None
+    """Prescribed motor of a dyad. With `pin` or `pin_on_link`, the dyad is evaluated without a search."""
+    pin: PlacePair | None = None
+    """Prescribed pin, in the ground frame at the first position."""
+    pin_on_link: PlacePair | None = None
+    """Prescribed pin, in the frame of its link."""
+    count: Annotated[Count, Field(ge=1, le=MAX_COUNT)] | None = None
+    """Number of equal actuators side by side; forces are those of each."""
+    arm_min: Size | None = None
+    """Smallest moment arm, per radian of the crank."""
+    time_ratio: Above | None = None
+    """Ratio of the durations of the slower and the faster stroke of a motor; null: optimized."""
+    motor_box: Box | None = None
+    """Box for the motor."""
+    pin_radius: Above | None = None
+    """Distance of the rod's pin from the pivot of the link."""
+    transmission_angle_min: Annotated[Number, Field(ge=0, le=90)] | None = None
+    """Smallest transmission angle of a motor with a rod."""
+    locked_at: Literal["first", "last"] | None = None
+    """Position that an over-centre latch locks; default: `last`."""
+    over_centre: Annotated[Number, Field(ge=0, le=90)] | None = None
+    """Angle by which a latch passes its dead centre; default: 5 degrees."""
+    knee: Annotated[Number, Field(ge=0.1, le=0.9)] | None = None
+    """Length of the handle of a latch as a fraction of handle plus strut; default: 0.5."""
 
 
 class HoldsRequest(RequestModel):
     """End positions at which springs hold a linkage against its stop."""
 
-    open: Flag = Field(False, description="Hold the linkage at the last position.")
-    closed: Flag = Field(False, description="Hold the linkage at the first position.")
-    force_min: Above | None = Field(
-        None,
-        description="Smallest hand force that moves the linkage away from such an end, at `hand_point` or at the body point.",
-    )
+    open: Flag = False
+    """Hold the linkage at the last position."""
+    closed: Flag = False
+    """Hold the linkage at the first position."""
+    force_min: Above | None = None
+    """Smallest hand force that moves the linkage away from such an end, at `hand_point` or at the body point."""
 
 
 class TargetCurveRequest(RequestModel):
     """A curve that springs approximate: evenly spaced values from the first position to the last."""
 
-    torque: Annotated[list[Number], Field(min_length=2, max_length=MAX_TARGET_VALUES)] | None = Field(
-        None, description="Torque of the drive."
-    )
-    hand_force: Annotated[list[Number], Field(min_length=2, max_length=MAX_TARGET_VALUES)] | None = Field(
-        None,
-        description="Hand force along the path of `hand_point` or of the body point; positive towards the last position.",
-    )
+    torque: Annotated[list[Number], Field(min_length=2, max_length=MAX_TARGET_VALUES)] | None = None
+    """Torque of the drive."""
+    hand_force: Annotated[list[Number], Field(min_length=2, max_length=MAX_TARGET_VALUES)] | None = None
+    """Hand force along the path of `hand_point` or of the body point; positive towards the last position."""
 
 
 class SpringRequest(RequestModel):
     """Springs that balance the load."""
 
     kind: Literal["tension", "gas", "compression", "torsion"]
-    between: Annotated[list[LinkName], Field(min_length=2, max_length=2)] | None = Field(
-        None,
-        description="The two links that the spring connects; a link may be `ground`. Default: the best pair. Two springs, on "
-        "the links with fixed pivots, are used if they are ideal or if a single spring leaves more than a tenth of the torque.",
-    )
+    between: Annotated[list[LinkName], Field(min_length=2, max_length=2)] | None = None
+    """The two links that the spring connects; a link may be `ground`. Default: the best pair. Two springs, on the links with
+    fixed pivots, are used if they are ideal or if a single spring leaves more than a tenth of the torque."""
     catalogue: Words | Annotated[list[CatalogueRow], Field(min_length=1, max_length=MOST_SPRING_ROWS)] | None = Field(
         None,
         description=f"Name of a bundled catalogue ({', '.join(f'`{name}`' for name in SPRINGS.values())}), a list of rows or "
         "a CSV text; null: ideal springs for tension, otherwise the bundled catalogue.",
     )
-    count: Annotated[Count, Field(ge=1, le=MAX_COUNT)] | None = Field(
-        None, description="Number of equal springs side by side; stiffness and forces are those of each."
-    )
-    stiffness: Above | None = Field(None, description="Stiffness of ideal springs.")
-    ground_box: Box | None = Field(
-        None,
-        description="For catalogue springs: box for the end on the ground. It does not apply to a spring between two moving "
-        "links; set `between` to exclude these.",
-    )
-    reach_max: Above | None = Field(
-        None, description="Largest distance of an end from the origin of the frame of its link."
-    )
-    pivot_distance_min: Above | None = Field(None, description="Smallest distance of the ends from pivots.")
-    holds: HoldsRequest | None = Field(
-        None, description="For catalogue springs: end positions at which the linkage stays without a hand or a drive."
-    )
-    hand_force_max: Above | None = Field(
-        None,
-        description="For catalogue springs: largest hand force over the motion, at `hand_point` or at the body point.",
-    )
-    target: TargetCurveRequest | None = Field(
-        None, description="For catalogue springs: curve that the springs approximate."
-    )
+    count: Annotated[Count, Field(ge=1, le=MAX_COUNT)] | None = None
+    """Number of equal springs side by side; stiffness and forces are those of each."""
+    stiffness: Above | None = None
+    """Stiffness of ideal springs."""
+    ground_box: Box | None = None
+    """For catalogue springs: box for the end on the ground. It does not apply to a spring between two moving links; set
+    `between` to exclude these."""
+    reach_max: Above | None = None
+    """Largest distance of an end from the origin of the frame of its link."""
+    pivot_distance_min: Above | None = None
+    """Smallest distance of the ends from pivots."""
+    holds: HoldsRequest | None = None
+    """For catalogue springs: end positions at which the linkage stays without a hand or a drive."""
+    hand_force_max: Above | None = None
+    """For catalogue springs: largest hand force over the motion, at `hand_point` or at the body point."""
+    target: TargetCurveRequest | None = None
+    """For catalogue springs: curve that the springs approximate."""
 
 
 Drives = Annotated[list[DriveRequest], Field(max_length=MAX_DRIVES)]
@@ -307,6 +278,9 @@ class RockerRequest(RequestModel):
     """A link on a hinge, instead of a linkage: a flap, a wiper, a boom."""
 
     pivot: PlacePair = Field(default_factory=lambda: [0.0, 0.0])
-    start: Angle = Field(0.0, description="Direction of the link at the first position.")
-    swing: Angle = Field(description="Angle from the first to the last position; negative: clockwise.")
-    length: Above = Field(description="Distance from the pivot to the body point.")
+    start: Angle = 0.0
+    """Direction of the link at the first position."""
+    swing: Angle
+    """Angle from the first to the last position; negative: clockwise."""
+    length: Above
+    """Distance from the pivot to the body point."""

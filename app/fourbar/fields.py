@@ -134,9 +134,8 @@ class LinksRequest(RequestModel):
     crank: Length | None = None
     coupler: Length | None = None
     rocker: Length | None = None
-    ground: Length | None = Field(
-        None, description="Length of the ground; required for a function generator if another length is prescribed."
-    )
+    ground: Length | None = None
+    """Length of the ground; required for a function generator if another length is prescribed."""
 
 
 _FORMS: dict[str, Any] = {

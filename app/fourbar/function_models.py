@@ -28,20 +28,18 @@ NumberPair = Annotated[list[Number], Field(min_length=2, max_length=2)]
 class FunctionOfX(RequestModel):
     """A function y = f(x), with linear scales for x and y."""
 
-    name: Literal["log10", "ln", "exp", "power", "sin", "cos", "tan", "reciprocal"] | None = Field(
-        None, description="Name of the function; the argument of sin, cos and tan is in `angle_unit`."
-    )
-    table: Annotated[list[NumberPair], Field(min_length=MIN_PAIRS, max_length=MAX_SAMPLES)] | None = Field(
-        None, description="Pairs [x, y], instead of a name."
-    )
-    x: NumberPair | None = Field(None, description="First and last x.")
-    exponent: Number | None = Field(None, description="Exponent of the function `power`.")
-    output_span: Number = Field(
-        description="Rotation of the rocker from the smallest to the largest y; negative: clockwise from first to last sample."
-    )
-    samples: Annotated[Count, Field(ge=MIN_SAMPLES, le=MAX_SAMPLES)] | None = Field(
-        None, description="Number of samples of a named function; default: 101."
-    )
+    name: Literal["log10", "ln", "exp", "power", "sin", "cos", "tan", "reciprocal"] | None = None
+    """Name of the function; the argument of sin, cos and tan is in `angle_unit`."""
+    table: Annotated[list[NumberPair], Field(min_length=MIN_PAIRS, max_length=MAX_SAMPLES)] | None = None
+    """Pairs [x, y], instead of a name."""
+    x: NumberPair | None = None
+    """First and last x."""
+    exponent: Number | None = None
+    """Exponent of the function `power`."""
+    output_span: Number
+    """Rotation of the rocker from the smallest to the largest y; negative: clockwise from first to last sample."""
+    samples: Annotated[Count, Field(ge=MIN_SAMPLES, le=MAX_SAMPLES)] | None = None
+    """Number of samples of a named function; default: 101."""
 
 
 _FunctionLimits: Any = limits_request(
@@ -56,10 +54,8 @@ _FunctionLimits: Any = limits_request(
 class FunctionLimitsRequest(_FunctionLimits):
     """Limits that every linkage satisfies."""
 
-    offset: Number | None = Field(
-        None,
-        description="Prescribed distance of the rail of a slider-crank from the pivot of the crank; 0: in-line slider-crank.",
-    )
+    offset: Number | None = None
+    """Prescribed distance of the rail of a slider-crank from the pivot of the crank; 0: in-line slider-crank."""
 
 
 FunctionUnit = Literal["deg", "rad", "length"]
@@ -72,21 +68,23 @@ MakerKind = Literal["four_bar", "slider_crank", "swinging_block", "rail_slot", "
 class QuickReturnRequest(RequestModel):
     """A slow forward and a fast return motion, driven by a crank that makes full turns at constant speed."""
 
-    stroke: PositiveNumber | None = Field(None, description="Stroke of the slider of a slider-crank.")
-    swing: PositiveNumber | None = Field(None, description="Swing of the rocker of a crank-rocker.")
-    time_ratio: PositiveNumber = Field(
-        description="Ratio of the durations of the slow and the fast motion, at least 1."
-    )
+    stroke: PositiveNumber | None = None
+    """Stroke of the slider of a slider-crank."""
+    swing: PositiveNumber | None = None
+    """Swing of the rocker of a crank-rocker."""
+    time_ratio: PositiveNumber
+    """Ratio of the durations of the slow and the fast motion, at least 1."""
 
 
 class SteeringRequest(RequestModel):
     """Ackermann condition for the front wheels of a car: the axes of all wheels intersect at a point."""
 
-    track: PositiveNumber = Field(
-        description="Distance between the two kingpins, which is the ground of the linkage."
-    )
-    wheelbase: PositiveNumber = Field(description="Distance between the axles.")
-    angle: PositiveNumber = Field(description="Largest steering angle of the inner wheel.")
+    track: PositiveNumber
+    """Distance between the two kingpins, which is the ground of the linkage."""
+    wheelbase: PositiveNumber
+    """Distance between the axles."""
+    angle: PositiveNumber
+    """Largest steering angle of the inner wheel."""
 
 
 class FunctionRequest(RequestModel):
@@ -115,21 +113,23 @@ class FunctionRequest(RequestModel):
     limits: FunctionLimitsRequest = FunctionLimitsRequest()
     top: Annotated[Count, Field(ge=1, le=100)] = 10
     tolerance: Tolerance = 1e-10
-    budget_ms: PositiveNumber | None = Field(
-        None, description="Time limit of the search, which returns the best linkages found so far."
-    )
+    budget_ms: PositiveNumber | None = None
+    """Time limit of the search, which returns the best linkages found so far."""
     round_to: Length | None = None
     start_from: Annotated[list[GivenGenerator], Field(min_length=1, max_length=MAX_STARTS)] | None = None
     refine_only: Flag = False
     sensitivity: Flag = False
     curves: Flag = False
-    angle_unit: AngleUnit = Field("deg", description="Unit of every angle in request and reply.")
+    angle_unit: AngleUnit = "deg"
+    """Unit of every angle in request and reply."""
 
 
 class FunctionExportRequest(RequestModel):
     """A function, a linkage that generates it, and the format of the file."""
 
-    request: FunctionRequest = Field(description="Request of /v2/function; angles are in its unit.")
+    request: FunctionRequest
+    """Request of /v2/function; angles are in its unit."""
     linkage: GivenMaker
     format: Literal["json", "csv", "svg", "dxf", "mjcf"] = "json"
-    length_unit: LengthUnit = Field("mm", description="Unit of the lengths, for DXF and MJCF.")
+    length_unit: LengthUnit = "mm"
+    """Unit of the lengths, for DXF and MJCF."""

@@ -57,7 +57,8 @@ class CrankMotion(RequestModel):
 
     crank_span: Number | None = None
     crank_angle: Curve | None = None
-    angle_unit: AngleUnit = Field("deg", description="Unit of every angle in request and reply.")
+    angle_unit: AngleUnit = "deg"
+    """Unit of every angle in request and reply."""
 
     @property
     def degrees(self) -> bool:
@@ -75,7 +76,8 @@ class MatchRequest(CrankMotion):
     mechanisms: Annotated[list[MatchedKind], Field(min_length=1, max_length=2)] | Literal["all"] = Field(["four_bar"])
     top: Top = 10
     features: Flag = False
-    budget_ms: PositiveNumber | None = Field(None, description="Return the best found within this time.")
+    budget_ms: PositiveNumber | None = None
+    """Return the best found within this time."""
 
 
 LimitsRequest = limits_request(
@@ -171,9 +173,8 @@ class SynthesizeRequest(CrankMotion):
     effort: Literal["atlas", "refine"] = "refine"
     limits: LimitsRequest = Field(default_factory=LimitsRequest)
     tolerance: Tolerance = 1e-10
-    budget_ms: PositiveNumber | None = Field(
-        None, description="Time limit of the search, which returns the best linkages found so far."
-    )
+    budget_ms: PositiveNumber | None = None
+    """Time limit of the search, which returns the best linkages found so far."""
     start_from: Annotated[list[GivenLinkage], Field(min_length=1, max_length=MAX_STARTS)] | None = None
     refine_only: Flag = False
     length_scale: Length | None = None
@@ -213,34 +214,26 @@ class SolidsRequest(RequestModel):
 class ExportRequest(RequestModel):
     """A motion, a linkage for it, and the format of the file."""
 
-    request: SynthesizeRequest = Field(description="Request of /v2/synthesize; angles are in its unit.")
-    linkage: GivenLinkage | None = Field(
-        None, description="One of the reply's solutions, or its like. Without it the request is solved."
-    )
-    rank: Annotated[int, Strict(), Field(ge=1, le=100)] = Field(
-        1, description="Rank of the solution, if no linkage is given."
-    )
+    request: SynthesizeRequest
+    """Request of /v2/synthesize; angles are in its unit."""
+    linkage: GivenLinkage | None = None
+    """One of the reply's solutions, or its like. Without it the request is solved."""
+    rank: Annotated[int, Strict(), Field(ge=1, le=100)] = 1
+    """Rank of the solution, if no linkage is given."""
     format: Literal[
         "json", "csv", "svg", "dxf", "plates", "mjcf", "pylinkage", "step", "3mf", "stl", "urdf", "sdf", "parts"
-    ] = Field(
-        "json",
-        description="Format of the file. stl: a zip file with a file for each part. parts: a parts list (CSV).",
-    )
-    length_unit: LengthUnit | None = Field(
-        None,
-        description="Unit of the lengths of the request, for formats with a unit. Default: the unit of its `analysis`, or mm.",
-    )
-    assembly: AssemblyOptions | None = Field(
-        None,
-        description="Sizes and supports of plates and pins, for plates and solid parts and for the masses in MJCF. Default: the "
-        "options of the request.",
-    )
-    solids: SolidsRequest | None = Field(None, description="Fits and materials, for the same formats.")
-    drive: GivenDrive | None = Field(
-        None,
-        description="A drive of a reply, which is written as columns of CSV, lines of SVG, a layer of DXF, the drive of MJCF, "
-        "and parts. Default: the first drive of the solution, if the request has drives.",
-    )
+    ] = "json"
+    """Format of the file. stl: a zip file with a file for each part. parts: a parts list (CSV)."""
+    length_unit: LengthUnit | None = None
+    """Unit of the lengths of the request, for formats with a unit. Default: the unit of its `analysis`, or mm."""
+    assembly: AssemblyOptions | None = None
+    """Sizes and supports of plates and pins, for plates and solid parts and for the masses in MJCF. Default: the options of
+    the request."""
+    solids: SolidsRequest | None = None
+    """Fits and materials, for the same formats."""
+    drive: GivenDrive | None = None
+    """A drive of a reply, which is written as columns of CSV, lines of SVG, a layer of DXF, the drive of MJCF, and parts.
+    Default: the first drive of the solution, if the request has drives."""
 
 
 # -- what drives it, and whether it can be built ----------------------------------------------------------------------
@@ -249,49 +242,43 @@ class ExportRequest(RequestModel):
 class DrivesRequest(RequestModel):
     """A linkage and its load, for which drives and springs are searched."""
 
-    linkage: GivenLinkage | None = Field(
-        None, description="One of the `solutions` of a reply, as it came or changed."
-    )
-    request: SynthesizeRequest | None = Field(
-        None, description="Request that the linkage answers; it defines the used interval."
-    )
+    linkage: GivenLinkage | None = None
+    """One of the `solutions` of a reply, as it came or changed."""
+    request: SynthesizeRequest | None = None
+    """Request that the linkage answers; it defines the used interval."""
     crank_angle: (
         Annotated[list[Annotated[float, Field(ge=-1e9, le=1e9)]], Field(min_length=2, max_length=1024)] | None
-    ) = Field(
-        None, description="Crank angles, or travel of the driver, measured from the start, instead of `request`."
-    )
-    rocker: RockerRequest | None = Field(None, description="A link on a hinge, instead of a linkage.")
-    load: DriveLoadRequest | None = Field(
-        None, description="Load; without a load, drives with the largest minimum moment arm are best."
-    )
+    ) = None
+    """Crank angles, or travel of the driver, measured from the start, instead of `request`."""
+    rocker: RockerRequest | None = None
+    """A link on a hinge, instead of a linkage."""
+    load: DriveLoadRequest | None = None
+    """Load; without a load, drives with the largest minimum moment arm are best."""
     drives: Drives = Field(
-        default_factory=lambda: [DriveRequest(kind=kind) for kind in ("rotary", "actuator", "dyad")],
-        description="Kinds of drives to search; default: rotary, actuator and dyad.",
+        default_factory=lambda: [DriveRequest(kind=kind) for kind in ("rotary", "actuator", "dyad")]
     )
-    springs: Springs = Field(default_factory=list, description="Springs that balance the load.")
-    hand_point: PlacePair | None = Field(
-        None,
-        description="Point of the body, at the first position, at which the hand force with springs is computed.",
-    )
-    top: Annotated[Count, Field(ge=1, le=50)] = Field(5, description="Number of drives of each kind to return.")
-    angle_unit: AngleUnit | None = Field(
-        None, description="Unit of every angle; default: the unit of `request`, or degrees."
-    )
-    length_unit: LengthUnit = Field("mm", description="Unit of all lengths, for the bundled catalogues.")
-    budget_ms: PositiveNumber | None = Field(
-        None, description="Time limit of the search, which returns the best drives found so far."
-    )
+    """Kinds of drives to search; default: rotary, actuator and dyad."""
+    springs: Springs = Field(default_factory=list)
+    """Springs that balance the load."""
+    hand_point: PlacePair | None = None
+    """Point of the body, at the first position, at which the hand force with springs is computed."""
+    top: Annotated[Count, Field(ge=1, le=50)] = 5
+    """Number of drives of each kind to return."""
+    angle_unit: AngleUnit | None = None
+    """Unit of every angle; default: the unit of `request`, or degrees."""
+    length_unit: LengthUnit = "mm"
+    """Unit of all lengths, for the bundled catalogues."""
+    budget_ms: PositiveNumber | None = None
+    """Time limit of the search, which returns the best drives found so far."""
 
 
 class AssemblyRequest(AssemblyOptions):
     """A linkage whose plates are arranged in layers without collisions over its used interval."""
 
-    linkage: GivenLinkage | None = Field(
-        None, description="One of the solutions of a reply. Without it the request is solved."
-    )
-    request: SynthesizeRequest | None = Field(
-        None,
-        description="Request of /v2/synthesize that the linkage answers; angles are in its unit. Default: the crank makes a full "
-        "turn, and angles are in degrees.",
-    )
-    rank: Rank = Field(1, description="Rank of the solution, if the request is solved.")
+    linkage: GivenLinkage | None = None
+    """One of the solutions of a reply. Without it the request is solved."""
+    request: SynthesizeRequest | None = None
+    """Request of /v2/synthesize that the linkage answers; angles are in its unit. Default: the crank makes a full turn, and
+    angles are in degrees."""
+    rank: Rank = 1
+    """Rank of the solution, if the request is solved."""

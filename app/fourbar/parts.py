@@ -55,7 +55,8 @@ class GivenJoints(_ReplyPart):
     C: FarPoint
     B: FarPoint
     P: FarPoint | None = None
-    rotation: Angle = Field(default=0.0, description="Rotation of the body in this position.")
+    rotation: Angle = Field(default=0.0)
+    """Rotation of the body in this position."""
 
 
 class GivenGuide(_ReplyPart):
