@@ -25,18 +25,18 @@ from app import page, problems
 from app.bodies import says_json
 from app.compute import Workers
 from app.middleware import BodyLimit, SecurityHeaders
-from app.query import ReplyModel, RequestModel, derived_from
+from app.query import ReplyModel, RequestModel, derived_from, reply_model
 from app.questions import (
     ATLAS,
     ATLAS_TYPE,
     AtlasReply,
-    AtlasTypeReply,
     AtlasTypeRequest,
     Question,
     all_questions,
     problem_responses,
 )
 from app.settings import Settings
+from linkage_atlas.atlases import TypeDetails
 
 
 def create_app(settings: Settings | None = None) -> FastAPI:
@@ -160,7 +160,7 @@ def _add_atlas_routes(app: FastAPI, workers: Workers) -> None:
         path,
         tags=["atlas"],
         summary=about,
-        response_model=AtlasTypeReply,
+        response_model=reply_model(TypeDetails),
         responses=problem_responses(404, 422, 503),
     )
     async def dimension_type(

@@ -421,6 +421,7 @@ class Query:
 
 _NAMES = {
     "AtlasType": "TypeReply",
+    "TypeDetails": "AtlasTypeReply",
     "ConstraintRow": "ConstraintRow",
     "FunctionReport": "FunctionReport",
     "FunctionResult": "FunctionReply",

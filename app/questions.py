@@ -56,21 +56,6 @@ class AtlasReply(ReplyModel):
     load_ms: float
 
 
-class AtlasTypeReply(ReplyModel):
-    """Lengths and wavelet features of a dimension type."""
-
-    kind: str
-    number: int
-    lengths: list[int]
-    family: str | None
-    samples: int
-    winding: int
-    normalisation: Literal["mean"]
-    unit: Literal["rad"]
-    average: float
-    details: list[float]
-
-
 class AtlasRequest(RequestModel):
     """Request for a description of the loaded atlas."""
 
@@ -87,7 +72,7 @@ def _details(request: AtlasTypeRequest, resources: Resources) -> Response:
         details = resources.atlas.of(request.kind or resources.atlas.kind).details_of(request.number)
     except la.FieldError as error:
         raise NotFound(error.message) from None
-    return json_reply(AtlasTypeReply(**details))
+    return json_reply(details)
 
 
 ATLAS = Question("/v2/atlas", AtlasRequest, lambda _, resources: json_reply(AtlasReply(**resources.describe_atlas())))

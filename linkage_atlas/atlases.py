@@ -5,11 +5,12 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from functools import cache, cached_property, lru_cache
 from importlib.metadata import version
 from pathlib import Path
 from threading import Lock
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from linkage_atlas.geometry import AtlasType
 from linkage_atlas.notes import counted
@@ -25,6 +26,20 @@ if TYPE_CHECKING:
 SLIDER_CRANK = "slider_crank"
 MECHANISMS = (FOURBAR.kind, SLIDER_CRANK)
 """Kinds of mechanisms that there are atlases of."""
+
+
+@dataclass(frozen=True)
+class TypeDetails(AtlasType):
+    """Lengths and wavelet features of a dimension type."""
+
+    kind: str
+    family: str | None
+    samples: int
+    winding: int
+    average: float
+    details: list[float]
+    normalisation: Literal["mean"] = "mean"
+    unit: Literal["rad"] = "rad"
 
 
 class Atlas:
@@ -105,8 +120,8 @@ class Atlas:
         """Return the type of a row, counted from 0."""
         return AtlasType(row + 1, self.lengths[row].tolist())
 
-    def details_of(self, number: int) -> dict[str, object]:
-        """Return a type by its number, from 1: lengths, family and Haar features of its body's rotation over the whole turn."""
+    def details_of(self, number: int) -> TypeDetails:
+        """Return a type by its number, from 1, with the Haar features of its body's rotation over the whole turn."""
         if not 1 <= number <= len(self):
             raise FieldError("/number", f"there is no type {number}: the atlas has types 1 to {len(self)}")
         lengths = self.lengths[number - 1]
@@ -116,18 +131,16 @@ class Atlas:
             features = read_features(self._path, self._stored.sha256, slice(number - 1, number))
         else:
             features = compute_features(lengths, self.rule.samples, self.rule.kind.mechanism)
-        return {
-            "kind": self.kind,
-            "number": number,
-            "lengths": lengths.tolist(),
-            "family": str(family(lengths)) if self.kind == FOURBAR.kind else None,
-            "samples": self.rule.samples,
-            "winding": int(features.winding[0]),
-            "normalisation": "mean",
-            "unit": "rad",
-            "average": float(features.average[0]),
-            "details": features.details[0].tolist(),
-        }
+        return TypeDetails(
+            number,
+            lengths.tolist(),
+            kind=self.kind,
+            family=str(family(lengths)) if self.kind == FOURBAR.kind else None,
+            samples=self.rule.samples,
+            winding=int(features.winding[0]),
+            average=float(features.average[0]),
+            details=features.details[0].tolist(),
+        )
 
     @property
     def content_sha256(self) -> str | None:

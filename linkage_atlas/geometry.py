@@ -63,12 +63,13 @@ AnyGuide = CircleGuide | RailGuide | SlotGuide
 
 
 def guide_in_words(guide: AnyGuide) -> str:
-    """Return a guide in words."""
+    """Return a guide in words, with the used length of a rail or slot if it is known."""
     if isinstance(guide, CircleGuide):
         return f"circle of radius {guide.radius:.6g} about {_point_in_words(guide.pivot)}"
+    used = "" if guide.used is None else f", used from {guide.used[0]:.6g} to {guide.used[1]:.6g}"
     if isinstance(guide, RailGuide):
-        return f"rail through {_point_in_words(guide.point)} at {guide.direction:.6g}"
-    return f"slot on the pin {_point_in_words(guide.pin)}"
+        return f"rail through {_point_in_words(guide.point)} at {guide.direction:.6g}{used}"
+    return f"slot on the pin {_point_in_words(guide.pin)}{used}"
 
 
 def _point_in_words(point: tuple[float, float]) -> str:

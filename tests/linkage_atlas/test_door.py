@@ -182,7 +182,7 @@ def test_a_row_of_the_atlas_is_matched_to_itself(built, degrees) -> None:
     atlas, _ = built
     unit = 1.0 if degrees else np.pi / 180
     number = 321
-    lengths = atlas.details_of(number)["lengths"]
+    lengths = atlas.details_of(number).lengths
     row = la.FourBar(*lengths, branch=-1, start_angle=40 * unit, degrees=degrees)
     crank = np.linspace(0, 200, 30) * unit
     rotation = row.joints(crank).rotation + 25 * unit

@@ -165,7 +165,7 @@ def test_other_features_are_found_by_verifying(path) -> None:
 
 def test_a_file_that_is_replaced_gives_no_rows_of_the_other(path, tmp_path) -> None:
     atlas = la.load_atlas(path)
-    assert atlas.details_of(5)["number"] == 5
+    assert atlas.details_of(5).number == 5
     path.write_bytes(atlas_bytes(RULES[1]))
     with pytest.raises(AtlasError) as error:
         atlas.details_of(5)
