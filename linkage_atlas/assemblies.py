@@ -14,13 +14,12 @@ from linkage_atlas.arguments import (
     box,
     check_names,
     flag,
-    number,
     one_of,
     pair,
     pointing,
-    sequence,
     whole_number,
 )
+from linkage_atlas.attached_drives import read_attached
 from linkage_atlas.notes import counted
 from linkage_atlas.part_settings import PART_SETTINGS, PartSettings
 from linkage_atlas.records import PYTHON_ONLY, Record
@@ -33,6 +32,7 @@ from synthesis.assembly.parts import Heights, parts_of
 from synthesis.assembly.shapes import crosses_itself, signed_area
 from synthesis.assembly.sizes import check_sizes
 from synthesis.assembly.stacks import ABOVE, BELOW, BOARDS, BOTH, Arrangement, StackRequest, arrange
+from synthesis.drives.links import GROUND
 from synthesis.drives.six_bar import Motor
 from synthesis.errors import FieldError
 from synthesis.linkage import Linkage
@@ -278,57 +278,26 @@ def read_assembly(request: Fields | bool, where: str = "assembly/") -> AskedAsse
         StackRequest(boards, pin_heads, layers_max, _mounts(f"{where}mounts", values["mounts"], boards)),
         None if values["envelope"] is None else box(f"{where}envelope", values["envelope"]),
         tuple(box(f"{where}keep_out/{k}", out) for k, out in enumerate(values["keep_out"] or ())),
-        None if values["drive"] is None else read_drive(f"{where}drive", values["drive"]),
+        None if values["drive"] is None else _arranged_drive(f"{where}drive", values["drive"]),
     )
 
 
-def read_drive(name: str, drive: object) -> Motor | Strut | str:
-    """Read a drive from the fields of a reply, to arrange its parts with the linkage; for a drive in a hinge return its link."""
-
-    def of(record: object, name_of_part: str) -> object:
-        return record.get(name_of_part) if isinstance(record, Mapping) else getattr(record, name_of_part, None)
-
-    def length(record: object, name_of_part: str, at: str = "") -> float:
-        found = _length(f"{name}/{at}{name_of_part}", of(record, name_of_part))
-        if found is None:
-            raise FieldError(f"/{name}/{at}{name_of_part}", "is required; pass the drive unchanged from a reply")
-        return found
-
-    kind = one_of(f"{name}/kind", of(drive, "kind"), ("rotary", "actuator", "dyad", "toggle"))
-    link = of(drive, "link")
-    if not isinstance(link, str):
-        raise FieldError(f"/{name}/link", f"must be the name of a link; it is {link!r}")
-    if kind == "rotary":
-        return link
-    if kind == "dyad":
-        motor, six_bar = pair(f"{name}/motor", of(drive, "motor"), np.inf), of(drive, "six_bar")
-        pin = pair(f"{name}/pin_on_link", of(drive, "pin_on_link"), np.inf)
-        return Motor(link, motor, length(six_bar, "crank", "six_bar/"), length(six_bar, "coupler", "six_bar/"), pin)
-    pin = pair(f"{name}/pin_on_link", of(drive, "pin_on_link"), np.inf)
-    end, on = pair(f"{name}/ground_point", of(drive, "ground_point"), np.inf), str(of(drive, "base_link") or "ground")
-    if kind == "actuator":
-        return Strut(link, on, pin, end, (length(drive, "retracted"), length(drive, "stroke")))
-    lock, knee = of(drive, "lock"), sequence(of(of(drive, "curve"), "knee"))
-    if not knee:
+def _arranged_drive(name: str, drive: object) -> Motor | Strut | str:
+    """Read a drive of a reply, whose parts are arranged with the linkage; for a drive in a hinge return its link."""
+    found = read_attached(name, drive)
+    if found.kind == "rotary":
+        return found.link
+    if found.kind == "dyad":
+        return Motor(found.link, found.end, *found.sizes, found.pin)
+    if found.kind == "actuator":
+        return Strut(found.link, found.base_link, found.pin, found.end, found.sizes)
+    if found.knee is None:
         raise FieldError(f"/{name}/curve/knee", "is required; pass the drive unchanged from a reply")
-    top, knee_pin = (
-        pair(f"{name}/{at}", value, np.inf) for at, value in (("curve/knee/0", knee[0]), ("pin", of(drive, "pin")))
-    )
-    side = np.sign(np.imag(np.conj(knee_pin - end) * (top - end)))
+    at = drive.get("pin") if isinstance(drive, Mapping) else getattr(drive, "pin", None)
+    pin = pair(f"{name}/pin", at, np.inf)
+    side = int(np.sign(np.imag(np.conj(pin - found.end) * (found.knee - found.end)))) or 1
     # the end that is locked is bent the other way than all others
-    side = side if of(drive, "extends") in (True, None) else -side
-    return Strut(
-        link, "ground", pin, end, (length(lock, "handle", "lock/"), length(lock, "strut", "lock/")), int(side) or 1
-    )
-
-
-def _length(name: str, value: object) -> float | None:
-    if value is None:
-        return None
-    found = number(name, value, 0.0)
-    if not found > 0:
-        raise FieldError(f"/{name}", f"must be a length above 0; it is {found:g}")
-    return found
+    return Strut(found.link, GROUND, found.pin, found.end, found.sizes, side if found.extends else -side)
 
 
 def _mounts(name: str, value: object, boards: str) -> dict[str, str]:

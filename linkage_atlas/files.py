@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 from linkage_atlas.analysis import analysed, read_analysis
-from linkage_atlas.arguments import Fields, millimetres_in, number, one_of, pair
+from linkage_atlas.arguments import Fields, millimetres_in, one_of
+from linkage_atlas.attached_drives import read_attached
 from linkage_atlas.formats import FORMATS, HELD, OF_PARTS
 from linkage_atlas.part_settings import PartSettings
 from linkage_atlas.solids import SLIDES
 from synthesis.assembly.sizes import plate_sizes
 from synthesis.drives.attached import COLOUR, LAYER, Attached
-from synthesis.drives.links import GROUND, LinkMotions, ends_of, motions_at
+from synthesis.drives.links import GROUND, ends_of, motions_at
 from synthesis.drives.six_bar import Motor, SixBar
 from synthesis.errors import FieldError
 from synthesis.export.drawings import to_dxf, to_svg
@@ -120,14 +120,18 @@ def drive_on(linkage: Linkage, target: Target, drive: Fields | None) -> Attached
     """Return a drive of a reply on a linkage at the samples of a motion."""
     if drive is None:
         return None
-    found = _attached(drive, motions_at(linkage, target.crank))
+    found, machine = read_attached("drive", drive), motions_at(linkage, target.crank)
+    for name in (found.link, found.base_link):
+        if name not in (GROUND, *machine.links):
+            raise FieldError("/drive/link", f"must be one of {', '.join(machine.links)}; it is {name!r}")
+    attached = Attached(machine, *found)
     if found.kind != "dyad":
-        return found
-    motor = Motor(found.link, found.ground, *found.sizes, found.pin)
+        return attached
+    motor = Motor(found.link, found.end, *found.sizes, found.pin)
     try:
-        return replace(found, six_bar=SixBar.of(linkage, ends_of(target.way), motor))
+        return replace(attached, six_bar=SixBar.of(linkage, ends_of(target.way), motor))
     except FieldError:
-        return found  # moved by hand, it does not swing the linkage: only its ends are drawn
+        return attached  # moved by hand, it does not swing the linkage: only its ends are drawn
 
 
 def with_drive(
@@ -137,40 +141,3 @@ def with_drive(
     if not isinstance(drive, Mapping) or kind not in (*OF_PARTS, "plates"):
         return assembly, drive
     return {**(assembly if isinstance(assembly, Mapping) else {}), "drive": drive}, None
-
-
-def _attached(drive: Mapping[str, Any], machine: LinkMotions) -> Attached:
-    """Check a drive of a reply and return it on a machine at its samples."""
-    if not isinstance(drive, Mapping):
-        raise FieldError("/drive", "must be a drive of a reply, as plain values")
-    kind, link = drive.get("kind"), drive.get("link")
-    if kind not in ("rotary", "actuator", "dyad", "toggle"):
-        raise FieldError("/drive/kind", f"must be a drive of a reply; it is {kind!r}")
-    on = drive.get("on") or GROUND
-    for name in (link, on):
-        if name not in (GROUND, *machine.links):
-            raise FieldError("/drive/link", f"must be one of {', '.join(machine.links)}; it is {name!r}")
-    ground_values = drive.get("motor") if kind in ("rotary", "dyad") else drive.get("ground_point")
-    ground = pair(f"drive/{'motor' if kind in ('rotary', 'dyad') else 'ground_point'}", ground_values, math.inf)
-    pin = 0j if kind == "rotary" else pair("drive/pin_on_link", drive.get("pin_on_link"), math.inf)
-    part, names = {
-        "rotary": ({}, ()),
-        "actuator": (drive, ("retracted", "stroke")),
-        "dyad": (drive.get("six_bar") or {}, ("crank", "coupler")),
-        "toggle": (drive.get("lock") or {}, ("handle", "strut")),
-    }[kind]
-    sizes = [number(f"drive/{name}", part.get(name)) for name in names]
-    if any(not size > 0 for size in sizes):
-        raise FieldError("/drive", f"must have {' and '.join(names)} above 0")
-    knee = (drive.get("curve") or {}).get("knee") if kind == "toggle" else None
-    return Attached(
-        machine,
-        kind,
-        str(link),
-        on,
-        ground,
-        pin,
-        (sizes[0], sizes[1]) if sizes else (0.0, 0.0),
-        bool(drive.get("extends", True)),
-        None if not knee or knee[0] is None else pair("drive/curve/knee/0", knee[0], math.inf),
-    )

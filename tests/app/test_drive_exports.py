@@ -172,3 +172,11 @@ def test_files_that_hold_no_drive_say_so() -> None:
     for kind in ("pylinkage", "urdf"):
         with pytest.raises(la.FieldError):
             moving().file(kind, drive=drive_of("cylinder"))
+
+
+def test_the_end_of_a_drive_on_a_moving_link_moves_in_a_file() -> None:
+    """It was drawn on the ground."""
+    drive = drive_of("between links")
+    rows = csv.DictReader(io.StringIO(moving().file("csv", drive=drive).decode()))
+    ends = [complex(float(row["drive_ground_x"]), float(row["drive_ground_y"])) for row in rows]
+    assert abs(ends[-1] - ends[0]) > 1 and ends[0] == pytest.approx(complex(*drive.ground_point))
