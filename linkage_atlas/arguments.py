@@ -113,6 +113,13 @@ def check_names(where: str, names: Iterable[str], known: Sequence[str], what: st
             raise FieldError.no_such(where, name, known, what)
 
 
+def check_required(where: str, values: Fields, names: Iterable[str]) -> None:
+    """Raise FieldError for a field that is missing or None; ``where``: path of the fields, with a slash at its end."""
+    for name in names:
+        if values.get(name) is None:
+            raise FieldError(f"/{where}{name}", "is required")
+
+
 def known_fields(field: str, value: object, names: tuple[str, ...]) -> Fields:
     """Return a mapping whose fields all have known names; otherwise raise FieldError."""
     if not isinstance(value, Mapping):

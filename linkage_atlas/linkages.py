@@ -12,8 +12,11 @@ from numpy.typing import ArrayLike
 from linkage_atlas.analysis import Analysis, AskedAnalysis, analysed, read_analysis
 from linkage_atlas.arguments import (
     Fields,
+    build,
     check_names,
+    check_required,
     column,
+    mapping,
     number,
     one_of,
     pointing,
@@ -191,29 +194,42 @@ class Linkage:
     def from_dict(cls, values: Mapping[str, Any], degrees: bool = True) -> Linkage:
         """Return a linkage from the values of `to_dict`, of a solution of a reply over HTTP, or from ``joints``.
 
-        ``joints``: arguments of `from_points` by name. Otherwise ``links`` (crank, coupler, rocker, ground) with ``branch``, or
-        ``guides`` with ``driver``, ``branch`` and ``start``.
+        ``joints``: arguments of `from_points` by name. Otherwise ``links`` (crank, coupler, rocker, ground) with ``branch`` and
+        ``start_angle``, or ``guides`` with ``driver``, ``branch`` and ``start``. Raises `FieldError` that names the field.
         """
+        values = mapping("linkage", values)
         if values.get("joints") is not None:
-            return _from_joints(values["joints"], degrees)
-        if values.get("guides") is not None and values.get("links") is None:
-            for name in ("guides", "driver", "branch", "start"):
-                if values.get(name) is None:
-                    raise FieldError(f"/{name}", "is required")
-            return cls(values["guides"], values["driver"], values["branch"], values["start"], degrees=degrees)
-        mount, radian = values.get("mount") or {}, radians_in(degrees)
-        point = mount.get("coupler_point_polar")
+            joints = mapping("joints", values["joints"])
+            check_names("/joints", joints, ("A", "D", "C", "B", "P", "rotation"))
+            check_required("joints/", joints, "ADCB")
+            points = {name: value for name, value in joints.items() if value is not None}
+            with pointing(lambda field: f"/joints{field}"):
+                return build(Linkage.from_points, {**points, "degrees": degrees})
+        if values.get("links") is None:
+            if values.get("guides") is None:
+                forms = "or give `joints`, or two `guides` with `driver`, `branch` and `start`"
+                raise FieldError("/links", f"is required; {forms}")
+            check_required("", values, ("driver", "branch", "start"))
+            names = ("guides", "driver", "branch", "start")
+            return build(cls, {**{name: values[name] for name in names}, "degrees": degrees})
+        links, mount = mapping("links", values["links"]), mapping("mount", values.get("mount") or {})
+        check_required("links/", links, Links._fields)
+        check_required("", values, ("branch", "start_angle"))
+        point, offset, radian = mount.get("coupler_point_polar"), values.get("body_offset"), radians_in(degrees)
+        if point is not None:
+            polar = mapping("mount/coupler_point_polar", point)
+            point = [number(f"mount/coupler_point_polar/{name}", polar.get(name)) for name in ("radius", "angle")]
+        dimensions = {
+            "lengths": {name: links[name] for name in Links._fields},
+            "branch": values["branch"],
+            "start_angle": number("start_angle", values["start_angle"]),
+            "pivot_a": mount.get("pivot_a", (0.0, 0.0)),
+            "ground_angle": number("mount/ground_angle", mount.get("ground_angle", 0.0)),
+            "coupler_point_polar": point,
+            "body_offset": None if offset is None else number("body_offset", offset),
+        }
         with pointing(lambda field: f"/links{field}" if field.lstrip("/") in Links._fields else field):
-            linkage = read_four_bar(
-                {name: values["links"][name] for name in Links._fields},
-                values["branch"],
-                values.get("start_angle", 0.0),
-                mount.get("pivot_a", (0.0, 0.0)),
-                mount.get("ground_angle", 0.0),
-                None if point is None else (point["radius"], point["angle"]),
-                values.get("body_offset"),
-                radian,
-            )
+            linkage = build(read_four_bar, {**dimensions, "radian": radian})
         return Linkage.of(linkage, radian, None)
 
     @property
@@ -745,20 +761,6 @@ class Linkage:
             return None
 
 
-def _from_joints(joints: Any, degrees: bool) -> Linkage:
-    """Return the four-bar of a mapping with the arguments of `Linkage.from_points`."""
-    names = ("A", "D", "C", "B", "P", "rotation")
-    if not isinstance(joints, Mapping):
-        raise FieldError("/joints", "must have the points A, B, C and D, and optionally P")
-    check_names("/joints", joints, names)
-    for name in names[:4]:
-        if joints.get(name) is None:
-            raise FieldError(f"/joints/{name}", "is required")
-    with pointing(lambda field: f"/joints/{field.lstrip('/')}"):
-        given = {name: value for name, value in joints.items() if value is not None}
-        return Linkage.from_points(**given, degrees=degrees)
-
-
 def assembly(linkage: object, motion: Motion | None = None, **options: Any) -> Assembly:
     """Arrange the plates of a linkage in layers in which nothing collides.
 
@@ -801,9 +803,5 @@ def given_linkage(source: Any, degrees: bool) -> tuple[Linkage, Any]:
             raise FieldError("/linkage", "must be a linkage such as a four-bar, a solution, or its plain values")
         return linkage, None
     travel = source.get("travel") if source.get("crank_angle") is None else source["crank_angle"]
-    try:
+    with pointing(lambda field: f"/linkage{field}"):
         return Linkage.from_dict(source, degrees), travel
-    except (KeyError, TypeError):
-        raise FieldError(
-            "/linkage", "must have links (crank, coupler, rocker, ground), branch and start_angle"
-        ) from None

@@ -28,9 +28,6 @@ MAX_RATIO = 1e6
 """Largest ratio of a given linkage's lengths and distances to one another and to the motion's extent."""
 
 
-_FORMS = "`links` with `branch` and `start_angle`, `joints`, or `guides` with `driver`, `branch` and `start`"
-
-
 class WithLinkage(Protocol):
     """A solution: it has a linkage."""
 
@@ -119,12 +116,7 @@ def _read(start: StartingLinkage, degrees: bool, field: str) -> Start:
         return _checked(start, field)
     if isinstance(start, Mapping):
         with pointing_to_start(field):
-            try:
-                linkage = Linkage.from_dict(start, degrees)
-            except (KeyError, TypeError, ValueError) as error:
-                if isinstance(error, FieldError):
-                    raise
-                raise FieldError("", f"must be {_FORMS}") from None
+            linkage = Linkage.from_dict(start, degrees)
         crank, offset = start.get("crank_angle"), start.get("output_offset")
     else:
         found = getattr(start, "linkage", None)

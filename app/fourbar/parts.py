@@ -123,18 +123,7 @@ class GivenLinkage(_ReplyPart):
 
     def linkage(self, degrees: bool) -> la.Linkage:
         """Return the linkage; raise `FieldError` with the name of a missing field."""
-        if self.joints is not None:
-            return la.Linkage.from_dict({"joints": self.joints.model_dump()}, degrees)
-        if self.links is None and self.guides is None:
-            raise la.FieldError(
-                "/links", "is required; or give `joints`, or two `guides` with `driver`, `branch` and `start`"
-            )
-        if self.links is None:
-            return la.Linkage.from_dict(self.model_dump(exclude_none=True), degrees)
-        for name in ("branch", "start_angle"):
-            if getattr(self, name) is None:
-                raise la.FieldError(f"/{name}", "is required beside `links`")
-        return la.Linkage.from_dict(self.model_dump(), degrees)
+        return la.Linkage.from_dict(self.model_dump(exclude_none=True), degrees)
 
 
 class GivenGenerator(GivenLinkage):
