@@ -186,10 +186,6 @@ def test_fields_are_set_beside_a_table_or_a_request(run, tmp_path) -> None:
 # -- exit codes -------------------------------------------------------------------------------------------------------
 
 
-CODES = [("reached", {}, 0), ("closest", {}, 0), ("infeasible", {}, 5), ("unknown", {}, 6)]
-CODES += [("closest", fields, 4) for fields in ({"tolerance": 1e-3}, {"tolerances": {"rotation": 0.1}})]
-
-
 def test_the_codes_come_out_of_the_command(run) -> None:
     strict = {**RIGHT_ANGLE, "tolerances": {"rotation": 1e-6}}
     assert run("synthesize", stdin=json.dumps(strict))[0] == Exit.CLOSEST

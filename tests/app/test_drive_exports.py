@@ -168,12 +168,6 @@ def test_a_drive_of_the_request_is_in_its_files(client: TestClient, run: Any, tm
     assert "'cylinder'" in (tmp_path / "own.step").read_text()
 
 
-def test_files_that_hold_no_drive_say_so() -> None:
-    for kind in ("pylinkage", "urdf"):
-        with pytest.raises(la.FieldError):
-            moving().file(kind, drive=drive_of("cylinder"))
-
-
 def test_the_end_of_a_drive_on_a_moving_link_moves_in_a_file() -> None:
     """It was drawn on the ground."""
     drive = drive_of("between links")

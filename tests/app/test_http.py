@@ -149,10 +149,6 @@ def test_atlas_routes_describe_what_is_loaded(paper) -> None:
 # -- match ------------------------------------------------------------------------------------------------------------
 
 
-def matches(client: TestClient, **fields: Any) -> list[dict[str, Any]]:
-    return ask(client, "/v2/match", **fields)["matches"]
-
-
 # -- synthesize -------------------------------------------------------------------------------------------------------
 
 
@@ -206,10 +202,6 @@ def test_a_budget_ends_the_search_and_the_trace_falls() -> None:
 def test_no_request_computes_longer_than_the_service_allows() -> None:
     reply = ticking(max_budget_ms=500)(**ZIGZAG, budget_ms=60_000)
     assert reply["report"]["stopped_by"] == "budget" and reply["report"]["elapsed_ms"]["total"] < 700
-
-
-RETAINED = [{"transmission_angle_min": 45}, {"link_min": 15, "link_max": 300}, {"pivot_box": [-60, -60, 260, 260]}]
-RETAINED += [{"family": family} for family in ("crank_rocker", "double_crank", "any")]
 
 
 # -- malformed requests -----------------------------------------------------------------------------------------------

@@ -40,15 +40,6 @@ def test_the_linkage_and_its_crank_angles_are_found(motion) -> None:
     assert timed.crank_angle is None and timed.excursion is None
 
 
-def test_crank_angles_that_nobody_gives_are_free(motion, client) -> None:
-    rotation, position = motion
-    expected = la.synthesize(rotation, position, timing="free", top=1).linkage.links
-    assert la.synthesize(rotation, position, top=1).linkage.links == pytest.approx(expected)
-    request = {"rotation": rotation.tolist(), "position": position.tolist(), "top": 1}
-    reply = client.post("/v2/synthesize", json=request).json()
-    assert list(reply["solutions"][0]["links"].values()) == pytest.approx(expected)
-
-
 def test_none_is_missing_and_nan_is_an_error(motion) -> None:
     turns = motion[0].tolist()
     selected = [None, *turns[1:]]
@@ -91,14 +82,6 @@ def test_tolerances_decide_the_status_and_name_the_worst_sample(motion) -> None:
     off = np.linalg.norm(narrow.best.linkage.joints(narrow.best.crank_angle).body_point - points, axis=1)
     assert f"sample {np.argmax(off) + 1} is off by" in reported
     assert la.synthesize(**request).best.verdict.within_tolerance is None
-
-
-def test_solutions_that_keep_the_tolerances_come_first(motion) -> None:
-    each = [0.5] * 6
-    found = la.synthesize(*motion, **FREE, tolerances={"position": each}, top=10)
-    inside = [solution.verdict.within_tolerance for solution in found.solutions]
-    assert inside == sorted(inside, reverse=True)
-    assert [solution.rank for solution in found.solutions] == list(range(1, len(inside) + 1))
 
 
 TRIANGLE, SQUARE = [[0, 0], [10, 0], [5, 8]], [[0, 0], [10, 0], [10, 10], [0, 10]]
@@ -160,14 +143,6 @@ def test_a_table_tells_what_was_asked_for_as_it_was(kind, tmp_path) -> None:
     drawn = ezdxf.readfile(tmp_path / "poses.dxf").modelspace().query("POINT")
     positions = [tuple(point.dxf.location)[:2] for point in drawn]
     assert np.allclose(positions, [point for point in points if point])
-
-
-RETAINED = [{"family": "any", "pivot_box": [0, -60, 120, 20], "link_max": 120, "link_min": 20}]
-RETAINED += [
-    {"transmission_angle_min": 30},
-    {"pivot_box": [-50, -60, 120, 20]},
-    {"link_max": 70, "family": "double_crank"},
-]
 
 
 def test_a_closed_path_goes_once_round_and_has_an_order() -> None:

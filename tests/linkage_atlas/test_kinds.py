@@ -171,10 +171,6 @@ def test_why_nothing_goes_round_is_said_at_once() -> None:
     assert round_once.status == "infeasible" and "makes a full turn" in round_once.report.notes[-1]
 
 
-BEAN = [[-19, 151], [-53, 143], [-82, 123], [-100, 92], [-81, 78], [-52, 93], [-20, 103]]
-BEAN += [[15, 106], [51, 100], [80, 109], [58, 136], [25, 149], [-9, 154]]
-
-
 def test_alternatives_to_an_exact_linkage_are_sought_as_long_again_unless_a_budget_is_given() -> None:
     crank = 40 * np.exp(1j * np.deg2rad(np.linspace(20, 110, 8)))
     rod = np.sqrt(100**2 - (crank.imag - 10) ** 2) + 1j * (10 - crank.imag)

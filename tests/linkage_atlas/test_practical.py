@@ -24,18 +24,6 @@ def arm_of(linkage: la.FourBar) -> float:
     return float(max(np.hypot(*(joints.body_point - pin)[0]) for pin in (joints.crank_pin, joints.coupler_pin)))
 
 
-def test_buildable_is_null_until_layers_were_looked_for(client: TestClient) -> None:
-    request = {"position": POSITION, "rotation": ROTATION, "timing": "free", "limits": {"family": "any"}, "top": 2}
-    for solution in client.post("/v2/synthesize", json=request).json()["solutions"]:
-        assert solution["verdict"]["practical_without_collisions"] is None
-    for solution in client.post("/v2/synthesize", json=request | {"assembly": True}).json()["solutions"]:
-        verdict = solution["verdict"]
-        free = verdict["assembly"] is not None and verdict["assembly"]["status"] == "free"
-        assert verdict["practical_without_collisions"] == (
-            None if verdict["assembly"] is None else verdict["practical"] and free
-        )
-
-
 @pytest.mark.parametrize("limits", some_of([{"link_max": 60}, {}, {"link_max": 120, "family": "any"}], 2))
 def test_within_the_practical_limits_the_body_point_is_no_farther_than_a_link_may_be_long(
     limits: dict[str, Any],

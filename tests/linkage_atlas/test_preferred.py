@@ -73,12 +73,7 @@ def test_the_practical_preset_holds_where_crank_angles_are_free() -> None:
     assert none.best.errors.objective <= max(wide.best.errors.objective * 1.01, 1e-10)
 
 
-EVENLY, EVENLY_ROUND = np.linspace(0, 1, 9), np.linspace(0, 1, 12, endpoint=False)
-EGG = [85.93 - 0.05j, 78.69 + 14.83j, 66.26 + 30.78j, 47.39 + 39.51j, 22.03 + 47.13j, -0.59 + 48j, -19.5 + 47j]
-EGG += [-37.3 + 40.49j, -47.88 + 30.38j, -52.6 + 14.15j, -54.76 - 0.57j, -52.06 - 13.58j, -47.33 - 30.23j]
-EGG += [-35.66 - 41.32j, -19.53 - 47.93j, -0.11 - 51.29j, 22.23 - 47.65j, 46.88 - 40.5j, 66.53 - 28.82j]
-EGG += [80.18 - 17.16j, 84.34 + 0.09j]
-"""An egg by hand."""
+EVENLY = np.linspace(0, 1, 9)
 
 
 @pytest.mark.parametrize(
@@ -103,17 +98,6 @@ def test_a_linkage_out_of_all_proportion_does_not_come_first(fields, tops) -> No
     smallest = la.synthesize(**fields, crank_span=20, limits={"preset": "none"}, top=1)
     assert smallest.best.errors.objective < found.best.errors.objective
     assert not any("out of all proportion" in note for note in smallest.report.notes)
-
-
-def proportion(solution: la.Solution) -> float:
-    """Extents, or shortest links, that the longest part is."""
-    return max(solution.size or 0.0, max(solution.linkage.links) / min(solution.linkage.links))
-
-
-def within(extents: float) -> dict[str, object]:
-    """Limits of all lengths and places."""
-    distant, box = 2 * extents * 60, 1.4 * extents * 60
-    return {"link_max": distant, "coupler_radius_max": distant, "pivot_box": [-box, -box, box, box]}
 
 
 def test_of_linkages_inside_the_tolerances_those_that_stay_between_samples_are_preferred() -> None:
@@ -152,10 +136,3 @@ def test_a_linkage_is_judged_by_the_limits_that_were_asked_for() -> None:
         and retained.verdict.practical_without_collisions is None
         and not retained.verdict.reasons
     )
-
-
-def test_exact_answers_are_ranked_by_what_one_would_build() -> None:
-    # once the first turned its crank by 214 degrees, and ran past the last pose and back
-    found = la.synthesize([0, 15, 40], [[0, 0], [40, 8], [75, 30]], timing="free")
-    assert found.status == "reached" and found.best.excursion < 2.5
-    assert np.ptp(found.best.crank_angle) < 120

@@ -15,7 +15,7 @@ from synthesis.assembly.machine import Machine, Sizes
 from synthesis.assembly.shapes import distances
 from synthesis.assembly.stacks import Arrangement, StackRequest, arrange
 from synthesis.linkage import Linkage, four_bar
-from synthesis.solids.mesh import mesh_of, ring_of
+from synthesis.solids.mesh import ring_of
 from synthesis.solids.solid import FITS, Manufacture, Solid, Solids, solids_of
 from synthesis.target import Interval
 from synthesis.work import Work
@@ -105,27 +105,6 @@ def _in_slit(first: Solid, second: Solid, at, turn) -> float | None:
                 if hole.reach and off < hole.radius / 2:
                     return float(off + pin.prism.circle.radius - hole.radius)
     return None
-
-
-def overlap(solids: Solids, manifold, count: int) -> float:
-    """The largest room that parts share at places of the motion, by manifold3d; every surface is a solid there."""
-    bare = []
-    for part in solids.parts:
-        mesh = mesh_of(part.prism)
-        triangles = np.ascontiguousarray(mesh.triangles.astype(np.uint64))
-        bare.append(manifold.Manifold(manifold.Mesh64(np.ascontiguousarray(mesh.corners), triangles)))
-        assert bare[-1].status() == manifold.Error.NoError
-        assert abs(bare[-1].volume() - mesh.volume) <= 1e-9 * mesh.volume
-    worst = 0.0
-    for travel in places_of(solids.machine, count):
-        solid = [
-            shape.transform([[t.real, -t.imag, 0, z.real], [t.imag, t.real, 0, z.imag], [0, 0, 1, up]])
-            for shape, (t, z, up) in zip(bare, solids.posed(travel), strict=True)
-        ]
-        # the volume of the union is the sum of the volumes
-        union = manifold.Manifold.batch_boolean(solid, manifold.OpType.Add).volume()
-        worst = max(worst, (sum(shape.volume() for shape in solid) - union) / max(1.0, union * 1e-6))
-    return worst
 
 
 def step_shells(text: str) -> list[dict]:

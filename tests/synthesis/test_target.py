@@ -8,11 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from synthesis.atlas.scan import Scan
-from synthesis.atlas.table import AtlasRule
 from synthesis.four_bar import coupler_angle
-from synthesis.fourbar.dimension_types import OrderRule, TypeRule
-from synthesis.fourbar.mechanism import FOURBAR, FullCrankChart
+from synthesis.fourbar.mechanism import FullCrankChart
 from synthesis.pose import objective
 from synthesis.search import prescribed
 from synthesis.search.prescribed import GivenProblem
@@ -44,11 +41,6 @@ def with_gaps(weights: list[float], replacements: list[float]) -> tuple[Target, 
     return make_target(**columns, **options), make_target(**changed, **options)
 
 
-@pytest.fixture(scope="module")
-def scan() -> Scan:
-    return Scan(FOURBAR, AtlasRule(TypeRule(60, 2, OrderRule.FULL_CRANK)).lengths())
-
-
 @LAW
 @given(weights_with_gaps, anything)
 def test_the_value_of_a_sample_of_weight_0_has_no_effect(weights, replacements) -> None:
@@ -66,15 +58,6 @@ def test_the_value_of_a_sample_of_weight_0_has_no_effect(weights, replacements) 
     systems = zip(changed_problem.linearised(timed, 1e-3), plain_problem.linearised(timed, 1e-3))
     for system, expected in systems:
         np.testing.assert_allclose(system["rows"], expected["rows"], rtol=0, atol=1e-12 * size)
-
-
-@settings(LAW, max_examples=4)
-@given(weights_with_gaps, st.lists(st.floats(-50, 50), min_size=SAMPLES, max_size=SAMPLES))
-def test_the_scan_ignores_samples_of_weight_0(scan, weights, replacements) -> None:
-    (plain, _), (changed, _) = (scan.best(target, 5) for target in with_gaps(weights, replacements))
-    for column in ("row", "start", "branch"):
-        assert np.array_equal(getattr(plain, column), getattr(changed, column)), column
-    assert changed.error == pytest.approx(plain.error, rel=1e-9)
 
 
 @LAW

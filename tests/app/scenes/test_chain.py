@@ -6,6 +6,7 @@ A wrong unit, a lost digit of a file, or a refusal without its amount would show
 import json
 import math
 import xml.etree.ElementTree as ElementTree
+from pathlib import Path
 
 import pytest
 
@@ -13,6 +14,7 @@ from app.cli import main
 from tests.conftest import finite
 
 PUBLISHED = {"pitch": 131, "links": 16, "upper_radius": 181.78}
+CANONICAL = json.loads((Path(__file__).parents[2] / "reference/chain.json").read_text())["canonical"]
 
 
 def test_the_contracts_request_and_reply(client) -> None:
@@ -32,10 +34,18 @@ def test_the_contracts_request_and_reply(client) -> None:
     slot = reply["slot"]
     assert len(slot["theta1"]) == len(slot["xy"]) == 91
     assert slot["theta1"][0] == geometry["phase_start"] and slot["theta1"][-1] == pytest.approx(119.553192123)
-    assert slot["xy"][10] == pytest.approx([50.921773, -174.528496], abs=1e-6)
-    assert slot["depth_max"] == pytest.approx(4.202755, abs=1e-5)
+    for degree, *point in zip(CANONICAL["samples_deg"], CANONICAL["x"], CANONICAL["y"]):
+        assert slot["xy"][degree] == pytest.approx(point, abs=1e-6)
+    assert slot["xy"][90] == pytest.approx(CANONICAL["ends"][1], abs=1e-6)
+    assert slot["depth_max"] == pytest.approx(CANONICAL["depth_max"], abs=1e-5)
     assert slot["defect_max"] == pytest.approx(1.050092, abs=1e-5) and abs(slot["defect_min"]) < 1e-9
+    assert slot["defect_max_theta1"] == pytest.approx(CANONICAL["defect_max_theta1_deg"], abs=1e-3)
     assert slot["radius_min"] == pytest.approx(52.09, abs=0.05) and slot["end_step"] < 1e-9
+    checks = reply["checks"]
+    assert checks["single_valued"]
+        CANONICAL["free_pin_speed"], abs=1e-3
+    )
+    assert checks["clearance"] == pytest.approx(CANONICAL["clearance"], abs=0.01)
     assert len(reply["fit"]["pieces"]) == 5 and reply["fit"]["max_normal"] < 2e-5
     assert reply["without_slot"] == pytest.approx({"chord_error_max": 1.555, "slack_max": 3.332}, abs=1e-3)
     assert reply["wheel_phase_conflict"] == pytest.approx(4.199, abs=0.005)

@@ -82,11 +82,15 @@ def test_radians_are_the_same_answer(client, reference) -> None:
 
 
 def test_needle_over_http(client) -> None:
+    for name, field in (("L", "clearance"), ("d5", "d5")):
+        for degrees, value in FIGURES[name].items():
+            reply = client.post("/v2/knotter/needle", json={"alpha2": float(degrees)}).json()
+            assert reply[field] == pytest.approx(value, abs=1e-10), degrees
     found = client.post("/v2/knotter/needle", json={"alpha2": 8}).json()
     assert found["status"] == "free"
-    assert found["clearance"] == pytest.approx(FIGURES["L"]["8"], abs=1e-10)
     assert found["alpha2_range"] == pytest.approx(FIGURES["L_roots"], abs=1e-9)
-    assert found["d5"] == pytest.approx(FIGURES["d5"]["8"], abs=1e-10)
+    best = found["clearance_max"], found["clearance_max_angle"]
+    assert best == pytest.approx(tuple(FIGURES["L_max"]), abs=1e-8)
     assert found["alpha2_for_d5"] == pytest.approx(FIGURES["alpha2_for_54"], abs=1e-9)
     assert (found["alpha2_whole_degrees"], found["d5_whole"]) == (7, 54)
     radians = client.post("/v2/knotter/needle", json={"alpha2": math.radians(8), "angle_unit": "rad"}).json()

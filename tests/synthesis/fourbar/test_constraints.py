@@ -5,15 +5,11 @@ A limit that is violated between two samples would show here.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from synthesis.constraints import Constraints
-from synthesis.errors import FieldError
 from synthesis.four_bar import close_loop, transmission_angle_over
 from synthesis.fourbar.mechanism import GrashofChart
 from synthesis.limits import Limits, Reach
@@ -139,31 +135,3 @@ def test_a_finished_linkage_violates_what_its_search_avoids(seed, name) -> None:
             # a given point differs in two coordinates
             assert -worst <= max(violations.values()) * (1 + 1e-9) + 1e-9
             assert max(violations.values()) <= -worst * (1.5 if found.equal.any() else 1 + 1e-9) + 1e-9
-
-
-@pytest.mark.parametrize(
-    ("changes", "field"),
-    [
-        ({"transmission_angle_min_turn": 1.6}, "/limits/transmission_angle_min_turn"),
-        ({"link_ratio_max": 0.9}, "/limits/link_ratio_max"),
-        ({"links": (None, -1.0, None, None)}, "/limits/links/coupler"),
-        ({"links": (1.0, None, None, 9.0), "link_ratio_max": 5.0}, "/limits/link_ratio_max"),
-        ({"link_min": 3.0, "link_max": 2.0}, "/limits/link_min"),
-        ({"link_max": -1.0}, "/limits/link_max"),
-        ({"family": "six_bar"}, "/limits/family"),
-        ({"links": (1.0, None, None, None), "link_min": 2.0}, "/limits/links/crank"),
-        ({"pivot_a": 1j, "pivot_b": 1j}, "/limits/pivot_b"),
-        ({"pivot_a": 0j, "pivot_b": 2 + 0j, "links": (None, None, None, 1.0)}, "/limits/links/ground"),
-        ({"pivot_a": 5j, "pivot_box": (-1, -1, 1, 1)}, "/limits/pivot_a"),
-        ({"pivot_b": 0.5j, "keep_out": ((-1, -1, 1, 1),)}, "/limits/pivot_b"),
-        ({"pivot_a_box": (0, 0, 1, 1), "pivot_box": (2, 2, 3, 3)}, "/limits/pivot_a_box"),
-        ({"pivot_b_box": (0, 0, 1, 1), "keep_out": ((5, 5, 6, 6), (-1, -1, 2, 2))}, "/limits/keep_out/1"),
-        ({"envelope": (1, 0, 0, 1)}, "/limits/envelope"),
-        ({"keep_out": ((0, 0, 1, 1), (1, 0, 0, 1))}, "/limits/keep_out/1"),
-        ({"coupler_radius_max": 0.0}, "/limits/coupler_radius_max"),
-    ],
-)
-def test_limits_that_mean_nothing_are_named(changes, field) -> None:
-    with pytest.raises(FieldError) as caught:
-        replace(Limits(), **changes)
-    assert caught.value.field == field

@@ -77,7 +77,7 @@ def test_poses_keep_both_guides_and_tell_branch_and_angle(guide, driver, second)
 def test_the_coordinate_of_a_pose_is_that_which_made_it(guide, driver, second) -> None:
     random = np.random.default_rng(6)
     for _ in range(40):
-        linkage = random_linkage(random, guide, driver, second)
+        linkage = random_linkage(random, guide, driver, second).moved(0.7, 2 - 3j)
         expected = linkage.start + random.uniform(-0.5, 0.5, 5)
         poses = linkage.body(expected)
         keep = np.isfinite(poses.rotation)

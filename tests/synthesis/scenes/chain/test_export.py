@@ -6,7 +6,6 @@ The tests would detect walls that intersect, contours that are not closed, and d
 import csv
 import io
 import math
-import xml.etree.ElementTree as ElementTree
 
 import ezdxf
 import numpy as np
@@ -21,7 +20,6 @@ from synthesis.scenes.chain.groove import (
     sample_polyarc,
     to_csv,
     to_dxf,
-    to_svg,
 )
 from tests.conftest import some_of
 
@@ -141,16 +139,3 @@ def refused_constraint(slot, radius) -> str | None:
     except FieldError as error:
         return str(error.details["constraint"])
     return None
-
-
-def test_svg_is_xml_and_shows_track_slot_walls_and_pins(slot) -> None:
-    root = ElementTree.fromstring(to_svg(slot, ROLLER))
-    space = "{http://www.w3.org/2000/svg}"
-    names = [path.get("id") for path in root.iter(f"{space}path")]
-    assert names == ["bare-track", "pin-path", "groove-left", "groove-right", "chain"]
-    assert len(list(root.iter(f"{space}circle"))) == 16
-    x0, y0, width, height = map(float, root.get("viewBox").split())
-    for circle in root.iter(f"{space}circle"):
-        assert x0 <= float(circle.get("cx")) <= x0 + width and y0 <= float(circle.get("cy")) <= y0 + height
-    for path in list(root.iter(f"{space}path"))[1:]:
-        assert path.get("d").endswith("Z")

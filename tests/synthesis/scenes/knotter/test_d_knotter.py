@@ -11,7 +11,6 @@ import pytest
 
 from synthesis.scenes.knotter import d_knotter
 from synthesis.scenes.knotter.curves import crossing_curve
-from synthesis.scenes.knotter.d_knotter import Needle
 from synthesis.scenes.knotter.mechanism import Linear
 from synthesis.scenes.knotter.study import study
 from tests.oracles.knotter import Exact
@@ -46,25 +45,6 @@ def reference():
 
 def item_of(key: str) -> int:
     return PAIRS.index(tuple(int(part) for part in key.split(",")))
-
-
-# The needle (acceptance figures A1 to A6)
-
-
-def test_needle_reproduces_figures_and_published_whole_numbers() -> None:
-    needle = Needle()
-    assert np.degrees(needle.free_range()) == pytest.approx(FIGURES["L_roots"], abs=1e-9)
-    value, angle = FIGURES["L_max"]
-    assert needle.clearance(needle.best_angle()) == pytest.approx(value, abs=1e-8)
-    assert np.degrees(needle.best_angle()) == pytest.approx(angle, abs=1e-5)
-    for degrees, value in FIGURES["L"].items():
-        assert needle.clearance(np.radians(float(degrees))) == pytest.approx(value, abs=1e-10), degrees
-    for degrees, value in FIGURES["d5"].items():
-        assert needle.d5(np.radians(float(degrees))) == pytest.approx(value, abs=1e-10), degrees
-    assert np.degrees(needle.angles_for_d5(54.0)) == pytest.approx([FIGURES["alpha2_for_54"]], abs=1e-9)
-    # The published whole numbers are the exact values without their decimals.
-    assert needle.smallest_whole_degree() == FIGURES["paper"]["alpha2_limit"]
-    assert int(needle.d5(np.radians(8.0))) == FIGURES["paper"]["d5"]
 
 
 # The chain of frames (A7, A13)

@@ -22,15 +22,6 @@ def test_pchip_agrees_with_scipy() -> None:
     assert Table(KNOTS, ANGLES, "pchip").value(driver) == pytest.approx(expected, abs=1e-14)
 
 
-@pytest.mark.parametrize(
-    ("rows", "word"),
-    [((), "at least two rows"), ((1.0,), "at least two rows"), ((1.0, 1.0), "row 2"), ((2.0, 1.0), "row 2")],
-)
-def test_table_that_does_not_define_a_function_is_refused(rows, word: str) -> None:
-    with pytest.raises(ValueError, match=word):
-        Table(rows, tuple(0.0 for _ in rows))
-
-
 def test_a_law_that_is_undefined_in_the_range_is_named() -> None:
     machine = mechanism(laws={"beta": Table((0.0, 1.0), (0.0, 0.5), outside="error")})
     machine.require_laws({"u3", "u4"}, 0.0, 1.0)

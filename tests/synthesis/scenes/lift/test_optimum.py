@@ -11,7 +11,6 @@ from pathlib import Path
 
 import pytest
 
-from synthesis.errors import FieldError
 from synthesis.scenes.lift import constrained as product
 from synthesis.scenes.lift.optimum import Evaluator, Objective, Optimum, Task
 from synthesis.scenes.lift.pose import Cylinder, Design
@@ -112,25 +111,3 @@ def test_the_objective_agrees_with_a_direct_sum(kind) -> None:
 
 
 # -- refusals ------------------------------------------------------------------------------------------------
-
-
-REFUSALS = {
-    "speed": (task(cylinder=Cylinder(220.0, 0.0)), "speed"),
-    "stroke": (Task(CYLINDER, 510.0, 200.0, Objective("discrete"), 600.0), "stroke"),
-    "short bound": (task(bound=240.0), "b<=max"),
-    "long cylinder": (task(cylinder=Cylinder(5000.0, 100.0)), "b<=max"),
-}
-
-
-@pytest.mark.parametrize("name", REFUSALS)
-def test_refusals_name_the_violated_constraints_and_the_amount(name) -> None:
-    problem, constraint = REFUSALS[name]
-    with pytest.raises(FieldError) as caught:
-        optimize(problem)
-    assert constraint in (caught.value.details["constraint"], *caught.value.message.split())
-    assert caught.value.details["amount"] >= 0
-
-
-def test_a_refusal_for_a_cylinder_that_stops_lists_the_missing_travel() -> None:
-    with pytest.raises(FieldError, match="stopping"):
-        optimize(task(cylinder=Cylinder(220.0, 100.0, -20.0)))
