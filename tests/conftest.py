@@ -204,5 +204,6 @@ def client(tmp_path_factory: pytest.TempPathFactory) -> Iterator[TestClient]:
     """Start the service for requests that need no atlas; its atlas does not exist, whatever lies in the working
     folder.
     """
-    with TestClient(create_app(Settings(atlas=tmp_path_factory.mktemp("service") / "none.h5"))) as client:
+    settings = Settings(atlas=tmp_path_factory.mktemp("service") / "none.h5", workers=1)
+    with TestClient(create_app(settings)) as client:
         yield client

@@ -4,7 +4,6 @@ A file of the wrong rank, format or unit, and an example that is no request, wou
 """
 
 import json
-import os
 import subprocess
 from pathlib import Path
 from xml.etree import ElementTree
@@ -243,20 +242,3 @@ def test_the_default_atlas_is_built_once_in_the_cache_folder(tmp_path, monkeypat
 
 
 # -- waiting ----------------------------------------------------------------------------------------------------------
-
-
-def test_the_service_without_an_atlas_starts_and_says_what_needs_one(tmp_path) -> None:
-    from fastapi.testclient import TestClient
-
-    from app.main import create_app
-
-    settings = Settings(atlas=tmp_path / "none.h5", with_atlas=False)
-    with TestClient(create_app(settings)) as client:
-        assert client.get("/readyz").status_code == 200
-        assert client.post("/v2/synthesize", json=RIGHT_ANGLE).status_code == 200
-        for path in ("/v2/match", "/v2/synthesize"):
-            body = {"rotation": [0, 8, 19], "crank_span": 90}
-            reply = client.post(path, json=body | ({} if path == "/v2/match" else {"effort": "atlas"}))
-            assert reply.status_code == 503 and "started without an atlas" in reply.json()["detail"]
-            assert "retry-after" not in reply.headers, "waiting does not help"
-    assert "LINKAGE_ATLAS_WITH_ATLAS" not in os.environ

@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 
 import linkage_atlas
-from app.registry import all_queries, queries_named, worked_example
+from app.registry import all_queries, worked_example
 from tests.conftest import PATIENCE, some_of, started
 
 ROOT = Path(__file__).parents[2]
@@ -42,17 +42,6 @@ def request_file(tmp_path: Path) -> Path:
 
 
 # -- requests ---------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("command", ["match", "synthesize", "function"])
-def test_every_query_prints_a_table(command, run, small_path) -> None:
-    """Queries of the scenes are tested in tests/app/scenes/test_scenes.py."""
-    (query,) = queries_named(command)
-    name = sorted(query.examples)[0]
-    atlas = ["--atlas", small_path] if query.reads_atlas else []
-    code, out, err = run(*query.command.split(), "--example", name, *atlas)
-    assert (code, err) == (OK, "")
-    assert len(out.splitlines()) >= 2 and "{" not in out and "nan" not in out.lower()
 
 
 # -- errors -----------------------------------------------------------------------------------------------------------
@@ -83,24 +72,11 @@ def test_a_bad_request_is_named_in_a_line_and_ends_with_2(text, words, run, smal
     assert len(err) < 500, "a request is not repeated"
 
 
-@pytest.mark.parametrize("arguments", [["no_such_file.json"], ["."]], ids=["missing", "folder"])
-def test_an_unreadable_request_file_ends_with_2(arguments, run, small_path) -> None:
-    code, out, err = run("match", *arguments, "--atlas", small_path)
-    assert (code, out) == (USAGE, "") and err.startswith(f"{arguments[0]}: ") and len(err.splitlines()) == 1
-
-
-def test_an_unknown_option_shows_the_usage_of_its_command(run) -> None:
-    code, _, err = run("lift", "motion", "--bogus")
-    assert code == USAGE and err.startswith("usage: linkage-atlas lift motion ") and "--bogus" in err
-
-
 def test_what_is_no_request_is_told_in_words(run) -> None:
     assert (
         run("synthesize", stdin="x,y,angle\n1,2,3\n")[2]
         == "standard input: the table has 1 row, but at least 2 are required\n"
     )
-    said = "standard input: is empty; name a file or an --example, or write the request to standard input\n"
-    assert run("function")[::2] == (USAGE, said)
     code, _, err = run("drive", stdin="x,y,angle\n0,0,0\n1,2,3\n")
     assert code == USAGE and err.startswith("linkage: is required")
 

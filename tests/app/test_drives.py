@@ -4,7 +4,6 @@ A peak that is missed between two samples, or a drive in the wrong unit, would s
 """
 
 import json
-from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -154,25 +153,6 @@ def test_each_solution_of_a_search_gets_its_drives(client: TestClient) -> None:
             assert (mine["kind"], mine["link"]) == (second["kind"], second["link"])
             for name in ("peak_force", "peak_torque", "arm_min", "swing"):
                 assert mine.get(name, 0) == pytest.approx(second.get(name, 0), rel=1e-6)
-
-
-@cache
-def the_best() -> la.Solution:
-    return la.synthesize(**POSES | {"top": 1}).best
-
-
-def test_a_solution_in_python() -> None:
-    solution = the_best()
-    found = la.drives(solution, [{"kind": "dyad"}, {"kind": "toggle"}], load={"force": [0, -10]})
-    motor = found.best("dyad")
-    assert motor is not None
-    assert motor.six_bar is not None
-    assert motor.six_bar.motor_torque[[0, -1]] == pytest.approx(0, abs=1e-6)
-    knee = found.best("toggle")
-    assert knee is not None
-    assert knee.lock is not None
-    assert knee.lock.over_centre == pytest.approx(5)
-    assert solution.studied(drives=[{"kind": "rotary"}]).drives
 
 
 def test_a_body_on_guides_goes_along_the_travel_of_its_request(client: TestClient) -> None:

@@ -39,14 +39,16 @@ def client(small_bytes: bytes, tmp_path_factory: pytest.TempPathFactory) -> Iter
     """The service with an atlas of few types, for all tests that do not need the published atlas."""
     path = tmp_path_factory.mktemp("http") / "small.h5"
     path.write_bytes(small_bytes)
-    with TestClient(create_app(Settings(atlas=path, max_body_bytes=BODY_LIMIT)), follow_redirects=False) as client:
+    with TestClient(
+        create_app(Settings(atlas=path, workers=1, max_body_bytes=BODY_LIMIT)), follow_redirects=False
+    ) as client:
         yield client
 
 
 @pytest.fixture(scope="module")
 def paper(atlas_path: Path) -> Iterator[TestClient]:
     """The service with the published atlas of 101,408 types."""
-    with TestClient(create_app(Settings(atlas=atlas_path))) as client:
+    with TestClient(create_app(Settings(atlas=atlas_path, workers=1))) as client:
         yield client
 
 
@@ -367,18 +369,14 @@ def test_a_fault_of_the_service_is_a_problem_too(monkeypatch, caplog) -> None:
 # -- a missing atlas --------------------------------------------------------------------------------
 
 
-def without_atlas(fault: str, small_bytes: bytes, path: Path) -> TestClient:
-    """The service with an atlas file that it cannot use."""
-    if fault == "folder":
-        path.mkdir()
-    elif fault != "missing":
-        path.write_bytes(small_bytes[:-1] if fault == "damaged" else small_bytes)
-    return TestClient(create_app(Settings(atlas=path)))
-
-
 @pytest.mark.parametrize("fault", ["missing", "damaged", "folder"])
 def test_without_an_atlas_the_rest_answers(fault, small_bytes, tmp_path) -> None:
-    with without_atlas(fault, small_bytes, tmp_path / "atlas.h5") as client:
+    path = tmp_path / "atlas.h5"
+    if fault == "folder":
+        path.mkdir()
+    elif fault == "damaged":
+        path.write_bytes(small_bytes[:-1])
+    with TestClient(create_app(Settings(atlas=path, workers=1))) as client:
         assert client.get("/livez").status_code == 200
         for reply in (
             client.get("/readyz"),
@@ -391,15 +389,7 @@ def test_without_an_atlas_the_rest_answers(fault, small_bytes, tmp_path) -> None
             assert int(reply.headers["retry-after"]) > 0
         assert ask(client, "/v2/synthesize", **EXAMPLE, top=1)["status"] == "reached", "the search needs no atlas"
         assert refusal(client, "/v2/match", "{}")["status"] == 422
-
-
-@pytest.mark.parametrize("fault", ["missing", "damaged"])
-def test_without_an_atlas_the_scenes_answer(fault, small_bytes, tmp_path) -> None:
-    with without_atlas(fault, small_bytes, tmp_path / "atlas.h5") as client:
-        first = {query.path.split("/")[2]: query for query in reversed(scene_queries())}
-        for query in first.values():
-            body = next(iter(query.examples.values()))
-            assert client.post(query.path, json=body).status_code == 200, query.path
+        assert ask(client, "/v2/knotter/needle")["status"] == "free", "nor do the scenes"
 
 
 # -- OpenAPI ----------------------------------------------------------------------------------------------------------

@@ -4,16 +4,25 @@ A value that the description allows and the service cannot handle would show her
 """
 
 import json
-from collections.abc import Iterator
+from collections.abc import AsyncIterator, Iterator
+from contextlib import asynccontextmanager
+from itertools import count
 from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, Phase, given, seed, settings
 from hypothesis import strategies as st
 from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import Response
 
-from app.main import create_app
+import linkage_atlas as la
+from app import main, worker
+from app.bodies import check_counts
+from app.compute import Workers
 from app.openapi import FILE
+from app.questions import Question
+from app.resources import ServiceResources
 from app.settings import Settings
 
 EXAMPLES = {"positive": 12, "negative": 25}
@@ -38,12 +47,44 @@ Every process of a run builds them, so the tests import schemathesis, which take
 """
 
 
+class CountedWork(la.Work):
+    """Work that ends a search after some readings of its clock, and leaves all other work its time."""
+
+    def go_on(self) -> None:
+        self.check()
+
+
+class CountedResources(ServiceResources):
+    """The same short searches on every machine."""
+
+    def work(self, budget: float | None = None) -> la.Work:
+        return CountedWork(0.02 if budget is None else min(budget, 0.02), None, count(step=5e-3).__next__)
+
+
+class InProcess(Workers):
+    """Answers are computed in this process, without a limit of time: a 503 would be a fault."""
+
+    failure = None
+
+    @asynccontextmanager
+    async def running(self) -> AsyncIterator[None]:
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(worker, "_resources", CountedResources(self.settings), raising=False)
+            yield
+
+    async def answer(self, request: Request, question: Question, content: bytes) -> Response:
+        check_counts(content)
+        return worker.answer(question.path, content)
+
+
 @pytest.fixture(scope="module")
-def api(small_bytes: bytes, tmp_path_factory: pytest.TempPathFactory) -> Starlette:
+def api(small_bytes: bytes, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Starlette]:
     """The application over an atlas of few types, with short searches."""
     path = tmp_path_factory.mktemp("fuzz") / "small.h5"
     path.write_bytes(small_bytes)
-    return create_app(Settings(atlas=path, max_budget_ms=20))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(main, "Workers", InProcess)
+        yield main.create_app(Settings(atlas=path))
 
 
 @pytest.fixture(scope="module")
@@ -84,24 +125,16 @@ def test_no_request_of_the_description_breaks_the_service(label, mode, share, op
     schemathesis.checks.load_all_checks()
     checks = schemathesis.checks.CHECKS.get_by_names(CHECKS)
 
-    answered = []
-
     def run(case: Any) -> None:
         reply = case.call(session=session)
-        # an answer that cannot be cut short within the 20 ms of this service ends with a documented 503
-        out_of_time = reply.status_code == 503 and "limit of the service" in reply.text
-        if not out_of_time:
-            case.validate_response(reply, checks=checks)
+        case.validate_response(reply, checks=checks)
+        assert reply.status_code < 500
         if reply.status_code >= 400:
             assert reply.headers["content-type"] == ["application/problem+json"]
             assert reply.json()["status"] == reply.status_code
-        answered.append(not out_of_time)
 
     cases = operations[label].as_strategy(generation_mode=schemathesis.GenerationMode(mode))
-    for part in (share, 1):  # all if none of them was answered in time
-        if not any(answered):
-            seed(20)(settings(SETTINGS, max_examples=-(-EXAMPLES[mode] // part))(given(case=cases)(run)))()
-    assert any(answered), "some requests must be answered for this to say something"
+    seed(20)(settings(SETTINGS, max_examples=-(-EXAMPLES[mode] // share))(given(case=cases)(run)))()
 
 
 extreme = st.sampled_from([0.0, 1e-320, 1e-300, 1e-50, 1e-9, 1e-3, 90.0, 360.0, 1e6, 1e49, 1e300, 1.7e308])
@@ -148,7 +181,7 @@ def test_no_numbers_of_the_right_shape_break_the_service(session) -> None:
     def run(body: dict[str, Any]) -> None:
         headers = {"content-type": "application/json"}
         reply = session.post("/v2/synthesize", data=json.dumps(body), headers=headers)
-        assert reply.status_code in (200, 422, 503), reply.text  # 503: the machine is too slow for this budget
+        assert reply.status_code in (200, 422), reply.text
         assert "NaN" not in reply.text and "Infinity" not in reply.text
         answered.append(reply.status_code == 200)
 

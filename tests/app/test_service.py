@@ -254,7 +254,7 @@ def test_the_largest_requests_keep_their_budget(name, quick) -> None:
 
 @pytest.fixture(scope="module")
 def local() -> Iterator[TestClient]:
-    settings = Settings(with_atlas=False, allowed_hosts=LOOPBACK, metrics=True)
+    settings = Settings(with_atlas=False, workers=1, allowed_hosts=LOOPBACK, metrics=True)
     with TestClient(create_app(settings), base_url="http://localhost") as client:
         yield client
 
@@ -280,6 +280,14 @@ def test_every_reply_has_the_headers_of_security(path, local) -> None:
     assert headers["content-security-policy"].startswith("default-src 'none'")
     assert all(headers[name] == value for name, value in HEADERS.items())
     assert ("'unsafe-inline'" in headers["content-security-policy"]) == (path == "/docs"), "its library needs it"
+
+
+def test_a_service_that_was_started_without_an_atlas_says_what_needs_one(local) -> None:
+    assert local.get("/readyz").status_code == 200
+    for path, more in (("/v2/match", {}), ("/v2/synthesize", {"effort": "atlas"})):
+        reply = local.post(path, json={"rotation": [0, 8, 19], "crank_span": 90} | more)
+        assert reply.status_code == 503 and "started without an atlas" in reply.json()["detail"]
+        assert "retry-after" not in reply.headers, "waiting does not help"
 
 
 def test_replies_are_compressed_for_clients_that_take_it(local) -> None:

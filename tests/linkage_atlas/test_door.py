@@ -111,7 +111,7 @@ FREE = {"rotation": [None, 12, 27, 45, 66], "position": [[0, 0], [22, 5], [41, 1
 
 def test_the_reply_over_http_is_the_result_as_a_dict(built) -> None:
     atlas, path = built
-    with TestClient(create_app(Settings(atlas=path))) as client:
+    with TestClient(create_app(Settings(atlas=path, workers=1))) as client:
         for request in (EXAMPLE, EXAMPLE | {"effort": "atlas"}, FREE):
             request = request | {"top": 2, "round_to": 0.5, "sensitivity": True}
             reply = client.post("/v2/synthesize", json=request)

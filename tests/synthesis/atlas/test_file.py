@@ -80,14 +80,6 @@ def test_a_file_that_is_cut_off_is_refused(path, size: int) -> None:
     assert refused(path) in (AtlasFault.CHECKSUM, AtlasFault.SCHEMA)
 
 
-def test_what_is_no_file_or_too_large_is_refused(path, tmp_path) -> None:
-    assert refused(tmp_path) is refused(tmp_path / "none") is AtlasFault.MISSING
-    for limits in ({"max_bytes": 1000}, {"max_types": 10}):
-        with pytest.raises(AtlasError) as error:
-            load_atlas(path, **limits)
-        assert error.value.fault is AtlasFault.LIMIT
-
-
 def external_link(file: h5py.File) -> None:
     del file["average"]
     file["average"] = h5py.ExternalLink("/etc/hostname", "average")

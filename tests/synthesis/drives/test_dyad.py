@@ -6,7 +6,7 @@ A crank on the wrong side, or a time ratio that is inverted, would show here.
 import numpy as np
 import pytest
 
-from synthesis.drives.crank_rocker import place_motor_about_pivot, proportions
+from synthesis.drives.crank_rocker import place_motor_about_pivot
 from synthesis.drives.knee import place_knee
 from synthesis.drives.links import SAMPLES, hinged_at, motions_at, motions_of
 from synthesis.drives.motor_search import place_motor
@@ -17,46 +17,7 @@ from tests.oracles.driven_cases import any_linkage
 from tests.oracles.turned_motor import turned
 
 
-@pytest.mark.parametrize("seed", range(30))
-def test_simulated_it_swings_as_far_and_in_the_times_that_were_asked_for(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    swing, ratio = rng.uniform(0.2, 2.6), rng.choice([1.0, rng.uniform(1.02, 2)])
-    found = proportions(swing, ratio)
-    assert found is not None
-    angle = np.linspace(0, 2 * np.pi, 20_001)
-    pins = found.motor + found.crank * np.exp(1j * angle)
-    distance = np.abs(pins)
-    along = (1 - found.rod**2 + distance**2) / (2 * distance)
-    high = np.sqrt(1 - along**2)
-    # the side of the rocker at an end, unchanged all the way round
-    smallest = np.inf
-    for side in (1, -1):
-        rocker = pins / distance * (along + 1j * side * high)
-        turned = np.unwrap(np.angle(rocker))
-        if abs(np.ptp(turned) - swing) > 1e-5:
-            continue
-        # ends from the dead centres: motor, crank and rod in a line
-        ends = []
-        for reach in (found.rod - found.crank, found.rod + found.crank):
-            ground = abs(found.motor)
-            along_line = (ground**2 + reach**2 - 1) / (2 * ground)
-            offset = np.sqrt(reach**2 - along_line**2)
-            positions = [
-                found.motor - found.motor / ground * (along_line + 1j * direction * offset) for direction in (1, -1)
-            ]
-            ends.append(min(positions, key=lambda position: np.abs(rocker - position).min()))
-        smallest = abs(np.angle(ends[1] / ends[0]))
-        directions = [np.angle((end - found.motor) * sign) for end, sign in zip(ends, (-1, 1))]
-        turn = (directions[1] - directions[0]) % (2 * np.pi)
-        times = max(turn, 2 * np.pi - turn) / min(turn, 2 * np.pi - turn)
-        assert times == pytest.approx(ratio, abs=1e-9)
-        rod = (rocker - pins) / found.rod
-        sines = np.abs(np.imag(np.conj(rod) * rocker))
-        assert np.arcsin(sines.min()) == pytest.approx(found.transmission_angle_min, abs=1e-4)
-    assert smallest == pytest.approx(swing, abs=1e-9)
-
-
-@pytest.mark.parametrize("seed", some_of([28, 0, *range(1, 24)], 2))
+@pytest.mark.parametrize("seed", some_of([28, 0, 4, 9, *range(1, 4), *range(5, 9), *range(10, 24)], 4))
 def test_a_motor_that_is_turned_round_swings_a_linkage_of_any_kind(seed: int) -> None:
     linkage, interval = any_linkage(seed)
     machine = motions_of(linkage, interval)

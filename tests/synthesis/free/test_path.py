@@ -4,15 +4,12 @@ A screen that drops the right window, or a longer search that is worse, would sh
 """
 
 import itertools
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 
 from synthesis.four_bar import coupler_angle
-from synthesis.fourbar.mechanism import FOURBAR, FullCrankChart
-from synthesis.free.screen import COARSE, PathScreen
 from synthesis.free.search import path_screens, search_free
 from synthesis.limits import Limits, practical_limits
 from synthesis.poses import Poses
@@ -57,32 +54,6 @@ def test_exact_paths_are_reached(lengths: tuple[float, ...], samples: int, span:
     seconds, best = zip(*report.trace)
     # those below the tolerance are ranked by other merits
     assert list(seconds) == sorted(seconds) and best[-1] == min(solution.errors.objective for solution in found)
-
-
-@pytest.mark.parametrize("with_rotation", [False, True])
-def test_a_screen_s_errors_are_those_of_the_best_pose(with_rotation: bool) -> None:
-    poses = request(ROCKER, 10, 200)
-    if with_rotation:
-        poses = replace(poses, rotation=np.linspace(0.0, 0.4, 10))
-    screen = PathScreen(FOURBAR, np.array([[3.0, 8, 7, 9], [8.0, 7, 9, 3]]), FullCrankChart(), COARSE)
-    guesses = screen.timing_of(poses)[:3]
-    np.testing.assert_allclose(screen.errors(poses, guesses), naive_errors(screen, poses, guesses), atol=2e-5)
-
-
-def naive_errors(screen: PathScreen, poses: Poses, guesses: np.ndarray) -> np.ndarray:
-    """Fit each window separately by least squares, over the series of theta2 that the screen stores."""
-    series = screen.windows[:, : screen.harmonics.size] + 1j * screen.windows[:, screen.harmonics.size :]
-    out = np.empty((len(guesses), len(series)))
-    for g, crank in enumerate(guesses):
-        turned = np.exp(1j * crank[:, None] * screen.harmonics)
-        for w, window in enumerate(series):
-            body = turned @ window
-            columns = np.stack([np.ones_like(body), np.exp(1j * crank), body], axis=1)
-            fit = np.linalg.lstsq(columns, poses.scaled, rcond=None)[0]
-            out[g, w] = np.mean(np.abs(poses.scaled - columns @ fit) ** 2)
-            if poses.rotation is not None:
-                out[g, w] += 2 * max(0.0, 1 - abs(np.mean(np.exp(-1j * poses.rotation) * body)))
-    return out.reshape(len(guesses), len(screen.lengths), 2, -1)
 
 
 def test_more_time_is_never_worse(screens) -> None:
