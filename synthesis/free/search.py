@@ -179,11 +179,18 @@ def within_limits(poses: Poses, limits: Limits, pool: Pool, chart: Chart) -> Fla
 
 
 def _best(found: Sequence[Solution], poses: Poses, top: int, tolerance: float) -> list[Solution]:
-    """Return the best solutions by their error that differ from each other; unusable solutions come last."""
+    """Return the best solutions by their error that differ from each other, with the smallest error among them.
+
+    Unusable solutions come last.
+    """
     scores = scores_of(found, poses, tolerance)
     keys = [key(score, "error") for score in scores]
     ranked = [found[k] for k in sorted(range(len(found)), key=keys.__getitem__)]
-    return distinct(ranked, top, APART, order=lambda _: 0, exact=tolerance)
+    chosen = distinct(ranked, top, APART, order=lambda _: 0, exact=tolerance)
+    smallest = min(found, key=lambda solution: solution.errors.objective, default=None)
+    if smallest is None or top < 2 or any(solution is smallest for solution in chosen):
+        return chosen
+    return [*chosen[: top - 1], smallest] if len(chosen) == top else chosen
 
 
 def in_turn(crank: Floats, ordered: bool) -> Floats:

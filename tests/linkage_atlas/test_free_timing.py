@@ -12,6 +12,7 @@ import pytest
 
 import linkage_atlas as la
 from tests.conftest import some_of
+from tests.oracles.free_classes import free_case, free_request
 
 CRANK = [0.0, 10.0, 35.0, 50.0, 80.0, 110.0]
 
@@ -239,6 +240,14 @@ def test_wider_limits_never_give_a_worse_first_linkage(seed, closed):
     )
     assert practical.excursion < 2.5 and not (unlimited.excursion or 0) > 2.5
     assert unlimited.errors.objective <= practical.errors.objective * (1 + 1e-9)
+
+
+def test_an_exact_linkage_that_leaves_the_samples_stays_in_the_list_behind_usable_linkages():
+    _, request = free_request(free_case(7_000_005, 6), "motion", 7_000_005)
+    found = la.synthesize(**request, prefer="error").solutions
+    assert found[0].excursion < 2.5 and found[0].errors.objective > 0.01
+    exact = [solution.excursion for solution in found if solution.errors.objective < 1e-9]
+    assert len(exact) == 1 and exact[0] > 2.5
 
 
 @pytest.mark.parametrize(
