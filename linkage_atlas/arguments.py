@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from difflib import get_close_matches
-from typing import TypeAlias, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -90,8 +90,8 @@ def check_top(top: int) -> None:
 def check_above_zero(**values: object) -> None:
     """Raise FieldError for an argument that is not above zero; None is allowed."""
     for name, value in values.items():
-        if value is not None and not number(name, value) > 0:
-            raise FieldError(f"/{name}", f"must be a number above 0; it is {value}")
+        if value is not None:
+            positive(name, value, "number")
 
 
 def column(name: str, values: object) -> Floats:
@@ -123,9 +123,33 @@ def check_required(where: str, values: Fields, names: Iterable[str]) -> None:
 def known_fields(field: str, value: object, names: tuple[str, ...]) -> Fields:
     """Return a mapping whose fields all have known names; otherwise raise FieldError."""
     if not isinstance(value, Mapping):
-        raise FieldError(f"/{field}", f"must be a mapping of {', '.join(names)}")
-    check_names(f"/{field}", (name for name in value if value[name] is not None), names)
+        raise FieldError(f"/{field}" if field else "", f"must be a mapping of {', '.join(names)}")
+    check_names(f"/{field}" if field else "", (name for name in value if value[name] is not None), names)
     return value
+
+
+def read_fields(where: str, values: object, readers: Mapping[str, Callable[[str, Any], Any]]) -> dict[str, Any]:
+    """Return the checked fields of a mapping that are not None; raise FieldError for a wrong value or an unknown name.
+
+    Parameters
+    ----------
+    where : str
+        Path of the fields in error messages, with a slash at its end.
+    values : mapping
+        Fields by name.
+    readers : mapping
+        For each known name ``read(field, value)``, which returns the checked value or raises FieldError.
+    """
+    known = known_fields(where.rstrip("/"), values, tuple(readers))
+    return {name: readers[name](f"{where}{name}", value) for name, value in known.items() if value is not None}
+
+
+def positive(field: str, value: object, noun: str = "length") -> float:
+    """Return a finite number above 0; raise FieldError for any other value."""
+    found = number(field, value)
+    if not found > 0:
+        raise FieldError(f"/{field}", f"must be a {noun} above 0; it is {found:g}")
+    return found
 
 
 def kinds_among(value: object, known: Sequence[str], there_are: str = "") -> list[str]:

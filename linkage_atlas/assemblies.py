@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import combinations
-from typing import Annotated, Literal, NamedTuple, TypedDict
+from typing import Annotated, Any, Literal, NamedTuple, TypedDict
 
 import numpy as np
 
 from linkage_atlas.arguments import (
     Fields,
     box,
+    build,
     check_names,
     flag,
+    mapping,
     one_of,
     pair,
     pointing,
+    read_fields,
     whole_number,
 )
 from linkage_atlas.attached_drives import read_attached
@@ -40,18 +44,6 @@ from synthesis.mechanism import Box
 from synthesis.target import MAX_LENGTH, Interval
 from synthesis.work import Work
 
-ASSEMBLY = (
-    *PART_SETTINGS,
-    "boards",
-    "pin_heads",
-    "body",
-    "mounts",
-    "layers_max",
-    "envelope",
-    "keep_out",
-    "drive",
-)
-"""Fields of a request for an assembly."""
 MOST_CORNERS = 200
 """Maximum number of corners of a body's outline."""
 LAYERS_MOST, MOST_LAYERS = 6, 8
@@ -260,25 +252,23 @@ def read_assembly(request: Fields | bool, where: str = "assembly/") -> AskedAsse
 
     ``where``: path of the fields in error messages.
     """
-    if isinstance(request, bool):
-        request = {} if request else None  # type: ignore[assignment]
-    if request is None:
+    if request is None or request is False:
         return None
-    if not isinstance(request, Mapping):
-        raise FieldError(f"/{where.rstrip('/')}", f"must be true, or a mapping of {', '.join(ASSEMBLY)}")
-    check_names(f"/{where}".rstrip("/"), request, ASSEMBLY)
-    values = dict.fromkeys(ASSEMBLY) | {name: value for name, value in request.items() if value is not None}
-    boards = one_of(f"{where}boards", values["boards"] or "below", BOARDS)
-    layers_max = LAYERS_MOST if values["layers_max"] is None else values["layers_max"]
-    layers_max = whole_number(f"{where}layers_max", layers_max, 1, MOST_LAYERS)
-    pin_heads = flag(f"{where}pin_heads", values["pin_heads"])
+    read = read_fields(where, {} if request is True else request, ASSEMBLY)
+    boards = read.get("boards", BELOW)
+    layers = StackRequest(
+        boards,
+        read.get("pin_heads", False),
+        read.get("layers_max", LAYERS_MOST),
+        _mounts(f"{where}mounts", read.get("mounts", {}), boards),
+    )
     return AskedAssembly(
-        PartSettings.read(values, where),
-        () if values["body"] is None else _outline(f"{where}body", values["body"]),
-        StackRequest(boards, pin_heads, layers_max, _mounts(f"{where}mounts", values["mounts"], boards)),
-        None if values["envelope"] is None else box(f"{where}envelope", values["envelope"]),
-        tuple(box(f"{where}keep_out/{k}", out) for k, out in enumerate(values["keep_out"] or ())),
-        None if values["drive"] is None else _arranged_drive(f"{where}drive", values["drive"]),
+        PartSettings(**{name: read[name] for name in PART_SETTINGS if name in read}),
+        read.get("body", ()),
+        layers,
+        read.get("envelope"),
+        read.get("keep_out", ()),
+        read.get("drive"),
     )
 
 
@@ -300,22 +290,18 @@ def _arranged_drive(name: str, drive: object) -> Motor | Strut | str:
     return Strut(found.link, GROUND, found.pin, found.end, found.sizes, side if found.extends else -side)
 
 
-def _mounts(name: str, value: object, boards: str) -> dict[str, str]:
-    if value is None:
-        return {}
-    if not isinstance(value, Mapping):
-        raise FieldError(f"/{name}", "must be a mapping such as {'A': 'below'}")
+def _mounts(name: str, value: Fields, boards: str) -> dict[str, str]:
+    """Return the required mounts of fixed pins, which the boards must allow."""
     if value and boards == "bar":
         raise FieldError(f"/{name}", "has no effect with a bar, which holds its pins itself; remove this field")
     allowed = {"below": MOUNTS[:1], "above": MOUNTS[1:2], "both": MOUNTS}[boards] if value else ()
+    check_names(f"/{name}", value, FIXED_PINS, "fixed pin")
     for pin, mount in value.items():
-        if pin not in FIXED_PINS:
-            raise FieldError.no_such(f"/{name}", pin, FIXED_PINS, "fixed pin")
         if mount not in allowed:
             raise FieldError(
                 f"/{name}/{pin}", f"must be {' or '.join(allowed)} with boards {boards}; it is {mount!r}"
             )
-    return dict(value)
+    return build(dict, value)
 
 
 def _outline(name: str, value: object) -> tuple[complex, ...]:
@@ -336,6 +322,20 @@ def _outline(name: str, value: object) -> tuple[complex, ...]:
     if crosses_itself(corners):
         raise FieldError(f"/{name}", "has an outline that crosses or touches itself; give a simple outline")
     return tuple(corners if signed_area(corners) > 0 else corners[::-1])
+
+
+ASSEMBLY: dict[str, Callable[[str, Any], Any]] = {
+    **PART_SETTINGS,
+    "boards": partial(one_of, known=BOARDS),
+    "pin_heads": flag,
+    "body": _outline,
+    "mounts": mapping,
+    "layers_max": partial(whole_number, minimum=1, maximum=MOST_LAYERS),
+    "envelope": box,
+    "keep_out": lambda field, boxes: tuple(box(f"{field}/{k}", corners) for k, corners in enumerate(boxes)),
+    "drive": _arranged_drive,
+}
+"""Fields of a request for an assembly, with the functions that check them."""
 
 
 def machine_of(linkage: Linkage, request: AskedAssembly, used: Interval, where: str = "assembly/") -> Machine:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from linkage_atlas.arguments import number, one_of, pair, sequence
+from linkage_atlas.arguments import one_of, pair, positive, sequence
 from synthesis.drives.links import GROUND
 from synthesis.errors import FieldError
 
@@ -58,9 +58,7 @@ def read_attached(field: str, drive: object) -> AttachedDrive:
         length = value(value(drive, part) if part else drive, name)
         if length is None:
             raise FieldError(f"/{at}", "is required; pass the drive unchanged from a reply")
-        if not (size := number(at, length, 0.0)) > 0:
-            raise FieldError(f"/{at}", f"must be a length above 0; it is {size:g}")
-        sizes.append(size)
+        sizes.append(positive(at, length))
     knees = sequence(value(value(drive, "curve"), "knee")) if kind == "toggle" else ()
     return AttachedDrive(
         kind,

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
 
-from linkage_atlas.arguments import Fields, millimetres_in, number
+from linkage_atlas.arguments import MILLIMETRES, millimetres_in, number, one_of, positive
 from synthesis.assembly.machine import Sizes
 from synthesis.assembly.parts import THICKNESS, WASHER
 from synthesis.assembly.sizes import WIDTH_OF_HOLE
 from synthesis.errors import FieldError
 
-LENGTHS = ("hole", "width", "thickness", "washer", "clearance", "kerf")
-PART_SETTINGS = (*LENGTHS, "scale", "length_unit")
-"""Names of the settings in requests."""
 LEAST_SCALE, LARGEST_SCALE = 1e-3, 1e3
 HOLES = (1, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10, 12, 16, 20, 25, 30, 40, 50, 60, 80, 100, 120, 160, 200)
 """Diameters of pins and drills, in millimetres."""
@@ -47,24 +47,6 @@ class PartSettings:
     """Scale of the parts in all files; clearances and the kerf are not scaled."""
     length_unit: str | None = None
     """Unit of the lengths, for the default sizes, which are standard millimetre sizes; None: the unit of the file, or mm."""
-
-    @classmethod
-    def read(cls, fields: Fields, where: str) -> PartSettings:
-        """Check the settings among the fields of a request; ``where``: path of the fields in error messages."""
-        sizes: dict[str, float] = {}
-        for name in LENGTHS:
-            if fields.get(name) is not None:
-                sizes[name] = number(f"{where}{name}", fields[name], 0.0)
-                if not sizes[name] > 0 and name not in ("clearance", "washer", "kerf"):
-                    raise FieldError(f"/{where}{name}", f"must be a length above 0; it is {sizes[name]:g}")
-        if fields.get("scale") is not None:
-            scale = sizes["scale"] = number(f"{where}scale", fields["scale"])
-            if not LEAST_SCALE <= scale <= LARGEST_SCALE:
-                raise FieldError(f"/{where}scale", f"must be {LEAST_SCALE:g} to {LARGEST_SCALE:g}; it is {scale:g}")
-        unit = fields.get("length_unit")
-        if unit is not None:
-            millimetres_in(unit, where)
-        return cls(**sizes, length_unit=None if unit is None else str(unit))
 
     def in_unit(self, length_unit: str) -> PartSettings:
         """Return the settings with a unit for the default sizes, if none is set."""
@@ -105,6 +87,22 @@ class PartSettings:
             washer = WASHER * thickness
             washer = _up(washer * unit, WASHERS) / unit if standard else washer
         return replace(self, hole=hole, width=width, thickness=thickness, washer=washer, clearance=clearance)
+
+
+def _scale(field: str, value: object) -> float:
+    found = number(field, value)
+    if not LEAST_SCALE <= found <= LARGEST_SCALE:
+        raise FieldError(f"/{field}", f"must be {LEAST_SCALE:g} to {LARGEST_SCALE:g}; it is {found:g}")
+    return found
+
+
+PART_SETTINGS: dict[str, Callable[[str, Any], Any]] = {
+    **dict.fromkeys(("hole", "width", "thickness"), positive),
+    **dict.fromkeys(("washer", "clearance", "kerf"), partial(number, minimum=0.0)),
+    "scale": _scale,
+    "length_unit": partial(one_of, known=MILLIMETRES),
+}
+"""Settings in requests, with the functions that check them."""
 
 
 def _down(value: float, known: tuple[float, ...]) -> float:

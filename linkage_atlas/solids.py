@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
-from linkage_atlas.arguments import Fields, check_names, flag, millimetres_in, number, one_of
+from linkage_atlas.arguments import Fields, check_names, flag, millimetres_in, number, one_of, read_fields
 from linkage_atlas.assemblies import ASSEMBLY, Assembly, assembled, read_assembly
 from linkage_atlas.formats import OF_PARTS, kind_of
 from linkage_atlas.records import PYTHON_ONLY, Record
@@ -18,8 +19,14 @@ from synthesis.solids.solid import DENSITIES, FITS, Fit, Manufacture, Solids, ma
 from synthesis.target import Interval
 from synthesis.work import Work
 
-SOLIDS = ("fit", "material", "pins", "fillet", "layout", "allow_collisions")
-"""Fields of a request for solids."""
+SOLIDS: dict[str, Callable[[str, Any], Any]] = {
+    "fit": partial(one_of, known=FITS),
+    **dict.fromkeys(("material", "pins"), partial(one_of, known=DENSITIES)),
+    "fillet": partial(number, minimum=0.0),
+    "layout": partial(one_of, known=("assembled", "bed")),
+    "allow_collisions": flag,
+}
+"""Fields of a request for solids, with the functions that check them."""
 MATERIALS = {"H7": ("aluminium", "steel"), "print": ("PLA", "PLA")}
 """Default materials of plates and pins, by fit."""
 LEAST_MM, LARGEST_MM = 0.01, 1e6
@@ -41,28 +48,16 @@ class AskedSolids(NamedTuple):
 
 def read_solids(request: Fields | None, where: str = "solids/") -> AskedSolids:
     """Check a request for solids, a mapping with some of `SOLIDS`; ``where``: path of the fields in error messages."""
-    request = {} if request is None else request
-    if not isinstance(request, Mapping):
-        raise FieldError(f"/{where.rstrip('/')}", f"must be a mapping of {', '.join(SOLIDS)}")
-    check_names(f"/{where}".rstrip("/"), request, SOLIDS)
-    values = dict.fromkeys(SOLIDS) | {name: value for name, value in request.items() if value is not None}
-
-    def named(name: str, known: Iterable[str], default: str) -> str:
-        return default if values[name] is None else one_of(f"{where}{name}", values[name], known)
-
-    fit = named("fit", FITS, "H7")
-    fillet = 0.0 if values["fillet"] is None else number(f"{where}fillet", values["fillet"])
-    if fillet < 0:
-        raise FieldError(f"/{where}fillet", f"must be a radius of at least 0; it is {fillet:g}")
-    allow_collisions = flag(f"{where}allow_collisions", values["allow_collisions"])
+    read = read_fields(where, {} if request is None else request, SOLIDS)
+    fit = read.get("fit", "H7")
     plates, pins = MATERIALS[fit]
     return AskedSolids(
         FITS[fit],
-        named("material", DENSITIES, plates),
-        named("pins", DENSITIES, pins),
-        fillet,
-        None if values["layout"] is None else named("layout", ("assembled", "bed"), ""),
-        allow_collisions,
+        read.get("material", plates),
+        read.get("pins", pins),
+        read.get("fillet", 0.0),
+        read.get("layout"),
+        read.get("allow_collisions", False),
     )
 
 
@@ -184,7 +179,7 @@ def masses_of_parts(linkage: Linkage, used: Interval, length_unit: str) -> list[
 
 def split(request: Fields) -> tuple[dict[str, object], dict[str, object]]:
     """Split arguments between an assembly and its solids."""
-    check_names("", request, ASSEMBLY + SOLIDS)
+    check_names("", request, (*ASSEMBLY, *SOLIDS))
     return (
         {name: value for name, value in request.items() if name in ASSEMBLY},
         {name: value for name, value in request.items() if name in SOLIDS},

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Annotated, NamedTuple, TypedDict
+from functools import partial
+from typing import Annotated, Any, NamedTuple, TypedDict
 
 import numpy as np
 
-from linkage_atlas.arguments import Fields, known_fields, number, whole_number
+from linkage_atlas.arguments import Fields, number, read_fields, whole_number
 from linkage_atlas.records import Record, Values
 from synthesis.arrays import Floats
 from synthesis.linkage import Linkage
@@ -115,21 +116,18 @@ class Manufacture(NamedTuple):
     seed: int = 0
 
 
+_READERS: dict[str, Callable[[str, Any], Any]] = {
+    **dict.fromkeys(Tolerances._fields, partial(number, minimum=0.0)),
+    "samples": partial(whole_number, minimum=FEWEST_SAMPLES, maximum=MOST_SAMPLES),
+    "seed": partial(whole_number, minimum=0, maximum=2**32 - 1),
+}
+
+
 def read_manufacture(study: Fields) -> Manufacture:
     """Check a request for a tolerance study: ``links``, ``pivots``, ``clearance``, ``samples``, ``seed``."""
-    known_fields("tolerance_study", study, ("links", "pivots", "clearance", "samples", "seed"))
-    sizes = [
-        0.0 if study.get(name) is None else number(f"tolerance_study/{name}", study[name], 0.0)
-        for name in Tolerances._fields
-    ]
-    counts = []
-    for name, default, smallest, largest in (
-        ("samples", SAMPLES, FEWEST_SAMPLES, MOST_SAMPLES),
-        ("seed", 0, 0, 2**32 - 1),
-    ):
-        value = default if study.get(name) is None else study[name]
-        counts.append(whole_number(f"tolerance_study/{name}", value, smallest, largest))
-    return Manufacture(Tolerances(*sizes), *counts)
+    read = read_fields("tolerance_study/", study, _READERS)
+    tolerances = Tolerances(*(read.get(name, 0.0) for name in Tolerances._fields))
+    return Manufacture(tolerances, read.get("samples", SAMPLES), read.get("seed", 0))
 
 
 def share_of(manufacture: Manufacture, points: int, solutions: int, budget: float) -> Manufacture:
