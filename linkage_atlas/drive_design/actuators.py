@@ -353,8 +353,6 @@ def reason_of(
         case "reach":
             about = "the pivot" if question.link.pivot is not None else "the link's origin"
             return f"{subject} needs a pin at {refused.needed:.4g} from {about}; reach_max is {limits.reach:.6g}"
-        case "box":
-            return f"{subject} needs a ground point at {refused.needed:.4g} from the pivot; ground_box has none there"
         case "pin_box":
             return f"{subject}: pins of pin_box need a ground point outside of ground_box, by at least {refused.needed:.4g}"
         case "dead":

@@ -114,15 +114,12 @@ class _Selection:
         self.unfit: list[UnfitRow] = []
 
         @cache
-        def screened(actuator: Actuator) -> GridPlacements | Refusal | None:
-            return None if search.turns_about_pivot else search.screen([actuator], options.max_descents)
+        def screened(actuator: Actuator) -> GridPlacements | Refusal:
+            return search.screen([actuator], options.max_descents)
 
         @cache
         def placed(actuator: Actuator) -> Placement | Refusal:
-            starts = screened(actuator)
-            if starts is None:
-                return search.best(actuator)
-            return search.descend(starts, Sizes(actuator), work, restart=False)
+            return search.descend(screened(actuator), Sizes(actuator), work, restart=False)
 
         @cache
         def improved(actuator: Actuator) -> Placement | Refusal:
@@ -143,7 +140,7 @@ class _Selection:
             if isinstance(starts, Refusal):
                 self.unfit.append(UnfitRow(row, starts))
             else:
-                candidates.append((-row.actuator.stroke if starts is None else -starts.best_value, row))
+                candidates.append((-starts.best_value, row))
         candidates.sort(key=lambda candidate: candidate[0])
         return [row for _, row in candidates]
 
@@ -151,7 +148,7 @@ class _Selection:
         """Return the best placement of a row that can carry the load; otherwise note why there is none."""
         search = self.search
         placement = self._placed(row.actuator)
-        if not search.turns_about_pivot and isinstance(placement, Placement):
+        if isinstance(placement, Placement):
             if not search.loaded or row.can_carry(placement, self.options.near_miss):
                 placement = self._improved(row.actuator)
         if isinstance(placement, Refusal):

@@ -18,7 +18,6 @@ import numpy as np
 
 from synthesis.arrays import Complexes, Flags, Floats
 from synthesis.drives.motor import MotorCycle, evaluate_motor, return_angle
-from synthesis.drives.pivoted import direction_into_box
 from synthesis.four_bar import grashof_excesses, transmission_angle_over
 from synthesis.link_motion import LinkMotion
 from synthesis.mechanism import Box, outside
@@ -236,10 +235,34 @@ def _pins(
     if low <= high:
         size = radii[0] if low <= radii[0] <= high else (low + high) / 2
         for motor in motors:
-            direction = direction_into_box(pivot, size * distance, box, np.sort(directions))
+            direction = direction_into_box(pivot, size * distance, box)
             yield complex(size * np.exp(1j * (direction - np.angle(motor))))
 
 
 def _is_inside(motor: complex, box: Box, pivot: complex) -> bool:
     """Check that a motor lies in a box, up to the rounding of its distance from the pivot."""
     return bool(outside(motor, box) <= 1e-12 * abs(motor - pivot))
+
+
+def direction_into_box(pivot: complex, radius: float, box: Box) -> float:
+    """Return a direction in which a circle about a pivot lies in a box: the middle of its longest arc in the box.
+
+    Without such an arc, return the direction of the point of the box that is nearest to the pivot.
+    """
+    left, bottom, right, top = box
+    lines = [(0.0, left - pivot.real), (0.0, right - pivot.real)]
+    lines += [(np.pi / 2, bottom - pivot.imag), (np.pi / 2, top - pivot.imag)]
+    crossings = [
+        normal + sign * np.arctan2(np.sqrt((radius - distance) * (radius + distance)), distance)
+        for normal, distance in lines
+        if abs(distance) <= radius
+        for sign in (1, -1)
+    ]
+    starts = np.sort(np.mod(crossings or [0.0], TURN))
+    widths = np.diff(np.append(starts, starts[0] + TURN))
+    middles = starts + widths / 2
+    inside = outside(pivot + radius * np.exp(1j * middles), box) <= 0
+    if inside.any():
+        return float(middles[np.argmax(np.where(inside, widths, -1.0))])
+    nearest = complex(min(max(pivot.real, left), right), min(max(pivot.imag, bottom), top))
+    return float(np.angle(nearest - pivot))

@@ -1,9 +1,8 @@
 """Search for the placement of a linear actuator with the smallest peak force, or for the reason why there is none.
 
-On a link that turns about a pivot a single unknown is left, see `pivoted`. On any other link the pin q follows from the ground
-point G: it lies on two circles in the link's frame, for the first and the last position. So a grid covers the plane of G in four
-families: extending or retracting, and two intersections. The grid, a product of matrices, yields starting points; a descent of G
-and q on the largest u with ``arm >= u |torque|`` at every position ends at the optimum.
+The pin q follows from the ground point G: it lies on two circles in the link's frame, for the first and the last position. So a
+grid covers the plane of G in four families: extending or retracting, and two intersections. The grid, a product of matrices,
+yields starting points; a descent of G and q on the largest u with ``arm >= u |torque|`` at every position ends at the optimum.
 """
 
 from __future__ import annotations
@@ -15,7 +14,6 @@ import numpy as np
 
 from synthesis.arrays import Complexes, Flags, Floats, Ints
 from synthesis.drives.leverage import lengths_and_arms
-from synthesis.drives.pivoted import place_about_pivot
 from synthesis.drives.placement_descent import PlacementProblem
 from synthesis.drives.placements import TOLERANCE, Actuator, Placement, PlacementLimits, PlacementTask, Refusal, Sizes
 from synthesis.link_motion import LinkMotion
@@ -64,7 +62,7 @@ COARSE_GRID = 30
 """Number of grid points in each direction for a catalogue or free sizes, which gain more from many actuators."""
 _NEIGHBOURS = np.array([complex(x, y) for x in (-1, 0, 1) for y in (-1, 0, 1) if x or y])
 """Neighbours of a grid point, in steps of the grid."""
-_REASONS = ("arm", "dead", "pin_box", "reach", "stroke", "box")
+_REASONS = ("arm", "dead", "pin_box", "reach", "stroke")
 """Reasons of a refusal, from the closest to a placement to the farthest."""
 
 
@@ -131,8 +129,6 @@ class PlacementSearch(PlacementTask):
 
     def best(self, actuator: Actuator, work: Work | None = None) -> Placement | Refusal:
         """Return the placement of an actuator with the smallest peak force, or why there is none."""
-        if self.turns_about_pivot:
-            return place_about_pivot(self, actuator)
         return self.descend(self.screen([actuator], work=work), Sizes(actuator), work)
 
     def best_of_sizes(self, sizes: Sizes, work: Work | None = None) -> Placement | Refusal:
@@ -322,7 +318,7 @@ class PlacementSearch(PlacementTask):
             return Refusal("stroke", excess)
         inside = np.abs(pins) <= self.limits.reach
         if not inside.any():
-            return Refusal("reach", float(np.abs(pins).min()))
+            return Refusal("reach", self._needed_reach(pins, actuators))
         if self.limits.pin_box is not None:
             beyond = outside(grounds, self.limits.box)
             if not (inside & (beyond <= 0)).any():
@@ -335,6 +331,14 @@ class PlacementSearch(PlacementTask):
         value = arm_min - self.limits.arm
         value[strong] = np.min(arm[strong] / np.maximum(self.burden, 1e-300), axis=1)
         return GridPlacements(grounds, pins, extends, sides, actuators[inside], arm_min, value)
+
+    def _needed_reach(self, pins: Complexes, actuators: Floats) -> float:
+        """Return the smallest distance of a pin, on a link that turns about a pivot whatever the grid is."""
+        nearest = float(np.abs(pins).min())
+        if self.link.pivot is None:
+            return nearest
+        exact = float(actuators[:, 1].min() / (2 * np.sin(min(abs(self.link.swing()), np.pi) / 2)))
+        return exact if exact > self.limits.reach else nearest
 
     def families(
         self, points: Complexes, actuators: Floats

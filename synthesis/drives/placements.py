@@ -82,7 +82,7 @@ class Refusal(NamedTuple):
     """Reason why an actuator cannot be placed, with the number that shows it."""
 
     reason: str
-    """``stroke``, ``reach``, ``box``, ``pin_box``, ``dead`` or ``arm``; ``knee``: its handle turns back on both sides."""
+    """``stroke``, ``reach``, ``pin_box``, ``dead`` or ``arm``; ``knee``: its handle turns back on both sides."""
     needed: float
     """Reach or arm that would be needed or that can be attained; for a dead point the drive's parameter there."""
     between: tuple[int, int] | None = None
@@ -127,11 +127,6 @@ class PlacementTask:
         left, bottom, right, top = limits.box
         self.directions = (True, False) if limits.extends is None else (limits.extends,)
         self.size = max(right - left, top - bottom, limits.reach)
-
-    @property
-    def turns_about_pivot(self) -> bool:
-        """True if the closed form applies: the link has a fixed pivot and its pin may be anywhere within the reach."""
-        return self.link.pivot is not None and self.limits.pin_box is None
 
     def force_bound(self, stroke: float) -> float:
         """Return a lower bound of the peak force of all placements with a stroke."""

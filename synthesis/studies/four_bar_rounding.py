@@ -1,8 +1,7 @@
 """Available link lengths, on a grid or from a list of stock lengths, with start, pose and offset fitted again.
 
-The best combination of stock lengths is a closest-point problem: near a solution the squared objective is a quadratic form of
-the four logarithms, whose triangular factor bounds the cost of each choice from below, link by link (Fincke and Pohst,
-Mathematics of Computation 44 (1985), 463-471). So combinations come in the order of that estimate, and each is then fitted.
+Near a solution the squared objective is a quadratic form of the four logarithms of the lengths. Combinations of the nearest
+available lengths come in the order of that estimate, and each is then fitted.
 
 With the start of the crank chosen, all directions of the links against the ground line are known, and the position error is
 a complex least-squares problem in A and z, with a rotation w of modulus 1 beside them::
@@ -16,11 +15,7 @@ repeated grids. If the best pose violates limits, a descent within the limits wi
 
 from __future__ import annotations
 
-import bisect
-import heapq
-import itertools
-import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -56,8 +51,8 @@ class FourBarRoundingOptions:
     """Ratio of the objectives of the nearest lengths and of the solution up to which no other lengths are tried."""
     exact: float = 1e-12
     """Objective of the nearest lengths that is only rounding."""
-    max_open: int = 1 << 17
-    """Largest number of choices of some links whose others are not chosen yet: about 50 MB."""
+    choices: int = 12
+    """Largest number of available lengths, the nearest, that are combined for each link."""
     batch: int = 64
     """Number of combinations that are scanned at once."""
     fitted_batch: int = 8
@@ -172,14 +167,10 @@ def _best_of(
     """The best combination of lengths, one of each of four lists."""
     old = solution.linkage
     total = int(np.prod([float(values.size) for values in choices]))
-    order = _nearest_first(target, solution, choices)
-    tried = 0
+    nearest, tried = _nearest_first(target, solution, choices)[:tries], 0
     found: list[tuple[Floats, Floats, Floats]] = []
-    while (
-        tried < tries and (links := np.array(list(itertools.islice(order, min(OPTIONS.batch, tries - tried))))).size
-    ):
-        if found and work.expired():
-            break
+    while tried < len(nearest) and not (found and work.expired()):
+        links = nearest[tried : tried + OPTIONS.batch]
         found.append((links, *scan(target, links, old.branch, limits)))
         tried += len(links)
     links, cost, starts = (np.concatenate(columns) for columns in zip(*found))
@@ -203,59 +194,19 @@ def _best_of(
     return Rounding(best, tried, total, tried == total and refined_all, None if best is not None else why)
 
 
-def _nearest_first(target: Target, solution: Solution, choices: Sequence[Floats]) -> Iterator[Floats]:
-    """Combinations of lengths, one of each rising list, by their estimated objective; best first."""
-    old = solution.linkage
-    triangle, right = response_to_lengths(target, old)
-    size = OPTIONS.change_weight * max(float(np.abs(triangle).max()), np.finfo(float).tiny)
-    stack = np.concatenate([np.column_stack([triangle, right]), size * np.eye(4, 5)])
-    upper: Any = np.linalg.qr(stack, mode="r")
-    moved = [np.log(values / length) for values, length in zip(choices, old.links)]
-    for chosen in nearest_of(upper, [column.tolist() for column in moved]):
-        yield np.array([values[index] for values, index in zip(choices, chosen)])
-
-
-def nearest_of(upper: Floats, moved: Sequence[Sequence[float]]) -> Iterator[tuple[int, ...]]:
-    """Yield indices into each list of numbers d_k in increasing order of ``|upper[:4, :4] @ d + upper[:4, 4]|^2``.
-
-    If more than `FourBarRoundingOptions.max_open` choices are open because the lengths are poorly determined, further
-    neighbours are omitted.
-
-    ``upper`` (5, 5): upper triangular without zeros on its diagonal. ``moved``: increasing lists.
-    """
-    rows = [[float(value) for value in row] for row in upper]
-    # A node is a choice for the last links; its children choose the link before, the nearest first. Along a rising list that is
-    # from the nearest outward, so an open node is two places in it: there may be a hundred thousand of them.
-    heap: list[tuple[float, tuple[int, ...], int, int, float, float]] = []
-
-    def push(chosen: tuple[int, ...], below: int, above: int, bound: float, remaining: float) -> None:
-        link = 3 - len(chosen)
-        column, slope = moved[link], rows[link][link]
-        costs = [
-            bound + (gap := slope * column[index] + remaining) * gap if 0 <= index < len(column) else math.inf
-            for index in (below, above)
-        ]
-        if costs[0] <= costs[1] and below >= 0:
-            heapq.heappush(heap, (costs[0], (below, *chosen), below - 1, above, bound, remaining))
-        elif above < len(column):
-            heapq.heappush(heap, (costs[1], (above, *chosen), below, above + 1, bound, remaining))
-
-    def open_node(bound: float, chosen: tuple[int, ...]) -> None:
-        link = 3 - len(chosen)
-        row = rows[link]
-        remaining = row[4] + sum(row[link + 1 + k] * moved[link + 1 + k][index] for k, index in enumerate(chosen))
-        above = bisect.bisect_left(moved[link], -remaining / row[link])
-        push(chosen, above - 1, above, bound, remaining)
-
-    open_node(0.0, ())
-    while heap:
-        bound, chosen, below, above, before, remaining = heapq.heappop(heap)
-        if len(heap) < OPTIONS.max_open:
-            push(chosen[1:], below, above, before, remaining)
-        if len(chosen) == 4:
-            yield chosen
-        else:
-            open_node(bound, chosen)
+def _nearest_first(target: Target, solution: Solution, choices: Sequence[Floats]) -> Floats:
+    """Return combinations (n, 4) of lengths, one of each list, by their estimated objective; best first."""
+    own = np.array(solution.linkage.links)
+    triangle, right = response_to_lengths(target, solution.linkage)
+    weight = OPTIONS.change_weight * max(float(np.abs(triangle).max()), np.finfo(float).tiny)
+    nearest = [
+        values[np.argsort(np.abs(np.log(values / length)), kind="stable")[: OPTIONS.choices]]
+        for values, length in zip(choices, own)
+    ]
+    links = np.stack([axis.ravel() for axis in np.meshgrid(*nearest, indexing="ij")], axis=1)
+    change = np.log(links / own)
+    estimate = np.sum((change @ triangle.T + right) ** 2, axis=1) + np.sum((weight * change) ** 2, axis=1)
+    return links[np.argsort(estimate, kind="stable")]
 
 
 def scan(target: Target, links: Floats, branch: int, limits: Limits) -> tuple[Floats, Floats]:
