@@ -125,6 +125,12 @@ export class Editor {
     this.fields.forget();
   }
 
+  /** Shows below the table what is wrong with an entry. */
+  #tell(sentence) {
+    $("table-error").textContent = sentence;
+    if (sentence) $("table-error").scrollIntoView({ block: "nearest" });
+  }
+
   // -- the table --
 
   #showTable() {
@@ -197,7 +203,7 @@ export class Editor {
       if (fault) this.cellFaults.set(id, `${capital(itemOf(this.motion))} ${k + 1}, ${label}: ${fault}${fallback}.`);
       else this.cellFaults.delete(id);
       input.classList.toggle("invalid", Boolean(fault));
-      $("table-error").textContent = [...this.cellFaults.values()][0] ?? "";
+      this.#tell([...this.cellFaults.values()][0] ?? "");
       if (fault && used === this.motion.poses[k][name]) return;
       this.history.change((motion) => {
         motion.poses[k][name] = used;
@@ -235,13 +241,14 @@ export class Editor {
       event.target.value = this.motion.poses[first][name] ?? "";
       this.board.reveal();
     } catch (error) {
-      if (first) $("table-error").textContent = error.message;
-      else this.#pasteTable(content);
+      if (first) this.#tell(error.message);
+      else this.#pasteTable(content, event.target);
     }
   }
 
-  /** Reads a whole table, perhaps with heads, which was pasted into its first row. */
-  #pasteTable(content) {
+  /** Reads a whole table, perhaps with heads, which was pasted into a cell of its first row. */
+  #pasteTable(content, cell) {
+    cell.blur(); // a focused cell would keep its number
     $("paste-text").value = content;
     $("paste-use").click();
   }

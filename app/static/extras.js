@@ -7,20 +7,20 @@ import { $, listen, say } from "./shell.js";
 
 const MAX_BYTES = 5e6;
 
-const FOUR_BAR = { links: [true, true], rails: [], slots: [], ground: true };
+const FOUR_BAR = { p: true, links: [true, true], rails: [], slots: [], ground: true };
 
 /** Shows what the canvas shows of a linkage of any kind by its joints; null stands for a four-bar. */
 function legend(joints) {
-  const { links, rails, slots, ground } = joints ?? FOUR_BAR,
+  const { p, links, rails, slots, ground } = joints ?? FOUR_BAR,
     plural = (word, list) => (list.length > 1 ? `${word}s` : word);
   const rows = [
     links[0] && ["crank", "crank AD"],
-    ["body", "body DCP"],
+    ["body", p ? "body DCP" : "coupler DC"],
     slots.length && ["body", `${plural("slot", slots)} in the body`],
     links[1] && ["rocker", links[0] ? "rocker BC" : "crank BC"],
     rails.length && ["rail", plural("rail", rails)],
     ground && ["ground", "ground AB"],
-    ["path", "path of P"],
+    ["path", `path of ${p ? "P" : "C"}`],
     ["pose", "wanted"],
     ["bad", "error"],
   ].filter(Boolean);

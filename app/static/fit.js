@@ -67,7 +67,7 @@ export function worstRows({ places, turns, worst }, { unit }, scale) {
 
 /** These rows in a few words: "0.27 mm (pose 5) and 0.08° (pose 4)". */
 export const worstWords = (rows, motion) =>
-  rows.map(([, error, k]) => (k === null ? error : `${error} (${itemOf(motion)} ${k})`)).join(" and ");
+  [...new Set(rows.map(([, error, k]) => (k === null ? error : `${error} (${itemOf(motion)} ${k})`)))].join(" and ");
 
 /** Return true if two solutions are the same linkage to within a thousandth of its size. */
 export function alike(solution, reference) {

@@ -12,15 +12,15 @@ const FAR = 2.2; // sizes of a triangle within which a crossing is drawn
 const CONDITIONS = ["wrap", "clearance", "bite"];
 const degree = (unit) => (unit === "rad" ? "rad" : "°");
 const ROPE = {
-  wrap: ["The rope wraps over S3S4", "The rope does not wrap"],
-  bite: ["The jaw bites the rope over S8S9", "The jaw does not bite the rope"],
+  wrap: ["The rope wraps", "The rope does not wrap"],
+  bite: ["The jaw bites the rope", "The jaw does not bite the rope"],
 };
 
 /** Return a verdict as a sentence. */
 function sentence(name, part, unit) {
   const { worst_angle: worst } = part;
   const margin = `${text(Math.abs(part.margin), 4)} mm ${part.holds ? "to spare" : "short"}`,
-    at = (angle) => `at ${text(angle, 6)}${unit}`;
+    at = (angle) => `at ${text(angle, 5)}${unit}`;
   if (name === "clearance")
     return `S10 ${part.holds ? "keeps clear of the disc" : "meets the disc's plane"}, ${margin} ${at(worst)}`;
   const [good, bad] = ROPE[name];

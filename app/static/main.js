@@ -327,6 +327,7 @@ function take(found, further = false) {
 function present() {
   results.player.run();
   openStep("choose");
+  if (["add", "path"].includes(editor.board.mode)) editor.setMode("move"); // a drag moves what was found
 }
 
 const secondsSince = (begin) => (performance.now() - begin) / 1000;

@@ -48,7 +48,7 @@ export function numberRows(solution, { motion, size }, digits = DIGITS) {
     mount && ["Pivot A", point(mount.pivot_a)],
     mount && ["Pivot B", point(mount.pivot_b)],
     mount && ["Ground angle", degrees(settled(mount.ground_angle, 57))],
-    polar && ["Coupler point", `${length(polar.radius)} at ${degrees(polar.angle)}`],
+    polar && ["Coupler point", `${length(polar.radius)} at ${degrees(settled(polar.angle, 57))}`],
     worst.turn !== null && ["Angle error, largest", at(worst.turn, turnError(Math.abs(turns[worst.turn])))],
     worst.place !== null && ["Position error, largest", at(worst.place, placeError(places[worst.place]))],
     ...(solution.output ? lawRows(solution, unit) : []),
@@ -78,12 +78,12 @@ function verdictBlock(solution, motion) {
     rows = judged(verdict, motion, item, driveName(solution), driveTurns(solution)),
     sentences = reasons(verdict, item);
   const judgement = ([name, good, words]) => {
-    const kind = good ? "good" : ["Practical limits", "Tolerance", "Layers"].includes(name) ? "poor" : "bad";
+    const kind = good ? "good" : ["Practical limits", "Limits", "Tolerance", "Layers"].includes(name) ? "poor" : "bad";
     return [name, signed("dd", kind, { good: "✓", poor: "!", bad: "✕" }[kind], words)];
   };
   const list = definitions(rows.map(judgement)),
     why = sentences.map((sentence) => element("li", "", sentence));
-  return element("div", "judged", element("h3", "", "Verdict"), list, why.length && build("ul", {}, why));
+  return element("div", "judged", element("h3", "", "Verdict"), list, why.length > 0 && build("ul", {}, why));
 }
 
 /** The crank angles that a solution brings along, in the order in which the samples are passed. */

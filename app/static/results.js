@@ -15,6 +15,7 @@ import { Preview } from "./parts.js";
 import { Player, trajectory } from "./player.js";
 import { ask, download } from "./service.js";
 import { $, build, copy, listed, listen } from "./shell.js";
+import { isNarrow } from "./steps.js";
 import { driveTurns } from "./timing.js";
 import { mark, plainNote, reasons } from "./verdict.js";
 
@@ -25,7 +26,7 @@ const WITH_DRIVE = ["dxf", "csv", "svg", "mjcf", "plates", ...OF_PARTS];
 const TURNING = ["urdf", "sdf"]; // formats without what slides
 const ENDS = { tolerance: "tolerance reached", converged: "no further improvement found", budget: "the time was up" };
 const REST_MS = 120; // without a further drag, after which the curves are drawn anew
-const NEAR = 2.5; // times the size of the motion to which further solutions may widen the view
+const NEAR = 2.5; // times the size of the motion to which further solutions may widen the view of a wide screen
 const OUTSIDE = "Parts lie outside the view: Fit shows all";
 
 export function note(sentence) {
@@ -338,7 +339,8 @@ export class Results {
       targets = placesOf(answer.motion);
     if (!own.length) return;
     const motionSize = extent(targets.length > 1 ? targets : own, view),
-      maxExtent = Math.max(extent([...own, ...targets], view), NEAR * motionSize),
+      near = isNarrow() ? 1 : NEAR,
+      maxExtent = Math.max(extent([...own, ...targets], view), near * motionSize),
       more = [];
     for (const solution of solutions.slice(0, 12)) {
       const points = pointsOf(fitOf(solution, answer.motion).at);
@@ -358,7 +360,7 @@ export class Results {
   #showNumbers(again = false) {
     const { solution, answer } = this,
       rows = worstRows(fitOf(solution, answer.motion), answer.motion, answer.size);
-    $("joints-note").textContent = rows.length ? `Off by at most ${worstWords(rows, answer.motion)}.` : "";
+    $("joints-note").textContent = rows.length ? `Largest errors: ${worstWords(rows, answer.motion)}.` : "";
     $("numbers").replaceChildren(...numberBlocks(solution, answer));
     // where something slides: joints of these files turn
     for (const format of ["pylinkage", ...TURNING])

@@ -215,8 +215,9 @@ export class Sources {
         read = await readTable(content, "synthesize", columns);
       if (this.reading !== turn) return;
       const motion = withSamples(this.#settings(), read),
-        notes = read.notes.map((remark) => capital(remark.replace(/\.?$/, "."))),
-        units = Object.fromEntries(read.columns.map(({ role, unit }) => [role, unit]));
+        units = Object.fromEntries(read.columns.map(({ role, unit }) => [role, unit])),
+        isOffered = (remark) => !units.angle && looksRadian(motion) && remark.includes("radians"),
+        notes = read.notes.filter((remark) => !isOffered(remark)).map((remark) => capital(remark.replace(/\.?$/, ".")));
       if (thin) notes.push(thin);
       if (dropClosing(motion)) notes.push("The last row repeated the first: it was dropped, and the motion is closed.");
       this.#take(motion, { note: [from, ...notes].join(" "), mode: "move", table: units });
@@ -285,11 +286,16 @@ export class Sources {
     const take = (file) => {
       if (!file) return;
       const [, use] = [...FILES].find(([endings]) => endings.test(file.name)) ?? [];
-      if (!use) this.#read(file, `From ${file.name}.`, (sentence) => say(sentence, true));
+      const failed = (sentence) => {
+        say(sentence, true);
+        $("welcome-note").textContent = sentence;
+      };
+      $("welcome-note").textContent = "";
+      if (!use) this.#read(file, `From ${file.name}.`, (sentence) => failed(`${file.name}: ${sentence}`));
       else if (["outline", "picture"].includes(use)) {
         if (!$("welcome").hidden) this.begin("position");
         this.stage[use](file);
-      } else say(`${file.name} ${use}`, true);
+      } else failed(`${file.name} ${use}`);
     };
     listen("open", "click", () => $("file").click());
     listen("file", "change", () => {

@@ -104,7 +104,11 @@ export function judged(verdict, motion, item, drive = "crank", turns = true) {
     ],
     Tolerance: within !== null && [within, `every ${item} is within it`, `not every ${item} is within it`],
     Layers: assembly && [free, `nothing collides in ${assembly.count}`, "parts collide in all"],
-    "Practical limits": [usable, "all are satisfied", "one or more are violated"],
+    [Object.values(motion.limits.kept).some(Boolean) ? "Practical limits" : "Limits"]: [
+      usable,
+      "all are satisfied",
+      "one or more are violated",
+    ],
   };
   const rows = Object.entries(words).filter(([, row]) => row);
   return rows.map(([name, [good, satisfied, violated]]) => [name, good, good ? satisfied : violated]);

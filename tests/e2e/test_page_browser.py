@@ -359,10 +359,7 @@ def test_columns_are_picked(shared, tmp_path) -> None:
     assert "no angle for sample 3" in said, "a missing angle is no longer accepted silently"
     assert shared.value("length-unit") == "cm"
     shared.paste("x,y,theta\n0,0,0\n22,5,0.21\n41,17,0.475\n")
-    assert "If they are radians, write the unit in the heading of the column, as in angle [rad]." in shared.text(
-        "example-note"
-    )
-    assert ".." not in shared.text("example-note")
+    assert "radians" in shared.text("unwrap-text") and "radians" not in shared.text("example-note")
     shared.renew()
     shared.paste("left,right,lift,turn,color\n0,1,2,3,red\n4,5,6,7,red\n8,9,9,8,red\n")
     assert "or choose the columns below" in shared.text("paste-error") and shared.shown("columns-use")
@@ -409,6 +406,12 @@ def test_rows_are_pasted_into_cells_and_poses_that_repeat_or_wrap_are_named(shar
     before = shared.table()
     shared.run(PASTE, "Pose 2, y", "X [mm]\t3\n4\t5\n")
     assert shared.table() == before and "“X [mm]” is not a number" in shared.text("table-error")
+    shared.run(PASTE, "Pose 1, x", "Winkel [rad]\tX [cm]\tY [cm]\r\n0\t0\t0\r\n0,1\t1,5\t2\r\n0,25\t3\t4,25\r\n")
+    shared.wait("document.querySelectorAll('#poses tbody tr').length === 3")
+    read = [[0, 0, 0, 0], [45, 1.5, 2, 5.72958], [90, 3, 4.25, 14.3239]]
+    assert shared.value("length-unit") == "cm" and np.allclose(shared.table(), read, atol=1e-4)
+    shared.click("undo")
+    assert shared.table() == before
     shared.run(PASTE, "Pose 2, angle", "1\t2\n")
     assert shared.table() == before and "has 2 cells" in shared.text("table-error")
     shared.click("undo")

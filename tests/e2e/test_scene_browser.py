@@ -384,7 +384,7 @@ def test_the_lift_is_saved_and_drawn_at_the_requested_times(at) -> None:
 def test_the_knotter_shows_entries_verdicts_and_ranges(at) -> None:
     page = at("knotter")
     verdict = page.read(".verdicts-list")
-    assert "wraps over S3S4 at 90.1396°" in verdict and "bites the rope over S8S9 at 311.963°" in verdict
+    assert "wraps at 90.14° through S3S4" in verdict and "bites the rope at 311.96° through S8S9" in verdict
     drawing = page.element("#picture .stage")
     assert len(drawing.find_elements("css selector", "circle.enter:not(.wrong)")) == 2
 
