@@ -28,9 +28,9 @@ from threadpoolctl import threadpool_limits
 
 import linkage_atlas as la
 from benchmarks import report
+from benchmarks.battery import CLOSED, OPEN, drawn
 from benchmarks.figures import BLUE, GREEN, ORANGE, PURPLE, figure
 from synthesis.defects import LEAVES_SAMPLES
-from tests.everyday.battery import CLOSED, OPEN, drawn
 from tests.oracles.classes import UNREACHABLE, make_case
 from tests.oracles.free_classes import free_case, free_request, recompute_free
 from tests.oracles.function_cases import _ENDS, function_case, largest_error, recompute_rms, zeros_kept

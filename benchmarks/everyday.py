@@ -1,6 +1,6 @@
 """Everyday requests, nearly all without an exact answer, sent to the service with its defaults: errors, times, properties.
 
-``python -m benchmarks.everyday`` sends all rows of `tests.everyday.battery`; ``--step 10`` every tenth row. For each row and kind
+``python -m benchmarks.everyday`` sends all rows of `benchmarks.battery`; ``--step 10`` every tenth row. For each row and kind
 of limits the budgets are tried in turn, and the replies are checked for properties that hold on any machine: no server error, no
 worse result with more time or a larger family, and no known answer lost.
 """
@@ -18,9 +18,9 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 
 from benchmarks import report
+from benchmarks.battery import BUDGETS, KINDS, Row, group_of, limited, rows
 from benchmarks.service import Service, running, serve_command
 from synthesis.defects import LEAVES_SAMPLES
-from tests.everyday.battery import BUDGETS, KINDS, Row, group_of, limited, rows
 
 WORSE = 1.01
 """Largest ratio of an objective to the objective of a smaller budget or a smaller family."""

@@ -15,9 +15,9 @@ from threadpoolctl import threadpool_limits
 
 import linkage_atlas as la
 from benchmarks import report
+from benchmarks.battery import drawn
 from benchmarks.figures import BLUE, GREY, ORANGE, figure
 from synthesis.ranking import CRITERIA, PREFERENCES
-from tests.everyday.battery import drawn
 
 BEFORE = {"prefer": "error", "limits": {"family": "full_crank"}}
 USER_REQUESTS = {

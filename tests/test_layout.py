@@ -93,7 +93,7 @@ def test_a_module_says_what_it_is_for() -> None:
 
 def test_only_the_tests_of_benchmarks_import_them() -> None:
     for path in layout.sources("tests"):
-        assert path.parent.name in ("benchmarks", "everyday") or not (
+        assert path.parent.name == "benchmarks" or not (
             "benchmarks" in path.read_text() and "benchmarks" in tops(path)
         ), path
 

@@ -3,8 +3,6 @@
 A wrong dial, an unusable first generator or a wrong rocker curve would show here.
 """
 
-import csv
-import io
 import json
 import math
 from typing import Any
@@ -103,15 +101,6 @@ def test_a_reply_tells_everything_and_holds_plain_numbers() -> None:
         moved = la.FourBar(*longer, found.linkage.branch, start_angle=found.linkage.start_angle).joints(travel)
         change = np.sqrt(np.mean(((moved.rocker_direction - plain) / 1e-5) ** 2))
         assert best["sensitivity"][k] == pytest.approx(change, rel=1e-3), name
-
-
-def test_files() -> None:
-    found = la.function(function=SQUARE, crank_span=90, limits={"links": {"ground": 50}}, top=1)
-    rows = list(csv.DictReader(io.StringIO(found.render("csv"))))
-    error = [float(row["output"]) - float(row["output_wanted"]) for row in rows]
-    assert len(rows) == 101 and np.sqrt(np.mean(np.square(error))) == pytest.approx(found.best.errors.rms, rel=1e-9)
-    with pytest.raises(la.FieldError):
-        found.render("csv", rank=2)
 
 
 def test_radians_and_degrees_are_the_same() -> None:

@@ -77,42 +77,6 @@ def test_a_behaviour_that_no_placement_has_is_refused_with_what_is_missing() -> 
     assert "does not hold the last position (open)" in found.refused[0].reason
 
 
-LIDS = [
-    # start, swing, length, mass, centre of mass
-    (0, 75, 600, 8, (300, 0)),
-    (0, 90, 900, 20, (400, 40)),
-    (180, -80, 500, 5, (250, 0)),
-    (-90, 100, 1200, 30, (600, 0)),
-    (10, 60, 400, 3, (200, 20)),
-    (0, 110, 700, 12, (350, 0)),
-    (90, -90, 800, 15, (400, 0)),
-    (-30, 70, 1000, 25, (450, -50)),
-]
-
-
-@pytest.mark.parametrize("start, swing, length, mass, at", LIDS)
-def test_springs_of_lids_help_by_their_energy(
-    start: float, swing: float, length: float, mass: float, at: tuple[float, float]
-) -> None:
-    """A spring leaves at most half of the rms torque, or it is refused; the torque is the derivative of the energy."""
-    box = [-0.6 * length, -0.6 * length, 0.6 * length, 0.6 * length]
-    row = gas(mass * 30.0, 0.75 * length, 0.3 * length)
-    found = la.drives(
-        rocker={"pivot": [0, 0], "start": start, "swing": swing, "length": length},
-        drives=[],
-        load={"masses": [{"link": "rocker", "mass": mass, "centre": at}]},
-        springs=[{"kind": "gas", "catalogue": [row], "ground_box": box, "reach_max": 0.6 * length}],
-    )
-    if not found.springs:
-        assert found.refused
-        return
-    (spring,) = found.springs
-    angles, _, torque = hatch_torque(spring, row, mass, complex(*at), start, start + swing)
-    assert torque == pytest.approx(spring.curve.torque, abs=2e-3 * np.abs(torque).max() + 1e-6 * mass * 9810 * length)
-    weight = mass * 9.81 * (complex(*at) * np.exp(1j * angles)).real
-    assert np.sqrt(np.mean(torque**2)) <= 0.5 * np.sqrt(np.mean(weight**2)) * (1 + 1e-3)
-
-
 @pytest.mark.parametrize("catalogue", some_of([[gas(4, 60, 25), gas(9, 70, 30)], None], 1))
 def test_every_pair_of_links_is_tried(catalogue: Any) -> None:
     """Ground to crank leaves 136 % of this mechanism's torque."""

@@ -11,8 +11,6 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from synthesis.assembly.gaps import CarriedShape, Gaps
-from synthesis.assembly.linkage_machine import as_plates
-from synthesis.assembly.machine import Sizes
 from synthesis.assembly.movement import GROUND, BodyPoint, Crank, Dyad, Movement
 from synthesis.assembly.shapes import Shape, disc, distances
 from synthesis.four_bar import grashof_excesses
@@ -130,44 +128,6 @@ def test_distances_are_those_of_shapely() -> None:
 
 
 # -- proofs -------------------------------------------------------------------------------------------------------------
-
-
-def random_linkages(rng, count):
-    while count:
-        links = tuple(10 ** rng.uniform(-0.7, 0, 4))
-        linkage = four_bar(links, int(rng.choice([-1, 1])), rng.uniform(0, TURN), 0j, rng.uniform(0, TURN),
-                          (rng.uniform(0, 0.6), rng.uniform(0, TURN)))  # fmt: skip
-        span = rng.choice([TURN, rng.uniform(0.2, 3.0)])
-        if joints_at(linkage, np.linspace(0, span, 200)).closed:
-            count -= 1
-            yield linkage, Interval(0.0, float(span))
-
-
-def test_proofs_agree_with_shapely_at_many_places() -> None:
-    rng = np.random.default_rng(SEED)
-    seen = set()
-    for linkage, used in random_linkages(rng, 12):
-        machine = as_plates(linkage, used, Sizes())
-        shapes = shapes_of(machine)
-        pairs = [("crank", "rocker"), ("coupler", "A"), ("coupler", "B"), ("crank", "B"), ("rocker", "D")]
-        gaps = gaps_of(machine, pairs)
-        proofs = gaps.prove(machine.used, Work())
-        smallest = gaps.minimum_gaps([k for k, proof in enumerate(proofs) if proof.free], machine.used)
-        positions = np.linspace(*machine.used, 181)
-        bodies = machine.movement.bodies(positions)
-        for k, pair in enumerate(pairs):
-            (body, hole), (other_body, second) = (shapes[name] for name in pair)
-            for n, at in enumerate(positions):
-                ends = [bodies.origin[b, n] + bodies.direction[b, n] * np.array(shape.core)
-                        for b, shape in ((body, hole), (other_body, second))]  # fmt: skip
-                gap = shapely_gap(*ends) - hole.radius - second.radius - machine.clearance
-                hits = any(run.first <= at <= run.last for run in proofs[k].hits)
-                if abs(gap) > 1e-9:
-                    assert hits == (gap < 0), (pair, at, gap)
-                seen.add(hits)
-                if k in smallest:
-                    assert gap >= smallest[k].gap - 1e-9
-    assert seen == {True, False}
 
 
 def test_shapes_that_touch_by_design_are_not_decided() -> None:

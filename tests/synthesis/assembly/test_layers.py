@@ -12,7 +12,7 @@ from synthesis.assembly.stacks import BOARDS, StackRequest, StackSearch, arrange
 from synthesis.linkage import four_bar
 from synthesis.target import TURN, Interval
 from synthesis.work import Work
-from tests.oracles.assembly import free_stacks
+from tests.oracles.assembly import disagreements, free_stacks
 from tests.oracles.four_bar_joints import joints_at
 from tests.oracles.solids import TABLE, linkage_of
 
@@ -65,6 +65,12 @@ def random_machines(seed, count, **more):
         if joints_at(linkage, np.linspace(0, span, 200)).closed:
             count -= 1
             yield as_plates(linkage, Interval(0.0, span), Sizes(), **more)
+
+
+def test_proofs_agree_with_shapely_at_many_places() -> None:
+    for machine in random_machines(20351, 8):
+        pairs, compared, wrong = disagreements(machine, StackSearch(machine, StackRequest("below"), Work()))
+        assert compared > 500 * pairs and not wrong
 
 
 @pytest.mark.parametrize("boards", BOARDS)

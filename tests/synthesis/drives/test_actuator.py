@@ -112,23 +112,3 @@ def test_a_shorter_dead_length_and_a_larger_box_lose_no_answer() -> None:
     assert isinstance(small, Placement)
     assert isinstance(large, Placement)
     assert large.worst <= small.worst * (1 + 1e-6)
-
-
-def test_reasons_name_what_binds() -> None:
-    machine = hinged_at(0j, 0.0, 1.0, np.linspace(0.0, np.deg2rad(60), SAMPLES))
-    link, torque = machine.links["rocker"], np.ones(61)
-    box = (-3.0, -3.0, 3.0, 3.0)
-
-    def question(**more: float) -> PlacementSearch:
-        return PlacementSearch(link, machine.at, torque, PlacementLimits(box, 2.0, 0.0)._replace(**more))
-
-    assert question(reach=0.4).best(Actuator(1.0, 0.5)) == Refusal("reach", pytest.approx(0.5))
-    refused = question(arm=0.6).best(Actuator(1.0, 0.5))
-    assert refused == Refusal("arm", pytest.approx(0.25 / np.tan(np.pi / 6), rel=2e-3))
-    away = question(box=(9.0, 9.0, 9.5, 9.5)).best(Actuator(1.0, 0.5))
-    assert isinstance(away, Refusal)
-    assert away.reason == "stroke"
-    distant = PlacementSearch(
-        replace(link, pivot=None), machine.at, torque, PlacementLimits((50.0, 50.0, 51.0, 51.0), 2.0, 0.0)
-    )
-    assert distant.best(Actuator(1.0, 0.5)).reason == "stroke"

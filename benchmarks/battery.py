@@ -1,7 +1,7 @@
 """Questions as people ask them: drawn paths, poses of everyday machines, functions; nearly none has an exact answer.
 
 Each row is a name, the request as it is sent to the service, and what a good answer to it has: the objective J that the best
-linkage within the practical limits has at most, in `good.toml` (``python -m tests.everyday.good`` writes it).
+linkage within the practical limits has at most, in `good.toml` (``python -m benchmarks.good`` writes it).
 """
 
 from __future__ import annotations

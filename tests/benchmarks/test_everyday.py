@@ -8,13 +8,14 @@ from pathlib import Path
 
 import pytest
 
+import benchmarks
+from benchmarks.battery import BUDGETS, KINDS, rows
 from benchmarks.everyday import EXACT, Reply, faults, late, replies_to
 from benchmarks.service import Service, running, serve_command
 from tests.conftest import some_of
-from tests.everyday.battery import BUDGETS, CLOSED, KINDS, OPEN, group_of, limited, rows
 
 ROWS = {row.name: row for row in rows()}
-GOOD = tomllib.loads((Path(__file__).parent / "good.toml").read_text())
+GOOD = tomllib.loads((Path(benchmarks.__file__).parent / "good.toml").read_text())
 SHOWN = ["rectangle, 24 points by hand", "oval, 12 points", "bonnet, every second angle"]
 SHOWN += ["wave, 24 points", "eight, 60 points by hand", "x^1.5", "casement in step with a motor"]
 SHOWN += ["bucket", "walking foot"]
@@ -25,17 +26,6 @@ SHOWN += ["bucket", "walking foot"]
 def service() -> Iterator[Service]:
     with running(serve_command) as running_service:
         yield running_service
-
-
-def test_there_are_150_different_questions() -> None:
-    assert len(rows()) == len(ROWS) >= 150
-    groups = {"drawn", "drawn by hand", "points", "poses", "poses, angles missing", "functions"}
-    assert {group_of(name) for name in ROWS} == groups | {"in step with a crank"}
-    assert {"oval", "D", "rectangle", "eight", "line", "wave"} <= CLOSED.keys() | OPEN.keys()
-    assert GOOD.keys() == ROWS.keys()
-    for row in rows():
-        for kind in KINDS:
-            assert limited(row, kind)["limits"]
 
 
 @pytest.mark.parametrize("name", some_of(SHOWN, 2))

@@ -1,6 +1,6 @@
 """Writes `good.toml`: the objective that a good answer to each everyday question has at most within the practical limits.
 
-``python -m tests.everyday.good`` asks for each without a budget, and allows a quarter more than the answer.
+``python -m benchmarks.good`` asks for each without a budget, and allows a quarter more than the answer.
 """
 
 from __future__ import annotations
@@ -8,9 +8,9 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+from benchmarks.battery import rows
 from benchmarks.everyday import ask
 from benchmarks.service import running, serve_command
-from tests.everyday.battery import rows
 
 ABOVE = 1.25
 SMALLEST = 1e-9
@@ -24,7 +24,7 @@ def rounded_up(value: float) -> str:
 
 def main() -> None:
     """Ask, and write."""
-    lines = ["# J of a good answer within the practical limits; written by `python -m tests.everyday.good`"]
+    lines = ["# J of a good answer within the practical limits; written by `python -m benchmarks.good`"]
     with running(serve_command) as service:
         for row in rows():
             found = ask(service, row, "preset", None)
