@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from fastapi.testclient import TestClient
 
 import linkage_atlas as la
 
@@ -122,21 +121,3 @@ def test_equal_actuators_share_the_force() -> None:
     bought = {key: wish[key] for key in ("links", "ground_box", "reach_max")} | {"catalogue": [row]}
     assert not drives(bought, LOADS["body"]).drives
     assert drives(bought | {"count": 2}, LOADS["body"]).drives[0].name == "weak"
-
-
-@pytest.mark.parametrize(
-    "wish, field",
-    [
-        ({"ground_point": [0, 0]}, "pin"),
-        ({"pin": [0, 0]}, "ground_point"),
-        ({"ground_point": [0, 0], "pin": [1, 1]}, "links"),
-        ({"ground_point": [0, 0], "pin": [1, 1], "links": ["crank"], "reach_max": 3}, "reach_max"),
-        ({"count": 9}, "count"),
-    ],
-)
-def test_ends_that_are_half_given_are_refused(client: TestClient, wish: dict[str, Any], field: str) -> None:
-    with pytest.raises(la.FieldError) as error:
-        drives(wish, LOADS["body"])
-    assert error.value.field == f"/drives/0/{field}"
-    body = {"linkage": CASEMENT.to_dict(), "crank_angle": DIRECTION, "drives": [{"kind": "actuator", **wish}]}
-    assert client.post("/v2/drives", json=body).status_code == 422
