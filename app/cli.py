@@ -15,18 +15,16 @@ from functools import partial
 from pathlib import Path
 from typing import Any, get_args
 
+from app import atlas_commands
 from app.fourbar import QUESTIONS
 from app.registry import queries_named
 from app.scenes import SCENES
 from app.terminal import EPILOG, Exit
 from linkage_atlas import (
-    BATCH_COMMANDS,
     AtlasError,
     AtlasFault,
     FieldError,
     __version__,
-    add_batch_commands,
-    run_batch,
 )
 
 DESCRIPTION = """Find planar linkages for a required motion.
@@ -47,8 +45,6 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def parsed(argv: Sequence[str]) -> argparse.Namespace:
     """Parse the arguments of a command; the attribute ``run`` of the result is the function that runs it."""
-    if argv and argv[0] in BATCH_COMMANDS:
-        return argparse.Namespace(run=lambda _: run_batch(argv))
     parser = make_parser(named=next((word for word in argv if not word.startswith("-")), None))
     if not argv:
         return argparse.Namespace(run=lambda _: parser.print_help(sys.stderr) or Exit.USAGE)
@@ -154,11 +150,6 @@ def make_parser(all_commands: bool = False, named: str | None = None) -> argpars
         command = commands.add_parser(name, help=text, formatter_class=_PLAIN)
         if all_commands or name == named:
             add(command, name)
-    if all_commands:
-        add_batch_commands(commands)
-    else:
-        for name, text in BATCH_COMMANDS.items():
-            commands.add_parser(name, help=text)
     return parser
 
 
@@ -578,5 +569,8 @@ _COMMANDS: dict[str, tuple[str, Callable[[argparse.ArgumentParser, str], None]]]
     "example": ("Print an example request, or list the examples.", _add_example),
     "serve": ("Serve the page and all queries over HTTP.", _add_serve),
     "completion": ("Print or install a completion script for a shell.", _add_completion),
+    "build": (atlas_commands.BUILD, lambda parser, _: atlas_commands.add_build(parser)),
+    "verify": (atlas_commands.VERIFY, lambda parser, _: atlas_commands.add_verify(parser)),
+    "info": (atlas_commands.INFO, lambda parser, _: atlas_commands.add_info(parser)),
 }
-"""Help of each command, except for those of the batch job, and the function that adds its arguments."""
+"""Help of each command, and the function that adds its arguments."""

@@ -87,7 +87,7 @@ def built(path: Path, *options: str) -> dict[str, Any]:
     """Build an atlas in a process of its own; return its time and the memory of the largest process."""
     begin, before = time.perf_counter(), resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
     subprocess.run(
-        [sys.executable, "-m", "data_build", "build", "--out", str(path), *options], check=True, capture_output=True
+        [sys.executable, "-m", "app.start", "build", "--out", str(path), *options], check=True, capture_output=True
     )
     usage = resource.getrusage(resource.RUSAGE_CHILDREN)
     cpu = usage.ru_utime - before

@@ -88,7 +88,7 @@ def build(out: Path, **options: Any) -> dict[str, Any]:
     """Build an atlas by the command in a process of its own: seconds, memory of the largest of its processes, bytes, types."""
     words = [word for name, value in options.items() for word in (f"--{name}", str(value))]
     begin = time.perf_counter()
-    built, _, peak = spent("-m", "data_build", *words, "--out", str(out), "--json")
+    built, _, peak = spent("-m", "app.start", "build", *words, "--out", str(out), "--json")
     return {
         "types": json.loads(built)["types"],
         "build_s": time.perf_counter() - begin,

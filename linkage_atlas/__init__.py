@@ -8,45 +8,48 @@ import itself does not load numpy or scipy.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from argparse import ArgumentParser, _SubParsersAction
-
-    from linkage_atlas.assemblies import Assembly
-    from linkage_atlas.atlases import Atlas, build_atlas, load_atlas
-    from linkage_atlas.batch import study
-    from linkage_atlas.constructors import FourBar, SliderCrank
-    from linkage_atlas.drive_design.design import drives
-    from linkage_atlas.drive_design.records import Drives
-    from linkage_atlas.drive_design.six_bars import SixBarJoints, SixBarLinkage
-    from linkage_atlas.functions.generation import function
-    from linkage_atlas.functions.results import FunctionResult, FunctionSolution
-    from linkage_atlas.geometry import Joints
-    from linkage_atlas.limits import Limits
-    from linkage_atlas.linkages import Linkage, assembly
-    from linkage_atlas.matching import match
-    from linkage_atlas.motion_errors import objective, residuals
-    from linkage_atlas.motions import Motion
-    from linkage_atlas.pipeline import synthesize
-    from linkage_atlas.results import Match, Matches, Result
-    from linkage_atlas.solids import SolidParts
-    from linkage_atlas.solutions import Solution
-    from linkage_atlas.task import prepare
-    from synthesis.atlas import haar
-    from synthesis.errors import AtlasError, AtlasFault, FieldError
-    from synthesis.work import Cancelled, OutOfTime, Work
+    from linkage_atlas.assemblies import Assembly as Assembly
+    from linkage_atlas.atlases import Atlas as Atlas
+    from linkage_atlas.atlases import build_atlas as build_atlas
+    from linkage_atlas.atlases import load_atlas as load_atlas
+    from linkage_atlas.batch import study as study
+    from linkage_atlas.constructors import FourBar as FourBar
+    from linkage_atlas.constructors import SliderCrank as SliderCrank
+    from linkage_atlas.drive_design.design import drives as drives
+    from linkage_atlas.drive_design.records import Drives as Drives
+    from linkage_atlas.drive_design.six_bars import SixBarJoints as SixBarJoints
+    from linkage_atlas.drive_design.six_bars import SixBarLinkage as SixBarLinkage
+    from linkage_atlas.functions.generation import function as function
+    from linkage_atlas.functions.results import FunctionResult as FunctionResult
+    from linkage_atlas.functions.results import FunctionSolution as FunctionSolution
+    from linkage_atlas.geometry import Joints as Joints
+    from linkage_atlas.limits import Limits as Limits
+    from linkage_atlas.linkages import Linkage as Linkage
+    from linkage_atlas.linkages import assembly as assembly
+    from linkage_atlas.matching import match as match
+    from linkage_atlas.motion_errors import objective as objective
+    from linkage_atlas.motion_errors import residuals as residuals
+    from linkage_atlas.motions import Motion as Motion
+    from linkage_atlas.pipeline import synthesize as synthesize
+    from linkage_atlas.results import Match as Match
+    from linkage_atlas.results import Matches as Matches
+    from linkage_atlas.results import Result as Result
+    from linkage_atlas.solids import SolidParts as SolidParts
+    from linkage_atlas.solutions import Solution as Solution
+    from linkage_atlas.task import prepare as prepare
+    from synthesis.atlas import haar as haar
+    from synthesis.errors import AtlasError as AtlasError
+    from synthesis.errors import AtlasFault as AtlasFault
+    from synthesis.errors import FieldError as FieldError
+    from synthesis.work import Cancelled as Cancelled
+    from synthesis.work import OutOfTime as OutOfTime
+    from synthesis.work import Work as Work
 
 __version__ = "0.1.0"
-
-BATCH_COMMANDS = {
-    "build": "Build an atlas file.",
-    "verify": "Check all contents of an atlas file.",
-    "info": "Describe an atlas file.",
-}
-"""Commands of the batch job, which `data_build` runs, with their help."""
 
 _HOMES = {
     "linkage_atlas.pipeline": ("synthesize",),
@@ -75,79 +78,7 @@ _HOMES = {
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 
-__all__ = [
-    "BATCH_COMMANDS",
-    "Assembly",
-    "Atlas",
-    "AtlasError",
-    "AtlasFault",
-    "Cancelled",
-    "Drives",
-    "FieldError",
-    "FourBar",
-    "FunctionResult",
-    "FunctionSolution",
-    "Joints",
-    "Limits",
-    "Linkage",
-    "Match",
-    "Matches",
-    "Motion",
-    "OutOfTime",
-    "Result",
-    "SixBarJoints",
-    "SixBarLinkage",
-    "SliderCrank",
-    "SolidParts",
-    "Solution",
-    "Work",
-    "__version__",
-    "add_batch_commands",
-    "assembly",
-    "build_atlas",
-    "drives",
-    "function",
-    "haar",
-    "load_atlas",
-    "match",
-    "objective",
-    "prepare",
-    "residuals",
-    "run_batch",
-    "study",
-    "synthesize",
-]
-
-
-def run_batch(arguments: Sequence[str]) -> int:
-    """Run a batch command.
-
-    Parameters
-    ----------
-    arguments : sequence of str
-        Words of the command line, beginning with the name of the command.
-
-    Returns
-    -------
-    int
-        Exit code of the command.
-    """
-    from data_build.batch import main
-
-    return main(arguments)
-
-
-def add_batch_commands(commands: _SubParsersAction[ArgumentParser]) -> None:
-    """Add the commands that build, check and describe an atlas file, with all their options, to a parser.
-
-    Parameters
-    ----------
-    commands : argparse subparsers
-        Result of ``parser.add_subparsers()``.
-    """
-    from data_build.batch import add_commands
-
-    add_commands(commands)
+__all__ = ["__version__", *sorted(_HOME_OF)]
 
 
 def __getattr__(name: str) -> object:

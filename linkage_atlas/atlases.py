@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache, cached_property, lru_cache
 from importlib.metadata import version
@@ -147,6 +148,13 @@ class Atlas:
         """Hash of the rule and the features; None if no file holds them."""
         return self._stored.content_sha256 if self._stored else None
 
+    def check(self) -> None:
+        """Check all contents of its file, and compute some types again. Raises `AtlasError`."""
+        if self._stored and self._path:
+            from synthesis.atlas.file import check_contents
+
+            check_contents(self._path, self._stored)
+
     def describe(self) -> dict[str, object]:
         """Describe its contents as plain values."""
         return {
@@ -226,6 +234,7 @@ def build_atlas(
     *,
     kind: str = "four_bar",
     jobs: int | None = None,
+    scheduler: str | None = None,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> Atlas:
     """Enumerate the dimension types of a rule, compute their features and write the atlas file.
@@ -246,6 +255,8 @@ def build_atlas(
         Kind of mechanism. Slider-cranks are those whose crank turns fully, crank + offset < rod, without mirror images.
     jobs : int, optional
         Number of processes. Default: the number of cores. Several processes need a script that can be imported.
+    scheduler : str, optional
+        Address of a Dask cluster to run on; needs the extra ``[distributed]`` here and this package on its workers.
     progress : callable
         Function that is called as ``progress(done, total)`` after each chunk.
 
@@ -262,12 +273,26 @@ def build_atlas(
     38
     """
     from data_build.batch import build_atlas as build
-    from data_build.batch import local_executor
+    from data_build.batch import dask_executor, local_executor
 
     rule = AtlasRule.of(kind, perimeter, smallest, order, samples)
-    with local_executor(jobs or os.cpu_count() or 1) as executor:
+    with dask_executor(scheduler) if scheduler else local_executor(jobs or os.cpu_count() or 1) as executor:
         build(rule, Path(path), executor, progress)
     return load_atlas(path)
+
+
+@contextmanager
+def shown_progress() -> Iterator[Callable[[int, int], None]]:
+    """Show the progress of a build on standard error, if it is a terminal."""
+    from tqdm import tqdm
+
+    with tqdm(disable=None, unit="chunk", desc="atlas", file=sys.stderr) as bar:
+
+        def progress(done: int, total: int) -> None:
+            bar.total = total
+            bar.update(done - bar.n)
+
+        yield progress
 
 
 # -- the default atlas: in this folder, or in the user's cache folder ----------------------------------------------------
@@ -293,19 +318,12 @@ def find_atlas(here: Path = HERE, jobs: int | None = None) -> Path:
     if not path.exists():
         import fcntl
 
-        from tqdm import tqdm
-
         path.parent.mkdir(parents=True, exist_ok=True)
         with path.with_suffix(".lock").open("w") as lock:  # a second command waits for the atlas of the first
             fcntl.flock(lock, fcntl.LOCK_EX)
             if not path.exists():
                 print(f"no atlas here: building the default one (once, some seconds) as {path}", file=sys.stderr)
-                with tqdm(disable=None, unit="chunk", desc="atlas", file=sys.stderr) as bar:
-
-                    def progress(done: int, total: int) -> None:
-                        bar.total = total
-                        bar.update(done - bar.n)
-
+                with shown_progress() as progress:
                     build_atlas(path, jobs=jobs, progress=progress)
     return path
 

@@ -33,4 +33,4 @@ def start(*arguments: object, **options) -> subprocess.Popen:
     # shells start background jobs with SIGINT ignored, which children inherit
     usual = {"preexec_fn": lambda: signal.signal(signal.SIGINT, signal.SIG_DFL), "text": True}
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE} | usual | options
-    return subprocess.Popen([sys.executable, "-m", "data_build", *map(str, arguments)], cwd=ROOT, **pipes)
+    return subprocess.Popen([sys.executable, "-m", "app.start", "build", *map(str, arguments)], cwd=ROOT, **pipes)

@@ -9,24 +9,16 @@ import errno
 import json
 import os
 import signal
-import subprocess
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 
 import linkage_atlas as la
+from app.cli import main
+from app.terminal import Exit
 from data_build import batch
-from data_build.batch import (
-    EXIT_DAMAGED,
-    EXIT_FAILED,
-    EXIT_INTERRUPTED,
-    EXIT_OK,
-    EXIT_USAGE,
-    build_atlas,
-    local_executor,
-    main,
-)
+from data_build.batch import build_atlas, local_executor
 from tests.conftest import until
 from tests.data_build.conftest import OPTIONS, RULE, start
 
@@ -57,11 +49,11 @@ def test_a_failing_chunk_or_a_full_disk_leaves_the_old_file(out, monkeypatch) ->
         monkeypatch.setattr(os, "fsync", full)
         with pytest.raises(OSError, match="No space"):
             build_atlas(RULE, out, executor)
-        assert main(["build", *OPTIONS, "--jobs", "1", "--out", str(out)]) == EXIT_FAILED
+        assert main(["build", *OPTIONS, "--jobs", "1", "--out", str(out)]) == Exit.FAILED
     assert out.read_bytes() == b"old" and [path.name for path in out.parent.iterdir()] == ["atlas.h5"]
 
 
-@pytest.mark.parametrize(("how", "code"), [(signal.SIGINT, EXIT_INTERRUPTED), (signal.SIGKILL, -signal.SIGKILL)])
+@pytest.mark.parametrize(("how", "code"), [(signal.SIGINT, Exit.INTERRUPTED), (signal.SIGKILL, -signal.SIGKILL)])
 def test_a_build_that_is_ended_writes_nothing_and_leaves_no_process(out, how, code) -> None:
     process = start("--jobs", "2", "--out", out)
     children = Path(f"/proc/{process.pid}/task/{process.pid}/children")
@@ -77,24 +69,28 @@ def test_a_build_that_is_ended_writes_nothing_and_leaves_no_process(out, how, co
 def test_a_link_is_followed_and_what_is_no_file_is_refused(tmp_path, out, capsys) -> None:
     link = tmp_path / "link.h5"
     link.symlink_to(out)
-    assert main(["build", "--perimeter", "30", "--jobs", "1", "--out", str(link)]) == EXIT_OK
+    assert main(["build", "--perimeter", "30", "--jobs", "1", "--out", str(link)]) == Exit.OK
     assert link.is_symlink() and out.is_file() and len(la.load_atlas(link)) > 0
     for wrong in (tmp_path, "/dev/null", tmp_path / "none" / "a.h5"):
-        assert main(["build", "--perimeter", "30", "--jobs", "1", "--out", str(wrong)]) == EXIT_USAGE
+        assert main(["build", "--perimeter", "30", "--jobs", "1", "--out", str(wrong)]) == Exit.USAGE
         assert str(Path(wrong).parent if "none" in str(wrong) else wrong) in capsys.readouterr().err
 
 
 def test_the_commands_say_what_a_file_holds(expected_bytes, out, capsys) -> None:
     out.write_bytes(expected_bytes)
     for command in ("info", "verify"):
-        assert main([command, str(out), "--json"]) == EXIT_OK
+        assert main([command, str(out), "--json"]) == Exit.OK
         said = json.loads(capsys.readouterr().out)
-        assert said["types"] == RULE.count and said["rule"] == RULE.as_json() and said["bytes"] == len(expected_bytes)
+        assert (
+            said["types"] == RULE.count
+            and said["parameters"] == RULE.as_json()
+            and said["bytes"] == len(expected_bytes)
+        )
         assert said.get("status") == ("sound" if command == "verify" else None)
-        assert main([command, str(out)]) == EXIT_OK and "perimeter 200" in capsys.readouterr().out
-        assert main([command, str(out.with_name("none.h5"))]) == EXIT_USAGE
+        assert main([command, str(out)]) == Exit.OK and "perimeter 200" in capsys.readouterr().out
+        assert main([command, str(out.with_name("none.h5"))]) == Exit.USAGE
     out.write_bytes(expected_bytes[:-1])
-    assert main(["info", str(out)]) == EXIT_DAMAGED and "checksum" in capsys.readouterr().err
+    assert main(["info", str(out)]) == Exit.DAMAGED and "checksum" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -107,11 +103,5 @@ def test_the_commands_say_what_a_file_holds(expected_bytes, out, capsys) -> None
     ],
 )
 def test_a_wrong_rule_is_refused(options, named, out, capsys) -> None:
-    assert main(["build", *options, "--out", str(out)]) == EXIT_USAGE
+    assert main(["build", *options, "--out", str(out)]) == Exit.USAGE
     assert named in capsys.readouterr().err and not out.exists()
-
-
-def test_the_module_builds_without_a_command(out) -> None:
-    process: subprocess.Popen = start("--perimeter", "30", "--jobs", "1", "--out", out, "--json")
-    output, errors = process.communicate()
-    assert process.returncode == 0 and json.loads(output)["types"] > 0 and not errors

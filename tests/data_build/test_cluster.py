@@ -18,7 +18,8 @@ import numpy as np
 import pytest
 
 import linkage_atlas as la
-from data_build.batch import EXIT_OK, build_atlas, dask_executor, main
+from app.cli import main
+from data_build.batch import build_atlas, dask_executor
 from tests.app.test_study import study
 from tests.conftest import PATIENCE
 from tests.data_build.conftest import RULE
@@ -73,7 +74,7 @@ def test_a_build_that_loses_a_worker_gives_the_same_bytes(cluster, expected_byte
         build_atlas(RULE, out, executor, lose_one)
     assert lost and out.read_bytes() == expected_bytes
     options = ["--perimeter", "60", "--scheduler", cluster.scheduler_address, "--out", str(out)]
-    assert main(["build", *options]) == EXIT_OK and len(la.load_atlas(out)) == 192
+    assert main(["build", *options]) == 0 and len(la.load_atlas(out)) == 192
 
 
 def test_a_study_that_loses_a_worker_gives_the_same_bytes(cluster, tmp_path) -> None:
