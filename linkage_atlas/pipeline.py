@@ -110,19 +110,8 @@ def synthesize(
     >>> la.synthesize(rotation, crank_span=70, top=1).status
     'reached'
     """
-    options = SearchOptions(
-        top=top,
-        effort=effort,
-        prefer=prefer,
-        diverse=diverse,
-        tolerance=tolerance,
-        budget=budget,
-        start_from=start_from,
-        refine_only=refine_only,
-        atlas=atlas,
-        mechanisms=mechanisms,
-        driver=driver,
-    )
+    arguments = locals()
+    options = SearchOptions(**{name: arguments[name] for name in SearchOptions.__dataclass_fields__})
     task = read_task(motion, limits, options, more, work)
     search = CandidateSearch(task)
     candidates = find_candidates(task, search)

@@ -180,32 +180,10 @@ def function(
     >>> la.function(lambda x: x**1.5, 90, interval=(1, 4), output_span=90, top=1).status
     'closest'
     """
+    arguments = locals()
     check_top(top)
     check_above_zero(budget=budget, round_to=round_to)
-    question = FunctionFields(
-        output=output,
-        crank_span=crank_span,
-        input=input,
-        interval=interval,
-        output_span=output_span,
-        samples=samples,
-        function=function,
-        quick_return=quick_return,
-        steering=steering,
-        symmetric=symmetric,
-        objective=objective,
-        input_zero=input_zero,
-        output_zero=output_zero,
-        weights=weights,
-        one_way=one_way,
-        degrees=degrees,
-        travel_span=travel_span,
-        input_unit=input_unit,
-        output_unit=output_unit,
-        mechanisms=mechanisms,
-        limits=limits,
-        tolerance=tolerance,
-    ).question()
+    question = FunctionFields.of(arguments).question()
     refine_only = check_refine_only(refine_only, start_from)
     if question.dial.travels or quick_return is not None or steering is not None:
         only_angles: dict[str, object] = {"start_from": start_from}

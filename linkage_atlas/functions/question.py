@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -161,103 +162,23 @@ class Scales(NamedTuple):
         return cls(length, *sizes)
 
 
-def read_target(
-    output: ArrayLike | None = None,
-    span: float | None = None,
-    *,
-    dial: Dial,
-    input: ArrayLike | None = None,
-    function: Fields | None = None,
-    input_zero: float | None = None,
-    output_zero: float | None = None,
-    weights: ArrayLike | None = None,
-    degrees: bool = True,
-) -> tuple[TargetFunction, Dials | None, Scales]:
-    """Return a checked function in the unit of the search, its dials if it has a name, and the scales; see `function`."""
-    if (output is None) == (function is None):
-        raise FieldError("/output", "give either `output` or `function`")
-    radian = radians_in(degrees)
-    scales, called = Scales(1.0, radian, radian), dial.span
-    if dial.travels:
-        if function is None and (span is None) == (input is None):
-            raise FieldError(f"/{called}", f"give either `{called}` or `input`")
-        if function is not None and span is None:
-            raise FieldError(f"/{called}", "is required for a `function`")
-        input_span = number(called, span) if input is None else float(np.diff(_finite("input", input)[[0, -1]])[0])
-        if function is None:
-            output_range = float(np.ptp(_finite("output", output)))
-        elif function.get("output_span") is None:
-            raise FieldError("/function/output_span", "is required: the travel of the output")
-        else:
-            output_range = number("function/output_span", function["output_span"])
-        scales = Scales.of(dial, degrees, input_span, output_range)
-    with pointing(lambda field: field.replace("/crank_span", f"/{called}")):
-        return *_in_radians(output, span, input, function, input_zero, output_zero, weights, degrees, scales), scales
-
-
-def _in_radians(
-    output: ArrayLike | None,
-    crank_span: float | None,
-    input: ArrayLike | None,
-    function: Fields | None,
-    input_zero: float | None,
-    output_zero: float | None,
-    weights: ArrayLike | None,
-    degrees: bool,
-    scales: Scales,
-) -> tuple[TargetFunction, Dials | None]:
-    """Return a function whose input and output are both read as angles."""
-    radian, (of_input, of_output) = radians_in(degrees), scales[1:]
-    if np.ndim(crank_span):  # type: ignore[arg-type]
-        raise FieldError(
-            "/crank_span",
-            "must be a single number, the crank angle from the first sample to the last; to prescribe every angle, "
-            "give the crank angles of the samples as `input`",
-        )
-    span = None if crank_span is None else number("crank_span", crank_span) * of_input
-    angles = None if input is None else column("input", input) * of_input
-    dials = exact = None
-    if function is not None:
-        if angles is not None:
-            raise FieldError("/input", "the input dial of a `function` is linear; give `crank_span` instead")
-        if of_output != radian and "output_span" in function:  # dials take it as an angle
-            output_span = number("function/output_span", function["output_span"])
-            function = {**function, "output_span": output_span * of_output / radian}
-        called = _CALLED if "of" in function else {}
-        with pointing(lambda field: called.get(field, field)):
-            dials = read_dials(function, span, degrees)
-        values, angles, span, exact = dials.output, dials.input, None, dials.exact
-    else:
-        assert output is not None
-        values = column("output", output) * of_output
-    sample_weights = None if weights is None else column("weights", weights)
+@contextmanager
+def _naming(function: str | None) -> Iterator[None]:
+    """Name input, output and weights in errors of a target; ``function``: the field that defines both, if there is one."""
+    named = {"/rotation": "/output", "/crank_angle": "/input", "/crank_span": "/crank_span"}
+    named["/weights/rotation"] = "/weights"
     try:
-        target = make_target(
-            rotation=values,
-            crank_span=span,
-            crank_angle=angles,
-            rotation_weights=sample_weights,
-            min_samples=MIN_PAIRS,
-        )
+        yield
     except FieldError as error:
-        named = {"/rotation": "/output", "/crank_angle": "/input", "/crank_span": "/crank_span"}
-        named["/weights/rotation"] = "/weights"
         at = next((old for old in named if error.field.startswith(old)), None)
         if at is None:
             raise
-        function_path = "/function" if function is not None and "of" not in function else named[at]
-        path = named[at] if at == "/weights/rotation" else function_path
+        path = named[at] if at == "/weights/rotation" else function or named[at]
         message = error.message.replace("rotation", "output").replace("crank_angle", "input")
         raise FieldError(path + error.field[len(at) :], message, **error.details) from error
-    assert target.rotation is not None
-    start = None if input_zero is None else number("input_zero", input_zero) * of_input
-    offset = None
-    if output_zero is not None:
-        offset = float(target.rotation[0]) - number("output_zero", output_zero) * of_output
-    return TargetFunction(target.crank, target.rotation, target.rotation_weights, start, offset, exact), dials
 
 
-def _finite(name: str, samples: ArrayLike | None) -> Floats:
+def _finite(name: str, samples: object) -> Floats:
     """Return samples of an input or output after a check that they are finite."""
     values = column(name, samples)
     if values.ndim != 1 or values.size < 2 or not np.isfinite(values).all():
@@ -337,6 +258,11 @@ class FunctionFields:
     mechanisms: Sequence[str] | str | None = None
     limits: Fields | None = None
     tolerance: float = DEFAULT_TOLERANCE
+
+    @classmethod
+    def of(cls, arguments: Fields) -> FunctionFields:
+        """Return the arguments that belong to the question."""
+        return build(cls, {field.name: arguments[field.name] for field in dataclasses.fields(cls)})
 
     def question(self) -> FunctionQuestion:
         """Return the checked question. Raises `FieldError` that names the argument."""
@@ -440,22 +366,15 @@ class FunctionFields:
         return replace(self, output=output, input=input), notes
 
     def _function(self, dial: Dial, quick: QuickReturn | None) -> tuple[TargetFunction, Dials | None, Scales]:
-        """Return the wanted function, its dials if it has a name, and what a unit is."""
-        assert not callable(self.output)
-        target, dials, scales = read_target(
-            self.output,
-            self.crank_span if dial.input == ANGLE else self.travel_span,
-            dial=dial,
-            input=self.input,
-            function=self.function,
-            input_zero=self.input_zero,
-            output_zero=self.output_zero,
-            weights=self.weights,
-            degrees=self.degrees,
-        )
-        if (
-            quick is not None
-        ):  # between the ends the target is an even motion, from which `error_curve` shows the deviation
+        """Return the required function in the unit of the search, its dials if it has a name, and the scales."""
+        if (self.output is None) == (self.function is None):
+            raise FieldError("/output", "give either `output` or `function`")
+        span = self.crank_span if dial.input == ANGLE else self.travel_span
+        scales = self._scales(dial, span)
+        with pointing(lambda field: field.replace("/crank_span", f"/{dial.span}")):
+            target, dials = self._in_radians(span, scales)
+        if quick is not None:
+            # between the ends the target is an even motion, from which `error_curve` shows the deviation
             ends = target.crank, target.output
             return replace(target, exact=lambda crank: np.interp(crank, *ends)), dials, scales
         field = "/output" if self.function is None else "/function"
@@ -464,6 +383,65 @@ class FunctionFields:
         if self.one_way:
             _check_one_way(target, field)
         return replace(target, one_way=self.one_way), dials, scales
+
+    def _scales(self, dial: Dial, span: float | None) -> Scales:
+        """Return the scales of input and output, which for a travel follow from their spans."""
+        radian, name = radians_in(self.degrees), dial.span
+        if not dial.travels:
+            return Scales(1.0, radian, radian)
+        if self.function is None and (span is None) == (self.input is None):
+            raise FieldError(f"/{name}", f"give either `{name}` or `input`")
+        if self.function is not None and span is None:
+            raise FieldError(f"/{name}", "is required for a `function`")
+        input_span = number(name, span) if self.input is None else np.diff(_finite("input", self.input)[[0, -1]])[0]
+        if self.function is None:
+            output_range = float(np.ptp(_finite("output", self.output)))
+        elif self.function.get("output_span") is None:
+            raise FieldError("/function/output_span", "is required: the travel of the output")
+        else:
+            output_range = number("function/output_span", self.function["output_span"])
+        return Scales.of(dial, self.degrees, float(input_span), output_range)
+
+    def _in_radians(self, crank_span: float | None, scales: Scales) -> tuple[TargetFunction, Dials | None]:
+        """Return a function whose input and output are both read as angles, and its dials if it has a name."""
+        radian, function = radians_in(self.degrees), self.function
+        if np.ndim(crank_span):  # type: ignore[arg-type]
+            raise FieldError(
+                "/crank_span",
+                "must be a single number, the crank angle from the first sample to the last; to prescribe every angle, "
+                "give the crank angles of the samples as `input`",
+            )
+        span = None if crank_span is None else number("crank_span", crank_span) * scales.input
+        angles = None if self.input is None else column("input", self.input) * scales.input
+        dials = None
+        if function is not None:
+            if angles is not None:
+                raise FieldError("/input", "the input dial of a `function` is linear; give `crank_span` instead")
+            if scales.output != radian and "output_span" in function:  # dials take it as an angle
+                output_span = number("function/output_span", function["output_span"])
+                function = {**function, "output_span": output_span * scales.output / radian}
+            called = _CALLED if "of" in function else {}
+            with pointing(lambda field: called.get(field, field)):
+                dials = read_dials(function, span, self.degrees)
+            values, angles, span = dials.output, dials.input, None
+        else:
+            values = column("output", self.output) * scales.output
+        weights = None if self.weights is None else column("weights", self.weights)
+        with _naming("/function" if function is not None and "of" not in function else None):
+            target = make_target(
+                rotation=values,
+                crank_span=span,
+                crank_angle=angles,
+                rotation_weights=weights,
+                min_samples=MIN_PAIRS,
+            )
+        assert target.rotation is not None
+        start = None if self.input_zero is None else number("input_zero", self.input_zero) * scales.input
+        offset = None
+        if self.output_zero is not None:
+            offset = float(target.rotation[0]) - number("output_zero", self.output_zero) * scales.output
+        exact = None if dials is None else dials.exact
+        return TargetFunction(target.crank, target.rotation, target.rotation_weights, start, offset, exact), dials
 
     def _symmetric_from(self) -> tuple[float, float]:
         radian = radians_in(self.degrees)
