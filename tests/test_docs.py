@@ -128,6 +128,21 @@ def test_every_named_source_file_exists(path) -> None:
         assert (ROOT / file).exists(), f"{names(path)} names {file}"
 
 
+def test_the_diffs_of_the_architecture_fit_the_sources() -> None:
+    """Files, names and removed lines of each diff exist, so that a contributor can apply it."""
+    text = (ROOT / "docs" / "architecture.md").read_text()
+    for diff in re.findall(r"^```diff\n(.*?)^```", text, re.MULTILINE | re.DOTALL):
+        source = ""
+        for line in diff.splitlines():
+            if line.startswith(" ") and "a new file" not in line:
+                path, _, place = line.strip().partition(", ")
+                source = (ROOT / path).read_text()
+                words = re.findall(r"`([^`]+)`|class (\w+)|\b([A-Z_]{5,})\b", place)
+                assert all(any(word in source for word in found if word) for found in words), line
+            elif line.startswith("-"):
+                assert line[1:].strip() in source, line
+
+
 def test_the_picture_of_the_data_model_is_current() -> None:
     assert data_model.PICTURE.read_text() == data_model.picture(), "renew it: python -m docs.data_model"
 
