@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple, get_args, overload
 
 from linkage_atlas.linkages import Linkage
+from linkage_atlas.notes import counted
 from linkage_atlas.plotting import plot_curves
 from linkage_atlas.records import PYTHON_ONLY, Ranked, Record, Values, Vectors
 from synthesis.arrays import Floats
@@ -554,7 +555,7 @@ class Drives(Record, Ranked[Drive]):
         return plot_curves(curve.crank_angle, curves, ax, "travel from the first sample", "force or torque")
 
     def __repr__(self) -> str:
-        rows = [f"{len(self.drives)} drives, {len(self.springs)} springs"]
+        rows = [f"{counted(len(self.drives), 'drive')}, {counted(len(self.springs), 'spring')}"]
         rows += [f"  {drive.summary}" for drive in self.drives]
         rows += [f"  {spring.summary}" for spring in self.springs]
         rows += [f"  {refusal.sentence}" for refusal in self.refused]
