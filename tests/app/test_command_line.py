@@ -5,19 +5,16 @@ A traceback, a wrong exit code, or a service that does not end would show here.
 
 import json
 import re
-import signal
 import socket
 import subprocess
 import sysconfig
-import urllib.error
-import urllib.request
 from pathlib import Path
 
 import pytest
 
 import linkage_atlas
 from app.registry import all_queries, worked_example
-from tests.conftest import PATIENCE, some_of, started
+from tests.conftest import PATIENCE
 
 ROOT = Path(__file__).parents[2]
 COMMAND = [str(Path(sysconfig.get_path("scripts")) / "linkage-atlas")]
@@ -143,17 +140,6 @@ def test_a_closed_pipe_is_no_error(small_path) -> None:
         messages = process.stderr.read().decode()
         assert process.wait(PATIENCE) == OK
     assert messages == ""
-
-
-@pytest.mark.parametrize("name", some_of(["SIGINT", "SIGTERM"], 1))  # SIGTERM ends each service of `started`
-def test_serve_answers_and_ends_cleanly(name, small_path, tmp_path) -> None:
-    command = ("-m", "app.start", "serve", "--atlas", str(small_path), "--port", "0")
-    with started(tmp_path, *command) as (process, port, log):
-        with urllib.request.urlopen(f"http://127.0.0.1:{port}/readyz", timeout=PATIENCE) as reply:
-            assert (reply.status, json.load(reply)["status"]) == (200, "ready")
-        process.send_signal(getattr(signal, name))
-        assert process.wait(PATIENCE) == OK, log.read_text()
-    assert "Traceback" not in log.read_text() and "Finished server process" in log.read_text()
 
 
 def test_a_port_in_use_is_said(small_path) -> None:

@@ -139,11 +139,10 @@ REQUEST = {
 def test_a_drive_of_the_request_is_in_its_files(client: TestClient, run: Any, tmp_path: Path) -> None:
     """By /v2/export with and without the solution, by the route of a format, on the command line and in Python."""
     without = {name: value for name, value in REQUEST.items() if name not in ("load", "drives")}
-    for kind, word in (("csv", "drive_ground_x"), ("svg", 'id="DRIVE"'), ("dxf", "DRIVE")):
-        plain = client.post("/v2/export", json={"request": without, "format": kind}).text
-        driven = client.post("/v2/export", json={"request": REQUEST, "format": kind}).text
-        assert word in driven and word not in plain
-        assert word in client.post(f"/v2/synthesize.{kind}", json=REQUEST).text
+    plain = client.post("/v2/export", json={"request": without, "format": "csv"}).text
+    driven = client.post("/v2/export", json={"request": REQUEST, "format": "csv"}).text
+    assert "drive_ground_x" in driven and "drive_ground_x" not in plain
+    assert 'id="DRIVE"' in client.post("/v2/synthesize.svg", json=REQUEST).text
     solution = client.post("/v2/synthesize", json=REQUEST).json()["solutions"][0]
     assert solution["drives"]
     body = {"request": REQUEST, "linkage": solution, "format": "parts", "solids": {"allow_collisions": True}}

@@ -43,7 +43,7 @@ def test_no_error_of_any_field_has_the_validators_words(client) -> None:
             continue
         fields = [*document["components"]["schemas"][schema["$ref"].rpartition("/")[2]]["properties"]]
         for first in range(0, len(fields), 12):  # the unknown field keeps a valid request from being answered
-            for value in ("text", -1e99, 2.5, [], [1] * 2000, {}, [None]):
+            for value in ("text", -1e99, [1] * 2000, {}, [None]):
                 body = {"unknown": 1, **dict.fromkeys(fields[first : first + 12], value)}
                 reply = client.post(path, json=body)
                 assert reply.status_code in (400, 422)

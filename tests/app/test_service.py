@@ -11,6 +11,7 @@ import pickle
 import re
 import signal
 import time
+import urllib.request
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing, contextmanager
@@ -179,11 +180,15 @@ def test_a_worker_that_does_not_end_is_replaced() -> None:
         os.kill((running.processes & {stuck, second}).pop(), signal.SIGCONT)
 
 
-@pytest.mark.parametrize("name", some_of(["SIGTERM", "SIGINT"], 1))
-def test_the_service_ends_in_time_with_a_search_under_way(name, tmp_path) -> None:
-    with started(tmp_path, "-m", "app.start", "serve", "--port", "0", "--no-atlas") as (process, port, log):
+@pytest.mark.parametrize("name", some_of(["SIGINT", "SIGTERM"], 1))
+def test_the_service_ends_in_time_with_a_search_under_way(name, small_bytes, tmp_path) -> None:
+    (tmp_path / "small.h5").write_bytes(small_bytes)
+    command = ("-m", "app.start", "serve", "--port", "0", "--atlas", str(tmp_path / "small.h5"))
+    with started(tmp_path, *command) as (process, port, log):
         workers = children(process.pid)
         running = Running(port, None)
+        with urllib.request.urlopen(f"http://127.0.0.1:{port}/readyz", timeout=PATIENCE) as reply:
+            assert (reply.status, json.load(reply)["status"]) == (200, "ready")
         with closing(running.connected()) as connection:
             connection.request("POST", LONG[0], json.dumps(LONG[1]), {"Content-Type": "application/json"})
             assert running.ask(*SHORT)[0] == 200, "asked later: the search is under way"
@@ -193,7 +198,7 @@ def test_the_service_ends_in_time_with_a_search_under_way(name, tmp_path) -> Non
             assert reply.status == 503 and "shutting down" in json.loads(reply.read())["detail"]
             assert process.wait(PATIENCE) == 0 and time.perf_counter() - begin < 25, "the budget is 30 s"
         until(lambda: not any(map(alive, workers)))
-        assert "Traceback" not in log.read_text()
+        assert "Traceback" not in log.read_text() and "Finished server process" in log.read_text()
 
 
 def test_workers_end_with_a_service_that_is_killed(tmp_path) -> None:

@@ -120,6 +120,16 @@ def test_what_turns_about_a_pin_is_driven_by_what_moves_and_made_by_no_kind_that
             assert np.max(off) == pytest.approx(linkage.errors.position_max, abs=1e-6)
 
 
+def test_a_motion_that_is_small_beside_its_length_scale_comes_back() -> None:
+    """Almost only the rotations count, and the positions decide between the guides that allow them."""
+    crank = 20 * np.exp(1j * np.deg2rad(np.linspace(20, 140, 12)))
+    rod = np.sqrt(60**2 - (crank.imag - 5) ** 2) + 1j * (5 - crank.imag)
+    position = crank + 0.6 * rod * np.exp(0.4j)
+    request = {"position": position, "timing": "free", "length_scale": 1000, "limits": {"preset": "none"}}
+    found = la.synthesize(np.rad2deg(np.angle(rod)), **request, mechanisms=["slider_crank"], top=1)
+    assert found.best.errors.position_max < 1e-8
+
+
 SEEDS = [(kind, seed) for seed in range(2) for kind in ("slider_crank", "swinging_block")]
 
 
