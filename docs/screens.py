@@ -70,10 +70,11 @@ def shoot(browser: Any, address: str, machine: str) -> None:
             browser.execute_script(
                 """const query = document.getElementById('query');
                 document.getElementById('status').textContent = '';
-                query.selectedIndex = arguments[0]; query.dispatchEvent(new Event('change'));""",
+                query.selectedIndex = arguments[0]; query.dispatchEvent(new Event('change'));
+                document.getElementById('run').click();""",
                 question,
             )
-            wait(browser, "document.getElementById('status').textContent.startsWith('Answered')")
+            wait(browser, "document.getElementById('status').textContent.startsWith('Calculated')")
         browser.execute_script(
             """const slider = document.querySelector('.player input');
             slider.value = Number(slider.min) + arguments[0] * (slider.max - slider.min);

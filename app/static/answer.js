@@ -1,126 +1,138 @@
-// An answer as an engineer reads it: key figures, tables, curves over a shared axis; and every other number in tables.
+// A reply as figures, curves and tables, which are found by the form of its values: single, over time, or in rows.
 
-import { redrawOn, titledChart } from "./charts.js";
+import { Charts } from "./charts.js";
 import { element, tableOf, text } from "./drawing.js";
-import { build, counted } from "./shell.js";
+import { build, capital } from "./shell.js";
 
 const ROWS = 1000; // rows of a table that are shown; files hold all
-const LONG = 60; // letters of a cell that is written in several lines
-const LISTED = 8; // numbers that are written in one line
-
-const heading = (title) => build("h3", {}, title);
-const named = (name, unit) => (unit ? [name, " ", element("span", "unit", unit)] : [name]);
-
-/** A value in words: numbers to `digits` digits. */
-function words(value, digits = 7) {
-  if (value === null || value === undefined) return "–";
-  if (typeof value === "number") return text(value, digits);
-  if (typeof value === "boolean") return value ? "yes" : "no";
-  return Array.isArray(value) ? value.map((part) => words(part, digits)).join(", ") || "none" : String(value);
-}
-
-/** Key figures in `host`: rows [name, value, unit]; `title` stands above them. */
-export function facts(host, rows, title = "") {
-  const row = ([name, value, unit]) =>
-    build("div", {}, build("dt", {}, name), build("dd", {}, named(words(value), unit)));
-  host.append(...(title ? [heading(title)] : []), build("dl", { className: "facts" }, rows.map(row)));
-}
-
-/** A sentence in `host`. */
-export function note(host, sentence) {
-  host.append(element("p", "note", sentence));
-}
-
-/** An element in `host` that scrolls when it is wider than the page. */
-export function scrolling(host, title, content) {
-  host.append(build("div", { className: "scroll", tabIndex: 0, role: "region", "aria-label": title }, content));
-}
-
-/** A table in `host`: `columns` are names or [name, unit], `rows` lists of values; the first column names its row. */
-export function table(host, title, columns, rows) {
-  const head = columns.map((column) => (typeof column === "string" ? column : named(...column))),
-    cells = rows.slice(0, ROWS).map((row) => row.map((value) => words(value))),
-    cellTable = tableOf(head, cells, true);
-  for (const cell of cellTable.querySelectorAll("td, th"))
-    cell.classList.toggle("long", cell.textContent.length > LONG);
-  host.append(heading(title));
-  scrolling(host, title, cellTable);
-  if (rows.length > ROWS) note(host, `The first ${ROWS} of ${rows.length} rows; the files hold all.`);
-}
-
-/**
- * Curves in `host`, one below the other, over the abscissas `x`, whose unit `xUnit` stands at the axis. `list` holds
- * {title, unit, values, colour} or, for several curves in one chart, {title, unit, series: [{values, colour, dash}]}.
- * Returns `mark(value)`, which moves a line along all of them.
- */
-export function curves(host, { x, xUnit = "", list }) {
-  const block = element("div", list.length > 1 ? "curves-list" : "curves-list one"),
-    axis = { x, degreesX: xUnit === "°", xName: xUnit && xUnit !== "°" ? ` ${xUnit}` : "" };
-  let charts = [],
-    at = null;
-  const mark = (value) => {
-    at = value;
-    for (const chart of charts) chart.mark(value);
-  };
-  const draw = () => {
-    block.replaceChildren();
-    charts = list.map(({ title, unit, values, colour = "body", series = [{ values, colour }], ...more }) =>
-      titledChart(block, unit ? `${title}, ${unit}` : title, { ...axis, series, ...more }),
-    );
-    if (at !== null) mark(at);
-  };
-  host.append(block);
-  draw();
-  redrawOn(block, draw);
-  return mark;
-}
+const LONG = 60; // letters of a cell that is written in several lines, or of a value that is a sentence
+const LISTED = 16; // values of a list that are written in one line
 
 const isObject = (value) => value !== null && typeof value === "object" && !Array.isArray(value);
-const isNumbers = (value) => value.length > 0 && value.every((part) => part === null || typeof part === "number");
-const isPoints = (value) =>
-  value.length > 1 && value.every((part) => Array.isArray(part) && isNumbers(part) && part.length === value[0].length);
-const spaced = (path) => path.replaceAll("_", " ");
+const isNumbers = (list) => list.every((value) => value === null || typeof value === "number");
+const isShort = (value) => !Array.isArray(value) || (value.length <= LISTED && !value.some(isObject));
+const spaced = (name) => name.replaceAll("_", " ");
+const named = (name, unit) => (unit ? [name, " ", element("span", "unit", unit)] : [name]);
+const titled = (path) => (path ? capital(spaced(path)) : "");
+
+/** A value in words: numbers to 7 digits. */
+function words(value) {
+  if (value === null || value === undefined) return "–";
+  if (typeof value === "number") return text(value, 7);
+  if (typeof value === "boolean") return value ? "yes" : "no";
+  if (Array.isArray(value)) return value.map(words).join(", ") || "none";
+  return spaced(value).replace("<=max", " at most").replace(">=min", " at least");
+}
 
 /** A flat row {name: value} of an object in an object. */
 function flat(value, name = "") {
-  const inner = (part) => Object.values(flat(part)).map((cell) => words(cell));
-  if (Array.isArray(value) && value.some((part) => part !== null && typeof part === "object"))
-    return { [name]: value.map((part) => inner(part).join(" ")).join("; ") };
   if (!isObject(value)) return { [name]: value };
   return Object.assign({}, ...Object.entries(value).map(([key, part]) => flat(part, name ? `${name} · ${key}` : key)));
 }
 
-/** Every number of a reply in `host`: single ones as figures, lists of one length as the columns of one table. */
-export function everything(host, reply) {
-  const single = [],
-    columns = new Map(),
+/** The names in rows that have a value in one or more of them, first those of the rows themselves. */
+function namesOf(rows) {
+  const names = rows.flatMap((row) => Object.keys(row).filter((name) => row[name] !== null && isShort(row[name])));
+  return [...new Set(names)].sort((first, second) => first.includes(" · ") - second.includes(" · "));
+}
+
+/** The names of an object's parts that are objects with the same single values, such as the conditions of a machine. */
+function alike(value) {
+  const fields = ([, part]) => (isObject(part) && Object.values(flat(part)).every(isShort) ? Object.keys(part) : []),
+    groups = Map.groupBy(Object.entries(value), (entry) => fields(entry).join());
+  groups.delete("");
+  const [largest = []] = [...groups.values()].sort((a, b) => b.length - a.length);
+  return largest.length > 1 ? largest.map(([name]) => name) : [];
+}
+
+/**
+ * The parts of a reply: `groups` of single values by the path of their object, `columns` [path, values] of `count`
+ * numbers, and `tables` [path, heads, rows]. Paths that match `hidden` are left out.
+ */
+function partsOf(reply, hidden, count) {
+  const groups = new Map(),
+    columns = [],
     tables = [];
-  const column = (path, values) =>
-    columns.set(values.length, [...(columns.get(values.length) ?? []), [spaced(path), values]]);
-  const walk = (value, path) => {
-    if (isObject(value)) for (const [key, part] of Object.entries(value)) walk(part, path ? `${path} · ${key}` : key);
-    else if (!Array.isArray(value)) single.push([spaced(path), value]);
-    else if (isPoints(value) && value[0].length <= 4)
-      for (const k of value[0].keys()) {
-        const values = value.map((part) => part[k]);
-        column(`${path} ${"xyzw"[k]}`, values);
-      }
-    else if (value.length && value.every(isObject)) tables.push([path, value.map((row) => flat(row))]);
-    else if (isNumbers(value) && value.length > LISTED) column(path, value);
-    else if (value.some((part) => part && typeof part === "object"))
-      for (const [k, part] of value.entries()) walk(part, `${path} ${k + 1}`);
-    else single.push([spaced(path), value]);
+  const addTable = (path, rows) => {
+    const names = namesOf(rows).filter((name) => !hidden.test(`${path} · ${name}`));
+    tables.push([path, names, rows.map((row) => names.map((name) => row[name]))]);
   };
-  walk(reply, "");
-  if (single.length) facts(host, single);
-  for (const [path, rows] of tables) {
-    const names = [...new Set(rows.flatMap((row) => Object.keys(row)))],
-      cells = rows.map((row, k) => [k + 1, ...names.map((name) => row[name])]);
-    table(host, spaced(path), ["", ...names.map(spaced)], cells);
-  }
-  for (const [count, group] of columns) {
-    const names = group.map(([name]) => name),
-      rows = Array.from({ length: Math.min(count, ROWS + 1) }, (_, k) => [k + 1, ...group.map(([, list]) => list[k])]);
-    table(host, counted(count, "row"), ["", ...names], rows);
-  }
+  const walk = (value, path, parent, name) => {
+    if (value === null || hidden.test(path)) return;
+    if (isObject(value)) {
+      const twins = alike(value);
+      if (twins.length) {
+        const rows = twins.map((twin) => flat(value[twin])),
+          names = namesOf(rows).filter((field) => !hidden.test(field));
+        const cells = names.map((field) => [spaced(field), ...rows.map((row) => row[field])]);
+        tables.push([path, ["", ...twins], cells]);
+      }
+      for (const [key, part] of Object.entries(value))
+        if (!twins.includes(key)) walk(part, path ? `${path} · ${key}` : key, path, key);
+    } else if (!Array.isArray(value)) groups.set(parent, [...(groups.get(parent) ?? []), [path, name, value]]);
+    else if (value.length && value.every(isObject))
+      addTable(
+        path,
+        value.map((row) => flat(row)),
+      );
+    else if (value.length === count && isNumbers(value)) columns.push([path, value]);
+    else if (isShort(value) || value.every((part) => typeof part === "string"))
+      groups.set(parent, [...(groups.get(parent) ?? []), [path, name, value]]);
+  };
+  walk(reply, "", "", "");
+  return { groups, columns, tables };
+}
+
+function facts(host, title, rows, unitOf) {
+  const ofNumber = (path, value) => (typeof value === "number" ? unitOf(path) : ""),
+    inWords = rows.map(([path, name, value]) => [spaced(name), words(value), ofNumber(path, value)]),
+    isSentence = ([, value]) => value.length > LONG,
+    pair = ([name, value, unit]) => build("div", {}, build("dt", {}, name), build("dd", {}, named(value, unit)));
+  const figures = inWords.filter((row) => !isSentence(row)).map(pair),
+    notes = inWords.filter(isSentence).map(([name, value]) => element("p", "note", `${name}: ${value}`));
+  host.append(...(title ? [build("h3", {}, title)] : []), build("dl", { className: "facts" }, figures), ...notes);
+}
+
+function table(host, title, names, rows, unitOf) {
+  const cells = rows.slice(0, ROWS).map((row) => row.map(words)),
+    heads = names.map((name) => named(spaced(name), unitOf(name))),
+    cellTable = tableOf(heads, cells, true),
+    more = rows.length > ROWS && element("p", "note", `The first ${ROWS} of ${rows.length} rows; the files hold all.`);
+  for (const cell of cellTable.querySelectorAll("td, th"))
+    cell.classList.toggle("long", cell.textContent.length > LONG);
+  const scroll = { className: "scroll", tabIndex: 0, role: "region", "aria-label": title || "Table" };
+  host.append(...[title && build("h3", {}, title), build("div", scroll, cellTable), more].filter(Boolean));
+}
+
+/** Curves in `host` over the abscissas `x`; returns what moves a line along all of them. */
+function curves(host, columns, x, xUnit, unitOf) {
+  const block = element("div", "curves-list"),
+    axis = { x, degreesX: xUnit === "°", xName: xUnit === "°" ? "" : ` ${xUnit}` },
+    titleOf = (path) => [titled(path), unitOf(path)].filter(Boolean).join(", ");
+  host.append(block);
+  const charts = new Charts(block, () =>
+    columns.map(([path, values]) => [titleOf(path), { ...axis, series: [{ values, colour: "body" }] }]),
+  );
+  charts.draw();
+  return (value) => charts.mark(value);
+}
+
+/**
+ * Shows a reply in `hosts` {facts, curves, tables}. Lists as long as that at the first path of `over` which the reply
+ * has become curves over it; paths that match `hidden` are left out, and `unitOf` gives the unit of a path. Returns
+ * what moves a line along the curves.
+ */
+export function showReply(hosts, reply, { over, hidden, unitOf }) {
+  const valueAt = (path) => path.split(" · ").reduce((part, name) => part?.[name], reply),
+    abscissa = over.find(valueAt),
+    x = abscissa ? valueAt(abscissa) : [],
+    isRising = x.length > 1 && x.every((value, k) => !k || value > x[k - 1]),
+    { groups, columns, tables } = partsOf(reply, hidden, isRising ? x.length : null);
+  // first what is on top, then what the curves are of
+  const rank = (parent) => (parent === "" ? 0 : abscissa?.startsWith(parent) ? 1 : 2),
+    inOrder = [...groups].sort(([first], [second]) => rank(first) - rank(second));
+  for (const [parent, rows] of inOrder) facts(hosts.facts, titled(parent), rows, unitOf);
+  for (const [path, ...content] of tables) table(hosts.tables, titled(path), ...content, unitOf);
+  const ordinates = columns.filter(([path]) => path !== abscissa);
+  return ordinates.length ? curves(hosts.curves, ordinates, x, unitOf(abscissa), unitOf) : () => {};
 }

@@ -1,11 +1,11 @@
 // The canvas of the motion editor: what pointer and keys do on it, and the layers that are drawn.
 
-import { LinkageShape, View, make, pathData, put } from "./drawing.js";
+import { LinkageShape, View, drawGrid, make, pathData, put } from "./drawing.js";
 import { itemOf, placeOf, placesOf, wantsAngles, wantsPlaces } from "./motion.js";
 import { PATH_POINTS, Pen } from "./pen.js";
 import { RAD, add, less, turned } from "./plane.js";
 import { Poses } from "./poses.js";
-import { drawBody, drawBox, drawCurves, drawGhosts, drawGrid, drawOverlay, drawWay } from "./scenery.js";
+import { drawBody, drawBox, drawCurves, drawGhosts, drawOverlay, drawWay } from "./scenery.js";
 
 const LAYERS = "grid box way overlay ghosts curves plates targets linkage body drive poses pen".split(" ");
 const CLICK = 4; // pixels: a press that moves less is a click
@@ -79,7 +79,7 @@ export class Board {
 
   #resize() {
     if (!this.#measure()) return;
-    if (this.fitted && !this.moved && this.motion) this.fit(this.beside);
+    if (this.fitted && !this.moved && this.motion) this.fit();
     else this.draw();
   }
 
@@ -173,10 +173,10 @@ export class Board {
     else this.fit();
   }
 
-  /** Fits the motion, the linkage, its drive, and the points `more` into the view. */
-  fit(more = []) {
+  /** Fits the motion, the linkage and its drive into the view. */
+  fit() {
     this.#measure();
-    Object.assign(this, { fitted: true, moved: false, beside: more });
+    Object.assign(this, { fitted: true, moved: false });
     const points = this.places,
       box = this.motion?.limits.box;
     if (box && this.hasPlaces) points.push(box.slice(0, 2), box.slice(2));
@@ -186,7 +186,7 @@ export class Board {
       isFirst = (point) => point && point[0] === first[0] && point[1] === first[1];
     if (this.hasPlaces && first && points.every(isFirst))
       points.push(...[50, -50].map((far) => first.map((value) => value + far)));
-    this.view.fit([...points, ...more], this.view.width < 500 ? 38 : 52);
+    this.view.fit(points, this.view.width < 500 ? 38 : 52);
     this.draw();
   }
 

@@ -7,14 +7,6 @@ import { RAD } from "./plane.js";
 import { build, capital } from "./shell.js";
 import { mark } from "./verdict.js";
 
-const FAMILIES = {
-  crank_rocker: "crank-rocker",
-  double_crank: "double-crank",
-  rocker_crank: "rocker-crank",
-  double_rocker: "double-rocker",
-  triple_rocker: "triple-rocker",
-  change_point: "change point",
-};
 const KINDS = {
   slider_crank: "slider-crank",
   swinging_block: "swinging block",
@@ -56,7 +48,7 @@ const SOURCES = { hand: "By hand:", moved: "Moved:", link: "From the link:" };
 
 /** Return the name of a solution on its card. */
 export const nameOf = ({ rank, source, family, kind, driver, links }) =>
-  `${SOURCES[source] ?? `${rank}.`} ${links ? (FAMILIES[family] ?? family) : `${KINDS[kind] ?? kind}, ${driver}`}`;
+  `${SOURCES[source] ?? `${rank}.`} ${links ? family.replace("_", "-") : `${KINDS[kind] ?? kind}, ${driver}`}`;
 
 /** The sign of a verdict on a motion with its words. */
 export function sign(verdict, motion) {

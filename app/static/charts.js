@@ -21,18 +21,16 @@ function brief(value) {
   const small = Math.abs(value) >= 1e5 || Math.abs(value) < 1e-3;
   return small ? Number(value.toPrecision(2)).toExponential().replace("+", "") : String(Number(value.toPrecision(4)));
 }
-const decades = (u, splits) => splits.map((value) => (Math.abs(Math.log10(value) % 1) < 1e-9 ? value : null));
 
 /**
- * A chart that fills `host`. `x` holds the abscissas, `series` are {values, colour, points, steps, size, width, dash};
+ * A chart that fills `host`. `x` holds the abscissas, `series` are {values, colour, points, width, dash};
  * nulls are gaps; with `sense` -1 the negatives of the abscissas are shown. Returns the uPlot; `mark(x)` moves its
  * line.
  */
-export function chart(host, { x, series, height = 130, range = null, splits = null, xName = "", sense = 1, ...more }) {
-  const { degreesX = true, degreesY = false, logY = false } = more,
+function chart(host, { x, series, height = 130, range = null, splits = null, xName = "", sense = 1, ...more }) {
+  const { degreesX = true, degreesY = false } = more,
     nameX = (v) => (degreesX ? degrees(sense * v) : `${brief(sense * v)}${xName}`),
-    nameY = (v) => (degreesY ? degrees(v) : v === null ? "" : brief(v)),
-    decimal = logY && { grid: { ...line("grid"), filter: decades }, ticks: { ...line("ticks"), filter: decades } };
+    nameY = (v) => (degreesY ? degrees(v) : v === null ? "" : brief(v));
   let marked = null;
   const draw = (u) => {
     if (marked === null) return;
@@ -47,11 +45,11 @@ export function chart(host, { x, series, height = 130, range = null, splits = nu
     u.ctx.stroke();
     u.ctx.restore();
   };
-  const curve = ({ points, steps, size = 6, width = 1.8, dash, ...item }) => {
+  const curve = ({ points, width = 1.8, dash, ...item }) => {
     const stroke = colour(item.colour),
-      paths = points ? () => null : steps ? uPlot.paths.stepped({ align: 1 }) : undefined,
+      paths = points ? () => null : undefined,
       show = Boolean(points);
-    return { pxAlign: 0, stroke, width, dash, spanGaps: show, paths, points: { show, size, fill: stroke, stroke } };
+    return { pxAlign: 0, stroke, width, dash, spanGaps: show, paths, points: { show, size: 6, fill: stroke, stroke } };
   };
   host.replaceChildren();
   const options = {
@@ -60,16 +58,10 @@ export function chart(host, { x, series, height = 130, range = null, splits = nu
     legend: { show: false },
     cursor: { show: false },
     padding: [8, 26, 0, 0],
-    scales: { x: { time: false }, y: logY ? { distr: 3 } : range ? { range } : {} },
+    scales: { x: { time: false }, y: range ? { range } : {} },
     axes: [
       axis({ size: 26, space: 60, values: (u, values) => values.map(nameX) }),
-      axis({
-        size: 62,
-        space: 22,
-        ...(splits && { splits: () => splits }),
-        ...decimal,
-        values: (u, v) => v.map(nameY),
-      }),
+      axis({ size: 62, space: 22, ...(splits && { splits: () => splits }), values: (u, v) => v.map(nameY) }),
     ],
     series: [{}, ...series.map(curve)],
     hooks: { draw: [draw] },
@@ -84,12 +76,36 @@ export function chart(host, { x, series, height = 130, range = null, splits = nu
 }
 
 /** A chart below a heading, added to `host`. Screen readers get the heading and the range of the first series. */
-export function titledChart(host, title, options) {
+function titledChart(host, [title, options]) {
   const values = options.series[0].values.filter((value) => value !== null),
     range = [Math.min(...values), Math.max(...values)].map((value) => text(value, 4)).join(" to "),
     box = build("div", { className: "chart", role: "img", "aria-label": `${title}: from ${range}` });
   host.append(build("div", {}, element("h3", "note", title), box));
   return chart(box, options);
+}
+
+/** Charts in `host` with a common abscissa; `list()` returns [title, options of `chart`] of each. */
+export class Charts {
+  #charts = [];
+  #at = null;
+
+  constructor(host, list) {
+    Object.assign(this, { host, list });
+    redrawOn(host, () => this.draw());
+  }
+
+  draw() {
+    const { host, list } = this;
+    host.replaceChildren();
+    this.#charts = host.clientWidth ? list().map((entry) => titledChart(host, entry)) : [];
+    if (this.#at !== null) this.mark(this.#at);
+  }
+
+  /** Moves a line along all charts. */
+  mark(value) {
+    this.#at = value;
+    for (const plot of this.#charts) plot.mark(value);
+  }
 }
 
 /** Call `draw` when the page changes between light and dark, and when the width of `host` changes to other than 0. */

@@ -1,61 +1,21 @@
 // The drive of the selected linkage: asks for cylinders, motors, locks and springs; the ends of one can be dragged.
 
-import { redrawOn, titledChart } from "./charts.js";
+import { Charts } from "./charts.js";
 import { BEST, KINDS, armUnit, factsOf, nameOf, optionsOf, plain, rowsOf } from "./choices.js";
-import { numberIn, numbersIn } from "./decimal.js";
 import { button, definitions, element, make, namedRows, pathData, put, text } from "./drawing.js";
-import { alike, fitOf } from "./fit.js";
+import { alike } from "./fit.js";
 import { itemOf } from "./motion.js";
-import { RAD, add, less, turned } from "./plane.js";
+import { RAD, add, between, less, turned } from "./plane.js";
+import { readQuestion, showQuestion } from "./question.js";
 import { ask } from "./service.js";
 import { $, capital, listen } from "./shell.js";
 import { driveTurns } from "./timing.js";
 
 const WIDE = 0.09; // of a cylinder's body, over its retracted length
 const HANDLE = 8; // pixels
+const REST_MS = 60; // after which a cylinder whose end is dragged is evaluated
 const EARLIER = "These results belong to earlier entries. Press Find to search again.";
 const AGAIN = "Searching again. The results shown belong to the linkage before it was moved.";
-/** Fields of the request for each kind of spring. */
-const SPRINGS = { tension: { catalogue: "tension_springs" }, gas: {}, compression: {}, torsion: {} };
-
-const value = (id) => numberIn(`drive-${id}`);
-const checked = (id) => $(`drive-${id}`).checked;
-const filledIn = (fields) =>
-  Object.fromEntries(Object.entries(fields).filter(([, content]) => content !== null && content !== ""));
-/** Return the part of a request that comes from the fields, without the data of the linkage. */
-const questionOf = ({ load, drives, springs }) => JSON.stringify({ load, drives, springs });
-/** Return numbers that belong together, null if all are blank. Throws an error if only some are blank. */
-function together(ids, sentence) {
-  const numbers = ids.map(value);
-  if (numbers.every((number) => number === null)) return null;
-  if (numbers.includes(null)) throw new Error(sentence);
-  return numbers;
-}
-/** The behaviour that springs of a catalogue are asked for. */
-function behaviour() {
-  const [open, closed] = ["holds-open", "holds-closed"].map(checked),
-    curve = numbersIn("drive-wanted", 2, true);
-  return filledIn({
-    holds: open || closed ? { open, closed, ...filledIn({ force_min: value("hold-force") }) } : null,
-    hand_force_max: value("hand-force"),
-    target: curve && { [$("drive-wanted-of").value]: curve },
-    count: value("count"),
-  });
-}
-/** The load in the fields. */
-function loadOf() {
-  const force = [value("force-x") ?? 0, value("force-y") ?? 0],
-    acts = force.some(Boolean),
-    mass = value("mass"),
-    link = $("drive-on").value;
-  return filledIn({
-    force: acts && link === "body" ? force : null,
-    forces: acts && link !== "body" ? [{ link, force }] : null,
-    torque: value("torque"),
-    masses: mass ? [{ link, mass }] : null,
-    parts: checked("parts") || null,
-  });
-}
 
 /** The joints of a four-bar's links: from them an arm leads to a pin of a drive. */
 const JOINTS = { crank: (j) => [j.a, j.d], coupler: (j) => [j.d, j.c], rocker: (j) => [j.b, j.c] };
@@ -69,78 +29,34 @@ function armsOf(drive, joints, ground, pin) {
   return [...arm(drive.link, pin), ...arm(drive.base_link, ground)];
 }
 
-/** The value of a curve at a place between its even steps, numbers or points. */
-function between({ crank_angle: x }, values, at) {
+/** The value of a curve between its even steps, numbers or points; null where it has none. */
+function curveAt({ crank_angle: x }, values, at) {
   const last = x.length - 1,
     share = Math.min(1, Math.max(0, (at - x[0]) / (x[last] - x[0] || 1))) * last,
-    k = Math.min(last - 1, Math.floor(share)),
-    mix = (start, end) => start + (share - k) * (end - start);
-  const [lower, upper] = [values[k], values[k + 1]];
-  if (lower === null || upper === null) return null;
-  return Array.isArray(lower) ? lower.map((part, i) => mix(part, upper[i])) : mix(lower, upper);
+    k = Math.min(last - 1, Math.floor(share));
+  return values[k] === null || values[k + 1] === null ? null : between(values[k], values[k + 1], share - k);
 }
 
-/** Slopes of values at even steps, at the ends too those of a parabola. */
-function slopesOf(values, step) {
-  const slope = (_, k) => {
-    const j = Math.min(Math.max(k, 1), values.length - 2),
-      [before, middle, after] = values.slice(j - 1, j + 2);
-    return ((after - before) / 2 + (k - j) * (after - 2 * middle + before)) / step;
-  };
-  return values.map(slope);
-}
-
-/** A drive with other ends, its lengths, arms and forces computed here from the torque of the load. */
-function moved(drive, linkage, torque) {
-  const { crank_angle: at } = drive.curve,
-    frames = at.map((angle) => linkage.at(angle * RAD).frames[drive.link]),
-    pin = frames.map((frame) => add(frame.at, turned(drive.pin_on_link, frame.angle))),
-    ground = at.map(() => drive.ground_point),
-    length = pin.map((point) => Math.hypot(...less(point, drive.ground_point))),
-    arm = slopesOf(length, (at[1] - at[0]) * RAD),
-    turns = arm.findIndex((rate) => rate * arm[0] <= 0),
-    ends = [length[0], length.at(-1)],
-    stroke = Math.abs(ends[1] - ends[0]);
-  const force = turns < 0 && drive.curve.force ? arm.map((rate, k) => torque.torque[k] / rate / drive.count) : null,
-    peak_force = force && Math.max(...force.map(Math.abs)),
-    peak_force_bound = force && torque.amount / stroke / drive.count;
-  return {
-    ...drive,
-    name: null,
-    price: null,
-    pin: pin[0],
-    length: ends,
-    retracted: Math.min(...length),
-    stroke,
-    extends: ends[1] > ends[0],
-    arm_min: Math.min(...arm.map(Math.abs)),
-    peak_force,
-    peak_force_bound,
-    peak_force_ratio: peak_force && peak_force / peak_force_bound,
-    byHand: true,
-    dead: turns < 0 ? null : at[turns],
-    curve: { ...drive.curve, ground, pin, length, arm, force },
-  };
-}
+/** Return true if the ends of a drive can be dragged: those of a cylinder from the ground to a link of a four-bar. */
+const isFree = (drive, solution) =>
+  drive.kind === "actuator" && drive.base_link === "ground" && Boolean(JOINTS[drive.link] && solution.links);
 
 export class Driving {
   answer = null;
   solution = null;
-  reply = null;
+  shownAnswer = null; // the one of `found` on show
   drive = null;
   control = null;
   options = [];
-  charts = [];
-  kept = new WeakMap(); // the reply for each solution
-  asked = new WeakMap(); // the question of each reply
+  found = new WeakMap(); // {reply, question} for each solution
 
   /** `chosen()` is called when another drive is shown, or none. */
   constructor(board, player, chosen) {
     Object.assign(this, { board, player, chosen });
     listen("drive-find", "click", () => this.#find());
-    listen("drive-kind", "change", () => this.#offer());
+    listen("drive-kind", "change", () => showQuestion());
     listen("drive-catalogue", "change", () => {
-      this.#offer();
+      showQuestion();
       if ($("drive-catalogue").value === "own") $("drive-file").click();
     });
     listen("drive-file", "change", async () => {
@@ -148,17 +64,17 @@ export class Driving {
       this.table = await file?.text();
       this.#say(file ? `Rows of ${file.name}.` : "");
     });
-    for (const name of ["input", "change"]) $("drive-card").addEventListener(name, () => this.#compare(), true);
+    listen("drive-card", "input change", () => this.#mark(Boolean(this.shownAnswer)));
     listen("drive-card", "keydown", (event) => {
       if (event.key !== "Enter" || !event.target.matches("input, select")) return;
       event.preventDefault();
       this.#find();
     });
-    board.driven = () => this.lines().flat();
+    board.driven = () => this.#points();
     board.seen.push(() => this.#draw());
     board.redrawn.push(() => this.#draw());
-    redrawOn($("drive-curves"), () => this.#curves());
-    this.#offer();
+    this.charts = new Charts($("drive-curves"), () => this.#curves());
+    showQuestion();
   }
 
   /** A new answer; while a linkage like the one before stays selected, so does what was found for it. */
@@ -173,38 +89,27 @@ export class Driving {
    */
   select(solution) {
     const before = this.solution,
-      isUnchanged =
-        before === solution || (before && solution && solution.source !== "moved" && alike(before, solution)),
-      question = this.asked.get(this.reply) ?? this.pending;
+      isMoved = solution?.source === "moved",
+      isUnchanged = before === solution || (before && solution && !isMoved && alike(before, solution)),
+      question = this.shownAnswer?.question ?? this.pending;
     this.solution = solution;
     if (isUnchanged) {
-      if (this.kept.has(before)) this.kept.set(solution, this.kept.get(before));
-      this.#compare();
+      if (this.found.has(before)) this.found.set(solution, this.found.get(before));
       return;
     }
     this.control?.abort();
-    if (solution?.source === "moved" && question && !this.kept.has(solution)) {
-      this.#find(JSON.parse(question));
+    if (isMoved && question && !this.found.has(solution)) {
+      this.#find(question);
       return;
     }
-    this.#use(this.kept.get(solution) ?? null);
+    this.#use(this.found.get(solution) ?? null);
     this.#say("");
-    this.#compare();
   }
 
-  /** Show a message if fields have changed since the shown drive was found, because its forces are of another load. */
-  #compare() {
-    if (!this.reply) return;
-    let question = "";
-    try {
-      question = questionOf(this.#request());
-    } catch {
-      /* it cannot be asked as it is */
-    }
-    const earlier = question !== this.asked.get(this.reply);
+  /** Marks what is shown as found for `earlier` fields, because its forces are of another load. */
+  #mark(earlier) {
     $("drive-card").classList.toggle("other", earlier);
     if (earlier) this.#say(EARLIER);
-    else if ($("drive-note").textContent === EARLIER) this.#say("");
   }
 
   /** Drive that is shown, which is exported with the linkage. */
@@ -218,98 +123,58 @@ export class Driving {
     return { unit: motion.unit, turns: driveTurns(this.solution), item: itemOf(motion) };
   }
 
-  #offer() {
-    const kind = $("drive-kind").value,
-      own = $("drive-catalogue").value;
-    for (const part of document.querySelectorAll("#drive-card [data-kinds]"))
-      part.hidden = !part.dataset.kinds.split(" ").includes(kind);
-    for (const part of document.querySelectorAll("#drive-card [data-sizes]")) part.hidden ||= own !== "";
-  }
-
   #say(words, bad = false) {
     $("drive-note").textContent = words;
     $("drive-note").classList.toggle("bad", bad);
   }
 
-  /** The part of a question that says which linkage it is about. */
-  get #about() {
-    const { request, within = request, motion } = this.answer;
-    return { linkage: this.solution, request: within, length_unit: motion.unit, top: BEST };
-  }
-
-  #request() {
-    const kind = $("drive-kind").value,
-      catalogue = $("drive-catalogue").value,
-      reach_max = value("reach");
-    const sides = [0, 1, 2, 3].map((k) => `box-${k}`),
-      box = together(sides, "Where may it be mounted? Give all four sides of the box, or none of them.");
-    const ground_box = box,
-      question = { ...this.#about, load: loadOf(), drives: [] };
-    if (kind === "ideal") return { ...question, springs: [{ kind: "tension" }] };
-    const kinds = Object.keys(SPRINGS).filter((name) => kind === name || kind === "springs"),
-      spring = (name) => ({
-        kind: name,
-        ...SPRINGS[name],
-        ...behaviour(),
-        ...(box && name !== "torsion" && { ground_box }),
-      });
-    if (kinds.length) return { ...question, springs: kinds.map(spring) };
-    const sized = catalogue === "",
-      sizes = sized
-        ? { retracted: value("retracted"), stroke: value("stroke") }
-        : { catalogue: catalogue === "own" ? (this.table ?? "") : catalogue };
-    const cylinder = kind === "actuator",
-      sentence = "Ends: give x and y of the ground point and of the pin, or none of them.",
-      ends = cylinder ? together(["ground-x", "ground-y", "pin-x", "pin-y"], sentence) : null,
-      fixed = ends && { links: [$("drive-link").value], ground_point: ends.slice(0, 2), pin: ends.slice(2) };
-    const count = cylinder ? value("count") : null,
-      pinBox = cylinder && !ends ? numbersIn("drive-pin-box", 4) : null;
-    const wishes = {
-      rotary: {},
-      actuator: { ...sizes, ...fixed, reach_max, count, ground_box: ends ? null : box, pin_box: pinBox },
-      dyad: { time_ratio: value("ratio"), reach_max, motor_box: box },
-      toggle: { reach_max, ground_box },
-    };
-    const drives = kind === "any" ? ["rotary", "actuator", "dyad"] : [kind];
-    return { ...question, drives: drives.map((name) => ({ kind: name, ...filledIn(wishes[name]) })) };
+  /** Asks a question about the selected linkage; null if another one came between. Throws Error with a sentence. */
+  async #ask(question) {
+    const { request, within = request, motion } = this.answer,
+      control = new AbortController(),
+      about = { linkage: this.solution, request: within, length_unit: motion.unit, top: BEST };
+    this.control?.abort();
+    this.control = control;
+    const reply = await (await ask("/v2/drives", { ...about, ...question }, control.signal)).json();
+    return control.signal.aborted ? null : reply;
   }
 
   /** Asks what the fields say, or for a linkage that was moved `again` what was asked for the one before. */
   async #find(again = null) {
     if (!this.solution) return;
-    this.control?.abort();
-    const control = new AbortController(),
-      by = again && this.drive?.byHand ? this.drive : null;
-    this.control = control;
+    const { solution, drive } = this;
     this.#say(again ? AGAIN : "Looking…");
     try {
-      const request = again ? { ...this.#about, ...again } : this.#request();
-      this.pending = questionOf(request);
-      const reply = await (await ask("/v2/drives", request, control.signal)).json();
-      if (control.signal.aborted) return;
-      this.kept.set(this.solution, reply);
-      this.asked.set(reply, this.pending);
-      const found = reply.drives.length + reply.springs.length;
-      this.#use(reply, again && this.drive?.kind);
-      if (by && this.drive?.kind === by.kind) this.#moveBy(by, this.drive);
+      const question = again ?? readQuestion(this.table);
+      this.pending = question;
+      const reply = await this.#ask(question);
+      if (!reply) return;
+      this.pending = null;
+      this.found.set(solution, { reply, question });
+      this.#use({ reply, question }, again && drive?.kind);
+      if (again && drive?.byHand) this.#moveTo(drive);
       if (!again) this.board.reveal(this.board.driven());
-      const because = reply.refused.length ? ", because of what is listed below" : "",
-        none = found ? [] : [`No sensible ${request.springs ? "spring" : "drive"}${because}.`];
+      const found = reply.drives.length + reply.springs.length,
+        because = reply.refused.length ? ", because of what is listed below" : "",
+        none = found ? [] : [`No sensible ${question.springs ? "spring" : "drive"}${because}.`];
       this.#say([...none, ...reply.notes.map((sentence) => `${capital(sentence)}.`)].join(" "), !found);
-      this.#compare();
     } catch (error) {
-      if (error.name === "AbortError") return;
-      if (again) this.#use(null);
-      this.#say(error.message, true);
-    } finally {
-      if (this.control === control) this.pending = null;
+      this.#fail(error, again);
     }
   }
 
-  /** Shows a reply, and of its options that of a kind if there is one. */
-  #use(reply, kind = null) {
-    this.reply = reply;
-    this.options = reply ? optionsOf(reply) : [];
+  #fail(error, isLost) {
+    if (error.name === "AbortError") return;
+    this.pending = null;
+    if (isLost) this.#use(null);
+    this.#say(error.message, true);
+  }
+
+  /** Shows {reply, question}, and of its options that of a kind if there is one. */
+  #use(found, kind = null) {
+    this.shownAnswer = found;
+    this.#mark(false);
+    this.options = found ? optionsOf(found.reply) : [];
     this.#choose(this.options.find((option) => option.kind === kind) ?? this.options[0] ?? null);
   }
 
@@ -317,19 +182,32 @@ export class Driving {
     this.drive = drive;
     this.#list();
     $("drive-numbers").replaceChildren(...(drive ? [namedRows(this.rows())] : []));
-    this.#curves();
+    this.charts.draw();
     this.#draw();
     this.chosen();
   }
 
-  /** Chooses a drive whose ends were put by hand, `from` one of the options. */
-  #moveBy(drive, from) {
-    const { linkage } = fitOf(this.solution, this.answer.motion);
-    this.#choose({ ...moved(drive, linkage, this.reply.torque), from });
+  /** Shows a cylinder with other ends at once, and its numbers once the service has computed them. */
+  #moveTo(drive) {
+    this.drive = { ...drive, byHand: true };
+    this.#draw();
+    clearTimeout(this.resting);
+    this.resting = setTimeout(() => this.#evaluate().catch((error) => this.#fail(error, false)), REST_MS);
+  }
+
+  async #evaluate() {
+    const { link, count, ground_point, pin_on_link, from } = this.drive,
+      { load } = this.shownAnswer.question,
+      ends = { kind: "actuator", links: [link], count, ground_point, pin_on_link },
+      reply = await this.#ask({ load, drives: [ends] });
+    if (!reply) return;
+    const [evaluated] = reply.drives;
+    if (evaluated) this.#choose({ ...evaluated, byHand: true, from });
+    this.#say(evaluated ? "" : `${capital(reply.refused[0].reason)}.`, !evaluated);
   }
 
   #list() {
-    const refused = this.reply?.refused ?? [];
+    const refused = this.shownAnswer?.reply.refused ?? [];
     const cards = this.options.map((drive) => {
       const act = () => {
         this.#choose(drive);
@@ -358,69 +236,53 @@ export class Driving {
     return this.drive ? rowsOf(this.drive, this.#how) : [];
   }
 
-  /** Return the parts of the drive at the first pose as lines, for the sheet. */
-  lines() {
+  /** Points of the drive at the first pose, which the view should hold. */
+  #points() {
     const { drive } = this;
     if (!drive) return [];
-    if (drive.springs) return drive.springs.map(({ points, point }) => points ?? [point]);
-    if (drive.kind === "rotary") return [[drive.motor]];
-    const { ground, knee, pin } = drive.curve,
-      joints = this.solution.links ? fitOf(this.solution, this.answer.motion).at[0] : null,
-      arms = joints ? armsOf(drive, joints, ground[0], pin[0]) : [];
-    return [[ground[0], knee?.[0], pin[0]].filter(Boolean), ...arms];
+    if (drive.springs) return drive.springs.flatMap(({ points, point }) => points ?? [point]);
+    if (drive.kind === "rotary") return [drive.motor];
+    return ["ground", "knee", "pin"].map((name) => drive.curve[name]?.[0]).filter(Boolean);
   }
 
-  /** Force, torque and arm over the way, the force beside the least peak that any cylinder of this stroke has. */
+  /** Charts of force, torque and arm, the force beside the least peak that any cylinder of this stroke has. */
   #curves() {
-    const host = $("drive-curves"),
-      { drive, reply } = this;
-    host.replaceChildren();
-    this.charts = [];
-    if (!drive || $("drive-card").hidden) return;
+    const { drive, shownAnswer } = this;
+    if (!drive) return [];
     const sense = this.player.shown?.pass.sense ?? 1,
       { unit, turns } = this.#how,
       axis = turns ? { sense } : { sense, degreesX: false, xName: ` ${unit}` },
-      x = (drive.springs?.[0] ?? drive).curve.crank_angle,
+      { curve } = drive.springs?.[0] ?? drive,
+      x = curve.crank_angle,
       order = [...x.keys()].sort((i, j) => sense * (x[i] - x[j])),
       inOrder = (values) => order.map((k) => values[k]);
     const plot = (title, ...series) => {
-      const curves = series.map((curve) => ({ ...curve, values: inOrder(curve.values) })),
-        options = { x: inOrder(x).map((at) => sense * at), series: curves, height: 140, ...axis };
-      this.charts.push(titledChart(host, title, options));
+      const curves = series.map((line) => ({ ...line, values: inOrder(line.values) }));
+      return [title, { x: inOrder(x).map((at) => sense * at), series: curves, height: 140, ...axis }];
     };
     const thin = { dash: [6, 4], width: 1.2 };
     if (drive.springs) {
-      plot(
-        `Torque of the drive with the springs, N·${unit} (dashed: without)`,
-        { values: drive.springs[0].curve.torque, colour: "body" },
-        { values: reply.torque.torque, colour: "muted", ...thin },
-      );
-      return;
+      const title = `Torque of the drive with the springs, N·${unit} (dashed: without)`,
+        without = { values: shownAnswer.reply.torque.torque, colour: "muted", ...thin };
+      return [plot(title, { values: curve.torque, colour: "body" }, without)];
     }
-    const { curve, kind, peak_force_bound: bound } = drive,
-      level = bound ? [{ values: x.map(() => bound), colour: "box", ...thin }] : [];
-    const name = { dyad: "Torque of the motor, forwards", toggle: "Torque at the handle" }[kind] ?? "Torque",
-      dashed = bound ? " (dashed: no peak is below this)" : "";
-    if (curve.force)
-      plot(
-        `Force of the ${KINDS[kind]}, push or pull, N${dashed}`,
-        { values: curve.force.map(Math.abs), colour: "body" },
-        ...level,
-      );
-    if (curve.torque) plot(`${name}, N·${unit}`, { values: curve.torque, colour: "body" });
-    if (curve.arm) plot(`Moment arm, ${armUnit(unit, turns)}`, { values: curve.arm.map(Math.abs), colour: "path" });
-    this.#mark();
-  }
-
-  #mark() {
-    if (this.board.joints) for (const plot of this.charts) plot.mark(Number($("slider").value));
+    const { kind, peak_force_bound: bound } = drive,
+      level = bound ? [{ values: x.map(() => bound), colour: "box", ...thin }] : [],
+      name = { dyad: "Torque of the motor, forwards", toggle: "Torque at the handle" }[kind] ?? "Torque",
+      push = `Force of the ${KINDS[kind]}, push or pull, N${bound ? " (dashed: no peak is below this)" : ""}`;
+    const list = [
+      curve.force && plot(push, { values: curve.force.map(Math.abs), colour: "body" }, ...level),
+      curve.torque && plot(`${name}, N·${unit}`, { values: curve.torque, colour: "body" }),
+      curve.arm && plot(`Moment arm, ${armUnit(unit, turns)}`, { values: curve.arm.map(Math.abs), colour: "path" }),
+    ];
+    return list.filter(Boolean);
   }
 
   /** The drive on the canvas at the crank's place: its parts, and handles at its ends. */
   #draw() {
     const { board, drive, solution } = this,
       { driveLayer: layer, joints } = board;
-    if (solution === this.player.shown?.solution) this.#mark();
+    if (joints && solution === this.player.shown?.solution) this.charts.mark(Number($("slider").value));
     // an end that has the keys keeps them when it is drawn anew
     this.focused = layer.contains(document.activeElement) ? document.activeElement.dataset.end : null;
     layer.replaceChildren();
@@ -430,9 +292,9 @@ export class Driving {
     else if (drive.kind === "rotary") this.#dot(drive.motor, "motor");
     else {
       const { curve } = drive,
-        [ground, pin, knee] = ["ground", "pin", "knee"].map((name) =>
-          curve[name] ? between(curve, curve[name], at) : drive.motor,
-        );
+        along = (name) => (curve[name] ? curveAt(curve, curve[name], at) : drive.motor),
+        [ground, pin] = isFree(drive, solution) ? this.#endsOf(drive) : ["ground", "pin"].map(along),
+        knee = along("knee");
       if (!ground || !pin) return;
       if (solution.links) for (const arm of armsOf(drive, joints, ground, pin)) this.#line("arm", arm);
       if (curve.knee && knee) {
@@ -442,6 +304,12 @@ export class Driving {
     }
   }
 
+  /** The ends of a cylinder whose ends are free, where the crank stands now. */
+  #endsOf({ ground_point, pin_on_link, link }) {
+    const { at, angle } = this.board.joints.frames[link];
+    return [ground_point, add(at, turned(pin_on_link, angle))];
+  }
+
   #drawSpring({ curve, kind, point, between: links }, at) {
     // a torsion spring between two moving links is shown only by its numbers
     if (kind === "torsion") {
@@ -449,7 +317,7 @@ export class Driving {
       return;
     }
     const pairs = curve.ends.map((pair) => pair.flat()),
-      ends = between(curve, pairs, at);
+      ends = curveAt(curve, pairs, at);
     if (ends) this.#line(kind === "gas" ? "rod" : "spring", [ends.slice(0, 2), ends.slice(2)]);
   }
 
@@ -465,7 +333,7 @@ export class Driving {
       corners = [corner(low, half), corner(body, half), corner(body, -half), corner(low, -half)];
     this.#line("rod", [ground, pin]);
     this.#line("cylinder", corners, true);
-    const free = drive.base_link === "ground" && Boolean(JOINTS[drive.link]) && Boolean(solution.links);
+    const free = isFree(drive, solution);
     this.#handle(ground, "ground", free);
     this.#handle(pin, "pin", free);
     put(this.board.driveLayer, { "data-length": text(length, 6) });
@@ -508,6 +376,6 @@ export class Driving {
     const { drive } = this,
       { at, angle } = this.board.joints.frames[drive.link];
     const ends = end === "ground" ? { ground_point: position } : { pin_on_link: turned(less(position, at), -angle) };
-    this.#moveBy({ ...drive, ...ends }, drive.from ?? drive);
+    this.#moveTo({ ...drive, ...ends, from: drive.from ?? drive });
   }
 }

@@ -38,14 +38,14 @@ function bodyOf(outline, solution, motion) {
 
 /** A sentence with four digits in each of its decimal numbers. */
 const rounded = (sentence) => sentence.replaceAll(/\d+\.\d+/g, (value) => text(Number(value), 4));
-const placeText = (value, sign) => `${text(Math.abs(value) < 1e-9 ? 0 : value, 4)}${sign}`;
-const partText = (name) =>
-  name.startsWith("head ") ? `head of pin ${name.slice(5)}` : name.length <= 2 ? `pin ${name}` : name;
-const inWords = (pair) => pair.map(partText).join(" and ");
 
 /** Return true if a drive position lies within a collision, also if the collision spans the seam of a turn. */
-const within = ({ from, to }, position, turns) =>
-  (turns ? [-360, 0, 360] : [0]).some((turn) => from <= position + turn && position + turn <= to);
+function within({ from, to }, position, turns) {
+  const spare = 1e-5 * (1 + Math.abs(position)); // reasons name positions with six digits
+  return (turns ? [-360, 0, 360] : [0]).some(
+    (turn) => from - spare <= position + turn && position + turn <= to + spare,
+  );
+}
 
 /** Takes the assembly from a verdict. */
 function forget(solution) {
@@ -55,7 +55,7 @@ function forget(solution) {
 }
 
 /** Return the description of an assembly, as a sentence. */
-function sentenceOf({ status, count, exhaustive, smallest_gap: gap, sizes }, unit, sign) {
+function sentenceOf({ status, count, exhaustive, smallest_gap: gap, sizes }, unit) {
   const state = {
     free: `Nothing collides in ${layersOf(count)}`,
     touching: `In ${layersOf(count)} parts may just touch`,
@@ -63,26 +63,15 @@ function sentenceOf({ status, count, exhaustive, smallest_gap: gap, sizes }, uni
       ? "Cannot be built: parts collide in every order of the allowed number of layers"
       : "Parts collide in every order of layers that was tried",
   }[status];
-  const where = gap && `${inWords(gap.pair)} at ${placeText(gap.crank_angle, sign)}`,
-    room = gap ? `; smallest gap ${text(gap.value, 4)} ${unit} beyond the clearance, ${where}` : "",
+  const room = gap ? `; smallest gap ${text(gap.value, 4)} ${unit} beyond the clearance` : "",
     list = ["hole", "width", "thickness"].map((name) => `${name === "hole" ? "holes" : name} ${text(sizes[name], 4)}`);
   return `${state}${room}; ${list.join(", ")} ${unit}.`;
 }
 
-/** Rows [words, place of the drive] that are worth a look: collisions, or what ends the motion. */
-function placesOf({ collisions, stops, fewer_layers: fewer }) {
-  if (collisions.length)
-    return collisions.flatMap(({ pair, from, to }) => [
-      [`${inWords(pair)} collide`, from],
-      [`${inWords(pair)} part`, to],
-    ]);
-  const tight = Object.values(fewer).filter(Boolean),
-    ends = Object.values(stops).filter(({ crank_angle }) => crank_angle !== null),
-    end = ({ cause, pair }) => (cause === "loop" ? "the loop ends" : `stop: ${inWords(pair)}`);
-  return [
-    ...tight.map(({ pair, from }) => [`in fewer layers ${inWords(pair)} collide`, from]),
-    ...ends.map((stop) => [end(stop), stop.crank_angle]),
-  ];
+/** The place of the drive that a reason names, or the middle of a range; null if it names none. */
+function placeIn(reason) {
+  const [, at, to = at] = /\b(?:at|from) (-?\d[\d.]*(?:e[-+]?\d+)?)(?: to (-?\d[\d.]*))?/.exec(reason) ?? [];
+  return at === undefined ? null : (Number(at) + Number(to)) / 2;
 }
 
 export class Layers {
@@ -184,11 +173,6 @@ export class Layers {
     if (solution && this.answer && this.control) this.#ask(solution, this.answer, this.control.signal);
   }
 
-  /** Behind a place of the drive: degrees, or for a slider or cylinder the unit of length. */
-  get #sign() {
-    return driveTurns(this.solution) ? "°" : ` ${this.answer.motion.unit}`;
-  }
-
   get assembly() {
     return this.solution?.verdict?.assembly ?? null;
   }
@@ -203,22 +187,24 @@ export class Layers {
       words.textContent = AGAIN;
       return;
     }
-    for (const id of ["stack", "layers-reasons", "layers-jumps"]) $(id).replaceChildren();
+    for (const id of ["stack", "layers-reasons"]) $(id).replaceChildren();
     $("stack").toggleAttribute("hidden", !assembly);
     if (!assembly) {
       const none = "Layers are searched for only if the service has found or refined the linkage.";
       words.textContent = wrong ?? (solution?.verdict ? "Searching for layers…" : none);
       return;
     }
-    words.textContent = sentenceOf(assembly, unitOf(this.answer.motion), this.#sign);
+    words.textContent = sentenceOf(assembly, unitOf(this.answer.motion));
     drawStack($("stack"), assembly);
-    const reasons = assembly.reasons.slice(assembly.status === "blocked" ? 0 : 1),
-      sentences = reasons.map((reason) => `${capital(rounded(reason))}.`.replaceAll(/(\d) degrees/g, "$1°"));
-    $("layers-reasons").append(...sentences.map((sentence) => element("li", "", sentence)));
-    const positions = placesOf(assembly),
-      jump = ([name, at]) => button(`${name}: ${placeText(at, this.#sign)}`, () => this.jump(at));
-    $("layers-jumps").append(...positions.map(jump));
-    $("layers-jumps").hidden = !positions.length || !assembly.pivot_supports;
+    const reasons = assembly.reasons.slice(assembly.status === "blocked" ? 0 : 1);
+    $("layers-reasons").append(...reasons.map((reason) => this.#reason(reason, assembly)));
+  }
+
+  /** A reason as a sentence, which leads to the place of the drive that it names. */
+  #reason(reason, { pivot_supports: byCrank }) {
+    const sentence = `${capital(rounded(reason))}.`.replaceAll(/(\d) degrees/g, "$1°"),
+      at = byCrank ? placeIn(reason) : null;
+    return element("li", "", at === null ? sentence : button(sentence, () => this.jump(at), "link"));
   }
 
   /** Plates on the canvas from the lowest layer up, each with its shadow; those that collide here in red. */

@@ -75,7 +75,7 @@ export function placesInWords(solution, motion, digits = DIGITS) {
 function verdictBlock(solution, motion) {
   const { verdict } = solution,
     item = itemOf(motion),
-    rows = judged(verdict, motion, item, driveName(solution), driveTurns(solution)),
+    rows = judged(verdict, motion, item, driveName(solution)),
     sentences = reasons(verdict, item);
   const judgement = ([name, good, words]) => {
     const kind = good ? "good" : ["Practical limits", "Limits", "Tolerance", "Layers"].includes(name) ? "poor" : "bad";

@@ -1,29 +1,22 @@
 // Moves the selected linkage over the crank angle, past marks at the samples, and plots its curves over that angle.
 
-import { redrawOn, titledChart } from "./charts.js";
-import { ICONS, make, text } from "./drawing.js";
+import { Charts } from "./charts.js";
+import { make, text } from "./drawing.js";
 import { fitOf, settled } from "./fit.js";
 import { PRESET, itemOf, placeOf, wantsAngles } from "./motion.js";
 import { reading } from "./law.js";
 import { RAD } from "./plane.js";
+import { Playback } from "./play.js";
 import { $, listen } from "./shell.js";
 import { analysisCurves, band } from "./studies.js";
 import { driveName, marksWithin } from "./timing.js";
 
 const CURVE_STEPS = 240;
 const COARSE = 60; // steps of a path while the linkage is moved
-const RANGE_MS = 4000; // time of one pass over the range at speed 1
-const STOPS_MS = 1600; // time that one pass stops at all samples together, at most STOP_MS at each
-const STOP_MS = 240;
-const MOST_STOPS = 40;
+const RANGE_SECONDS = 4; // time of one pass over the range at speed 1
 const THUMB = 8; // pixels from the slider's ends to the middle of its knob there
 
 const wholeTurn = () => $("range").value === "turn";
-
-function setButton(name) {
-  $("play").setAttribute("aria-label", name);
-  $("play").querySelector("path").setAttribute("d", ICONS[name]);
-}
 
 /** Return the data for canvas and curves: joints over the interval and the turn, and errors at the samples. */
 export function trajectory(solution, motion, coarse = false) {
@@ -47,26 +40,23 @@ export function trajectory(solution, motion, coarse = false) {
 
 export class Player {
   shown = null;
-  frame = null;
-  charts = [];
   marks = []; // the travel at which each sample is passed
   stops = []; // the samples in the order in which they are passed
 
   constructor(board) {
     this.board = board;
-    listen("slider", "input", () => {
-      this.stop();
-      this.#showTravel();
-    });
+    this.playback = new Playback(
+      { press: $("play"), slider: $("slider"), speed: $("speed") },
+      { seconds: RANGE_SECONDS, isRound: wholeTurn, show: () => this.#showTravel() },
+    );
     listen("range", "change", () => {
       this.#setRange();
       this.drawCurves();
     });
-    listen("play", "click", () => (this.frame === null ? this.#play() : this.stop()));
     listen("before", "click", () => this.#step(-1));
     listen("after", "click", () => this.#step(1));
     new ResizeObserver(() => this.#drawMarks()).observe($("slider"));
-    redrawOn($("curves"), () => this.drawCurves());
+    this.charts = new Charts($("curves"), () => this.#curves());
   }
 
   /** Shows a solution of a motion; a run that is playing goes on. The view stays unless `fit` says otherwise. */
@@ -109,20 +99,17 @@ export class Player {
 
   /** Lets the shown linkage run, unless the reader's system asks for little motion. */
   run() {
-    if (this.frame === null && !matchMedia("(prefers-reduced-motion: reduce)").matches) this.#play();
+    if (!this.playback.runs && !matchMedia("(prefers-reduced-motion: reduce)").matches) this.playback.run();
   }
 
   /** Lets the shown linkage run from the start of the slider. */
   restart() {
-    this.stop();
-    $("slider").value = $("slider").min;
-    this.#play();
+    this.playback.put(this.playback.range[0]);
+    this.playback.run();
   }
 
   stop() {
-    if (this.frame !== null) cancelAnimationFrame(this.frame);
-    this.frame = null;
-    setButton("Play");
+    this.playback.stop();
   }
 
   /** Moves to a crank angle from the first sample, with sign. */
@@ -131,18 +118,13 @@ export class Player {
       travel = this.shown.pass.sense * degrees;
     slider.min = Math.min(Number(slider.min), travel);
     slider.max = Math.max(Number(slider.max), travel);
-    this.#go(travel);
+    this.playback.go(travel);
   }
 
   clear() {
     this.shown = null;
     this.stop();
     this.board.showLinkage(null);
-  }
-
-  /** Travels nearer than this are one: a slider of the page has no more steps. */
-  get #near() {
-    return this.shown.pass.turns ? 1e-6 : 1e-6 * Math.max(1e-300, this.shown.pass.high - this.shown.pass.low);
   }
 
   /** The travels that the slider runs over. */
@@ -159,6 +141,7 @@ export class Player {
     this.marks = marksWithin(this.shown.pass, low, high);
     const stops = this.marks.map((travel, k) => ({ travel, k })).filter(({ travel }) => travel !== null);
     this.stops = stops.sort((a, b) => a.travel - b.travel);
+    this.playback.stops = this.stops.map(({ travel }) => travel);
     this.#drawMarks();
     this.#showTravel();
   }
@@ -186,16 +169,12 @@ export class Player {
   /** To the next sample, or with -1 to the one before. */
   #step(heading) {
     if (!this.shown) return;
-    this.stop();
-    const now = Number($("slider").value),
-      ahead = this.stops.filter(({ travel }) => heading * (travel - now) > this.#near);
-    const next = heading > 0 ? (ahead[0] ?? this.stops[0]) : (ahead.at(-1) ?? this.stops.at(-1));
-    if (next) this.#go(next.travel);
-  }
-
-  #go(travel) {
-    $("slider").value = travel;
-    this.#showTravel();
+    const { value, near } = this.playback,
+      ahead = this.playback.stops.filter((travel) => heading * (travel - value) > near),
+      [first] = this.playback.stops,
+      last = this.playback.stops.at(-1),
+      next = heading > 0 ? (ahead[0] ?? first) : (ahead.at(-1) ?? last);
+    if (next !== undefined) this.playback.put(next);
   }
 
   #showTravel() {
@@ -205,7 +184,7 @@ export class Player {
       degrees = pass.sense * travel,
       rounded = degrees.toFixed(1).replace(/^-0\.0$/, "0.0"),
       length = `${text(settled(degrees, pass.high - pass.low), 4)} ${motion.unit}`,
-      passed = this.stops.filter((stop) => Math.abs(stop.travel - travel) < this.#near).map(({ k }) => k + 1),
+      passed = this.stops.filter((stop) => Math.abs(stop.travel - travel) < this.playback.near).map(({ k }) => k + 1),
       passedPoses = passed.length ? `${itemOf(motion)} ${passed.join(", ")}` : "";
     $("travel").value = pass.turns ? `${rounded}°` : length;
     $("at-sample").textContent = solution.output ? reading(solution, degrees, motion.unit) : passedPoses;
@@ -215,52 +194,23 @@ export class Player {
       `${driveName(solution)} ${moves}${passedPoses && `, at ${passedPoses}`}`,
     );
     this.board.showJoints(this.shown.linkage.at(degrees * RAD));
-    for (const plot of this.charts) plot.mark(travel);
-  }
-
-  #play() {
-    if (!this.shown) return;
-    const slider = $("slider");
-    if (!wholeTurn() && Number(slider.value) >= Number(slider.max)) slider.value = slider.min;
-    setButton("Pause");
-    let before = performance.now(),
-      heading = 1,
-      until = 0;
-    const step = (now) => {
-      this.frame = requestAnimationFrame(step);
-      const [low, high] = [Number(slider.min), Number(slider.max)],
-        speed = Number($("speed").value),
-        count = this.stops.length;
-      const from = Number(slider.value),
-        elapsed = now - before;
-      before = now;
-      if (now < until) return;
-      let value = from + (heading * elapsed * speed * (high - low)) / RANGE_MS;
-      // each sample on the way is shown for a moment
-      const isPassed = ({ travel }) => heading * (travel - from) > this.#near && heading * (value - travel) >= 0,
-        stop = this.stops.find(isPassed);
-      if (stop && count <= MOST_STOPS) {
-        value = stop.travel;
-        until = now + Math.min(STOP_MS, STOPS_MS / count) / speed;
-      }
-      // an interval is run back and forth, a whole turn always forwards
-      if (wholeTurn()) value = value >= high ? low + ((value - high) % (high - low)) : value;
-      else if (value >= high) [value, heading] = [high, -1];
-      else if (value <= low && heading < 0) [value, heading] = [low, 1];
-      this.#go(value);
-    };
-    this.frame = requestAnimationFrame(step);
+    this.charts.mark(travel);
   }
 
   drawCurves() {
-    if (!this.shown || !$("curves").clientWidth) return;
+    this.charts.draw();
+  }
+
+  /** Charts over the range of the slider: rotation, errors at the samples, transmission angle, and an analysis. */
+  #curves() {
+    if (!this.shown) return [];
     const { linkage, motion, places, turns: miss, worst, solution, pass } = this.shown,
       { sense, turns: angles } = pass,
       [low, high] = this.#range,
       { unit, limits } = motion,
       turns = wantsAngles(motion),
       item = itemOf(motion),
-      host = $("curves");
+      list = [];
     const even = Array.from({ length: CURVE_STEPS + 1 }, (_, k) => low + ((high - low) * k) / CURVE_STEPS),
       // travels in the crank's sense: a clockwise crank, too, is plotted from left to right
       x = [...new Set([...even, ...this.stops.map(({ travel }) => travel)])].sort((a, b) => a - b),
@@ -268,13 +218,11 @@ export class Player {
       poseAt = new Map(this.stops.map(({ travel, k }) => [travel, k])),
       over = (value) => joints.map((j) => (j ? value(j) : null)),
       axis = angles ? { sense } : { sense, degreesX: false, xName: ` ${unit}` };
-    const add = (title, series, more) => this.charts.push(titledChart(host, title, { x, series, ...axis, ...more })),
+    const add = (title, series, more) => list.push([title, { x, series, ...axis, ...more }]),
       dots = (value, colour) => {
         const values = x.map((travel) => (poseAt.has(travel) ? value(poseAt.get(travel)) : null));
         return { values, colour, points: true };
       };
-    host.replaceChildren();
-    this.charts = [];
     $("curves-over").textContent = `Curves over the ${driveName(solution)}`;
 
     // wanted angles are drawn beside the curve, whole turns away where they do not count
@@ -303,6 +251,6 @@ export class Player {
         padded = [...before.map(() => null), ...values, ...after.map(() => null)];
       add(title, [{ values: padded, colour: "body" }], { x: [...before, ...own, ...after] });
     }
-    for (const plot of this.charts) plot.mark(Number($("slider").value));
+    return list;
   }
 }

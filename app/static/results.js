@@ -1,32 +1,30 @@
-// The solutions of an answer: the list, the search's error over time, and the numbers and files of the selected one.
+// The solutions of an answer: the list, and the numbers and files of the selected one.
 
 import { card, grouped, nameOf, sign, sorted } from "./cards.js";
-import { chart, redrawOn } from "./charts.js";
-import { element, tableOf, text } from "./drawing.js";
+import { redrawOn } from "./charts.js";
+import { element, tableOf } from "./drawing.js";
 import { Driving } from "./driving.js";
 import { alike, errorText, fitOf, worstRows, worstWords } from "./fit.js";
 import { assessed } from "./follow.js";
 import { fromJoints } from "./hand.js";
 import { JointFields } from "./joints.js";
 import { Layers } from "./layers.js";
-import { itemOf, placesOf } from "./motion.js";
+import { itemOf } from "./motion.js";
 import { numberBlocks, numberRows, placesInWords } from "./numbers.js";
 import { Preview } from "./parts.js";
 import { Player, trajectory } from "./player.js";
 import { ask, download } from "./service.js";
 import { $, build, copy, listed, listen } from "./shell.js";
-import { isNarrow } from "./steps.js";
 import { driveTurns } from "./timing.js";
 import { mark, plainNote, reasons } from "./verdict.js";
 
-const CARDS = ["results", "trace-card", "curves-card", "numbers-card", "files-card", "player"];
+const CARDS = ["results", "curves-card", "numbers-card", "files-card", "player"];
 const ENDINGS = { mjcf: "xml", plates: "plates.dxf", pylinkage: "pylinkage.json", stl: "stl.zip", parts: "parts.csv" };
 const OF_PARTS = ["step", "3mf", "stl", "urdf", "sdf", "parts"];
 const WITH_DRIVE = ["dxf", "csv", "svg", "mjcf", "plates", ...OF_PARTS];
 const TURNING = ["urdf", "sdf"]; // formats without what slides
 const ENDS = { tolerance: "tolerance reached", converged: "no further improvement found", budget: "the time was up" };
 const REST_MS = 120; // without a further drag, after which the curves are drawn anew
-const NEAR = 2.5; // times the size of the motion to which further solutions may widen the view of a wide screen
 const OUTSIDE = "Parts lie outside the view: Fit shows all";
 
 export function note(sentence) {
@@ -34,16 +32,6 @@ export function note(sentence) {
 }
 
 const isHand = (solution) => solution.source === "hand";
-/** The joints of linkages that are there, as points. */
-const pointsOf = (all) => all.filter(Boolean).flatMap(({ a, b, c, d, p }) => [a, b, c, d, p].filter(Boolean));
-
-/** The larger of the sides of points beside one another in a view, in lengths a pixel. */
-function extent(points, { width, height }) {
-  const span = (values) => Math.max(...values) - Math.min(...values),
-    [xs, ys] = [0, 1].map((i) => points.map((point) => point[i]));
-  return Math.max(span(xs) / width, span(ys) / height);
-}
-
 export class Results {
   answer = null;
   solution = null;
@@ -75,7 +63,6 @@ export class Results {
     listen("drive-find", "click", () => (this.picked = true));
     listen("overlay", "change", () => this.#showOthers());
     board.seen.push(() => this.#movePictures());
-    redrawOn($("trace"), () => this.#drawTrace());
     redrawOn($("solutions"), () => this.answer && this.#list());
   }
 
@@ -117,10 +104,7 @@ export class Results {
     this.#select(this.solution, stays ? "holds" : "all", false);
     // the linkage first: charts take as long to draw as all the rest
     clearTimeout(this.charts);
-    this.charts = setTimeout(() => {
-      this.player.drawCurves();
-      this.#drawTrace();
-    });
+    this.charts = setTimeout(() => this.player.drawCurves());
   }
 
   #clear() {
@@ -311,16 +295,15 @@ export class Results {
       item.firstChild.setAttribute("aria-pressed", String(this.cards[k] === this.solution));
   }
 
-  /** `fit` the view: "all" solutions, or "holds", where parts of this one lie outside and the user has not moved it. */
+  /** `fit` the view: to "all" of this one, or "holds", where parts of it lie outside and the user has not moved it. */
   #select(solution, fit = null, curves = true) {
     const { board, player } = this,
-      { motion, reply } = this.answer;
+      { motion } = this.answer;
     this.solution = solution;
     this.fields.forget();
     this.#press();
     player.show(solution, motion, fit === "all", curves);
-    if (fit === "all") this.#fitAll(reply.solutions);
-    else if (!board.holds(player.shown.used.filter(Boolean).flatMap(({ a, b, c, d }) => [a, b, c, d]))) {
+    if (fit !== "all" && !board.holds(player.shown.used.filter(Boolean).flatMap(({ a, b, c, d }) => [a, b, c, d]))) {
       if (fit && !board.moved) board.fit();
       else board.tell(OUTSIDE);
     }
@@ -329,24 +312,6 @@ export class Results {
     this.layers.select(solution);
     this.driving.select(solution);
     this.preview.soon();
-  }
-
-  /** Fits the selected solution, and those beside it that leave the motion large enough to be looked at. */
-  #fitAll(solutions) {
-    const { board, answer } = this,
-      { view } = board,
-      own = pointsOf(this.player.shown.used),
-      targets = placesOf(answer.motion);
-    if (!own.length) return;
-    const motionSize = extent(targets.length > 1 ? targets : own, view),
-      near = isNarrow() ? 1 : NEAR,
-      maxExtent = Math.max(extent([...own, ...targets], view), near * motionSize),
-      more = [];
-    for (const solution of solutions.slice(0, 12)) {
-      const points = pointsOf(fitOf(solution, answer.motion).at);
-      if (points.length && extent([...own, ...targets, ...more, ...points], view) <= maxExtent) more.push(...points);
-    }
-    board.fit(more);
   }
 
   #showOthers() {
@@ -366,23 +331,6 @@ export class Results {
     for (const format of ["pylinkage", ...TURNING])
       document.querySelector(`[data-format="${format}"]`).disabled = !solution.links;
     if (!again) note("");
-  }
-
-  #drawTrace() {
-    const box = $("trace"),
-      report = this.answer?.reply.report;
-    if (!report || !box.clientWidth) return;
-    if (!report.trace.length) {
-      box.replaceChildren();
-      return;
-    }
-    const last = report.trace.at(-1),
-      rows = [...report.trace, [Math.max(report.elapsed_ms.total, last[0] * 1.001), last[1]]],
-      values = rows.map(([, objective]) => Math.max(objective, 1e-17)),
-      progress = report.trace.slice(-6).map(([ms, objective]) => `${text(objective, 2)} after ${text(ms, 3)} ms`);
-    box.setAttribute("aria-label", `Best error after each round: ${progress.join(", ")}`);
-    const series = [{ values, colour: "accent", steps: true, size: 5 }];
-    chart(box, { x: rows.map(([ms]) => ms), height: 170, degreesX: false, logY: true, xName: " ms", series });
   }
 
   /** The request for a file of the selected linkage; its parts have the sizes of its layers. */

@@ -1,48 +1,27 @@
 // A machine's page: the question as a form, the answer as drawing, figures, curves and tables, files and a link.
 
-import { everything } from "./answer.js";
+import { showReply } from "./answer.js";
 import { chain } from "./chain.js";
 import { button } from "./drawing.js";
 import { buildForm } from "./form.js";
 import { fromFragment, toFragment } from "./link.js";
 import { knotter } from "./knotter.js";
 import { lift } from "./lift.js";
+import { seldom } from "./play.js";
 import { ask, download } from "./service.js";
 import { $, copy, listen, markEarlier, say, startScenes, startTheme } from "./shell.js";
 import { Visits } from "./visits.js";
 
 /**
- * Exports of a machine's module: `show(answer, hosts)`, which draws an answer {query, request, reply, ask} into the
- * elements of `hosts` (picture, facts, curves, tables) and may return the player of its drawing; and, if its drawing
- * needs more than was asked for, `request(query, request)`, what is sent instead, and `numbers(reply)`, without it.
+ * Exports of a machine's module: `purpose` and `caption`, its texts; `over`, `hidden` and `unitOf`, which describe its
+ * replies to `showReply`; `drawing(answer)`, the question [path, body] whose reply is drawn instead of that of the
+ * answer; and `draw(host, answer, follow)`, which draws an answer {query, request, reply, drawn} and returns the player
+ * of the drawing, whose moves `follow` hears of, or null.
  */
 const MACHINES = { lift, chain, knotter };
 const HOSTS = ["picture", "facts", "curves", "tables"];
 
 const CHOSEN = "Press Calculate to see the result.";
-/** Purpose of each machine, the meaning of its result, and the parts in its picture. */
-const CASES = {
-  lift: [
-    "A pneumatic cylinder pushes a corner of a rigid triangle, and the triangle lifts a platform along a " +
-      "vertical slide. Change the lengths, the cylinder and the load; the result is the motion of the platform " +
-      "and its forces.",
-    "A is the platform on its slide, B the end of the cylinder l₁ from the pivot O, and C the end of the " +
-      "link l₅ from the pivot D.",
-  ],
-  chain: [
-    "A chain of constant pitch runs around a crescent of two arcs with a wheel at each end. Its links are " +
-      "chords of the track, so that a shallow slot in the upper arc must take up the slack; the result is the " +
-      "shape of this slot.",
-    "One pin hangs freely between its neighbours in the upper arc, and its path is the shape of the slot.",
-  ],
-  knotter: [
-    "The knotter of a baler ties a rope with a disc that holds it and a bill that turns it into a loop. " +
-      "Change the directions of both axes, alpha1 and alpha3; the result says whether the knot is tied, and " +
-      "with which margins.",
-    "S₀ is the point of the disc that holds the rope, and S₁ the point where the needle lays it; the rope " +
-      "crosses the bill at E₁ and the edge S₈S₉ of the jaw at E₂.",
-  ],
-};
 
 let [scene, machine, query, form] = [null, null, null, null]; // of this page
 let [answered, running, player] = [null, null, null]; // the answer on show, the work that runs, the drawing's player
@@ -77,40 +56,17 @@ function busy(now) {
   $("form").setAttribute("aria-busy", String(now));
 }
 
-/**
- * Runs `work(get)`, where `get(path, body)` asks the service, until other work begins or Stop is pressed: then `get`
- * throws AbortError, so that only the latest work draws. Returns whether the work came to its end.
- */
-async function run(question, work) {
-  const current = Object.assign(new AbortController(), { question }),
-    asking = form;
-  running?.abort();
-  running = current;
-  edited = false;
-  busy(true);
-  try {
-    await work(async (path, body) => (await ask(path, body, current.signal)).json());
-    current.signal.throwIfAborted();
-    markEarlier(edited);
-    say(answered.words);
-    return true;
-  } catch (error) {
-    if (running !== current) return false;
-    markEarlier(edited || answered?.request !== question.request);
-    if (form === asking) form.mark(error.rows ?? []);
-    if (error.name === "AbortError") say("Stopped.");
-    else say(error.message, true);
-    return false;
-  } finally {
-    if (running === current) {
-      running = null;
-      busy(false);
-    }
-  }
+/** Ends the work that runs, if any, in favour of `next`. */
+function takeOver(next) {
+  const before = running;
+  running = next;
+  before?.abort();
+  busy(next !== null);
 }
 
-/** Sends the question in the form; `at` is the position of the slider of a link. */
+/** Sends the question in the form, and shows the answer unless other work begins or Stop is pressed. */
 async function answer(at = null) {
+  const [current, asking, begin] = [query, form, performance.now()];
   let request = null;
   try {
     request = form.read();
@@ -118,54 +74,72 @@ async function answer(at = null) {
     say(error.message, true);
     return;
   }
-  const question = { query: query.path, request },
-    begin = performance.now(),
-    current = query;
+  const question = { query: current.path, request };
   if (running && JSON.stringify(question) === JSON.stringify(running.question)) return;
+  const control = Object.assign(new AbortController(), { question }),
+    get = async (path, body) => (await ask(path, body, control.signal)).json();
+  takeOver(control);
+  edited = false;
   say("Calculating…");
-  const complete = await run(question, async (get) => {
-    const sent = machine.request?.(current, request) ?? request,
-      reply = await get(current.path, sent),
-      words = `Calculated in ${Math.round(performance.now() - begin)} ms.`;
-    answered = { query: current, request, sent, reply, words };
-    await show(at, get);
-  });
-  const shown = answered,
-    fragment = await toFragment(question);
-  if (!complete || answered !== shown) return;
-  own = fragment;
-  visits.add(question, { ...answered, own }, `#${own}`);
+  try {
+    const reply = await get(current.path, request),
+      more = machine.drawing?.({ query: current, request, reply }),
+      drawn = more ? await get(...more) : reply,
+      fragment = await toFragment(question);
+    control.signal.throwIfAborted();
+    own = fragment;
+    answered = { query: current, request, reply, drawn, own };
+    answered.words = `Calculated in ${Math.round(performance.now() - begin)} ms.`;
+    show(at);
+    markEarlier(edited);
+    say(answered.words);
+    visits.add(question, answered, `#${own}`);
+  } catch (error) {
+    if (running !== control) return;
+    markEarlier(edited || answered?.request !== request);
+    if (form === asking) form.mark(error.rows ?? []);
+    const isStopped = error.name === "AbortError";
+    say(isStopped ? "Stopped." : error.message, !isStopped);
+  } finally {
+    if (running === control) takeOver(null);
+  }
 }
 
 /** Shows an answer of this page again, with its question in the form. */
 function showAgain(earlier) {
+  takeOver(null);
   own = earlier.own;
   if (query !== earlier.query) chooseQuery(earlier.query.path);
   fill(earlier.request);
   answered = earlier;
-  return run({ query: earlier.query.path, request: earlier.request }, (get) => show(null, get));
+  show(null);
+  markEarlier((edited = false));
+  say(answered.words);
 }
 
-/** Draws the answer, for whose drawing `get` may ask the service. */
-async function show(at, get) {
+/** Shows the answer; `at` is the position of the slider of a link. */
+function show(at) {
   const hosts = Object.fromEntries(HOSTS.map((name) => [name, $(name)]));
   for (const name of HOSTS) {
     hosts[name].replaceChildren();
     $(`${name}-card`).hidden = false; // what is drawn needs its width
   }
-  $("all").replaceChildren();
-  $("all-fold").open = false;
   showExports();
-  player = (await machine.show({ ...answered, ask: get }, hosts)) ?? null;
-  if (at !== null) player?.go(at);
+  const { reply, request } = answered,
+    marks = [],
+    follow = seldom((value) => marks.forEach((mark) => mark(value)));
+  player = machine.draw(hosts.picture, answered, follow);
+  const unitOf = (path) => machine.unitOf(path, reply, request);
+  marks.push(showReply(hosts, reply, { ...machine, unitOf }));
+  if (player) player.go(at ?? player.value);
   for (const name of HOSTS) $(`${name}-card`).hidden = !hosts[name].childElementCount && name !== "facts";
 }
 
 function showExports() {
-  const { query: answeredQuery, request, sent, reply } = answered,
+  const { query: answeredQuery, request, reply } = answered,
     name = answeredQuery.command.replaceAll(" ", "-"),
     type = "application/json";
-  const json = () => new Blob([JSON.stringify({ request: sent, reply }, null, 1)], { type }),
+  const json = () => new Blob([JSON.stringify({ request, reply }, null, 1)], { type }),
     fetchFile = async (format) => (await ask(`${answeredQuery.path}.${format}`, request)).blob();
   const save = async (format) => {
     try {
@@ -206,7 +180,8 @@ async function start() {
   scene = await (await fetch(`/scenes/${name}/queries`)).json();
   document.title = `${scene.title} · linkage-atlas`;
   $("title").textContent = scene.title;
-  [$("purpose").textContent, $("caption").textContent] = CASES[name];
+  $("purpose").textContent = machine.purpose;
+  $("caption").textContent = machine.caption;
   const options = scene.queries.map((entry) => new Option(entry.command.split(" ").slice(1).join(" "), entry.path)),
     change = () => markEarlier((edited = true)),
     showError = (error) => say(error.message, true);
@@ -228,10 +203,6 @@ async function start() {
     $("run").focus();
   });
   listen("link", "click", () => copyLink().catch(showError));
-  listen("all-fold", "toggle", () => {
-    const { reply } = answered;
-    if ($("all-fold").open && !$("all").childElementCount) everything($("all"), machine.numbers?.(reply) ?? reply);
-  });
   addEventListener("hashchange", () => location.hash !== `#${own}` && openLink().catch(showError));
   chooseQuery(scene.queries[0].path);
   let wrong = null;

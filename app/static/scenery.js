@@ -14,38 +14,6 @@ function placedOutline(outline, position, turn, view) {
   return outline.map((line) => pathData(line.map(placed), view)).join("");
 }
 
-/** Draws the grid into `layer`; returns its step. */
-export function drawGrid(layer, view) {
-  const { width, height } = view,
-    step = roundStep(56 / view.scale),
-    digits = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
-  const name = (value) => (Math.abs(value) >= 1e6 || digits > 5 ? text(value, 4) : value.toFixed(Math.min(digits, 20))),
-    [left, high] = view.world(0, 0),
-    [right, low] = view.world(width, height);
-  const lines = (from, to, pixel) => {
-    const first = Math.ceil(from / step),
-      count = Math.min(400, Math.floor(to / step) - first + 1);
-    return Array.from({ length: Math.max(0, count) }, (_, n) => [
-      first + n,
-      Math.round(pixel((first + n) * step)) + 0.5,
-    ]);
-  };
-  const paths = { grid: "", axis: "" },
-    ticks = [];
-  for (const [k, x] of lines(left, right, (value) => view.x(value))) {
-    paths[k ? "grid" : "axis"] += `M${x} 0V${height}`;
-    if (x > 34 && x < width - 14) ticks.push({ x, y: height - 6, "text-anchor": "middle", text: name(k * step) });
-  }
-  for (const [k, y] of lines(low, high, (value) => view.y(value))) {
-    paths[k ? "grid" : "axis"] += `M0 ${y}H${width}`;
-    if (y > 14 && y < height - 22) ticks.push({ x: 5, y: y - 3, text: name(k * step) });
-  }
-  layer.replaceChildren();
-  for (const [kind, d] of Object.entries(paths)) make("path", { class: kind, d }, layer);
-  for (const tick of ticks) make("text", { class: "tick", "aria-hidden": "true", ...tick }, layer);
-  return step;
-}
-
 /** A rectangle of a box [left, bottom, right, top], whose sides that are far away lie just outside the canvas. */
 function drawRectangle(kind, [left, bottom, right, top], view, layer) {
   const clip = (value, side) => Math.min(Math.max(value, -9), side + 9),

@@ -59,9 +59,6 @@ const unit = (v) => {
   return v.map((x) => x / size);
 };
 
-/** `a + share (b - a)`. */
-export const along = (a, b, share) => a.map((x, k) => x + share * (b[k] - x));
-
 /** Points of the circle through `point` about the axis of two points. */
 export function circle(point, [start, end], count = 72) {
   const axis = unit(minus(end, start)),

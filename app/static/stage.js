@@ -1,9 +1,9 @@
 // The drawing of a machine: parts in world coordinates that follow the width of the page, with a slider and Play.
 
-import { View, make, pathData, put, roundStep, text } from "./drawing.js";
+import { View, drawGrid, make, pathData, put } from "./drawing.js";
+import { between } from "./plane.js";
 import { player } from "./play.js";
 
-const GRID_PIXELS = 60;
 const SHARE = 0.56; // height over width, within the pixels below
 const [LEAST, MOST] = [240, 520];
 const [LETTER, LINE] = [9, 18]; // pixels that a letter of a name is wide, and high
@@ -68,20 +68,11 @@ export const symbol =
     };
   };
 
-/** A grid of round steps behind a drawing, with the step in words. */
-export const grid =
-  (unit = "") =>
-  (layer, view) => {
-    const step = roundStep(GRID_PIXELS / view.scale),
-      [left, high] = view.world(0, 0),
-      [right, low] = view.world(view.width, view.height);
-    let lines = "";
-    for (let k = Math.ceil(left / step); k * step <= right; k++) lines += `M${view.x(k * step)} 0V${view.height}`;
-    for (let k = Math.ceil(low / step); k * step <= high; k++) lines += `M0 ${view.y(k * step)}H${view.width}`;
-    make("path", { class: "grid", d: lines }, layer);
-    make("text", { class: "tick", x: 8, y: view.height - 8, text: `grid ${text(step)} ${unit}` }, layer);
-    return () => {};
-  };
+/** A grid of round steps behind a drawing. */
+export const grid = (layer, view) => {
+  drawGrid(make("g", {}, layer), view);
+  return () => {};
+};
 
 /**
  * Adds a drawing to `host`. `label` says what it shows; `extent` are the points that have to be seen; `parts` are drawn
@@ -122,10 +113,10 @@ export function stage(host, options) {
   return player(host, { ...play, show });
 }
 
-/** The states of a machine at even steps of `values`, and between them: `mix(k, share)` at a fraction of step k. */
-export const steps = (values, mix) => (value) => {
+/** The states of a machine between those at even steps of `values`. */
+export const steps = (values, states) => (value) => {
   const [first, last] = [values[0], values.at(-1)],
     at = Math.min(Math.max((value - first) / (last - first), 0), 1) * (values.length - 1),
     k = Math.min(Math.floor(at), values.length - 2);
-  return mix(k, at - k);
+  return between(states[k], states[k + 1], at - k);
 };

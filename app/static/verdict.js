@@ -80,38 +80,26 @@ export function mark(verdict, item) {
   return { kind: usable ? "poor" : "bad", sign: "!", text: words[0].toLowerCase() + words.slice(1) + more };
 }
 
-/** Rows [what was judged, true | false | null, in words] for a solution of a motion. */
-export function judged(verdict, motion, item, drive = "crank", turns = true) {
+/** Rows [what was judged, true | false | null, in words] for a solution of a motion, whose drive is a `drive`. */
+export function judged(verdict, motion, item, drive = "crank") {
   const { order, branch, circuit, within_tolerance: within, assembly } = verdict,
-    near = (verdict.reasons ?? []).some((reason) => reason.includes("near a change point")),
     all = motion.anyOrder ? `all ${item}s` : `the ${item}s in the order given`,
-    who = `a ${drive} that ${turns ? "turns" : "moves"} in one direction`,
-    at = `the ${drive} passes the ${item}s at the ${turns ? "angles" : "places"} given`,
-    passes = motion.timing === "free" ? `${who} passes ${all}` : at,
-    free = assembly?.status === "free",
-    usable = practical(verdict);
-  const words = {
-    Order: [order, passes, passes.replace("passes", "does not pass")],
-    Branch: [
-      branch,
-      `all ${item}s lie on one branch`,
-      `${item}s lie on different branches: a dead position comes between`,
+    usable = practical(verdict),
+    isPractical = Object.values(motion.limits.kept).some(Boolean);
+  const rows = [
+    ["Order", order, `the ${drive} passes ${all} in one direction`, `the ${drive} has to turn back to pass ${all}`],
+    ["Branch", branch, `all ${item}s lie on one branch`, `a dead position comes between ${item}s`],
+    ["Circuit", circuit, `it moves through all ${item}s`, `it has to be disassembled between ${item}s`],
+    within !== null && ["Tolerance", within, `every ${item} is within it`, `not every ${item} is within it`],
+    assembly && [
+      "Layers",
+      assembly.status === "free",
+      `nothing collides in ${layersOf(assembly.count)}`,
+      `parts collide in all ${layersOf(assembly.count)}`,
     ],
-    Circuit: [
-      circuit,
-      `all ${item}s, and all between, lie on one circuit${near ? ", but near a change point" : ""}`,
-      `${item}s lie on different circuits: it would have to be disassembled between them`,
-    ],
-    Tolerance: within !== null && [within, `every ${item} is within it`, `not every ${item} is within it`],
-    Layers: assembly && [free, `nothing collides in ${assembly.count}`, "parts collide in all"],
-    [Object.values(motion.limits.kept).some(Boolean) ? "Practical limits" : "Limits"]: [
-      usable,
-      "all are satisfied",
-      "one or more are violated",
-    ],
-  };
-  const rows = Object.entries(words).filter(([, row]) => row);
-  return rows.map(([name, [good, satisfied, violated]]) => [name, good, good ? satisfied : violated]);
+    [isPractical ? "Practical limits" : "Limits", usable, "all are satisfied", "one or more are violated"],
+  ];
+  return rows.filter(Boolean).map(([name, good, satisfied, violated]) => [name, good, good ? satisfied : violated]);
 }
 
 export const reasons = (verdict, item) => (verdict.reasons ?? []).map((reason) => sentence(reason, item));

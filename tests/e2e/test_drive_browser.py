@@ -74,9 +74,6 @@ def test_loads_have_units_and_results_for_other_loads_are_marked(opened) -> None
         "document.getElementById('drive-note').textContent.startsWith('These results belong to earlier entries')"
     )
     assert opened.run("return getComputedStyle(document.querySelector('.drive-result')).opacity") == "0.5"
-    opened.type_into("drive-force-y", "-100")
-    opened.wait("document.getElementById('drive-note').textContent === ''")
-    opened.type_into("drive-force-y", "-200")
     found(opened)
     opened.wait("document.getElementById('drive-note').textContent === ''")
     assert number(opened, "peak torque") > 0 and opened.text("drive-numbers") != before
@@ -99,15 +96,13 @@ def test_a_cylinder_is_found_moves_and_its_pins_are_dragged(opened) -> None:
     assert sorted(lengths) == pytest.approx([255, 405], abs=0.01)
     opened.run("window.print = () => {}; document.getElementById('print').click()")
     opened.wait("document.getElementById('sheet').textContent.includes('255 + 150 mm')")
-    assert opened.run("return document.querySelectorAll('#sheet .drive-rod').length") == 2, (
-        "the cylinder, and the arm of its pin"
-    )
+    assert opened.run("return document.querySelectorAll('#sheet .drive-rod, #sheet .drive-arm').length") == 2
     # an arrow key on the ground point: the force is recomputed and is no longer the optimum
     opened.run(
         "const dot = document.querySelector('[data-end=ground]'); dot.focus();"
         "dot.dispatchEvent(new KeyboardEvent('keydown', {key: 'ArrowRight', shiftKey: true, bubbles: true}))"
     )
-    assert "by hand" in opened.text("drive-numbers")
+    opened.wait("document.getElementById('drive-numbers').textContent.includes('by hand')")
     assert number(opened, "peak force") != pytest.approx(best, rel=1e-6)
     assert opened.run("return document.activeElement.dataset.end") == "ground"
 
