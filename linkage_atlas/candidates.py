@@ -21,12 +21,12 @@ from synthesis.four_bar import Family, wrap
 from synthesis.free.few_poses import Obstacles, is_few
 from synthesis.free.search import search_free
 from synthesis.guided.local_refinement import refine_guided
-from synthesis.limits import Limits
+from synthesis.limits import Limits, within_practical
 from synthesis.linkages import body_motions
 from synthesis.local_refinement import nearby_motion, nearby_poses, refine_motion, refine_poses
 from synthesis.poses import Poses
 from synthesis.ranking import PROPORTION, Status, distinct
-from synthesis.scores import exact_below, proportion, size_of
+from synthesis.scores import exact_below, proportion, size_of, usable_solutions
 from synthesis.search.atlas_rows import best_rows
 from synthesis.search.report import SearchReport, StoppedBy
 from synthesis.search.search import search
@@ -115,7 +115,10 @@ class CandidateSearch:
             return list(four_bars), report
 
         def beside_sliders(limits: Limits, work: Work, rounds: int | None) -> tuple[list[Solution], SearchReport]:
-            found, report = search_four_bars(seed_tables(), motion, limits, task.top, goal, work, rounds)
+            nested = task.searches_usable and rounds is None
+            found, report = search_four_bars(
+                seed_tables(), motion, limits, task.top, goal, work, rounds, nested=nested
+            )
             if task.fair and limits is task.limits:
 
                 def search_again(fair_limits: Limits) -> tuple[list[Solution], SearchReport]:
@@ -152,7 +155,14 @@ def _best_four_bars(task: Task, search: CandidateSearch, ranking: Ranking) -> Ca
     pool = size + _POOL if task.fair else size
     pool = max(pool, _BALANCED_POOL) if task.prefer == "balanced" else pool
     four_bars, report = search_four_bars(
-        source, task.motion, task.limits, pool, goal, first_work, obstacles=task.obstacles
+        source,
+        task.motion,
+        task.limits,
+        pool,
+        goal,
+        first_work,
+        obstacles=task.obstacles,
+        nested=task.searches_usable,
     )
 
     def search_again(fair_limits: Limits) -> tuple[list[Solution], SearchReport]:
@@ -295,18 +305,33 @@ def search_four_bars(
     work: Work,
     rounds: int | None = None,
     obstacles: Obstacles | None = None,
+    nested: bool = False,
 ) -> tuple[list[Solution], SearchReport]:
-    """Find the best four-bars: in an atlas, or by the search with free or given crank angles."""
+    """Find the best four-bars: in an atlas, or by the search with free or given crank angles.
+
+    ``nested``: if the linkage with the smallest error is unusable, the practical limits are searched too. So wider limits
+    give no worse usable linkage.
+    """
     if isinstance(source, Scan):
         return _search_atlas(source, motion, limits, max_results, tolerance, work)
     samples = motion.samples
-    if isinstance(samples, Poses):
-        found, report = search_free(
-            samples, limits, max_results, tolerance, work, screens, source.windows, rounds, obstacles
-        )
-    else:
-        found, report = search(source, samples, limits, max_results, tolerance, work)
-    return found, report
+
+    def search_within(limits: Limits) -> tuple[list[Solution], SearchReport]:
+        if isinstance(samples, Poses):
+            return search_free(
+                samples, limits, max_results, tolerance, work, screens, source.windows, rounds, obstacles
+            )
+        return search(source, samples, limits, max_results, tolerance, work)
+
+    found, report = search_within(limits)
+    smallest = min(found, key=lambda solution: solution.errors.objective, default=None)
+    if not nested or smallest is None or usable_solutions([smallest], samples)[0]:
+        return found, report
+    practical = within_practical(samples, limits, isinstance(samples, Poses) and samples.closed)
+    if practical is None:
+        return found, report
+    more, second = search_within(practical)
+    return [*found, *more], SearchReport.joined([report, second])
 
 
 def refine_start(

@@ -153,6 +153,11 @@ class Task:
         return self.prefer == "error"
 
     @property
+    def searches_usable(self) -> bool:
+        """False if only the error counts, because the request names the preset for given crank angles."""
+        return self.motion.free or self.fair is not None
+
+    @property
     def obstacles(self) -> Obstacles | None:
         """The boxes that no link may enter, if assemblies were requested."""
         assembly = self.studies.assembly

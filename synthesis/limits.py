@@ -380,6 +380,20 @@ def practical_limits(samples: Samples, arguments: dict[str, Any]) -> dict[str, A
     return practical | arguments
 
 
+def within_practical(samples: Samples, limits: Limits, closed: bool) -> Limits | None:
+    """Return limits with the practical limits in addition; None if they contain these, or exclude them.
+
+    ``closed``: the motion is a closed path.
+    """
+    if limits.practical:
+        return None
+    try:
+        practical = Limits(**practical_limits(samples, {name: getattr(limits, name) for name in limits.active_names}))
+    except FieldError:
+        return None
+    return practical.over_whole_turn if closed else practical
+
+
 def _possible_lengths(arguments: dict[str, Any]) -> list[float]:
     """Return link lengths that the limits of a request imply; the practical shortest length does not exceed them."""
     found = [

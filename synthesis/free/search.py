@@ -36,7 +36,7 @@ from synthesis.free.few_poses import NONE_CLEAR, Candidates, Obstacles, exact_fo
 from synthesis.free.free_timing import FreeTiming, FreeTimingOptions, free_timing
 from synthesis.free.limited import guessed_windows, placed_within
 from synthesis.free.screen import COARSE, FINE, PathScreen
-from synthesis.limits import Limits, in_family, practical_limits
+from synthesis.limits import Limits, in_family
 from synthesis.linkage import Linkage
 from synthesis.mechanism import Chart, Placed
 from synthesis.poses import Poses
@@ -332,18 +332,14 @@ def search_free(
         if exact:
             trace = [(work.elapsed, min(solution.errors.objective for solution in exact))]
             return exact, SearchReport(StoppedBy.TOLERANCE, trace, 0.0, candidates.merit.size, notes=notes)
-    solutions, seeds, ended = list[Solution](), 0, True
-    for number, nested in enumerate(_nested(poses, limits) if rounds is None else [limits]):
-        found = Incumbents(tolerance, note)
-        search = FreeSearch(poses, nested, found, work, screens, windows, rounds)
-        ended = search.run()
-        seeds += search.seeds
-        for chart, pool in found.pools.items():
-            solutions += solutions_of(poses, pool, chart, limits, top, tolerance)
-        if number or len(found.pools) > 1:
-            solutions = _best(solutions, poses, top, tolerance)
-        if found.reached or work.expired():
-            break
+    found = Incumbents(tolerance, note)
+    search = FreeSearch(poses, limits, found, work, screens, windows, rounds)
+    ended = search.run()
+    solutions: list[Solution] = []
+    for chart, pool in found.pools.items():
+        solutions += solutions_of(poses, pool, chart, limits, top, tolerance)
+    if len(found.pools) > 1:
+        solutions = _best(solutions, poses, top, tolerance)
     reached = Status.of(solutions, tolerance) is Status.REACHED
     if solutions:
         smallest = min(solution.errors.objective for solution in solutions)
@@ -351,21 +347,7 @@ def search_free(
         if not trace or trace[-1][1] != smallest:
             trace.append((work.elapsed, smallest))
     stopped = StoppedBy.TOLERANCE if reached else StoppedBy.CONVERGED if ended else StoppedBy.BUDGET
-    return solutions, SearchReport(stopped, trace, 0.0, seeds)
-
-
-def _nested(poses: Poses, limits: Limits) -> list[Limits]:
-    """Return the limits, and after wider limits the practical limits, within which a search finds usable linkages sooner.
-
-    Answers within both are candidates, so that wider limits never give a worse answer.
-    """
-    if limits.practical:
-        return [limits]
-    try:
-        practical = Limits(**practical_limits(poses, {name: getattr(limits, name) for name in limits.active_names}))
-    except FieldError:  # the limits exclude the practical limits
-        return [limits]
-    return [limits, practical.over_whole_turn if poses.closed else practical]
+    return solutions, SearchReport(stopped, trace, 0.0, search.seeds)
 
 
 class FreeSearch:

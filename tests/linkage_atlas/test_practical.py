@@ -74,3 +74,14 @@ def test_rails_and_pins_of_slots_lie_in_the_box_for_the_pivots(kinds: list[str],
                 positions = [np.array(guide.pivot if guide.guide == "circle" else guide.pin)]
             for x, y in positions:
                 assert INSIDE[0] - 1e-6 <= x <= INSIDE[2] + 1e-6 and INSIDE[1] - 1e-6 <= y <= INSIDE[3] + 1e-6
+
+
+@pytest.mark.parametrize("seed", [3, 12])
+def test_wider_limits_never_give_a_worse_usable_linkage_for_given_crank_angles(seed):
+    """The smallest errors belong to linkages near a change point, behind which usable linkages were not found."""
+    random = np.random.default_rng(1000 + seed)
+    share = np.linspace(0, 1, 10)
+    rotation = 60 * share * random.normal() + 30 * np.sin(3 * share * random.normal())
+    motion = la.Motion(rotation, crank_span=float(random.uniform(40, 200)))
+    practical, default = (la.synthesize(motion, limits).best for limits in ({"preset": "practical"}, None))
+    assert default.errors.objective <= practical.errors.objective * (1 + 1e-9)
