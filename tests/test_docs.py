@@ -281,19 +281,6 @@ def test_the_dockerfile_copies_what_exists() -> None:
     assert all(words.startswith("--from=build /opt/") for name, words in final if name == "COPY")
 
 
-def test_the_dockerfile_is_slim_in_two_stages_and_not_root() -> None:
-    build, final = stages()
-    assert all(stage[0][1].startswith("python:3.12-slim") for stage in (build, final))
-    assert any(
-        name == "RUN" and "linkage-atlas build --out /opt/linkage-atlas/atlas.h5" in words for name, words in build
-    )
-    order = [name for name, _ in final]
-    assert dict(final)["USER"] not in ("root", "0")
-    assert order.index("USER") < order.index("CMD")
-    assert "LINKAGE_ATLAS_ATLAS=/opt/linkage-atlas/atlas.h5" in dict(final)["ENV"]
-    assert "/readyz" in dict(final)["HEALTHCHECK"] and "urllib.request" in dict(final)["HEALTHCHECK"]
-
-
 def test_what_the_dockerfile_runs_is_a_command_with_these_options() -> None:
     parser = make_parser(named="serve")
     run = re.findall(r'"([^"]*)"', dict(stages()[1])["CMD"])

@@ -40,28 +40,6 @@ def test_no_arrow_goes_up_and_there_is_no_circle() -> None:
     assert layout.faults() == []
 
 
-def test_the_map_sees_an_arrow_up_and_a_circle(monkeypatch) -> None:
-    graph = {
-        "synthesis.pose": {"app.main"},
-        "app.main": set(),
-        "synthesis.atlas.scan": {"synthesis.search.seeds"},
-        "synthesis.search.search": {"synthesis.atlas.table"},
-        "synthesis.atlas.table": set(),
-        "synthesis.search.seeds": set(),
-        "synthesis.work": {"synthesis.target"},
-        "synthesis.target": {"synthesis.work"},
-    }
-    monkeypatch.setattr(layout, "module_graph", lambda: graph)
-    found = "\n".join(layout.faults())
-    assert "synthesis.pose imports app.main: up" in found
-    assert "a circle of modules: synthesis.work" in found or "a circle of modules: synthesis.target" in found
-    assert "a circle of packages" in found
-    del graph["synthesis.work"], graph["synthesis.target"]
-    found = "\n".join(layout.faults())
-    assert "circle of modules" not in found
-    assert "a circle of packages: synthesis.atlas" in found or "a circle of packages: synthesis.search" in found
-
-
 def test_the_service_calls_the_front_door_and_each_scene_its_own_machine() -> None:
     for module, remaining in layout.module_graph().items():
         if module.startswith("app"):

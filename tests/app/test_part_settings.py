@@ -6,26 +6,17 @@ the plates, and a default pin of 4.37 mm.
 
 import csv
 import io
-import json
 import re
-from pathlib import Path
 from typing import Any
 
 import ezdxf
 import numpy as np
 import pytest
-from fastapi.testclient import TestClient
 
 import linkage_atlas as la
 from linkage_atlas.part_settings import HOLES, SHEETS, WASHERS
 
 LINKAGES = [(19, 72, 144, 165), (51.31, 83.79, 101.4, 115.14), (30, 60, 70, 50), (6.3, 9.9, 11.2, 14.1)]
-REQUEST = {
-    "rotation": [0, 11, 23, 37, 52, 68],
-    "position": [[0, 0], [20, 6], [39, 15], [57, 28], [73, 45], [86, 65]],
-    "timing": "free",
-    "top": 1,
-}
 
 
 def circles(text: bytes, layer: str) -> set[float]:
@@ -105,25 +96,3 @@ def test_a_kerf_leaves_parts_of_their_size() -> None:
     with pytest.raises(la.FieldError) as error:
         linkage.solids(kerf=4, hole=4, width=12).file("plates")
     assert error.value.field == "/assembly/kerf"
-
-
-def test_http_command_line_and_python_make_the_same_plates(client: TestClient, run: Any, tmp_path: Path) -> None:
-    solution = client.post("/v2/synthesize", json=REQUEST).json()["solutions"][0]
-    settings = {"hole": 3, "width": 9, "kerf": 0.2, "scale": 0.5}
-    layers = client.post("/v2/assembly", json={"linkage": solution, "request": REQUEST, **settings}).json()
-    assert layers["sizes"]["hole"] == 3 and layers["sizes"]["width"] == 9
-    body = {"request": REQUEST, "linkage": solution, "format": "plates", "solids": {"allow_collisions": True}}
-    sent = client.post("/v2/export", json={**body, "assembly": settings})
-    assert sent.status_code == 200, sent.text
-    assert circles(sent.content, "CRANK") == {1.3}
-    prescribed = tmp_path / "solution.json"
-    prescribed.write_text(json.dumps({**body, "format": "json"}))
-    options = [f"--{name}={value}" for name, value in settings.items()]
-    code, _, error = run("export", prescribed, "--out", tmp_path / "cut.plates.dxf", "--allow-collisions", *options)
-    assert code == 0, error
-    assert circles((tmp_path / "cut.plates.dxf").read_bytes(), "CRANK") == {1.3}
-    linkage = la.Linkage.from_dict(solution)
-    travel = {} if solution["crank_angle"] is None else {"crank_angle": solution["crank_angle"]}
-    motion = la.Motion(REQUEST["rotation"], REQUEST["position"], timing="free")
-    own = linkage.file("plates", motion, assembly=settings, solids={"allow_collisions": True}, **travel)
-    assert circles(own, "CRANK") == {1.3}

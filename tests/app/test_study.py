@@ -104,14 +104,6 @@ def killed_and_resumed(requests: Path, out: Path, kills: int, jobs: int, seed: i
     return met
 
 
-def test_kills_change_no_byte(requests, tmp_path) -> None:
-    requests.write_text("".join(json.dumps(line) + "\n" for line in rotations(20)))
-    expected, out = tmp_path / "wanted.ndjson", tmp_path / "results.ndjson"
-    assert study(requests, "--out", expected, "--jobs", 1, "--no-preset") == Exit.OK
-    assert killed_and_resumed(requests, out, 1, 1, 1) == 1
-    assert out.read_bytes() == expected.read_bytes()
-
-
 @pytest.mark.skipif(sys.platform == "win32", reason="no limit of a file's size")
 def test_a_study_goes_on_once_a_full_disk_has_room_again(requests, tmp_path) -> None:
     import resource

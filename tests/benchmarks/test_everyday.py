@@ -10,7 +10,7 @@ import pytest
 
 import benchmarks
 from benchmarks.battery import BUDGETS, KINDS, rows
-from benchmarks.everyday import EXACT, Reply, faults, late, replies_to
+from benchmarks.everyday import faults, late, replies_to
 from benchmarks.service import Service, running, serve_command
 from tests.conftest import some_of
 
@@ -55,32 +55,3 @@ def test_every_everyday_question(name: str, service: Service) -> None:
 @pytest.mark.parametrize("name", ROWS)
 def test_an_answer_takes_no_longer_than_its_budget_allows(name: str, service: Service) -> None:
     assert not late(replies_to(service, ROWS[name], KINDS, BUDGETS[:-1]))
-
-
-def reply(objective: float | None = 1e-3, budget: int | None = 100, kind: str = "preset", **more: object) -> Reply:
-    status = "unknown" if objective is None else "closest"
-    return Reply("one", kind, budget, 200, status, objective, 0.1)._replace(**more)
-
-
-@pytest.mark.parametrize(
-    ("replies", "word"),
-    [
-        ([reply(code=503)], "503"),
-        ([reply(objective=None, status="closest")], "without a linkage"),
-        ([reply(1e-3), reply(1.02e-3, 300)], "with 100 ms"),
-        ([reply(1e-3), reply(None, 300)], "inf"),
-        ([reply(1e-3, 300), reply(1.02e-3, None)], "with 300 ms"),
-        ([reply(1e-3), reply(1.02e-3, kind="any")], "among full cranks"),
-        ([reply(1e-3, strays=True), reply(1.02e-3, 300, strays=True)], "with 100 ms"),
-    ],
-)
-def test_a_fault_is_seen(replies: list[Reply], word: str) -> None:
-    assert word in faults(replies)[0]
-
-
-def test_what_is_as_it_should_be_is_no_fault() -> None:
-    fine = [reply(None), reply(1e-3, 300), reply(1.005e-3, 1000), reply(0.0, None), reply(1e-3, 300, "any")]
-    assert not faults(fine)
-    assert not faults([reply(1e-13), reply(EXACT / 2, 300)])
-    assert not faults([reply(1e-3, strays=True), reply(1.9e-3, 300)])
-    assert late([reply(seconds=0.13)]) and not late([reply(seconds=0.11), reply(budget=None, seconds=9)])

@@ -8,7 +8,6 @@ from __future__ import annotations
 import importlib
 import re
 
-import numpy as np
 import pytest
 
 from benchmarks import figures, report
@@ -55,21 +54,6 @@ def test_a_benchmark_is_found_by_the_name_of_its_result(name) -> None:
     assert module.__doc__ and callable(module.measure) and callable(module.blocks)
 
 
-def test_a_marker_without_block_or_end_is_an_error() -> None:
-    text = "a <!-- x.y -->1<!-- /x.y --> b\n<!-- x.z -->\nold\nold\n<!-- /x.z -->\n<!-- u.v -->kept<!-- /u.v -->\n"
-    expected = text.replace("-->1<", r"-->\1 7<").replace("old\nold", "| t |")
-    assert report.fill(text, {"x": {"y": r"\1 7", "z": "| t |"}}) == expected
-    assert report.fill("<!-- x.y -->\n<!-- /x.y -->", {"x": {"y": "new"}}) == "<!-- x.y -->\nnew\n<!-- /x.y -->"
-    for broken, wrong in (
-        ("<!-- x.y -->", "alone"),
-        ("<!-- /x.y -->", "alone"),
-        ("<!-- x.y -->1<!-- /x.z -->", "alone"),
-        ("<!-- x.w -->1<!-- /x.w -->", "no block x.w"),
-    ):
-        with pytest.raises(ValueError, match=wrong):
-            report.fill(broken, {"x": {"y": "new", "z": "new"}})
-
-
 def test_a_picture_is_the_same_every_time(tmp_path, monkeypatch) -> None:
     pytest.importorskip("matplotlib")
     for name in ("first", "second"):
@@ -81,17 +65,3 @@ def test_a_picture_is_the_same_every_time(tmp_path, monkeypatch) -> None:
 
 
 # -- results ----------------------------------------------------------------------------------------------------------
-
-
-def test_what_is_saved_can_be_loaded_and_bears_its_stamp(tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(report, "RESULTS", tmp_path)
-    results = {"rows": [{"ms": [1.5, None], "name": "[\n 1\n]"}], "one": np.float64(2.5), "many": np.arange(3)}
-    report.save(results, "some")
-    found = report.load("some")
-    assert found["rows"] == results["rows"] and found["one"] == 2.5 and found["many"] == [0, 1, 2]
-    assert found["made"]["machine"]["cores"] and found["made"]["command"].count("python")
-    assert '"many": [0, 1, 2]' in (tmp_path / "some.json").read_text()
-    report.save({"made": {"commit": "earlier"}}, "some")
-    assert report.load("some") == {"made": {"commit": "earlier"}}
-    with pytest.raises(ValueError, match="JSON"):
-        report.save({"one": float("nan")}, "some")

@@ -98,24 +98,3 @@ def test_the_object_prints_draws_and_keeps_itself() -> None:
     assert block.kind == "swinging_block" and block.driver == "hinge"
     four = la.Linkage([CRANK, {**CRANK, "pivot": [3, 0], "body_point": [2.5, 0], "radius": 2}], "crank")
     assert four.kind == "four_bar" and four.turns_fully
-
-
-def test_the_command_line_says_what_was_found_of_several_kinds() -> None:
-    from app.fourbar.tables import synthesize_table
-    from linkage_atlas.results import Report, Result
-
-    load = {"crank_speed": 10, "load": {"force": [0, -5]}}
-    sizes = {"links": 0.05, "samples": 200}
-    studied, _ = reply_of(DRIVES[5], noise=0.01, round_to=5.0, analysis=load, tolerance_study=sizes)
-    report = Report({"total": 1.0}, [(1.0, 1e-3)], "converged", 50.0, 1, None, None, [])
-    text = synthesize_table(Result("closest", [studied], report))
-    words = [
-        "slider",
-        "guide of rank 1: rail through",
-        "used from",
-        "travel of rank 1: 0",
-        "rounded: ",
-        "with tolerances, ",
-    ]
-    for said in (*words, "force of the drive", "pin force"):
-        assert said in text, text

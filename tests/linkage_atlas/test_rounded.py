@@ -28,14 +28,6 @@ LIMITS = [
     {"link_min": 18.9, "family": "crank_rocker"},
     {"pivot_a": [7, 7], "pivot_b": [150, 90]},
     {"pivot_a": [7.5, 6.5]},
-    # the limits above together
-    {"transmission_angle_min": 79.5},
-    {"link_max": 165.2},
-    {"pivot_box": [7.0, 7.0, 151, 91]},
-    {"pivot_b": [150, 90], "keep_out": [[0, 0, 8, 8]]},
-    {"envelope": [-22, 6, 151, 95]},
-    {"links": {"crank": 19.3, "ground": 166.1}},
-    {"coupler_radius_max": 19.5, "pivot_a_box": [5, 5, 7, 7]},
 ]
 
 

@@ -112,15 +112,3 @@ def test_the_document_lists_these_tasks() -> None:
 def test_an_exact_answer_to_the_cubic_function_transmits_with_30_degrees() -> None:
     found = la.function(**FUNCTIONS["Cubic function"], limits={"transmission_angle_min": TRANSMISSION})
     assert found.best.errors.max < EXACT and found.best.transmission_angle_min > TRANSMISSION - 1e-6
-
-
-def test_the_linkage_of_the_textbook_changes_its_branch() -> None:
-    """Suh and Radcliffe's pivots (0, 0) and (5, 0) leave a single exact linkage, whose third pose has the other
-    branch.
-    """
-    points = np.array([1 + 1j, 2 + 0.5j, 3 + 1.5j])
-    turns = np.exp(1j * np.deg2rad([0, 0, 45]))
-    crank_pin, coupler_pin = (points + turns * (pin - points[0]) for pin in (0.994 + 3.238j, 3.547 - 1.655j))
-    assert np.ptp(np.abs(crank_pin)) < 2e-3 and np.ptp(np.abs(coupler_pin - 5)) < 2e-3
-    side = np.sign((np.conj(coupler_pin - crank_pin) * (5 - crank_pin)).imag)
-    assert list(side) == [1, 1, -1]

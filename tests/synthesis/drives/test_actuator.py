@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from synthesis.drives.links import SAMPLES, hinged_at, motions_of
-from synthesis.drives.placement_descent import PlacementProblem
 from synthesis.drives.placement_search import PlacementSearch
 from synthesis.drives.placements import Actuator, Placement, PlacementLimits, Refusal, Sizes
 from synthesis.linkage import four_bar
@@ -32,28 +31,6 @@ def test_no_finer_grid_finds_a_smaller_force(seed: int) -> None:
         return
     assert isinstance(repeated, Refusal) or found.worst <= repeated.worst * (1 + 1e-6)
     assert isinstance(grid, Refusal) or found.worst <= (1 + 1e-6) * fine.torque_scale / grid.best_value
-
-
-@pytest.mark.parametrize("free", [(False, False), (True, False), (False, True), (True, True)])
-def test_derivatives_of_the_descent_are_exact(free: tuple[bool, bool]) -> None:
-    """A wrong derivative would only cost time or accuracy, so that no optimum shows it."""
-    seen = 0
-    for case in map(Case, range(1, 9)):
-        begin = (question := case.question()).screen([case.actuator])
-        if isinstance(begin, Refusal):
-            continue
-        seen, step = seen + 1, 1e-6
-        problem = PlacementProblem(question, Sizes(case.actuator, *free), bool(begin.extends[0]))
-        z = problem.start(complex(begin.grounds[0]), complex(begin.pins[0]), 0.999)
-        slopes = np.vstack([problem.constraint_jacobian(z), problem.equality_jacobian(z)])
-        for unit, slope in zip(np.eye(z.size), slopes.T):
-            ahead, behind = (
-                np.append(problem.constraints(at), problem.equalities(at))
-                for at in (z + step * unit, z - step * unit)
-            )
-            largest = max(1, np.abs(slope).max())
-            assert (ahead - behind) / (2 * step) == pytest.approx(slope, rel=1e-4, abs=1e-4 * largest)
-    assert seen > 2
 
 
 def test_the_closed_form_has_the_largest_least_arm() -> None:

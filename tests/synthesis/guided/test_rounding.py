@@ -5,14 +5,13 @@ A length beside the grid, or a pose that is not refitted, would show here.
 
 import numpy as np
 import pytest
-from scipy.optimize import least_squares
 
 from synthesis.guides import Kind
 from synthesis.limits import Limits
 from synthesis.linkage import Linkage
 from synthesis.poses import make_poses
 from synthesis.solution import Solution, assess
-from synthesis.studies.rounding import _Chart, _rows, fitted, nearest_travel, round_lengths
+from synthesis.studies.rounding import nearest_travel, round_lengths
 from synthesis.target import make_target
 from synthesis.work import Work
 from tests.oracles.guided_cases import DRIVES, NAMES, good_linkage
@@ -41,22 +40,6 @@ def test_rounded_lengths_lie_on_the_grid(drive) -> None:
     for length in found.solution.linkage.lengths.values():
         assert abs(length / 0.25 - round(length / 0.25)) < 1e-9
     assert found.solution.errors.objective < 0.35
-
-
-@pytest.mark.parametrize("drive", DRIVES[1::2], ids=NAMES[1::2])
-def test_the_rest_is_fitted_as_well_as_by_a_general_method(drive) -> None:
-    poses, solution = _solution(drive)
-    own = {name: 1.03 * length for name, length in solution.linkage.lengths.items()}
-    found = fitted(poses, solution, own, Work())
-    assert found is not None
-    chart = _Chart(solution.linkage, own, False)
-
-    def errors(u: np.ndarray) -> np.ndarray:
-        rows = _rows(poses, chart.at(u[: chart.count]), u[chart.count :])
-        return np.nan_to_num(rows.ravel(), nan=10.0)
-
-    known = least_squares(errors, np.concatenate([np.zeros(chart.count), solution.travel]), xtol=1e-14, ftol=1e-14)
-    assert found.errors.objective <= np.sqrt(2 * known.cost) * 1.02 + 1e-9
 
 
 def test_with_given_timing_and_stock() -> None:

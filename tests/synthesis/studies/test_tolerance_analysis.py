@@ -144,20 +144,6 @@ def test_a_study_is_linear_in_small_tolerances_and_agrees_with_the_first_order(l
         assert len(small.contributions) == len(once.sources)
 
 
-@ANY
-def test_contributions_name_the_tolerances(linkage) -> None:
-    for tolerances, words in (
-        (Tolerances(pivots=1e-3), ("ivot", "rail", "pin")),
-        (Tolerances(clearance=1e-3), ("clearance",)),
-    ):
-        study = study_of(linkage, tolerances, travel=np.linspace(0.0, 0.4, 5))
-        named = [name for name, part in zip(study.sources, study.position.contributions) if part > 0]
-        assert named and all(any(word in name for word in words) for name in named)
-        assert all(("clearance" in name) == ("clearance" in words) for name in named)
-    none = study_of(linkage, Tolerances(), travel=np.linspace(0.0, 0.4, 5))
-    assert not none.position.contributions.any() and none.position.simulated.max() < 1e-9
-
-
 @pytest.mark.parametrize("ratio", [0.0, 1e-6, 0.01, 0.3, 0.99, 1.0])
 def test_quantiles_have_the_probability_of_a_normal_error(ratio: float) -> None:
     slopes = np.zeros((2, 1, 2, 2))

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from synthesis.errors import FieldError
 from synthesis.scenes.knotter import d_knotter
 from synthesis.scenes.knotter.conditions import (
     Clearance,
@@ -160,11 +159,3 @@ def test_an_item_does_not_depend_on_its_neighbours() -> None:
 
 
 # Infeasible and refused mechanisms
-
-
-def test_empty_grid_and_too_much_work_are_refused() -> None:
-    with pytest.raises(FieldError, match="empty"):
-        study(d_knotter.mechanism(), {"alpha1": []}, d_knotter.conditions())
-    fast = d_knotter.mechanism(laws={"beta": Linear(0.0, 900.0)})
-    with pytest.raises(FieldError, match="pieces"):
-        study(fast, {"alpha1": np.zeros(1000)}, d_knotter.conditions())
