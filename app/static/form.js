@@ -63,7 +63,6 @@ const described = (schema, more) => ({ ...schema, description: [schema.descripti
 class Fields {
   known = new Map();
   units = [];
-  lists = new Map();
 
   constructor(root) {
     this.root = root;
@@ -114,16 +113,6 @@ class Fields {
     wrong.textContent = sentence;
     for (let fold = control.closest("details"); fold; fold = fold.parentElement.closest("details")) fold.open = true;
     control.focus();
-  }
-
-  /** Return the pointer of a field in the form: rows keep their index in the form when other rows are removed. */
-  place(pointer) {
-    let at = pointer;
-    for (const [list, entries] of this.lists) {
-      const [index, ...subpath] = at.startsWith(`${list}/`) ? at.slice(list.length + 1).split("/") : [];
-      if (entries[index]) at = [list, entries[index].at, ...subpath].join("/");
-    }
-    return at;
   }
 
   clear() {
@@ -260,7 +249,6 @@ class Fields {
       count = schema.maxItems === schema.minItems ? schema.maxItems : 0,
       context = [host, at, name, schema, items, value];
     if (items.enum) return this.checks(...context);
-    if (items.properties || items.oneOf) return this.rows(...context);
     if (items.type === "array") return this.matrix(...context);
     if (count && count <= 4) return this.tuple(...context, count);
     const helpSchema = described(schema, "Numbers, with spaces, semicolons or commas between."),
@@ -320,34 +308,6 @@ class Fields {
     });
     return () => controls.filter(([, control]) => control.checked).map(([option]) => option);
   }
-
-  /** A list of groups with buttons that add and remove them. */
-  rows(host, at, name, schema, items, value) {
-    const rows = element("div", "rows"),
-      title = label(name, schema),
-      entries = [],
-      item = { ...items, title: undefined, description: undefined };
-    this.lists.set(at, entries);
-    const append = (content) => {
-      const row = element("div", "row"),
-        entry = { at: ++serial },
-        numbered = `${title} ${entries.length + 1}`;
-      entry.read = this.build(row, `${at}/${entry.at}`, numbered, item, content);
-      const remove = () => {
-        entries.splice(entries.indexOf(entry), 1);
-        row.remove();
-        add.focus(); // oxlint-disable-line no-use-before-define
-      };
-      row.append(button("Remove", remove, "link", { "aria-label": `Remove ${numbered}` }));
-      entries.push(entry);
-      rows.append(row);
-      this.showUnits();
-    };
-    const add = button("Add one", () => append(entries.at(-1)?.read() ?? {}));
-    host.append(build("fieldset", {}, build("legend", {}, title), rows, add));
-    for (const row of value ?? []) append(row);
-    return () => (entries.length ? entries.map((entry) => entry.read() ?? {}) : undefined);
-  }
 }
 
 /**
@@ -380,7 +340,7 @@ export function buildForm(host, schema, example) {
     },
     mark(rows) {
       for (const { pointer, detail } of rows.toReversed()) {
-        const at = fields.place((pointer ?? "").replace(/^#/, "")),
+        const at = (pointer ?? "").replace(/^#/, ""),
           holding = [...fields.known.keys()].filter(
             (fieldPointer) => at === fieldPointer || at.startsWith(`${fieldPointer}/`),
           ),

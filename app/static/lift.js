@@ -78,7 +78,7 @@ export const lift = {
     "A is the platform on its slide, B the end of the cylinder l₁ from the pivot O, and C the end of the " +
     "link l₅ from the pivot D.",
   over: ["time"],
-  hidden: /^(points|equations|slacks|angle_unit|angles|angular_\w+|forces · (weight|pivot_.))$/,
+  hidden: /^(points|slacks|angle_unit|angles|angular_\w+|forces · (weight|pivot_.))$/,
   unitOf: (name) => UNITS.find(([pattern]) => pattern.test(name))?.[1] ?? "",
   drawing({ request, reply }) {
     const design = request.design ?? reply.design,

@@ -127,13 +127,13 @@ def test_a_link_restores_question_values_and_place(at) -> None:
 
 def test_choosing_only_shows_and_clicks_and_steps_back_ask_once(at) -> None:
     """Once a choice ran its question, a second click stopped it, and Back left the page."""
-    page = at("lift")
+    page = at("knotter")
     page.wait(ANSWERED)
     first = page.run("return [document.getElementById('query').value, location.hash]")
     page.run(
         "window.requests = 0; const own = fetch; window.fetch = (...a) => { window.requests++; return own(...a); }"
     )
-    page.select("query", "/v2/lift/batch")
+    page.select("query", "/v2/knotter/needle")
     assert page.run("return window.requests") == 0 and page.text("status") == "Press Calculate to see the result."
     assert "of an earlier request" in page.text("facts-title") and not page.shown("stop")
     page.run(
@@ -158,9 +158,7 @@ def test_choosing_only_shows_and_clicks_and_steps_back_ask_once(at) -> None:
     )
     assert "of an earlier request" not in page.text("facts-title")
     page.browser.forward()
-    page.wait(
-        "document.getElementById('query').value === '/v2/lift/batch' && document.querySelector('#tables table')"
-    )
+    page.wait("document.getElementById('query').value === '/v2/knotter/needle' && !document.querySelector('.stage')")
     assert page.run("return window.requests") == 1, "answers of this page are shown as they were"
 
 
@@ -183,17 +181,12 @@ def test_what_is_wrong_is_said_at_its_field_and_earlier_answers_are_marked(at) -
     assert "must be ≤ 1000000000000; it is 1e20" in page.text("status")
     at("lift").wait(ANSWERED)
     page = at("lift")
-    page.select("query", "/v2/lift/batch")
-    answered(page, lambda: page.click("run"))
-    page.press("#fields .row .link")  # remove the first cylinder and append a cylinder
-    page.press("#fields .rows + button")
-    lengths = page.elements("#fields .row fieldset .field:first-child input")
-    refusal = {"errors": [{"pointer": "#/cylinders/1/length", "detail": "Field required"}]}
+    refusal = {"errors": [{"pointer": "#/design/l3", "detail": "Field required"}]}
     page.run(f"window.fetch = async () => new Response({json.dumps(json.dumps(refusal))}, {{status: 422}})")
     page.click("run")
     page.wait("document.getElementById('status').classList.contains('bad')")
-    assert page.active == lengths[1] and page.count("#fields .invalid") == 1
-    assert page.text("status") == "Cylinders 2 length: Field required."
+    assert page.active == page.elements("#fields input")[1] and page.count("#fields .invalid") == 1
+    assert page.text("status") == "Design l3: Field required."
     page = at("lift")
     mark, length = "of an earlier request", page.element("#fields input")
     assert mark not in page.text("facts-title")
@@ -205,9 +198,9 @@ def test_what_is_wrong_is_said_at_its_field_and_earlier_answers_are_marked(at) -
     length.send_keys(Keys.HOME, Keys.DELETE)
     answered(page, lambda: page.click("run"))
     assert mark not in page.text("facts-title")
-    page.select("query", "/v2/lift/batch")
+    page.select("query", "/v2/lift/optimize")
     answered(page, lambda: page.click("run"))
-    page.press("#fields .rows .link")  # a cylinder less
+    page.element("#fields input").send_keys("0")
     assert mark in page.text("tables-title")
 
 

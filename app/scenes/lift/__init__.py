@@ -1,6 +1,6 @@
 """The lift over HTTP and on the command line: its motion, and its optimum design."""
 
 from app.scenes.lift.motion import MOTION
-from app.scenes.lift.optimum import BATCH, OPTIMIZE
+from app.scenes.lift.optimum import OPTIMIZE
 
-QUERIES = (MOTION, OPTIMIZE, BATCH)
+QUERIES = (MOTION, OPTIMIZE)

@@ -22,10 +22,6 @@ DEFAULT_SAMPLES = 201
 """Default number of times in a motion."""
 MAX_STEPS = 4_000
 """Largest number of height steps n of the discrete objective; a search with it takes some seconds."""
-MAX_CYLINDERS = 24
-"""Largest number of cylinders in a batch."""
-MAX_BATCH_STEPS = 12_000
-"""Largest product of height steps n and cylinders in a batch."""
 
 
 def _unit(name: str) -> dict[str, JsonValue]:
@@ -278,15 +274,6 @@ class OptimizeRequest(RequestModel):
     angle_unit: AngleUnit = "deg"
 
 
-class BatchRequest(RequestModel):
-    """Several cylinders and a common stroke."""
-
-    cylinders: Annotated[list[CylinderModel], Field(min_length=1, max_length=MAX_CYLINDERS)]
-    stroke: Stroke
-    objective: AnyObjective = DiscreteObjective(kind="discrete")
-    upper_bound: Length = 600.0
-
-
 DesignReply, ConstraintReply = reply_model(Design), reply_model(ConstraintRow)
 MotionOfOptimum = reply_model(OptimumMotion)
 
@@ -312,7 +299,6 @@ class OptimizeReply(ReplyModel):
     objective_kind: Literal["discrete", "continuous", "normalized"]
     active: list[str]
     slacks: dict[str, float]
-    equations: dict[str, float]
     motion: MotionOfOptimum
     constraints: list[ConstraintReply] | None = None
     unconstrained: UnconstrainedReply | None = None
@@ -320,28 +306,6 @@ class OptimizeReply(ReplyModel):
         None, description="Relative increase of the objective due to the constraints; null if it is undefined."
     )
     note: str
-    evaluations: int
-
-
-class BatchRow(ReplyModel):
-    """Optimum design for a cylinder, or the constraint that makes the problem infeasible."""
-
-    cylinder: dict[str, float]
-    status: Literal["optimal", "infeasible"]
-    design: DesignReply | None = None
-    objective: float | None = None
-    active: list[str] | None = None
-    motion: MotionOfOptimum | None = None
-    constraint: str | None = None
-    amount: float | None = None
-    detail: str | None = None
-
-
-class BatchReply(ReplyModel):
-    """A row for each cylinder, in the order of the request."""
-
-    status: Literal["ok"]
-    rows: list[BatchRow]
 
 
 def cylinder_of(model: CylinderModel) -> Cylinder:

@@ -1,4 +1,4 @@
-"""Questions about the optimum design of a lift for one or for many cylinders."""
+"""The question about the optimum design of a lift."""
 
 from __future__ import annotations
 
@@ -14,14 +14,8 @@ from app.query import (
 )
 from app.scenes.lift.files import drawings
 from app.scenes.lift.models import (
-    MAX_BATCH_STEPS,
     MIN_MAGNITUDE,
-    BatchReply,
-    BatchRequest,
-    BatchRow,
     ConstraintsModel,
-    CylinderModel,
-    DiscreteObjective,
     OptimizeReply,
     OptimizeRequest,
     UnconstrainedReply,
@@ -56,20 +50,9 @@ NOTES = {
 """Definition of each objective, for the reply."""
 
 
-def _task(cylinder: CylinderModel, request: OptimizeRequest | BatchRequest) -> Task:
+def _task(request: OptimizeRequest) -> Task:
     objective = Objective(**request.objective.model_dump())
-    return Task(cylinder_of(cylinder), *request.stroke, objective, request.upper_bound)
-
-
-def _common_fields(optimum: Optimum, task: Task) -> dict[str, Any]:
-    """Return the fields of an optimum that a reply and a row of a batch have in common."""
-    return {
-        "status": "optimal",
-        "design": optimum.design,
-        "objective": optimum.objective,
-        "active": optimum.active,
-        "motion": optimum_motion(optimum, task),
-    }
+    return Task(cylinder_of(request.cylinder), *request.stroke, objective, request.upper_bound)
 
 
 def _constraints(request: OptimizeRequest, model: ConstraintsModel) -> Constraints:
@@ -114,7 +97,7 @@ def _constraints(request: OptimizeRequest, model: ConstraintsModel) -> Constrain
 
 
 def _optimum(request: OptimizeRequest, resources: Resources) -> tuple[Optimum, Task, Constraints | None]:
-    task, work = _task(request.cylinder, request), resources.work()
+    task, work = _task(request), resources.work()
     if request.constraints is None:
         return _source_optimum(task, work), task, None
     limits = _constraints(request, request.constraints)
@@ -136,18 +119,20 @@ def answer_optimize(request: OptimizeRequest, resources: Resources) -> OptimizeR
     """Optimize a design; with constraints, compare it with the optimum of the source's problem."""
     optimum, task, limits = _optimum(request, resources)
     return OptimizeReply(
-        **_common_fields(optimum, task),
+        status="optimal",
+        design=optimum.design,
         closed_length=float(optimum.stroke_design.closed_length),
+        objective=optimum.objective,
         objective_kind=task.objective.kind,
+        active=optimum.active,
         slacks=optimum.slacks,
-        equations=optimum.equations,
+        motion=optimum_motion(optimum, task),
         **(
             {}
             if limits is None
             else _within(optimum, task, limits, Unit(request.angle_unit).radian, resources.work())
         ),
         note=NOTES[task.objective.kind],
-        evaluations=optimum.evaluations,
     )
 
 
@@ -188,26 +173,6 @@ def _optimal(request: OptimizeRequest, resources: Resources) -> tuple[Design, fl
     return built.design, float(built.turn)
 
 
-def answer_batch(request: BatchRequest, resources: Resources) -> BatchReply:
-    """Optimize a design for each cylinder; an infeasible row states its reason."""
-    if isinstance(request.objective, DiscreteObjective):
-        steps = request.objective.n * len(request.cylinders)
-        if steps > MAX_BATCH_STEPS:
-            message = f"n times the number of cylinders must be at most {MAX_BATCH_STEPS}; it is {steps}"
-            raise FieldError("/objective/n", message, constraint="batch_steps", amount=steps - MAX_BATCH_STEPS)
-    return BatchReply(status="ok", rows=[_batch_row(cylinder, request, resources) for cylinder in request.cylinders])
-
-
-def _batch_row(cylinder: CylinderModel, request: BatchRequest, resources: Resources) -> BatchRow:
-    task = _task(cylinder, request)
-    try:
-        row = _common_fields(_source_optimum(task, resources.work()), task)
-    except FieldError as error:
-        reason = {name: error.details.get(name) for name in ("constraint", "amount")}
-        row = {"status": "infeasible", "detail": error.message, **reason}
-    return BatchRow(cylinder=cylinder.model_dump(), **row)
-
-
 LENGTHS = ("l2", "l3", "l4", "l5", "b")
 
 
@@ -239,20 +204,6 @@ def optimize_table(reply: OptimizeReply) -> str:
     return "\n".join(lines)
 
 
-def batch_table(reply: BatchReply) -> str:
-    """Return a row for each cylinder with its optimum, or the reason why there is none."""
-    names = ("length", "speed", *LENGTHS, "objective", "rise time")
-    lines = [" ".join(f"{name:>11}" for name in names)]
-    for row in reply.rows:
-        head = f"{row.cylinder['length']:11.6g} {row.cylinder['speed']:11.6g} "
-        if row.design is None or row.motion is None or row.objective is None:
-            lines.append(head + f"{row.constraint}: {row.detail}")
-            continue
-        values = [f"{getattr(row.design, name):11.4f}" for name in LENGTHS]
-        lines.append(head + " ".join(values) + f" {row.objective:11.4f} {row.motion.rise_time:11.6f}")
-    return "\n".join(lines)
-
-
 OPTIMIZE = Query(
     command="lift optimize",
     summary="Optimize a lifting linkage for a cylinder and a stroke.",
@@ -261,12 +212,4 @@ OPTIMIZE = Query(
     shows_units=False,
     is_long=lambda _: True,
     exports={"csv": optimum_csv, **drawings(_optimal)},
-)
-BATCH = Query(
-    command="lift batch",
-    summary="Optimize a lifting linkage for each of several cylinders.",
-    answer=answer_batch,
-    table=batch_table,
-    shows_units=False,
-    is_long=lambda _: True,
 )

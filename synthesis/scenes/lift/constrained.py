@@ -43,7 +43,6 @@ from synthesis.scenes.lift.pose import (
     Design,
     angle_or_flat,
     dead_point,
-    pose_at_turn,
     third_side,
 )
 from synthesis.work import Work
@@ -404,14 +403,8 @@ def _optimum(best: StrokeDesign, best_slacks: dict[str, float], evaluator: Evalu
     value, mean = evaluator.moments(best.design, best.gamma, best.closed_length)[:, 0]
     design = Design(*(float(field[0]) for field in best.design.as_tuple()))
     stroke_design = StrokeDesign(design, float(best.gamma[0]), float(best.turn[0]), float(best.closed_length[0]))
-    start = pose_at_turn(design, stroke_design.turn)
-    equations = {
-        "start": float(start.height) - task.low,
-        "closed length": float(start.length) - stroke_design.closed_length,
-        "(33) stroke": design.l3 + design.l5 - task.high,
-    }
     active = tuple(name for name, slack in best_slacks.items() if slack <= OPTIONS.active_tolerance)
-    return Optimum(stroke_design, float(value), float(mean), active, best_slacks, equations, evaluator.evaluations)
+    return Optimum(stroke_design, float(value), float(mean), active, best_slacks)
 
 
 def _reaches_top(candidates: StrokeDesign) -> Flags:

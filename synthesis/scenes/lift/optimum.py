@@ -170,10 +170,6 @@ class Optimum:
     """Names of the active inequalities."""
     slacks: dict[str, float]
     """Slack of each inequality."""
-    equations: dict[str, float]
-    """Residuals of the equations, as lengths."""
-    evaluations: int
-    """Number of designs whose objective was evaluated."""
 
     @property
     def design(self) -> Design:
@@ -225,7 +221,7 @@ def optimum_motion(optimum: Optimum, task: Task) -> OptimumMotion:
 
 
 class Evaluator:
-    """Objective of a task for batches of designs, with a count of the evaluations.
+    """Objective of a task for batches of designs.
 
     Parameters
     ----------
@@ -237,7 +233,6 @@ class Evaluator:
     def __init__(self, task: Task, work: Work | None = None) -> None:
         self.task = task
         self.work = work or Work()
-        self.evaluations = 0
         objective = task.objective
         if objective.kind == "discrete":
             steps = np.arange(0 if objective.include_start else 1, objective.n + 1) / objective.n
@@ -278,7 +273,6 @@ class Evaluator:
 
     def _moments(self, *fields: Floats) -> Floats:
         self.work.go_on()
-        self.evaluations += fields[0].size
         task = self.task
         *lengths, gamma, closed = (field[:, None] for field in fields)
         design = Design(*lengths)

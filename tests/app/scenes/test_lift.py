@@ -47,16 +47,6 @@ def test_optimize_replies_what_the_contract_names(client) -> None:
     assert moved["velocity"][0] == pytest.approx(reply["motion"]["velocity_start"], rel=1e-7)
 
 
-def test_batch_rows_are_single_answers_and_errors_stay_in_their_row(client) -> None:
-    cylinders = [{"length": 220, "speed": 100}, {"length": 220, "speed": 0}, {"length": 9000, "speed": 100}]
-    body = {**changed(OPTIMIZE, {"-cylinder": 0}), "cylinders": cylinders}
-    rows = client.post("/v2/lift/batch", json=body).json()["rows"]
-    optimum = client.post("/v2/lift/optimize", json=OPTIMIZE).json()
-    assert rows[0]["design"] == optimum["design"] and rows[0]["objective"] == optimum["objective"]
-    assert (rows[1]["status"], rows[1]["constraint"]) == ("infeasible", "speed")
-    assert rows[2]["constraint"] == "b<=max" and rows[2]["amount"] > 10
-
-
 def test_csv_has_a_line_for_each_time(client, tmp_path) -> None:
     reply = client.post("/v2/lift/motion.csv", json=MOTION)
     assert reply.headers["content-type"].startswith("text/csv")

@@ -16,7 +16,6 @@ from synthesis.work import Cancelled, Work
 SLOW = {
     "lift optimize-even",
     "lift optimize-buildable",
-    "lift batch-cylinders",
 }
 """Examples of queries with another example or their own test in test_knotter.py and test_lift.py."""
 EXAMPLES = [
