@@ -105,8 +105,7 @@ def content_of(
         }
     except FieldError:
         masses = None  # no plates of these sizes: the file has a note
-    text = to_mjcf(linkage, target, unit_mm, masses)
-    return (text if attached is None else attached.simulated(text, unit_mm / 1000)).encode()
+    return to_mjcf(linkage, target, unit_mm, masses).encode()
 
 
 def _analysis_columns(linkage: Linkage, target: Target, radian: float, analysis: Fields | None) -> dict[str, Any]:

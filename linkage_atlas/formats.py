@@ -33,7 +33,7 @@ OF_PARTS = ("step", "3mf", "stl", "urdf", "sdf", "parts")
 """Kinds that are written from solid parts."""
 HELD = {
     **dict.fromkeys(("assembly", "solids"), (*OF_PARTS, "plates", "mjcf")),
-    "drive": ("csv", "svg", "dxf", "mjcf"),
+    "drive": ("csv", "svg", "dxf"),
 }
 """Kinds of files that can hold more than a linkage."""
 

@@ -713,8 +713,8 @@ class Linkage:
         work : Work, optional
             Limits the time, and ends the computation if the result is no longer needed.
         drive : mapping, optional
-            Drive of `linkage_atlas.drives`, or its plain values. It adds columns to a CSV file, lines to a drawing, the drive to
-            an MJCF model, and to files of parts a motor and its rod or a cylinder, with the arm that carries its pin.
+            Drive of `linkage_atlas.drives`, or its plain values. It adds columns to a CSV file, lines to a drawing, and to
+            files of parts a motor and its rod or a cylinder, with the arm that carries its pin.
         """
         one_of("kind", kind, FORMATS)
         drive = drive.to_dict() if isinstance(drive, Record) else drive

@@ -32,7 +32,7 @@ from app.query import (
 )
 from linkage_atlas.arguments import pointing
 from linkage_atlas.assemblies import ASSEMBLY
-from linkage_atlas.formats import HELD
+from linkage_atlas.formats import HELD, OF_PARTS
 from linkage_atlas.notes import counted
 from linkage_atlas.studies import DRIVE_STUDIES
 
@@ -225,7 +225,7 @@ def _drive_in(kind: str, drives: Sequence[Any]) -> Any:
     """Return the first of a solution's drives that a file of a kind can hold; None if it can hold no drive."""
     if kind in HELD["drive"]:
         return next(iter(drives), None)
-    if kind not in HELD["assembly"]:
+    if kind not in (*OF_PARTS, "plates"):
         return None
     if kind in ("urdf", "sdf"):  # exports to these formats contain only revolute joints
         drives = [drive for drive in drives if drive.kind != "actuator"]

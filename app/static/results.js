@@ -21,7 +21,7 @@ import { mark, plainNote, reasons } from "./verdict.js";
 const CARDS = ["results", "curves-card", "numbers-card", "files-card", "player"];
 const ENDINGS = { mjcf: "xml", plates: "plates.dxf", pylinkage: "pylinkage.json", stl: "stl.zip", parts: "parts.csv" };
 const OF_PARTS = ["step", "3mf", "stl", "urdf", "sdf", "parts"];
-const WITH_DRIVE = ["dxf", "csv", "svg", "mjcf", "plates", ...OF_PARTS];
+const WITH_DRIVE = ["dxf", "csv", "svg", "plates", ...OF_PARTS];
 const TURNING = ["urdf", "sdf"]; // formats without what slides
 const ENDS = { tolerance: "tolerance reached", converged: "no further improvement found", budget: "the time was up" };
 const REST_MS = 120; // without a further drag, after which the curves are drawn anew

@@ -15,7 +15,7 @@ from synthesis.drives.crank_rocker import place_motor_about_pivot
 from synthesis.drives.links import GROUND
 from synthesis.drives.motor import MotorCycle, evaluate_motor
 from synthesis.drives.motor_search import place_motor
-from synthesis.drives.six_bar import MOTOR_CRANK, ROD, Joint, Motor, joints_of, rod_joints
+from synthesis.drives.six_bar import MOTOR_CRANK, ROD, Joint, Motor, joints_of
 from synthesis.drives.six_bar import SixBar as Swung
 from synthesis.studies.forces import Pull
 from synthesis.target import TURN, Interval
@@ -111,16 +111,14 @@ def _six_bar(task: DriveTask, six: Swung, cycle: MotorCycle) -> SixBar:
     operation, motor = task.operation, six.motor
     radian = operation.radian
     even = six.sense * np.linspace(0.0, TURN, STEPS)
-    machine, at = six.machine(even), six.travel(even)
-    plain = operation.poses(at)
-    rod, arm = machine.links[ROD], machine.links[MOTOR_CRANK].direction * motor.crank
-    force = plain.torque(task.question.load) / dot(rod.direction, plain.links[motor.link].speed(motor.pin))
+    machine, rod, knee = six.machine(even), six.rod(even) / motor.rod, six.knee(even)
+    force = machine.torque(task.question.load) / dot(rod, machine.links[motor.link].speed(motor.pin))
     (forwards, backwards), dwell = six.turn, six.dwell(DWELL_SHARE)
     joints = _joints(task, six)
     points = {joint.name: xy(joint.position[0]) for joint in joints}
     names = {
         link: [joint.name for joint in joints if link in (joint.first, joint.second)]
-        for link in (GROUND, *machine.links)
+        for link in (GROUND, *machine.links, MOTOR_CRANK, ROD)
     }
     if operation.view is not None and machine.body is not None:
         points["P"] = xy(six.machine(six.forwards(np.zeros(1))).link("body").origin[0])
@@ -135,10 +133,10 @@ def _six_bar(task: DriveTask, six: Swung, cycle: MotorCycle) -> SixBar:
         motor_turn=(forwards / radian, backwards / radian),
         dwell=(dwell[0] / radian, dwell[1] / radian),
         motor_angle=(six.start + even) / radian,
-        crank_angle=at / operation.unit,
-        motor_torque=task.if_loaded(force * dot(rod.direction, 1j * arm)),
+        crank_angle=six.travel(even) / operation.unit,
+        motor_torque=task.if_loaded(force * dot(rod, 1j * (knee - motor.at))),
         rod_force=task.if_loaded(force),
-        motor_pin=plane(six.knee(even)),
+        motor_pin=plane(knee),
         driver=MOTOR_CRANK,
         joints=points,
         links=[SixBarLink(link, on_link) for link, on_link in names.items()],
@@ -147,8 +145,9 @@ def _six_bar(task: DriveTask, six: Swung, cycle: MotorCycle) -> SixBar:
 
 def _joints(task: DriveTask, six: Swung) -> list[Joint]:
     """Return the joints at the first sample, forwards; on a hinged link B is its pivot."""
-    machine = six.machine(six.forwards(np.zeros(1)))
+    turned = six.forwards(np.zeros(1))
+    machine = six.machine(turned)
     if task.operation.view is not None:
-        return joints_of(task.operation.view.plain, six.motor, machine)
+        return joints_of(task.operation.view.plain, machine) + six.rod_joints(turned)
     pivot = Joint("B", GROUND, six.motor.link, machine.links[six.motor.link].origin)
-    return [pivot, *rod_joints(six.motor, machine)]
+    return [pivot, *six.rod_joints(turned)]

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkage_atlas.analysis import MOST_LINK_MASSES, Analysis, AskedAnalysis, columns_of, read_load
-from linkage_atlas.arguments import Fields, bounded, column, known_fields, mapping, millimetres_in, number
+from linkage_atlas.analysis import Analysis
+from linkage_atlas.arguments import Fields, column, number
 from linkage_atlas.assemblies import Assembly, assembled, read_assembly
 from linkage_atlas.constructors import FourBar
 from linkage_atlas.files import content_of
@@ -18,21 +18,18 @@ from linkage_atlas.formats import OF_PARTS
 from linkage_atlas.geometry import Joints
 from linkage_atlas.linkages import Linkage, given_linkage
 from linkage_atlas.motions import Motion
-from linkage_atlas.records import Record, Values, Vectors, plain, plane, xy
+from linkage_atlas.records import plain, plane, xy
 from linkage_atlas.solids import read_solids, solids_in
 from linkage_atlas.tolerance_study import Manufacture, ToleranceStudy
 from synthesis.arrays import Floats
 from synthesis.drives.links import ends_of
 from synthesis.drives.six_bar import MOTOR_CRANK, ROD, Motor, SixBar, joints_of
 from synthesis.errors import FieldError
-from synthesis.link_motion import Mass
-from synthesis.target import TURN, Interval, Target
+from synthesis.target import TURN, Target
 from synthesis.work import Work
 
 _STEPS = 73
 """Number of rows of a table over a turn of the motor."""
-_CURVE = 361
-"""Default number of motor angles of an analysis."""
 
 
 class SixBarJoints(NamedTuple):
@@ -58,34 +55,6 @@ class SixBarJoints(NamedTuple):
     """Direction of the motor's crank against the x axis."""
     transmission_angle: Floats
     """Angle between the rod and the normal of the path of its pin."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class SixBarAnalysis(Record):
-    """Velocities, accelerations and forces at a constant speed of the motor, one value for each motor angle."""
-
-    motor_angle: Floats
-    """Angle from the first end, counter-clockwise positive."""
-    motor_speed: float
-    travel: Values
-    """Travel of the linkage's drive from the first sample."""
-    velocity: Vectors | None
-    """Velocity of the body point; null without positions."""
-    acceleration: Vectors | None
-    angular_velocity: dict[str, Values]
-    """Angular velocity of each link by its name."""
-    angular_acceleration: dict[str, Values]
-    transmission_angle: Values
-    """Angle between the rod and the normal of the path of its pin."""
-    motor_torque: Values | None
-    """Torque of the motor, counter-clockwise, without friction in the pins; null without a load."""
-    pin_forces: dict[str, Vectors] | None
-    """Force in each joint on the second of its two links; the force of a slide acts across it. Null without a load."""
-
-    def columns(self) -> dict[str, Iterable[object]]:
-        """Return the columns of a table with one row for each motor angle."""
-        turning = ("angular_velocity", "angular_acceleration")
-        return columns_of(self, "velocity", "acceleration", "pin_forces", *turning, "motor_torque")
 
 
 class SixBarLinkage(Linkage):
@@ -236,23 +205,22 @@ class SixBarLinkage(Linkage):
         six = self._linkage
         turned = np.atleast_1d(column("motor", motor)) * self._radian
         flat = turned.ravel()
-        machine = six.machine(flat)
+        joints = joints_of(self._base.plain, six.machine(flat)) + six.rod_joints(flat)
         travel = np.reshape(six.travel(flat), turned.shape) / self._base._unit
         return SixBarJoints(
             {
                 joint.name: plane(np.broadcast_to(joint.position, flat.shape).reshape(turned.shape))
-                for joint in joints_of(self._base.plain, six.motor, machine)
+                for joint in joints
             },
             self._base.joints(travel),
             travel,
             (six.start + turned) / self._radian,
-            np.reshape(six.transmission(machine), turned.shape) / self._radian,
+            np.reshape(six.transmission(flat), turned.shape) / self._radian,
         )
 
     def transmission_angle_min(self) -> float:  # type: ignore[override]
         """Return the smallest transmission angle of the rod, at 721 motor angles of a turn."""
-        six = self._linkage
-        return float(six.transmission(six.machine(np.linspace(0.0, TURN, 721))).min()) / self._radian
+        return float(self._linkage.transmission(np.linspace(0.0, TURN, 721)).min()) / self._radian
 
     def dwell(self, share: float = 0.01) -> tuple[float, float]:
         """Return the motor angles over which the linkage is within a fraction of its motion from the first and the last end."""
@@ -260,61 +228,6 @@ class SixBarLinkage(Linkage):
             raise FieldError("/share", f"must be a number between 0 and 0.5; it is {share}")
         first, last = self._linkage.dwell(share)
         return first / self._radian, last / self._radian
-
-    def analysis(  # type: ignore[override]
-        self,
-        motor_speed: float,
-        load: Fields | None = None,
-        motor: ArrayLike | None = None,
-        *,
-        length_unit: str | None = None,
-    ) -> SixBarAnalysis:
-        """Compute velocities, accelerations and, with a load, the motor's torque and the forces in all seven joints.
-
-        Parameters
-        ----------
-        motor_speed : float
-            Constant speed of the motor, counter-clockwise, in the linkage's unit of angle per second.
-        load : mapping, optional
-            Load as in `Linkage.analysis`. Its ``masses`` can also be on the links motor_crank and rod, whose frames begin at the
-            motor and at the end of its crank and lie along them.
-        motor : array_like, shape (n,), optional
-            Motor angles from the first end. Default: a whole turn.
-        length_unit : {"um", "mm", "cm", "m", "in", "ft"}, optional
-            Unit of its lengths, which the forces of inertia depend on; default: the unit of the motion, or millimetres.
-        """
-        six, speed = self._linkage, bounded("motor_speed", motor_speed) * self._radian
-        turned = np.linspace(0.0, TURN, _CURVE)
-        if motor is not None:
-            turned = np.atleast_1d(column("motor", motor)) * self._radian
-        machine, held = six.machine(turned), None
-        unit = self.unit_for(None, length_unit) or "mm"
-        metre = millimetres_in(unit) / 1000
-        if load is not None:
-            links = (*machine.links, "body")
-            read, parts = read_load(
-                "load", load, links, machine.body is not None, MOST_LINK_MASSES, middles=machine.middles
-            )
-            masses = read.masses
-            if parts:
-                weights = self.solids(length_unit=unit, allow_collisions=True).masses
-                masses += tuple(Mass(link.link, link.mass, complex(*link.centre), link.inertia) for link in weights)
-            read = read._replace(masses=masses, speed=speed, metre=metre)
-            held = six.reactions(machine, joints_of(self._base.plain, six.motor, machine), read)
-        turning = {name: link for name, link in machine.links.items() if not name.endswith("slider")}
-        body = machine.body
-        return SixBarAnalysis(
-            motor_angle=turned / self._radian,
-            motor_speed=float(motor_speed),
-            travel=six.travel(turned) / self._base._unit,
-            velocity=None if body is None else plane(body.velocity * speed),
-            acceleration=None if body is None else plane(body.acceleration * speed**2),
-            angular_velocity={name: link.rate * speed / self._radian for name, link in turning.items()},
-            angular_acceleration={name: link.rate_change * speed**2 / self._radian for name, link in turning.items()},
-            transmission_angle=six.transmission(machine) / self._radian,
-            motor_torque=None if held is None else held.torque,
-            pin_forces=None if held is None else {name: plane(force) for name, force in held.forces.items()},
-        )
 
     # -- files ----------------------------------------------------------------------------------------------
 
@@ -332,7 +245,6 @@ class SixBarLinkage(Linkage):
         motion: Motion | None = None,
         length_unit: str | None = None,
         motor: ArrayLike | None = None,
-        analysis: Fields | None = None,
         assembly: Fields | bool | None = None,
         solids: Fields | None = None,
         work: Work | None = None,
@@ -341,7 +253,7 @@ class SixBarLinkage(Linkage):
 
         Parameters
         ----------
-        kind : {"csv", "svg", "dxf", "mjcf", "plates", "step", "3mf", "stl", "urdf", "sdf", "parts"}
+        kind : {"csv", "svg", "dxf", "plates", "step", "3mf", "stl", "urdf", "sdf", "parts"}
             Drawings, models and parts show the first sample of a motion, or else the first end.
         motion : Motion, optional
             Required motion with given crank angles, which is drawn with the linkage.
@@ -349,8 +261,6 @@ class SixBarLinkage(Linkage):
             Unit of its lengths; default: the unit of the motion, or millimetres.
         motor : array_like, shape (n,), optional
             Motor angles of the rows of a CSV file. Default: a turn in steps of 5 degrees.
-        analysis : mapping, optional
-            Arguments ``motor_speed`` and ``load`` of `analysis`, for further columns of a CSV file.
         assembly, solids, work
             See `Linkage.file`.
         """
@@ -361,7 +271,7 @@ class SixBarLinkage(Linkage):
             return solids_in(arranged, read_solids(solids), unit).file(kind)
         base, plain = self._base, self._base.plain
         if kind == "csv":
-            return self._table(motor, analysis, length_unit)
+            return self._table(motor, length_unit)
         first, last = self._linkage.used
         target = base._motion if motion is None else base.target_of(motion, None)
         if target is None:
@@ -371,7 +281,7 @@ class SixBarLinkage(Linkage):
         shown = type(base).of(plain, self._radian, target)
         return shown.file(kind, length_unit=length_unit, drive=self.drive)
 
-    def _table(self, motor: ArrayLike | None, analysis: Fields | None, length_unit: str | None) -> bytes:
+    def _table(self, motor: ArrayLike | None, length_unit: str | None) -> bytes:
         turned = np.linspace(0.0, TURN, _STEPS) / self._radian
         if motor is not None:
             turned = np.atleast_1d(column("motor", motor))
@@ -383,17 +293,6 @@ class SixBarLinkage(Linkage):
         }
         for name in "KQ":
             more |= {f"{name}_{axis}": found.joints[name][:, k] for k, axis in enumerate("xy")}
-        if analysis is not None:
-            known_fields("analysis", analysis, ("motor_speed", "load"))
-            if analysis.get("motor_speed") is None:
-                raise FieldError("/analysis/motor_speed", "is required: the speed of the motor")
-            analysed = self.analysis(
-                bounded("analysis/motor_speed", analysis["motor_speed"]),
-                None if analysis.get("load") is None else mapping("analysis/load", analysis["load"]),
-                turned,
-                length_unit=length_unit,
-            )
-            more |= analysed.columns()
         rows = Target(None, None, crank=found.travel * self._base._unit, found=True)
         return content_of(self._base.plain, rows, self._radian, "csv", length_unit, None, None, more=more)
 
@@ -435,10 +334,10 @@ class SixBarLinkage(Linkage):
             "/linkage", "tolerances are simulated for the linkage without the motor: use `linkage.tolerance_study`"
         )
 
-    def analysed(self, request: AskedAnalysis, travel: Floats, over: Interval | None = None) -> Analysis:
-        """Raise FieldError, because `analysis` needs the speed of the motor."""
+    def analysis(self, *_: object, **__: object) -> Analysis:
+        """Raise FieldError, because speeds and forces are computed for the linkage without its motor."""
         raise FieldError(
-            "/linkage", "a six-bar has no such curves; use `analysis`, whose speed is the speed of the motor"
+            "/linkage", "speeds and forces are computed for the linkage without the motor: use `linkage.analysis`"
         )
 
     def __repr__(self) -> str:

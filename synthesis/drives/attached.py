@@ -1,8 +1,7 @@
-"""A drive on a linkage, for drawings, tables and simulations: columns, lines and parts of a MuJoCo model."""
+"""A drive on a linkage, for drawings and tables: columns and lines."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -13,7 +12,6 @@ from synthesis.arrays import Complexes
 from synthesis.drives.links import GROUND, LinkMotions
 from synthesis.drives.six_bar import SixBar
 from synthesis.errors import FieldError
-from synthesis.export.simulation import xy0
 from synthesis.sheet import Extra, Sheet
 from synthesis.target import TURN
 
@@ -21,8 +19,6 @@ LAYER = "DRIVE"
 """Layer of a drawing for CAD."""
 COLOUR = 6
 """AutoCAD's index of the layer's colour."""
-_LINK_MASS = 0.1
-"""Mass of each link of a motor or a knee in a simulation, as a fraction of the heaviest link."""
 _STYLE = "<style>.drive{stroke:#d97706;stroke-width:6}.arm{stroke:#1d2733;stroke-width:8}</style>"
 _BODY_WIDTH = 0.08
 """Width of an actuator's body in a drawing, as a fraction of its retracted length."""
@@ -163,87 +159,3 @@ class Attached:
             return _STYLE + "".join([*parts, *(sheet.dot(pin, 8, 'class="pin"') for pin in pins)])
 
         return Extra(np.concatenate([np.array([*pivots, *pins]), *(line for line, _ in lines), *arms]), draw)
-
-    def simulated(self, model: str, metre: float) -> str:
-        """Return a MuJoCo model in which this drive replaces the model's own.
-
-        Parameters
-        ----------
-        model : str
-            The model in MJCF.
-        metre : float
-            Metres per unit of length of the machine.
-
-        Raises
-        ------
-        FieldError
-            If the linkage or the model lacks the link, or if the motor does not drive the linkage.
-        """
-        if self.kind == "rotary":
-            self._need(model, self.link)
-            return re.sub(r'(<velocity name="drive" joint=")[^"]+"', rf'\g<1>{self.link}"', model)
-        ground, pin = self.ends()
-        if self.kind in ("dyad", "toggle"):
-            return self._with_knee(model, metre, complex(ground[0]))
-        model = self._with_site(model, self.link, "drive_pin", self.pin, metre)
-        if self.on == GROUND:
-            site = f'    <site name="drive_ground" pos="{xy0(self.ground * metre)}"/>\n  </worldbody>'
-            model = model.replace("  </worldbody>", site)
-        else:
-            point = self.machine.point_on(self.on, self.ground)
-            model = self._with_site(model, self.on, "drive_ground", point, metre)
-        tendon = (
-            '  <tendon>\n    <spatial name="drive" width="0.005" rgba="0.8 0.2 0.6 1">\n'
-            '      <site site="drive_ground"/>\n      <site site="drive_pin"/>\n    </spatial>\n  </tendon>\n'
-        )
-        length = np.abs(pin - ground) * metre
-        low, high = float(length.min()), float(length.max())
-        servo = (
-            f'  <actuator>\n    <position name="drive" tendon="drive" kp="1e4" kv="1e2" ctrlrange="{low!r} {high!r}"/>\n'
-            "  </actuator>\n"
-        )
-        model = re.sub(r"  <actuator>.*?</actuator>\n", lambda _: tendon + servo, model, flags=re.DOTALL)
-        return re.sub(r'<key name="start"[^>]*/>', f'<key name="start" ctrl="{float(length[0])!r}"/>', model)
-
-    def _with_knee(self, model: str, metre: float, ground: complex) -> str:
-        knees = self.knees()
-        if knees is None:
-            raise FieldError("/drive", "this motor does not drive the linkage through the samples in their order")
-        pin, knee = complex(self.ends()[1][0]), complex(knees[0])
-        first, second = (size * metre for size in self.sizes)
-        turned = float(np.angle(knee - ground))
-        rod = float(np.angle(pin - knee)) - turned
-        model = self._with_site(model, self.link, "drive_pin", self.pin, metre)
-
-        heaviest = max(float(mass) for mass in re.findall(r'<inertial [^>]*?mass="([^"]+)"', model))
-
-        def part(length: float) -> str:
-            mass = _LINK_MASS * heaviest
-            inertia = mass * length**2 / 12
-            return (
-                f'<inertial pos="{length / 2!r} 0 0" mass="{mass!r}" diaginertia="{inertia!r} {inertia!r} {inertia!r}"/>'
-                f'<geom type="capsule" fromto="0 0 0 {length!r} 0 0" size="{0.01 * max(first, second)!r}" '
-                'rgba="0.8 0.2 0.6 1"/>'
-            )
-
-        bodies = (
-            f'    <body name="motor" pos="{xy0(ground * metre)}" euler="0 0 {turned!r}">\n'
-            f'      <joint name="motor"/>\n      {part(first)}\n'
-            f'      <body name="rod" pos="{first!r} 0 0" euler="0 0 {rod!r}">\n        <joint name="rod"/>\n'
-            f'        {part(second)}\n        <site name="drive_rod" pos="{second!r} 0 0"/>\n      </body>\n    </body>\n'
-            "  </worldbody>"
-        )
-        model = model.replace("  </worldbody>", bodies)
-        loop = '    <connect name="drive_loop" site1="drive_rod" site2="drive_pin" solref="0.0002 1"/>\n  </equality>'
-        model = model.replace("  </equality>", loop)
-        model = re.sub(r'(<velocity name="drive" joint=")[^"]+"', r'\g<1>motor"', model)
-        return re.sub(r'(<key name="start" ctrl="[^"]*")[^>]*/>', r"\g<1>/>", model)
-
-    def _need(self, model: str, name: str) -> None:
-        if f'<body name="{name}"' not in model:
-            raise FieldError("/drive/link", f"the model has no body {name}")
-
-    def _with_site(self, model: str, body: str, name: str, point: complex, metre: float) -> str:
-        self._need(model, body)
-        site = f'\n      <site name="{name}" pos="{xy0(point * metre)}"/>'
-        return re.sub(rf'<body name="{body}"[^>]*>', lambda found: found.group() + site, model, count=1)

@@ -1,4 +1,4 @@
-"""A linkage with a motor, its crank and a rod as one mechanism of six links: poses, rates and forces by the motor's angle.
+"""A linkage with a motor, its crank and a rod as one mechanism of six links: poses by the motor's angle.
 
 The motor's crank a about O and the rod b to the pin Q leave the linkage one degree of freedom, the motor's angle. In the two
 strokes of a turn the linkage passes through its used interval and back, so at an angle w the linkage's own drive has the only
@@ -6,14 +6,14 @@ coordinate phi of the interval with
 
     |Q(phi) - K(w)| = b,    K = O + a e^{i (w0 + w)}
 
-which Newton's method finds to rounding, on any link. Rates follow by the chain rule; they vanish at both ends, where crank and
-rod are collinear and the linkage rests for a moment while the motor turns.
+which Newton's method finds to rounding, on any link. At both ends crank and rod are collinear, and the linkage rests for a
+moment while the motor turns.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
@@ -23,9 +23,7 @@ from synthesis.arrays import Complexes, Floats, cross, dot
 from synthesis.drives.links import GROUND, LinkMotions, motions_at
 from synthesis.drives.motor import MotorCycle, evaluate_motor
 from synthesis.errors import FieldError
-from synthesis.link_motion import LinkMotion
 from synthesis.linkage import Linkage
-from synthesis.studies.forces import Load
 from synthesis.target import TURN, Interval
 from synthesis.triangle import angle_at
 
@@ -69,17 +67,6 @@ class Joint(NamedTuple):
     first: str
     second: str
     position: Complexes
-    normal: Complexes | None = None
-    """Direction of the force in a slide; None for a pin."""
-
-
-class Reactions(NamedTuple):
-    """Forces that hold a load in equilibrium, (n,) each."""
-
-    torque: Floats
-    """Torque of the motor, counter-clockwise."""
-    forces: dict[str, Complexes]
-    """Force of the first link on the second in each joint, by the joint's name."""
 
 
 @dataclass(frozen=True)
@@ -119,9 +106,7 @@ class SixBar:
         turned = np.linspace(0.0, TURN, 181)
         with np.errstate(all="ignore"):
             if self.motor.link in self._coarse.links and self._cycle is not None:
-                machine = self.machine(turned)
-                off = machine.links[self.motor.link].position(self.motor.pin) - machine.links[ROD].origin
-                if np.abs(np.abs(off) - self.motor.rod).max() < 1e-9 * size:
+                if np.abs(np.abs(self.rod(turned)) - self.motor.rod).max() < 1e-9 * size:
                     return
         raise FieldError(
             "/drive",
@@ -251,146 +236,45 @@ class SixBar:
     # -- motion -------------------------------------------------------------------------------------------------------
 
     def machine(self, turned: Floats) -> LinkMotions:
-        """Return all links at angles (n,) of the motor from the first end, with derivatives by that angle.
+        """Return the linkage at angles (n,) of the motor from the first end, with derivatives by its own drive."""
+        return self.poses(self.travel(np.asarray(turned)))
 
-        For the frames of the linkage see `motions_at`. The frame of the motor's crank lies at O along the crank, the frame of
-        the rod at the crank's end along the rod.
-        """
-        turned = np.asarray(turned, dtype=float)
-        motor, at = self.motor, self.travel(turned)
-        plain = self.poses(at)
-        link = plain.links[motor.link]
-        knee = self.knee(turned)
-        arm = knee - motor.at
-        off, speed = link.position(motor.pin) - knee, link.speed(motor.pin)
-        along = dot(off, speed)
-        rate = dot(off, 1j * arm) / along
-        slip = speed * rate - 1j * arm
-        change = -(np.abs(slip) ** 2 + dot(off, link.change(motor.pin) * rate**2 + arm)) / along
-        gain = speed * change + link.change(motor.pin) * rate**2 + arm
-        ones, still = np.ones(turned.size), np.zeros(turned.size, dtype=complex)
-        links = {name: _by(motion, rate, change) for name, motion in plain.links.items()}
-        links[MOTOR_CRANK] = LinkMotion(
-            MOTOR_CRANK, motor.at + still, self.start + turned, still, ones, still, 0 * ones, motor.at
-        )
-        square = np.abs(off) ** 2
-        links[ROD] = LinkMotion(
-            ROD, knee, np.angle(off), 1j * arm, cross(off, slip) / square, -arm, cross(off, gain) / square
-        )
-        return replace(
-            plain,
-            at=turned,
-            links=links,
-            body=None if plain.body is None else _by(plain.body, rate, change),
-            drive="motor",
-            extent=max(plain.extent, motor.rod),
-            reaches=plain.reaches | {MOTOR_CRANK: motor.crank, ROD: motor.rod},
-            middles=plain.middles | {MOTOR_CRANK: motor.crank / 2 + 0j, ROD: motor.rod / 2 + 0j},
-        )
+    def rod(self, turned: Floats) -> Complexes:
+        """Return the vector (n,) along the rod, from the motor's crank to the pin on the link."""
+        return self.machine(turned).links[self.motor.link].position(self.motor.pin) - self.knee(turned)
 
-    def transmission(self, machine: LinkMotions) -> Floats:
+    def transmission(self, turned: Floats) -> Floats:
         """Return the angle (n,) between the rod and the normal of its pin's path; it is 0 at a dead position."""
-        link, rod = self.poses(self.travel(machine.at)).links[self.motor.link], machine.links[ROD].direction
-        speed = link.speed(self.motor.pin)
+        link = self.machine(turned).links[self.motor.link]
+        rod, speed = link.position(self.motor.pin) - self.knee(turned), link.speed(self.motor.pin)
         return np.arctan2(np.abs(dot(rod, speed)), np.abs(cross(rod, speed)))
 
-    # -- forces -------------------------------------------------------------------------------------------------------
-
-    def reactions(self, machine: LinkMotions, joints: list[Joint], load: Load) -> Reactions:
-        """Solve the equilibrium of every link, masses and inertia included.
-
-        Parameters
-        ----------
-        machine : LinkMotions
-            Motion of this six-bar, see `machine`.
-        joints : list of Joint
-            All joints, see `joints_of`.
-        load : Load
-            Load; its ``speed`` is the constant speed of the motor.
-
-        Returns
-        -------
-        Reactions
-            Torque and joint forces; the torque agrees with `LinkMotions.torque`, which uses virtual work.
-        """
-        names = list(machine.links)
-        rows, count = 3 * len(names), machine.at.size
-        matrix, right = np.zeros((count, rows, rows)), np.zeros((count, rows))
-
-        def add(name: str, point: Complexes, force: Complexes, moment: Floats | float, target: Floats) -> None:
-            if name != GROUND:
-                row = 3 * names.index("coupler" if name == "body" else name)
-                about = machine.links[names[row // 3]].origin
-                target[:, row] += np.real(force)
-                target[:, row + 1] += np.imag(force)
-                target[:, row + 2] += (cross(point - about, force) + moment) / machine.extent
-
-        zero = np.zeros(count, dtype=complex)
-        for k, joint in enumerate(joints):
-            if joint.normal is None:
-                pushes = ((zero + 1, 0.0), (zero + 1j, 0.0))
-            else:
-                pushes = ((joint.normal, 0.0), (zero, machine.extent))
-            for column, (force, moment) in enumerate(pushes, 2 * k):
-                add(joint.second, joint.position, force, moment, matrix[:, :, column])
-                add(joint.first, joint.position, -force, -moment, matrix[:, :, column])
-        matrix[:, 3 * names.index(MOTOR_CRANK) + 2, -1] = 1.0
-        if machine.body is not None:
-            add("body", machine.body.origin, zero + load.force, load.torque, right)
-        for mass in load.masses:
-            link = machine.link(mass.link)
-            pull = mass.mass * (load.gravity - load.metre * load.speed**2 * link.change(mass.at))
-            spin = load.metre * mass.inertia * load.speed**2 * link.rate_change
-            add(mass.link, link.position(mass.at), pull, -spin, right)
-        found: Floats = np.asarray(np.linalg.solve(matrix, -right[:, :, None])[:, :, 0], dtype=float)
-        forces = {}
-        for k, joint in enumerate(joints):
-            first, second = found[:, 2 * k], found[:, 2 * k + 1]
-            forces[joint.name] = first + 1j * second if joint.normal is None else first * joint.normal
-        return Reactions(np.asarray(found[:, -1] * machine.extent), forces)
+    def rod_joints(self, turned: Floats) -> list[Joint]:
+        """Return the joints M, the motor's shaft, K of its crank and the rod, and Q of the rod and the link."""
+        knee = self.knee(turned)
+        return [
+            Joint("M", GROUND, MOTOR_CRANK, np.full(knee.shape, self.motor.at)),
+            Joint("K", MOTOR_CRANK, ROD, knee),
+            Joint("Q", ROD, self.motor.link, knee + self.rod(turned)),
+        ]
 
 
-def _by(link: LinkMotion, rate: Floats, change: Floats) -> LinkMotion:
-    """Return a link's motion by another parameter, given the derivatives of its own parameter by that."""
-    return replace(
-        link,
-        velocity=link.velocity * rate,
-        rate=link.rate * rate,
-        acceleration=link.acceleration * rate**2 + link.velocity * change,
-        rate_change=link.rate_change * rate**2 + link.rate * change,
-    )
+def joints_of(linkage: Linkage, machine: LinkMotions) -> list[Joint]:
+    """Return the joints A, D, C and B of a linkage.
 
-
-def joints_of(linkage: Linkage, motor: Motor, machine: LinkMotions) -> list[Joint]:
-    """Return the seven joints of a six-bar.
-
-    A, D, C and B belong to the linkage, M is the motor's shaft, K joins crank and rod, Q lies on the link. The slide of a rail
-    and the pin of a slot's block are A or B too; the slide of a slot in the body is D or C.
+    The slide of a rail and the pin of a slot's block are A or B too; the slide of a slot in the body is D or C.
 
     Parameters
     ----------
     linkage : Linkage
-    motor : Motor
     machine : LinkMotions
-        Motion of the six-bar.
+        Its motion.
     """
     links, body, found = machine.links, machine.links["coupler"], []
     for (name, guide), fixed, moving in zip(linkage.by_coupler.named_guides, "AB", "DC"):
-        pin, across = guide.contact(body.origin, body.direction), guide.push(body.origin, body.direction)
-        ground = Joint(
-            fixed, GROUND, name, pin if guide.slides else links[name].origin, None if guide.has_pin else across
-        )
-        found += [ground, Joint(moving, name, "coupler", pin, None if guide.holds_point else across)]
+        pin = guide.contact(body.origin, body.direction)
+        ground = Joint(fixed, GROUND, name, pin if guide.slides else links[name].origin)
+        found += [ground, Joint(moving, name, "coupler", pin)]
     if linkage.is_four_bar:  # in the order of the loop
         found[2:] = found[:1:-1]
-    return found + rod_joints(motor, machine)
-
-
-def rod_joints(motor: Motor, machine: LinkMotions) -> list[Joint]:
-    """Return the joints M, K and Q of the motor and its rod."""
-    links, rod = machine.links, machine.links[ROD]
-    return [
-        Joint("M", GROUND, MOTOR_CRANK, links[MOTOR_CRANK].origin),
-        Joint("K", MOTOR_CRANK, ROD, rod.origin),
-        Joint("Q", ROD, motor.link, rod.position(complex(motor.rod))),
-    ]
+    return found
