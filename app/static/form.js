@@ -1,7 +1,7 @@
 // Builds a form of labelled fields from the JSON schema of a request, reads the request back, and marks wrong fields.
 
 import { listEntries, typed, unreadable } from "./decimal.js";
-import { button, element } from "./drawing.js";
+import { element } from "./drawing.js";
 import { build, listed } from "./shell.js";
 
 let serial = 0;
