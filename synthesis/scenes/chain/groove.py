@@ -2,9 +2,8 @@
 
 The path consists of the bare track and, where the slot replaces the track, the slot. The slot is approximated by
 pairs of tangent arcs (biarcs) within `TOLERANCE`. The parallel curve of an arc is an arc, so each wall is exactly a
-roller radius from this path. If the slot meets the track at a step or a corner, intersecting walls are cut at their
-intersection, and separated walls are joined by an arc of the roller radius. The result is the edge of the area swept
-by the roller.
+roller radius from this path. If the slot meets the track at a step or a corner, lines join the parallels, which cross
+near an inner corner.
 
 Coordinates are in the frame and the unit of the track, at full size.
 """
@@ -12,14 +11,13 @@ Coordinates are in the frame and the unit of the track, at full size.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from synthesis.errors import FieldError
-from synthesis.one_variable import Flags, Floats, bisect
+from synthesis.one_variable import Floats
 from synthesis.scenes.chain.slot import Slot, smallest_radius
 from synthesis.scenes.chain.track import Points, Track, cross, dot
 from synthesis.sheet import Sheet, csv_text, dxf_document, dxf_text
@@ -38,8 +36,6 @@ class GrooveOptions:
     """Initial number of nodes on the slot, which is doubled until the arcs are within the tolerance."""
     max_nodes: int = 4096
     """Largest number of nodes on the slot."""
-    check_points: int = 2048
-    """Number of points on the path and on each wall for checking that the groove does not cut into itself."""
 
 
 OPTIONS = GrooveOptions()
@@ -74,13 +70,6 @@ class PathElement(NamedTuple):
         points: Points = self.start + (self.end - self.start) * chord_ratio * np.exp(1j * half_turn * (fractions - 1))
         return points
 
-    def section(self, first: float, last: float) -> PathElement:
-        """Return the section between two fractions of the length."""
-        start, end = (complex(point) for point in self.points_at(np.array([first, last])))
-        return PathElement(
-            self.start if first == 0 else start, self.end if last == 1 else end, self.turn * (last - first)
-        )
-
     def offset_by(self, distance: float) -> PathElement:
         """Return the parallel element at a distance, positive to the left."""
         normal = 1j * self.heading
@@ -88,19 +77,9 @@ class PathElement(NamedTuple):
             self.start + distance * normal, self.end + distance * normal * np.exp(1j * self.turn), self.turn
         )
 
-    @property
-    def reversed(self) -> PathElement:
-        """Return the same element in the opposite direction."""
-        return PathElement(self.end, self.start, -self.turn)
-
 
 Polyarc = list[PathElement]
 """A curve of consecutive arcs and lines."""
-
-
-def reverse_polyarc(polyarc: Polyarc) -> Polyarc:
-    """Return a polyarc in the opposite direction."""
-    return [element.reversed for element in reversed(polyarc)]
 
 
 def biarcs(points: Points, tangents: Points) -> Polyarc:
@@ -218,49 +197,39 @@ def groove(slot: Slot, roller_radius: float | None) -> Groove:
     Returns
     -------
     Groove
-        Each wall is closed, does not intersect itself, and is at a roller radius from the path, nowhere closer.
+        Each wall is closed and at a roller radius from the path.
 
     Raises
     ------
     FieldError
-        The roller is too large for the curvature of the path, for the step at the ends of the slot, or for the
-        distance between two parts of the track.
+        The roller is too large for the curvature of the path.
     """
     track, pitch = slot.chain.track, slot.chain.pitch
     ends = slot.path(np.array([slot.start, slot.end]))
     along, _ = slot.foot(ends)
     first = track.joints[slot.base[0][0]]
     track_path = track_polyarc(track, float(first + along[1]), float(first + along[0]) + track.total)
-    slot_path = slot_polyarc(slot)
-    path = [*track_path, *_bridge(track_path, slot_path, pitch), *slot_path, *_bridge(slot_path, track_path, pitch)]
+    path = _closed([*track_path, *slot_polyarc(slot)], pitch)
     if roller_radius is None:
         return Groove(path, {})
     refuse_undercut(roller_radius, min(smallest_radius(slot), min(abs(element.radius) for element in path)))
-    gap = OPTIONS.gap_tolerance * pitch
-    walls = {
-        name: _wall(track_path, slot_path, roller_radius, side, side == slot.outward, gap)
-        for name, side in (("left", 1), ("right", -1))
-    }
-    _refuse_cuts(path, walls, roller_radius, pitch)
-    return Groove(path, walls)
-
-
-def _wall(track_path: Polyarc, slot_path: Polyarc, radius: float, side: int, is_outer: bool, gap: float) -> Polyarc:
-    """Return the closed wall on the left or right side of the path."""
-    track_wall, slot_wall = (
-        [element.offset_by(side * radius) for element in polyarc] for polyarc in (track_path, slot_path)
+    return Groove(
+        path,
+        {
+            name: _closed([element.offset_by(side * roller_radius) for element in path], pitch)
+            for name, side in (("left", 1), ("right", -1))
+        },
     )
-    corner = _Corner(track_path[-1], slot_path[0], radius, side, is_outer, gap)
-    track_wall, joint, slot_wall = _join_walls(track_wall, slot_wall, corner)
-    # the other end of the slot is the same problem in the opposite direction, with left and right exchanged
-    corner = _Corner(track_path[0].reversed, slot_path[-1].reversed, radius, -side, is_outer, gap)
-    track_wall, other_joint, slot_wall = _join_walls(reverse_polyarc(track_wall), reverse_polyarc(slot_wall), corner)
-    return [
-        *reverse_polyarc(track_wall),
-        *joint,
-        *reverse_polyarc(slot_wall),
-        *reverse_polyarc(other_joint),
-    ]
+
+
+def _closed(polyarc: Polyarc, pitch: float) -> Polyarc:
+    """Join the ends of elements that do not meet by lines, also the last and the first."""
+    closed: Polyarc = []
+    for element, following in zip(polyarc, [*polyarc[1:], polyarc[0]]):
+        closed.append(element)
+        if abs(following.start - element.end) > OPTIONS.gap_tolerance * pitch:
+            closed.append(PathElement(element.end, following.start, 0.0))
+    return closed
 
 
 def refuse_undercut(roller_radius: float, largest: float) -> None:
@@ -280,169 +249,6 @@ def refuse_undercut(roller_radius: float, largest: float) -> None:
             constraint="undercut",
             amount=roller_radius - largest,
         )
-
-
-def _bridge(first: Polyarc, second: Polyarc, pitch: float) -> Polyarc:
-    """Return the line from the end of the first polyarc to the start of the second; empty if they meet."""
-    step = PathElement(first[-1].end, second[0].start, 0.0)
-    return [step] if abs(step.end - step.start) > OPTIONS.gap_tolerance * pitch else []
-
-
-class _Corner(NamedTuple):
-    """Transition of the path from the track to the slot, for the construction of a wall."""
-
-    before: PathElement
-    """Last element of the track."""
-    after: PathElement
-    """First element of the slot."""
-    radius: float
-    """Radius of the roller."""
-    side: int
-    """1 for the left wall, -1 for the right wall."""
-    is_outer: bool
-    """True if the wall is on the side of the track on which the slot lies."""
-    gap: float
-    """Distance below which two points coincide."""
-
-    @property
-    def heading(self) -> complex:
-        """Return the unit tangent at the end of the track."""
-        return complex(self.before.heading * np.exp(1j * self.before.turn))
-
-    @property
-    def step(self) -> complex:
-        """Return the vector from the end of the track to the start of the slot; 0 if they coincide."""
-        step = self.after.start - self.before.end
-        return step if abs(step) > self.gap else 0j
-
-
-def _join_walls(track_wall: Polyarc, slot_wall: Polyarc, corner: _Corner) -> tuple[Polyarc, Polyarc, Polyarc]:
-    """Return the wall of the track, the elements that join both walls, and the wall of the slot.
-
-    Walls that would intersect are cut at their intersection.
-    """
-    if abs(track_wall[-1].end - slot_wall[0].start) <= corner.gap:
-        return track_wall, [], [slot_wall[0]._replace(start=track_wall[-1].end), *slot_wall[1:]]
-    if corner.is_outer:
-        return _join_outer_walls(track_wall, slot_wall, corner)
-    return _join_inner_walls(track_wall, slot_wall, corner)
-
-
-def _join_inner_walls(track_wall: Polyarc, slot_wall: Polyarc, corner: _Corner) -> tuple[Polyarc, Polyarc, Polyarc]:
-    """Join the walls by an arc around the end of the track and, if the step is higher than the roller, a line."""
-    foot, step, radius = corner.before.end, corner.step, corner.radius
-    direction = step / abs(step) if step else 0j
-
-    def is_clear(points: Points) -> Flags:
-        """Return whether points are at least a roller radius away from the step."""
-        local = (points - foot) * np.conj(direction)
-        distance = np.abs(points - foot - direction * np.clip(local.real, 0, abs(step)))
-        return np.asarray(distance >= radius * (1 - 1e-12))
-
-    remaining = _from_first_true(slot_wall, is_clear)
-    tangent_point = foot + radius * corner.heading
-    if step and ((remaining[0].start - foot) * np.conj(direction)).real > corner.gap:
-        joint = [
-            _arc_around(foot, track_wall[-1].end, tangent_point, corner.side),
-            PathElement(tangent_point, remaining[0].start, 0.0),
-        ]
-        return track_wall, joint, remaining
-    return track_wall, [_arc_around(foot, track_wall[-1].end, remaining[0].start, corner.side)], remaining
-
-
-def _join_outer_walls(track_wall: Polyarc, slot_wall: Polyarc, corner: _Corner) -> tuple[Polyarc, Polyarc, Polyarc]:
-    """Cut the wall of the track where the wall of the step, the arc around its end or the wall of the slot meets it."""
-    last, continuation, slot_end = track_wall[-1], slot_wall, corner.after.start
-    if corner.step:
-        tangent_point = slot_end - corner.radius * corner.heading
-        continuation = [
-            PathElement(corner.before.end - corner.radius * corner.heading, tangent_point, 0.0),
-            _arc_around(slot_end, tangent_point, slot_wall[0].start, corner.side),
-            *slot_wall,
-        ]
-
-    def is_outside(points: Points) -> Flags:
-        """Return whether points lie beyond the last element of the track's wall or its continuation."""
-        local, k = (points - last.start) / last.heading, 1 / last.radius
-        return np.asarray(corner.side * (2 * local.imag - k * np.abs(local) ** 2) >= 0)
-
-    remaining = _from_first_true(continuation, is_outside)
-    return [*track_wall[:-1], _shortened(last, remaining[0].start)], [], remaining
-
-
-def _arc_around(centre: complex, start: complex, end: complex, side: int) -> PathElement:
-    """Return the arc around a centre that turns right if ``side`` is 1 and left if it is -1."""
-    turn = float(np.angle((end - centre) / (start - centre)))
-    return PathElement(start, end, turn if -side * turn >= 0 else turn - side * 2 * np.pi)
-
-
-def _shortened(element: PathElement, end: complex) -> PathElement:
-    """Return the element up to a point on it."""
-    local = (end - element.start) / element.heading
-    turn = 2 * float(np.angle(local)) if element.turn else 0.0
-    if not (abs(turn) < abs(element.turn) if element.turn else 0 < local.real < abs(element.end - element.start)):
-        raise _no_wall()
-    return PathElement(element.start, end, turn)
-
-
-def _from_first_true(polyarc: Polyarc, condition: Callable[[Points], Flags]) -> Polyarc:
-    """Return the part of a polyarc from the first point at which a condition holds."""
-    for index, element in enumerate(polyarc):
-        if condition(element.points_at(np.array([0.0])))[0]:
-            fraction = 0.0
-        elif condition(element.points_at(np.array([1.0])))[0]:
-            _, root = bisect(lambda x, element=element: ~condition(element.points_at(x)), np.zeros(1), np.ones(1))  # type: ignore[misc]
-            fraction = float(root[0])
-        else:
-            continue
-        return [element.section(fraction, 1.0), *polyarc[index + 1 :]]
-    raise _no_wall()
-
-
-def _no_wall() -> FieldError:
-    """Build the error for a roller whose walls cannot be joined."""
-    message = "the ends of the slot are too far from the track or too steep for this roller; use a smaller radius"
-    return FieldError("/roller_radius", message, constraint="step")
-
-
-def sample_polyarc(polyarc: Polyarc, count: int) -> Points:
-    """Sample a polyarc.
-
-    Parameters
-    ----------
-    polyarc : list of PathElement
-    count : int
-        Approximate number of points.
-
-    Returns
-    -------
-    ndarray of complex
-        Points, evenly spaced on each element.
-    """
-    lengths = np.array([abs(e.radius * e.turn) if e.turn else abs(e.end - e.start) for e in polyarc])
-    counts = np.maximum(1, np.ceil(count * lengths / lengths.sum())).astype(int)
-    return np.concatenate([element.points_at(np.arange(n) / n) for element, n in zip(polyarc, counts)])
-
-
-def _refuse_cuts(path: Polyarc, walls: dict[str, Polyarc], radius: float, pitch: float) -> None:
-    """Raise a `FieldError` if another part of the groove cuts through a wall.
-
-    A wall is cut if it is closer to the path than the roller radius.
-    """
-    path_points = sample_polyarc(path, OPTIONS.check_points)
-    for wall in walls.values():
-        points = sample_polyarc(wall, OPTIONS.check_points)
-        nearest = np.concatenate(
-            [np.abs(block[:, None] - path_points).min(axis=1) for block in np.array_split(points, 16)]
-        )
-        missing = radius - float(nearest.min())
-        if missing > 4 * OPTIONS.gap_tolerance * pitch:
-            raise FieldError(
-                "/roller_radius",
-                f"the groove would cut into itself: two parts of its path are {2 * missing:.6g} closer than two roller radii",
-                constraint="groove_cut",
-                amount=missing,
-            )
 
 
 TRACK_COLOUR, PATH_COLOUR, WALL_COLOUR, PIN_COLOUR = "#5b6b7b", "#c0392b", "#2471a3", "#1b2631"
