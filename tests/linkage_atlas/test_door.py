@@ -76,12 +76,6 @@ def test_answers_are_indexed_counted_and_iterated(found, built) -> None:
     assert nothing.status == "infeasible" and len(nothing) == 0 and not nothing
 
 
-def test_arrays_lists_and_complex_positions_are_the_same(found) -> None:
-    position = np.array(EXAMPLE["position"]) @ [1, 1j]
-    second = la.synthesize(np.array(EXAMPLE["rotation"]), position, 70, top=2)
-    assert np.array_equal(second.linkage.links, found.linkage.links)
-
-
 def test_radians_go_in_and_come_out(found) -> None:
     limits = {"transmission_angle_min": 20.0}
     old = la.synthesize(**EXAMPLE, top=1, limits=limits, sensitivity=True)

@@ -5,7 +5,6 @@ A wrong dial, an unusable first generator or a wrong rocker curve would show her
 
 import json
 import math
-from typing import Any
 
 import numpy as np
 import pytest
@@ -13,32 +12,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import linkage_atlas as la
-from linkage_atlas.functions.dials import NAMES, read_dials
 from synthesis.four_bar import close_loop
 from tests.conftest import some_of
 
 SQUARE = {"name": "power", "exponent": 2, "x": [0, 1], "output_span": 90}
-BY_HAND = {"ln": np.log, "exp": np.exp, "log10": lambda x: np.log(x) / np.log(10)}
-BY_HAND |= {name: lambda x, name=name: getattr(np, name)(np.pi * x / 180) for name in ("sin", "cos", "tan")}
-BY_HAND |= {"reciprocal": lambda x: x**-1.0, "power": lambda x: x**1.5}
-
-
-@pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("span", [70.0, -70.0])
-def test_dials_are_linear(name: str, span: float) -> None:
-    request: dict[str, Any] = {"name": name, "x": [1, 4], "output_span": span, "samples": 33}
-    if name == "power":
-        request["exponent"] = 1.5
-    dials = read_dials(request, np.deg2rad(-40), True)
-    x = np.linspace(1, 4, 33)
-    y = BY_HAND[name](x)
-    np.testing.assert_allclose(dials.x, x)
-    np.testing.assert_allclose(dials.y, y, rtol=1e-14)
-    np.testing.assert_allclose(dials.input, np.deg2rad(np.linspace(0, -40, 33)), atol=1e-15)
-    # the rocker turns by the span from the first to the last, whichever way y goes
-    np.testing.assert_allclose(np.rad2deg(dials.output), span * (y - y[0]) / (y[-1] - y[0]), atol=1e-11)
-    np.testing.assert_allclose(dials.exact(dials.input), dials.output, atol=1e-14)
-    assert dials.y_of_radian == pytest.approx(abs(y[-1] - y[0]) / np.deg2rad(70))
 
 
 def test_a_callable_is_the_function_whether_it_takes_arrays_or_numbers() -> None:

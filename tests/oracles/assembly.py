@@ -272,11 +272,14 @@ def nearest(machine: Machine, found: Arrangement) -> float:
     """The least gap less clearance of parts that fill a common layer and are not joined, at all places, over the size."""
     travel = np.linspace(*machine.used, POSITIONS)
     joined = {pin.name: set(pin.joins) for pin in machine.pins}
+    telescopes = {frozenset(pair) for pair in machine.telescopes}
     parts = [linkage for linkage in parts_of(machine, found.stack, Heights.of(machine)) if linkage.kind != "board"]
     drawn = [outlines(machine, part.body, part.shape.core, travel) for part in parts]
     smallest = np.inf
     for k, later in enumerate(parts):
         for n, second in enumerate(parts[:k]):
+            if {later.name, second.name} in telescopes:
+                continue
             common = set(range(later.layers[0], later.layers[1] + 1)) & set(
                 range(second.layers[0], second.layers[1] + 1)
             )

@@ -214,39 +214,6 @@ def closed_designs(l2: float, l4: float, task: Task) -> list[Design]:
     return [Design(l2, l3, l4, high - l3, b) for l3 in roots]
 
 
-def search(task: Task, polish: bool = False) -> tuple[float, Design]:
-    """Return the smallest objective and its design, by differential evolution over (l2, l4 / l2) from a fixed seed.
-
-    With `polish`, the two edges on which an optimum can lie, l4 = l2 and the largest l2, are searched as well.
-    """
-    from scipy.optimize import differential_evolution, minimize_scalar
-
-    bound = task.upper_bound
-
-    def best(x) -> tuple[float, Design | None]:
-        designs = closed_designs(float(x[0]), float(x[0] * x[1]), task)
-        found = [
-            (objective(design, task), design)
-            for design in designs
-            if design.l5 <= bound and design.b <= bound * (1 + 1e-12)
-        ]
-        return min(found, key=lambda pair: pair[0], default=(1e30, None))
-
-    last = min(bound, math.hypot(bound, task.low) - task.cylinder.length)
-    first = max(task.low - task.cylinder.length, 0.0) + 1e-6 * task.high
-    found = differential_evolution(
-        lambda x: best(x)[0], [(first, last), (0.02, 1.0)], seed=3, popsize=15, maxiter=40, tol=1e-8
-    )
-    points = [found.x]
-    if polish:
-        fine = {"method": "bounded", "options": {"xatol": 1e-9 * last}}
-        arm, ratio = found.x
-        edge = minimize_scalar(lambda l2: best((l2, 1.0))[0], bounds=(0.9 * arm, min(1.1 * arm, last)), **fine)
-        end = minimize_scalar(lambda x: best((last, x))[0], bounds=(0.9 * ratio, min(1.1 * ratio, 1.0)), **fine)
-        points += [(edge.x, 1.0), (last, end.x), (last, 1.0)]
-    return min((best(point) for point in points), key=lambda pair: pair[0])
-
-
 # -- forces and constrained quantities -------------------------------------------------------------------------------------
 
 

@@ -1,4 +1,4 @@
-"""The pose and the actual dimensions are the least-squares solution, and the worked example is recovered from the atlas.
+"""The pose and the actual dimensions are the least-squares solution.
 
 A pose that is not optimal, or that loses digits far from the origin, would show here.
 """
@@ -8,12 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import linkage_atlas as la
 from synthesis.atlas.scan import Scan
 from synthesis.four_bar import coupler_angle
-from synthesis.limits import Limits
+from synthesis.fourbar.mechanism import FOURBAR
 from synthesis.pose import DEGENERATE, fit_positions, objective
-from synthesis.search.atlas_rows import best_rows
 from synthesis.target import Target, make_target
 
 LENGTHS = np.array([19.0, 72, 144, 165])
@@ -48,49 +46,13 @@ def test_no_other_pose_is_better(seed, noise, span, weighted) -> None:
     assert noise or np.sqrt(minimum) < 1e-13
 
 
-# -- the worked example -----------------------------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def default_scan(atlas_path) -> Scan:
-    """Open the scan of the atlas that the tests of the service build or use."""
-    return la.load_atlas(atlas_path).scan
-
-
-@pytest.mark.parametrize(("scale", "offset"), [(1.0, 0.0), (1e-9, 2e7)], ids=["as_is", "small_and_far"])
-def test_worked_example_is_recovered(default_scan, scale, offset) -> None:
-    theta4, beta = np.deg2rad([30, 45])
-    crank = np.deg2rad(np.linspace(30, 100, 16))
-    theta2 = coupler_angle(LENGTHS, 1, crank)
-    pivot = 10 * np.exp(1j * beta) + offset
-    position = pivot + 19 * np.exp(1j * (crank + theta4)) + 20 * np.exp(1j * (np.deg2rad(60) + theta2 + theta4))
-    target = make_target(theta2 - 0.8012, scale * position, crank_angle=crank)
-    solutions, report = best_rows(default_scan, target, Limits(), 3)
-    assert report.exhaustive
-    best = solutions[0]
-    assert (best.row + 1, best.linkage.branch) == (45_185, 1)
-    linkage = best.linkage
-    radius, angle = linkage.coupler_point_polar
-    assert np.rad2deg(linkage.start) == pytest.approx(30)
-    digits = 1e-6 if not offset else 1e-3
-    assert np.array(linkage.links) / scale == pytest.approx(LENGTHS, rel=digits)
-    assert np.rad2deg(linkage.ground_angle) == pytest.approx(30, abs=100 * digits)
-    assert np.rad2deg(angle) == pytest.approx(60, abs=100 * digits)
-    assert radius / scale == pytest.approx(20, rel=digits)
-    assert linkage.pivot_a / scale == pytest.approx(pivot, abs=10 * digits)
-    assert linkage.body_offset + theta4 == pytest.approx(-0.8012, abs=digits)
-    assert best.errors.objective < digits
-    objectives = [solution.errors.objective for solution in solutions]
-    assert objectives == sorted(objectives) and len({s.row for s in solutions}) == 3
-
-
-def test_an_exact_solution_over_a_short_span_is_found(default_scan) -> None:
+def test_an_exact_solution_over_a_short_span_is_found() -> None:
     # Regression: the bound of the position error exceeded the error if e^{i theta2} lies nearly in the span of {1, e^{it}}.
     crank = np.deg2rad(30 + np.linspace(0, 20, 16))
     theta2 = coupler_angle(LENGTHS, 1, crank)
     target = make_target(theta2, np.exp(1j * crank) + (1 + 0.7j) * np.exp(1j * theta2), crank_angle=crank)
-    found, _ = default_scan.best(target, 1)
-    assert (found.row[0] + 1, found.start[0], found.branch[0]) == (45_185, 30, 1) and found.error[0] < 1e-12
+    found, _ = Scan(FOURBAR, LENGTHS[None].astype(int)).best(target, 1)
+    assert (found.start[0], found.branch[0]) == (30, 1) and found.error[0] < 1e-12
 
 
 def test_a_linkage_shrunk_to_a_point_is_rejected() -> None:

@@ -66,19 +66,3 @@ def test_a_client_that_leaves_ends_the_work(query, after) -> None:
     for answer in answers if query.path not in AT_ONCE else ():
         with pytest.raises(Cancelled):
             answer(request, Leaving(after))
-
-
-@pytest.mark.parametrize(
-    ("command", "example", "words"),
-    [
-        ("lift motion", "initial", ["height mm", "velocity mm/s", "cylinder mm"]),
-        ("chain slot", "published", ["closure defect", " deg\n", "131 mm", "mm too short"]),
-        ("knotter scan", "reference", ["angles in deg, margins and lengths in mm"]),
-        ("knotter needle", "reference", ["angles in deg, lengths in mm"]),
-    ],
-)
-def test_tables_say_errors_in_their_units(command, example, words, capsys) -> None:
-    unit = [] if command.startswith("lift") else ["--length-unit", "mm"]
-    assert cli.main([*command.split(), "--example", example, *unit]) == 0
-    out = capsys.readouterr().out
-    assert [word for word in words if word not in out] == []

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from synthesis.solids.prism import Prism, arc_between, rounded
+from synthesis.solids.prism import Prism, rounded
 from synthesis.solids.solid import FITS, tolerance
 
 LAW = settings(derandomize=True, deadline=None, max_examples=60)
@@ -51,20 +51,6 @@ def test_a_rounded_triangle_is_what_fine_polygons_tend_to(base, x, y, radius) ->
     xy = np.sum(cross * both)
     mixed = prism.moments.xy + area * prism.moments.centre.real * prism.moments.centre.imag
     assert mixed == pytest.approx(xy / 24, rel=1e-5, abs=1e-5 * xx)
-
-
-@LAW
-@given(st.complex_numbers(max_magnitude=10), st.complex_numbers(min_magnitude=1, max_magnitude=9), st.floats(0.05, 3))
-def test_an_arc_ends_where_its_bulge_says(start, direction, bulge) -> None:
-    for sign in (1, -1):
-        arc = arc_between(start, start + direction, sign * bulge)
-        ends = arc.at(np.array([0.0, 1.0]))
-        assert max(abs(ends[0] - start), abs(ends[1] - start - direction)) < 1e-9 * max(1, arc.radius)
-        middle = arc.at(np.array([0.5]))[0]
-        # the sagitta is the bulge times half the chord, to the right of the way where the bulge is positive
-        assert (start + direction / 2 - 1j * direction / 2 * sign * bulge) == pytest.approx(
-            middle, abs=1e-8 * max(1, arc.radius)
-        )
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import pytest
 
 from synthesis.solids.prism import Hole, Prism
 from synthesis.solids.solid import Posed, Solid
-from synthesis.solids.step import real, to_step
+from synthesis.solids.step import to_step
 from tests.oracles.solids import built, step_shells
 from tests.synthesis.solids.test_solid import CASES as ARRANGED
 
@@ -40,15 +40,6 @@ def test_every_solid_is_a_closed_shell_with_its_holes(name, boards, heads, body)
     for surface in turned:
         assert re.search(rf"^#{surface}=CYLINDRICAL_SURFACE\(", text, re.M)
     assert text == to_step(solids.parts, solids.posed(), "linkage")
-
-
-@pytest.mark.parametrize(
-    ("value", "text"),
-    [(1.0, "1.0"), (-0.0, "0.0"), (1e-5, "1.E-05"), (2.5e-300, "2.5E-300"), (1e22, "1.E+22"), (0.1, "0.1")],
-)
-def test_numbers_keep_every_digit_and_have_a_point(value, text) -> None:
-    assert real(value) == text
-    assert float(text) == value
 
 
 # -- reopened ---------------------------------------------------------------------------------------------------------

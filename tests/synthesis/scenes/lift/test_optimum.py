@@ -85,22 +85,6 @@ def test_f1_to_f4_optima(row) -> None:
 
 # -- against independent search and sums ---------------------------------------------------------------------
 
-UNSEEN = [
-    Task(Cylinder(150.0, 80.0), 120.0, 400.0, Objective("discrete", 60), 500.0),
-    Task(Cylinder(0.431, -0.1, -0.004), 0.156, 0.281, Objective("discrete", 100), 0.861),
-    Task(Cylinder(218.0, 57.0, -2.0), 328.0, 672.0, Objective("normalized"), 1249.0),
-    Task(Cylinder(90.0e6, 64.0e6, 1.8e6), 289.0e6, 1090.0e6, Objective("continuous"), 3122.0e6),
-]
-
-
-@pytest.mark.parametrize("problem", some_of(UNSEEN[::-1], 1))
-def test_an_independent_search_finds_the_same_optimum(problem) -> None:
-    optimum = optimize(problem)
-    assert oracle.objective(optimum.design, problem) == pytest.approx(optimum.objective, rel=1e-6)
-    best, _ = oracle.search(problem)
-    assert optimum.objective <= best * (1 + 1e-5)
-    assert optimum.objective == pytest.approx(best, rel=1e-3)
-
 
 @pytest.mark.parametrize("kind", OBJECTIVES)
 def test_the_objective_agrees_with_a_direct_sum(kind) -> None:
