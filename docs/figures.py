@@ -349,8 +349,15 @@ def _draw_guide(
         block(at + shift, turn + guide.body_direction)
         figure.line([foot + shift, foot + (reach + np.copysign(0.9, reach)) * along + shift], "coupler")
         figure.dot(foot + shift, 6, "pin")
-        figure.text("body_point", foot + shift, (0, -34), "word")
-        figure.text("body_direction", foot + 0.55 * reach * along + shift, (0, 16), "word")
+        figure.text("body_point", foot + shift, (30, -42), "word", "end")
+        side = np.sign(reach * along.real)
+        figure.text(
+            "body_direction",
+            foot + 0.35 * reach * along + shift,
+            (6 * side, 16),
+            "word",
+            "start" if side > 0 else "end",
+        )
         figure.pivot(at + shift, -np.pi / 2)
         figure.text("pin", at + shift, (0, -62), "word")
 
@@ -422,7 +429,7 @@ def motion(seconds: float = 8.0, frames: int = 180) -> None:
     lengths = [f"{name} {getattr(linkage, name):.6g}" for name in ("crank", "coupler", "rocker", "ground")]
     for number, (words, name) in enumerate(
         (
-            (f"wanted: {len(positions)} places and angles of a body", "big t-wanted"),
+            (f"requested: {len(positions)} poses of a body", "big t-wanted"),
             (f"while a crank turns by {request['crank_span']}°", "big t-wanted"),
             (f"found: {', '.join(lengths[:2])},", "big"),
             (", ".join(lengths[2:]), "big"),
