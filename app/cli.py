@@ -185,7 +185,7 @@ def add_atlas(parser: Any, description: str = "atlas file") -> None:
 
 # -- questions and exports --------------------------------------------------------------------------------------------
 
-_LACKING = {"catalogue": None, "export": [], "plot": False, "rank": None, "length_unit": None, "columns": None}
+_LACKING = {"export": [], "plot": False, "rank": None, "length_unit": None, "columns": None}
 _LACKING |= {"unwrap": False, "set": [], "json": False, "linkage": None}
 """Default values of options that a command does not have."""
 
@@ -208,17 +208,11 @@ def _add_query(parser: argparse.ArgumentParser, query: Any) -> None:
     parser.add_argument(
         "--json", action="store_true", help="print the reply as JSON" + (", with its request" if query.files else "")
     )
-    if query.command == "drive":
-        add_file(
-            parser,
-            "--catalogue",
-            help="CSV file of actuators (name, retracted, stroke, force, ...) for all actuators and cylinders",
-        )
-    if query.exports:
-        endings = ", ".join((*query.exports, "json"))
+    if query.endings:
+        endings = ", ".join((*query.endings, "json"))
         text = f"also write a file; its suffix selects the format: {endings}; may be repeated"
         add_file(parser, "--export", action="append", default=[], help=text)
-    if "svg" in query.exports:
+    if "svg" in query.endings:
         drawn = "curves" if query.command == "drive" else "linkage"
         parser.add_argument("--plot", action="store_true", help=f"also draw the {drawn} and open the drawing")
     if query.reads_atlas:

@@ -17,7 +17,6 @@ from linkage_atlas import FieldError
 from linkage_atlas.arguments import pointing
 from linkage_atlas.formats import kind_of
 from linkage_atlas.notes import counted, sentences
-from linkage_atlas.tables import decoded
 
 
 def text_of(options: argparse.Namespace) -> bytes:
@@ -71,8 +70,6 @@ def run_question(options: argparse.Namespace, query: Query) -> int:
     request, table = source.request, source.table
     length_unit = source.length_unit
     request = in_unit(request, length_unit)
-    if options.catalogue is not None:
-        request = _with_catalogue(request, options.catalogue)
     if rank > getattr(request, "top", rank):
         request = request.model_copy(update={"top": rank})
     resources = ServiceResources(settings_of(options), atlas_of)
@@ -107,17 +104,6 @@ def run_question(options: argparse.Namespace, query: Query) -> int:
         units = Units(getattr(request, "angle_unit", None) or "deg", length_unit or "")
         print(query.table(reply, *((units,) if query.shows_units else ())))
     return code
-
-
-def _with_catalogue(request: Any, path: Path) -> Any:
-    """Return a request of drives with the rows of a file for every actuator and cylinder."""
-    rows, kinds = decoded(path.read_bytes()), ("actuator", "cylinder")
-    if not any(drive.kind in kinds for drive in request.drives):
-        raise FieldError("/catalogue", "applies to actuators and cylinders, but the request has neither in drives")
-    drives = [
-        drive.model_copy(update={"catalogue": rows}) if drive.kind in kinds else drive for drive in request.drives
-    ]
-    return request.model_copy(update={"drives": drives})
 
 
 def run_export(options: argparse.Namespace) -> int:
@@ -181,9 +167,9 @@ def _kind_of(name: str) -> str:
 
 def format_of(query: Query, path: Path) -> str:
     """Return the format for the suffix of a file; the longest matching suffix applies: plates.dxf before dxf."""
-    formats = {name: name for name in (*query.exports, "json")}
+    formats = {name: name for name in (*query.endings, "json")}
     for known in FILES.values():
-        if known.endings[0] in query.exports:
+        if known.endings[0] in query.endings:
             formats |= dict.fromkeys(known.endings, known.endings[0])
     ending = max((suffix for suffix in formats if path.name.lower().endswith(f".{suffix}")), key=len, default="")
     if not ending:

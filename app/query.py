@@ -375,7 +375,7 @@ class Query:
         ``render(request, resources) -> bytes`` by suffix (a key of `MEDIA_TYPES`): the reply as a file. Over HTTP, the
         same body is posted to ``path.suffix``.
     files : Files, optional
-        Exports of a solution of the reply. By default, the command writes the files of ``exports``.
+        Files of a solution of the reply, in place of ``exports``.
     is_long : callable
         ``is_long(request) -> bool``: True if the answer may take more than a fraction of a second. Over HTTP, short
         requests do not wait for long requests.
@@ -410,6 +410,13 @@ class Query:
     path: str = field(init=False)
     request: type[RequestModel] = field(init=False)
     reply: type = field(init=False)
+
+    @property
+    def endings(self) -> tuple[str, ...]:
+        """Suffixes of the files that the command writes, except json."""
+        if self.files is None:
+            return tuple(self.exports)
+        return tuple(FILES[kind].endings[0] for kind in self.files.formats if kind != "json")
 
     def __post_init__(self) -> None:
         request, *_, reply = get_type_hints(self.answer).values()

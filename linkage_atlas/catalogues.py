@@ -5,11 +5,12 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from importlib.resources import files
+from typing import NamedTuple
 
-from linkage_atlas.arguments import Fields, check_names, number, sequence
+from linkage_atlas.arguments import Fields, check_names, check_required, number, sequence
 from synthesis.drives.catalogue import CatalogueRow
 from synthesis.drives.placements import Actuator
 from synthesis.drives.springs import SpringRow
@@ -76,37 +77,48 @@ def _table(field: str, text: str) -> list[dict[str, object]]:
     return rows
 
 
-def _rows(field: str, value: object, kind: str, names: Sequence[str], max_rows: int) -> list[Fields]:
-    """Return the rows of a catalogue from its name, a CSV text, or a list of rows."""
-    if isinstance(value, str):
-        if "\n" in value:
-            rows: list[Fields] = list(_table(field, value))
-        elif value in names:
-            return list(_bundled(value))
-        else:
-            raise FieldError(
-                f"/{field}", f"must be one of {', '.join(names)}, a list of rows, or a CSV text; it is {value[:60]!r}"
-            )
+class _Row(NamedTuple):
+    """Checked row of a catalogue."""
+
+    at: str
+    """Path of the row in error messages."""
+    name: str
+    values: dict[str, float]
+    """Numbers by column; lengths are in the unit of the request."""
+
+
+def _rows(
+    field: str, value: object, kind: str, names: Sequence[str], max_rows: int, millimetres: float
+) -> Iterator[_Row]:
+    """Yield the rows of a catalogue from its name, a CSV text, or a list of rows.
+
+    Only the lengths of a bundled catalogue are converted, from millimetres to the request's unit of ``millimetres`` millimetres.
+    """
+    scale = 1.0
+    if not isinstance(value, str):
+        rows: Sequence[Fields] = [row if isinstance(row, Mapping) else {} for row in sequence(value)]
+    elif "\n" in value:
+        rows = _table(field, value)
+    elif value in names:
+        rows, scale = _bundled(value), millimetres
     else:
-        rows = [row if isinstance(row, Mapping) else {} for row in sequence(value)]
+        raise FieldError(
+            f"/{field}", f"must be one of {', '.join(names)}, a list of rows, or a CSV text; it is {value[:60]!r}"
+        )
     if not 1 <= len(rows) <= max_rows:
         raise FieldError(f"/{field}", f"must have 1 to {max_rows} rows; it has {len(rows)}")
     for index, row in enumerate(rows):
-        check_names(f"/{field}/{index}", row, _COLUMNS[kind], "column")
-        for name in _NEEDED[kind]:
-            if row.get(name) is None:
-                raise FieldError(f"/{field}/{index}/{name}", "is required")
-    return rows
-
-
-def _value(field: str, row: Fields, name: str, scale: float, default: float | None = None) -> float | None:
-    found = row.get(name)
-    if found is None:
-        return default
-    value = number(f"{field}/{name}", found)
-    if name != "preload" and not value > 0 and not (name == "price" and value == 0):
-        raise FieldError(f"/{field}/{name}", f"must be a number above 0; it is {value:g}")
-    return value / scale if name in _LENGTHS else value
+        at, values = f"{field}/{index}", dict[str, float]()
+        check_names(f"/{at}", row, _COLUMNS[kind], "column")
+        check_required(f"{at}/", row, _NEEDED[kind])
+        for column, cell in row.items():
+            if column == "name" or cell is None:
+                continue
+            found = number(f"{at}/{column}", cell)
+            if column != "preload" and not found > 0 and not (column == "price" and found == 0):
+                raise FieldError(f"/{at}/{column}", f"must be a number above 0; it is {found:g}")
+            values[column] = found / scale if column in _LENGTHS else found
+        yield _Row(at, str(row.get("name") or f"row {index + 1}"), values)
 
 
 def read_actuators(
@@ -114,81 +126,53 @@ def read_actuators(
 ) -> tuple[list[CatalogueRow], dict[str, float]]:
     """Return the rows of a catalogue of actuators, and the rod diameters by the names of the rows.
 
-    Only bundled catalogues are converted from millimetres to the request's unit, which has ``millimetres`` millimetres. A row
-    with a bore and without a force pushes with ``pressure`` (bar) on the bore, and pulls on the bore without the rod.
+    A row with a bore and without a force pushes with ``pressure`` (bar) on the bore, and pulls on the bore without the rod.
     """
-    bundled = isinstance(value, str) and "\n" not in value
-    scale = millimetres if bundled else 1.0
     rows, rods = [], {}
-    for index, row in enumerate(_rows(field, value, "actuator", ACTUATORS, MOST_ROWS)):
-        at = f"{field}/{index}"
-        retracted, stroke = (_value(at, row, name, scale) for name in ("retracted", "stroke"))
-        bore, rod = (_value(at, row, name, scale) for name in ("bore", "rod"))
-        push = _value(at, row, "force", scale)
-        pull = _value(at, row, "pull", scale, push)
-        if push is None and bore is not None:
-            area = math.pi / 4 * (bore * millimetres) ** 2
-            taken = math.pi / 4 * ((rod or 0.0) * millimetres) ** 2
+    for at, name, row in _rows(field, value, "actuator", ACTUATORS, MOST_ROWS, millimetres):
+        push = row.get("force", math.inf)
+        pull = row.get("pull", push)
+        if "force" not in row and "bore" in row:
+            area, taken = (math.pi / 4 * (row.get(size, 0.0) * millimetres) ** 2 for size in ("bore", "rod"))
             if taken >= area:
                 raise FieldError(f"/{at}/rod", "must be less than the bore")
             push, pull = (pressure * _NEWTONS_A_BAR * part for part in (area, area - taken))
-        name = str(row.get("name") or f"row {index + 1}")
-        assert retracted is not None and stroke is not None
-        price, never = _value(at, row, "price", scale), math.inf
-        rows.append(
-            CatalogueRow(
-                name,
-                Actuator(retracted, stroke),
-                never if push is None else push,
-                never if pull is None else pull,
-                price,
-            )
-        )
-        if rod is not None:
-            rods[name] = rod
+        rows.append(CatalogueRow(name, Actuator(row["retracted"], row["stroke"]), push, pull, row.get("price")))
+        if "rod" in row:
+            rods[name] = row["rod"]
     return rows, rods
 
 
 def read_springs(field: str, value: object, kind: str, millimetres: float) -> list[SpringRow]:
-    """Read a catalogue of tension, gas or compression springs; None selects the bundled catalogue."""
-    value = SPRINGS[kind] if value is None else value
-    bundled = isinstance(value, str) and "\n" not in value
-    scale = millimetres if bundled else 1.0
-    kinds = []
-    for index, row in enumerate(_rows(field, value, kind, tuple(SPRINGS.values()), MOST_SPRING_ROWS)):
-        at = f"{field}/{index}"
-        name, price = str(row.get("name") or f"row {index + 1}"), _value(at, row, "price", scale)
+    """Read a catalogue of tension, gas or compression springs; None selects the bundled catalogue.
+
+    A compression spring pushes between its free length and its length under the largest load.
+    """
+    rows = _spring_rows(field, value, kind, millimetres)
+    scale = millimetres if _is_bundled(value) else 1.0  # a stiffness is a force per length
+    springs = []
+    for at, name, row in rows:
+        price, free = row.get("price"), row.get("free_length", 0.0)
         if kind == "gas":
-            force, extended, stroke = (_value(at, row, name, scale) for name in ("force", "extended", "stroke"))
-            assert force is not None and extended is not None and stroke is not None
+            force, extended, stroke = (row[size] for size in ("force", "extended", "stroke"))
             if stroke >= extended:
                 raise FieldError(f"/{at}/stroke", "must be less than the extended length")
-            progression = _value(at, row, "progression", scale, 1.0)
-            assert progression is not None
-            rate = force * (progression - 1) / stroke
-            kinds.append(SpringRow(name, rate, extended, -force, extended - stroke, extended, price))
+            rate = force * (row.get("progression", 1.0) - 1) / stroke
+            springs.append(SpringRow(name, rate, extended, -force, extended - stroke, extended, price))
             continue
+        stiffness = row["stiffness"] * scale
         if kind == "compression":
-            kinds.append(_compression(at, row, name, scale, price))
+            if row["load_max"] >= stiffness * free:
+                message = f"must be less than stiffness times free length, {stiffness * free:g}"
+                raise FieldError(f"/{at}/load_max", message)
+            springs.append(SpringRow(name, stiffness, free, 0.0, free - row["load_max"] / stiffness, free, price))
             continue
-        stiffness, free, longest = (_value(at, row, name, scale) for name in ("stiffness", "free_length", "longest"))
-        assert stiffness is not None and free is not None and longest is not None
+        longest = row["longest"]
         if longest <= free:
             raise FieldError(f"/{at}/longest", "must be more than the free length")
-        preload, shortest = _value(at, row, "preload", scale, 0.0), _value(at, row, "shortest", scale, free)
-        assert preload is not None and shortest is not None
-        kinds.append(SpringRow(name, stiffness * scale, free, preload, shortest, longest, price))
-    return kinds
-
-
-def _compression(at: str, row: Fields, name: str, scale: float, price: float | None) -> SpringRow:
-    """Read a row of a compression spring, which pushes between its free length and its length under the largest load."""
-    stiffness, free, load = (_value(at, row, column, scale) for column in ("stiffness", "free_length", "load_max"))
-    assert stiffness is not None and free is not None and load is not None
-    rate = stiffness * scale
-    if load >= rate * free:
-        raise FieldError(f"/{at}/load_max", f"must be less than stiffness times free length, {rate * free:g}")
-    return SpringRow(name, rate, free, 0.0, free - load / rate, free, price)
+        ends = row.get("shortest", free), longest
+        springs.append(SpringRow(name, stiffness, free, row.get("preload", 0.0), *ends, price))
+    return springs
 
 
 def read_torsion_springs(field: str, value: object, millimetres: float, radian: float) -> list[TorsionRow]:
@@ -196,15 +180,23 @@ def read_torsion_springs(field: str, value: object, millimetres: float, radian: 
 
     The bundled catalogue has newtons times millimetres per degree and degrees; other rows are in the request's units.
     """
-    value = SPRINGS["torsion"] if value is None else value
-    bundled = isinstance(value, str) and "\n" not in value
-    scale, unit = (millimetres, math.pi / 180) if bundled else (1.0, radian)
-    found = []
-    for index, row in enumerate(_rows(field, value, "torsion", tuple(SPRINGS.values()), MOST_SPRING_ROWS)):
-        at = f"{field}/{index}"
-        rate, angle = (_value(at, row, name, 1.0) for name in ("rate", "angle_max"))
-        preload, price = _value(at, row, "preload", 1.0, 0.0), _value(at, row, "price", 1.0)
-        assert rate is not None and angle is not None and preload is not None
-        name = str(row.get("name") or f"row {index + 1}")
-        found.append(TorsionRow(name, rate / scale / unit, preload / scale, angle * unit, price))
-    return found
+    scale, unit = (millimetres, math.pi / 180) if _is_bundled(value) else (1.0, radian)
+    return [
+        TorsionRow(
+            name,
+            row["rate"] / scale / unit,
+            row.get("preload", 0.0) / scale,
+            row["angle_max"] * unit,
+            row.get("price"),
+        )
+        for _, name, row in _spring_rows(field, value, "torsion", millimetres)
+    ]
+
+
+def _spring_rows(field: str, value: object, kind: str, millimetres: float) -> Iterator[_Row]:
+    catalogue = SPRINGS[kind] if value is None else value
+    return _rows(field, catalogue, kind, tuple(SPRINGS.values()), MOST_SPRING_ROWS, millimetres)
+
+
+def _is_bundled(value: object) -> bool:
+    return value is None or (isinstance(value, str) and "\n" not in value)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import fields
+from functools import partial
 from typing import Any
 
 import linkage_atlas as la
@@ -22,7 +23,6 @@ from app.fourbar.models import (
 from app.fourbar.motion import MOTION as MOTION_QUERY
 from app.fourbar.tables import assembly_table, drives_table, function_table, matches_table, synthesize_table
 from app.query import (
-    FILES,
     Files,
     Query,
     RequestModel,
@@ -139,30 +139,6 @@ def ranked(request: SynthesizeRequest, rank: int, resources: Resources) -> la.So
         message = f"must be at most {len(solutions)}; within these limits {found}"
         raise la.FieldError("/rank", message)
     return solutions[rank - 1]
-
-
-def _best_linkage(request: SynthesizeRequest, resources: Resources, kind: str) -> bytes:
-    """Return the file that /v2/export returns for the best solution."""
-
-    def in_request(field: str) -> str:
-        first, _, remainder = field.lstrip("/").partition("/")
-        return "/" + remainder if first == "request" else field if first == "format" else ""
-
-    with pointing(in_request):
-        return _linkage_file(ExportRequest(request=request, format=kind), resources)
-
-
-def exports_of(
-    formats: tuple[str, ...], render: Callable[[Any, Resources, str], bytes]
-) -> dict[str, Callable[[Any, Resources], bytes]]:
-    """Return the exports of the best solution of a request by suffix of the route."""
-    return {
-        FILES[kind].endings[0]: lambda request, resources, kind=kind: render(request, resources, kind)  # type: ignore[misc]
-        for kind in formats
-    }
-
-
-SYNTHESIZE_EXPORTS = exports_of(tuple(kind for kind in FILES if kind != "json"), _best_linkage)
 
 
 def as_json(request: RequestModel, linkage: Any, length_unit: str | None = None) -> bytes:
@@ -473,9 +449,8 @@ QUERIES = (
                 "sensitivity": True,
             },
         },
-        SYNTHESIZE_EXPORTS,
-        is_long_search,
-        LINKAGE_FILES,
+        is_long=is_long_search,
+        files=LINKAGE_FILES,
         reads_atlas=True,
     ),
     Query(
@@ -483,10 +458,6 @@ QUERIES = (
         QUESTIONS["function"],
         solve_function,
         function_table,
-        exports=exports_of(
-            ("csv", "svg", "dxf", "mjcf"),
-            lambda request, resources, kind: solve_function(request, resources).render(kind).encode(),
-        ),
         is_long=is_long_function,
         files=FUNCTION_FILES,
     ),
@@ -526,7 +497,7 @@ QUERIES = (
         QUESTIONS["drive"],
         find_drives,
         drives_table,
-        exports=exports_of(("csv", "svg"), _drive_curves),
+        exports={kind: partial(_drive_curves, kind=kind) for kind in ("csv", "svg")},
         is_long=is_long_drives,
         route="/v2/drives",
     ),

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from linkage_atlas.arguments import Fields, known_fields, number, radians_in
+from linkage_atlas.arguments import Fields, check_required, positive, radians_in, read_fields
 from synthesis.arrays import Floats
 from synthesis.errors import FieldError
 from synthesis.function.quick_return import excess_angle
@@ -59,31 +59,23 @@ class QuickReturn:
 
 def read_quick_return(value: object, degrees: bool) -> QuickReturn:
     """Return a checked quick return; see `linkage_atlas.function`."""
-    value = known_fields("quick_return", value, ("stroke", "swing", "time_ratio"))
-    stroke, swing, ratio = (value.get(name) for name in ("stroke", "swing", "time_ratio"))
-    if (stroke is None) == (swing is None):
+    radian = radians_in(degrees)
+    read = read_fields("quick_return/", value, dict.fromkeys(("stroke", "swing", "time_ratio"), positive))
+    if ("stroke" in read) == ("swing" in read):
         raise FieldError(
             "/quick_return", "give either `stroke`, the travel of a slider, or `swing`, the angle of a rocker"
         )
-    if ratio is None:
-        raise FieldError(
-            "/quick_return/time_ratio",
-            "is required: the duration of the slow motion over the duration of the fast motion",
-        )
-    ratio = number("quick_return/time_ratio", ratio)
+    check_required("quick_return/", read, ("time_ratio",))
+    stroke, swing, ratio = read.get("stroke"), read.get("swing"), read["time_ratio"]
     if not 1 <= ratio <= 100:
         raise FieldError(
             "/quick_return/time_ratio",
             f"must be from 1 to 100, the duration of the slow over the fast motion; it is {ratio:g}",
         )
-    if stroke is not None:
-        stroke = number("quick_return/stroke", stroke)
-        if not 0 < stroke <= MAX_LENGTH:
-            raise FieldError("/quick_return/stroke", f"must be a length above 0; it is {stroke:g}")
-    if swing is not None:
-        swing = number("quick_return/swing", swing)
-        if not 0 < swing * radians_in(degrees) < np.pi:
-            raise FieldError("/quick_return/swing", "must be an angle between 0 and half a turn")
+    if stroke is not None and stroke > MAX_LENGTH:
+        raise FieldError("/quick_return/stroke", f"must be at most {MAX_LENGTH:g}")
+    if swing is not None and not swing * radian < np.pi:
+        raise FieldError("/quick_return/swing", "must be an angle between 0 and half a turn")
     return QuickReturn(excess_angle(ratio), stroke, swing, degrees)
 
 
@@ -92,16 +84,9 @@ def read_steering(value: object, degrees: bool) -> tuple[Floats, Floats, float]:
 
     The axes of all wheels meet in a point (R. Ackermann's condition): cot(outer) - cot(inner) = track / wheelbase.
     """
-    value = known_fields("steering", value, ("track", "wheelbase", "angle"))
-    values: dict[str, float] = {}
-    for name in ("track", "wheelbase", "angle"):
-        if value.get(name) is None:
-            raise FieldError(
-                f"/steering/{name}", "is required: give `track`, `wheelbase`, and `angle` of the inner wheel"
-            )
-        values[name] = number(f"steering/{name}", value[name])
-        if not 0 < values[name] <= MAX_LENGTH:
-            raise FieldError(f"/steering/{name}", f"must be a number above 0; it is {values[name]:g}")
+    names = ("track", "wheelbase", "angle")
+    values = read_fields("steering/", value, dict.fromkeys(names, positive))
+    check_required("steering/", values, names)
     inner = values["angle"] * radians_in(degrees)
     if inner > np.deg2rad(80):
         raise FieldError("/steering/angle", "must be at most 80 degrees for the inner wheel")

@@ -119,16 +119,17 @@ def test_a_file_of_unknown_ending_is_refused_before_anything_is_computed(run, mo
 @pytest.mark.parametrize("command", ["synthesize", "function"])
 def test_every_format_of_a_solution_is_written_from_the_reply(command, run, tmp_path, client) -> None:
     query = QUERIES[command]
-    files = [tmp_path / f"one.{name}" for name in (*query.exports, "json")]
+    files = [tmp_path / f"one.{name}" for name in (*query.endings, "json")]
     name = {"synthesize": "worked_example", "function": "five_pairs"}[command]
     exports = [word for file in files for word in ("--export", file)]
     assert run(command, "--example", name, *exports)[0] == Exit.OK
-    for kind, file in zip(query.exports, files):
-        over_http = client.post(f"{query.path}.{kind}", json=query.examples[name]).content
-        if kind.endswith("dxf"):  # which is stamped
+    example = query.examples[name]
+    body = {"request": example, "linkage": client.post(query.path, json=example).json()["solutions"][0]}
+    for kind, file in zip([kind for kind in query.files.formats if kind != "json"], files):
+        if file.suffix == ".dxf":  # which is stamped
             assert not ezdxf.readfile(file).audit().errors
         else:
-            assert file.read_bytes() == over_http
+            assert file.read_bytes() == client.post(query.files.path, json={**body, "format": kind}).content
     assert json.loads(files[-1].read_text()).keys() >= {"request", "linkage"}
 
 

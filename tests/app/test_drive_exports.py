@@ -121,12 +121,12 @@ REQUEST = {
 
 
 def test_a_drive_of_the_request_is_in_its_files(client: TestClient, run: Any, tmp_path: Path) -> None:
-    """By /v2/export with and without the solution, by the route of a format, on the command line and in Python."""
+    """By /v2/export with and without the solution, on the command line and in Python."""
     without = {name: value for name, value in REQUEST.items() if name not in ("load", "drives")}
     plain = client.post("/v2/export", json={"request": without, "format": "csv"}).text
     driven = client.post("/v2/export", json={"request": REQUEST, "format": "csv"}).text
     assert "drive_ground_x" in driven and "drive_ground_x" not in plain
-    assert 'id="DRIVE"' in client.post("/v2/synthesize.svg", json=REQUEST).text
+    assert 'id="DRIVE"' in client.post("/v2/export", json={"request": REQUEST, "format": "svg"}).text
     solution = client.post("/v2/synthesize", json=REQUEST).json()["solutions"][0]
     assert solution["drives"]
     body = {"request": REQUEST, "linkage": solution, "format": "parts", "solids": {"allow_collisions": True}}

@@ -116,7 +116,10 @@ def test_a_catalogue_of_ones_own(client: TestClient, tmp_path: Path, capsys: pyt
     assert [drive["name"] for drive in body["drives"]] == ["good"]
     (tmp_path / "own.csv").write_text(table)
     (tmp_path / "asked.json").write_text(json.dumps({**request, "drives": [wish], "top": 1}))
-    assert main(["drive", str(tmp_path / "asked.json"), "--catalogue", str(tmp_path / "own.csv"), "--json"]) == 0
+    assert (
+        main(["drive", str(tmp_path / "asked.json"), "--set", f"drives.1.catalogue=@{tmp_path}/own.csv", "--json"])
+        == 0
+    )
     assert json.loads(capsys.readouterr().out) == body
     small = {**wish, "catalogue": table.split("good")[0], "links": ["coupler"]}
     weak = client.post("/v2/drives", json={**request, "drives": [small]}).json()

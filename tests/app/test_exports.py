@@ -6,6 +6,7 @@ These tests would catch a route or an ending that is not connected to its writer
 import csv
 import io
 import math
+from typing import Any
 from xml.etree import ElementTree
 
 import ezdxf
@@ -70,13 +71,17 @@ def test_a_linkage_is_exported_over_its_own_range_when_the_timing_is_free(client
 
 def test_rotations_alone_and_radians(client, solved) -> None:
     request, _ = solved
+
+    def exported(body: dict[str, Any], kind: str = "csv") -> str:
+        return client.post("/v2/export", json={"request": body, "format": kind}).text
+
     rotation = {"rotation": request["rotation"], "crank_span": 70, "top": 1}
-    rows = rows_of(client.post("/v2/synthesize.csv", json=rotation).text)
+    rows = rows_of(exported(rotation))
     assert rows[0]["x"] == "" and abs(float(rows[3]["rotation_error"])) < 1e-6
-    for name in ("svg", "mjcf"):
-        ElementTree.fromstring(client.post(f"/v2/synthesize.{name}", json=rotation).text)
+    for kind in ("svg", "mjcf"):
+        ElementTree.fromstring(exported(rotation, kind))
     radians = {"rotation": np.deg2rad(request["rotation"]).tolist(), "crank_span": math.radians(70)}
     bodies = request, request | radians | {"angle_unit": "rad"}
-    for degrees, turned in zip(*(rows_of(client.post("/v2/synthesize.csv", json=body).text) for body in bodies)):
+    for degrees, turned in zip(*(rows_of(exported(body)) for body in bodies)):
         expected = math.degrees(float(turned["coupler_direction"]))
         assert float(degrees["coupler_direction"]) == pytest.approx(expected, abs=1e-6)
