@@ -2,20 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkage_atlas.arguments import Fields, number, one_of, pair
+from linkage_atlas.arguments import (
+    Fields,
+    build,
+    check_names,
+    check_required,
+    mapping,
+    number,
+    one_of,
+    pair,
+    pointing,
+)
 from linkage_atlas.records import Record, xy
 from synthesis.arrays import Floats, cross
 from synthesis.errors import FieldError
-from synthesis.guides import Circle, Guide, Rail, Slot
+from synthesis.guides import DRIVERS, Circle, Driver, Guide, Rail, Slot
 from synthesis.linkage import Linkage as Plain
-from synthesis.linkage import as_lengths, four_bar
+from synthesis.linkage import as_lengths, four_bar, on_guides
 from synthesis.target import TURN, Interval
 
 DriverName = Literal["crank", "slider", "cylinder", "hinge"]
@@ -257,11 +267,9 @@ def read_four_bar(
             f"the linkage cannot be assembled; {longest} {lengths[longest]:g} is longer than {shorter[0]}, {shorter[1]} and "
             f"{shorter[2]} together, {together:g}",
         )
-    if branch not in (-1, 1):
-        raise FieldError("/branch", f"must be 1 or -1; it is {branch}")
     return four_bar(
         as_lengths(lengths.values()),
-        int(branch),
+        _read_branch(branch),
         float(start_angle) * radian,
         pair("pivot_a", pivot_a, np.inf),
         float(ground_angle) * radian,
@@ -301,6 +309,68 @@ def read_joints(
         point,
         number("rotation", rotation) * radian - float(np.angle(coupler / ground)) - turn,
     )
+
+
+def read_guides(
+    guides: Sequence[Fields | AnyGuide], driver: object, branch: object, start: object, radian: float
+) -> Plain:
+    """Check two guides and their drive and return the linkage, see `linkage_atlas.Linkage`."""
+    if isinstance(guides, (str, Mapping)) or len(guides) != 2:
+        raise FieldError("/guides", f"must have two guides; it has {len(guides)}")
+    first, second = (read_guide(f"guides/{index}", guide, radian) for index, guide in enumerate(guides))
+    drive, known = Driver(one_of("driver", driver, tuple(Driver))), DRIVERS[type(first)]
+    if drive not in known:
+        name = type(first).__name__.lower()
+        raise FieldError(
+            "/driver", f"must be {' or '.join(known)}, because the first guide is a {name}; it is {driver!r}"
+        )
+    begin = number("start", start) * (radian if drive.turns else 1.0)
+    linkage = on_guides((first, second), drive, _read_branch(branch), begin)
+    check_apart(linkage)
+    return linkage
+
+
+def read_linkage(values: Fields, radian: float) -> Plain:
+    """Check the plain values of a linkage and return it, see `linkage_atlas.Linkage.from_dict`."""
+    values = mapping("linkage", values)
+    if values.get("joints") is not None:
+        joints = mapping("joints", values["joints"])
+        check_names("/joints", joints, ("A", "D", "C", "B", "P", "rotation"))
+        check_required("joints/", joints, "ADCB")
+        points = [joints.get(name) for name in "ADCBP"]
+        with pointing(lambda field: f"/joints{field}"):
+            return build(read_joints, {"rotation": joints.get("rotation") or 0.0, "radian": radian}, *points)
+    if values.get("links") is None:
+        if values.get("guides") is None:
+            forms = "or give `joints`, or two `guides` with `driver`, `branch` and `start`"
+            raise FieldError("/links", f"is required; {forms}")
+        names = ("guides", "driver", "branch", "start")
+        check_required("", values, names)
+        return build(read_guides, {**{name: values[name] for name in names}, "radian": radian})
+    links, mount = mapping("links", values["links"]), mapping("mount", values.get("mount") or {})
+    check_required("links/", links, Links._fields)
+    check_required("", values, ("branch", "start_angle"))
+    point, offset = mount.get("coupler_point_polar"), values.get("body_offset")
+    if point is not None:
+        polar = mapping("mount/coupler_point_polar", point)
+        point = [number(f"mount/coupler_point_polar/{name}", polar.get(name)) for name in CouplerPoint._fields]
+    dimensions = {
+        "lengths": {name: links[name] for name in Links._fields},
+        "branch": values["branch"],
+        "start_angle": number("start_angle", values["start_angle"]),
+        "pivot_a": mount.get("pivot_a", (0.0, 0.0)),
+        "ground_angle": number("mount/ground_angle", mount.get("ground_angle", 0.0)),
+        "coupler_point_polar": point,
+        "body_offset": None if offset is None else number("body_offset", offset),
+    }
+    with pointing(lambda field: f"/links{field}" if field.lstrip("/") in Links._fields else field):
+        return build(read_four_bar, {**dimensions, "radian": radian})
+
+
+def _read_branch(branch: object) -> int:
+    if branch not in (-1, 1):
+        raise FieldError("/branch", f"must be 1 or -1; it is {branch}")
+    return 1 if branch == 1 else -1
 
 
 def check_apart(linkage: Plain) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Self, get_args
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,12 +12,7 @@ from numpy.typing import ArrayLike
 from linkage_atlas.analysis import Analysis, AskedAnalysis, analysed, read_analysis
 from linkage_atlas.arguments import (
     Fields,
-    build,
-    check_names,
-    check_required,
     column,
-    mapping,
-    number,
     one_of,
     pointing,
     radians_in,
@@ -29,16 +24,14 @@ from linkage_atlas.formats import FORMATS, kind_of
 from linkage_atlas.geometry import (
     AnyGuide,
     Dimensions,
-    DriverName,
     Joints,
     Links,
-    check_apart,
     dimensions_of,
     guide_in_words,
     guides_of,
-    read_four_bar,
-    read_guide,
+    read_guides,
     read_joints,
+    read_linkage,
 )
 from linkage_atlas.motions import Motion
 from linkage_atlas.plotting import plot_linkage
@@ -50,9 +43,8 @@ from synthesis.assembly.linkage_machine import loop_of
 from synthesis.cognates import are_cognates
 from synthesis.errors import FieldError
 from synthesis.free.dyads import in_any_order
-from synthesis.guides import DRIVERS, Driver
+from synthesis.guides import Driver
 from synthesis.linkage import Linkage as Plain
-from synthesis.linkage import on_guides
 from synthesis.poses import Poses
 from synthesis.target import TURN, Interval, Target
 from synthesis.work import Work
@@ -120,22 +112,8 @@ class Linkage:
         *,
         degrees: bool = True,
     ) -> None:
-        radian = radians_in(degrees)
-        if isinstance(guides, (str, Mapping)) or len(guides) != 2:
-            raise FieldError("/guides", f"must have two guides; it has {len(guides)}")
-        read = [read_guide(f"guides/{index}", guide, radian) for index, guide in enumerate(guides)]
-        if Driver(one_of("driver", driver, get_args(DriverName))) not in (known := DRIVERS[type(read[0])]):
-            name = type(read[0]).__name__.lower()
-            raise FieldError(
-                "/driver", f"must be {' or '.join(known)}, because the first guide is a {name}; it is {driver!r}"
-            )
-        if branch not in (-1, 1):
-            raise FieldError("/branch", f"must be 1 or -1; it is {branch}")
-        turns = Driver(driver).turns
-        begin = number("start", start) * (radian if turns else 1.0)
-        self._linkage = on_guides((read[0], read[1]), Driver(driver), int(branch), begin)
-        check_apart(self._linkage)
-        self._radian = radian
+        self._radian = radians_in(degrees)
+        self._linkage = read_guides(guides, driver, branch, start, self._radian)
         self._motion: Target | None = None
 
     @classmethod
@@ -197,40 +175,8 @@ class Linkage:
         ``joints``: arguments of `from_points` by name. Otherwise ``links`` (crank, coupler, rocker, ground) with ``branch`` and
         ``start_angle``, or ``guides`` with ``driver``, ``branch`` and ``start``. Raises `FieldError` that names the field.
         """
-        values = mapping("linkage", values)
-        if values.get("joints") is not None:
-            joints = mapping("joints", values["joints"])
-            check_names("/joints", joints, ("A", "D", "C", "B", "P", "rotation"))
-            check_required("joints/", joints, "ADCB")
-            points = {name: value for name, value in joints.items() if value is not None}
-            with pointing(lambda field: f"/joints{field}"):
-                return build(Linkage.from_points, {**points, "degrees": degrees})
-        if values.get("links") is None:
-            if values.get("guides") is None:
-                forms = "or give `joints`, or two `guides` with `driver`, `branch` and `start`"
-                raise FieldError("/links", f"is required; {forms}")
-            check_required("", values, ("driver", "branch", "start"))
-            names = ("guides", "driver", "branch", "start")
-            return build(cls, {**{name: values[name] for name in names}, "degrees": degrees})
-        links, mount = mapping("links", values["links"]), mapping("mount", values.get("mount") or {})
-        check_required("links/", links, Links._fields)
-        check_required("", values, ("branch", "start_angle"))
-        point, offset, radian = mount.get("coupler_point_polar"), values.get("body_offset"), radians_in(degrees)
-        if point is not None:
-            polar = mapping("mount/coupler_point_polar", point)
-            point = [number(f"mount/coupler_point_polar/{name}", polar.get(name)) for name in ("radius", "angle")]
-        dimensions = {
-            "lengths": {name: links[name] for name in Links._fields},
-            "branch": values["branch"],
-            "start_angle": number("start_angle", values["start_angle"]),
-            "pivot_a": mount.get("pivot_a", (0.0, 0.0)),
-            "ground_angle": number("mount/ground_angle", mount.get("ground_angle", 0.0)),
-            "coupler_point_polar": point,
-            "body_offset": None if offset is None else number("body_offset", offset),
-        }
-        with pointing(lambda field: f"/links{field}" if field.lstrip("/") in Links._fields else field):
-            linkage = build(read_four_bar, {**dimensions, "radian": radian})
-        return Linkage.of(linkage, radian, None)
+        radian = radians_in(degrees)
+        return Linkage.of(read_linkage(values, radian), radian, None)
 
     @property
     def plain(self) -> Plain:
