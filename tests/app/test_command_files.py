@@ -108,30 +108,11 @@ def test_the_help_lists_every_field(query, run) -> None:
         assert {"limits.pivot_box", "limits.links.crank", "analysis.load.masses", "assembly.boards"} <= listed
 
 
-@pytest.mark.parametrize(
-    ("words", "stdin", "said"),
-    [
-        (["biuld"], "", "did you mean build?"),
-        (["README.md"], "", "write a command before the file, as in: linkage-atlas synthesize README.md"),
-        (["synthesize", "README.mdd"], "", "README.mdd: No such file or directory; did you mean README.md?"),
-        (["synthesize", "app"], "", "app: Is a directory"),
-        (["synthesize", "-"], "", "standard input: is empty"),
-        (["synthesize", "docs/img/page.png"], "", "docs/img/page.png: this is "),
-        (["synthesize", "--famly", "any"], TABLE, "unrecognized arguments: --famly; did you mean --family?"),
-        (["synthesize", "--pivot-box", "0", "0", "9", "9"], TABLE, "separate the items of a list with commas"),
-        (["synthesize", "--family", "anny"], TABLE, "limits.family: must be one of full_crank, "),
-        (["synthesize", "--link-min", "short"], TABLE, "limits.link_min: must be a number, found 'short'"),
-        (["synthesize", "--length-unit", "inches"], TABLE, "argument --length-unit: invalid choice: 'inches'"),
-        (["synthesize", "--rank", "x"], TABLE, "must be a whole number from 1 to 100, found x"),
-        (["synthesize", "--set", "top"], TABLE, "must be FIELD=VALUE"),
-        (["synthesize", "--set", "drives=rotary"], TABLE, "drives: must be a list, as [1, 2], found 'rotary'"),
-        (["synthesize", "--export"], TABLE, "argument --export: expected one argument"),
-        (["export", "--out", "one.dwg"], TABLE, "out: the file must end in one of"),
-        (["example", "casment"], "", "did you mean casement?"),
-        (["lift", "motion", "--set", "design.l2=x"], '{"design": {}}', "design.l2: must be a number, found 'x'"),
-    ],
-    ids=lambda value: " ".join(value)[:40] if isinstance(value, list) else None,
-)
+MISTAKES = json.loads(Path(__file__).with_name("mistakes.json").read_text())
+"""Words of a command, its standard input, and words of the message."""
+
+
+@pytest.mark.parametrize(("words", "stdin", "said"), MISTAKES, ids=[" ".join(row[0])[:40] for row in MISTAKES])
 def test_a_typical_mistake_is_answered_with_what_to_do(words, stdin, said, run) -> None:
     code, out, err = run(*words, stdin=stdin)
     assert (code, out) == (Exit.USAGE, "") and said in err and "Traceback" not in err

@@ -7,7 +7,6 @@ short requests behind long requests, an end that waits for searches, processes t
 import http.client
 import json
 import os
-import pickle
 import re
 import signal
 import time
@@ -23,7 +22,6 @@ import pytest
 from fastapi.testclient import TestClient
 from prometheus_client.parser import text_string_to_metric_families
 
-import linkage_atlas as la
 from app.compute import Workers
 from app.main import create_app
 from app.middleware import HEADERS
@@ -316,14 +314,3 @@ def test_the_dashboard_asks_for_figures_that_there_are(local) -> None:
 
 def test_without_the_setting_there_are_no_figures(client) -> None:
     assert client.get("/metrics").status_code == 404
-
-
-def test_errors_come_from_a_process_as_they_were() -> None:
-    error = la.FieldError("/limits/link_min", "wanted less", amount=3)
-    repeated = pickle.loads(pickle.dumps(error))
-    assert (str(repeated), repeated.field, repeated.message, repeated.details) == (
-        str(error),
-        error.field,
-        error.message,
-        {"amount": 3},
-    )

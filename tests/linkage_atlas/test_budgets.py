@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import linkage_atlas as la
-from synthesis.work import OutOfTime, Work
+from synthesis.work import Work
 
 RANDOM = np.random.default_rng(1)
 POSES = {"rotation": RANDOM.normal(size=5), "position": RANDOM.normal(size=(5, 2)), "crank_span": 300}
@@ -60,12 +60,3 @@ def test_solutions_are_left_out_where_finishing_them_takes_too_long(round_to, to
     assert 1 <= len(short.solutions) < len(complete.solutions)
     assert any("The time was up" in note for note in short.report.notes)
     assert [solution.rank for solution in short.solutions] == list(range(1, len(short.solutions) + 1))
-
-
-def test_work_without_an_answer_until_its_end_ends_with_its_budget() -> None:
-    work = Work(2.0, clock=Clock(1.0))
-    work.go_on()
-    with pytest.raises(OutOfTime):
-        work.go_on()
-    longer = Work(10.0, clock=Clock(1.0)).extended(0.5)
-    assert [longer.expired() for _ in range(15)] == [False] * 14 + [True]

@@ -14,7 +14,6 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import ezdxf
 import numpy as np
 import pytest
 from fastapi.testclient import TestClient
@@ -268,22 +267,6 @@ def test_a_linkage_comes_back_from_its_dict(linkage) -> None:
             assert getattr(back, name) is None
         else:
             assert getattr(back, name) == pytest.approx(expected, rel=1e-12, abs=1e-12), name
-
-
-@pytest.mark.parametrize("ending", ["csv", "svg", "dxf", "xml", "mjcf"])
-def test_a_solution_and_a_plain_linkage_are_saved(found, ending, tmp_path) -> None:
-    for name, drawn in (("solved", found.linkage), ("plain", la.FourBar(*LENGTHS))):
-        path = tmp_path / f"{name}.{ending}"
-        drawn.save(path)
-        text = path.read_bytes().decode()
-        if ending == "dxf":
-            assert not ezdxf.readfile(path).audit().errors
-        else:
-            assert text == drawn.render({"xml": "mjcf"}.get(ending, ending))
-        assert {"csv": "crank_angle", "svg": "<svg", "dxf": "SECTION"}.get(ending, "<mujoco") in text
-    with pytest.raises(la.FieldError) as caught:
-        found.linkage.save(tmp_path / "linkage.png")
-    assert caught.value.field == "/path" and not (tmp_path / "linkage.png").exists()
 
 
 # -- the module -------------------------------------------------------------------------------------------------------

@@ -151,21 +151,6 @@ def test_a_budget_that_ends_before_all_limits_were_examined_is_said() -> None:
     assert short.report.notes[-2] == "The time was up before all limits were examined."
 
 
-def test_notes_are_whole_sentences() -> None:
-    request = [
-        {"rotation": [0, 6, 15, 27, 40, 52, 60], "crank_span": 90},
-        {"position": [[0, 0], [10, 2], [30, 3], [40, 10]], "timing": "free", "limits": {"envelope": [0, 0, 40, 9]}},
-    ]
-    replies: list[Any] = [excluded(0.0), *(la.synthesize(**fields, top=3) for fields in request)]
-    replies.append(la.function([0, 1, 2, 60, 61, 62, 63], 60, top=1))
-    for reply in replies:
-        assert reply.report.notes
-        for note in reply.report.notes:
-            assert re.fullmatch(r"[A-Z0-9].*[.?!]", note), note
-            assert "_" not in re.sub(r"`[^`]*`", "", note), f"a name of the interface in a sentence: {note}"
-            assert f"note: {note}" in repr(reply).splitlines(), "a printed result hides a note"
-
-
 @pytest.mark.parametrize("limits", [{"pivot_box": [500, 500, 501, 501]}, {"link_max": 2}])
 def test_poses_that_limits_put_out_of_reach_are_not_called_exact(limits: dict[str, Any]) -> None:
     request = {name: values[:3] if isinstance(values, list) else values for name, values in LID.items()}

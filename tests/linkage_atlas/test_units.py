@@ -92,16 +92,6 @@ def test_the_table_converts_to_the_units_that_are_asked_for(tmp_path) -> None:
         la.Motion.from_table(path, length_unit="furlong")
 
 
-@pytest.mark.parametrize(
-    ("unit", "close"), [("meter", "m"), ("Inch", "in"), ("MM", "mm"), ("milimeter", "mm"), ("xyz", None)]
-)
-def test_a_unit_that_is_unknown_is_answered_with_the_allowed_units_and_the_nearest(unit, close) -> None:
-    with pytest.raises(la.FieldError) as error:
-        la.Motion([0, 10, 30], crank_span=60, length_unit=unit)
-    suggestion = f"; did you mean {close}?" if close else ""
-    assert error.value.message == f"must be one of um, mm, cm, m, in, ft; it is {unit!r}{suggestion}"
-
-
 def test_notes_say_how_the_table_was_read(tmp_path) -> None:
     path = tmp_path / "poses.csv"
     path.write_text("Frame,TX,TY,TZ,RX,RZ\n1,0,0,0,0,0\n2,10,2,0,0,5\n3,22,5,0,0,12\n")

@@ -3,15 +3,12 @@
 A wrong damping rule, a wrong step or a candidate mixed up with another would show here.
 """
 
-from itertools import count
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from synthesis.least_squares import Evaluation, minimise
-from synthesis.work import Work
 
 LAW = settings(derandomize=True, deadline=None, max_examples=30)
 
@@ -75,12 +72,3 @@ def test_no_candidate_is_worse_than_its_start(seed, problem, iterations) -> None
     np.testing.assert_allclose(problem(found.unknowns, labels).cost, found.cost, rtol=1e-12)
     moved = np.any(found.unknowns != start, axis=1)
     assert np.all(found.cost[moved] < at_start[moved]) and np.all(np.isfinite(found.cost[moved]))
-
-
-@pytest.mark.parametrize("budget", [1, 3, 7])
-def test_expired_work_ends_the_descent(budget) -> None:
-    start, labels = np.array([[-1.2, 1.0]]), np.array([10.0])
-    stopped = minimise(rosenbrock, start, labels, 100, work=Work(budget, clock=count().__next__))
-    short = minimise(rosenbrock, start, labels, budget - 1)
-    np.testing.assert_array_equal(stopped.unknowns, short.unknowns)
-    assert stopped.cost > 1e-6

@@ -7,18 +7,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
-from hypothesis import strategies as st
 
 from synthesis.assembly.gaps import CarriedShape, Gaps
-from synthesis.assembly.movement import GROUND, BodyPoint, Crank, Dyad, Movement
+from synthesis.assembly.movement import GROUND, BodyPoint, Crank, Movement
 from synthesis.assembly.shapes import Shape, disc, distances
-from synthesis.four_bar import grashof_excesses
-from synthesis.linkage import four_bar
 from synthesis.target import TURN, Interval
 from synthesis.work import Work
 from tests.oracles.assembly import shapely_gap
-from tests.oracles.four_bar_joints import joints_at
 from tests.oracles.solids import TABLE
 from tests.synthesis.assembly.test_layers import CLOSE, machine_of
 
@@ -55,54 +50,6 @@ def test_gaps_are_those_of_the_table(name) -> None:
             assert smallest[k].gap == pytest.approx(expected["least"], abs=CLOSE)
             if "at" in expected:
                 assert np.rad2deg(smallest[k].at) == pytest.approx(expected["at"], abs=1e-6)
-
-
-# -- poses and their enclosures -----------------------------------------------------------------------------------------
-
-lengths = st.lists(st.floats(0.1, 1.0), min_size=4, max_size=4)
-
-
-@settings(max_examples=30, deadline=None)
-@given(lengths, st.sampled_from([-1, 1]), st.integers(0, 2**32 - 1))
-def test_no_body_leaves_its_enclosure(links, branch, seed) -> None:
-    """Cells of all widths, also next to dead positions, where the loop closes over all of them."""
-    # at a change point the branch is ambiguous
-    assume(np.abs(np.stack(grashof_excesses(np.array(links)))).min() > 1e-9 * max(links))
-    rng = np.random.default_rng(seed)
-    linkage = four_bar(tuple(links), branch)
-    crank, coupler, rocker, ground = links
-    movement = Movement(
-        ("ground", "crank", "coupler", "rocker"),
-        (
-            Crank(1, BodyPoint(GROUND, 0j), 0.0),
-            Dyad(2, 3, BodyPoint(1, complex(crank)), BodyPoint(GROUND, complex(ground)), coupler, rocker, branch),
-        ),
-    )
-    positions = np.linspace(0, TURN, 2000)
-    joints = joints_at(linkage, positions)
-    closed = np.isfinite(joints.coupler_pin)
-    assume(closed.any())
-    bodies = movement.bodies(positions[closed])
-    for body, end, expected in ((1, crank, "crank_pin"), (2, coupler, "coupler_pin"), (3, rocker, "coupler_pin")):
-        found = bodies.point(BodyPoint(body, complex(end)))
-        # next to a dead position a place is the root of a small difference
-        close = np.abs(found - getattr(joints, expected)[closed])
-        assert np.all(close < 1e-7)
-        assert np.median(close) < 1e-13
-    inside = rng.choice(np.flatnonzero(closed), 40)
-    half = 10 ** rng.uniform(-8, -0.5, 40)
-    cells = movement.bodies(positions[inside], half)
-    point = complex(*rng.normal(size=2))
-    for k, at in enumerate(positions[inside]):
-        times = at + half[k] * np.linspace(-1, 1, 33)
-        complete = np.isfinite(joints_at(linkage, times).coupler_pin)
-        if not complete.all():
-            continue
-        moved = movement.bodies(times)
-        for body in range(4):
-            position = BodyPoint(body, point)
-            distant = np.abs(moved.point(position) - cells.point(position)[k])
-            assert np.all(distant <= cells.spread(position)[k] * (1 + 1e-9) + 1e-9), (body, half[k])
 
 
 # -- distances ----------------------------------------------------------------------------------------------------------

@@ -3,7 +3,6 @@
 The tests would detect walls that intersect, contours that are not closed, and digits lost in a file.
 """
 
-import csv
 import io
 import math
 
@@ -12,10 +11,8 @@ import numpy as np
 import pytest
 
 from synthesis.scenes.chain import crescent as chain
-from synthesis.scenes.chain.groove import roller_walls, to_csv, to_dxf
+from synthesis.scenes.chain.groove import to_dxf
 from tests.conftest import some_of
-
-ROLLER = 25.0
 
 
 @pytest.fixture(scope="module")
@@ -33,18 +30,6 @@ def distances_to(points, curve):
     start, along = curve[:-1], np.diff(curve)
     share = ((points[:, None] - start) / along).real
     return np.abs(points[:, None] - start - np.clip(share, 0, 1) * along).min(axis=1)
-
-
-def test_csv_has_full_precision(slot, dense) -> None:
-    phases = dense[::100]
-    walls = roller_walls(slot, phases, ROLLER)
-    unit = math.radians(1) * 131 / math.sqrt(2)
-    rows = list(csv.DictReader(io.StringIO(to_csv(slot, phases, "theta1_deg", unit, ROLLER), newline="")))
-    assert len(rows) == len(phases)
-    assert np.array_equal([complex(float(row["x"]), float(row["y"])) for row in rows], slot.path(phases))
-    assert float(rows[0]["theta1_deg"]) == pytest.approx(29.553192, abs=1e-6)
-    assert np.array_equal([float(row["left_x"]) for row in rows], walls["left"].real)
-    assert "left_x" not in to_csv(slot, phases, "theta1_deg", unit, None)
 
 
 # The groove

@@ -22,7 +22,6 @@ from synthesis.scenes.knotter.mechanism import (
     Table,
     Translation,
 )
-from synthesis.scenes.knotter.study import study
 from tests.oracles.knotter import RandomKnotter
 
 
@@ -142,20 +141,6 @@ def test_largest_depth_in_a_disc_may_be_at_a_kink() -> None:
     angle = np.pi - np.arcsin(0.5 / np.sqrt(2)) - np.pi / 4
     assert found.worst_driver[0] == pytest.approx(angle, abs=1e-12)
     assert found.worst[0] == pytest.approx(10 * np.sin(angle), abs=1e-11)
-
-
-def test_an_item_does_not_depend_on_its_neighbours() -> None:
-    """The 40 x 40 items are evaluated in several chunks."""
-    grid = {"alpha1": np.linspace(-0.2, 0.6, 40), "alpha3": np.linspace(0.1, 0.7, 40)}
-    batch = study(d_knotter.mechanism(), grid, d_knotter.conditions())
-    for index in (0, 777, 1599):
-        point = {name: values[index : index + 1] for name, values in batch.grid.items()}
-        single = study(d_knotter.mechanism(), point, d_knotter.conditions())
-        for name, result in single.conditions.items():
-            for field in result.__dataclass_fields__:
-                in_batch = np.asarray(getattr(batch.conditions[name], field)[index], float)
-                expected = np.asarray(getattr(result, field)[0], float)
-                assert in_batch == pytest.approx(expected, rel=1e-9, abs=1e-9, nan_ok=True), (name, field)
 
 
 # Infeasible and refused mechanisms
