@@ -11,10 +11,8 @@ function plain({ $ref, allOf, anyOf, ...keywords }, root) {
   if ($ref) return plain({ ...root.$defs[$ref.split("/").at(-1)], ...keywords }, root);
   if (allOf?.length === 1) return plain({ ...allOf[0], ...keywords }, root);
   if (!anyOf) return keywords;
-  const kinds = anyOf.filter((kind) => kind.type !== "null");
-  if (kinds.length === anyOf.length) return { oneOf: anyOf, ...keywords };
-  const alternative = kinds.length === 1 ? { ...kinds[0], ...keywords } : { oneOf: kinds, ...keywords };
-  return { ...plain(alternative, root), nullable: true };
+  const [kind] = anyOf.filter(({ type }) => type !== "null");
+  return { ...plain({ ...kind, ...keywords }, root), nullable: true };
 }
 
 const spaced = (name) => String(name).replaceAll("_", " ");
@@ -209,32 +207,28 @@ class Fields {
     return () => (toggle.checked ? (read() ?? {}) : none);
   }
 
-  /** One of several kinds of value: which one, and the fields of that kind. */
+  /** One of several kinds of object: which one, and the other fields of that kind. */
   variants(host, at, name, schema, value) {
-    const tag = schema.discriminator?.propertyName,
+    const tag = schema.discriminator.propertyName,
       kinds = schema.oneOf.map((kind) => plain(kind, this.root)),
+      nameOf = (kind) => kind.properties[tag].const,
       initial = value ?? schema.default,
-      type = Array.isArray(initial) ? "array" : typeof initial;
-    const word = ({ properties, title, type: own }) =>
-        spaced(properties?.[tag]?.const ?? title ?? (own === "array" ? "list" : own)),
-      fits = (kind) => (tag ? kind.properties[tag].const === initial?.[tag] : kind.type === type),
-      options = kinds.map((kind, k) => new Option(word(kind), k)),
-      chosen = build("select", {}, schema.nullable ? new Option("–", "") : [], options),
+      options = kinds.map((kind, k) => new Option(spaced(nameOf(kind)), k)),
+      chosen = build("select", {}, options),
       grid = element("div", "fields"),
-      none = schema.nullable ? "" : "0";
-    chosen.value = isNone(initial) ? none : String(Math.max(0, kinds.findIndex(fits)));
-    const title = element("legend", "hidden", label(name, schema));
+      title = element("legend", "hidden", label(name, schema));
+    chosen.value = Math.max(
+      0,
+      kinds.findIndex((kind) => nameOf(kind) === initial?.[tag]),
+    );
     host.append(build("fieldset", {}, title, this.field(at, name, { ...schema, type: "kind" }, chosen), grid));
-    let read = () => undefined;
+    let read = null;
     const show = (now) => {
       const kind = kinds[Number(chosen.value)];
       for (const pointer of this.known.keys()) if (pointer.startsWith(`${at}/`)) this.known.delete(pointer);
       grid.replaceChildren();
-      if (chosen.value === "") read = () => undefined;
-      else if (tag) {
-        const readRemaining = this.properties(grid, at, kind, now, [tag]);
-        read = () => ({ [tag]: kind.properties[tag].const, ...readRemaining() });
-      } else read = this.build(grid, `${at}/`, name, kind, now);
+      const readRemaining = this.properties(grid, at, kind, now, [tag]);
+      read = () => ({ [tag]: nameOf(kind), ...readRemaining() });
     };
     chosen.addEventListener("change", () => {
       show(undefined);

@@ -136,16 +136,3 @@ export function fromHere(request, { links, branch, start_angle, body_offset, mou
     begun = { links, branch, start_angle, body_offset, mount, crank_angle };
   return { ...options, top: 1, refine_only: true, start_from: [begun] };
 }
-
-/** A request for linkages whose pivots lie near those of a solution: within `share` of the motion's extent. */
-export function nearby({ mechanisms: _mechanisms, ...request }, { mount }, share = 0.05) {
-  const positions = request.position.filter(Boolean),
-    sides = [0, 1].map((i) => positions.map((point) => point[i])),
-    room = share * Math.max(...sides.map((values) => Math.max(...values) - Math.min(...values))),
-    corners = ([x, y]) => [x - room, y - room, x + room, y + room],
-    around = (point) => corners(point).map((value) => Number(value.toPrecision(6)));
-  // boxes of their own take the place of whatever else was said of the pivots
-  const { pivot_a: _a, pivot_b: _b, pivot_box: _box, ...limits } = request.limits ?? {},
-    boxes = { pivot_a_box: around(mount.pivot_a), pivot_b_box: around(mount.pivot_b) };
-  return { ...request, limits: { ...limits, ...boxes } };
-}

@@ -9,7 +9,7 @@ import { alike } from "./fit.js";
 import { fromPage, fromRequest, requestText, toPage, toRequest } from "./formats.js";
 import { Gallery } from "./gallery.js";
 import { assessed } from "./follow.js";
-import { fromHere, nearby } from "./hand.js";
+import { fromHere } from "./hand.js";
 import { enter, entriesOf, toFragment } from "./link.js";
 import { isTable, lawAnswer, lawFault, pairs } from "./law.js";
 import { Live } from "./live.js";
@@ -34,7 +34,7 @@ const FOUR_BAR = "links start_angle body_offset mount family branch crank_angle"
 const GUIDED = "kind driver guides start travel branch crank_angle";
 const NOT_REACHED =
   "No linkage within the limits was reached from there; this does not prove that there is none. " +
-  "Move it, loosen a limit, or search near here.";
+  "Move it, or loosen a limit.";
 const ADDRESS_MS = 300; // after which the page's address follows a change
 
 let answer = null; // the last answer: {request, reply, motion, stored}
@@ -348,31 +348,28 @@ function searchFunction(motion) {
   });
 }
 
-/** Searches for the motion; `near` a solution only for linkages whose pivots lie near its own. */
-async function startSearch(near = null) {
+/** Searches for the motion. */
+async function startSearch() {
   const { law } = editor.motion;
   if (law && isTable(law)) await pairs.read(law.table);
   const motion = soundMotion();
   if (!motion) return;
-  passed ||= Boolean(answer) && !near;
+  passed ||= Boolean(answer);
   updateStale();
   if (motion.law) await searchFunction(motion);
-  else await run((control, begin) => searchMotion(motion, near, control, begin));
+  else await run((control, begin) => searchMotion(motion, control, begin));
 }
 
-async function searchMotion(motion, near, control, begin) {
+async function searchMotion(motion, control, begin) {
   const request = toRequest(motion),
     state = {}; // one answer of all stages
   let further = false;
   const show = (reply, last) => {
-    const found = reply.solutions.length > 0,
-      failure = last
-        ? "No linkage was found with both pivots near these positions."
-        : "Nothing within the limits yet. Still searching…";
+    const found = reply.solutions.length > 0;
     if (running !== control) return;
     // what is shown stays until there is something in its place
-    if (!found && (near || !last)) {
-      say(failure, last);
+    if (!found && !last) {
+      say("Nothing within the limits yet. Still searching…");
       return;
     }
     const { hand } = (further && results.state) || {};
@@ -385,8 +382,8 @@ async function searchMotion(motion, near, control, begin) {
     further ||= found;
     if (!last) say(`After ${Math.round(1000 * secondsSince(begin))} ms: ${howNear(answer)}. Still searching…`);
   };
-  await solve(near ? nearby(request, near) : request, show, control.signal, alike);
-  if (running !== control || !answer || (near && !further)) return;
+  await solve(request, show, control.signal, alike);
+  if (running !== control || !answer) return;
   if (further && linkedCard && answer.reply.solutions.length) results.choose(linkedCard);
   sayAnswer();
 }
@@ -471,7 +468,6 @@ function bindButtons() {
   });
   addEventListener("hashchange", addressChanged);
   document.addEventListener("refinehere", startRefinement);
-  document.addEventListener("searchnear", () => startSearch(results.solution));
   listen("stop", "click", () => {
     stopSearch();
     $("solve").focus();

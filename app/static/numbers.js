@@ -13,9 +13,7 @@ const DIGITS = 4; // of numbers that are shown; their titles and copies have mor
 const ILL_POSED =
   "Clearly different linkages make this motion about equally well: the motion does not determine the link lengths.";
 const BY_HAND = "Changed by hand: this page computes its errors, and there is no verdict.";
-const FROM_THERE =
-  " The service can refine it to the nearest optimum from this position, " +
-  "or search again with both pivots near their present positions.";
+const FROM_THERE = " The service can refine it to the nearest optimum from this position.";
 
 /** Rows [name, value] of a solution, its lengths and angles with `digits` digits. */
 export function numberRows(solution, { motion, size }, digits = DIGITS) {
@@ -96,15 +94,11 @@ function crankBlock(solution, motion) {
   return build("details", {}, element("summary", "", `${title} at the ${item}s`), table);
 }
 
-/** Return the actions for a linkage that was changed by hand. */
+/** Return the action for a linkage that was changed by hand. */
 function handBlock({ links }) {
-  const act = (id, words, event) => button(words, () => document.dispatchEvent(new Event(event)), "", { id }),
-    acts = [
-      act("refine-here", "Refine from there", "refinehere"),
-      act("search-near", "Search near here", "searchnear"),
-    ];
-  const sentence = element("p", "note", BY_HAND + (links ? FROM_THERE : ""));
-  return element("div", "judged", sentence, element("div", "group wrap", links && acts));
+  const refine = () => document.dispatchEvent(new Event("refinehere")),
+    sentence = element("p", "note", BY_HAND + (links ? FROM_THERE : ""));
+  return element("div", "judged", sentence, links && button("Refine from there", refine, "", { id: "refine-here" }));
 }
 
 /** Return the elements that describe a solution of an answer. */
