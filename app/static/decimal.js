@@ -66,8 +66,8 @@ export function wrong(value, entry, { range: [low, high], needed, whole }) {
   return low === Number.MIN_VALUE ? `${text(value)} is not above 0` : `${text(value)} is less than ${text(low)}`;
 }
 
-/** The range [low, high] that a field with `data-number` allows. */
-const rangeOf = ({ dataset: { least: minimum, most: maximum } }) => [
+/** The range [low, high] that a field allows by `data-least` and `data-most`. */
+export const rangeOf = ({ dataset: { least: minimum, most: maximum } }) => [
   minimum === "above 0" ? Number.MIN_VALUE : Number(minimum ?? -1e50),
   Number(maximum ?? 1e50),
 ];

@@ -1,6 +1,6 @@
 // The form's fields for one motion: what is typed stays as it was typed, and what cannot be used is said beside it.
 
-import { markWrong, typed, unreadable, wrong } from "./decimal.js";
+import { markWrong, rangeOf, typed, unreadable, wrong } from "./decimal.js";
 import { text } from "./drawing.js";
 import { toRequest } from "./formats.js";
 import {
@@ -23,89 +23,63 @@ const NOTES = {
   even: (item) => `The ${item}s are met at even steps of the crank.`,
   table: (item) => `Each ${item} is met at its crank angle in the table.`,
 };
-const ANY = [-1e50, 1e50];
-const ABOVE = [Number.MIN_VALUE, 1e50];
-const WITHIN = [0, 1e50];
-
-/** A field of numbers: `path` of its value in the motion, `name` in sentences, `range`. Empty is null or `needed`. */
-const number = (path, name, range, more = {}) => ({
-  name,
-  range,
-  get: (m) => valueAt(m, path),
-  put: (m, value) => setAt(m, path, value),
-  ...more,
-});
-/** Return the field of a limit of the preset: a value switches the limit on, and 0 for an angle switches it off. */
-const preset = (flag, own, name, range) =>
-  number(`limits.${own}`, name, range, {
-    put: ({ limits }, value) => {
-      limits.kept[flag] = value !== 0;
-      limits[own] = value || null;
-    },
-  });
-
-const NUMBERS = {
-  span: number("span", "Crank span", [0.1, 3600], {
-    needed: true,
+/** Values of the motion that a field shows and changes other than at its `data-path`, by the id of the field. */
+const SPECIAL = {
+  span: {
     get: (m) => Number(m.span.toPrecision(12)),
     put: (m, value) => (m.timing === "even" ? (m.span = value) : scaleTravels(m, value)),
-  }),
-  "span-max": number("spanMax", "Crank turns at most", [0.1, 3600]),
-  "start-angle": number("startAngle", "Crank begins at", [-360, 360]),
-  transmission: preset("use", "transmission", "Transmission angle in use", [0, 89.9]),
-  "transmission-turn": preset("turn", "turn", "Transmission angle over the turn", [0, 89.9]),
-  ratio: preset("ratio", "ratio", "Longest link", [1, 1e6]),
-  "link-min": number("limits.min", "Links at least", ABOVE),
-  "link-max": number("limits.max", "Links at most", ABOVE),
-  "tolerance-rotation": number("tolerance.rotation", "Angle error allowed", ABOVE),
-  "tolerance-position": number("tolerance.position", "Position error allowed", ABOVE),
-  round: number("round", "Round links to", ABOVE),
-  top: number("top", "Solutions", [1, 100], { whole: true, needed: true }),
-  "speed-of-crank": number("analysis.speed", "Crank speed", ANY),
-  "force-x": number("analysis.force.0", "Force, x", ANY),
-  "force-y": number("analysis.force.1", "Force, y", ANY),
-  torque: number("analysis.torque", "Torque", ANY),
-  "study-links": number("study.links", "Lengths within", WITHIN),
-  "study-pivots": number("study.pivots", "Pivots within", WITHIN),
-  "study-clearance": number("study.clearance", "Clearance", WITHIN),
+  },
+  practical: {
+    get: (m) => Object.values(m.limits.kept).every(Boolean),
+    put: (m, on) => Object.keys(PRESET).forEach((name) => (m.limits.kept[name] = on)),
+  },
+  timing: { get: (m) => m.timing, put: setTiming },
+  direction: { get: (m) => String(m.direction), put: (m, value) => (m.direction = Number(value)) },
+  prefer: { get: (m) => (m.law ? "error" : preferred(toRequest(m))), put: (m, value) => (m.prefer = value) },
+  mechanisms: {
+    get: (m) => (Array.isArray(m.mechanisms) ? "some" : m.mechanisms),
+    put: (m, value) => value !== "some" && (m.mechanisms = value),
+  },
+  family: { get: familyOf, put: (m, value) => (m.limits.family = value) },
 };
 /** The box for all joints: a side without a number is as far away as FAR. */
 const FAR = 1e9;
 const FREE = [-FAR, -FAR, FAR, FAR];
-for (const [k, side] of ["left", "bottom", "right", "top"].entries()) {
-  NUMBERS[`envelope-${k}`] = number("", `Room for all joints, ${side}`, ANY, {
+for (const k of FREE.keys()) {
+  SPECIAL[`envelope-${k}`] = {
     get: ({ limits: { extra } }) => (Math.abs(extra.envelope?.[k] ?? FAR) < FAR ? extra.envelope[k] : null),
-    put: ({ limits: { extra } }, value) => {
+    put({ limits: { extra } }, value) {
       const box = (extra.envelope ?? FREE).with(k, value ?? FREE[k]);
       if (box.every((bound, i) => bound === FREE[i])) delete extra.envelope;
       else extra.envelope = box;
     },
-  });
+  };
 }
-/** Boxes to be checked and choices by id: [value shown for a motion, change of the motion]. */
-const property = (path) => [(m) => valueAt(m, path), (m, value) => setAt(m, path, value)];
-const CHECKS = {
-  "any-order": property("anyOrder"),
-  closed: property("closed"),
-  diverse: property("diverse"),
-  practical: [
-    (m) => Object.values(m.limits.kept).every(Boolean),
-    (m, on) => Object.keys(PRESET).forEach((name) => (m.limits.kept[name] = on)),
-  ],
-  ...Object.fromEntries(Object.keys(PRESET).map((name) => [`keep-${name}`, property(`limits.kept.${name}`)])),
-};
-const CHOICES = {
-  timing: [(m) => m.timing, setTiming],
-  direction: [(m) => String(m.direction), (m, value) => (m.direction = Number(value))],
-  wanted: property("wanted"),
-  prefer: [(m) => (m.law ? "error" : preferred(toRequest(m))), (m, value) => (m.prefer = value)],
-  mechanisms: [
-    (m) => (Array.isArray(m.mechanisms) ? "some" : m.mechanisms),
-    (m, value) => value !== "some" && (m.mechanisms = value),
-  ],
-  family: [familyOf, (m, value) => (m.limits.family = value)],
-  "length-unit": property("unit"),
-};
+
+/**
+ * What a field shows of a motion and how it changes it: {id, isNumber, name, range, needed, whole, get, put}. With
+ * `data-keep` it is a limit of the preset, which a value switches on and 0 for an angle switches off.
+ */
+function specOf(field) {
+  const { id, dataset, labels, ariaLabel, required } = field,
+    { path, keep, name, whole } = dataset;
+  const put = (m, value) => {
+    if (keep) m.limits.kept[keep] = value !== 0;
+    setAt(m, path, keep ? value || null : value);
+  };
+  return {
+    id,
+    isNumber: field.matches("input:not([type=checkbox])"),
+    name: name ?? ariaLabel ?? labels[0].firstChild.textContent.trim(),
+    range: rangeOf(field),
+    needed: required,
+    whole: whole !== undefined,
+    get: (m) => valueAt(m, path),
+    put,
+    ...SPECIAL[id],
+  };
+}
+
 const BOX = [0, 1, 2, 3].map((k) => `box-${k}`);
 
 /** Weights and tolerances that a pose may have of its own. */
@@ -115,11 +89,14 @@ export class Fields {
   /** `edit(change, kind)` changes the motion; `settle()` ends a step of its history; `motion()` is the present one. */
   constructor({ edit, settle, motion }) {
     Object.assign(this, { edit, settle, motion, faults: new Map() });
-    for (const [id, spec] of Object.entries(NUMBERS)) this.#bindNumber(id, spec);
-    for (const [id, [, put]] of Object.entries(CHECKS))
-      listen(id, "change", () => edit((m) => put(m, $(id).checked), id));
-    for (const [id, [, put]] of Object.entries(CHOICES))
-      listen(id, "change", () => edit((m) => put(m, $(id).value), id));
+    const marked = document.querySelectorAll("[data-path]");
+    this.specs = [...new Set([...marked, ...Object.keys(SPECIAL).map($)])].map(specOf);
+    for (const spec of this.specs) {
+      const { id, isNumber, put } = spec,
+        read = () => ($(id).type === "checkbox" ? $(id).checked : $(id).value);
+      if (isNumber) this.#bindNumber(id, spec);
+      else listen(id, "change", () => edit((m) => put(m, read()), id));
+    }
     for (const id of BOX) this.#bind(id, () => this.#readBox(id));
     this.#bind("stock", () => this.#readStock());
     this.#bind("keep-out", () => this.#readKeepOut());
@@ -259,9 +236,9 @@ export class Fields {
     const motion = this.motion(),
       { limits } = motion,
       free = motion.timing === "free";
-    for (const [id, { get }] of Object.entries(NUMBERS)) this.#set(id, get(motion));
-    for (const [id, [get]] of Object.entries(CHECKS)) $(id).checked = get(motion);
-    for (const [id, [get]] of Object.entries(CHOICES)) $(id).value = get(motion);
+    for (const { id, isNumber, get } of this.specs)
+      if (isNumber) this.#set(id, get(motion));
+      else $(id)[$(id).type === "checkbox" ? "checked" : "value"] = get(motion);
     for (const [k, id] of BOX.entries()) this.#set(id, limits.box?.[k]);
     this.#set("stock", motion.stock?.join(" ") ?? "");
     this.#set("keep-out", (limits.extra.keep_out ?? []).map((box) => box.join(" ")).join("\n"));

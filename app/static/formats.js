@@ -235,20 +235,8 @@ export function fromRequest(body) {
   motion.extra = without(request, HELD.join(" ").split(" "));
   const { transmission, turn, ratio } = motion.limits,
     { speed, force, torque } = motion.analysis,
-    numbers = [
-      min,
-      max,
-      transmission,
-      turn,
-      ratio,
-      motion.spanMax,
-      motion.startAngle,
-      round,
-      top,
-      speed,
-      torque,
-      ...force,
-    ];
+    { spanMax, startAngle } = motion,
+    numbers = [min, max, transmission, turn, ratio, spanMax, startAngle, round, top, speed, torque, ...force];
   const isBox = box === null || (isNumbers(box) && box.length === 4);
   if (!isBox || ![...numbers, links, pivots, clearance].every((value) => value === null || isNumber(value)))
     throw new Error("The request has a value that is not a number in a field that requires a number.");
