@@ -1,7 +1,9 @@
 // A draft: work of one's own, kept in the browser's store for each tab, named on the page and discarded there.
 // A new tab, also of a later visit, begins with the last of all.
 
-import { $, listen } from "./shell.js";
+import { $, keep, listen, recall } from "./shell.js";
+
+const TAB = "sessionStorage";
 
 const when = (at) =>
   new Date(at).toLocaleString("en-GB", { day: "numeric", month: "long", hour: "2-digit", minute: "2-digit" });
@@ -10,14 +12,10 @@ export class Draft {
   /** A page has one under its own `name`; `open(content)` shows it or throws, `leave()` shows something else. */
   constructor(name, open, leave) {
     Object.assign(this, { name, open, leave, kept: null, text: null, shown: false, resumes: false });
-    try {
-      const own = sessionStorage.getItem(name),
-        { at, content } = JSON.parse(own ?? localStorage.getItem(name));
-      if (Number.isFinite(new Date(at).getTime())) this.#take(at, content);
-      this.resumes = own !== null;
-    } catch {
-      /* none, none that can be read, or the store is blocked */
-    }
+    const own = recall(name, TAB),
+      { at, content } = (own ?? recall(name)) || {};
+    if (Number.isFinite(new Date(at).getTime())) this.#take(at, content);
+    this.resumes = own !== null;
     listen("draft-open", "click", () => {
       this.restore();
       $("solve").focus();
@@ -38,12 +36,8 @@ export class Draft {
   drop() {
     const { name, kept } = this;
     Object.assign(this, { kept: null, text: null, shown: false });
-    try {
-      if (localStorage.getItem(name) === JSON.stringify(kept)) localStorage.removeItem(name);
-      sessionStorage.setItem(name, "null"); // that of another tab does not come in its place
-    } catch {
-      /* the store is blocked */
-    }
+    if (JSON.stringify(recall(name)) === JSON.stringify(kept)) keep(name, null);
+    keep(name, false, TAB); // that of another tab does not come in its place
     this.#say();
   }
 
@@ -69,12 +63,10 @@ export class Draft {
     const text = JSON.stringify(content);
     if (own && text !== this.text) {
       const at = Date.now();
-      try {
-        localStorage.setItem(this.name, JSON.stringify({ at, content }));
+      // if the store is blocked or full, what was kept before stays
+      if (keep(this.name, { at, content })) {
         this.#take(at, JSON.parse(text));
-        sessionStorage.setItem(this.name, JSON.stringify({ at, content }));
-      } catch {
-        /* the store is blocked or full: what was kept before stays */
+        keep(this.name, { at, content }, TAB);
       }
     }
     this.shown = text === this.text;

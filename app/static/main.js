@@ -481,17 +481,12 @@ function bindButtons() {
   listen("link", "click", async () => {
     await copy(await showAddress(), "The link is copied; it holds the whole request and the chosen linkage.", note);
   });
-  let parts = null; // of the linkage that is being printed
-  const fill = () => fillSheet(answer, results.solution, results.driving, parts);
-  addEventListener("beforeprint", fill);
-  listen("print", "click", async () => {
-    const { solution } = results;
-    fill();
-    const found = await results.partsList().catch(() => null);
-    parts = results.solution === solution ? found : null; // another card may have been chosen meanwhile
-    fill();
+  let withParts = false;
+  addEventListener("beforeprint", () => fillSheet(answer, results.solution, results.driving, withParts));
+  listen("print", "click", () => {
+    withParts = true;
     print();
-    parts = null;
+    withParts = false;
   });
 }
 

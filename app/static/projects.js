@@ -1,29 +1,20 @@
 // Named projects in the browser's store: saved under a name, opened from the first screen, and deleted there.
 
 import { button, element } from "./drawing.js";
-import { $ } from "./shell.js";
+import { $, keep, recall } from "./shell.js";
 
 const KEY = "linkage-atlas-projects";
 
-/** Contents by name; none where the store is blocked or holds something else. */
+/** Contents by name; none where the store holds something else. */
 function stored() {
-  try {
-    const found = JSON.parse(localStorage.getItem(KEY));
-    return found && typeof found === "object" && !Array.isArray(found) ? found : {};
-  } catch {
-    return {};
-  }
+  const found = recall(KEY);
+  return found && typeof found === "object" && !Array.isArray(found) ? found : {};
 }
 
 /** Stores all projects. Throws an error if the browser does not allow it. */
 function store(projects) {
-  try {
-    localStorage.setItem(KEY, JSON.stringify(projects));
-  } catch (error) {
-    throw new Error("The project was not saved: the browser's storage is blocked or full. Save a file instead.", {
-      cause: error,
-    });
-  }
+  if (!keep(KEY, projects))
+    throw new Error("The project was not saved: the browser's storage is blocked or full. Save a file instead.");
 }
 
 /** Lists the projects on the first screen; `open(content)` shows one. */

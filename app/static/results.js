@@ -357,16 +357,6 @@ export class Results {
     return ask(route, request);
   }
 
-  /** The parts list of the selected linkage, a row a part by column; null where its layers are not free. */
-  async partsList() {
-    const status = this.solution?.verdict?.assembly?.status;
-    if (!status || status === "blocked") return null;
-    const content = await (await this.#file("parts")).text(),
-      [head, ...rows] = content.trim().split("\r\n");
-    const names = head.split(",");
-    return rows.map((row) => Object.fromEntries(row.split(",").map((cell, k) => [names[k], cell])));
-  }
-
   async #save(format) {
     const name = `linkage-${this.solution.rank ?? "by-hand"}.${ENDINGS[format] ?? format}`;
     note(`Making ${format.toUpperCase()}…`);

@@ -1,12 +1,11 @@
-// The sheet that is printed: canvas, dimensions and errors on one page; layers and the list of parts on a second one.
+// The sheet that is printed: canvas, dimensions and errors on one page; layers and flat parts on a second one.
 
 import { nameOf } from "./cards.js";
-import { element, make, tableOf, text } from "./drawing.js";
+import { element, tableOf, text } from "./drawing.js";
 import { fitOf, settled } from "./fit.js";
 import { itemOf, unitOf, wantsAngles } from "./motion.js";
 import { numberRows } from "./numbers.js";
 import { $, listed } from "./shell.js";
-import { drawStack } from "./stack.js";
 import { mark, reasons } from "./verdict.js";
 
 const DIGITS = 6;
@@ -23,29 +22,16 @@ function drawing() {
 
 const number = (value, digits = DIGITS) => (value === null || value === undefined ? "" : text(value, digits));
 
-/** Names of the columns of the list of parts. */
-const PARTS = { name: "part", mass: "mass, g" };
-const COLUMNS = ["name", "material", "length", "thickness", "diameter", "holes", "tolerance", "mass"];
-
-/** The stack from the side, and the list of its parts in millimetres. */
-function partsOf(assembly, parts) {
-  const stack = make("svg", { class: "pile" });
-  drawStack(stack, assembly);
-  const columns = COLUMNS.filter((name) => parts.some((part) => part[name])),
-    cell = (value) => (value && !Number.isNaN(Number(value)) ? number(Number(value), 5) : value),
-    rows = parts.map((part) => columns.map((name) => cell(part[name])));
-  const names = columns.map((name) => PARTS[name] ?? name);
-  return element(
-    "section",
-    "parts",
-    element("h3", "", "Layers from the side; parts in mm"),
-    stack,
-    tableOf(names, rows),
-  );
+/** Copies of the pictures of layers and flat parts that the page shows. */
+function partsOf() {
+  const shown = [...document.querySelectorAll("#stack, #parts svg")].filter((svg) => svg.childElementCount),
+    copies = shown.map((svg) => svg.cloneNode(true));
+  for (const copy of copies) copy.removeAttribute("id");
+  return element("section", "parts", element("h3", "", "Layers from the side, and flat parts"), ...copies);
 }
 
-/** Fills the sheet with a solution, its drive and the list of its parts; without one the page prints as it is. */
-export function fillSheet(answer, solution, drive, parts = null) {
+/** Fills the sheet with a solution, its drive and perhaps its parts; without a solution the page prints as it is. */
+export function fillSheet(answer, solution, drive, withParts) {
   const sheet = $("sheet");
   sheet.replaceChildren();
   document.body.classList.toggle("has-sheet", Boolean(solution));
@@ -85,8 +71,8 @@ export function fillSheet(answer, solution, drive, parts = null) {
       motion.poses.length > 30 ? "sheet-columns long" : "sheet-columns",
       tableOf(["Dimension", ""], rows),
       tableOf([item, crank, "x", "y", "angle°", `off, ${unit}`, "off, °", ""], poses),
-      driven.length && tableOf(["Drive", ""], driven),
+      driven.length > 0 && tableOf(["Drive", ""], driven),
     ),
   );
-  if (parts && solution.verdict?.assembly) sheet.append(partsOf(solution.verdict.assembly, parts));
+  if (withParts && solution.verdict?.assembly) sheet.append(partsOf());
 }

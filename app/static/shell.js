@@ -61,11 +61,23 @@ export function markEarlier(earlier) {
   for (const mark of document.querySelectorAll("[data-earlier]")) mark.hidden = !earlier;
 }
 
-function stored() {
+/** Plain data that the browser keeps under a name, for good or for the tab (`area`); null if there is none. */
+export function recall(name, area = "localStorage") {
   try {
-    return localStorage.getItem(KEY);
+    return JSON.parse(window[area].getItem(name));
   } catch {
-    return null;
+    return null; // the store is blocked or holds something else
+  }
+}
+
+/** Keeps plain data under a name, or with null nothing; false if the browser does not allow it. */
+export function keep(name, data, area = "localStorage") {
+  try {
+    if (data === null) window[area].removeItem(name);
+    else window[area].setItem(name, JSON.stringify(data));
+    return true;
+  } catch {
+    return false;
   }
 }
 
@@ -74,7 +86,7 @@ function show(theme) {
   document.dispatchEvent(new Event("themechange"));
 }
 
-const showPreferred = () => show(stored() ?? (system.matches ? "dark" : "light"));
+const showPreferred = () => show(recall(KEY) ?? (system.matches ? "dark" : "light"));
 
 /** Follows the system's colour scheme until the user presses the button; the choice is stored. */
 export function startTheme() {
@@ -82,11 +94,7 @@ export function startTheme() {
   system.addEventListener("change", showPreferred);
   $("theme").addEventListener("click", () => {
     const next = document.documentElement.dataset.theme === "dark" ? "light" : "dark";
-    try {
-      localStorage.setItem(KEY, next);
-    } catch {
-      /* storage is blocked: the choice lasts until the page is left */
-    }
+    keep(KEY, next);
     show(next);
   });
 }

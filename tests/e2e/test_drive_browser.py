@@ -94,7 +94,7 @@ def test_a_cylinder_is_found_moves_and_its_pins_are_dragged(opened) -> None:
         opened.slide(float(opened.find("slider").get_attribute(end)))
         lengths.append(float(opened.run("return document.querySelector('[data-layer=drive]').dataset.length")))
     assert sorted(lengths) == pytest.approx([255, 405], abs=0.01)
-    opened.run("window.print = () => {}; document.getElementById('print').click()")
+    opened.run("dispatchEvent(new Event('beforeprint'))")
     opened.wait("document.getElementById('sheet').textContent.includes('255 + 150 mm')")
     assert opened.run("return document.querySelectorAll('#sheet .drive-rod, #sheet .drive-arm').length") == 2
     # an arrow key on the ground point: the force is recomputed and is no longer the optimum
