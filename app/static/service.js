@@ -4,7 +4,7 @@ import { build, capital } from "./shell.js";
 import { plainWords } from "./verdict.js";
 
 /** Budgets of the search in milliseconds, one after the other: a first answer soon, then the final one. */
-export const STAGES = [200, 5000];
+export const STAGES = [100, 5000];
 const LONGER = 20000; // of a last stage, where nothing was found by then
 const SHARE = 0.8; // of a budget, which a search that ended by itself did not use up
 

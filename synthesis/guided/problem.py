@@ -51,7 +51,7 @@ class PairOptions(SearchOptions):
     origins: int = 3
     copies: int = 5
     gain: float = 0.01
-    idle_rounds: float = 40
+    idle_rounds: float = 20
     idle_fraction: float = 0.0
     idle_rounds_unanswered: float = 16
     drop_exact: bool = True
