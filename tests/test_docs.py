@@ -116,6 +116,16 @@ def test_every_link_leads_to_a_file_and_every_fragment_to_a_heading(path) -> Non
             assert not fragment or fragment in anchors(file), f"{names(path)} links to {target}"
 
 
+def test_no_document_repeats_a_sentence_of_another() -> None:
+    found: dict[str, Path] = {}
+    for path in DOCUMENTS:
+        text = re.sub(r"^```.*?^```", "", path.read_text(), flags=re.MULTILINE | re.DOTALL)
+        for sentence in re.split(r"(?<=[.:;])\s+|[|\n]", re.sub(r"\]\([^)]*\)", "]", text)):
+            words = " ".join(re.findall(r"\w+", sentence.lower()))
+            if words.count(" ") >= 7:
+                assert found.setdefault(words, path) == path, f"{names(found[words])} and {names(path)}: {sentence}"
+
+
 def test_every_picture_is_shown() -> None:
     shown = "".join(path.read_text() for path in DOCUMENTS)
     assert [path.name for path in (ROOT / "docs" / "img").iterdir() if path.name not in shown] == []
