@@ -17,6 +17,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import reduce
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +35,7 @@ from data_build.batch import build_atlas, local_executor
 from synthesis.atlas.file import encode_atlas
 from synthesis.atlas.table import AtlasRule, compute_features, compute_series
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule
+from synthesis.work import Work
 
 if (
     signal.getsignal(signal.SIGINT) == signal.SIG_IGN
@@ -127,6 +129,11 @@ def changed(body: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
         else:
             at[last] = value
     return body
+
+
+def ticking(seconds: float) -> Callable[[float | None], Work]:
+    """Return a function that starts work whose clock advances by some seconds at each reading, the same everywhere."""
+    return lambda budget: Work(budget, clock=count(step=seconds).__next__)
 
 
 def finite(value: Any) -> bool:

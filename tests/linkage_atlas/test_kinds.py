@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import linkage_atlas as la
-from tests.conftest import some_of
+from tests.conftest import some_of, ticking
 from tests.linkage_atlas.test_assembly import by_layers
 from tests.oracles.guided import random_motion
 
@@ -180,14 +180,13 @@ def test_alternatives_to_an_exact_linkage_are_sought_as_long_again_unless_a_budg
     point = crank + 0.6 * rod
     found = {}
     for budget in (None, 10):
-        ticks = iter(np.arange(0, 100, 1e-3))  # a clock that goes on by a millisecond each time it is read
         found[budget] = la.synthesize(
             rotation=angle - angle[0],
             position=np.column_stack([point.real, point.imag]),
             timing="free",
             mechanisms="slider_crank",
             budget=budget,
-            work=lambda budget, ticks=ticks: la.Work(budget, clock=lambda: float(next(ticks))),
+            work=ticking(1e-3),
         )
     short, long = found.values()
     known = next(time for time, objective in short.report.trace if objective < 1e-9)

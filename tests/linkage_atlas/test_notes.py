@@ -5,7 +5,6 @@ the clock.
 """
 
 import re
-from collections.abc import Callable
 from functools import cache
 from typing import Any
 
@@ -15,7 +14,7 @@ import pytest
 import linkage_atlas as la
 from linkage_atlas.notes import LABELS
 from synthesis.limits import FORMS
-from synthesis.work import Work
+from tests.conftest import ticking
 
 GIVEN_PIVOTS: dict[str, Any] = {
     "timing": "free",
@@ -100,21 +99,6 @@ def test_poses_in_a_jumbled_order_are_offered_any_order() -> None:
     assert any_order.best.errors.position_max < 1.1 * (free + 0.005) and free < 0.02 * prescribed
     for second in (any_order, *remaining):
         assert not any("in any order" in note for note in second.report.notes)
-
-
-def ticking(seconds: float) -> Callable[[float | None], Work]:
-    """Return work whose clock moves by some seconds at each look."""
-
-    def work(budget: float | None) -> Work:
-        now = [0.0]
-
-        def clock() -> float:
-            now[0] += seconds
-            return now[0]
-
-        return Work(budget, clock=clock)
-
-    return work
 
 
 @cache

@@ -12,6 +12,7 @@ import pytest
 
 import linkage_atlas as la
 from tests.conftest import some_of
+from tests.linkage_atlas.test_few_pairs import rocker as angles_of
 
 
 def slider(lengths: dict[str, float], crank: np.ndarray) -> np.ndarray:
@@ -21,11 +22,7 @@ def slider(lengths: dict[str, float], crank: np.ndarray) -> np.ndarray:
 
 
 def rocker(links: Any, branch: int, crank: np.ndarray) -> np.ndarray:
-    """Return the rocker angle in degrees by the law of cosines."""
-    diagonal = links[3] - links[0] * np.exp(1j * crank)
-    distance = np.abs(diagonal)
-    inner = np.arccos((distance**2 + links[2] ** 2 - links[1] ** 2) / (2 * distance * links[2]))
-    return np.rad2deg(np.unwrap(np.angle(-diagonal) - branch * inner))
+    return np.rad2deg(angles_of(links, branch, crank)[0])
 
 
 TURN = np.deg2rad(np.arange(0, 360, 0.01))

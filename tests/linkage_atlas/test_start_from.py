@@ -4,14 +4,13 @@ A search without memory would answer a motion that moved by a pixel with a linka
 """
 
 import json
-from itertools import count
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import linkage_atlas as la
-from tests.conftest import some_of
+from tests.conftest import some_of, ticking
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = {row["name"]: row["request"] for row in json.loads((ROOT / "app/static/examples.json").read_text())}
@@ -30,9 +29,7 @@ def question(name: str, pixels: float = 0.0) -> dict:
     return request | {"position": positions}
 
 
-def stepped(budget: float | None) -> la.Work:
-    """Each reading of the clock takes a fifth of a millisecond, on every machine."""
-    return la.Work(budget, clock=count(step=2e-4).__next__)
+stepped = ticking(2e-4)
 
 
 def plain(solution: la.Solution) -> dict:

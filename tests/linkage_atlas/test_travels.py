@@ -5,14 +5,13 @@ A slider that is measured from a wrong origin, or an error that does not belong 
 
 import json
 from functools import cache
-from itertools import count
 from typing import Any
 
 import numpy as np
 import pytest
 
 import linkage_atlas as la
-from tests.conftest import some_of
+from tests.conftest import some_of, ticking
 
 FROM, TO = {"input_unit": "length"}, {"output_unit": "length"}
 BOTH = {**FROM, **TO}
@@ -150,7 +149,7 @@ def test_limits_are_kept_and_the_first_is_the_best_of_them() -> None:
 
 def test_one_way_and_several_kinds_and_little_time() -> None:
     request = CASES["slider to crank"]
-    found = la.function(**{**request, "mechanisms": "all"}, one_way=True, objective="max", top=10)
+    found = la.function(**{**request, "mechanisms": "all"}, one_way=True, objective="max", top=6)
     assert {linkage.kind for linkage in found} == {"slider_crank", "swinging_block", "rail_slot"}
     assert any("several kinds" in note for note in found.report.notes)
     for generator in found:
@@ -159,7 +158,7 @@ def test_one_way_and_several_kinds_and_little_time() -> None:
     assert objectives == sorted(objectives) and [solution.rank for solution in found] == list(
         range(1, len(found) + 1)
     )
-    quick = la.function(**request, budget=0.02, work=lambda budget: la.Work(budget, clock=count(step=1e-3).__next__))
+    quick = la.function(**request, budget=0.02, work=ticking(1e-3))
     assert quick.status in ("closest", "unknown") and quick.report.elapsed_ms["total"] < 1000
 
 
