@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from linkage_atlas.constructors import SliderCrank as SliderCrank
     from linkage_atlas.drive_design.design import drives as drives
     from linkage_atlas.drive_design.records import Drives as Drives
-    from linkage_atlas.drive_design.six_bars import SixBarJoints as SixBarJoints
-    from linkage_atlas.drive_design.six_bars import SixBarLinkage as SixBarLinkage
     from linkage_atlas.functions.generation import function as function
     from linkage_atlas.functions.results import FunctionResult as FunctionResult
     from linkage_atlas.functions.results import FunctionSolution as FunctionSolution
@@ -66,7 +64,6 @@ _HOMES = {
     "linkage_atlas.motions": ("Motion",),
     "linkage_atlas.motion_errors": ("objective", "residuals"),
     "synthesis.atlas": ("haar",),
-    "linkage_atlas.drive_design.six_bars": ("SixBarLinkage", "SixBarJoints"),
     "linkage_atlas.solids": ("SolidParts",),
     "linkage_atlas.assemblies": ("Assembly",),
     "linkage_atlas.results": ("Result", "Matches", "Match"),

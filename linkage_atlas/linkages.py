@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -100,8 +100,6 @@ class Linkage:
     _motion: Target | None
     length_unit: str | None = None
     """Unit of its lengths, taken over from the motion; None if it is unknown: files then take millimetres."""
-    has_motor: ClassVar[bool] = False
-    """True if a motor and its rod belong to it."""
 
     def __init__(
         self,
@@ -411,15 +409,18 @@ class Linkage:
     def target_of(self, motion: Motion | None, travel: ArrayLike | None) -> Target:
         """Return a motion with the travel of the drive at its samples.
 
-        Without a motion, or without the travel of a free motion, it is the motion that the linkage answers, or its own range.
+        Without a motion it is the motion that the linkage answers, or the travel; without both, and without the travel of a free
+        motion, the linkage's own range.
         """
         linkage = self._linkage
         if travel is None and motion is not None and not linkage.driver.turns:
             travel = motion.travel
-        if motion is None or (motion.free and travel is None):
+        if travel is None and (motion is None or motion.free):
             return self._default_motion()
         name = "crank_angle" if linkage.driver.turns else "travel"
         positions = np.zeros(0) if travel is None else column(name, travel) * self._unit
+        if motion is None:
+            return self._motion or Target(None, None, crank=positions, found=True)
         if motion.free and positions.shape != (motion.requested.samples,):
             raise FieldError(f"/{name}", f"must have {motion.requested.samples} numbers; it has {positions.size}")
         samples = motion.samples
@@ -534,7 +535,7 @@ class Linkage:
         motion : Motion, optional
             Motion over whose interval the layers must be free; default: the motion that the linkage answers, or a whole turn.
         crank_angle, travel : array_like, shape (N,), optional
-            For a motion with free timing: crank angles from the first sample, or travel of a drive that slides.
+            For a free or no motion: crank angles from the first sample, or travel of a drive that slides.
         work : Work, optional
             Limits the time, and ends the computation if the result is no longer needed.
         width, hole, thickness, washer, clearance, kerf, scale, length_unit
@@ -650,7 +651,7 @@ class Linkage:
         length_unit : {"um", "mm", "cm", "m", "in", "ft"}, optional
             Unit of its lengths; default: the unit of the motion, or millimetres.
         crank_angle, travel : array_like, shape (N,), optional
-            For a motion with free timing: crank angles from the first sample, or travel of a drive that slides.
+            For a free or no motion: crank angles from the first sample, or travel of a drive that slides.
         analysis : mapping, optional
             ``crank_speed`` and ``load``, see `analysis`: further columns of a CSV file.
         assembly, solids : mapping, optional
@@ -691,13 +692,14 @@ class Linkage:
 
         Drawings and tables: .csv, .svg, .dxf, .xml (MJCF, also .mjcf) and, for a four-bar, .pylinkage.json. Parts: .step, .3mf,
         .stl.zip, .parts.csv, .plates.dxf and, if all joints turn, .urdf and .sdf; their ``options`` are arguments of
-        `Linkage.solids`. ``drive``: see `file`.
+        `Linkage.solids`. ``crank_angle``, ``drive``: see `file`.
         """
         path = Path(path)
-        drive = options.pop("drive", None)
+        more: dict[str, Any] = {name: options.pop(name) for name in ("crank_angle", "drive") if name in options}
         of_assembly, of_solids = split(options)
-        more: dict[str, Any] = {"length_unit": length_unit} | ({} if drive is None else {"drive": drive})
-        path.write_bytes(self.file(kind_of(path.name), assembly=of_assembly, solids=of_solids, **more))
+        path.write_bytes(
+            self.file(kind_of(path.name), length_unit=length_unit, assembly=of_assembly, solids=of_solids, **more)
+        )
 
     def _repr_svg_(self) -> str | None:
         """Return a drawing, for notebooks."""

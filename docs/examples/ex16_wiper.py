@@ -21,7 +21,9 @@ print(found)
 # %%
 # The motor's linkage is a four-bar whose rocker is the wiper.
 drive = found.drives[0]
-print(drive.linkage)
+joints = drive.six_bar.joints
+four_bar = la.Linkage.from_points(joints["M"], joints["K"], joints["Q"], joints["B"])
+print(four_bar)
 before, after = drive.six_bar.dwell
 print(
     f"while the motor turns by {before:.0f} and {after:.0f} degrees, the wiper stays within 1 % of its swing at each end"
@@ -31,7 +33,7 @@ assert drive.six_bar.kind == "crank_rocker"
 # %%
 # The angle of the wiper over a turn of the motor.
 figure, (left, right) = plt.subplots(1, 2, figsize=(11, 4))
-drive.linkage.plot(left, [0, 90, 180, 270])
+four_bar.plot(left, [0, 90, 180, 270])
 turn = np.asarray(drive.six_bar.motor_angle)
 right.plot(turn - turn[0], drive.six_bar.crank_angle)
 right.set(xlabel="angle of the motor (degrees)", ylabel="angle of the wiper (degrees)")

@@ -7,7 +7,6 @@ import numpy as np
 from linkage_atlas.drive_design.operation import FINE
 from linkage_atlas.drive_design.question import MotorRequest
 from linkage_atlas.drive_design.records import MotorCurve, MotorDrive, SixBar, SixBarLink
-from linkage_atlas.drive_design.six_bars import SixBarLinkage, on_hinge
 from linkage_atlas.drive_design.task import DriveTask, both_ends, envelope
 from linkage_atlas.records import plane, xy
 from synthesis.arrays import dot
@@ -99,9 +98,6 @@ def _add(task: DriveTask, name: str, cycle: MotorCycle) -> None:
             plane(cycle.crank_pin[0][coarse]),
         ),
         six_bar=bar,
-        linkage=on_hinge(six, operation.radian)
-        if operation.view is None
-        else SixBarLinkage.of_view(operation.view, six, operation.samples),
     )
     task.findings.ranked.append(((-bar.transmission_angle_min,), drive))
 

@@ -70,8 +70,6 @@ class Operation(NamedTuple):
         if angles is None and own is not None:
             name = "crank_angle" if view.plain.is_four_bar else "travel"
             angles = np.asarray(column(f"linkage/{name}", own))
-        if view.has_motor:
-            raise FieldError("/linkage", "must be a linkage without a motor; this linkage has a motor already")
         radian, target, four_bar = radians_in(view.degrees), None, view.plain.is_four_bar
         if motion is not None:
             if motion.free and angles is None and view.plain.driver.turns:

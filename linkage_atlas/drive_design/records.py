@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple, get_args, overload
 
-from linkage_atlas.linkages import Linkage
 from linkage_atlas.notes import counted
 from linkage_atlas.plotting import plot_curves
 from linkage_atlas.records import PYTHON_ONLY, Ranked, Record, Values, Vectors
@@ -276,8 +275,6 @@ class MotorDrive(_PinnedDrive):
     """Null without a load."""
     curve: MotorCurve
     six_bar: SixBar
-    linkage: Linkage = field(metadata=PYTHON_ONLY, repr=False, compare=False)
-    """The linkage with its motor; on a hinged link a four-bar whose rocker is the link."""
 
     @property
     def summary(self) -> str:

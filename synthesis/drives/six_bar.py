@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from synthesis.arrays import Complexes, Floats, cross, dot
+from synthesis.arrays import Complexes, Floats, dot
 from synthesis.drives.links import GROUND, LinkMotions, motions_at
 from synthesis.drives.motor import MotorCycle, evaluate_motor
 from synthesis.errors import FieldError
@@ -242,12 +242,6 @@ class SixBar:
     def rod(self, turned: Floats) -> Complexes:
         """Return the vector (n,) along the rod, from the motor's crank to the pin on the link."""
         return self.machine(turned).links[self.motor.link].position(self.motor.pin) - self.knee(turned)
-
-    def transmission(self, turned: Floats) -> Floats:
-        """Return the angle (n,) between the rod and the normal of its pin's path; it is 0 at a dead position."""
-        link = self.machine(turned).links[self.motor.link]
-        rod, speed = link.position(self.motor.pin) - self.knee(turned), link.speed(self.motor.pin)
-        return np.arctan2(np.abs(dot(rod, speed)), np.abs(cross(rod, speed)))
 
     def rod_joints(self, turned: Floats) -> list[Joint]:
         """Return the joints M, the motor's shaft, K of its crank and the rod, and Q of the rod and the link."""
