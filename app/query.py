@@ -430,7 +430,6 @@ _NAMES = {
     "AtlasType": "TypeReply",
     "TypeDetails": "AtlasTypeReply",
     "ConstraintRow": "ConstraintRow",
-    "FunctionReport": "FunctionReport",
     "FunctionResult": "FunctionReply",
     "MatchReport": "MatchesReport",
     "OptimumMotion": "OptimumMotion",

@@ -16,8 +16,10 @@ from pydantic import ValidationError
 from app.query import Invalid, Query, RequestModel, invalid
 from app.sentences import SAMPLED
 from linkage_atlas import FieldError
+from linkage_atlas.cells import decoded
+from linkage_atlas.heads import FUNCTIONS, KINDS, POSES, Kind
 from linkage_atlas.notes import counted
-from linkage_atlas.tables import FUNCTIONS, KINDS, POSES, Kind, Table, decoded, read_table
+from linkage_atlas.tables import Table, read_table
 
 Setting = tuple[list[str], Any]
 """Path of a field and its value."""

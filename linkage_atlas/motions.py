@@ -13,9 +13,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from linkage_atlas.arguments import build, column, number, radians_in, read_length_unit, sequence
+from linkage_atlas.cells import decoded
+from linkage_atlas.heads import POSES
 from linkage_atlas.plotting import plot_curves, plot_poses
 from linkage_atlas.records import plane
-from linkage_atlas.tables import POSES, decoded, read_table
+from linkage_atlas.tables import read_table
 from linkage_atlas.two_points import poses_of_points
 from synthesis.arrays import Complexes, Floats
 from synthesis.errors import FieldError

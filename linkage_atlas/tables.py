@@ -6,25 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from linkage_atlas.arguments import Fields
-from linkage_atlas.cells import LENGTH_NAMES, decoded, sheet_of
+from linkage_atlas.cells import LENGTH_NAMES, sheet_of
 from linkage_atlas.columns import Column, Reading, with_aliases
-from linkage_atlas.heads import FUNCTIONS, KINDS, POSES, ROTATIONS, SHARES, Kind, axis_names
+from linkage_atlas.heads import FUNCTIONS, POSES, ROTATIONS, SHARES, Kind, axis_names
 from synthesis.errors import FieldError
 from synthesis.target import MAX_SAMPLES
-
-__all__ = [
-    "FUNCTIONS",
-    "KINDS",
-    "POSES",
-    "ROTATIONS",
-    "Table",
-    "decoded",
-    "function_from_csv",
-    "match_from_csv",
-    "read_columns",
-    "read_table",
-    "request_from_csv",
-]
 
 
 @dataclass(frozen=True)
@@ -50,30 +36,6 @@ def read_columns(text: str) -> dict[str, str]:
     if not pairs or not all(equals and name.strip() and head.strip() for name, equals, head in pairs):
         raise FieldError("/columns", f"must be pairs such as x=TX,y=TY,angle=RZ; it is {text[:60]!r}")
     return {name.strip(): head.strip() for name, _, head in pairs}
-
-
-def request_from_csv(
-    text: str, also: Fields | None = None, unwrap: bool = False, columns: Mapping[str, str] | None = None
-) -> dict[str, object]:
-    """Return the body of /v2/synthesize for a table of poses; see `read_table`.
-
-    Fields in ``also`` take precedence over the table's. Without crank angles in either the timing is free.
-    """
-    return read_table(text, POSES, also, unwrap, columns).fields
-
-
-def match_from_csv(
-    text: str, also: Fields | None = None, unwrap: bool = False, columns: Mapping[str, str] | None = None
-) -> dict[str, object]:
-    """Return the body of /v2/match for a table of rotations; see `read_table`."""
-    return read_table(text, ROTATIONS, also, unwrap, columns).fields
-
-
-def function_from_csv(
-    text: str, also: Fields | None = None, unwrap: bool = False, columns: Mapping[str, str] | None = None
-) -> dict[str, object]:
-    """Return the body of /v2/function for a table of input and output, or of x and y; see `read_table`."""
-    return read_table(text, FUNCTIONS, also, unwrap, columns).fields
 
 
 def read_table(

@@ -13,10 +13,12 @@ from pydantic import Field
 from app.fourbar import QUESTIONS
 from app.query import AngleUnit, Flag, LengthUnit, Query, RequestModel, Resources
 from linkage_atlas import FieldError
+from linkage_atlas.cells import decoded
 from linkage_atlas.columns import Column
+from linkage_atlas.heads import KINDS
 from linkage_atlas.motions import looks_like_radians
 from linkage_atlas.records import Record
-from linkage_atlas.tables import KINDS, decoded, read_table
+from linkage_atlas.tables import read_table
 
 MAX_COLUMNS = 16
 """Largest number of columns that a request can assign."""

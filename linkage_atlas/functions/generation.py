@@ -17,11 +17,12 @@ from linkage_atlas.arguments import (
 from linkage_atlas.functions.dials import RealFunction
 from linkage_atlas.functions.notes import PRACTICAL_LIMITS_OFF, angle_notes, travel_notes
 from linkage_atlas.functions.question import FunctionFields, FunctionQuestion, read_travel_limits
-from linkage_atlas.functions.results import FunctionReport, FunctionResult, FunctionSolution, TravelSolution
+from linkage_atlas.functions.results import FunctionResult, FunctionSolution, TravelSolution
 from linkage_atlas.functions.solutions import described, described_travel, rounded
 from linkage_atlas.limits import read_function_limits
 from linkage_atlas.notes import sentences
 from linkage_atlas.result_notes import NO_DESCENT_WITHIN_LIMITS, NOTHING_FOUND_IN_TIME
+from linkage_atlas.results import Report
 from linkage_atlas.solutions import FINISHING
 from linkage_atlas.task import seed_tables
 from linkage_atlas.warm_start import (
@@ -322,11 +323,14 @@ def _result(
     total = watch.elapsed
     stages = {"screen": search_report.screen_seconds, "refine": search_seconds - search_report.screen_seconds}
     stages |= {"report": total - search_seconds, "total": total}
-    report = FunctionReport(
+    report = Report(
         elapsed_ms={name: 1000 * seconds for name, seconds in stages.items()},
         trace=[(1000 * seconds, value) for seconds, value in search_report.trace],
         stopped_by=search_report.stopped_by.value,
+        length_scale=None,
         seeds=search_report.seeds,
+        windows=None,
+        exhaustive=None,
         notes=sentences(notes),
     )
     target, scales, dials = question.function, question.scales, question.dials

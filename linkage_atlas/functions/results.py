@@ -14,9 +14,9 @@ from linkage_atlas.functions.question import Dial, Scales
 from linkage_atlas.geometry import AnyGuide, DriverName, KindName, Links
 from linkage_atlas.linkages import Linkage
 from linkage_atlas.notes import counted
-from linkage_atlas.records import PYTHON_ONLY, Ranked, Record, Values
-from linkage_atlas.results import StatusName, StoppedBy
-from linkage_atlas.solutions import Verdict
+from linkage_atlas.records import PYTHON_ONLY, Ranked, Record
+from linkage_atlas.results import Report, StatusName
+from linkage_atlas.solutions import Determination, Verdict
 from synthesis.arrays import Floats
 from synthesis.errors import FieldError
 from synthesis.function.answers import to_csv
@@ -94,18 +94,6 @@ class RoundedFunction(Record):
     linkage: Linkage | None = field(default=None, metadata=PYTHON_ONLY)
 
 
-@dataclass(frozen=True)
-class FunctionDetermination(Record):
-    """Determination of the lengths by the function."""
-
-    ill_posed: bool
-    """A length that is not given is not even fixed to a thousandth by the function at this resolution."""
-    resolution: float
-    """Error that is considered: the objective, at least the tolerance."""
-    length_uncertainty: Values
-    """Relative change of crank, coupler, rocker, ground within that resolution, 0 if given; null: not determined at all."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class FunctionSolution(Record):
     """Linkage that makes a function, with its errors.
@@ -135,27 +123,14 @@ class FunctionSolution(Record):
     """Over the whole turn; null if the crank cannot turn."""
     condition: float
     """Condition number of the output's derivatives by all unknowns."""
-    determination: FunctionDetermination
+    determination: Determination
+    """Of all lengths; 0 for a length that is given."""
     sensitivity: Floats | None
     """Rms change of the output per unit of crank, coupler, rocker, ground."""
     rounded: RoundedFunction | None
     error_curve: ErrorCurve | None
     linkage: Linkage = field(metadata=PYTHON_ONLY)
     """Linkage with methods to move, draw and save it."""
-
-
-@dataclass(frozen=True)
-class FunctionReport(Record):
-    """Report on a search."""
-
-    elapsed_ms: dict[str, float]
-    """Milliseconds of each stage and in total."""
-    trace: list[tuple[float, float]]
-    """[milliseconds, best objective] after each stage."""
-    stopped_by: StoppedBy
-    seeds: int
-    """Starting points refined."""
-    notes: list[str]
 
 
 @dataclass(frozen=True)
@@ -184,7 +159,7 @@ class FunctionResult(Record, Ranked[FunctionSolution | TravelSolution]):
     x: Floats | None
     """The samples' x and y, where a function was named."""
     y: Floats | None
-    report: FunctionReport
+    report: Report
     target: TargetFunction = field(repr=False, metadata=PYTHON_ONLY)
     degrees: bool = field(default=True, metadata=PYTHON_ONLY)
     dial: Dial = field(default=Dial("angle", "angle"), repr=False, metadata=PYTHON_ONLY)

@@ -7,7 +7,6 @@ import numpy as np
 from linkage_atlas.functions.question import FunctionQuestion
 from linkage_atlas.functions.results import (
     ErrorCurve,
-    FunctionDetermination,
     FunctionErrors,
     FunctionSolution,
     RoundedFunction,
@@ -15,7 +14,7 @@ from linkage_atlas.functions.results import (
 )
 from linkage_atlas.geometry import Links, guides_of
 from linkage_atlas.linkages import Linkage
-from linkage_atlas.solutions import verdict_of
+from linkage_atlas.solutions import Determination, verdict_of
 from synthesis.arrays import Floats
 from synthesis.defects import faults_of, practical_faults, verdict
 from synthesis.fourbar.determination import determinations
@@ -124,8 +123,8 @@ def described(
                 transmission_angle_min_turn=None if turn is None else turn / radian,
                 verdict=verdict_of(passed[k], None, reasons, practical=not faults),
                 condition=determined.condition,
-                determination=FunctionDetermination(
-                    determined.ill_posed, determined.resolution, determined.length_uncertainty[_EXCHANGED]
+                determination=Determination(
+                    determined.ill_posed, determined.resolution, (), determined.length_uncertainty[_EXCHANGED]
                 ),
                 sensitivity=sensitivities[k],
                 rounded=None,

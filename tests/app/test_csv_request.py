@@ -15,30 +15,24 @@ from hypothesis import strategies as st
 
 from app import cli
 from linkage_atlas import FieldError
-from linkage_atlas.tables import (
-    decoded,
-    function_from_csv,
-    match_from_csv,
-    read_columns,
-    read_table,
-    request_from_csv,
-)
+from linkage_atlas.cells import decoded
+from linkage_atlas.heads import FUNCTIONS, KINDS, ROTATIONS
+from linkage_atlas.tables import read_columns, read_table
 
 TABLES = json.loads((Path(__file__).parent / "tables.json").read_text())
 """Tables from practice: readable tables with the expected fields, and wrong tables with words of the error."""
-READ = {"synthesize": request_from_csv, "match": match_from_csv, "function": function_from_csv}
 
 
 @pytest.mark.parametrize(("question", "text", "expected"), TABLES["read"])
 def test_tables_of_any_country(question, text, expected) -> None:
     """Separators, decimal commas, grouped thousands, units, gaps, comments, names or none."""
-    assert READ[question](text) == expected
+    assert read_table(text, KINDS[question]).fields == expected
 
 
 @pytest.mark.parametrize(("question", "text", "words"), TABLES["refused"])
 def test_errors_name_line_and_column(question, text, words) -> None:
     with pytest.raises(FieldError) as error:
-        READ[question](text)
+        read_table(text, KINDS[question])
     assert words in error.value.message
 
 
@@ -64,13 +58,13 @@ def test_columns_are_chosen_by_head_or_number() -> None:
         table = read_table(text, columns=columns)
         assert table.fields["position"] == [[1, 2], [3, 4]] and table.length_unit == "cm"
         assert table.fields["rotation"] == pytest.approx([0, math.degrees(1)])
-    assert "rotation" not in request_from_csv(text, columns={"x": "TX", "y": "TY"}), "only these columns are read"
-    bare = request_from_csv("9,1,2\n9,3,4\n", columns=read_columns("x=2, y=3"))
+    assert "rotation" not in read_table(text, columns={"x": "TX", "y": "TY"}).fields, "only these columns are read"
+    bare = read_table("9,1,2\n9,3,4\n", columns=read_columns("x=2, y=3")).fields
     assert bare["position"] == [[1, 2], [3, 4]]
-    points = request_from_csv("a,b,c,d\n0,0,10,0\n0,0,0,10\n", columns={"x1": "a", "y1": "b", "x2": "c", "y2": "d"})
+    points = read_table("a,b,c,d\n0,0,10,0\n0,0,0,10\n", columns={"x1": "a", "y1": "b", "x2": "c", "y2": "d"}).fields
     assert points["rotation"] == [0, 90]
-    function = function_from_csv("a,b\n0,5\n1,6\n", columns={"input": "a", "output": "b"})
-    assert function == {"input": [0, 1], "output": [5, 6]}
+    function = read_table("a,b\n0,5\n1,6\n", FUNCTIONS, columns={"input": "a", "output": "b"})
+    assert function.fields == {"input": [0, 1], "output": [5, 6]}
 
 
 @pytest.mark.parametrize(
@@ -84,7 +78,7 @@ def test_columns_are_chosen_by_head_or_number() -> None:
 )
 def test_a_wrong_choice_of_columns_is_refused(columns, field, words) -> None:
     with pytest.raises(FieldError) as error:
-        request_from_csv("TX,TY\n1,2\n", columns=columns)
+        read_table("TX,TY\n1,2\n", columns=columns)
     assert error.value.field == field and words in error.value.message
 
 
@@ -135,10 +129,10 @@ def test_other_files_are_named(content, name) -> None:
 
 
 def test_what_is_asked_beside_a_table_joins_it() -> None:
-    assert match_from_csv("5\n6,5\n", {"top": 2}) == {"rotation": [5.0, 6.5], "top": 2}
+    assert read_table("5\n6,5\n", ROTATIONS, {"top": 2}).fields == {"rotation": [5.0, 6.5], "top": 2}
     dials = {"function": {"output_span": 90}, "crank_span": 60}
     function = {"table": [[1.0, 2.0], [3.0, 4.0]], "output_span": 90}
-    assert function_from_csv("x,y\n1,2\n3,4\n", dials) == {"function": function, "crank_span": 60}
+    assert read_table("x,y\n1,2\n3,4\n", FUNCTIONS, dials).fields == {"function": function, "crank_span": 60}
 
 
 def test_the_command_unwraps_and_answers_tables_of_every_question(tmp_path, capsys) -> None:
@@ -174,13 +168,13 @@ def test_what_a_spreadsheet_writes_is_what_is_read(rows, separator, comma, names
     for row in rows:
         writer.writerow([f"{value:.4f}".replace(".", "," if comma else ".") for value in row])
     positions, angles = [[x, y] for x, y, _ in rows], [angle for _, _, angle in rows]
-    assert request_from_csv(file.getvalue()) == {"position": positions, "rotation": angles, "timing": "free"}
+    assert read_table(file.getvalue()).fields == {"position": positions, "rotation": angles, "timing": "free"}
 
 
 @given(st.text(max_size=60))
 def test_any_text_is_a_table_or_an_error_that_says_where(text) -> None:
     try:
-        request = request_from_csv(text)
+        request = read_table(text).fields
     except FieldError as error:
         assert error.field == "" and error.message
     else:
