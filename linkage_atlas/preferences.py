@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
@@ -39,20 +39,8 @@ _GOAL = 0.35
 """Fraction of the tolerances at which a search ends: the largest error of a linkage is two to three times its mean."""
 
 
-class Search(Protocol):
-    """A search for candidates of a task, for other motions and limits."""
-
-    def __call__(
-        self,
-        motion: Motion,
-        limits: Limits,
-        goal: float,
-        work: Work,
-        rounds: int | None = None,
-        max_results: int | None = None,
-    ) -> tuple[list[Solution], SearchReport]:
-        """Return linkages and how the search went; it may end once the objective is below ``goal``."""
-        ...
+Search = Callable[..., tuple[list[Solution], SearchReport]]
+"""A search for candidates of a task within another motion and limits: `linkage_atlas.candidates.CandidateSearch`."""
 
 
 class Measure(NamedTuple):
