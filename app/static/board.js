@@ -78,18 +78,12 @@ export class Board {
   }
 
   #resize() {
-    if (!this.#measure()) return;
-    if (this.fitted && !this.moved && this.motion) this.fit();
-    else this.draw();
-  }
-
-  /** Takes the size of the element; false if it has none. */
-  #measure() {
     const { clientWidth: width, clientHeight: height } = this.svg;
-    if (!width || !height) return false;
+    if (!width || !height) return;
     Object.assign(this.view, { width, height });
     this.svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
-    return true;
+    if (this.fitted && !this.moved && this.motion) this.fit();
+    else this.draw();
   }
 
   #wheel(event) {
@@ -173,9 +167,8 @@ export class Board {
     else this.fit();
   }
 
-  /** Fits the motion, the linkage and its drive into the view. */
+  /** Fits the motion, the linkage and its drive into the view, whose changes of size fit them again. */
   fit() {
-    this.#measure();
     Object.assign(this, { fitted: true, moved: false });
     const points = this.places,
       box = this.motion?.limits.box;

@@ -40,6 +40,7 @@ export function trajectory(solution, motion, coarse = false) {
 
 export class Player {
   shown = null;
+  width = 0; // of the marks below the slider; reading it from the page would force a layout
   marks = []; // the travel at which each sample is passed
   stops = []; // the samples in the order in which they are passed
 
@@ -55,7 +56,10 @@ export class Player {
     });
     listen("before", "click", () => this.#step(-1));
     listen("after", "click", () => this.#step(1));
-    new ResizeObserver(() => this.#drawMarks()).observe($("slider"));
+    new ResizeObserver(([{ contentRect }]) => {
+      this.width = contentRect.width;
+      this.#drawMarks();
+    }).observe($("marks"));
     this.charts = new Charts($("curves"), () => this.#curves());
   }
 
@@ -149,7 +153,7 @@ export class Player {
   /** A line below the slider for each sample, with its number where there is room. */
   #drawMarks() {
     const svg = $("marks"),
-      width = svg.clientWidth;
+      { width } = this;
     svg.replaceChildren();
     if (!this.shown || !width) return;
     const [low, high] = this.#range,
