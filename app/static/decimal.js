@@ -84,24 +84,21 @@ export function markWrong(field, isWrong, note) {
   }
 }
 
+const labelOf = (field) => field.labels[0].textContent.trim().replace(/\s+/g, " ");
+
 /** The number of an entry for a field with `data-number`, null if it is empty. Throws Error with the field's id. */
 export function numberOf(field, entry) {
   const value = typed(entry),
-    fault = wrong(value, entry, { range: rangeOf(field), needed: field.required, whole: false });
+    fault = wrong(value, entry, { range: rangeOf(field), needed: field.required });
   if (!fault) return value;
-  const label = field.labels[0].textContent.trim().replace(/\s+/g, " ");
-  throw Object.assign(new Error(`${label}: ${fault}.`), { id: field.id });
+  throw Object.assign(new Error(`${labelOf(field)}: ${fault}.`), { id: field.id });
 }
 
 /** The number in a field; the browser says what is wrong with it: in red, and when the form is sent. */
 function check(field) {
-  const { whole: integerFlag } = field.dataset,
-    range = rangeOf(field);
   const value = typed(field.value),
-    isActive = !field.disabled && !field.closest("[hidden]");
-  const fault = isActive
-    ? wrong(value, field.value, { range, needed: field.required, whole: integerFlag !== undefined })
-    : null;
+    isActive = !field.disabled && !field.closest("[hidden]"),
+    fault = isActive ? wrong(value, field.value, { range: rangeOf(field), needed: field.required }) : null;
   field.setCustomValidity(fault ? `${capital(fault)}.` : "");
   return fault || Number.isNaN(value) ? null : value;
 }
@@ -109,12 +106,11 @@ function check(field) {
 /** The numbers in a field of a list, null if it is empty; `count` are needed, or at least that many. Throws Error. */
 export function numbersIn(id, count, isLeast = false) {
   const field = $(id),
-    name = field.labels[0].textContent.trim().replace(/\s+/g, " "),
     numbers = listEntries(field.value).map(typed);
   if (!numbers.length) return null;
   if (numbers.every(Number.isFinite) && (numbers.length === count || (isLeast && numbers.length > count)))
     return numbers;
-  throw new Error(`${name}: ${isLeast ? "at least " : ""}${count} numbers are needed, separated by spaces.`);
+  throw new Error(`${labelOf(field)}: ${isLeast ? "at least " : ""}${count} numbers are needed, separated by spaces.`);
 }
 
 /** Fields with `data-number` say what is wrong with them from now on. */
@@ -129,7 +125,6 @@ export function startNumbers() {
 export function numberIn(id) {
   const field = $(id),
     value = check(field);
-  if (field.validity.customError)
-    throw new Error(`${field.labels[0].textContent.trim().replace(/\s+/g, " ")}: ${field.validationMessage}`);
+  if (field.validity.customError) throw new Error(`${labelOf(field)}: ${field.validationMessage}`);
   return value;
 }

@@ -1,6 +1,6 @@
 // The form's fields for one motion: what is typed stays as it was typed, and what cannot be used is said beside it.
 
-import { markWrong, rangeOf, typed, unreadable, wrong } from "./decimal.js";
+import { listEntries, markWrong, rangeOf, typed, unreadable, wrong } from "./decimal.js";
 import { text } from "./drawing.js";
 import { toRequest } from "./formats.js";
 import {
@@ -82,6 +82,19 @@ function specOf(field) {
 
 const BOX = [0, 1, 2, 3].map((k) => `box-${k}`);
 
+const stockFault = ([lengths = []]) =>
+  lengths.every((length) => length > 0 && length < Infinity)
+    ? null
+    : "Stock lengths: numbers above 0 are needed, separated by spaces.";
+
+/** The fault of boxes, four numbers each. */
+function keepOutFault(boxes) {
+  const isBox = (box) => box.length === 4 && box.every(Number.isFinite) && box[0] < box[2] && box[1] < box[3],
+    bad = boxes.findIndex((box) => !isBox(box)),
+    rule = "needs four numbers, left, bottom, right and top, with spaces or semicolons between them";
+  return bad < 0 ? null : `Keep-out boxes: line ${bad + 1} ${rule}; left is less than right, and bottom less than top.`;
+}
+
 /** Weights and tolerances that a pose may have of its own. */
 const OWN = ["wr", "wp", "er", "ep"];
 
@@ -98,8 +111,12 @@ export class Fields {
       else listen(id, "change", () => edit((m) => put(m, read()), id));
     }
     for (const id of BOX) this.#bind(id, () => this.#readBox(id));
-    this.#bind("stock", () => this.#readStock());
-    this.#bind("keep-out", () => this.#readKeepOut());
+    this.#bind("stock", () => this.#readLists("stock", stockFault, (m, [lengths = null]) => (m.stock = lengths)));
+    this.#bind("keep-out", () =>
+      this.#readLists("keep-out", keepOutFault, ({ limits: { extra } }, boxes) =>
+        boxes.length ? (extra.keep_out = boxes) : delete extra.keep_out,
+      ),
+    );
     listen("box-clear", "click", () => {
       this.#clear(BOX);
       edit((m) => (m.limits.box = null));
@@ -192,36 +209,24 @@ export class Fields {
     }
   }
 
-  #readStock() {
-    const entries = $("stock")
-        .value.split(/[;\s]/.test($("stock").value.trim()) ? /,?\s+|,$|;/ : ",")
-        .filter(Boolean),
-      lengths = entries.map(typed);
-    const bad = lengths.findIndex((length) => !(length > 0 && Number.isFinite(length))),
-      reason = Number.isNaN(lengths[bad]) ? unreadable(entries[bad]) : `“${entries[bad]}” is not a length`;
-    this.#blame("stock", bad < 0 ? null : `Stock lengths: ${reason}.`);
-    if (bad < 0) this.edit((m) => (m.stock = lengths.length ? lengths : null), "stock");
-  }
-
-  /** A box a line, four numbers each. */
-  #readKeepOut() {
-    const lines = $("keep-out")
-        .value.split("\n")
-        .filter((line) => line.trim()),
-      boxes = lines.map((line) =>
-        line
-          .split(/\s*[;\t ]\s*|,\s+|,(?=-)/)
-          .filter(Boolean)
-          .map(typed),
-      );
-    const bad = boxes.findIndex(
-      (box) => box.length !== 4 || !box.every(Number.isFinite) || box[0] >= box[2] || box[1] >= box[3],
-    );
-    const rule = `needs four numbers, left, bottom, right and top, with spaces or semicolons between them`;
-    const order = "left is less than right, and bottom less than top";
-    this.#blame("keep-out", bad < 0 ? null : `Keep-out boxes: line ${bad + 1} ${rule}; ${order}.`);
-    if (bad >= 0) return;
-    this.edit(({ limits: { extra } }) => (boxes.length ? (extra.keep_out = boxes) : delete extra.keep_out), "keep-out");
+  /**
+   * Reads a field with lines of numbers: `faultOf(lists)` returns a sentence if they cannot be used, otherwise
+   * `put(motion, lists)` takes them.
+   */
+  #readLists(id, faultOf, put) {
+    const lines = $(id)
+      .value.split("\n")
+      .filter((line) => line.trim());
+    let lists = [],
+      sentence = null;
+    try {
+      lists = lines.map((line) => listEntries(line).map(typed));
+      sentence = faultOf(lists);
+    } catch (error) {
+      sentence = `${error.message}.`;
+    }
+    this.#blame(id, sentence);
+    if (!sentence) this.edit((motion) => put(motion, lists), id);
   }
 
   /** Writes a value into a field that nobody types in and that holds nothing to be mended. */
@@ -266,28 +271,10 @@ export class Fields {
       motion.analysis.speed !== null && "analysis",
       Object.values(motion.study).some(Number.isFinite) && "tolerances",
     );
-    $("limits-summary").textContent = this.#summary(motion).join(", ");
-  }
-
-  #summary({ limits, round, stock, tolerance, unit, prefer, mechanisms }) {
-    const { kept } = limits,
-      all = Object.values(kept).every(Boolean),
-      none = !Object.values(kept).some(Boolean);
-    const found = [all ? "practical" : none ? "none practical" : "some practical"];
-    if (!["auto", "four_bar"].includes(mechanisms) && slidable(this.motion()))
-      found.push($("mechanisms").selectedOptions[0]?.textContent);
-    if (limits.family) found.push($("family").selectedOptions[0]?.textContent);
-    if (limits.transmission) found.push(`transmission ≥ ${text(limits.transmission, 3)}°`);
-    const { min, max } = limits,
-      lengths = [min && `≥ ${text(min, 4)}`, max && `≤ ${text(max, 4)}`].filter(Boolean);
-    if (lengths.length) found.push(`links ${lengths.join(" and ")} ${unit}`);
-    if (limits.box) found.push("pivot box");
-    found.push(...Object.keys(limits.extra).map(limitName)); // some come from a file or a link and have no fields
-    if (round) found.push(`rounded to ${text(round)} ${unit}`);
-    else if (stock?.length) found.push("stock lengths");
-    if (tolerance.rotation || tolerance.position || this.#has("er", "ep")) found.push("tolerances");
-    if (prefer) found.push($("prefer").selectedOptions[0]?.textContent);
-    return found;
+    const others = Object.keys(limits.extra).filter((name) => !["envelope", "keep_out"].includes(name));
+    $("limits-summary").textContent = others.length
+      ? `Also from the request: ${others.map(limitName).join(", ")}.`
+      : "";
   }
 
   /** Return true if a pose has a weight or tolerance of its own. */

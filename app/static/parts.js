@@ -95,6 +95,7 @@ export class Preview {
       this.#control?.abort();
       const { signal } = (this.#control = new AbortController());
       let sentence = FLAT;
+      if (!this.#parts.length) $("parts-note").textContent = "The preview of the parts is being prepared.";
       this.#key = key;
       try {
         this.#parts = partsOf(await (await this.load(request, signal)).text());
