@@ -6,6 +6,7 @@ import pytest
 from selenium.webdriver.common.keys import Keys
 
 from tests.conftest import some_of
+from tests.e2e.page import keep
 
 
 def fill(page, **fields) -> None:
@@ -87,6 +88,8 @@ def test_a_cylinder_is_found_moves_and_its_pins_are_dragged(opened) -> None:
     found(opened)
     assert "“pin within” is 250" in opened.content("drive-refused"), "as its field is called"
     assert "255 + 150 mm" in opened.text("drive-numbers")
+    opened.run("document.getElementById('drive-found').scrollIntoView()")
+    keep(opened, "drive_panel")
     best = number(opened, "peak force")
     assert opened.run("return document.querySelectorAll('#drive-curves .chart').length") == 2
     lengths = []
