@@ -81,8 +81,6 @@ def test_functions_are_refined_too(client: TestClient) -> None:
         == "reached"
     )
     limits = {"transmission_angle_min": 89}
-    searched = la.function(expected["output"], input=expected["input"], start_from=[begin], top=2)
-    assert searched.status == "reached" and LOCAL not in searched.report.notes
     distant = la.function(
         expected["output"], input=expected["input"], start_from=[begin], refine_only=True, limits=limits
     )

@@ -80,18 +80,3 @@ def test_the_curves_of_drives_are_written(run, tmp_path, client) -> None:
     assert len([path for path in root if path.get("stroke")]) >= len(curves)
     body = {"rocker": {"pivot": [0, 0], "rotation": [0, 45]}}
     assert client.post("/v2/drives.svg", json=body).status_code in (200, 422)
-
-
-@pytest.mark.parametrize(
-    "shell, end", [("bash", "completions/linkage-atlas"), ("zsh", "_linkage-atlas"), ("fish", "linkage-atlas.fish")]
-)
-def test_completion_is_installed(shell, end, run, tmp_path, monkeypatch) -> None:
-    pytest.importorskip("shtab")
-    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
-    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
-    monkeypatch.setenv("SHELL", f"/bin/{shell}")
-    code, _, _ = run("completion", "--install")
-    (file,) = (path for path in tmp_path.rglob("*linkage-atlas*") if path.is_file())
-    assert code == Exit.OK and str(file).endswith(end) and "synthesize" in file.read_text()
-    monkeypatch.setenv("SHELL", "/bin/tcsh")
-    assert run("completion", "--install")[0] == Exit.USAGE

@@ -91,17 +91,3 @@ def test_the_commands_say_what_a_file_holds(expected_bytes, out, capsys) -> None
         assert main([command, str(out.with_name("none.h5"))]) == Exit.USAGE
     out.write_bytes(expected_bytes[:-1])
     assert main(["info", str(out)]) == Exit.DAMAGED and "checksum" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    ("options", "named"),
-    [
-        (["--perimeter", "3"], "perimeter"),
-        (["--samples", "100"], "samples"),
-        (["--perimeter", "9000"], "perimeter"),
-        (["--kind", "slider_crank", "--order", "increasing"], "order"),
-    ],
-)
-def test_a_wrong_rule_is_refused(options, named, out, capsys) -> None:
-    assert main(["build", *options, "--out", str(out)]) == Exit.USAGE
-    assert named in capsys.readouterr().err and not out.exists()

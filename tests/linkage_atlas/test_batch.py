@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import linkage_atlas as la
-from linkage_atlas.batch import AHEAD, Question, answer_line, answers, without_times
+from linkage_atlas.batch import Question, answer_line, answers, without_times
 
 
 def motions(count: int) -> list[dict]:
@@ -100,12 +100,3 @@ def test_a_file_of_something_else_is_refused_and_left_as_it_is(change, words, tm
     assert out.read_bytes() == second
     with pytest.raises(la.FieldError, match="not a regular file"):
         found(tmp_path)
-
-
-def test_requests_are_not_submitted_all_at_once() -> None:
-    taken: list[int] = []
-    many = (taken.append(k) or Question(k, b"1", "") for k in range(1000))
-    lines = answers(square, many, jobs=1)
-    next(lines)
-    assert len(taken) <= AHEAD + 1
-    lines.close()

@@ -127,21 +127,6 @@ def same(work: Callable[[ModuleType], list[Any]], tolerance: float = 1e-12) -> N
         np.testing.assert_allclose(found, source, rtol=tolerance, atol=tolerance * size)
 
 
-@pytest.mark.parametrize("curved", [False, True])
-def test_quadratic_programs(curved: bool) -> None:
-    random = np.random.default_rng(4)
-    root, matrix, bound = random.normal(size=(4, 4)), random.normal(size=(30, 4)), random.uniform(0.1, 1, 30)
-    matrix[:8], bound[:8] = np.concatenate([np.eye(4), -np.eye(4)]), 2.0
-
-    def work(module: ModuleType) -> list[Any]:
-        z, multipliers = np.zeros(4), np.empty(30)
-        program = module.QuadraticProgram(30, 4)
-        program.minimise(curved * (root @ root.T), np.arange(1.0, 5.0), matrix, bound, 1e-10, z, multipliers)
-        return [z, multipliers]
-
-    same(work, 1e-9)
-
-
 @pytest.mark.parametrize("smooth", [False, True])
 @pytest.mark.parametrize("posed", [False, True])
 def test_limits_of_every_kind(smooth: bool, posed: bool) -> None:

@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 from synthesis.scenes.knotter.segment_triangle import (
     crosses_inside,
     orientations,
-    segment_triangle_distance,
 )
 
 TRIANGLE = ((0.0, 16.0, -12.0), (0.0, 8.0, -28.0), (0.0, 0.0, 0.0))
@@ -64,26 +63,3 @@ def test_no_wrong_sign_next_to_an_edge(distance: float, offset) -> None:
             assert set(expected) == {side > 0}
         crosses = crosses_inside(orientations(tuple(p.T), tuple(q.T), tuple(a), tuple(b), tuple(c)))
         assert list(crosses) == expected
-
-
-def naive_segment_triangle_distance(p, q, a, b, c) -> float:
-    """Solve for the distance as a quadratic program, by scipy."""
-    from scipy.optimize import minimize
-
-    def squared_distance(x) -> float:
-        gap = p + x[0] * (q - p) - (a + x[1] * (b - a) + x[2] * (c - a))
-        return float(gap @ gap)
-
-    inside_edge = {"type": "ineq", "fun": lambda x: 1 - x[1] - x[2]}
-    solution = minimize(
-        squared_distance, [0.5, 0.3, 0.3], bounds=[(0, 1)] * 3, constraints=[inside_edge], options={"ftol": 1e-14}
-    )
-    return float(np.sqrt(solution.fun))
-
-
-@pytest.mark.parametrize("seed", range(40))
-def test_distance_of_segment_and_triangle(seed: int) -> None:
-    points = np.random.default_rng(seed).uniform(-10, 10, (5, 3))
-    found = segment_triangle_distance(*(tuple(map(np.array, point)) for point in points))
-    assert found == pytest.approx(naive_segment_triangle_distance(*points), abs=1e-5)
-    assert (found == 0) == naive_crosses(*points)
