@@ -33,32 +33,49 @@ from linkage_atlas.motions import MAX_LENGTH
 from linkage_atlas.tolerance_study import FEWEST_SAMPLES, MOST_SAMPLES, SAMPLES
 
 
-class LinkMassRequest(RequestModel):
+class MassRequest(RequestModel):
     """A mass on a link."""
 
-    link: Literal["crank", "coupler", "rocker", "body", "slider", "block", "second_slider", "second_block"]
-    mass: Annotated[Number, Field(gt=0, le=LARGEST)]
+    link: LinkName | None = None
+    """Link, as in a reply: `crank`, `coupler`, `rocker`, `body`, .. Default for drives: `body`."""
+    mass: Annotated[Number, Field(ge=0, le=LARGEST)]
     """Mass in kg."""
-    centre: Pair | None = None
+    centre: PlacePair | None = None
     """Centre of mass [x, y] in the frame of the link. The origin is its first joint (crank: pivot A, coupler: crank pin,
-    rocker: pivot B) and the x axis points to the second; the frame of the body has its point as origin and its rotation."""
-    inertia: Annotated[Number, Field(ge=0, le=LARGEST)] = 0.0
+    rocker: pivot B) and the x axis points to the second; the frame of the body has its point as origin and its rotation.
+    Default: the origin; for drives the midpoint of the link, or the body point."""
+    inertia: Annotated[Number, Field(ge=0, le=LARGEST)] | None = None
     """Moment of inertia about the centre of mass, kg times length squared."""
 
 
+class PointForceRequest(RequestModel):
+    """A force at a point of a link, in a direction that does not rotate with the link."""
+
+    link: LinkName
+    """Link: `crank`, `coupler`, `rocker` or `body`."""
+    point: PlacePair | None = None
+    """Point in the frame of the link. Default: the midpoint of the link."""
+    force: Pair
+    """Force [fx, fy]."""
+
+
 class LoadRequest(RequestModel):
-    """Load on the body, in directions that do not rotate with it."""
+    """Load on the body and on the links, in directions that do not rotate with them."""
 
     force: Pair | None = None
     """Force [fx, fy] at the body point."""
-    torque: Bounded = 0.0
-    """Torque, positive counter-clockwise: force times length."""
-    masses: Annotated[list[LinkMassRequest], Field(max_length=MOST_LINK_MASSES)] | None = None
+    torque: Bounded | None = None
+    """Torque on the body, positive counter-clockwise: force times length."""
+    masses: Annotated[list[MassRequest], Field(max_length=MOST_LINK_MASSES)] | None = None
     """Masses of the links; forces are then in newtons."""
     parts: Flag = False
-    """Add the weight of the plates and pins of each linkage, with their default sizes."""
+    """Add the weight of the plates and pins of a linkage, with their default sizes: in an `analysis` and for /v2/drives."""
     gravity: Pair | None = None
     """Gravity [gx, gy] that acts on the masses, m/s^2; default: [0, -9.81]."""
+    forces: Annotated[list[PointForceRequest], Field(max_length=MAX_MASSES)] | None = None
+    """For drives: forces at points of links."""
+    speed: Bounded | None = None
+    """For drives: constant speed of the crank, to include the inertia forces of the masses."""
 
 
 class AnalysisRequest(RequestModel):
@@ -82,45 +99,6 @@ class ToleranceStudyRequest(RequestModel):
     clearance: Size = 0.0
     samples: Annotated[Count, Field(ge=FEWEST_SAMPLES, le=MOST_SAMPLES)] = SAMPLES
     seed: Annotated[Count, Field(ge=0, le=2**32 - 1)] = 0
-
-
-class MassRequest(RequestModel):
-    """A mass on a link."""
-
-    link: LinkName | None = None
-    """Link: `body` (default), `crank`, `coupler` or `rocker`."""
-    mass: Annotated[Number, Field(ge=0, le=LARGEST)]
-    centre: PlacePair | None = None
-    """Centre of mass in the frame of the link; the origin of the body's frame is the body point. Default: the midpoint of the
-    link, or the body point."""
-    inertia: Annotated[Number, Field(ge=0, le=LARGEST)] | None = None
-    """Moment of inertia about the centre of mass."""
-
-
-class PointForceRequest(RequestModel):
-    """A force at a point of a link, in a direction that does not rotate with the link."""
-
-    link: LinkName
-    """Link: `crank`, `coupler`, `rocker` or `body`."""
-    point: PlacePair | None = None
-    """Point in the frame of the link. Default: the midpoint of the link."""
-    force: Pair
-    """Force [fx, fy]."""
-
-
-class DriveLoadRequest(LoadRequest):
-    """Load on the body and on the links, in directions that do not rotate with them."""
-
-    forces: Annotated[list[PointForceRequest], Field(max_length=MAX_MASSES)] | None = None
-    """Forces at points of links."""
-
-    torque: Bounded | None = None
-    """Torque on the body, positive counter-clockwise: force times length."""
-    masses: Annotated[list[MassRequest], Field(max_length=MAX_MASSES)] | None = None
-    parts: Flag = False
-    """For /v2/drives: add the weight of the plates and pins of the linkage, with default sizes."""
-    speed: Bounded | None = None
-    """Constant speed of the crank, to include the inertia forces of the masses."""
 
 
 class CatalogueRow(RequestModel):

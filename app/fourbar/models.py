@@ -8,9 +8,9 @@ from pydantic import BeforeValidator, Field, Strict
 
 from app.fourbar.drive_models import (
     AnalysisRequest,
-    DriveLoadRequest,
     DriveRequest,
     Drives,
+    LoadRequest,
     RockerRequest,
     Springs,
     ToleranceStudyRequest,
@@ -184,7 +184,7 @@ class SynthesizeRequest(CrankMotion):
     sensitivity: Flag = False
     analysis: AnalysisRequest | None = None
     tolerance_study: ToleranceStudyRequest | None = None
-    load: DriveLoadRequest | None = None
+    load: LoadRequest | None = None
     drives: Drives | None = None
     springs: Springs | None = None
     drive: DriveRequest | None = None
@@ -252,7 +252,7 @@ class DrivesRequest(RequestModel):
     """Crank angles, or travel of the driver, measured from the start, instead of `request`."""
     rocker: RockerRequest | None = None
     """A link on a hinge, instead of a linkage."""
-    load: DriveLoadRequest | None = None
+    load: LoadRequest | None = None
     """Load; without a load, drives with the largest minimum moment arm are best."""
     drives: Drives = Field(
         default_factory=lambda: [DriveRequest(kind=kind) for kind in ("rotary", "actuator", "dyad")]
