@@ -54,28 +54,26 @@ function partsOf(reply, hidden, count) {
     columns = [],
     tables = [];
   const addTable = (path, rows) => {
-    const names = namesOf(rows).filter((name) => !hidden.test(`${path} · ${name}`));
-    tables.push([path, names, rows.map((row) => names.map((name) => row[name]))]);
+    const flatRows = rows.map((row) => flat(row)),
+      names = namesOf(flatRows).filter((name) => !hidden.test(`${path} · ${name}`));
+    tables.push([path, names, flatRows.map((row) => names.map((name) => row[name]))]);
+  };
+  /** Parts with the same values beside one another, a row for each value. */
+  const addTwins = (path, value, twins) => {
+    const rows = twins.map((twin) => flat(value[twin])),
+      names = namesOf(rows).filter((name) => !hidden.test(name));
+    tables.push([path, ["", ...twins], names.map((name) => [spaced(name), ...rows.map((row) => row[name])])]);
   };
   const walk = (value, path, parent, name) => {
     if (value === null || hidden.test(path)) return;
+    const isList = Array.isArray(value);
     if (isObject(value)) {
       const twins = alike(value);
-      if (twins.length) {
-        const rows = twins.map((twin) => flat(value[twin])),
-          names = namesOf(rows).filter((field) => !hidden.test(field));
-        const cells = names.map((field) => [spaced(field), ...rows.map((row) => row[field])]);
-        tables.push([path, ["", ...twins], cells]);
-      }
+      if (twins.length) addTwins(path, value, twins);
       for (const [key, part] of Object.entries(value))
         if (!twins.includes(key)) walk(part, path ? `${path} · ${key}` : key, path, key);
-    } else if (!Array.isArray(value)) groups.set(parent, [...(groups.get(parent) ?? []), [path, name, value]]);
-    else if (value.length && value.every(isObject))
-      addTable(
-        path,
-        value.map((row) => flat(row)),
-      );
-    else if (value.length === count && isNumbers(value)) columns.push([path, value]);
+    } else if (isList && value.length && value.every(isObject)) addTable(path, value);
+    else if (isList && value.length === count && isNumbers(value)) columns.push([path, value]);
     else if (isShort(value) || value.every((part) => typeof part === "string"))
       groups.set(parent, [...(groups.get(parent) ?? []), [path, name, value]]);
   };

@@ -142,7 +142,7 @@ export class Driving {
   /** Asks what the fields say, or for a linkage that was moved `again` what was asked for the one before. */
   async #find(again = null) {
     if (!this.solution) return;
-    const { solution, drive } = this;
+    const { drive } = this;
     this.#say(again ? AGAIN : "Looking…");
     try {
       const question = again ?? readQuestion(this.table);
@@ -150,7 +150,7 @@ export class Driving {
       const reply = await this.#ask(question);
       if (!reply) return;
       this.pending = null;
-      this.found.set(solution, { reply, question });
+      this.found.set(this.solution, { reply, question });
       this.#use({ reply, question }, again && drive?.kind);
       if (again && drive?.byHand) this.#moveTo(drive);
       if (!again) this.board.reveal(this.board.driven());

@@ -1,34 +1,16 @@
 // Optional contents of the canvas besides the motion: ghosts, snapping, outline, a picture to trace; and the legend.
 
-import { element } from "./drawing.js";
 import { typed } from "./decimal.js";
 import { readOutline } from "./outline.js";
 import { $, listen, say } from "./shell.js";
 
 const MAX_BYTES = 5e6;
 
-const FOUR_BAR = { p: true, links: [true, true], rails: [], slots: [], ground: true };
-
-/** Shows what the canvas shows of a linkage of any kind by its joints; null stands for a four-bar. */
-function legend(joints) {
-  const { p, links, rails, slots, ground } = joints ?? FOUR_BAR,
-    plural = (word, list) => (list.length > 1 ? `${word}s` : word);
-  const rows = [
-    links[0] && ["crank", "crank AD"],
-    ["body", p ? "body DCP" : "coupler DC"],
-    slots.length && ["body", `${plural("slot", slots)} in the body`],
-    links[1] && ["rocker", links[0] ? "rocker BC" : "crank BC"],
-    rails.length && ["rail", plural("rail", rails)],
-    ground && ["ground", "ground AB"],
-    ["path", `path of ${p ? "P" : "C"}`],
-    ["pose", "wanted"],
-    ["bad", "error"],
-  ].filter(Boolean);
-  const list = $("legend"),
-    words = rows.map((row) => row[1]).join();
-  if (list.dataset.shown === words) return;
-  list.dataset.shown = words;
-  list.replaceChildren(...rows.map(([name, label]) => element("li", "", element("span", `swatch ${name}`), label)));
+/** Shows in the legend what the canvas shows of a linkage of any kind by its joints. */
+function legend({ p, links: [crank, rocker], rails, slots, ground }) {
+  const body = { point: p, coupler: !p, slot: slots.length, rail: rails.length },
+    shown = { ...body, crank, rocker: crank && rocker, second: !crank && rocker, ground };
+  for (const item of $("legend").querySelectorAll("[data-part]")) item.hidden = !shown[item.dataset.part];
 }
 
 /** A picture behind the canvas, `width` units wide, its middle at `at`. It is painted, not loaded by an address. */
@@ -71,8 +53,7 @@ class Backdrop {
 /** Bind the panel of the canvas; `edit` changes the motion, `setMode` its mode. Return {outline, picture} for files. */
 export function startStage(board, edit, setMode) {
   const backdrop = new Backdrop(board);
-  legend(null);
-  board.seen.push(() => legend(board.linkage && board.joints));
+  board.seen.push(() => board.linkage && board.joints && legend(board.joints));
   listen("show-menu", "click", () => {
     $("show-panel").hidden = !$("show-panel").hidden;
     $("show-menu").setAttribute("aria-expanded", String(!$("show-panel").hidden));
