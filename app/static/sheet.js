@@ -74,5 +74,5 @@ export function fillSheet(answer, solution, drive, withParts) {
       driven.length > 0 && tableOf(["Drive", ""], driven),
     ),
   );
-  if (withParts && solution.verdict?.assembly) sheet.append(partsOf());
+  if (withParts) sheet.append(partsOf());
 }

@@ -209,7 +209,7 @@ def test_parts_are_taken_away_and_stand_on_the_sheet(page) -> None:
     assert all(height == float(wanted) for height, wanted in drawn), "no board hides the layers between them"
     rows = list(csv.DictReader(io.StringIO(page.saved("linkage-1.parts.csv", "[data-format=parts]").decode())))
     assert {row["material"] for row in rows} == {"PLA"} and "board_above" in {row["name"] for row in rows}
-    page.wait("document.querySelector('#parts svg path')")
+    page.wait("document.querySelector('#stack rect.board') && document.querySelector('#parts svg path')")
     page.run("window.print = () => dispatchEvent(new Event('beforeprint'))")
     page.find("print").click()
     assert "Layers from the side, and flat parts" in page.content("sheet") and page.count("#sheet .parts svg") == 2
