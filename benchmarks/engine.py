@@ -30,11 +30,12 @@ import linkage_atlas as la
 from benchmarks import report
 from benchmarks.battery import CLOSED, OPEN, drawn
 from benchmarks.figures import BLUE, GREEN, ORANGE, PURPLE, figure
+from benchmarks.named_functions import ENDS, largest_error
 from synthesis.defects import LEAVES_SAMPLES
 from tests.oracles.classes import UNREACHABLE, make_case
 from tests.oracles.free_classes import free_case, free_request, recompute_free
-from tests.oracles.function_cases import _ENDS, function_case, largest_error, recompute_rms, zeros_kept
 from tests.oracles.function_cases import CLASSES as FUNCTION_KINDS
+from tests.oracles.function_cases import function_case, recompute_rms, zeros_kept
 from tests.oracles.limited_classes import make_limited
 from tests.oracles.recompute import broken_limits, recompute
 
@@ -64,9 +65,9 @@ def random_function(seed: int) -> dict[str, Any]:
     exactly.
     """
     random = np.random.default_rng([47, seed])
-    name = str(random.choice([*_ENDS]))
+    name = str(random.choice([*ENDS]))
     first = 1.0 if name in ("log10", "ln", "reciprocal") else 0.0
-    function_request: dict[str, Any] = {"name": name, "x": [first, round(float(random.uniform(*_ENDS[name])), 3)]}
+    function_request: dict[str, Any] = {"name": name, "x": [first, round(float(random.uniform(*ENDS[name])), 3)]}
     function_request["output_span"] = round(float(random.uniform(60, 90) * random.choice([-1, 1])), 2)
     if name == "power":
         function_request["exponent"] = round(float(random.uniform(0.5, 3)), 2)

@@ -7,7 +7,7 @@ nothing of the software. Practical limits hold on both sides: 35 degrees of tran
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -15,11 +15,35 @@ from threadpoolctl import threadpool_limits
 import linkage_atlas as la
 from benchmarks import report
 from benchmarks.report import Times
-from tests.oracles.few_poses import MACHINES, Task, random_task, sampled_four_bars
+from tests.oracles.few_poses import Task, random_task, sampled_four_bars
 
 EXACT = 1e-9
 ENOUGH = 60
 """Number of sampled four-bars with a transmission angle of 40 degrees from which on ten exact answers are expected."""
+
+
+class Machine(NamedTuple):
+    """A body that people hang on linkages, of length 1, and where its pivots may lie."""
+
+    turn: tuple[float, float]
+    """Smallest and largest rotation in degrees."""
+    end: complex
+    """Shift of the body's reference point."""
+    bulge: float
+    """Deviation of the path from a straight line, as a fraction of the shift."""
+    box: tuple[float, float, float, float]
+
+
+MACHINES = {
+    "cabinet shelf that comes down": Machine((0, 0), 0.8 - 0.9j, 0.25, (-0.2, -0.6, 0.6, 0.5)),
+    "tipping bucket": Machine((80, 130), 0.9 + 0.7j, 0.2, (-0.6, -0.8, 0.8, 0.6)),
+    "casement window": Machine((70, 95), 0.5 - 0.7j, -0.1, (-0.3, -0.3, 1.0, 0.3)),
+    "oven door": Machine((80, 95), -0.25 - 0.1j, 0.1, (-0.2, -0.8, 0.9, 0.5)),
+    "tailgate": Machine((60, 90), -0.5 + 1.0j, -0.2, (-0.8, -0.1, 0.8, 1.2)),
+    "table leg that folds": Machine((85, 105), 0.4 - 0.5j, 0.1, (-0.3, -0.5, 1.0, 0.2)),
+    "wiper": Machine((70, 110), 1.2 + 0.3j, 0.3, (-0.4, -1.0, 1.4, 0.1)),
+    "flap that goes over": Machine((150, 175), -0.4 + 0.3j, 0.3, (-1.0, -0.6, 0.4, 0.8)),
+}
 
 
 def machine_task(seed: int, poses: int) -> Task:

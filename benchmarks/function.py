@@ -1,7 +1,7 @@
 """Function generation: smallest largest errors of named functions, and baselines.
 
 Largest errors are evaluated at 2,001 evenly spaced points and recomputed from the numbers of the reply by
-`tests.oracles.function_cases`. Baselines are the differential evolution of scipy over the same five unknowns, and
+`benchmarks.named_functions`. Baselines are the differential evolution of scipy over the same five unknowns, and
 the function generation of pylinkage through 3 to 5 precision points at every pair of dial zeros of a grid. Exact
 functions are measured by `benchmarks.engine`.
 """
@@ -19,12 +19,12 @@ from threadpoolctl import threadpool_limits
 
 import linkage_atlas as la
 from benchmarks import baselines, report
+from benchmarks.named_functions import SAMPLES, largest_error, wanted_output
 from benchmarks.report import Times
 from synthesis.constraints import keeps
 from synthesis.mechanism import Placed
 from synthesis.target import Target
 from tests.oracles.free_classes import close
-from tests.oracles.function_cases import SAMPLES, largest_error, wanted_output
 
 RUNS = 10
 RATIO = 20.0
