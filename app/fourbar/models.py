@@ -242,32 +242,25 @@ class ExportRequest(RequestModel):
 class DrivesRequest(RequestModel):
     """A linkage and its load, for which drives and springs are searched."""
 
+    described_by = ("drives",)
+
     linkage: GivenLinkage | None = None
-    """One of the `solutions` of a reply, as it came or changed."""
     request: SynthesizeRequest | None = None
     """Request that the linkage answers; it defines the used interval."""
     crank_angle: (
         Annotated[list[Annotated[float, Field(ge=-1e9, le=1e9)]], Field(min_length=2, max_length=1024)] | None
     ) = None
-    """Crank angles, or travel of the driver, measured from the start, instead of `request`."""
     rocker: RockerRequest | None = None
-    """A link on a hinge, instead of a linkage."""
     load: LoadRequest | None = None
-    """Load; without a load, drives with the largest minimum moment arm are best."""
     drives: Drives = Field(
         default_factory=lambda: [DriveRequest(kind=kind) for kind in ("rotary", "actuator", "dyad")]
     )
-    """Kinds of drives to search; default: rotary, actuator and dyad."""
     springs: Springs = Field(default_factory=list)
-    """Springs that balance the load."""
     hand_point: PlacePair | None = None
-    """Point of the body, at the first position, at which the hand force with springs is computed."""
     top: Annotated[Count, Field(ge=1, le=50)] = 5
-    """Number of drives of each kind to return."""
     angle_unit: AngleUnit | None = None
     """Unit of every angle; default: the unit of `request`, or degrees."""
     length_unit: LengthUnit = "mm"
-    """Unit of all lengths, for the bundled catalogues."""
     budget_ms: PositiveNumber | None = None
     """Time limit of the search, which returns the best drives found so far."""
 

@@ -62,10 +62,11 @@ def drives(
     Parameters
     ----------
     linkage : Linkage, Solution or mapping, optional
-        Any kind of linkage, driven by a crank, slider, cylinder or hinge. Or None with ``rocker``.
+        Any kind of linkage, driven by a crank, slider, cylinder or hinge: a solution of a reply, as it came or changed. Or None
+        with ``rocker``.
     drives : sequence of mapping
-        Each with its ``kind``: "rotary", "actuator" (or "cylinder"), "dyad", "toggle", and its settings by name, see
-        docs/drives.md.
+        Kinds of drives to search, each with its ``kind``, "rotary", "actuator" (or "cylinder"), "dyad" or "toggle", and its
+        settings by name, see docs/drives.md. Default: rotary, actuator and dyad.
     load : mapping, optional
         ``force`` [fx, fy] at the body point and ``torque`` on the body, in directions that do not turn with it; ``forces``
         on any links: [{"link", "point": [x, y], "force": [fx, fy]}]; ``masses``:
@@ -73,28 +74,30 @@ def drives(
         link, or the body point); ``gravity`` [gx, gy] (default [0, -9.81]); ``speed`` of the crank, which is constant, so that
         masses resist their acceleration. Without a load the drive with the largest minimum moment arm is best.
     springs : sequence of mapping
-        Each with its ``kind``, "tension", "compression", "gas" or "torsion", and its wishes by name, see docs/drives.md:
-        ``between``, two links or the ground (default: the best of all pairs); ``holds``, {"open": True, "closed": True};
-        ``hand_force_max``; ``target``, a torque or force at even steps; ``count`` of equal springs side by side.
+        Springs that balance the load, each with its ``kind``, "tension", "compression", "gas" or "torsion", and its settings by
+        name, see docs/drives.md: ``between``, two links or the ground (default: the best of all pairs); ``holds``,
+        {"open": True, "closed": True}; ``hand_force_max``; ``target``, a torque or force at even steps; ``count`` of equal
+        springs side by side.
     motion : Motion, optional
-        What the linkage answers; default: its own.
+        Motion that the linkage makes; it defines the used interval. Default: the motion of the linkage.
     crank_angle : array_like, shape (n,), optional
-        Crank angles from the start angle on, in place of a motion: their first and last are the ends of the way.
+        Crank angles, or travel of the driver, measured from the start, in place of a motion: the first and the last are the ends
+        of the used interval.
     rocker : mapping, optional
-        In place of a linkage a link on a hinge: ``pivot`` [x, y], ``start`` and ``swing`` (angles), ``length``.
+        Link on a hinge, in place of a linkage: ``pivot`` [x, y], ``start`` and ``swing`` (angles), ``length``.
     hand_point : array_like, shape (2,), optional
-        A place on the body at the first position, for the force of a hand there.
+        Point of the body, at the first position, at which the hand force with springs is computed.
     length_unit : {"um", "mm", "cm", "m", "in", "ft"}, optional
-        Unit of its lengths, for the bundled catalogues; forces are then in newtons. Default: the unit of the motion, or
+        Unit of all lengths, for the bundled catalogues; forces are then in newtons. Default: the unit of the motion, or
         millimetres.
     top : int
-        Drives of each kind at most.
+        Number of drives of each kind to return.
     degrees : bool
-        Unit of angles, where the linkage does not say it.
+        Unit of angles if the linkage does not define it.
     budget : float, optional
-        Seconds.
+        Time limit in seconds; the best drives found by then are returned.
     work : callable
-        Makes what watches over time and cancellation from a budget in seconds.
+        Makes the object that watches time and cancellation from a budget in seconds.
 
     Returns
     -------
