@@ -306,7 +306,7 @@ def _described(
     excursions: Sequence[float | None] = [None] * len(found)
     spins: Sequence[list[str]] = [[]] * len(found)
     if isinstance(samples, Poses):
-        excursions = excursions_of(found, samples, [passage.circuit for passage in passages])
+        excursions = excursions_of(found, samples)
         spins = [spin_faults(samples, rotation) for rotation in rotations_of(found, samples)]
     solutions = []
     for k, candidate in enumerate(found):

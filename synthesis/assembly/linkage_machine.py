@@ -23,7 +23,7 @@ from synthesis.assembly.movement import (
 from synthesis.assembly.shapes import Shape, hull, nearest_room
 from synthesis.assembly.sizes import plate_sizes
 from synthesis.errors import FieldError
-from synthesis.excursions import Circuits, RoundCircuit
+from synthesis.four_bar import grashof_excesses
 from synthesis.guides import Circle, Rail
 from synthesis.linkage import BODY, Linkage
 from synthesis.one_variable import bisect
@@ -224,14 +224,23 @@ def loop_of(linkage: Linkage, used: Interval) -> Interval | None:
 
 
 def _loop_of_four_bar(linkage: Linkage, used: Interval) -> Interval | None:
-    """Return the travel over which the loop of a four-bar closes, from its circuit."""
-    lengths = np.array([linkage.links])
-    circuits = Circuits.of(lengths)
-    if circuits.turns.item():
+    """Return the travel over which the loop of a four-bar closes; None if that is a whole turn.
+
+    X of `four_bar` is smallest at theta1 = pi, and Y at theta1 = 0: the crank swings about the other position if one of them is
+    negative there, and on one side of the ground if both are.
+    """
+    a, b, c = grashof_excesses(linkage.links)
+    reaches_zero, reaches_pi = bool(np.sign(a) * np.sign(b) >= 0), bool(c >= 0)
+    if reaches_zero and reaches_pi:
         return None
+    product = 4 * linkage.links[0] * linkage.links[3]
+    nearest = float(2 * np.arcsin(np.sqrt(np.clip(-a * b / product, 0, 1))))
+    farthest = float(2 * np.arccos(np.sqrt(np.clip(-c * sum(linkage.links) / product, 0, 1))))
     middle = linkage.start + (used.first + used.last) / 2
-    circuit, _ = RoundCircuit.through(lengths, np.array([[middle]]), np.array([[float(linkage.branch)]]))
-    low, width = circuit.low.item(), circuit.width.item()
+    low, high = -farthest if reaches_zero else nearest, TURN - nearest if reaches_pi else farthest
+    if not (reaches_zero or reaches_pi) and middle % TURN > np.pi:
+        low, high = TURN - high, TURN - low
+    width = high - low
     turns = TURN * np.floor((middle - low) / TURN)
     first = low + turns - linkage.start
     slack = 1e-9
