@@ -1,30 +1,20 @@
-"""Measure the knotter and draw its pictures: ``python -m benchmarks.knotter`` (about a minute).
-
-The measurement is seeded; only the times differ between runs.
-Except for Brent's method, every method works on arrays of all steps of many pairs at once.
-All of them compute the positions by the same chain, so that the times compare methods and not implementations.
-"""
+"""Measure the knotter and draw its pictures: ``python -m benchmarks.knotter``. The measurement is seeded."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from fractions import Fraction
-from functools import partial
 from typing import Any
 
-import mpmath as mp
 import numpy as np
-from scipy.optimize import brentq
 
 from benchmarks.knotter_pictures import PAIRS, PUBLISHED, draw, knotters_at  # noqa: F401 - `render` calls draw
-from benchmarks.report import ends, lines, repeat, run, tables
+from benchmarks.report import ends, lines, run
 from synthesis.scenes.knotter import d_knotter
 from synthesis.scenes.knotter.d_knotter import Needle
-from synthesis.scenes.knotter.mechanism import Mechanism, as_array
-from synthesis.scenes.knotter.segment_triangle import crosses_inside, crossing_point, orientations
+from synthesis.scenes.knotter.mechanism import Mechanism
+from synthesis.scenes.knotter.segment_triangle import crosses_inside, orientations
 from synthesis.scenes.knotter.study import study
-from tests.oracles.knotter import Exact
 
 TOO_CLOSE_MM = 1e-8
 """Distance from an edge below which the sum of angles is unreliable."""
@@ -84,140 +74,6 @@ def _exact_sides(point: np.ndarray, a: np.ndarray, b: np.ndarray, c: np.ndarray)
 
 def _percent(wrong: np.ndarray) -> float:
     return float(100.0 * np.mean(wrong))
-
-
-def scan_entries(items: Mechanism, count: int, step: float, method: str = "orientations") -> np.ndarray:
-    """Find the entries by a scan of the whole range.
-
-    Methods: ``orientations`` returns the first step inside, ``straight line`` interpolates back from it, and ``sum of
-    angles`` returns the first step inside by the criterion of the source, within 1e-6 degrees.
-    """
-    driver = np.radians(np.arange(0.0, 180.0, step))
-    chunk = max(1, 50_000 // len(driver))
-    entries = []
-    for start in range(0, count, chunk):
-        item = np.arange(start, min(start + chunk, count))
-        shape, row = (len(item), len(driver)), np.arange(len(item))
-        corners = d_knotter.wrap().positions(items.select(item[:, None]), driver)
-        if method == "sum of angles":
-            points = as_array(crossing_point(*corners), shape).reshape(3, -1).T
-            inside = (np.abs(angle_sum(points, *TRIANGLE) - 360.0) <= 1e-6).reshape(shape)
-        else:
-            signs = as_array(orientations(*corners), shape)
-            inside = crosses_inside(signs)
-        first = np.argmax(inside, axis=1)
-        entry = np.where(inside[row, first], driver[first], np.nan)
-        if method == "straight line":
-            before, after = signs[:, row, first - 1], signs[:, row, first]
-            with np.errstate(all="ignore"):
-                fraction = np.where(before * after < 0, before / (before - after), 0.0).max(axis=0)
-            entry = entry - (1 - fraction) * np.radians(step)
-        entries.append(entry)
-    return np.concatenate(entries)
-
-
-def rope_of(alpha1: float, alpha3: float) -> Callable[[float], tuple]:
-    """Return S0 and S1 in u4 as a function of the bill's angle, written without arrays for a single angle at a time."""
-    sizes, senses, law = d_knotter.mechanism().parameters, d_knotter.SENSES, d_knotter.assumed_laws()["beta"]
-    x, _, z = d_knotter.POINTS["S0"]
-    first, third, second = -senses["alpha"] * alpha1, -senses["alpha"] * alpha3, d_knotter.ALPHA2
-    c1, s1, c3, s3, c2, s2 = (
-        function(angle) for angle in (first, third, second) for function in (math.cos, math.sin)
-    )
-    c13, s13 = c1 * c3 - s1 * s3, s1 * c3 + c1 * s3
-    y = -sizes["D"] * c13 + sizes["d1"] * s3
-    low = -sizes["D"] * s13 - sizes["d1"] * c3
-
-    def ends(alpha: float) -> tuple:
-        beta = senses["beta"] * (law.lead + law.ratio * alpha)
-        across, up = math.cos(beta) * x + math.sin(beta) * z, math.cos(beta) * z - math.sin(beta) * x
-        i, j, k = across + sizes["d5"], y - s13 * up, low + c13 * up
-        i, k = c2 * i + s2 * k, c2 * k - s2 * i + sizes["d6"]
-        c, s = math.cos(alpha), math.sin(alpha)
-        return (c * i - s * j, s * i + c * j, k), d_knotter.POINTS["S1"]
-
-    return ends
-
-
-def brent_entries(items: Mechanism, count: int, step: float = 5.0) -> np.ndarray:
-    """Find the entries by a coarse grid and Brent's method.
-
-    The entry is the last root, before the first grid point inside, of the orientations that change sign there.
-    """
-    driver, corners = np.radians(np.arange(0.0, 180.0, step)), [d_knotter.POINTS[name] for name in ("S3", "S4", "S5")]
-    item, row = np.arange(count), np.arange(count)
-    signs = as_array(
-        orientations(*d_knotter.wrap().positions(items.select(item[:, None]), driver)), (count, len(driver))
-    )
-    inside = crosses_inside(signs)
-    first = np.argmax(inside, axis=1)
-    changed = signs[:, row, first - 1] * signs[:, row, first] < 0
-    angles = [np.broadcast_to(items.parameters[name], (count,)).tolist() for name in ("alpha1", "alpha3")]
-    entry = np.full(count, np.nan)
-    for number in np.flatnonzero(inside[row, first]):
-        ends = rope_of(*(angle[number] for angle in angles))
-        low, high = driver[first[number] - 1], driver[first[number]]
-
-        def orientation(alpha: float, index: int, ends: Callable = ends) -> float:
-            return orientations(*ends(alpha), *corners)[index]
-
-        bracketed = np.flatnonzero(changed[:, number])
-        entry[number] = max(brentq(orientation, low, high, args=(index,), xtol=1e-14) for index in bracketed)
-    return entry
-
-
-def cell_entries(items: Mechanism, count: int) -> np.ndarray:
-    """Find the entries by the method of this project."""
-    return d_knotter.wrap().evaluate(items, count).enter
-
-
-def pair_by_pair(items: Mechanism, count: int, entries: Callable = cell_entries) -> np.ndarray:
-    """Find the entries by a separate call for each pair."""
-    return np.concatenate([entries(items.select(np.array([row])), 1) for row in range(count)])
-
-
-def event_errors() -> list[dict]:
-    """Measure the largest error over the nine pairs, compared with 40 digits, and the time per pair for 900 pairs."""
-    nine = knotters_at(*map(np.array, zip(*PAIRS)))
-    many, count = grid_of(np.linspace(0, 20, 30), np.linspace(20, 30, 30))
-    found = d_knotter.wrap().evaluate(nine, 9)
-    with mp.workdps(40):
-        exact = [
-            Exact(*pair).root("wrap", int(edge) - 2, entry)
-            for pair, edge, entry in zip(PAIRS, found.entered_by, found.enter)
-        ]
-    methods: dict[str, Any] = {"cells, 900 pairs at once": cell_entries, "cells, one pair at a time": pair_by_pair}
-    for method, steps in (("sum of angles", (1, 0.1)), ("orientations", (1, 0.1, 0.01)), ("straight line", (1, 0.1))):
-        methods |= {
-            f"scan, {method}, {step:g} deg": partial(scan_entries, step=step, method=method) for step in steps
-        }
-    methods["grid of 5 deg and Brent, 900 pairs at once"] = brent_entries
-    methods["grid of 5 deg and Brent, one pair at a time"] = partial(pair_by_pair, entries=brent_entries)
-    times = {
-        name: repeat(lambda method=method: method(many, count), 1 if "one pair" in name else 5).minimum.processor
-        for name, method in methods.items()
-    }
-    return [
-        {
-            "method": name,
-            "max_error_deg": max(
-                abs(float(mp.degrees(float(entry) - x))) for entry, x in zip(method(nine, 9), exact)
-            ),
-            "ms_per_pair": 1e3 * times[name] / count,
-            "time_over_cells": times[name] / times["cells, 900 pairs at once"],
-        }
-        for name, method in methods.items()
-    ]
-
-
-def short_windows(closing: float) -> Iterator[dict[str, Any]]:
-    """Determine which scans find the window that closes as d5 grows, and whether the cells find it."""
-    for distance in (1.0, 0.3, 0.03, 1e-2, 1e-4, 1e-6, 1e-8):
-        item = knotters_at(10, 25, d5=closing - distance)
-        found = d_knotter.wrap().evaluate(item, 1)
-        row = {"short_of_mm": distance, "width_deg": float(np.degrees(found.leave[0] - found.enter[0]))}
-        row |= {f"scan_{step:g}": bool(np.isfinite(scan_entries(item, 1, step)[0])) for step in (2, 1, 0.1, 0.01)}
-        yield {**row, "cells": bool(found.holds[0])}
 
 
 def closing_length() -> float:
@@ -298,18 +154,9 @@ def blocks(results: dict) -> dict[str, str]:
     """Return the tables and figures of docs/knotter.md."""
     found = results["figures"]
     chosen, best = found["chosen"], found["best"]
-    missed = max(row["width_deg"] for row in results["short_windows"] if row["scan_0.01"] is not True)
-    found_by_cells = min(row["width_deg"] for row in results["short_windows"] if row["cells"] is True)
     close = [row for row in results["predicates"] if row["distance_mm"] <= TOO_CLOSE_MM]
     percentages = [row[f"within_1e-{digits}"] for row in close for digits in (9, 6, 3)]
     return {
-        **tables(
-            "knotter", results | {"events": [row for row in results["events"] if "orientations" not in row["method"]]}
-        ),
-        "windows": (
-            f"a scan with a step of 0.01° misses a window of {missed:.3g}°, but the cells find a window of "
-            f"{found_by_cells:.3g}°"
-        ),
         "published": lines(["quantity", "published", "here"], published_rows(found), 3),
         "worst": f"{found['worst_mm']:.4f} mm at {found['worst_deg']:.4f}°, compared with {found['sample_mm']:.4f} mm at 270°",
         "chosen": f"a margin of {chosen['margin_mm']:.1f} mm, which is limited by the {chosen['limited_by']}",
@@ -332,8 +179,6 @@ def measure() -> Iterator[dict[str, Any]]:
     yield {
         "figures": found,
         "predicates": list(predicate_errors()),
-        "events": event_errors(),
-        "short_windows": list(short_windows(found["closing_d5_mm"])),
     }
 
 

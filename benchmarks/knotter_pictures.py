@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.figures import BLUE, BROWN, GREEN, INK, ORANGE, PAPER, RED, arrow, bare, curve, figure, note
+from benchmarks.figures import BLUE, BROWN, GREEN, INK, ORANGE, PAPER, RED, arrow, bare, figure, note
 from benchmarks.report import ROOT
 from synthesis.scenes.knotter import d_knotter
 from synthesis.scenes.knotter.mechanism import Mechanism, as_array
@@ -177,24 +177,7 @@ def draw_map() -> None:
 
 
 def draw(results: dict) -> None:
-    """Draw all pictures; the geometry is computed again, the times come from the results."""
+    """Draw all pictures; the geometry is computed again."""
     draw_frames()
     draw_paths()
     draw_map()
-    with figure("knotter_errors.png", size=(7.6, 4.6)) as (_, (axes,)):
-        for start in (
-            "scan, sum of angles",
-            "scan, orientations",
-            "scan, straight line",
-            "grid of 5 deg and Brent",
-            "cells",
-        ):
-            rows = [row for row in results["events"] if row["method"].startswith(start)]
-            curve(axes, rows, "ms_per_pair", "max_error_deg", "o-", lw=1.2, label=start)
-            for row in rows:
-                position = row["ms_per_pair"], row["max_error_deg"]
-                note(axes, row["method"].split(", ")[-1], position, (6, -14 if start == "cells" else 6), fontsize=7.5)
-        axes.set(xscale="log", yscale="log", ylim=(3e-15, 30))
-        axes.set(xlabel="time per pair, ms of one core", ylabel="largest error of the entry, degrees")
-        axes.margins(x=0.18)
-        axes.legend(loc="center right")

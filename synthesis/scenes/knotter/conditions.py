@@ -190,10 +190,10 @@ class Clearance:
         noise = rounding[None]
         if np.isfinite(self.radius):
             noise = np.stack([rounding, rounding, rounding, rounding * (np.abs(value) + self.radius)])
-        polynomials = events.fit_pieces(functions, ends, items, noise)
-        found_events = [events.find_extrema(polynomials, noise)]
+        samples = events.sample(functions, ends, items)
+        found_events = [events.find_extrema(samples)]
         if np.isfinite(self.radius):
-            found_events.append(events.find_roots(polynomials, None, noise))
+            found_events.append(events.find_roots(samples, noise))
         item = np.concatenate([np.repeat(all_items, len(ends)), *(found.item for found in found_events)])
         driver = np.concatenate([np.tile(ends, items), *(found.driver for found in found_events)])
         depth = np.broadcast_to(self.depth(mechanism.select(item), driver), item.shape)
@@ -421,9 +421,9 @@ class SegmentEntersTriangle:
             return as_array(signs, np.broadcast_shapes(driver.shape, item.shape))
 
         noise = self._noise(mechanism, items, ends)
-        polynomials = events.fit_pieces(functions, ends, items, noise)
-        in_plane = np.any(polynomials.size[:2] <= noise[:2], axis=0)
-        roots = events.find_roots(polynomials, functions, noise)
+        samples = events.sample(functions, ends, items)
+        in_plane = np.any(samples.size[:2] <= noise[:2], axis=0)
+        roots = events.find_roots(samples, noise)
         windows = find_windows(functions, roots, ends, items, ~in_plane, self.options.narrow_window)
         item, start, end, opened_by = windows
         count = np.bincount(item, minlength=items)
