@@ -1,24 +1,18 @@
 // A four-bar that the user enters by its joints or its lengths, and the motion of its body.
 
 import { numberIn } from "./decimal.js";
-import { element } from "./drawing.js";
 import { LINKS } from "./fit.js";
 import { fromJoints } from "./hand.js";
 import { Linkage } from "./kinematics.js";
 import { emptyMotion } from "./motion.js";
 import { RAD } from "./plane.js";
-import { $, build, listen } from "./shell.js";
+import { $, listen } from "./shell.js";
 
-const JOINTS = { a: "A, crank pivot", d: "D, crank pin", c: "C, rocker pin", b: "B, rocker pivot", p: "P, body point" };
+const JOINTS = ["a", "d", "c", "b", "p"];
 const NOTE = "Motion of a linkage that was entered.";
 const OPEN = "Links of these lengths cannot be assembled: the longest is longer than the others together.";
 const STEP = 15; // degrees of crank between the samples of a whole turn
 const SAMPLES = 12; // steps between the samples of a crank that swings
-
-const field = (id, hidden, shown, more = {}) => {
-  const input = build("input", { id, inputMode: "decimal", autocomplete: "off", "data-number": "", ...more });
-  return build("label", {}, element("span", "hidden", hidden), shown, input);
-};
 
 /** The joints of a four-bar of these lengths, A in the origin, P in the middle of the coupler; null if it is open. */
 function jointsOf([crank, coupler, rocker, ground]) {
@@ -68,11 +62,6 @@ function motionOf(joints, unit) {
 export function startEntry(unit, use) {
   const dialog = $("entry"),
     ids = (name) => ["x", "y"].map((axis) => `entry-${name}-${axis}`);
-  for (const [name, title] of Object.entries(JOINTS)) {
-    const inputs = ["x", "y"].map((axis, k) => field(ids(name)[k], `${title}, `, axis));
-    $("entry-joints").append(build("fieldset", {}, element("legend", "", title), inputs));
-  }
-  $("entry-lengths").append(...LINKS.map((name) => field(`entry-${name}`, "", name, { "data-least": "above 0" })));
   const attempt = (work) => {
     $("entry-error").textContent = "";
     try {
@@ -87,7 +76,7 @@ export function startEntry(unit, use) {
       if (lengths.includes(null)) return;
       const joints = jointsOf(lengths);
       if (!joints) throw new Error(OPEN);
-      for (const name of Object.keys(JOINTS))
+      for (const name of JOINTS)
         for (const [k, id] of ids(name).entries()) $(id).value = Number(joints[name][k].toPrecision(10));
     });
   listen("entry-lengths", "change", placeLinkage);
@@ -99,7 +88,7 @@ export function startEntry(unit, use) {
   listen("entry-form", "submit", (event) => {
     event.preventDefault();
     attempt(() => {
-      const joints = Object.fromEntries(Object.keys(JOINTS).map((name) => [name, ids(name).map(numberIn)]));
+      const joints = Object.fromEntries(JOINTS.map((name) => [name, ids(name).map(numberIn)]));
       if (Object.values(joints).flat().includes(null))
         throw new Error("Both coordinates of each of the five joints are needed, or the four lengths.");
       const entered = motionOf(joints, unit());

@@ -15,23 +15,15 @@ function honest(reply, motion) {
   return `off by at most ${errors}; transmission angle ${text(best.transmission_angle_min, 2)}° or more`;
 }
 
-/** Linkages for lessons: title and law. */
-const LESSONS = {
-  "Slider-crank": { drive: "crank_slider", name: "quick", stroke: "60", "time-ratio": "1" },
-  "Quick return": { drive: "crank_slider", name: "quick", stroke: "120", "time-ratio": "1.2" },
-};
-
 export class Gallery {
   /** `open(name)` opens an example, `openLaw(law)` the law of a lesson. */
   constructor(open, openLaw) {
     this.open = open;
-    for (const [title, law] of Object.entries(LESSONS)) {
-      const act = () => {
+    for (const lesson of document.querySelectorAll("[data-lesson]"))
+      lesson.addEventListener("click", () => {
         $("gallery").close();
-        openLaw(law);
-      };
-      $("lessons").append(button(title, act, "link"), " ");
-    }
+        openLaw(JSON.parse(lesson.dataset.lesson));
+      });
     listen("open-gallery", "click", () => $("gallery").showModal());
     listen("gallery-close", "click", () => $("gallery").close());
     listen("gallery", "click", ({ target }) => target === $("gallery") && target.close());

@@ -3,9 +3,8 @@
 import { text } from "./drawing.js";
 import { markWrong, typed, unreadable } from "./decimal.js";
 import { settled } from "./fit.js";
-import { $, build } from "./shell.js";
+import { $ } from "./shell.js";
 
-const JOINTS = { a: "A, crank pivot", b: "B, rocker pivot", d: "D, crank pin", c: "C, rocker pin", p: "P, body point" };
 const SAME = 1e-9; // of the linkage's size: a field keeps its entry while the joint is there
 const ROUNDING = 1e-12; // of the linkage's size: smaller differences of a joint and its entry are no change
 const FARTHEST = 1e50;
@@ -16,26 +15,21 @@ export class JointFields {
   /** `move(joint, place)` puts a joint at a place and returns null, or says why it cannot; `hold()` stops the crank. */
   constructor(board, move, hold) {
     Object.assign(this, { board, move, fields: [], faults: new Map() });
-    for (const [name, title] of Object.entries(JOINTS)) {
-      const labels = ["x", "y"].map((axis, k) => {
-        const id = `joint-${name}-${axis}`,
-          input = build("input", { id, inputMode: "decimal", autocomplete: "off", "aria-label": `${title}, ${axis}` }),
-          field = { input, name, k, letter: `${title[0]}, ${axis}` };
-        this.fields.push(field);
-        input.onfocus = () => {
-          hold();
-          this.#fill(field);
-        };
-        input.onblur = () => this.show();
-        input.onchange = () => this.#read(field);
-        input.onkeydown = (event) => {
-          if (event.key !== "Enter") return;
-          event.preventDefault();
-          this.#read(field);
-        };
-        return build("label", {}, axis, input);
-      });
-      $("joint-fields").append(build("fieldset", {}, build("legend", {}, title), labels));
+    for (const input of $("joint-fields").querySelectorAll("input")) {
+      const [, name, axis] = input.id.split("-"),
+        field = { input, name, k: axis === "x" ? 0 : 1, letter: `${name.toUpperCase()}, ${axis}` };
+      this.fields.push(field);
+      input.onfocus = () => {
+        hold();
+        this.#fill(field);
+      };
+      input.onblur = () => this.show();
+      input.onchange = () => this.#read(field);
+      input.onkeydown = (event) => {
+        if (event.key !== "Enter") return;
+        event.preventDefault();
+        this.#read(field);
+      };
     }
     board.seen.push(() => this.show());
   }
