@@ -158,6 +158,12 @@ def test_each_solution_of_a_search_gets_its_drives(client: TestClient) -> None:
                 assert mine.get(name, 0) == pytest.approx(second.get(name, 0), rel=1e-6)
 
 
+def test_a_linkage_with_the_requested_drive_comes_first() -> None:
+    drive = {"kind": "actuator", "links": ["rocker"], "retracted": 50, "stroke": 25, "reach_max": 50}
+    found = la.synthesize(**POSES, drive=drive, load={"force": [0, -10]}, limits={"preset": "none"})
+    assert [solution.has_drive for solution in found] == [True, False]
+
+
 def test_a_body_on_guides_goes_along_the_travel_of_its_request(client: TestClient) -> None:
     request = {"rotation": [0, 5, 11, 20, 30], "position": [[0, 0], [20, 5], [45, 8], [70, 20], [100, 25]], "top": 1}
     travelling = request | {"travel_span": 100, "mechanisms": ["slider_crank"]}
