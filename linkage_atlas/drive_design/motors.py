@@ -116,13 +116,13 @@ def _six_bar(task: DriveTask, six: Swung, cycle: MotorCycle) -> SixBar:
         link: [joint.name for joint in joints if link in (joint.first, joint.second)]
         for link in (GROUND, *machine.links, MOTOR_CRANK, ROD)
     }
-    if operation.view is not None and machine.body is not None:
+    if operation.plain is not None and machine.body is not None:
         points["P"] = xy(six.machine(six.forwards(np.zeros(1))).link("body").origin[0])
         names["coupler"].append("P")
     return SixBar(
         crank=motor.crank,
         coupler=motor.rod,
-        kind="crank_rocker" if operation.view is None else six.kind,
+        kind="crank_rocker" if operation.plain is None else six.kind,
         time_ratio=cycle.time_ratio,
         transmission_angle_min=cycle.transmission_angle_min / radian,
         motor_torque_max=task.if_loaded(float(np.abs(cycle.motor_torque).max())),
@@ -143,7 +143,7 @@ def _joints(task: DriveTask, six: Swung) -> list[Joint]:
     """Return the joints at the first sample, forwards; on a hinged link B is its pivot."""
     turned = six.forwards(np.zeros(1))
     machine = six.machine(turned)
-    if task.operation.view is not None:
-        return joints_of(task.operation.view.plain, machine) + six.rod_joints(turned)
+    if task.operation.plain is not None:
+        return joints_of(task.operation.plain, machine) + six.rod_joints(turned)
     pivot = Joint("B", GROUND, six.motor.link, machine.links[six.motor.link].origin)
     return [pivot, *six.rod_joints(turned)]

@@ -18,7 +18,7 @@ from synthesis.errors import FieldError
 from synthesis.linkage import Linkage as Plain
 from synthesis.local_refinement import crank_angles_at
 from synthesis.poses import Poses
-from synthesis.target import MAX_LENGTH, TURN, Target
+from synthesis.target import MAX_LENGTH, TURN
 
 FINE = 961
 """Positions of the fine evaluation of a motion; searches use `SAMPLES` of them."""
@@ -35,19 +35,12 @@ class Operation(NamedTuple):
     """At `FINE` even steps."""
     radian: float
     samples: Floats
-    view: Linkage | None
-    """The user's linkage; None for a link on a hinge."""
+    plain: Plain | None
+    """The linkage; None for a link on a hinge."""
 
     @classmethod
-    def of(
-        cls,
-        linkage: Plain,
-        travel: Floats,
-        radian: float,
-        target: Target | None = None,
-        length_unit: str | None = None,
-    ) -> Operation:
-        """Prepare a linkage between the smallest and the largest travel of its drive, perhaps at samples of a motion."""
+    def of(cls, linkage: Plain, travel: Floats, radian: float) -> Operation:
+        """Prepare a linkage between the smallest and the largest travel of its drive."""
         ends, four_bar = ends_of(travel), linkage.is_four_bar
         if not abs(ends.last - ends.first) > (1e-6 if four_bar else 0.0):
             field, words = ("crank_angle", "crank angle") if four_bar else ("travel", "position of the drive")
@@ -55,8 +48,7 @@ class Operation(NamedTuple):
         if not four_bar and not linkage.closes_over(ends.after(linkage.start)):
             raise FieldError("/linkage", "does not close over the whole motion; give a smaller range")
         coarse, fine = (motions_of(linkage, ends, count) for count in (SAMPLES, FINE))
-        view = Linkage.of(linkage, radian, target, length_unit)
-        operation = cls(lambda at: motions_at(linkage, at), coarse, fine, radian, travel, view)
+        operation = cls(lambda at: motions_at(linkage, at), coarse, fine, radian, travel, linkage)
         operation.check()
         return operation
 
@@ -70,7 +62,7 @@ class Operation(NamedTuple):
         if angles is None and own is not None:
             name = "crank_angle" if view.plain.is_four_bar else "travel"
             angles = np.asarray(column(f"linkage/{name}", own))
-        radian, target, four_bar = radians_in(view.degrees), None, view.plain.is_four_bar
+        four_bar = view.plain.is_four_bar
         if motion is not None:
             if motion.free and angles is None and view.plain.driver.turns:
                 angles = _crank_angles(view, motion)
@@ -79,17 +71,16 @@ class Operation(NamedTuple):
                     "/linkage/travel",
                     "is required, because the timing of the motion is free; pass the solution of a reply, which has it",
                 )
-            target = view.target_of(motion, angles)
-            travel = target.way
+            travel = view.target_of(motion, angles).way
         elif angles is not None:
             if four_bar and (angles.size < 2 or not np.all(np.isfinite(angles))):
                 raise FieldError("/crank_angle", "must have at least two finite crank angles")
             travel = angles * view._unit
         elif view.motion_travel is not None:
-            travel, target = view.motion_travel, view._motion
+            travel = view.motion_travel
         else:
             raise FieldError("/crank_angle", "is required, because this linkage has no motion that defines its range")
-        return cls.of(view.plain, travel, radian, target, view.length_unit)
+        return cls.of(view.plain, travel, radians_in(view.degrees))
 
     @classmethod
     def of_rocker(cls, rocker: Fields, radian: float) -> Operation:
@@ -130,7 +121,7 @@ class Operation(NamedTuple):
     @property
     def linkage(self) -> Plain | None:
         """The four-bar, from which ideal springs are computed."""
-        return None if self.view is None or not self.view.plain.is_four_bar else self.view.plain
+        return self.plain if self.plain is not None and self.plain.is_four_bar else None
 
     @property
     def unit(self) -> float:
@@ -163,9 +154,9 @@ class Operation(NamedTuple):
         """Return the masses of the links as plates and pins of default sizes."""
         from linkage_atlas.solids import masses_of_parts
 
-        if self.view is None:
+        if self.plain is None:
             raise FieldError("/load/parts", "a link on a hinge has no parts; give its masses")
-        weights = masses_of_parts(self.view.plain, ends_of(self.samples), length_unit)
+        weights = masses_of_parts(self.plain, ends_of(self.samples), length_unit)
         return [weight._asdict() for weight in weights]
 
 

@@ -331,7 +331,7 @@ def _ideal(task: DriveTask, request: SpringRequest) -> Mounted | str:
 
 def _ideal_on_pendulums(task: DriveTask, between: tuple[str, str] | None, stiffness: float | None) -> Mounted | str:
     """Find springs of zero free length on a body on guides, or on a link on a hinge."""
-    guided = None if task.operation.view is None else task.operation.view.plain
+    guided = task.operation.plain
     springs = springs_on_pendulums(guided, task.machine, task.torque, stiffness)
     if springs is None:
         kind = "link on a hinge" if guided is None else guided.kind.value
