@@ -59,11 +59,16 @@ def _read(target: Target, options: argparse.Namespace, more: Sequence[Setting] =
         raise
 
 
-def run_question(options: argparse.Namespace, query: Query) -> int:
-    """Answer a query, print the reply and write its files."""
+def _resources(options: argparse.Namespace) -> Resources:
+    """Return the resources of an answer, with the atlas that the options name."""
     from app.resources import ServiceResources
     from app.settings import atlas_of, settings_of
 
+    return ServiceResources(settings_of(options), atlas_of)
+
+
+def run_question(options: argparse.Namespace, query: Query) -> int:
+    """Answer a query, print the reply and write its files."""
     target, rank = Target.of(query), options.rank or 1
     formats = {path: format_of(query, path) for path in options.export}
     source = _read(target, options)
@@ -72,7 +77,7 @@ def run_question(options: argparse.Namespace, query: Query) -> int:
     request = in_unit(request, length_unit)
     if rank > getattr(request, "top", rank):
         request = request.model_copy(update={"top": rank})
-    resources = ServiceResources(settings_of(options), atlas_of)
+    resources = _resources(options)
     with waiting("searching" if query.files else "computing", resources.max_budget_ms / 1000):
         with pointing(lambda field: field.removeprefix("/request") if target.motion else field):
             reply = query.answer(request, resources)
@@ -110,8 +115,6 @@ def run_export(options: argparse.Namespace) -> int:
     """Write a linkage as a file: a saved solution, or the best solution of a request."""
     from app.fourbar.answers import LINKAGE_FILES
     from app.fourbar.models import ExportRequest
-    from app.resources import ServiceResources
-    from app.settings import atlas_of, settings_of
 
     kind = options.format or (None if options.out is None else _kind_of(options.out.name))
     settings: list[Setting] = [(["rank"], options.rank), (["format"], kind)]
@@ -119,7 +122,7 @@ def run_export(options: argparse.Namespace) -> int:
     request = source.request
     if source.table is not None:
         print(*sentences([source.table.note]), file=sys.stderr)
-    resources = ServiceResources(settings_of(options), atlas_of)
+    resources = _resources(options)
     with (
         waiting("computing", resources.max_budget_ms / 1000),
         pointing(lambda field: field.removeprefix("/request")),
@@ -137,15 +140,13 @@ def run_report(options: argparse.Namespace) -> int:
     """Answer a request and write a report on a solution."""
     from app.registry import queries_named
     from app.report import report_html
-    from app.resources import ServiceResources
-    from app.settings import atlas_of, settings_of
 
     if options.out and Path(options.out).suffix not in (".html", ".htm"):
         raise FieldError("/out", f"must end in .html; it is '{options.out}'. A browser prints the page as PDF")
     (query,), rank = queries_named("synthesize"), options.rank or 1
     source = _read(Target.of(query), options)
     request = source.request.model_copy(update={"top": max(rank, source.request.top)})
-    resources = ServiceResources(settings_of(options), atlas_of)
+    resources = _resources(options)
     with waiting("searching", resources.max_budget_ms / 1000):
         result = query.answer(in_unit(request, source.length_unit), resources)
     if len(result) < rank:
