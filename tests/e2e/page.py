@@ -516,7 +516,7 @@ class MotionPage(Page):
         solution |= {"source": "refined", "type": None, "family": FREE.family, "sensitivity": None, "rounded": None}
         determination = {"ill_posed": False, "resolution": 1e-3, "length_uncertainty": [0, 0, 0, 0]}
         solution |= {"condition": 10.0, "determination": determination}
-        report = {"elapsed_ms": {"total": 80.0}, "trace": [[20, 0.1], [60, 0.01]], "stopped_by": "converged"}
+        report = {"elapsed_ms": {"total": 70.0}, "trace": [[20, 0.1], [60, 0.01]], "stopped_by": "converged"}
         reply = {
             "status": "closest",
             "solutions": [solution | {"rank": k + 1, "verdict": verdict} for k, verdict in enumerate(verdicts)],
