@@ -29,7 +29,7 @@ from synthesis.errors import FieldError
 from synthesis.fourbar.mechanism import FOURBAR
 from synthesis.free.few_poses import Obstacles
 from synthesis.free.screen import PathScreen
-from synthesis.free.search import path_screens
+from synthesis.free.search import path_screen
 from synthesis.limits import Limits, Reach
 from synthesis.ranking import FAIR_PROPORTION, PROPORTION
 from synthesis.search.seeds import SeedTables
@@ -95,9 +95,9 @@ def seed_tables() -> SeedTables:
 
 
 @cache
-def screens(family: str) -> tuple[PathScreen, ...]:
-    """Return the screens for paths with free crank angles, which the first call makes."""
-    return path_screens(family)
+def screen(family: str) -> PathScreen:
+    """Return the screen for paths with free crank angles, which the first call makes."""
+    return path_screen(family)
 
 
 def prepare() -> None:
@@ -109,7 +109,7 @@ def prepare() -> None:
     >>> la.prepare()
     """
     seed_tables()
-    screens("full_crank")
+    screen("full_crank")
 
 
 class Fair(NamedTuple):

@@ -16,8 +16,6 @@ _POSES, _POINTS = 3, 4
 """Smallest numbers of poses and of points that can contradict a hinge: a hinge always fits two poses, or three points.
 """
 _NO_TURN = np.deg2rad(0.1)
-"""Largest turn of a body on a straight guide."""
-_TURN = np.deg2rad(1.0)
 """Largest turn of a body that counts as shifted only."""
 
 
@@ -99,7 +97,7 @@ def _complete_samples(samples: Samples) -> tuple[Complexes, Floats | None]:
 
 
 def _turning(position: Complexes, rotation: Floats, min_poses: int) -> Hinge | None:
-    if position.size < min_poses or np.ptp(rotation) < _TURN:
+    if position.size < min_poses or np.ptp(rotation) <= _NO_TURN:
         return None
     turn = np.exp(1j * rotation)
     rows = np.column_stack([np.ones(turn.size), turn])

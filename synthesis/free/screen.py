@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -44,6 +43,12 @@ class ScreenOptions:
     """Difference of span above which two seeds differ."""
     span_fraction: float = 0.95
     """Fraction of the largest allowed span that a guess may use."""
+    spans: tuple[float, ...] = tuple(np.deg2rad([35, 60, 95, 140, 190, 245, 300, 345]))
+    """Guessed crank angles from the first sample to the last, in radians; each is tried in both directions."""
+    powers: tuple[float, ...] = (1.0, 0.6)
+    """Powers of the distance between samples of an open path: at 1 the crank turns with the distance of the point."""
+    seeds: int = 600
+    """Largest number of seeds."""
 
 
 OPTIONS = ScreenOptions()
@@ -51,19 +56,6 @@ OPTIONS = ScreenOptions()
 
 Missing = Callable[[Floats, Floats, Floats], Floats]
 """Function that returns the violation of limits on shape by lengths (..., d) while the crank turns between two angles (...)."""
-
-
-class Timing(NamedTuple):
-    """Guesses of the crank angles: spans of the crank, and powers of the distance between samples."""
-
-    spans: tuple[float, ...]
-    """Radians from the first sample to the last; each is tried in both directions."""
-    powers: tuple[float, ...]
-    """At 1 the crank turns with the distance of the point; smaller values give more even steps between samples."""
-
-
-COARSE = Timing(tuple(np.deg2rad([35, 60, 95, 140, 190, 245, 300, 345])), (1.0, 0.6))
-FINE = Timing(tuple(np.deg2rad([28, 45, 75, 115, 160, 210, 270, 320, 352])), (1.0, 0.75, 0.5))
 
 
 class PathScreen:
@@ -76,15 +68,10 @@ class PathScreen:
         Types whose crank turns fully.
     spread : Chart
         Chart whose cells distinguish seeds.
-    timing : Timing
-    max_count : int
-        Largest number of seeds.
     """
 
-    def __init__(
-        self, mechanism: Mechanism, lengths: Floats, spread: Chart, timing: Timing = COARSE, max_count: int = 600
-    ) -> None:
-        self.lengths, self.timing, self.most = lengths, timing, max_count
+    def __init__(self, mechanism: Mechanism, lengths: Floats, spread: Chart) -> None:
+        self.lengths = lengths
         self.cells = spread.unknowns(lengths) / spread.cell[:-1]
         self.start_cell = float(spread.cell[-1])
         crank = np.linspace(0.0, TURN, OPTIONS.samples, endpoint=False)
@@ -174,7 +161,7 @@ class PathScreen:
         cells = np.floor(coordinates).astype(np.int64)
         # a single number for each cell: many times faster to sort than rows
         _, first = np.unique((cells + 64) @ (1 << 8 * np.arange(cells.shape[1])), return_index=True)
-        pick = np.sort(first)[: self.most]
+        pick = np.sort(first)[: OPTIONS.seeds]
         return Timed(
             chart.unknowns(self.lengths[kind[pick]]),
             np.zeros((pick.size, 3), dtype=complex),
@@ -186,8 +173,8 @@ class PathScreen:
     def timing_of(self, poses: Poses) -> Floats:
         """Guesses of the crank angles from the first sample on, (guesses, N); of a closed way all pass it once in a turn."""
         widest = OPTIONS.span_fraction * poses.span_max
-        spans = {TURN} if poses.closed else {min(span, widest) for span in self.timing.spans}
-        powers = OPTIONS.closed_powers if poses.closed else self.timing.powers
+        spans = {TURN} if poses.closed else {min(span, widest) for span in OPTIONS.spans}
+        powers = OPTIONS.closed_powers if poses.closed else OPTIONS.powers
         progressions = (way_along(poses, power) for power in powers)
         return _within(
             np.array(

@@ -35,7 +35,7 @@ from synthesis.free.dyads import FEW, chart_of, search_motion
 from synthesis.free.few_poses import NONE_CLEAR, Candidates, Obstacles, exact_four_bars, is_few
 from synthesis.free.free_timing import FreeTiming, FreeTimingOptions, free_timing
 from synthesis.free.limited import guessed_windows, placed_within
-from synthesis.free.screen import COARSE, FINE, PathScreen
+from synthesis.free.screen import PathScreen
 from synthesis.limits import Limits, in_family
 from synthesis.linkage import Linkage
 from synthesis.mechanism import Chart, Placed
@@ -209,13 +209,11 @@ class ExactPathOptions(FreeTimingOptions):
     """
 
     schedule: Schedule = Schedule((Stage(100, 1e-2),))  # noqa: RUF009
-    seed_rounds: int = 5
+    seed_rounds: int = 4
     origins: int = 16
     idle_rounds: float = np.inf
     windows: tuple[int, ...] = (100, 100, 200, 200)
-    """Number of windows of the coarse screen in each of the first rounds."""
-    fine_windows: int = 300
-    """Number of windows of the fine screen in the round after these."""
+    """Number of windows in each of the first rounds."""
     max_rounds: int = 8
     """Largest number of rounds; those after the windows start from perturbations."""
 
@@ -247,7 +245,7 @@ class FreeSearchOptions:
 
 
 OPTIONS = FreeSearchOptions()
-_COARSE_PERIMETER, _FINE_PERIMETER, _FINE_SEEDS = 28, 44, 1000
+_PERIMETER = 28
 
 
 # -- the search ----------------------------------------------------------------------------------------------------
@@ -258,21 +256,15 @@ def bounded_windows(family: str) -> Windows:
     return Windows(FOURBAR, FOURBAR.bounded_types(family))
 
 
-Screens = Callable[[str], Sequence[PathScreen]]
-"""Gives the screens of a family, which the caller stores."""
+Screen = Callable[[str], PathScreen]
+"""Gives the screen of a family, which the caller stores."""
 Run = MultiStart[FreeTiming]
 
 
-def path_screens(family: str) -> tuple[PathScreen, ...]:
-    """Return the coarse and the fine screen for paths, of the types of a family whose crank turns fully (6 MB)."""
-
-    def types(perimeter: int) -> NDArray[np.float64]:
-        lengths = enumerate_types(TypeRule(perimeter, 1, OrderRule.FULL_CRANK)).astype(float)
-        return lengths[in_family(family, lengths)]
-
-    spread = FullCrankChart()
-    coarse = PathScreen(FOURBAR, types(_COARSE_PERIMETER), spread, COARSE)
-    return coarse, PathScreen(FOURBAR, types(_FINE_PERIMETER), spread, FINE, _FINE_SEEDS)
+def path_screen(family: str) -> PathScreen:
+    """Return the screen for paths, of the types of a family whose crank turns fully."""
+    lengths = enumerate_types(TypeRule(_PERIMETER, 1, OrderRule.FULL_CRANK)).astype(float)
+    return PathScreen(FOURBAR, lengths[in_family(family, lengths)], FullCrankChart())
 
 
 def search_free(
@@ -281,7 +273,7 @@ def search_free(
     top: int,
     tolerance: float = DEFAULT_TOLERANCE,
     work: Work | None = None,
-    screens: Screens = path_screens,
+    screen: Screen = path_screen,
     windows: Callable[[str], Windows] = bounded_windows,
     rounds: int | None = None,
     obstacles: Obstacles | None = None,
@@ -298,7 +290,7 @@ def search_free(
         Objective below which the search ends.
     work : Work, optional
         When it has expired, the best solutions so far are returned.
-    screens, windows : callable
+    screen, windows : callable
         Tables for paths and for limits, by family; the caller builds them once.
     rounds : int, optional
         Largest number of rounds of descents within the limits; default: until they gain nothing.
@@ -333,7 +325,7 @@ def search_free(
             trace = [(work.elapsed, min(solution.errors.objective for solution in exact))]
             return exact, SearchReport(StoppedBy.TOLERANCE, trace, 0.0, candidates.merit.size, notes=notes)
     found = Incumbents(tolerance, note)
-    search = FreeSearch(poses, limits, found, work, screens, windows, rounds)
+    search = FreeSearch(poses, limits, found, work, screen, windows, rounds)
     ended = search.run()
     solutions: list[Solution] = []
     for chart, pool in found.pools.items():
@@ -359,7 +351,7 @@ class FreeSearch:
         limits: Limits,
         incumbents: Incumbents,
         work: Work,
-        screens: Screens,
+        screen: Screen,
         windows: Callable[[str], Windows],
         rounds: int | None,
         options: FreeSearchOptions = OPTIONS,
@@ -368,7 +360,7 @@ class FreeSearch:
         self._within: dict[str, Run] = {}
         """Searches within the limits, by family."""
         self.max_rounds = np.inf if rounds is None else rounds
-        self.screens, self.windows = screens, windows
+        self.screen, self.windows = screen, windows
         self.seeds = 0
         few = poses.full.size <= FEW and poses.full.size < poses.samples
         self.has_dyads = poses.full.size >= options.full_samples or poses.full.size == poses.samples
@@ -480,10 +472,9 @@ class FreeSearch:
             sight = self.options.exact_in_sight_within
 
         def windows() -> Iterator[Timed]:
-            for screen, counts in enumerate((options.windows, (options.fine_windows,))):
-                found = self.screens(family)[screen].seeds(problem.thin, problem.chart)
-                seeds, stops = problem.search.facing(found), np.cumsum(counts)
-                yield from (seeds.take(slice(stop - count, stop)) for count, stop in zip(counts, stops))
+            seeds = problem.search.facing(self.screen(family).seeds(problem.thin, problem.chart))
+            stops = np.cumsum(options.windows)
+            yield from (seeds.take(slice(stop - count, stop)) for count, stop in zip(options.windows, stops))
 
         for starts in run.run(windows(), options.max_rounds):
             self.seeds += starts.branch.size
@@ -511,7 +502,7 @@ class FreeSearch:
                 smallest = transmission_angle_over(lengths, Interval(first, last))
                 return np.maximum(limits.transmission_angle_min - np.nan_to_num(smallest), 0.0)
 
-        screen, search = self.screens(family)[0], problem.search
+        screen, search = self.screen(family), problem.search
         boxes = search_spaces(problem.thin, limits, posed=True)[0].boxes if search.limited else None
         count = self.options.first_answers
 
