@@ -52,15 +52,15 @@ VAGUE_NAMES = frozenset(
 )
 
 
-def python_prose(text: str) -> Iterator[tuple[str, bool]]:
+def python_prose(text: str, nodes: list[ast.AST]) -> Iterator[tuple[str, bool]]:
     """Yield the docstrings (True) and comments (False) of a module."""
-    for node in ast.walk(ast.parse(text)):
+    for node in nodes:
         body = getattr(node, "body", None)
         for statement in body if isinstance(body, list) else ():
             value = getattr(statement, "value", None)
             if isinstance(statement, ast.Expr) and isinstance(value, ast.Constant) and isinstance(value.value, str):
                 yield value.value, True
-    for token in tokenize.generate_tokens(io.StringIO(text).readline):
+    for token in tokenize.generate_tokens(io.StringIO(text).readline) if "#" in text else ():
         if token.type == tokenize.COMMENT and "noqa" not in token.string and "type:" not in token.string:
             yield token.string.lstrip("# "), False
 
@@ -72,10 +72,10 @@ def markdown_prose(text: str) -> Iterator[tuple[str, bool]]:
             yield re.sub(r"`[^`]*`", "x", line), False
 
 
-def vague_names(text: str) -> int:
+def vague_names(nodes: list[ast.AST]) -> int:
     """Count the functions, classes, arguments and variables with a vague name."""
     names = []
-    for node in ast.walk(ast.parse(text)):
+    for node in nodes:
         if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
             names.append(node.id)
         elif isinstance(node, ast.arg):
@@ -88,13 +88,13 @@ def vague_names(text: str) -> int:
 def count(path: Path) -> tuple[int, int, int]:
     """Count the words of a file, its unidiomatic phrases and its vague names."""
     text = path.read_text()
-    is_python = path.suffix == ".py"
+    nodes = list(ast.walk(ast.parse(text))) if path.suffix == ".py" else []
     words = phrases = 0
-    for prose, is_docstring in python_prose(text) if is_python else markdown_prose(text):
+    for prose, is_docstring in python_prose(text, nodes) if nodes else markdown_prose(text):
         flat = " ".join(prose.split())
         words += len(flat.split())
         phrases += bool(is_docstring and SUMMARY.match(flat)) + sum(len(pattern.findall(flat)) for pattern in PHRASES)
-    return words, phrases, vague_names(text) if is_python else 0
+    return words, phrases, vague_names(nodes)
 
 
 def files() -> list[str]:
