@@ -2,7 +2,7 @@
 
 import { Charts } from "./charts.js";
 import { element, tableOf, text } from "./drawing.js";
-import { build, capital } from "./shell.js";
+import { build, capital, spaced } from "./shell.js";
 
 const ROWS = 1000; // rows of a table that are shown; files hold all
 const LONG = 60; // letters of a cell that is written in several lines, or of a value that is a sentence
@@ -11,7 +11,6 @@ const LISTED = 16; // values of a list that are written in one line
 const isObject = (value) => value !== null && typeof value === "object" && !Array.isArray(value);
 const isNumbers = (list) => list.every((value) => value === null || typeof value === "number");
 const isShort = (value) => !Array.isArray(value) || (value.length <= LISTED && !value.some(isObject));
-const spaced = (name) => name.replaceAll("_", " ");
 const named = (name, unit) => (unit ? [name, " ", element("span", "unit", unit)] : [name]);
 const titled = (path) => (path ? capital(spaced(path)) : "");
 

@@ -2,12 +2,10 @@
 
 import { text } from "./drawing.js";
 import { settled } from "./fit.js";
+import { spaced } from "./shell.js";
 
 export const KINDS = { actuator: "cylinder", rotary: "drive in a hinge", dyad: "motor and rod", toggle: "lock" };
 export const BEST = 3; // drives that are offered
-
-/** The name of a link in words. */
-export const plain = (link) => link.replaceAll("_", " ");
 
 /** A number with its thousands apart. */
 const grouped = (number) => number.replace(/^-?\d+/, (digits) => digits.replace(/\B(?=(\d{3})+$)/g, "\u202f"));
@@ -19,7 +17,7 @@ export function nameOf(drive) {
   if (drive.springs)
     return drive.springs.map((spring) => times(spring) + (spring.name ?? `ideal ${spring.kind} spring`)).join(" and ");
   const sizes = drive.retracted ? ` ${text(drive.retracted, 4)} + ${text(drive.stroke, 4)}` : "";
-  return `${drive.name ?? `${KINDS[drive.kind]}${sizes}`} on the ${plain(drive.link)}`;
+  return `${drive.name ?? `${KINDS[drive.kind]}${sizes}`} on the ${spaced(drive.link)}`;
 }
 
 /** The best drives of a reply, one of each kind if there are several, and its sets of springs by the torque left. */
@@ -59,7 +57,7 @@ export function factsOf(drive, how) {
     Number.isFinite(moment) ? ["torque", torque(moment)] : Number.isFinite(push) && ["force", force(push)],
     stroke ? ["stroke", length(stroke)] : Number.isFinite(swing) && ["swing", `${text(swing, 4)}°`],
     Number.isFinite(price) && ["price", text(price, 3)],
-    at && ["where", base_link && base_link !== "ground" ? `on the ${plain(base_link)}` : point(at, 4)],
+    at && ["where", base_link && base_link !== "ground" ? `on the ${spaced(base_link)}` : point(at, 4)],
   ];
   return rows.filter(Boolean);
 }
@@ -99,7 +97,7 @@ export function rowsOf(drive, how) {
     bound = ratio ? `, ${number(ratio, 4)} × the smallest possible` : "",
     safe = buckling?.safety === null ? "never pushed" : `${number(buckling?.safety, 3)} times safe`;
   const rows = [
-    ["drive", `${drive.name ?? KINDS[kind]} on the ${plain(drive.link)}${side}${drive.byHand ? ", by hand" : ""}`],
+    ["drive", `${drive.name ?? KINDS[kind]} on the ${spaced(drive.link)}${side}${drive.byHand ? ", by hand" : ""}`],
     drive.motor && ["motor", point(drive.motor)],
     drive.ground_point && ["ground point", point(drive.ground_point)],
     drive.pin && [`pin at ${item} 1`, point(drive.pin)],

@@ -1,14 +1,14 @@
 // The drive of the selected linkage: asks for cylinders, motors, locks and springs; the ends of one can be dragged.
 
 import { Charts } from "./charts.js";
-import { BEST, KINDS, armUnit, factsOf, nameOf, optionsOf, plain, rowsOf } from "./choices.js";
+import { BEST, KINDS, armUnit, factsOf, nameOf, optionsOf, rowsOf } from "./choices.js";
 import { button, definitions, element, make, namedRows, pathData, put, text } from "./drawing.js";
 import { alike } from "./fit.js";
 import { itemOf } from "./motion.js";
 import { RAD, add, between, less, turned } from "./plane.js";
 import { readQuestion, showQuestion } from "./question.js";
 import { ask } from "./service.js";
-import { $, capital, listen } from "./shell.js";
+import { $, capital, listen, spaced } from "./shell.js";
 import { driveTurns } from "./timing.js";
 
 const WIDE = 0.09; // of a cylinder's body, over its retracted length
@@ -224,7 +224,7 @@ export class Driving {
     $("drive-reasons").open = !cards.length;
     $("drive-refused").replaceChildren(
       ...refused.map(({ kind, link, name, reason }) => {
-        const sort = KINDS[kind] ? `${KINDS[kind]} on the ${plain(link)}` : `${kind} spring, ${link}`;
+        const sort = KINDS[kind] ? `${KINDS[kind]} on the ${spaced(link)}` : `${kind} spring, ${link}`;
         const why = reason.replace("reach_max", "“pin within”");
         return element("li", "", `${sort}${name ? ` (${name})` : ""}: ${why}.`);
       }),

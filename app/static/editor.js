@@ -5,7 +5,7 @@ import { pastedRows, typed, wrong } from "./decimal.js";
 import { button } from "./drawing.js";
 import { Fields } from "./fields.js";
 import { History, emptyMotion, itemOf, nextPose, travels, wantsAngles, wantsPlaces } from "./motion.js";
-import { $, build, capital, listen } from "./shell.js";
+import { $, build, capital, listen, rove } from "./shell.js";
 
 const COLUMNS = { t: "crank angle", x: "x", y: "y", angle: "angle" };
 const ANY = [-1e50, 1e50];
@@ -329,14 +329,8 @@ export class Editor {
 
   /** The modes are one stop of the tab key; arrows choose among them. */
   #bindModes() {
-    const buttons = modeButtons();
-    for (const modeButton of buttons) modeButton.addEventListener("click", () => this.setMode(modeButton.dataset.mode));
-    $("modes").addEventListener("keydown", (event) => {
-      const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
-      if (!step) return;
-      const next = buttons[(buttons.indexOf(document.activeElement) + step + buttons.length) % buttons.length];
-      this.setMode(next.dataset.mode);
-      next.focus();
-    });
+    for (const modeButton of modeButtons())
+      modeButton.addEventListener("click", () => this.setMode(modeButton.dataset.mode));
+    rove("modes", modeButtons, (next) => this.setMode(next.dataset.mode));
   }
 }

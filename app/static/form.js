@@ -2,7 +2,7 @@
 
 import { listEntries, typed, unreadable } from "./decimal.js";
 import { element } from "./drawing.js";
-import { build, listed } from "./shell.js";
+import { build, listed, spaced } from "./shell.js";
 
 let serial = 0;
 
@@ -15,7 +15,6 @@ function plain({ $ref, allOf, anyOf, ...keywords }, root) {
   return { ...plain({ ...kind, ...keywords }, root), nullable: true };
 }
 
-const spaced = (name) => String(name).replaceAll("_", " ");
 const isAuto = (title, name) => title.toLowerCase().replaceAll(" ", "_") === name.toLowerCase();
 
 /** Return the label of a field: the schema's title, or the name of the property. */

@@ -6,6 +6,9 @@ const system = matchMedia("(prefers-color-scheme: dark)");
 /** Words as they begin a sentence. */
 export const capital = (words) => words[0].toUpperCase() + words.slice(1);
 
+/** The name of a field or link of the service in words. */
+export const spaced = (name) => String(name).replaceAll("_", " ");
+
 /** A number with its noun: "1 row", "2 rows". */
 export const counted = (count, noun) => `${count} ${noun}${count === 1 ? "" : "s"}`;
 
@@ -14,6 +17,18 @@ export const $ = (id) => document.getElementById(id);
 /** Calls `act` at events of an element; `events` are names with spaces between them. */
 export function listen(id, events, act) {
   for (const name of events.split(" ")) $(id).addEventListener(name, act);
+}
+
+/** Arrow keys in the element `id` lead from one of its `items()` to the next, which `choose(item)` takes. */
+export function rove(id, items, choose) {
+  listen(id, "keydown", ({ key }) => {
+    const step = { ArrowRight: 1, ArrowLeft: -1 }[key],
+      all = items();
+    if (!step) return;
+    const next = all[(all.indexOf(document.activeElement) + step + all.length) % all.length];
+    next.focus();
+    choose(next);
+  });
 }
 
 /** The items that are there, with commas between them. */

@@ -1,6 +1,6 @@
 // The steps of the panel beside the canvas, of which one is open; on a narrow screen the panel is a sheet that folds.
 
-import { $ } from "./shell.js";
+import { $, rove } from "./shell.js";
 
 const narrow = matchMedia("(max-width: 900px)");
 
@@ -44,14 +44,7 @@ export function startSteps() {
     openStep(tab.getAttribute("aria-controls"));
     fold(folds);
   });
-  $("steps").addEventListener("keydown", ({ key }) => {
-    const step = { ArrowRight: 1, ArrowLeft: -1 }[key],
-      all = tabs();
-    if (!step) return;
-    const next = all[(all.indexOf(document.activeElement) + step + all.length) % all.length];
-    next.focus();
-    openStep(next.getAttribute("aria-controls"));
-  });
+  rove("steps", tabs, (next) => openStep(next.getAttribute("aria-controls")));
   // on a narrow screen a press elsewhere closes the menu of projects
   document.addEventListener("click", ({ target }) => {
     const open = $("extra").classList.contains("open"),

@@ -1,6 +1,6 @@
 // The verdict of a solution in words: a mark for the list, and what was judged, with all reasons, for the details.
 
-import { capital, counted } from "./shell.js";
+import { capital, counted, spaced } from "./shell.js";
 
 const DEFECTS = ["order", "branch", "circuit"];
 const LABELS = {
@@ -34,7 +34,7 @@ const LABELS = {
 
 /** The name of a limit of the service in sentences. */
 export const limitName = (name) =>
-  name.startsWith("links.") ? `the given ${name.slice(6)} length` : (LABELS[name] ?? name.replaceAll("_", " "));
+  name.startsWith("links.") ? `the given ${name.slice(6)} length` : (LABELS[name] ?? spaced(name));
 
 /** A number of layers in words. */
 export const layersOf = (count) => counted(count, "layer");
@@ -114,7 +114,7 @@ export const plainWords = (words) =>
     .replace(/limits links (\w+)/, "the given $1 length")
     .replace("`allow_collisions` in `solids`", "“even where parts collide”")
     .replaceAll(/“[^”]*”|'[^' ]*'|"[^"]*"|`?\b(?:limits[. ])?([a-z]+(?:_[a-z]+)+)\b`?/gi, (all, name) =>
-      name ? (LABELS[name.toLowerCase()] ?? name.replaceAll("_", " ")) : all,
+      name ? (LABELS[name.toLowerCase()] ?? spaced(name)) : all,
     )
     .replaceAll("`", "");
 
