@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 Point = tuple[float, float]
 SpringKind = Literal["tension", "gas", "compression", "torsion"]
 SPRING_KINDS: tuple[SpringKind, ...] = get_args(SpringKind)
+NAMES = {"rotary": "rotary drive", "actuator": "actuator", "dyad": "motor with a rod", "toggle": "over-centre latch"}
+"""Name of each kind of drive in a sentence."""
 
 # -- curves over the motion -------------------------------------------------------------------------------------------
 
@@ -206,7 +208,7 @@ class RotaryDrive(_Drive):
     @property
     def summary(self) -> str:
         """Describe the drive in a line."""
-        return f"rotary on the {self.link}{_at_most('torque', self.peak_torque)}"
+        return f"{NAMES[self.kind]} on the {self.link}{_at_most('torque', self.peak_torque)}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -280,7 +282,7 @@ class MotorDrive(_PinnedDrive):
     def summary(self) -> str:
         """Describe the drive in a line."""
         loads = _at_most("force", self.peak_force) + _at_most("torque", self.peak_torque)
-        return f"{self.kind} on the {self.link}, {self._span}{loads}"
+        return f"{NAMES[self.kind]} on the {self.link}, {self._span}{loads}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -302,7 +304,7 @@ class ToggleDrive(_PinnedDrive):
     def summary(self) -> str:
         """Describe the drive in a line."""
         loads = _at_most("force", self.peak_force) + _at_most("torque", self.peak_torque)
-        return f"{self.kind} on the {self.link}, {self._span}{loads}"
+        return f"{NAMES[self.kind]} on the {self.link}, {self._span}{loads}"
 
 
 Drive = RotaryDrive | ActuatorDrive | MotorDrive | ToggleDrive
