@@ -96,6 +96,10 @@ class DyadOptions:
     """Smallest number of these pairs."""
     max_candidates: int = 100
     """Number of candidates that the search returns: limits may exclude many of them."""
+    rounds: tuple[tuple[int, int], ...] = ((60, 8), (24, 30), (8, 150))
+    """Numbers of leading pairs and of steps of the descents: most pairs that each fit alone fall into few basins."""
+    last_round: tuple[int, int] = (4, 1000)
+    """The same for the last descent, if an exact answer is in sight."""
     exact_in_sight: float = 1e-4
     """Error after the first rounds above which an exact answer is not in sight."""
     paired_together: int = 1 << 18
@@ -507,22 +511,6 @@ FEW = 4
 """Largest number of poses that infinitely many dyads fit exactly."""
 
 
-class Round(NamedTuple):
-    """A descent of the best pairs."""
-
-    most: int
-    iterations: int
-    reason: str
-
-
-ROUNDS = (
-    Round(60, 8, "pairs of dyads that each fit alone: most fall into few valleys"),
-    Round(24, 30, "the best valleys"),
-    Round(8, 150, "narrow ones"),
-    Round(4, 1000, "what still falls, to its end: only where an exact answer may lie there"),
-)
-
-
 def chart_of(family: str) -> AnyChart | GrashofChart:
     """The chart in which four-bars of one of `limits.FAMILIES` are refined."""
     return AnyChart() if family == "any" else GrashofChart()
@@ -610,13 +598,11 @@ def search_motion(poses: Poses, family: str, tolerance: float, work: Work) -> It
 
 def _rounds(search: _Motion, found: Pool, tolerance: float, work: Work) -> Iterator[Pool]:
     """A pool with its best refined, after each round."""
-    for round_options in ROUNDS:
-        if round_options is ROUNDS[-1] and found.min_error > OPTIONS.exact_in_sight:
+    for count, steps in (*OPTIONS.rounds, OPTIONS.last_round):
+        if steps == OPTIONS.last_round[1] and found.min_error > OPTIONS.exact_in_sight:
             break
-        going = found.best(round_options.most)
-        found = search.problem.descended(
-            going.timed, [Stage(round_options.iterations)], 0.3 * tolerance, work
-        ).joined(found)
+        best = found.best(count)
+        found = search.problem.descended(best.timed, [Stage(steps)], 0.3 * tolerance, work).joined(found)
         yield found
         if found.min_error < tolerance or work.expired():
             break
