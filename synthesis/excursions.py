@@ -15,7 +15,7 @@ from synthesis.linkages import body_motions
 from synthesis.poses import Poses
 from synthesis.solution import Solution
 
-CHORDS = 64
+CHORDS = 48
 """Chords of the curve between two samples, which are denser towards the samples."""
 
 
