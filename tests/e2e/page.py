@@ -203,6 +203,7 @@ class Page:
     def load(self, path: str = "", width: int = 1280) -> None:
         """Load a page with empty storage."""
         self.resize(width)
+        self.leave()  # a page that is left by its own address could still change that address
         self.browser.get_log("browser")
         script = self.cdp(
             "Page.addScriptToEvaluateOnNewDocument", {"source": "localStorage.clear(); sessionStorage.clear()"}
@@ -419,7 +420,11 @@ class MotionPage(Page):
         return tuple(map(float, self.find("canvas").get_attribute("data-view").split(" ")))
 
     def all_drawn(self) -> dict[str, complex]:
-        """Return the drawn position of each joint in world coordinates."""
+        """Return the drawn position of each joint in world coordinates, once the canvas is drawn at its present size."""
+        self.wait(
+            "(({ clientWidth, clientHeight, attributes }) => attributes.viewBox.value ==="
+            " `0 0 ${clientWidth} ${clientHeight}`)(document.getElementById('canvas'))"
+        )
         found, width, height, shown = self.run(
             "const s=document.getElementById('canvas'),f=s.getBoundingClientRect();"
             "const at=(one)=>{const c=one.getBoundingClientRect();"
