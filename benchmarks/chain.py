@@ -164,6 +164,13 @@ def measure_fits(slot: Slot) -> Iterator[dict[str, Any]]:
         }
 
 
+def arc_angle(wheel_angles: np.ndarray, wheel_radius: float, arc_radius: float) -> np.ndarray:
+    """Return the angle on the lower arc of the pin before one on the wheel, both from the tangent point, as in the source."""
+    a, r, cos = arc_radius - wheel_radius, wheel_radius, np.cos(wheel_angles)
+    p, q = -2 * arc_radius * (a + r * cos), 2 * r * arc_radius * np.sin(wheel_angles)
+    return np.arctan2(q, p) - np.arccos((L**2 - (arc_radius**2 + a**2 + r**2 + 2 * a * r * cos)) / np.hypot(p, q))
+
+
 def measure_large_radii() -> Iterator[dict[str, Any]]:
     """Measure the chord errors of a step from a wheel onto an arc of radius R, by the arccos form of the source and by ours."""
     r0 = PRINTED["wheel_radius"]
@@ -172,7 +179,7 @@ def measure_large_radii() -> Iterator[dict[str, Any]]:
         track, xi = crescent.track, crescent.xi
         v = np.linspace(0.05, crescent.link_angles(L)[0] - 0.05, 200)
         here = r0 * np.exp(1j * (np.pi + xi - v)) - (r0 + R1)
-        u = oracle.Transfer(L, r0, R1, radius).f_back(v)
+        u = arc_angle(v, r0, radius)
         there = 1j * crescent.eccentricity + radius * np.exp(1j * (np.pi + xi + u))
         position = track.locate(r0 * (np.pi + xi - v))
         chords = {"arccos": there - here, "ours": track.points(track.step(position, L)) - track.points(position)}
