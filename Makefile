@@ -18,7 +18,7 @@ help:
 	@echo "make setup      make the environment .venv, compile the kernel; the others do it themselves"
 	@echo "make run        build the atlas if there is none, answer the example, serve on $(HOST):$(PORT)"
 	@echo "make lint       style of Python (ruff) and JavaScript (oxfmt, oxlint), types (mypy)"
-	@echo "make test       the default tests (five to six minutes), the slowest fifty listed"
+	@echo "make test       the default tests (about five minutes), the slowest fifty listed"
 	@echo "make map        the packages by floor and who imports whom; fails on an arrow up or a circle"
 	@echo "make fault      what it withstands: kills, bit flips, hostile clients behind nginx"
 	@echo "make audit      known weaknesses of the locked parts (asks a database over the network)"
