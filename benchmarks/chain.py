@@ -165,7 +165,7 @@ def measure_fits(slot: Slot) -> Iterator[dict[str, Any]]:
 
 
 def arc_angle(wheel_angles: np.ndarray, wheel_radius: float, arc_radius: float) -> np.ndarray:
-    """Return the angle on the lower arc of the pin before one on the wheel, both from the tangent point, as in the source."""
+    """Return the angle on the lower arc of the pin before a pin on the wheel, both from the tangent point."""
     a, r, cos = arc_radius - wheel_radius, wheel_radius, np.cos(wheel_angles)
     p, q = -2 * arc_radius * (a + r * cos), 2 * r * arc_radius * np.sin(wheel_angles)
     return np.arctan2(q, p) - np.arccos((L**2 - (arc_radius**2 + a**2 + r**2 + 2 * a * r * cos)) / np.hypot(p, q))
