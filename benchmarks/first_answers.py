@@ -20,7 +20,7 @@ from synthesis.ranking import CRITERIA, PREFERENCES
 
 KINDS = {"four-bars": {}, "all kinds": {"mechanisms": "all"}}
 ENDED = 0.8
-"""Fraction of a budget below which a search ended by itself; the page then asks no further."""
+"""Fraction of a budget below which a search counts as completed; the page then sends no further request."""
 
 
 def stages() -> list[int]:

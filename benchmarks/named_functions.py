@@ -1,4 +1,4 @@
-"""Functions by name: the outputs that are asked for, and the largest error of a reply by independent arithmetic."""
+"""Functions by name: the requested outputs, and the largest error of a reply by independent arithmetic."""
 
 from __future__ import annotations
 

@@ -86,7 +86,7 @@ def match(
     Returns
     -------
     Matches
-        The best rows. If the report is exhaustive, they are exactly the best ones, as if every window had been evaluated.
+        The best rows. If the report is exhaustive, they are exactly the best rows, as if every window had been evaluated.
         No pose is computed.
 
     Raises

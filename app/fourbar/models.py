@@ -232,7 +232,7 @@ class ExportRequest(RequestModel):
     solids: SolidsRequest | None = None
     """Fits and materials, for the same formats."""
     drive: GivenDrive | None = None
-    """A drive of a reply, which is written as columns of CSV, lines of SVG, a layer of DXF, the drive of MJCF, and parts.
+    """A drive of a reply, which is written as columns of CSV, lines of SVG, a layer of DXF, and parts.
     Default: the first drive of the solution, if the request has drives."""
 
 

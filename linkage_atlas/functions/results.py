@@ -124,7 +124,7 @@ class FunctionSolution(Record):
     condition: float
     """Condition number of the output's derivatives by all unknowns."""
     determination: Determination
-    """Of all lengths; 0 for a length that is given."""
+    """Determination of all lengths; 0 for a prescribed length."""
     sensitivity: Floats | None
     """Rms change of the output per unit of crank, coupler, rocker, ground."""
     rounded: RoundedFunction | None

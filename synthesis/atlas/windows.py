@@ -128,7 +128,7 @@ class BestWindows:
     expired : callable
         Whether the time is up; called between evaluations.
     enough : float
-        Once ``top`` windows have an error of at most this, no better ones are looked for.
+        Once ``top`` windows have an error of at most this, the search ends.
     max_windows : float
         Largest number of windows evaluated.
     """

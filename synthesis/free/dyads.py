@@ -97,9 +97,9 @@ class DyadOptions:
     max_candidates: int = 100
     """Number of candidates that the search returns: limits may exclude many of them."""
     rounds: tuple[tuple[int, int], ...] = ((60, 8), (24, 30), (8, 150))
-    """Numbers of leading pairs and of steps of the descents: most pairs that each fit alone fall into few basins."""
+    """Numbers of leading pairs and of steps of the descents: most pairs whose dyads fit separately fall into few basins."""
     last_round: tuple[int, int] = (4, 1000)
-    """The same for the last descent, if an exact answer is in sight."""
+    """Numbers of leading pairs and of steps of the last descent, which follows if an exact answer is in sight."""
     exact_in_sight: float = 1e-4
     """Error after the first rounds above which an exact answer is not in sight."""
     paired_together: int = 1 << 18

@@ -152,7 +152,7 @@ def test_a_drive_of_the_request_is_in_its_files(client: TestClient, run: Any, tm
 
 
 def test_the_end_of_a_drive_on_a_moving_link_moves_in_a_file() -> None:
-    """It was drawn on the ground."""
+    """Its end was drawn on the ground."""
     drive = drive_of("between links")
     rows = csv.DictReader(io.StringIO(moving().file("csv", drive=drive).decode()))
     ends = [complex(float(row["drive_ground_x"]), float(row["drive_ground_y"])) for row in rows]

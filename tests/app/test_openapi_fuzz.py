@@ -55,7 +55,7 @@ class CountedWork(la.Work):
 
 
 class CountedResources(ServiceResources):
-    """The same short searches on every machine."""
+    """Search equally briefly on every machine."""
 
     def work(self, budget: float | None = None) -> la.Work:
         return CountedWork(0.02 if budget is None else min(budget, 0.02), None, count(step=5e-3).__next__)
