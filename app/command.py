@@ -161,7 +161,7 @@ def run_report(options: argparse.Namespace) -> int:
 
 def _kind_of(name: str) -> str:
     try:
-        return "json" if name.endswith(".json") and not name.endswith(".pylinkage.json") else kind_of(name)
+        return "json" if name.endswith(".json") else kind_of(name)
     except FieldError as error:
         raise FieldError("/out", error.message) from None
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -11,31 +11,18 @@ from linkage_atlas.arguments import Fields, millimetres_in, one_of
 from linkage_atlas.attached_drives import read_attached
 from linkage_atlas.formats import FORMATS, HELD, OF_PARTS
 from linkage_atlas.part_settings import PartSettings
-from linkage_atlas.solids import SLIDES
 from synthesis.assembly.sizes import plate_sizes
 from synthesis.drives.attached import COLOUR, LAYER, Attached
 from synthesis.drives.links import GROUND, ends_of, motions_at
 from synthesis.drives.six_bar import Motor, SixBar
 from synthesis.errors import FieldError
 from synthesis.export.drawings import to_dxf, to_svg
-from synthesis.export.simulation import ONLY_FOUR_BARS, to_mjcf, to_pylinkage
+from synthesis.export.simulation import to_mjcf
 from synthesis.export.tables import to_csv
 from synthesis.link_motion import Mass
 from synthesis.linkage import Linkage
 from synthesis.sheet import More
 from synthesis.target import Target
-
-_FOUR_BARS_ONLY = {
-    "pylinkage": ONLY_FOUR_BARS,
-    **{kind: SLIDES.format(kind) for kind in ("urdf", "sdf")},
-}
-"""Reason why a file of a kind can only be written for a four-bar."""
-
-
-def check_format(kind: str, mechanisms: Sequence[str]) -> None:
-    """Raise FieldError for a file that is written for four-bars only, if no four-bar is requested."""
-    if kind in _FOUR_BARS_ONLY and "four_bar" not in mechanisms:
-        raise FieldError("/format", _FOUR_BARS_ONLY[kind])
 
 
 def check_held(kind: str, **options: Any) -> None:
@@ -81,8 +68,6 @@ def content_of(
         return to_csv(linkage, target, radian, more).encode()
     if kind == "svg":
         return to_svg(linkage, target, None if attached is None else attached.shown(), length_unit).encode()
-    if kind == "pylinkage":
-        return to_pylinkage(linkage, target, length_unit).encode()
     unit_mm = millimetres_in(length_unit or "mm")
     if kind in (*OF_PARTS, "plates"):
         assert parts is not None

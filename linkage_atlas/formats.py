@@ -21,15 +21,12 @@ FORMATS = {
     "plates": Format("image/vnd.dxf", ("plates.dxf",)),
     "dxf": Format("image/vnd.dxf", ("dxf",)),
     "mjcf": Format("application/xml", ("mjcf", "xml")),
-    "pylinkage": Format("application/json", ("pylinkage.json",)),
     "step": Format("model/step", ("step",)),
     "3mf": Format("model/3mf", ("3mf",)),
     "stl": Format("application/zip", ("stl.zip",)),
-    "urdf": Format("application/xml", ("urdf",)),
-    "sdf": Format("application/xml", ("sdf",)),
 }
 """Kinds of files; of two whose ending fits the first."""
-OF_PARTS = ("step", "3mf", "stl", "urdf", "sdf", "parts")
+OF_PARTS = ("step", "3mf", "stl", "parts")
 """Kinds that are written from solid parts."""
 HELD = {
     **dict.fromkeys(("assembly", "solids"), (*OF_PARTS, "plates", "mjcf")),

@@ -644,7 +644,7 @@ class Linkage:
 
         Parameters
         ----------
-        kind : {"csv", "svg", "dxf", "plates", "mjcf", "pylinkage", "step", "3mf", "stl", "urdf", "sdf", "parts"}
+        kind : {"csv", "svg", "dxf", "plates", "mjcf", "step", "3mf", "stl", "parts"}
             ``plates``: a DXF of the links as plates to cut. ``stl``: a zip archive with a file per part. ``parts``: a CSV list.
         motion : Motion, optional
             Requested motion; default: the motion that the linkage answers, or else a whole turn.
@@ -690,9 +690,8 @@ class Linkage:
     def save(self, path: str | Path, length_unit: str | None = None, **options: Any) -> None:
         """Write a file of the kind that its ending names.
 
-        Drawings and tables: .csv, .svg, .dxf, .xml (MJCF, also .mjcf) and, for a four-bar, .pylinkage.json. Parts: .step, .3mf,
-        .stl.zip, .parts.csv, .plates.dxf and, if all joints turn, .urdf and .sdf; their ``options`` are arguments of
-        `Linkage.solids`. ``crank_angle``, ``drive``: see `file`.
+        Drawings and tables: .csv, .svg, .dxf, .xml (MJCF, also .mjcf). Parts: .step, .3mf, .stl.zip, .parts.csv and .plates.dxf;
+        their ``options`` are arguments of `Linkage.solids`. ``crank_angle``, ``drive``: see `file`.
         """
         path = Path(path)
         more: dict[str, Any] = {name: options.pop(name) for name in ("crank_angle", "drive") if name in options}

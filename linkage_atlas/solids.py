@@ -1,4 +1,4 @@
-"""Solid parts of a linkage: materials, masses, and files for CAD, printers and simulators."""
+"""Solid parts of a linkage: materials, masses, and files for CAD and printers."""
 
 from __future__ import annotations
 
@@ -32,7 +32,6 @@ MATERIALS = {"H7": ("aluminium", "steel"), "print": ("PLA", "PLA")}
 LEAST_MM, LARGEST_MM = 0.01, 1e6
 """Smallest pin and largest plate, in millimetres, that readers of the files can represent."""
 NAME = "linkage"
-SLIDES = "{!r} supports only linkages whose joints all turn; the format 'mjcf' supports sliding joints too"
 
 
 class AskedSolids(NamedTuple):
@@ -126,7 +125,7 @@ class SolidParts(Record):
     """Link with a drive in its hinge, which has no parts of its own; empty without such a drive."""
 
     def file(self, kind: str) -> bytes:
-        """Return the content of a file: step, 3mf, stl (a zip file), urdf, sdf, parts (CSV) or plates (DXF of all flat parts).
+        """Return the content of a file: step, 3mf, stl (a zip file), parts (CSV) or plates (DXF of all flat parts).
 
         Parts in a 3MF file lie on the bed of the printer unless the layout is "assembled"; parts in a STEP file are assembled
         unless the layout is "bed".
@@ -143,13 +142,6 @@ class SolidParts(Record):
                 row = {"name": "drive", "kind": "rotary drive", "link": self.driven_hinge}
                 columns = {name: [*column, row.get(name)] for name, column in columns.items()}
             return csv_text(columns).encode()
-        if kind in ("urdf", "sdf"):
-            if any(plate.slits for plate in solids.machine.plates) or solids.machine.telescopes:
-                raise FieldError("/kind", SLIDES.format(kind))
-            from synthesis.solids.robots import to_sdf, to_urdf
-
-            used = None if solids.machine.whole_turn else solids.machine.used
-            return (to_urdf(solids, "linkage", used) if kind == "urdf" else to_sdf(solids, "linkage")).encode()
         from synthesis.solids.mesh import on_bed, to_3mf, to_stl_zip
 
         if kind == "stl":
@@ -163,7 +155,7 @@ class SolidParts(Record):
         return to_step(parts, poses, NAME).encode("ascii")
 
     def save(self, path: str | Path) -> None:
-        """Write a file of the kind of its ending: .step, .3mf, .stl.zip, .urdf, .sdf or .parts.csv."""
+        """Write a file of the kind of its ending: .step, .3mf, .stl.zip or .parts.csv."""
         path = Path(path)
         path.write_bytes(self.file(kind_of(path.name)))
 

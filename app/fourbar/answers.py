@@ -152,13 +152,11 @@ _PREFIXES = {"crank_angle": "/linkage", "travel": "/linkage", "analysis": "/requ
 
 
 def _linkage_file(body: ExportRequest, resources: Resources) -> bytes:
-    from linkage_atlas.files import check_format, check_held  # a command that writes no file does not load it
+    from linkage_atlas.files import check_held  # a command that writes no file does not load it
 
     request, known = body.request, body.linkage
     options = body.arguments("assembly", "solids", "drive")
     check_held(body.format, **options)
-    if known is None:
-        check_format(body.format, request.mechanisms or ("four_bar",))
     with pointing(lambda field: field if field == "/rank" else "/request" + field):
         motion = motion_of(request)
         request = in_unit(request, body.length_unit)
@@ -203,8 +201,6 @@ def _drive_in(kind: str, drives: Sequence[Any]) -> Any:
         return next(iter(drives), None)
     if kind not in (*OF_PARTS, "plates"):
         return None
-    if kind in ("urdf", "sdf"):  # exports to these formats contain only revolute joints
-        drives = [drive for drive in drives if drive.kind != "actuator"]
     on_plates = [drive for drive in drives if not drive.link.endswith("slider")]
     return next(iter([*on_plates, *drives]), None)
 
@@ -220,7 +216,7 @@ LINKAGE_FILES = Files(
     "/v2/export",
     "export",
     "linkage",
-    "Export a linkage: JSON, CSV, SVG, DXF, plates to cut, MJCF, pylinkage JSON, STEP, 3MF, STL, URDF, SDF or a parts list.",
+    "Export a linkage: JSON, CSV, SVG, DXF, plates to cut, MJCF, STEP, 3MF, STL or a parts list.",
     ExportRequest,
     _linkage_file,
     {"request": worked_example()},

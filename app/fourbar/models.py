@@ -220,9 +220,7 @@ class ExportRequest(RequestModel):
     """One of the reply's solutions, or its like. Without it the request is solved."""
     rank: Annotated[int, Strict(), Field(ge=1, le=100)] = 1
     """Rank of the solution, if no linkage is given."""
-    format: Literal[
-        "json", "csv", "svg", "dxf", "plates", "mjcf", "pylinkage", "step", "3mf", "stl", "urdf", "sdf", "parts"
-    ] = "json"
+    format: Literal["json", "csv", "svg", "dxf", "plates", "mjcf", "step", "3mf", "stl", "parts"] = "json"
     """Format of the file. stl: a zip file with a file for each part. parts: a parts list (CSV)."""
     length_unit: LengthUnit | None = None
     """Unit of the lengths of the request, for formats with a unit. Default: the unit of its `analysis`, or mm."""

@@ -19,10 +19,9 @@ import { driveTurns } from "./timing.js";
 import { mark, plainNote, reasons } from "./verdict.js";
 
 const CARDS = ["results", "curves-card", "numbers-card", "files-card", "player"];
-const ENDINGS = { mjcf: "xml", plates: "plates.dxf", pylinkage: "pylinkage.json", stl: "stl.zip", parts: "parts.csv" };
-const OF_PARTS = ["step", "3mf", "stl", "urdf", "sdf", "parts"];
+const ENDINGS = { mjcf: "xml", plates: "plates.dxf", stl: "stl.zip", parts: "parts.csv" };
+const OF_PARTS = ["step", "3mf", "stl", "parts"];
 const WITH_DRIVE = ["dxf", "csv", "svg", "plates", ...OF_PARTS];
-const TURNING = ["urdf", "sdf"]; // formats without what slides
 const ENDS = { tolerance: "tolerance reached", converged: "no further improvement found", budget: "the time was up" };
 const REST_MS = 120; // without a further drag, after which the curves are drawn anew
 const OUTSIDE = "Parts lie outside the view: Fit shows all";
@@ -327,9 +326,6 @@ export class Results {
       rows = worstRows(fitOf(solution, answer.motion), answer.motion, answer.size);
     $("joints-note").textContent = rows.length ? `Largest errors: ${worstWords(rows, answer.motion)}.` : "";
     $("numbers").replaceChildren(...numberBlocks(solution, answer));
-    // where something slides: joints of these files turn
-    for (const format of ["pylinkage", ...TURNING])
-      document.querySelector(`[data-format="${format}"]`).disabled = !solution.links;
     if (!again) note("");
   }
 
@@ -343,7 +339,7 @@ export class Results {
       return { route: "/v2/function/export", request, ...common };
     const solids = { fit: $("parts-fit").value, allow_collisions: $("parts-collisions").checked },
       ofParts = [...OF_PARTS, "mjcf", "plates"].includes(format);
-    const driven = shown && WITH_DRIVE.includes(format) && !(shown.kind === "actuator" && TURNING.includes(format));
+    const driven = shown && WITH_DRIVE.includes(format);
     return {
       request: within,
       ...common,

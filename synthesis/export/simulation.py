@@ -1,21 +1,17 @@
-"""Simulation models of a linkage: MJCF for MuJoCo, and JSON for pylinkage."""
+"""Simulation model of a linkage: MJCF for MuJoCo."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from synthesis.errors import FieldError
 from synthesis.export.layout import (
     SLIDER_LENGTH,
     Layout,
-    closed_motions,
     layout_of,
     name_of,
-    unit_in_words,
 )
 from synthesis.guides import Circle, Driver, Rail, Slot
 from synthesis.link_motion import Mass
@@ -34,8 +30,6 @@ _SLIGHT = 1e-3
 """Mass of a slider or block that is no part of its own, as a fraction of the heaviest link."""
 _COLOURS = {"crank": "0.76 0.25 0.05 1", BODY: "0.15 0.39 0.92 1", "rocker": "0.11 0.15 0.2 1"}
 _GREY = "0.5 0.5 0.5 1"
-ONLY_FOUR_BARS = "pylinkage has no guides that move or slots in a moving body: this linkage cannot be written for it"
-"""Reason why a linkage with a rail or slot has no file for pylinkage."""
 
 
 def xy0(point: complex) -> str:
@@ -257,59 +251,3 @@ def _body(name: str, start: complex, angle: float, content: list[str], indent: i
     margin = "\n" + " " * (indent + 2)
     head = f'<body name="{name}" pos="{xy0(start)}" euler="0 0 {angle!r}">'
     return margin.join([head, *content]) + "\n" + " " * indent + "</body>"
-
-
-def to_pylinkage(linkage: Linkage, target: Target, length_unit: str | None = None) -> str:
-    """Write the JSON of a pylinkage ``Mechanism`` at the first sample, which its ``mechanism_from_json`` reads.
-
-    Joints: pivot_a, pivot_b, crank_pin, coupler_pin, and body_point, which follows the coupler. A crank that turns fully is a
-    driver in the sense of the motion; any other swings over the used interval and back. The drive turns in the steps of
-    `synthesis.target.Interval.by_degrees`, of at most a degree.
-
-    Law: positions of the body point in pylinkage are ours to rounding.
-
-    Raises
-    ------
-    FieldError
-        For a linkage that is no four-bar, or that does not close over the used interval.
-    """
-    if not linkage.is_four_bar:
-        raise FieldError("/format", ONLY_FOUR_BARS)
-    closed_motions(linkage, target.interval)
-    travel = target.interval.by_degrees()
-    body = linkage.motions(np.zeros(1))[1]
-    pins = [complex(body.position(guide.body_point)[0]) for guide in linkage.guides]
-    start = linkage.start + linkage.ground_angle
-    first, last = (start + float(end) for end in target.interval)
-
-    def joint(name: str, kind: str, point: complex, **more: Any) -> dict[str, Any]:
-        return {"id": name, "type": kind, "position": [float(point.real), float(point.imag)], **more}
-
-    parts = [
-        joint("pivot_a", "ground", linkage.pivot_a),
-        joint("pivot_b", "ground", linkage.pivot_b),
-        joint("crank_pin", "revolute", pins[0]),
-        joint("coupler_pin", "revolute", pins[1]),
-    ]
-    if linkage.coupler_point_polar is not None:
-        radius, angle = linkage.coupler_point_polar
-        follows = {"ref_joint1_id": "crank_pin", "ref_joint2_id": "coupler_pin", "distance": radius, "angle": angle}
-        parts.append(joint("body_point", "tracker", complex(body.origin[0]), **follows))
-    step = float(travel[1] - travel[0])
-    drive: dict[str, Any] = {"type": "driver", "angular_velocity": step}
-    if not linkage.turns_fully:
-        drive = {"type": "arc_driver", "angular_velocity": abs(step)}
-        drive |= {"arc_start": min(first, last), "arc_end": max(first, last)}
-    crank = {"id": "crank", "joints": ["pivot_a", "crank_pin"], "motor_joint": "pivot_a", "initial_angle": start}
-    mechanism = {
-        "name": name_of(linkage) + unit_in_words(length_unit),
-        "joints": parts,
-        "links": [
-            {"id": "ground", "type": "ground", "joints": ["pivot_a", "pivot_b"]},
-            crank | drive,
-            {"id": "coupler", "type": "link", "joints": ["crank_pin", "coupler_pin"]},
-            {"id": "rocker", "type": "link", "joints": ["pivot_b", "coupler_pin"]},
-        ],
-        "ground": "ground",
-    }
-    return json.dumps(mechanism, indent=1, allow_nan=False) + "\n"

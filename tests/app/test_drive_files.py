@@ -68,7 +68,7 @@ def test_a_table_has_the_drive_at_each_sample(client, found, kind) -> None:
 def test_a_drive_that_is_none_or_in_a_file_that_has_none_is_refused(client, found) -> None:
     request, solution, drives = found
     body = {"request": request, "linkage": solution, "drive": drives[0]}
-    for kind in ("pylinkage", "mjcf", "json"):
+    for kind in ("mjcf", "json"):
         refused = client.post("/v2/export", json={**body, "format": kind})
         assert refused.json()["errors"][0]["pointer"].endswith("/drive")
     bad = {**one_of(found, "actuator"), "link": "wing"}

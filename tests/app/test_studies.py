@@ -81,7 +81,6 @@ def test_a_study_has_its_bounds_and_says_so(client, monkeypatch) -> None:
     [
         ("json", "assembly solids drive"),
         *((kind, "assembly solids") for kind in ("csv", "svg", "dxf")),
-        ("pylinkage", "assembly solids drive"),
     ],
 )
 def test_what_a_file_does_not_hold_is_refused(kind, names, client) -> None:

@@ -94,7 +94,6 @@ def test_files_and_sheet_of_a_linkage_with_a_rail(shared) -> None:
     solution, _ = solved(shared, DRIVES[1])
     assert b"<mujoco" in shared.saved("linkage-1.xml", "[data-format=mjcf]")
     assert b"AcDb" in shared.saved("linkage-1.dxf", "[data-format=dxf]")
-    assert shared.element("[data-format=pylinkage]").get_attribute("disabled")
     shared.run("dispatchEvent(new Event('beforeprint'))")
     sheet = shared.run("return document.getElementById('sheet').textContent")
     assert solution.driver in sheet and "First guide" in sheet

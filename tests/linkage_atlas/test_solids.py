@@ -121,8 +121,6 @@ def test_parts_of_rails_and_slots_weigh_where_they_are(linkage, tmp_path, client
     assert np.abs(driven.torque.torque).max() > 0
     body = {"linkage": linkage.to_dict(), "crank_angle": [0, 25], "load": {"parts": True}, "drives": request}
     assert client.post("/v2/drives", json=body).status_code == 200
-    with pytest.raises(la.FieldError, match="whose joints all turn"):
-        parts.save(tmp_path / "pump.urdf")
     parts.save(tmp_path / "pump.step")
     assert len(step_shells((tmp_path / "pump.step").read_text())) == len(solids.parts)
 
