@@ -17,7 +17,7 @@ export PIP_BUILD_CONSTRAINT := constraints.txt
 help:
 	@echo "make setup      make the environment .venv, compile the kernel; the others do it themselves"
 	@echo "make run        build the atlas if there is none, answer the example, serve on $(HOST):$(PORT)"
-	@echo "make lint       style of Python (ruff) and JavaScript (oxfmt, oxlint), types (mypy)"
+	@echo "make lint       style of Python (ruff) and JavaScript (oxfmt, oxlint), English, types (mypy)"
 	@echo "make test       the default tests (about five minutes), the slowest fifty listed"
 	@echo "make map        the packages by floor and who imports whom; fails on an arrow up or a circle"
 	@echo "make fault      what it withstands: kills, bit flips, hostile clients behind nginx"
@@ -99,6 +99,7 @@ style: $(READY)
 	$(BIN)/python -m ruff format --check .
 	$(BIN)/oxfmt --check app/static app/docs/docs.js
 	$(BIN)/oxlint app/static app/docs/docs.js
+	$(BIN)/python -m tests.prose --check
 
 types: $(READY)
 	$(BIN)/python -m mypy

@@ -1,5 +1,7 @@
-"""``python -m tests.prose``: lower the stored counts of unidiomatic phrases to those of the tree; see `test_prose`.
+"""``python -m tests.prose``: lower the stored counts of unidiomatic phrases to those of the tree.
 
+With ``--check`` (part of ``make lint``) nothing is written: it fails if a file has more phrases or vague names than were
+counted last. A file that is not listed may have a phrase in each 150 words.
 A phrase is a place to look at, not a verdict: each pattern is grammatical English that a native engineer seldom writes.
 """
 
@@ -10,6 +12,7 @@ import io
 import json
 import re
 import subprocess
+import sys
 import tokenize
 from collections.abc import Iterator
 from pathlib import Path
@@ -109,7 +112,20 @@ def measure() -> dict[str, list[int]]:
     return {name: counts for name, counts in found.items() if any(counts)}
 
 
-def main() -> None:
+def check() -> None:
+    """Fail if a file reads worse than when it was last counted."""
+    stored = json.loads(COUNTS.read_text())
+    worse = []
+    for name in files():
+        words, *found = count(ROOT / name)
+        allowed = stored.get(name, [1 + words // 150, 0])
+        if found[0] > allowed[0] or found[1] > allowed[1]:
+            worse.append(f"{name}: {found} phrases and vague names, at most {allowed}")
+    if worse:
+        sys.exit("\n".join([*worse, "rewrite the text, then lower the counts with python -m tests.prose"]))
+
+
+def lower() -> None:
     """Lower the stored counts, and drop files that are gone or clean; a count never rises."""
     stored = json.loads(COUNTS.read_text()) if COUNTS.exists() else None
     found = measure()
@@ -122,4 +138,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    check() if sys.argv[1:] == ["--check"] else lower()
