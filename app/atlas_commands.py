@@ -21,13 +21,7 @@ def add_build(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command ``build``."""
     parser.description = BUILD
     parser.add_argument("--out", type=Path, default=Path("atlas.h5"), help="output file (default: %(default)s)")
-    kinds = ("four_bar", "slider_crank")
-    parser.add_argument("--kind", choices=kinds, default=kinds[0], help="kind of linkage (default: %(default)s)")
-    parser.add_argument(
-        "--perimeter",
-        type=int,
-        help="sum of the lengths of each linkage (default: 400 for four_bar, 640 for slider_crank)",
-    )
+    parser.add_argument("--perimeter", type=int, help="sum of the lengths of each linkage (default: 400)")
     parser.add_argument("--smallest", type=int, help="length of the smallest crank (default: 2)")
     orders = "increasing (default), crank_shortest or full_crank"
     parser.add_argument("--order", help=f"orders of the four lengths that are enumerated: {orders}")
@@ -35,7 +29,6 @@ def add_build(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--jobs", type=int, default=os.cpu_count(), help="number of processes (default: one per core)"
     )
-    parser.add_argument("--scheduler", metavar="ADDRESS", help="run on the Dask cluster at this address")
     parser.add_argument("--json", action="store_true", help="print JSON")
     parser.set_defaults(run=_build)
 
@@ -71,9 +64,7 @@ def _build(options: argparse.Namespace) -> Exit:
                 options.smallest,
                 options.order,
                 options.samples,
-                kind=options.kind,
                 jobs=options.jobs,
-                scheduler=options.scheduler,
                 progress=progress,
             )
     except OSError as error:

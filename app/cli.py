@@ -45,7 +45,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def parsed(argv: Sequence[str]) -> argparse.Namespace:
     """Parse the arguments of a command; the attribute ``run`` of the result is the function that runs it."""
-    parser = make_parser(named=next((word for word in argv if not word.startswith("-")), None))
+    parser = make_parser(next((word for word in argv if not word.startswith("-")), None))
     if not argv:
         return argparse.Namespace(run=lambda _: parser.print_help(sys.stderr) or Exit.USAGE)
     return parser.parse_args(list(_with_negative_values(argv)))
@@ -100,10 +100,6 @@ def _near_file(error: OSError) -> str:
 # -- the parser -------------------------------------------------------------------------------------------------------
 
 _PLAIN = argparse.RawDescriptionHelpFormatter
-FILE: dict[str, str] = {}
-"""Completion of file names in each shell; the command ``completion`` fills it."""
-SHELLS = ("bash", "zsh", "fish")
-"""Shells with completion."""
 
 
 class _Parser(argparse.ArgumentParser):
@@ -133,16 +129,8 @@ class _Parser(argparse.ArgumentParser):
         super().error(message)
 
 
-def make_parser(all_commands: bool = False, named: str | None = None) -> argparse.ArgumentParser:
-    """Return the parser.
-
-    Parameters
-    ----------
-    all_commands : bool
-        Add the options of all commands.
-    named : str, optional
-        Command whose options are added. The modules of other commands are not imported.
-    """
+def make_parser(named: str | None = None, all_commands: bool = False) -> argparse.ArgumentParser:
+    """Return the parser with the options of the named command, or of all; the modules of other commands are not imported."""
     parser = _Parser(prog="linkage-atlas", description=DESCRIPTION, epilog=EPILOG, formatter_class=_PLAIN)
     parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
     commands = parser.add_subparsers(metavar="COMMAND", required=True)
@@ -170,8 +158,8 @@ def whole_number(minimum: int, maximum: int | None = None) -> Callable[[str], in
 
 
 def add_file(parser: Any, *names: str, **options: Any) -> None:
-    """Add an argument that is a file name; shells complete it."""
-    parser.add_argument(*names, **{"type": Path, "metavar": "FILE"} | options).complete = FILE
+    """Add an argument that is a file name."""
+    parser.add_argument(*names, **{"type": Path, "metavar": "FILE"} | options)
 
 
 def add_atlas(parser: Any, description: str = "atlas file") -> None:
@@ -428,52 +416,9 @@ def _add_study(parser: argparse.ArgumentParser, name: str) -> None:
     parser.add_argument(
         "--jobs", type=whole_number(1), default=cores, help="number of processes (default: one per core)"
     )
-    parser.add_argument("--scheduler", metavar="ADDRESS", help="run on the Dask cluster at this address")
     parser.add_argument("--no-preset", action="store_true", help="apply only the limits of each request")
     add_atlas(parser, "atlas file, if a request needs an atlas")
     parser.set_defaults(run=run_study)
-
-
-def _add_completion(parser: argparse.ArgumentParser, name: str) -> None:
-    parser.description = "Print a script that completes commands and options, or install it."
-    parser.add_argument("shell", nargs="?", choices=SHELLS, help="default: the shell of the user")
-    parser.add_argument("--install", action="store_true", help="write the script to the user's folder for this shell")
-    parser.set_defaults(run=_completion)
-
-
-def _completion(options: argparse.Namespace) -> int:
-    import shtab
-
-    from app.command import write
-
-    shell = options.shell or Path(os.environ.get("SHELL", "bash")).name
-    if shell not in SHELLS:
-        raise FieldError("/shell", f"there is no completion for {shell}; name bash, zsh or fish")
-    FILE.update(shtab.FILE)
-    script = shtab.complete(make_parser(all_commands=True), shell)
-    if not options.install:
-        print(script)
-        return Exit.OK
-    file = _completion_file(shell)
-    file.parent.mkdir(parents=True, exist_ok=True)
-    if shell == "zsh":
-        print(f"add this line to ~/.zshrc before compinit: fpath+=({file.parent})", file=sys.stderr)
-    return write({file: script.encode()})
-
-
-def _completion_file(shell: str) -> Path:
-    """Return the file from which a shell loads the completion of this command."""
-    data = Path(os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share")
-    if shell == "bash":
-        return data / "bash-completion" / "completions" / "linkage-atlas"
-    if shell == "zsh":
-        return data / "zsh" / "site-functions" / "_linkage-atlas"
-    return (
-        Path(os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config")
-        / "fish"
-        / "completions"
-        / "linkage-atlas.fish"
-    )
 
 
 def _add_example(parser: argparse.ArgumentParser, name: str) -> None:
@@ -562,7 +507,6 @@ _COMMANDS: dict[str, tuple[str, Callable[[argparse.ArgumentParser, str], None]]]
     "study": ("Answer a file of requests.", _add_study),
     "example": ("Print an example request, or list the examples.", _add_example),
     "serve": ("Serve the page and all queries over HTTP.", _add_serve),
-    "completion": ("Print or install a completion script for a shell.", _add_completion),
     "build": (atlas_commands.BUILD, lambda parser, _: atlas_commands.add_build(parser)),
     "verify": (atlas_commands.VERIFY, lambda parser, _: atlas_commands.add_verify(parser)),
     "info": (atlas_commands.INFO, lambda parser, _: atlas_commands.add_info(parser)),

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import re
 import warnings
 from collections.abc import AsyncIterator, Callable, Coroutine
 from contextlib import asynccontextmanager
 from functools import cache
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 from fastapi import FastAPI, params
-from fastapi import Query as QueryParameters
 from fastapi.routing import APIRoute
 from fastapi.utils import create_model_field
-from pydantic import BaseModel, BeforeValidator, Field
 from pydantic.warnings import UnsupportedFieldAttributeWarning
 from starlette.middleware.gzip import GZipMiddleware
 from starlette.middleware.trustedhost import TrustedHostMiddleware
@@ -25,18 +22,9 @@ from app import page, problems
 from app.bodies import says_json
 from app.compute import Workers
 from app.middleware import BodyLimit, SecurityHeaders
-from app.query import ReplyModel, RequestModel, derived_from, reply_model
-from app.questions import (
-    ATLAS,
-    ATLAS_TYPE,
-    AtlasReply,
-    AtlasTypeRequest,
-    Question,
-    all_questions,
-    problem_responses,
-)
+from app.query import ReplyModel, RequestModel, derived_from
+from app.questions import Question, all_questions, problem_responses
 from app.settings import Settings
-from linkage_atlas.atlases import TypeDetails
 
 
 def create_app(settings: Settings | None = None) -> FastAPI:
@@ -66,9 +54,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.add_middleware(SecurityHeaders)
     problems.install(app)
     for question in all_questions().values():
-        if question.described:
-            _add_question(app, question, workers)
-    _add_atlas_routes(app, workers)
+        _add_question(app, question, workers)
     _add_health_routes(app, workers)
     page.install(app)
 
@@ -122,53 +108,6 @@ def _add_question(app: FastAPI, question: Question, workers: Workers) -> None:
     route = _QuestionRoute(question.path, answer, methods=["POST"], **question.described)
     route.body_field = create_model_field("body", question.model, field_info=params.Body(annotation=question.model))
     app.router.routes.append(route)
-
-
-# -- the atlas --------------------------------------------------------------------------------------------------------
-
-
-def _written_plainly(number: str) -> str:
-    """Refuse a number that is not written in plain digits, such as ``1_0``, ``+10`` or ``010`` for 10."""
-    if not re.fullmatch("-?(0|[1-9][0-9]*)", number) and re.fullmatch(r"\s*[+-]?[0-9][0-9_]*(\.0*)?\s*", number):
-        raise problems.NotFound("the number of a type must be written in plain digits, as in /v2/types/10")
-    return number
-
-
-class OfKind(BaseModel, extra="forbid"):
-    """Parameters of the route of a dimension type."""
-
-    kind: Literal["four_bar", "slider_crank"] | None = None
-
-
-TypeNumber = Annotated[int, Field(ge=1, le=2**53), BeforeValidator(_written_plainly)]
-
-
-def _add_atlas_routes(app: FastAPI, workers: Workers) -> None:
-    @app.get(
-        "/v2/atlas",
-        tags=["atlas"],
-        summary="Describe the loaded atlas.",
-        response_model=AtlasReply,
-        responses=problem_responses(503),
-    )
-    async def atlas(request: Request) -> Response:
-        return await workers.answer(request, ATLAS, b"{}")
-
-    path, about = "/v2/types/{number}", "Describe a dimension type."
-
-    @app.get(
-        path,
-        tags=["atlas"],
-        summary=about,
-        response_model=reply_model(TypeDetails),
-        responses=problem_responses(404, 422, 503),
-    )
-    async def dimension_type(
-        number: TypeNumber, of: Annotated[OfKind, QueryParameters()], request: Request
-    ) -> Response:
-        """Return lengths, family, and the Haar average and details of the rotation of the body over a full turn."""
-        content = AtlasTypeRequest(number=number, kind=of.kind).model_dump_json()
-        return await workers.answer(request, ATLAS_TYPE, content.encode())
 
 
 # -- health and metrics -----------------------------------------------------------------------------------------------

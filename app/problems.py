@@ -12,7 +12,6 @@ from typing import Any
 from urllib.parse import quote
 
 from fastapi import FastAPI
-from fastapi.exceptions import RequestValidationError
 from pydantic import ValidationError
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect, Request
@@ -154,18 +153,6 @@ def _invalid(error: Invalid) -> Response:
     return problem(422, str(error).partition("\n")[0], error_rows(error.errors))
 
 
-def _parameter(error: RequestValidationError) -> Response:
-    """Return the response to invalid parameters of a plain FastAPI route; the path of an error starts with the parameter."""
-    rows = [
-        {
-            "loc": row["loc"][1:],
-            "msg": "there is no such parameter" if row["type"] == "extra_forbidden" else sentence(row),
-        }
-        for row in error.errors()
-    ]
-    return _invalid(Invalid(rows))
-
-
 def _model(error: ValidationError) -> Response:
     rows = [{"loc": row["loc"], "msg": sentence(row)} for row in error.errors(include_url=False)]
     return _invalid(Invalid(rows))
@@ -187,7 +174,6 @@ _REPLIES: dict[type[Exception], Callable[[Any], Response]] = {
         415, "the body must be JSON; send the header `Content-Type: application/json` and no Content-Encoding"
     ),
     ValidationError: _model,
-    RequestValidationError: _parameter,
     FieldError: field_problem,
     AtlasError: _atlas,
     NotFound: lambda error: problem(404, str(error)),

@@ -299,9 +299,6 @@ class Resources(Protocol):
     def atlas(self) -> Atlas:
         """The atlas, which is loaded at the first access."""
 
-    def describe_atlas(self) -> dict[str, Any]:
-        """Return a description of the atlas in plain JSON values."""
-
     def work(self, budget: float | None = None) -> Work:
         """Start the clock of an answer, with a budget in seconds; the work also ends if the client disconnects."""
 
@@ -428,7 +425,6 @@ class Query:
 
 _NAMES = {
     "AtlasType": "TypeReply",
-    "TypeDetails": "AtlasTypeReply",
     "ConstraintRow": "ConstraintRow",
     "FunctionResult": "FunctionReply",
     "MatchReport": "MatchesReport",

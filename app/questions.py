@@ -3,86 +3,38 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cache, partial
-from typing import Any, Literal
+from typing import Any
 
 from starlette.responses import Response
 
-import linkage_atlas as la
-from app.problems import NotFound
-from app.query import FILES, MEDIA_TYPES, Files, Query, ReplyModel, RequestModel, Resources, json_of, reply_model
+from app.query import FILES, MEDIA_TYPES, Files, Query, RequestModel, Resources, json_of, reply_model
 from app.registry import all_queries
 
 
 @dataclass(frozen=True)
 class Question:
-    """A question, its route and its description for FastAPI; without a description the route is in `app.main`."""
+    """A question, its route and its description for FastAPI."""
 
     path: str
     model: type[RequestModel]
     answer: Callable[[Any, Resources], Response]
-    is_long: Callable[[Any], bool] = lambda _: False
-    described: Mapping[str, Any] = field(default_factory=dict)
+    is_long: Callable[[Any], bool]
+    described: Mapping[str, Any]
 
 
 @cache
 def all_questions() -> dict[str, Question]:
     """Return all questions by their routes."""
-    found = [ATLAS, ATLAS_TYPE]
-    for query in all_queries():
-        found += _questions_of(query)
-    return {question.path: question for question in found}
+    return {question.path: question for query in all_queries() for question in _questions_of(query)}
 
-
-def json_reply(reply: Any) -> Response:
-    """Return a reply as JSON."""
-    return Response(json_of(reply), media_type="application/json")
-
-
-# -- the atlas --------------------------------------------------------------------------------------------------------
-
-
-class AtlasReply(ReplyModel):
-    """Description of the loaded atlas."""
-
-    kind: str
-    types: int
-    schema_version: int
-    content_sha256: str
-    parameters: dict[str, int | str]
-    generator: dict[str, str]
-    scan_bytes: int
-    load_ms: float
-
-
-class AtlasRequest(RequestModel):
-    """Request for a description of the loaded atlas."""
-
-
-class AtlasTypeRequest(RequestModel):
-    """Number and kind of a dimension type."""
-
-    number: int
-    kind: Literal["four_bar", "slider_crank"] | None
-
-
-def _details(request: AtlasTypeRequest, resources: Resources) -> Response:
-    try:
-        details = resources.atlas.of(request.kind or resources.atlas.kind).details_of(request.number)
-    except la.FieldError as error:
-        raise NotFound(error.message) from None
-    return json_reply(details)
-
-
-ATLAS = Question("/v2/atlas", AtlasRequest, lambda _, resources: json_reply(AtlasReply(**resources.describe_atlas())))
-ATLAS_TYPE = Question("/v2/types/{number}", AtlasTypeRequest, _details)
 
 # -- queries, their exports, and files of their solutions -------------------------------------------------------------
 
 PROBLEMS: dict[int, str] = {
     400: "The body is not JSON.",
-    404: "There is no such route or type.",
+    404: "There is no such route.",
     413: "The body is too large.",
     415: "The body is not declared as JSON.",
     422: "The request is malformed or has no answer; `errors` points to the fields.",
@@ -100,7 +52,7 @@ def _questions_of(query: Query) -> Iterator[Question]:
     name = query.command.replace(" ", "_")
 
     def reply(body: Any, resources: Resources) -> Response:
-        return json_reply(query.answer(body, resources))
+        return Response(json_of(query.answer(body, resources)), media_type="application/json")
 
     def export(render: Callable[[Any, Resources], bytes], kind: str, body: Any, resources: Resources) -> Response:
         return Response(render(body, resources), media_type=MEDIA_TYPES[kind])

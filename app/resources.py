@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 from threadpoolctl import threadpool_limits
 
@@ -42,7 +40,6 @@ class ServiceResources:
     ) -> None:
         self.settings = settings
         self.max_budget_ms = settings.max_budget_ms
-        self.load_seconds = 0.0
         self._find_atlas, self._cancelled = find_atlas, cancelled
         import numpy  # noqa: F401 - only a loaded library can be limited
 
@@ -59,18 +56,10 @@ class ServiceResources:
     def _loaded(self) -> la.Atlas | la.AtlasError:
         if not self.settings.with_atlas:
             return la.AtlasError(la.AtlasFault.NOT_WANTED, "the service was started without an atlas (--no-atlas)")
-        begin = time.perf_counter()
         try:
-            atlas = opened(self._find_atlas(self.settings))
+            return opened(self._find_atlas(self.settings))
         except la.AtlasError as error:
             return error
-        self.load_seconds = time.perf_counter() - begin
-        return atlas
-
-    def describe_atlas(self) -> dict[str, Any]:
-        """Return a description of the atlas in plain JSON values."""
-        atlas = self.atlas
-        return {**atlas.describe(), "scan_bytes": atlas.scan.nbytes, "load_ms": 1000 * self.load_seconds}
 
     def work(self, budget: float | None = None) -> la.Work:
         """Start the clock of an answer, with a budget in seconds; the work also ends if the client disconnects."""

@@ -100,4 +100,4 @@ def solution_of(linkage: la.FourBar, target: Target) -> Solution:
 
 def scan_of(rule: TypeRule) -> Scan:
     """Return the scan of the types of a rule, made in this process."""
-    return Scan(FOURBAR, enumerate_types(rule))
+    return Scan(enumerate_types(rule))

@@ -1,8 +1,7 @@
 """The batch job: enumerate dimension types, compute them in chunks, and write the atlas file.
 
-A chunk depends only on the rule and its first row, so the file has the same bytes for any number of processes, and on a Dask
-cluster even if workers fail. The file is written once, after the computation, so that a reader sees either the old or the new
-file.
+A chunk depends only on the rule and its first row, so the file has the same bytes for any number of processes. The file is
+written once, after the computation, so that a reader sees either the old or the new file.
 """
 
 from __future__ import annotations
@@ -52,21 +51,10 @@ def local_executor(jobs: int) -> Iterator[Executor]:
         executor.shutdown(wait=True, cancel_futures=True)
 
 
-@contextlib.contextmanager
-def dask_executor(address: str) -> Iterator[Executor]:
-    """Provide the executor of a Dask cluster; requires the extra ``[distributed]``, and this package on the workers."""
-    try:
-        from distributed import Client
-    except ImportError:
-        raise SystemExit("--scheduler needs Dask: pip install distributed") from None
-    with Client(address, timeout="10s", set_as_default=False) as client:
-        yield client.get_executor()
-
-
 def compute_chunk(rule: AtlasRule, first: int) -> tuple[Features, Series]:
     """Compute features and series of the types of a chunk."""
-    lengths, mechanism = rule.lengths(first, first + CHUNK_TYPES), rule.kind.mechanism
-    return compute_features(lengths, rule.samples, mechanism), compute_series(lengths, mechanism)
+    lengths = rule.lengths(first, first + CHUNK_TYPES)
+    return compute_features(lengths, rule.samples), compute_series(lengths)
 
 
 def replace_file(path: Path, data: bytes) -> None:

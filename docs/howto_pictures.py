@@ -84,8 +84,8 @@ def study() -> None:
     """Draw the results of a study: lids that open by an angle, with pivots in a box of a given height."""
     openings, heights = np.linspace(20, 137, 40), np.linspace(4, 100, 25)
     requests = [lid(opening, height) for height in heights for opening in openings]
-    replies = [row["reply"] for row in la.study(requests, jobs=2)]
-    sizes = [reply["solutions"][0]["size"] if reply["solutions"] else np.nan for reply in replies]
+    results = [la.synthesize(**request) for request in requests]
+    sizes = [result.best.size if result else np.nan for result in results]
     with figure("howto_study.png", size=(7, 4)) as (drawing, (axes,)):
         mesh = axes.pcolormesh(openings, heights, np.reshape(sizes, (len(heights), -1)), cmap="viridis_r", vmax=3)
         drawing.colorbar(mesh, label="size of the best linkage")

@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from linkage_atlas.atlases import Atlas as Atlas
     from linkage_atlas.atlases import build_atlas as build_atlas
     from linkage_atlas.atlases import load_atlas as load_atlas
-    from linkage_atlas.batch import study as study
     from linkage_atlas.constructors import FourBar as FourBar
     from linkage_atlas.constructors import SliderCrank as SliderCrank
     from linkage_atlas.drive_design.design import drives as drives
@@ -69,7 +68,6 @@ _HOMES = {
     "linkage_atlas.results": ("Result", "Matches", "Match"),
     "linkage_atlas.solutions": ("Solution",),
     "linkage_atlas.atlases": ("Atlas", "load_atlas", "build_atlas"),
-    "linkage_atlas.batch": ("study",),
     "synthesis.errors": ("FieldError", "AtlasError", "AtlasFault"),
     "synthesis.work": ("Work", "Cancelled", "OutOfTime"),
 }

@@ -6,41 +6,19 @@ import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from functools import cache, cached_property, lru_cache
 from importlib.metadata import version
 from pathlib import Path
-from threading import Lock
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 from linkage_atlas.geometry import AtlasType
 from linkage_atlas.notes import counted
 from synthesis.atlas.scan import Scan
-from synthesis.atlas.table import SCHEMA, AtlasRule, compute_features
+from synthesis.atlas.table import SCHEMA, AtlasRule
 from synthesis.errors import FieldError
-from synthesis.four_bar import family
-from synthesis.fourbar.mechanism import FOURBAR, ROCKER
 
 if TYPE_CHECKING:
     from synthesis.atlas.file import StoredAtlas  # imports HDF5, which searches do not need
-
-SLIDER_CRANK = "slider_crank"
-MECHANISMS = (FOURBAR.kind, SLIDER_CRANK)
-"""Kinds of mechanisms that there are atlases of."""
-
-
-@dataclass(frozen=True)
-class TypeDetails(AtlasType):
-    """Lengths and wavelet features of a dimension type."""
-
-    kind: str
-    family: str | None
-    samples: int
-    winding: int
-    average: float
-    details: list[float]
-    normalisation: Literal["mean"] = "mean"
-    unit: Literal["rad"] = "rad"
 
 
 class Atlas:
@@ -58,7 +36,7 @@ class Atlas:
     Examples
     --------
     >>> from synthesis.atlas.table import AtlasRule
-    >>> atlas = Atlas(AtlasRule.of("four_bar", 40))
+    >>> atlas = Atlas(AtlasRule.of(40))
     >>> len(atlas), atlas[1].lengths, sum(dimension_type.lengths[0] == 2 for dimension_type in atlas)
     (38, [2, 5, 16, 17], 14)
     """
@@ -66,8 +44,6 @@ class Atlas:
     def __init__(self, rule: AtlasRule, stored: StoredAtlas | None = None, path: Path | None = None) -> None:
         self.rule, self._stored, self._path = rule, stored, path
         self.lengths = rule.lengths() if stored is None else stored.lengths
-        self._lock = Lock()
-        self._scans: dict[str, Scan] = {}
 
     def __len__(self) -> int:
         return len(self.lengths)
@@ -81,67 +57,14 @@ class Atlas:
     def __iter__(self) -> Iterator[AtlasType]:
         return map(self.type_of, range(len(self)))
 
-    @property
-    def kind(self) -> str:
-        """Kind of its types: "four_bar" or "slider_crank"."""
-        return self.rule.types.kind
-
-    @property
+    @cached_property
     def scan(self) -> Scan:
         """Scan of the types."""
-        return self._scan_of("body")
-
-    @property
-    def rocker_scan(self) -> Scan:
-        """Scan of the rotation of the rockers of four-bars, computed when first needed (some seconds)."""
-        return self._scan_of("rocker")
-
-    def _scan_of(self, link: str) -> Scan:
-        with self._lock:
-            if link not in self._scans:
-                tree = self._stored.tree if self._stored and link == "body" else None
-                mechanism = self.rule.kind.mechanism if link == "body" else ROCKER
-                self._scans[link] = Scan(mechanism, self.lengths, tree)
-            return self._scans[link]
-
-    @cached_property
-    def slider_cranks(self) -> Atlas:
-        """Atlas of slider-cranks: this atlas if it is of that kind, otherwise the atlas of the default rule."""
-        return self if self.kind == SLIDER_CRANK else default_slider_cranks()
-
-    def of(self, kind: str) -> Atlas:
-        """Return this atlas or the atlas of slider-cranks, by the name of the kind. Raises `FieldError` for any other kind."""
-        if kind == self.kind:
-            return self
-        if kind == SLIDER_CRANK:
-            return self.slider_cranks
-        raise FieldError("/mechanisms", f"must match the loaded atlas, whose kind is {self.kind}, not {kind}")
+        return Scan(self.lengths, self._stored.tree if self._stored else None)
 
     def type_of(self, row: int) -> AtlasType:
         """Return the type of a row, counted from 0."""
         return AtlasType(row + 1, self.lengths[row].tolist())
-
-    def details_of(self, number: int) -> TypeDetails:
-        """Return a type by its number, from 1, with the Haar features of its body's rotation over the whole turn."""
-        if not 1 <= number <= len(self):
-            raise FieldError("/number", f"there is no type {number}: the atlas has types 1 to {len(self)}")
-        lengths = self.lengths[number - 1]
-        if self._stored and self._path:
-            from synthesis.atlas.file import read_features
-
-            features = read_features(self._path, self._stored.sha256, slice(number - 1, number))
-        else:
-            features = compute_features(lengths, self.rule.samples, self.rule.kind.mechanism)
-        return TypeDetails(
-            number,
-            lengths.tolist(),
-            kind=self.kind,
-            family=str(family(lengths)) if self.kind == FOURBAR.kind else None,
-            samples=self.rule.samples,
-            winding=int(features.winding[0]),
-            average=float(features.average[0]),
-            details=features.details[0].tolist(),
-        )
 
     @property
     def content_sha256(self) -> str | None:
@@ -158,7 +81,6 @@ class Atlas:
     def describe(self) -> dict[str, object]:
         """Describe its contents as plain values."""
         return {
-            "kind": self.kind,
             "types": len(self),
             "schema_version": SCHEMA,
             "content_sha256": self.content_sha256,
@@ -232,9 +154,7 @@ def build_atlas(
     order: str | None = None,
     samples: int | None = None,
     *,
-    kind: str = "four_bar",
     jobs: int | None = None,
-    scheduler: str | None = None,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> Atlas:
     """Enumerate the dimension types of a rule, compute their features and write the atlas file.
@@ -244,19 +164,15 @@ def build_atlas(
     path : str or Path
         Path of the file, which is written completely or not at all.
     perimeter : int, optional
-        Sum of the integer lengths of a type. Default: 400 for four-bars, 640 for crank, rod and offset.
+        Sum of the integer lengths of a type. Default: 400.
     smallest : int, optional
-        Smallest length of the shortest link, or of the crank of slider-cranks. Default: 2.
+        Smallest length of the shortest link. Default: 2.
     order : {"increasing", "crank_shortest", "full_crank"}, optional
-        Order of the lengths, only for four-bars.
+        Order of the lengths.
     samples : int, optional
         Number of samples of a curve over the turn, a power of two. Default: 256.
-    kind : {"four_bar", "slider_crank"}
-        Kind of mechanism. Slider-cranks are those whose crank turns fully, crank + offset < rod, without mirror images.
     jobs : int, optional
         Number of processes. Default: the number of cores. Several processes need a script that can be imported.
-    scheduler : str, optional
-        Address of a Dask cluster to run on; needs the extra ``[distributed]`` here and this package on its workers.
     progress : callable
         Function that is called as ``progress(done, total)`` after each chunk.
 
@@ -273,10 +189,10 @@ def build_atlas(
     38
     """
     from data_build.batch import build_atlas as build
-    from data_build.batch import dask_executor, local_executor
+    from data_build.batch import local_executor
 
-    rule = AtlasRule.of(kind, perimeter, smallest, order, samples)
-    with dask_executor(scheduler) if scheduler else local_executor(jobs or os.cpu_count() or 1) as executor:
+    rule = AtlasRule.of(perimeter, smallest, order, samples)
+    with local_executor(jobs or os.cpu_count() or 1) as executor:
         build(rule, Path(path), executor, progress)
     return load_atlas(path)
 
@@ -335,9 +251,3 @@ def default_atlas() -> Atlas:
     It is built by a single process, as several processes need a script that can be imported.
     """
     return load_atlas(find_atlas(jobs=1))
-
-
-@cache
-def default_slider_cranks() -> Atlas:
-    """Return the default atlas of slider-cranks, computed once per process, in some seconds."""
-    return Atlas(AtlasRule.of(SLIDER_CRANK))

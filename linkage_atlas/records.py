@@ -10,20 +10,17 @@ import ast
 import inspect
 import re
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from functools import cache
 from itertools import pairwise
 from math import isfinite
-from typing import TYPE_CHECKING, Annotated, Any, Generic, TypeVar, cast, overload
+from typing import Annotated, Any, Generic, TypeVar, cast, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from synthesis.arrays import Flags, Floats
-
-if TYPE_CHECKING:
-    from pandas import DataFrame
 
 Item = TypeVar("Item")
 
@@ -93,45 +90,6 @@ class Ranked(Sequence[Item], Generic[Item]):
 
     def __len__(self) -> int:
         return len(self._results)
-
-    def to_dataframe(self) -> DataFrame:
-        """Return a pandas table with a row for each result.
-
-        Returns
-        -------
-        pandas.DataFrame
-            A column for each number and word, named by its path in the result, such as ``errors.position_max`` and
-            ``mount.pivot_a.0``. Values of a result at each sample, such as ``crank_angle.0``, have a column each. Other lists of
-            more than four values, such as curves, are left out.
-
-        Raises
-        ------
-        ImportError
-            If pandas is missing; the message names the extra that installs it.
-        """
-        try:
-            from pandas import DataFrame
-        except ImportError as error:
-            raise ImportError("A table needs pandas: install it with `pip install pandas`.") from error
-        return DataFrame([dict(_cells(plain(result))) for result in self])
-
-
-MAX_CELLS = 4
-"""Longest list inside of a part of a result whose values have columns of their own in a table."""
-
-
-def _cells(value: object, path: str = "") -> Iterator[tuple[str, object]]:
-    """Yield the path and value of each number and word in plain values, without long lists inside of parts."""
-    if isinstance(value, Mapping):
-        parts = list(value.items())
-    elif not isinstance(value, list):
-        yield path, value
-        return
-    else:
-        is_per_sample = "." not in path and not any(isinstance(item, (Mapping, list)) for item in value)
-        parts = list(enumerate(value)) if is_per_sample or len(value) <= MAX_CELLS else []
-    for name, part in parts:
-        yield from _cells(part, f"{path}.{name}" if path else str(name))
 
 
 @cache

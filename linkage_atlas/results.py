@@ -85,22 +85,6 @@ class Result(Record, Ranked[Solution]):
 
 
 @dataclass(frozen=True)
-class Features(Record):
-    """Haar features of a rotation curve."""
-
-    samples: int
-    resampled: bool
-    """True if the samples were resampled to a power of two of even crank angles."""
-    average: float
-    details: list[float]
-    """(mean of first half - mean of second half) / 2 of each block, coarse to fine."""
-
-
-_SHOWN_KINDS = {"four_bar": "", "slider_crank": "slider-crank "}
-"""Names of the kinds in the text of a match."""
-
-
-@dataclass(frozen=True, kw_only=True)
 class Match(Record):
     """Row of the atlas, and the start at which it turns like the request.
 
@@ -116,18 +100,14 @@ class Match(Record):
     """
 
     rank: int
-    kind: str
-    """Kind of the linkage: four_bar or slider_crank."""
     type: AtlasType
     start_angle: float
-    """Crank angle at the first sample, from the ground line; of a slider-crank from the direction of the rail."""
+    """Crank angle at the first sample, from the ground line."""
     branch: Literal[-1, 1]
-    """Of a slider-crank: -1 is the mirror image, its offset negated."""
     offset: float
-    """Added to the angle of the coupler, rocker or rod (in -180..180 degrees at the first sample, continuous)."""
+    """Added to the angle of the coupler (in -180..180 degrees at the first sample, continuous)."""
     rotation_rms: float
     """Rms rotation error of this row at this start, in the angle unit of the request (smaller is better)."""
-    features: Features | None = None
     linkage: Linkage = field(metadata=PYTHON_ONLY)
     """With the type's lengths, this start and offset."""
 
@@ -144,7 +124,6 @@ class MatchReport(Record):
     exhaustive: bool
     """True if all windows were considered; false if the time ended the scan."""
     notes: list[str]
-    features: Features | None = None
 
 
 @dataclass(frozen=True)
@@ -172,7 +151,7 @@ class Matches(Record, Ranked[Match]):
 
     def __repr__(self) -> str:
         rows = [
-            f"  {m.rank}  {_SHOWN_KINDS[m.kind]}type {m.type.number} {m.type.lengths}, start {m.start_angle:g}, "
+            f"  {m.rank}  type {m.type.number} {m.type.lengths}, start {m.start_angle:g}, "
             f"branch {m.branch:+d}, rms error {m.rotation_rms:.3g}"
             for m in self.matches
         ]

@@ -1,4 +1,4 @@
-"""Bodies on a crank pin that a rail or a slot guides, in batches: their rotation, types, and coordinates for a search.
+"""Bodies on a crank pin that a rail or a slot guides, in batches: their rotation and coordinates for a search.
 
 Lengths of a *slider-crank* are (crank r, rod l, offset e): the rod is the body, its far end moves on the line y = e, with the
 crank's pivot in the origin. Lengths of a *swinging block* are (crank r, ground d, offset h): a line of the body, h to the left of
@@ -22,13 +22,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from synthesis.arrays import Flags, Floats
-from synthesis.errors import FieldError
 from synthesis.kernels import codes, crank_loops
 from synthesis.mechanism import Chart
 
@@ -123,64 +122,6 @@ def _logarithms(values: Floats, largest: float) -> Floats:
         return np.clip(np.nan_to_num(np.log(values), nan=-largest), -largest, largest)
 
 
-# -- dimension types ----------------------------------------------------------------------------------------------------
-
-MAX_PERIMETER = 10_000
-"""Largest sum; the count is about its square over 8."""
-
-
-@dataclass(frozen=True)
-class SliderTypeRule:
-    """Rule of the types in an atlas of slider-cranks.
-
-    ``perimeter``: sum of crank, rod and offset. ``smallest``: smallest crank.
-    """
-
-    kind: ClassVar[str] = "slider_crank"
-    perimeter: int = 640
-    smallest: int = 2
-
-    def __post_init__(self) -> None:
-        if not 1 <= self.smallest:
-            raise FieldError("/smallest", f"the smallest crank must be at least 1, found {self.smallest}")
-        if not 4 <= self.perimeter <= MAX_PERIMETER:
-            raise FieldError("/perimeter", f"must be from 4 to {MAX_PERIMETER}, found {self.perimeter}")
-
-
-def _per_crank(rule: SliderTypeRule) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """The cranks, and how many offsets each has: r + e < l with r + l + e the sum reads r + e < sum / 2."""
-    half = (rule.perimeter + 1) // 2
-    crank = np.arange(rule.smallest, max(half, rule.smallest), dtype=np.int64)
-    return crank, half - crank
-
-
-def count_slider_types(rule: SliderTypeRule) -> int:
-    """Return the number of types of `enumerate_slider_types` without building them."""
-    return int(_per_crank(rule)[1].sum())
-
-
-def enumerate_slider_types(rule: SliderTypeRule, begin: int = 0, end: int | None = None) -> NDArray[np.int32]:
-    """Return the dimension types of a rule, (crank, rod, offset), ordered by crank and offset, or a slice of them.
-
-    They are integer lengths that add up to the perimeter, with offset at least 0, crank at least ``smallest``, and strictly
-    crank + offset < rod. So each linkage occurs once up to scale: a negative offset is the mirror image, branch -1 of its type,
-    and the second assembly is, turned by half a turn, the second assembly of this mirror image. Type number n (counted from 1)
-    is row n - 1.
-
-    ``begin``, ``end``: rows of the slice.
-
-    Shape (types, 3); it may be empty.
-    """
-    crank, count = _per_crank(rule)
-    before = np.concatenate([[0], np.cumsum(count)])
-    begin, end, _ = slice(begin, end).indices(int(before[-1]))
-    rows = np.arange(begin, max(begin, end))
-    index = np.searchsorted(before, rows, side="right") - 1
-    offset = rows - before[index]
-    chosen = crank[index] if crank.size else rows
-    return np.stack([chosen, rule.perimeter - chosen - offset, offset], axis=1).astype(np.int32)
-
-
 # -- the mechanism ------------------------------------------------------------------------------------------------------
 
 
@@ -241,21 +182,7 @@ class SliderTurning:
         return np.concatenate([self.coarse_types, swinging])
 
 
-class MirroredTypes(SliderTurning):
-    """Mechanism with mirror images as branch -1, for tables of offsets of at least 0: each row of a type serves both."""
-
-    branches = (1, -1)
-
-    def body_angle(self, lengths: Floats, branch: ArrayLike, crank: Floats) -> Floats:
-        """theta2; NaN of branch -1 where the offset is 0, which is its own mirror image and so is looked at once."""
-        lengths, side = np.asarray(lengths, dtype=float), np.reshape(branch, (-1, 1))
-        angle = side * super().body_angle(lengths, 1, side * crank)
-        return np.where((side < 0) & (lengths[:, 2:] == 0), np.nan, angle)
-
-
 SLIDER_CRANK = "slider_crank"
 SWINGING_BLOCK = "swinging_block"
-SLIDER_CRANK_TYPES = MirroredTypes(SLIDER_CRANK, SliderCrankChart())
-"""The mechanism of the atlas of slider-cranks."""
 FULL_CHARTS: dict[str, SliderChart] = {SLIDER_CRANK: SliderCrankChart(), SWINGING_BLOCK: SwingingBlockChart()}
 """Charts of full cranks of each kind."""

@@ -182,8 +182,8 @@ def started(folder: Path, *command: str, **settings: Any) -> Iterator[tuple[subp
 
 def atlas_bytes(rule: AtlasRule) -> bytes:
     """Return the file of an atlas, made without the batch."""
-    lengths, mechanism = rule.lengths(), rule.kind.mechanism
-    return encode_atlas(rule, compute_features(lengths, rule.samples, mechanism), compute_series(lengths, mechanism))
+    lengths = rule.lengths()
+    return encode_atlas(rule, compute_features(lengths, rule.samples), compute_series(lengths))
 
 
 @pytest.fixture(scope="session")

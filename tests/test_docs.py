@@ -162,7 +162,7 @@ def test_the_picture_of_the_architecture_names_every_package_and_every_module_of
     packages = {path.parent.name for path in ROOT.glob("synthesis/*/__init__.py")}
     modules = {path.stem for path in ROOT.glob("linkage_atlas/[a-z]*.py")}
     # those that a request does not meet
-    modules -= {"atlases", "batch", "motion_errors", "plotting", "records"}
+    modules -= {"atlases", "motion_errors", "plotting", "records"}
     assert all(re.search(rf"\b{name}\b", picture) for name in packages | modules)
 
 
@@ -201,7 +201,7 @@ def test_the_python_of_each_document_runs_and_prints_what_it_shows(path, tmp_pat
         r"^```python\n(.*?)^```\n(?:\n+```text\n(.*?)^```)?", path.read_text(), re.MULTILINE | re.DOTALL
     )
     for source, expected in blocks:
-        for words, extra in (("import mujoco", "mujoco"), (".plot(", "matplotlib"), ("to_dataframe(", "pandas")):
+        for words, extra in (("import mujoco", "mujoco"), (".plot(", "matplotlib")):
             if words in source:
                 pytest.importorskip(extra)
         with redirect_stdout(io.StringIO()) as printed:

@@ -409,8 +409,6 @@ QUERIES = (
         matches_table,
         {
             "worked_example": {**_ROTATION, "top": 5},
-            "rocker": {**_ROTATION, "curve": "rocker", "top": 5},
-            "slider_crank": {**_ROTATION, "mechanisms": ["four_bar", "slider_crank"], "top": 5},
         },
         is_long=is_long_search,
         reads_atlas=True,

@@ -88,10 +88,6 @@ Top = Annotated[Count, Field(ge=1, le=MAX_TOP)]
 Tolerance = Annotated[Number, Field(ge=0, le=1)]
 
 
-MatchedKind = Literal["four_bar", "slider_crank"]
-"""Kinds of mechanisms for which an atlas exists."""
-
-
 FarLength = Annotated[Number, Field(ge=1e-100, le=1e100)]
 
 

@@ -20,7 +20,6 @@ from app.fourbar.fields import (
     Box,
     Curve,
     Length,
-    MatchedKind,
     Mechanisms,
     PlacePair,
     Point,
@@ -72,10 +71,7 @@ class MatchRequest(CrankMotion):
     described_by = ("match",)
 
     rotation: Curve
-    curve: Literal["coupler", "rocker"] = "coupler"
-    mechanisms: Annotated[list[MatchedKind], Field(min_length=1, max_length=2)] | Literal["all"] = Field(["four_bar"])
     top: Top = 10
-    features: Flag = False
     budget_ms: PositiveNumber | None = None
     """Return the best found within this time."""
 

@@ -23,11 +23,9 @@ _SHOWN_SAMPLES = 8
 
 def matches_table(reply: Matches, units: Units = DEGREES) -> str:
     """Return a row for each match; errors are in the angle unit of the request."""
-    kinds = [] if all(match.kind == "four_bar" for match in reply.matches) else [("kind", "", "kind")]
     text = columns(
         reply.matches,
         _RANK,
-        *kinds,
         ("type", "d", "type.number"),
         ("lengths", "", lambda match: " ".join(map(str, match.type.lengths))),
         ("start", ".6g", "start_angle"),

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from synthesis.atlas import haar
 from synthesis.atlas.table import (
     COLUMNS,
+    CURVE,
     FEATURES,
     SCHEMA,
     UNITS,
@@ -106,7 +107,7 @@ def encode_atlas(rule: AtlasRule, features: Features, series: Series) -> bytes:
     attributes = {
         "schema": SCHEMA,
         "rule": json.dumps(rule.as_json(), sort_keys=True),
-        "curve": rule.kind.curve,
+        "curve": CURVE,
         "normalisation": "mean",
         "levels": haar.levels(rule.samples),
         "samples": rule.samples,
@@ -117,7 +118,7 @@ def encode_atlas(rule: AtlasRule, features: Features, series: Series) -> bytes:
     for name in Level._fields:
         parts = [getattr(level, name) for level in tree.levels]
         arrays[f"tree_{name}"] = np.concatenate([part for part in parts if part.size] or parts)
-    units = UNITS | {"lengths": rule.kind.lengths} | _TREE_UNITS
+    units = UNITS | _TREE_UNITS
     with h5py.File.in_memory(libver=("v110", "v110")) as file:
         file.attrs.update(attributes)
         for name, (dtype, shape) in _datasets(rule.count, rule).items():
@@ -259,12 +260,12 @@ def check_contents(path: Path, atlas: StoredAtlas) -> None:
     features = read_features(path, atlas.sha256, slice(None))
     if content_hash(atlas.rule, {"lengths": atlas.lengths, **features._asdict()}) != atlas.content_sha256:
         _refuse(AtlasFault.CONTENT, "the content hash differs")
-    count, mechanism = len(atlas.lengths), atlas.rule.kind.mechanism
+    count = len(atlas.lengths)
     chosen = np.random.default_rng(0).choice(count, min(_CHECKED_ROWS, count), replace=False)
-    solution = compute_features(atlas.lengths[chosen], atlas.rule.samples, mechanism)
+    solution = compute_features(atlas.lengths[chosen], atlas.rule.samples)
     pairs: Any = zip(features, solution)
     same = all(np.allclose(old[chosen], new, 0, 4e-6) for old, new in pairs)
-    series, leaf = compute_series(atlas.lengths[chosen], mechanism), np.argsort(atlas.tree.rows, kind="stable")
+    series, leaf = compute_series(atlas.lengths[chosen]), np.argsort(atlas.tree.rows, kind="stable")
     leaf = leaf[len(leaf) - count :][chosen]
     if not same or not np.allclose(atlas.tree.levels[-1].series[leaf], series.coefficients, 0, 1e-6):
         _refuse(AtlasFault.CONTENT, "features or series do not match the lengths")

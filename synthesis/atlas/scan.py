@@ -28,6 +28,7 @@ from synthesis.atlas.windows import (
     ScanReport,
     Windows,
 )
+from synthesis.fourbar.mechanism import FOURBAR
 from synthesis.pose import objective
 from synthesis.target import TURN, Target
 from synthesis.work import Work
@@ -64,26 +65,23 @@ class _Siblings(NamedTuple):
 
 
 class Scan:
-    """Types of a mechanism, ready to be matched; read-only.
+    """Types of four-bars, ready to be matched; read-only.
 
     Parameters
     ----------
-    mechanism : Turning
-        Rows can be mounted if it is a whole `synthesis.mechanism.Mechanism`.
-    lengths : array_like, shape (types, d)
+    lengths : array_like, shape (types, 4)
         Types whose crank turns fully.
     tree : Tree, optional
         Default: computed from the lengths.
     """
 
-    starts = STARTS
+    starts, mechanism = STARTS, FOURBAR
 
-    def __init__(self, mechanism: Any, lengths: NDArray[Any], tree: Tree | None = None) -> None:
-        self.mechanism = mechanism
+    def __init__(self, lengths: NDArray[Any], tree: Tree | None = None) -> None:
         self.lengths: Floats = np.asarray(lengths, dtype=np.float64)
-        self.branches = len(mechanism.branches)
+        self.branches = len(FOURBAR.branches)
         self.numbering = Numbering(STARTS, self.branches)
-        tree = tree or build_tree(compute_series(self.lengths, mechanism))
+        tree = tree or build_tree(compute_series(self.lengths))
         self._levels = [_Siblings.of(level) for level in tree.levels]
         self._rows = tree.rows.astype(np.int64)
         self._leaf_of = np.argsort(self._rows, kind="stable")[self._rows.size - len(self.lengths) :]
@@ -101,11 +99,6 @@ class Scan:
     def windows(self) -> int:
         """Number of windows: types x starts x branches."""
         return self.types * self.numbering.per_type
-
-    @property
-    def nbytes(self) -> int:
-        """Memory of lengths and tree in bytes."""
-        return self.lengths.nbytes + self._rows.nbytes + sum(v.nbytes for level in self._levels for v in level)
 
     def has_family(self, family: str) -> bool:
         """Return whether any type is of a family; looked up once."""

@@ -16,8 +16,6 @@ from synthesis.atlas import haar
 from synthesis.errors import FieldError
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule, count_types, enumerate_types
 from synthesis.fourbar.mechanism import FOURBAR
-from synthesis.mechanism import Turning
-from synthesis.slider import SLIDER_CRANK_TYPES, SliderTypeRule, count_slider_types, enumerate_slider_types
 from synthesis.target import TURN
 
 SCHEMA = 2
@@ -34,48 +32,11 @@ UNITS = {
 }
 
 
-class AtlasKind(NamedTuple):
-    """Kind of mechanism that an atlas can hold.
-
-    ``own``: fields of its rule. ``columns``: number of lengths of a type. ``lengths`` and ``curve`` describe the arrays in words.
-    """
-
-    mechanism: Turning
-    rule: Callable[..., TypeRule | SliderTypeRule]
-    own: tuple[str, ...]
-    count: Callable[[Any], int]
-    enumerate: Callable[..., NDArray[np.int32]]
-    columns: int
-    lengths: str
-    curve: str
-
-
-KINDS = {
-    "four_bar": AtlasKind(
-        FOURBAR,
-        TypeRule,
-        ("perimeter", "smallest", "order"),
-        count_types,
-        enumerate_types,
-        4,
-        UNITS["lengths"],
-        "coupler angle theta2 (measured from the ground line A->B, branch +1: C left of D->B) at crank angles "
-        "2 pi k / samples, k = 0 .. samples - 1, the end not repeated; branch -1: theta2(x) = -theta2_plus(-x)",
-    ),
-    "slider_crank": AtlasKind(
-        SLIDER_CRANK_TYPES,
-        SliderTypeRule,
-        ("perimeter", "smallest"),
-        count_slider_types,
-        enumerate_slider_types,
-        3,
-        "whole numbers r crank, l rod, e offset of the rail from the crank's pivot; type number n is row n - 1",
-        "rod angle theta2 (measured from the rail, branch +1: sin theta2 = (e - r sin theta1) / l) at crank angles "
-        "2 pi k / samples, k = 0 .. samples - 1, the end not repeated; branch -1, the offset negated: "
-        "theta2(x) = -theta2_plus(-x)",
-    ),
-}
-"""Kinds of atlases by name."""
+CURVE = (
+    "coupler angle theta2 (measured from the ground line A->B, branch +1: C left of D->B) at crank angles "
+    "2 pi k / samples, k = 0 .. samples - 1, the end not repeated; branch -1: theta2(x) = -theta2_plus(-x)"
+)
+"""Description of the stored curves in words."""
 
 
 # -- curves of types -----------------------------------------------------------------------------------------------------
@@ -111,11 +72,11 @@ class Series(NamedTuple):
     errors: Floats
 
 
-def _periodic(mechanism: Turning, lengths: Floats, samples: int) -> tuple[Floats, NDArray[np.int8]]:
+def _periodic(lengths: Floats, samples: int) -> tuple[Floats, NDArray[np.int8]]:
     """Return the periodic part of theta2 at even samples over the turn, and the winding."""
     crank = np.arange(samples, dtype=float) * (TURN / samples)
-    winding: NDArray[Any] = mechanism.winding(lengths).astype(np.int8)
-    return mechanism.body_angle(lengths, np.ones(len(lengths)), crank) - winding[:, None] * crank, winding
+    winding: NDArray[Any] = FOURBAR.winding(lengths).astype(np.int8)
+    return FOURBAR.body_angle(lengths, np.ones(len(lengths)), crank) - winding[:, None] * crank, winding
 
 
 def _in_blocks(lengths: ArrayLike, compute: Callable[[Floats], tuple[Any, ...]]) -> list[NDArray[Any]]:
@@ -124,28 +85,28 @@ def _in_blocks(lengths: ArrayLike, compute: Callable[[Floats], tuple[Any, ...]])
     return [np.concatenate(columns) for columns in zip(*blocks)]
 
 
-def compute_features(lengths: ArrayLike, samples: int, mechanism: Turning = FOURBAR) -> Features:
+def compute_features(lengths: ArrayLike, samples: int) -> Features:
     """Compute the Haar features of types (T, d) whose crank turns fully.
 
     Law: the features of a part are that part of the features, bit for bit, if parts begin at multiples of `BLOCK`.
     """
 
     def compute(block: Floats) -> tuple[Any, ...]:
-        curve, winding = _periodic(mechanism, block, samples)
+        curve, winding = _periodic(block, samples)
         average, details = haar.features(curve)
         return average, details.astype("<f4"), winding
 
     return Features(*_in_blocks(lengths, compute))
 
 
-def compute_series(lengths: ArrayLike, mechanism: Turning = FOURBAR) -> Series:
+def compute_series(lengths: ArrayLike) -> Series:
     """Compute the series of types (T, d) whose crank turns fully, from the lengths."""
 
     def compute(block: Floats) -> tuple[Any, ...]:
         coefficients, errors = np.zeros((len(block), COLUMNS)), np.zeros((len(block), 2))
         left = np.arange(len(block))
         for samples in _GRIDS:
-            curve, coefficients[left, 0] = _periodic(mechanism, block[left], samples)
+            curve, coefficients[left, 0] = _periodic(block[left], samples)
             spectrum = 2 * np.fft.rfft(curve, axis=1) / samples
             size, harmonic = np.abs(spectrum), np.arange(spectrum.shape[1])
             own = np.conj(spectrum[:, 1 : HARMONICS + 1])
@@ -173,7 +134,7 @@ class AtlasRule:
     ``samples``: a power of two from 16 to 4,096.
     """
 
-    types: TypeRule | SliderTypeRule = field(default_factory=TypeRule)
+    types: TypeRule = field(default_factory=TypeRule)
     samples: int = 256
 
     def __post_init__(self) -> None:
@@ -186,57 +147,46 @@ class AtlasRule:
     @classmethod
     def from_json(cls, values: Any) -> AtlasRule:
         """Read a rule from plain JSON values. Raises ValueError, KeyError or TypeError if they describe none."""
-        kind = KINDS[values.get("kind", TypeRule.kind)]
-        own = {name: OrderRule(values[name]) if name == "order" else int(values[name]) for name in kind.own}
-        return cls(kind.rule(**own), int(values["samples"]))
+        if "kind" in values:
+            raise ValueError(f"an atlas of kind {values['kind']!r}, not of four-bars")
+        types = TypeRule(int(values["perimeter"]), int(values["smallest"]), OrderRule(values["order"]))
+        return cls(types, int(values["samples"]))
 
     @classmethod
     def of(
         cls,
-        kind: str = TypeRule.kind,
         perimeter: int | None = None,
         smallest: int | None = None,
         order: str | None = None,
         samples: int | None = None,
     ) -> AtlasRule:
-        """Make the rule of a kind, with its own defaults for arguments that are None. Raises `FieldError`."""
-        if kind not in KINDS:
-            raise FieldError("/kind", f"must be one of {', '.join(KINDS)}, found {kind!r}")
-        options = {"perimeter": perimeter, "smallest": smallest, "order": order}
-        options = {name: value for name, value in options.items() if value is not None}
-        if foreign := options.keys() - set(KINDS[kind].own):
-            raise FieldError(f"/{min(foreign)}", f"belongs to an atlas of four-bars, not to one of kind {kind}")
+        """Make a rule with the defaults for arguments that are None. Raises `FieldError`."""
         orders = [known.value for known in OrderRule]
         if order is not None and order not in orders:
             raise FieldError("/order", f"must be one of {', '.join(orders)}, found {order!r}")
-        types = KINDS[kind].rule(**options)
+        options: dict[str, Any] = {"perimeter": perimeter, "smallest": smallest, "order": order}
+        types = TypeRule(**{name: value for name, value in options.items() if value is not None})
         return cls(types) if samples is None else cls(types, samples)
-
-    @property
-    def kind(self) -> AtlasKind:
-        """Kind of mechanism."""
-        return KINDS[self.types.kind]
 
     @property
     def count(self) -> int:
         """Number of types."""
-        return self.kind.count(self.types)
+        return count_types(self.types)
 
     def lengths(self, begin: int = 0, end: int | None = None) -> NDArray[np.int32]:
-        """Return the types of the rows from ``begin`` to ``end``, (types, d)."""
-        return self.kind.enumerate(self.types, begin, end)
+        """Return the types of the rows from ``begin`` to ``end``, (types, 4)."""
+        return enumerate_types(self.types, begin, end)
 
     @property
     def shapes(self) -> dict[str, tuple[int, ...]]:
         """Shape of each array of `FEATURES`."""
         shapes: dict[str, tuple[int, ...]] = {name: (self.count,) for name in FEATURES}
-        return shapes | {"lengths": (self.count, self.kind.columns), "details": (self.count, self.samples - 1)}
+        return shapes | {"lengths": (self.count, 4), "details": (self.count, self.samples - 1)}
 
     def as_json(self) -> dict[str, Any]:
-        """Return the rule as plain JSON values; ``kind`` is left out for four-bars, as in the first files."""
-        kind = {} if self.types.kind == TypeRule.kind else {"kind": self.types.kind}
-        own = {name: getattr(self.types, name) for name in self.kind.own}
-        return {**kind, **own, "samples": self.samples}
+        """Return the rule as plain JSON values."""
+        own = {name: getattr(self.types, name) for name in ("perimeter", "smallest", "order")}
+        return {**own, "samples": self.samples}
 
 
 def content_hash(rule: AtlasRule, features: dict[str, NDArray[Any]]) -> str:

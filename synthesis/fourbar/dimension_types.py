@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from enum import StrEnum
 from functools import lru_cache
 from itertools import permutations
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,7 +35,6 @@ class TypeRule:
     crank).
     """
 
-    kind: ClassVar[str] = "four_bar"
     perimeter: int = 400
     smallest: int = 2
     order: OrderRule = OrderRule.INCREASING

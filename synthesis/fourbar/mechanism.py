@@ -310,19 +310,5 @@ class FourBar:
         ]
 
 
-class RockerOutput(FourBar):
-    """The four-bar whose rocker is the body: it turns as the coupler of the linkage with coupler and rocker exchanged.
-
-    Law: theta3(L1, L2, L3, L4; branch) = theta2(L1, L3, L2, L4; -branch) + pi, up to whole turns.
-    """
-
-    @staticmethod
-    def body_angle(lengths: ArrayLike, branch: ArrayLike, crank_angle: ArrayLike) -> Floats:
-        """Return the rocker angle."""
-        return coupler_angle(np.asarray(lengths)[:, [0, 2, 1, 3]], -np.asarray(branch), crank_angle) + np.pi
-
-
 FOURBAR = FourBar()
 """The mechanism of the atlas and of `synthesize`."""
-ROCKER = RockerOutput()
-"""The mechanism of rocker curves."""

@@ -4,7 +4,6 @@ A file of the wrong rank, format or unit, and an example that is no request, wou
 """
 
 import json
-import subprocess
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -196,7 +195,7 @@ def test_the_codes_come_out_of_the_command(run) -> None:
         assert f"\n  {code:<4} " in help_text
 
 
-# -- examples, completion, atlas --------------------------------------------------------------------------------------
+# -- examples, atlas --------------------------------------------------------------------------------------------------
 
 
 def test_every_example_is_a_request_of_its_command(run) -> None:
@@ -208,16 +207,6 @@ def test_every_example_is_a_request_of_its_command(run) -> None:
         assert json.loads(out) == example.request
         QUERIES[example.command].request.model_validate_json(out)
     assert run("example", "nothing")[0] == Exit.USAGE
-
-
-@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
-def test_completion_knows_every_command_and_option(shell, run) -> None:
-    code, out, _ = run("completion", shell)
-    assert code == Exit.OK
-    for word in ("synthesize", "knotter", "needle", "no-preset", "scheduler", "worked_example", "casement"):
-        assert word in out
-    if shell == "bash":
-        assert subprocess.run(["bash", "-n"], input=out, text=True, capture_output=True).returncode == 0
 
 
 def test_the_default_atlas_is_built_once_in_the_cache_folder(tmp_path, monkeypatch, capsys) -> None:

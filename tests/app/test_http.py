@@ -121,33 +121,6 @@ def test_synthesize_recovers_the_published_linkage(effort, paper) -> None:
         assert (best["source"], best["type"]) == ("refined", None)
 
 
-def test_atlas_routes_describe_what_is_loaded(paper) -> None:
-    atlas = paper.get("/v2/atlas").json()
-    assert (atlas["types"], atlas["schema_version"]) == (101_408, 2)
-    assert len(atlas["content_sha256"]) == 64 and atlas["parameters"]["perimeter"] == 400
-    linkage_type = paper.get("/v2/types/45185").json()
-    assert (linkage_type["number"], linkage_type["lengths"], linkage_type["family"]) == (
-        45185,
-        [19, 72, 144, 165],
-        "crank_rocker",
-    )
-    assert linkage_type["samples"] == len(linkage_type["details"]) + 1 == atlas["parameters"]["samples"]
-    assert (
-        linkage_type["unit"] == "rad"
-        and linkage_type["normalisation"] == "mean"
-        and -math.pi < linkage_type["average"] < math.pi
-    )
-    assert paper.get("/v2/types/1").json()["lengths"] == [2, 5, 196, 197]
-    assert paper.get("/v2/types/101408").status_code == 200
-    linkage_type = paper.get("/v2/types/1", params={"kind": "slider_crank"}).json()
-    assert (linkage_type["kind"], linkage_type["lengths"], linkage_type["family"]) == (
-        "slider_crank",
-        [2, 638, 0],
-        None,
-    )
-    assert "1 to 101408" in problem(paper.get("/v2/types/101409"), range(404, 405))["detail"]
-
-
 # -- match ------------------------------------------------------------------------------------------------------------
 
 
@@ -268,7 +241,7 @@ def test_a_body_that_is_packed_is_refused_by_what_is_wrong(client) -> None:
     assert reply.status_code == 415 and "Content-Encoding" in reply.json()["detail"]
 
 
-@pytest.mark.parametrize("path", ["/livez", "/readyz", "/v2/atlas", "/v2/types/3", "/openapi.json", "/docs", "/"])
+@pytest.mark.parametrize("path", ["/livez", "/readyz", "/openapi.json", "/docs", "/"])
 def test_what_can_be_got_can_be_asked_for_its_head_alone(path, client) -> None:
     complete, head = client.get(path), client.head(path)
     assert head.status_code == complete.status_code == 200 and not head.content
@@ -327,7 +300,7 @@ def test_a_body_above_the_limit_gets_413(declared, client) -> None:
     assert huge["status"] == 413
 
 
-@pytest.mark.parametrize("path", "/static /v2/match/ /v1/match /v2/types /v2/types/ /.env /v2/%00".split())
+@pytest.mark.parametrize("path", "/static /v2/match/ /v1/match /v2/types /.env /v2/%00".split())
 def test_an_unknown_route_gets_404(path, client) -> None:
     for method in ("GET", "POST"):
         values = problem(client.request(method, path), range(404, 405))
@@ -340,19 +313,7 @@ def test_a_wrong_method_gets_405(method, client) -> None:
     problem(reply, range(405, 406))
     assert reply.headers["allow"] == "POST"
     if method != "GET":
-        problem(client.request(method, "/v2/atlas"), range(405, 406))
-
-
-@pytest.mark.parametrize("number", ["0", "-1", "abc", "1.5", "1e3", "99999999999999999999", "9" * 5000, "%00", "%ff"])
-def test_an_impossible_type_is_pointed_at(number, client) -> None:
-    values = problem(client.get(f"/v2/types/{number}"), range(422, 423))
-    assert pointers(values) == ["#/number"]
-    assert number in ("0", "1.5") or number not in json.dumps(values)
-
-
-@pytest.mark.parametrize("number", ["+3", "03", "1_0"])
-def test_a_type_has_one_address(number, client) -> None:
-    problem(client.get(f"/v2/types/{number}"), range(404, 405))
+        problem(client.request(method, "/livez"), range(405, 406))
 
 
 def test_a_fault_of_the_service_is_a_problem_too(monkeypatch, caplog) -> None:
@@ -380,8 +341,6 @@ def test_without_an_atlas_the_rest_answers(fault, small_bytes, tmp_path) -> None
         assert client.get("/livez").status_code == 200
         for reply in (
             client.get("/readyz"),
-            client.get("/v2/atlas"),
-            client.get("/v2/types/1"),
             client.post("/v2/match", content=MATCH, headers=JSON),
             client.post("/v2/synthesize", json={**EXAMPLE, "effort": "atlas"}),
         ):
@@ -395,12 +354,11 @@ def test_without_an_atlas_the_rest_answers(fault, small_bytes, tmp_path) -> None
 # -- OpenAPI ----------------------------------------------------------------------------------------------------------
 
 EXAMPLES = [
-    pytest.param(query, name, id=mark, marks=[pytest.mark.wide] * (mark == "match-slider_crank"))
+    pytest.param(query, name, id=mark)
     for query in all_queries()
     for name in query.examples
     for mark in [f"{query.command}-{name}"]
 ]
-"""The example of a slider-crank computes all their types for a single answer."""
 
 
 @pytest.fixture(scope="module")

@@ -175,11 +175,11 @@ def test_a_row_of_the_atlas_is_matched_to_itself(built, degrees) -> None:
     atlas, _ = built
     unit = 1.0 if degrees else np.pi / 180
     number = 321
-    lengths = atlas.details_of(number).lengths
+    lengths = atlas[number].lengths
     row = la.FourBar(*lengths, branch=-1, start_angle=40 * unit, degrees=degrees)
     crank = np.linspace(0, 200, 30) * unit
     rotation = row.joints(crank).rotation + 25 * unit
-    matches = la.match(rotation, crank[-1], atlas=atlas, degrees=degrees, top=4, features=True)
+    matches = la.match(rotation, crank[-1], atlas=atlas, degrees=degrees, top=4)
     first = matches.matches[0]
     assert (first.type.number, first.type.lengths, first.branch) == (number, lengths, -1)
     assert first.start_angle == pytest.approx(40 * unit) and first.rotation_rms < 1e-9 * unit

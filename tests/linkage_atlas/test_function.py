@@ -8,11 +8,8 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 import linkage_atlas as la
-from synthesis.four_bar import close_loop
 from tests.conftest import some_of
 
 SQUARE = {"name": "power", "exponent": 2, "x": [0, 1], "output_span": 90}
@@ -95,33 +92,6 @@ def test_a_jump_is_named_and_infeasible_is_said() -> None:
     links = {"ground": 100, "crank": 10, "coupler": 10, "rocker": 10}
     nothing = la.function([0, 10, 30], 60, limits={"links": links})
     assert nothing.status == "infeasible" and not nothing.solutions
-
-
-@settings(max_examples=8)
-@given(st.integers(0, 10**6))
-def test_rocker_matches_are_the_best_of_all_windows(rocker_atlas: la.Atlas, seed: int) -> None:
-    random = np.random.default_rng(seed)
-    samples, span = int(random.integers(3, 12)), random.uniform(30, 360) * random.choice([-1, 1])
-    expected = random.uniform(-40, 40, samples).cumsum()
-    matches = la.match(expected, span, atlas=rocker_atlas, curve="rocker", top=4).matches
-    lengths, t = rocker_atlas.lengths.astype(float), np.deg2rad(np.linspace(0, span, samples))
-    errors = []
-    for branch in (1, -1):
-        crank = np.deg2rad(np.arange(360))[:, None] + t
-        angle = close_loop(lengths[:, None, :], crank[None]).rocker_angle(branch)
-        gap = expected - np.rad2deg(angle)
-        errors.append(np.sqrt(np.var(gap, axis=-1)))
-    naive = np.sort(np.concatenate(errors).ravel())[:4]
-    np.testing.assert_allclose([match.rotation_rms for match in matches], naive, rtol=1e-9)
-    best = matches[0]
-    built = best.linkage.joints(np.linspace(0, span, samples)).rocker_direction
-    gap = expected - built - best.offset
-    assert np.sqrt(np.mean((gap - 360 * np.round(gap / 360)) ** 2)) == pytest.approx(best.rotation_rms, rel=1e-9)
-
-
-@pytest.fixture(scope="module")
-def rocker_atlas(tmp_path_factory: pytest.TempPathFactory) -> la.Atlas:
-    return la.build_atlas(tmp_path_factory.mktemp("rocker") / "small.h5", 20, 2, "full_crank", 32, jobs=1)
 
 
 def test_equal_angles_are_made_by_a_parallelogram_that_can_be_built() -> None:

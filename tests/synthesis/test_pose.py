@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from synthesis.atlas.scan import Scan
 from synthesis.four_bar import coupler_angle
-from synthesis.fourbar.mechanism import FOURBAR
 from synthesis.pose import DEGENERATE, fit_positions, objective
 from synthesis.target import Target, make_target
 
@@ -51,7 +50,7 @@ def test_an_exact_solution_over_a_short_span_is_found() -> None:
     crank = np.deg2rad(30 + np.linspace(0, 20, 16))
     theta2 = coupler_angle(LENGTHS, 1, crank)
     target = make_target(theta2, np.exp(1j * crank) + (1 + 0.7j) * np.exp(1j * theta2), crank_angle=crank)
-    found, _ = Scan(FOURBAR, LENGTHS[None].astype(int)).best(target, 1)
+    found, _ = Scan(LENGTHS[None].astype(int)).best(target, 1)
     assert (found.start[0], found.branch[0]) == (30, 1) and found.error[0] < 1e-12
 
 

@@ -10,7 +10,7 @@ import pytest
 from app import cli
 from app.query import reply_model
 from app.scenes import scene_queries
-from linkage_atlas.batch import without_times
+from app.study import without_times
 from synthesis.work import Cancelled, Work
 
 SLOW = {

@@ -10,25 +10,21 @@ from synthesis.atlas.scan import STARTS, Scan
 from synthesis.atlas.table import AtlasRule
 from synthesis.atlas.windows import TIE, Windows, best_of
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule
-from synthesis.fourbar.mechanism import FOURBAR, ROCKER
 from synthesis.pose import objective
-from synthesis.slider import SLIDER_CRANK_TYPES
 from synthesis.target import TURN, make_target
 from synthesis.work import Work
 from tests.conftest import some_of
 
 TABLES = {
-    "few": (FOURBAR, AtlasRule(TypeRule(34)).lengths()),
-    "any order": (FOURBAR, AtlasRule(TypeRule(56, 2, OrderRule.FULL_CRANK)).lengths()[::6]),
-    "sharp": (FOURBAR, AtlasRule(TypeRule(41, 1)).lengths()),
-    "slider-cranks": (SLIDER_CRANK_TYPES, AtlasRule.of("slider_crank", 30).lengths()),
-    "rockers": (ROCKER, AtlasRule(TypeRule(40)).lengths()),
+    "few": AtlasRule(TypeRule(34)).lengths(),
+    "any order": AtlasRule(TypeRule(56, 2, OrderRule.FULL_CRANK)).lengths()[::6],
+    "sharp": AtlasRule(TypeRule(41, 1)).lengths(),
 }
 
 
 @pytest.fixture(scope="module")
 def scans() -> dict[str, Scan]:
-    return {name: Scan(*table) for name, table in TABLES.items()}
+    return {name: Scan(table) for name, table in TABLES.items()}
 
 
 def every_window(scan: Scan, target) -> Windows:
@@ -138,7 +134,7 @@ def test_a_scan_ends_with_the_time_or_with_an_answer_that_is_good_enough(scans) 
 def test_tables_of_no_and_of_one_type() -> None:
     target = make_target(np.array([0, 0.1, 0.15, 0.3]), crank_angle=np.linspace(0, 1, 4))
     for count in (0, 1, 9):
-        scan = Scan(FOURBAR, AtlasRule(TypeRule(40)).lengths()[:count])
+        scan = Scan(AtlasRule(TypeRule(40)).lengths()[:count])
         found, report = scan.best(target, 5)
         assert report.exhaustive and found.row.size == min(5, 720 * count)
         if count:
