@@ -9,9 +9,11 @@ import math
 import os
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import BrokenExecutor
+from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
+from contextlib import ExitStack
 from functools import cache, partial
 from importlib.metadata import version
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -19,11 +21,10 @@ from tqdm import tqdm
 
 from app.query import Query, json_of
 from app.registry import all_queries
-from app.resources import ServiceResources
+from app.resources import ServiceResources, follow_parent
 from app.settings import atlas_of, settings_of
 from app.sources import Setting, Target, parsed, read_source
 from app.terminal import Exit
-from data_build.batch import local_executor
 from linkage_atlas import AtlasError, FieldError
 from linkage_atlas.notes import counted
 
@@ -143,8 +144,11 @@ def answers(
     remaining = iter(questions)
     if out.exists():
         yield from _continued(out, remaining)
-    with local_executor(jobs) as pool, out.open("ab") as file:
-        for line in pool.map(work, remaining):
+    with ExitStack() as stack, out.open("ab") as file:
+        mapped: Callable[..., Iterator[bytes]] = map
+        if jobs > 1:
+            mapped = stack.enter_context(ProcessPoolExecutor(jobs, get_context("spawn"), follow_parent)).map
+        for line in mapped(work, remaining):
             file.write(line + b"\n")
             file.flush()
             yield line

@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import logging
-import multiprocessing
 import os
-import signal
-import threading
 from typing import Any
 
 from starlette.responses import Response
@@ -15,7 +12,7 @@ import linkage_atlas as la
 from app import problems
 from app.bodies import read_request
 from app.questions import all_questions
-from app.resources import ServiceResources
+from app.resources import ServiceResources, follow_parent
 from app.settings import Settings
 
 NICE = 5
@@ -26,18 +23,9 @@ _resources: ServiceResources
 def start(settings: Settings, cancelled: Any) -> None:
     """Prepare the process; the shared value ``cancelled`` is nonzero if the current answer was cancelled."""
     global _resources
-    for name in (signal.SIGINT, signal.SIGTERM):  # the service ends its workers itself
-        signal.signal(name, signal.SIG_IGN)
-    threading.Thread(target=_end_with_service, daemon=True).start()
+    follow_parent()
     os.nice(NICE)
     _resources = ServiceResources(settings, cancelled=lambda: bool(cancelled.value))
-
-
-def _end_with_service() -> None:
-    parent = multiprocessing.parent_process()
-    assert parent is not None
-    parent.join()
-    os._exit(1)
 
 
 def ready() -> tuple[int, la.AtlasError | None]:
