@@ -1,4 +1,4 @@
-"""The chain on a U-shaped slide: published numbers, speed and representations, for docs/chain.md.
+"""The chain on a U-shaped slide: published numbers and speed, for docs/chain.md.
 
 All results except times are reproducible up to rounding. A time is the smallest processor time of several runs, and
 times are compared only within the same run.
@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -18,10 +17,9 @@ from benchmarks import chain_pictures as pictures
 from benchmarks import report as page
 from synthesis.errors import FieldError
 from synthesis.one_variable import bisect
-from synthesis.scenes.chain import crescent as chain
 from synthesis.scenes.chain.closure import closing_links
-from synthesis.scenes.chain.fit import exact_slot, fit_error, fit_slot
-from synthesis.scenes.chain.slot import Slot, analyse_slot, chord_error, wheel_conflict
+from synthesis.scenes.chain.crescent import Crescent, level_crescent
+from synthesis.scenes.chain.slot import Slot, analyse_slot, chord_error, crescent_slot, wheel_conflict
 from synthesis.scenes.chain.track import Track
 from tests.oracles import chain as oracle
 
@@ -30,13 +28,6 @@ PRINTED = {"wheel_radius": 92.63, "lower_radius": 381.5, "eccentricity": 90.22}
 REFUSED = '{"pitch": 131, "links": 14, "upper_radius": 181.78}'
 PHASES, SEARCHED = 9001, 91
 """Number of phases for errors and times, and number of phases that are computed individually for a time per phase."""
-ORDERS = (2, 3, 4, 5, 6, 8, 10, 12, 14)
-"""Degrees of the pieces of the fit."""
-
-
-def window(slot: Slot, count: int = PHASES) -> np.ndarray:
-    """Return phases over the window of the slot, both ends included."""
-    return np.linspace(slot.start, slot.end, count)
 
 
 def next_by_bracketing(path: oracle.Path, s: float, pitch: float, direction: int = 1) -> float:
@@ -74,12 +65,12 @@ def pins_by_search(slot: Slot, phases: np.ndarray, following: Any, points: Any) 
     return np.stack([*map(points, ahead), free, *map(points, behind[:0:-1])], axis=1)
 
 
-def measure_published(crescent: chain.Crescent, slot: Slot) -> dict[str, Any]:
-    facts, degrees = analyse_slot(slot, window(slot)), math.degrees
-    printed, printed_slot = chain.crescent_slot(L, N, R1, **PRINTED)
-    conflict = degrees(crescent.link_angles(L)[0]) * wheel_conflict(slot, chain.RIGHT_WHEEL).value
+def measure_published(crescent: Crescent, slot: Slot) -> dict[str, Any]:
+    facts, degrees = analyse_slot(slot, slot.phases(PHASES)), math.degrees
+    printed, printed_slot = crescent_slot(L, N, R1, **PRINTED)
+    conflict = degrees(crescent.link_angles(L)[0]) * wheel_conflict(slot)
     try:
-        chain.crescent_slot(L, 14, R1)
+        crescent_slot(L, 14, R1)
     except FieldError as error:
         refusal = str(error)
     rows = [
@@ -91,23 +82,23 @@ def measure_published(crescent: chain.Crescent, slot: Slot) -> dict[str, Any]:
         ["alpha", "71.8 deg", f"{degrees(crescent.alpha):.4f} deg"],
         ["tangency residual of the printed numbers", "0 intended", f"{printed.tangency_residual:.4f}"],
         ["theta1m, start of the window", "not given", f"{degrees(slot.start / crescent.wheel_radius):.4f} deg"],
-        ["depth of the slot", "not given", f"{facts.depth_max.value:.4f}"],
+        ["depth of the slot", "not given", f"{facts.depth_max:.4f}"],
         ["smallest curvature radius", "not given", f"{facts.radius_min:.3f}"],
         ["largest closure defect", "not given", f"{degrees(facts.slack_max.value / R1):.4f} deg"],
         ["wheel phase conflict", "not given", f"{conflict:.3f} deg"],
         [f"largest chord error over {PHASES} phases", "not given", f"{facts.chord_error:.1e}"],
     ]
     words = {
-        "printed_end_step": f"{analyse_slot(printed_slot, window(printed_slot, 3)).end_step:.3f}",
+        "printed_end_step": f"{analyse_slot(printed_slot, printed_slot.phases(3)).end_step:.3f}",
         "slack": f"{facts.slack_max.value:.3f}",
         "refusal": f"    $ echo '{REFUSED}' | linkage-atlas chain slot\n    {refusal}",
     }
     return {"rows": rows, "words": words}
 
 
-def measure_speed(crescent: chain.Crescent, slot: Slot) -> dict[str, Any]:
+def measure_speed(crescent: Crescent, slot: Slot) -> dict[str, Any]:
     """Measure the time per phase of the closed form and of the search, for all phases at once and for individual phases."""
-    phases, few, track = window(slot), window(slot, SEARCHED), slot.chain.track
+    phases, few, track = slot.phases(PHASES), slot.phases(SEARCHED), slot.chain.track
     path = oracle.crescent(crescent.wheel_radius, R1, crescent.lower_radius, crescent.eccentricity)
 
     def bracketing(phase: float) -> np.ndarray:
@@ -142,26 +133,9 @@ def measure_speed(crescent: chain.Crescent, slot: Slot) -> dict[str, Any]:
             row("all pins of one phase", "brentq", single, searched),
         ],
         "checked_ms": milliseconds(lambda: chord_error(slot, phases)),
-        "closure_ms": milliseconds(lambda: chain.crescent_slot(L, N, R1), 5),
+        "closure_ms": milliseconds(lambda: crescent_slot(L, N, R1), 5),
         "largest_difference": max(differences),
     }
-
-
-def measure_fits(slot: Slot) -> Iterator[dict[str, Any]]:
-    """Measure the errors of the fit and its times."""
-    phases = window(slot)
-    exact = exact_slot(slot, phases)
-    for order in ORDERS:
-        fit = fit_slot(slot, order)
-        error = fit_error(slot, fit, exact)
-        yield {
-            "order": order,
-            "unknowns": 2 * fit.series.size,
-            "normal": error.normal,
-            "chord": error.chord,
-            "fit_ms": 1e3 * page.repeat(partial(fit_slot, slot, order), 7).minimum.processor,
-            "evaluate_us": 1e9 * page.repeat(partial(fit.evaluate, phases), 9).minimum.processor / PHASES,
-        }
 
 
 def arc_angle(wheel_angles: np.ndarray, wheel_radius: float, arc_radius: float) -> np.ndarray:
@@ -175,7 +149,7 @@ def measure_large_radii() -> Iterator[dict[str, Any]]:
     """Measure the chord errors of a step from a wheel onto an arc of radius R, by the arccos form of the source and by ours."""
     r0 = PRINTED["wheel_radius"]
     for radius in (1e3, 1e5, 1e6, 1e7, 1e8):
-        crescent = chain.level_crescent(r0, R1, math.asin((r0 + R1) / (radius - r0)))
+        crescent = level_crescent(r0, R1, math.asin((r0 + R1) / (radius - r0)))
         track, xi = crescent.track, crescent.xi
         v = np.linspace(0.05, crescent.link_angles(L)[0] - 0.05, 200)
         here = r0 * np.exp(1j * (np.pi + xi - v)) - (r0 + R1)
@@ -198,24 +172,22 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
         "speed_difference": f"{speed['largest_difference']:.0e} mm",
         "large_radii": f"{max(row['ours'] for row in results['large_radii']):.1e} mm at radii up to {large['radius']:.0e} mm",
         "arccos_error": f"{large['arccos']:.1e} mm",
-        "fit_8": next(f"{row['normal']:.0e}" for row in results["fits"] if row["order"] == 8),
     }
 
 
 def draw(results: dict[str, Any]) -> None:
     """Draw the pictures of docs/chain.md."""
-    crescent, slot = chain.crescent_slot(L, N, R1)
+    crescent, slot = crescent_slot(L, N, R1)
     pictures.draw_track(crescent, slot)
     pictures.draw_defect(crescent, slot)
 
 
 def measure() -> Iterator[dict[str, Any]]:
     """Run all measurements."""
-    crescent, slot = chain.crescent_slot(L, N, R1)
+    crescent, slot = crescent_slot(L, N, R1)
     yield {
         "published": measure_published(crescent, slot),
         "speed": measure_speed(crescent, slot),
-        "fits": list(measure_fits(slot)),
         "large_radii": list(measure_large_radii()),
     }
 

@@ -127,11 +127,11 @@ export const chain = {
     "One pin hangs freely between its neighbours in the upper arc, and its path is the shape of the slot. " +
     "All lengths are in the unit of the pitch.",
   over: ["slot · theta1"],
-  hidden: /^(pins|outline|events|angle_unit|geometry · tangency_residual|fit · (origin|pieces|unknowns))$/,
+  hidden: /^(pins|outline|angle_unit|geometry · tangency_residual)$/,
   unitOf: (name, { angle_unit: unit }) => (ANGLES.test(name) ? { deg: "°", rad: "rad" }[unit] : ""),
   drawing({ query, request, reply }) {
     const samples = Math.min(SAMPLES, Math.floor(MOST_PINS / reply.links)),
-      more = { fit: null, samples, include: ["pins", "outline"] };
+      more = { samples, include: ["pins", "outline"] };
     return [query.path, { ...request, ...more }];
   },
   draw: (host, { drawn }, follow) => drawing(host, drawn, follow),

@@ -13,29 +13,20 @@ from scipy.optimize import brentq, minimize_scalar
 
 
 class Path:
-    """A closed path of ("arc", cx, cy, r, start, sweep) and ("line", x0, y0, x1, y1), by arc length."""
+    """A closed path of arcs (cx, cy, r, start, sweep), by arc length."""
 
     def __init__(self, parts):
         self.parts = parts
-        lengths = [
-            part[3] * abs(part[5]) if part[0] == "arc" else math.hypot(part[3] - part[1], part[4] - part[2])
-            for part in parts
-        ]
-        self.ends = np.cumsum(lengths)
+        self.ends = np.cumsum([radius * abs(sweep) for _, _, radius, _, sweep in parts])
         self.total = float(self.ends[-1])
 
     def point(self, s):
         s = s % self.total
         index = min(int(np.searchsorted(self.ends, s, side="right")), len(self.parts) - 1)
         t = s - (self.ends[index - 1] if index else 0.0)
-        part = self.parts[index]
-        if part[0] == "arc":
-            _, cx, cy, r, start, sweep = part
-            angle = start + math.copysign(t / r, sweep)
-            return cx + r * math.cos(angle), cy + r * math.sin(angle)
-        _, x0, y0, x1, y1 = part
-        length = math.hypot(x1 - x0, y1 - y0)
-        return x0 + (x1 - x0) * t / length, y0 + (y1 - y0) * t / length
+        cx, cy, r, start, sweep = self.parts[index]
+        angle = start + math.copysign(t / r, sweep)
+        return cx + r * math.cos(angle), cy + r * math.sin(angle)
 
     def next(self, s, pitch, direction=1, cells=48):
         """Return the first position ahead at a distance of a pitch: bracketed on a grid, then refined by brentq."""
@@ -67,22 +58,10 @@ def crescent(r0, r1, r2, b):
     xi, eps = math.atan2(b - cy, cx), math.atan2(cy, cx)
     return Path(
         [
-            ("arc", -cx, cy, r0, -eps, math.pi + xi + eps),
-            ("arc", 0.0, b, r2, math.pi + xi, math.pi - 2 * xi),
-            ("arc", cx, cy, r0, -xi, math.pi + xi + eps),
-            ("arc", 0.0, 0.0, r1, eps, -(math.pi + 2 * eps)),
-        ]
-    )
-
-
-def stadium(radius, straight):
-    h = straight / 2
-    return Path(
-        [
-            ("arc", h, 0.0, radius, -math.pi / 2, math.pi),
-            ("line", h, radius, -h, radius),
-            ("arc", -h, 0.0, radius, math.pi / 2, math.pi),
-            ("line", -h, -radius, h, -radius),
+            (-cx, cy, r0, -eps, math.pi + xi + eps),
+            (0.0, b, r2, math.pi + xi, math.pi - 2 * xi),
+            (cx, cy, r0, -xi, math.pi + xi + eps),
+            (0.0, 0.0, r1, eps, -(math.pi + 2 * eps)),
         ]
     )
 
@@ -114,22 +93,3 @@ def free_pin(path, pitch, links, k, s, side_of):
     normal = np.array([-half[1], half[0]]) / h * math.sqrt(pitch * pitch - h * h)
     candidates = [a + half + normal, a + half - normal]
     return max(candidates, key=lambda p: math.hypot(*(p - side_of)))
-
-
-def rounded_polygon(rng):
-    """Return a convex polygon with rounded corners: lines and arcs of equal radius, at a random position."""
-    corners = int(rng.integers(3, 8))
-    angles = np.sort(rng.uniform(0, 2 * np.pi, corners))
-    while np.any(np.diff(np.append(angles, angles[0] + 2 * np.pi)) > 0.9 * np.pi):
-        angles = np.sort(rng.uniform(0, 2 * np.pi, corners))
-    centres = rng.uniform(-1e3, 1e3, 2) + 300 * np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    radius = rng.uniform(40, 90)
-    parts = []
-    edges = np.roll(centres, -1, axis=0) - centres
-    headings = np.arctan2(edges[:, 1], edges[:, 0])
-    for index, (centre, edge, heading) in enumerate(zip(centres, edges, headings)):
-        right = radius * np.array([np.sin(heading), -np.cos(heading)])
-        parts.append(("line", *(centre + right), *(centre + right + edge)))
-        sweep = (headings[(index + 1) % corners] - heading) % (2 * np.pi)
-        parts.append(("arc", *centres[(index + 1) % corners], radius, heading - np.pi / 2, sweep))
-    return Path(parts)

@@ -106,7 +106,7 @@ def _scenes() -> dict[str, Largest]:
     cylinder, objective = {"length": 220, "speed": 100}, {"kind": "discrete", "n": 4000}
     constraints = {"rise_time": [0.5, 60]}
     lift = {"cylinder": cylinder, "stroke": [200, 510], "objective": objective, "constraints": constraints}
-    chain = {"pitch": 131, "links": 1000, "upper_radius": 20_700, "fit": {"kind": "spline", "order": 4096}}
+    chain = {"pitch": 131, "links": 1000, "upper_radius": 20_700, "samples": 200}
     grid = {"alpha1": [0.1 * k for k in range(100)], "alpha3": [10 + 0.1 * k for k in range(200)]}
     return {
         "lift: optimum": Largest("/v2/lift/optimize", lift),

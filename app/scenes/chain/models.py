@@ -1,4 +1,4 @@
-"""Requests and replies of the questions about the slot of a chain."""
+"""Requests and replies of the question about the slot of a chain."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from app.query import AngleUnit, Column, Computed, Count, FiniteOrNull, Number, ReplyModel, RequestModel
+from app.query import AngleUnit, Column, Computed, Count, Number, ReplyModel, RequestModel
 
 MAX_LINKS = 1000
 """Largest number of links of a chain."""
 MAX_SAMPLES = 10_001
 """Largest number of phases in a reply or export."""
-MAX_PINS = 1_000_000
+MAX_PINS = 200_000
 """Largest number of samples times links in a request; every pin is computed at every sample to check the chords."""
 MIN_LENGTH = 1e-9
 """Smallest length, in the unit of the request."""
@@ -20,21 +20,15 @@ MAX_LENGTH = 1e9
 """Largest length, in the unit of the request."""
 
 Length = Annotated[Number, Field(ge=MIN_LENGTH, le=MAX_LENGTH)]
-Links = Annotated[Count, Field(ge=3, le=MAX_LINKS)]
-Samples = Annotated[Count, Field(ge=3, le=MAX_SAMPLES)]
-
-
-class FitRequest(RequestModel):
-    """Approximation of the slot by a Chebyshev series for each piece between two crossings."""
-
-    order: Annotated[Count, Field(ge=1, le=64)] = Field(8, description="Degree of each piece.")
+Rows = Computed[list[list[float]]]
+Segment = Literal["left_wheel", "lower_arc", "right_wheel", "upper_arc"]
 
 
 class ChainSlotRequest(RequestModel):
     """A chain on a crescent: an upper and a lower arc joined by two wheels. Missing dimensions are computed."""
 
     pitch: Length = Field(description="Length of a link, pin to pin.")
-    links: Links = Field(description="Number of links.")
+    links: Annotated[Count, Field(ge=3, le=MAX_LINKS)] = Field(description="Number of links.")
     upper_radius: Length = Field(description="R1, radius of the upper arc.")
     wheel_radius: Length | None = Field(
         None, description="R0, radius of the wheels; null: pitch/sqrt(2), four pins per turn."
@@ -50,13 +44,14 @@ class ChainSlotRequest(RequestModel):
     phase_start: Number | None = Field(
         None, description="Angle theta1 at which the window starts; null: the angle with the smallest slack."
     )
-    samples: Samples = Field(91, description="Number of evenly spaced phases of the slot, both ends included.")
-    fit: FitRequest | None = Field(FitRequest(), description="Approximation of the slot; null: none.")
+    samples: Annotated[Count, Field(ge=3, le=MAX_SAMPLES)] = Field(
+        91, description="Number of evenly spaced phases of the slot, both ends included."
+    )
     roller_radius: Length | None = Field(None, description="Radius of the rollers that run in the slot.")
     include: Annotated[list[Literal["pins", "outline"]], Field(max_length=2)] = Field(
         [],
-        description="pins: all pins and links at every sample, in the reply and as columns of the CSV file. outline: the "
-        "closed contours to cut.",
+        description="pins: all pins at every sample, in the reply and as columns of the CSV file. outline: the closed "
+        "contours to cut.",
     )
     angle_unit: AngleUnit = "deg"
 
@@ -84,7 +79,7 @@ class CrossingReply(ReplyModel):
 
     theta1: float
     pin: int
-    to: Literal["left_wheel", "lower_arc", "right_wheel", "upper_arc"]
+    to: Segment
 
 
 class SlotReply(ReplyModel):
@@ -98,55 +93,24 @@ class SlotReply(ReplyModel):
     )
     free_pin: int
     depth_max: float
-    radius_min: FiniteOrNull = Field(description="Smallest radius of curvature of the path; null: straight.")
+    radius_min: float = Field(description="Smallest radius of curvature of the path, which limits the roller.")
     end_step: float = Field(description="Distance of the ends of the slot from the bare track.")
+    slack_max: float = Field(description="Largest slack: the loose length of a chain without a slot.")
     defect_max: float = Field(description="Largest 2 delta_upper - (theta13 - theta15).")
     defect_min: float
     defect_max_theta1: float
 
 
-class PieceReply(ReplyModel):
-    """Chebyshev coefficients of x and y over a piece of the slot."""
-
-    theta1: list[float] = Field(description="Angles theta1 at the ends of the piece.")
-    x: Column
-    y: Column
-
-
-class FitReply(ReplyModel):
-    """Fit of the slot and its errors at 9001 phases."""
-
-    order: int
-    unknowns: int
-    max_normal: float
-    max_chord: float
-    origin: list[float] = Field(description="Point to which x and y of the pieces are relative.")
-    pieces: list[PieceReply] = Field(description="Chebyshev series over each piece, scaled to -1 .. 1.")
-
-
-class WithoutSlotReply(ReplyModel):
-    """Errors of a chain whose free pin is held on the bare track."""
-
-    chord_error_max: float
-    slack_max: float
-
-
 class ChecksReply(ReplyModel):
     """Checks of chain, slot and roller."""
 
-    stretched: bool = Field(
-        description="True if at some phase the chain is too short by more than rounding errors. Up to 1e-6 of the pitch, the "
-        "chain counts as closed; a layout that lacks more length is refused."
-    )
-    missing_length: float = Field(description="Length that the chain lacks at its worst phase; 0 if it lacks none.")
-    slack: bool = Field(
-        description="True if the ends of the slot have a step: at no phase is the chain exactly on the bare track."
+    missing_length: float = Field(
+        description="Length that the chain lacks at its worst phase; 0 if it lacks none. Up to 1e-6 of the pitch, the chain "
+        "counts as closed; a layout that lacks more length is refused."
     )
     chord_error_max: float = Field(description="Largest chord error of all links at all samples.")
-    single_valued: bool = Field(description="True if the slot is a function y(x) in its own frame.")
-    roller_radius_max: FiniteOrNull = Field(description="Smallest radius of curvature of the path; null: straight.")
     roller_fits: bool | None = Field(description="True if the roller fits into the slot; null without a roller.")
-    clearance: FiniteOrNull = Field(description="Distance from the path to the segments that it does not replace.")
+    clearance: float = Field(description="Distance from the path to the wheels and the lower arc.")
 
 
 class PinsReply(ReplyModel):
@@ -155,24 +119,20 @@ class PinsReply(ReplyModel):
     segments: list[str] = Field(description="Names of the segments of the track.")
     xy: Computed[list[list[list[float]]]]
     segment: Computed[list[list[int]]] = Field(
-        description="Index of the segment of each pin, from 0; the free pin has the index of the first segment that the slot "
-        "replaces."
+        description="Index of the segment of each pin, from 0; for the free pin, the index of the upper arc."
     )
-    theta: Computed[list[list[float]]] = Field(
+    theta: Rows = Field(
         description="Angles theta1 to thetaN. On a wheel they count from the upper arc over the top; on an arc they count "
         "about its centre from straight down, positive to the right."
-    )
-    link_angle: Computed[list[list[float]]] = Field(
-        description="Direction of the link from each pin to the next, measured from x; continuous over the samples."
     )
 
 
 class OutlineReply(ReplyModel):
     """Closed contours as rows x, y, bulge; the bulge is tan(sweep / 4) of the arc to the next point, positive to the left."""
 
-    path: Computed[list[list[float]]] = Field(description="Path of the pins: track and slot.")
-    left: Computed[list[list[float]] | None] = Field(description="Left wall of the groove; null without a roller.")
-    right: Computed[list[list[float]] | None] = Field(description="Right wall of the groove; null without a roller.")
+    path: Rows = Field(description="Path of the pins: track and slot.")
+    left: Rows | None = Field(None, description="Left wall of the groove; null without a roller.")
+    right: Rows | None = Field(None, description="Right wall of the groove; null without a roller.")
 
 
 class ChainSlotReply(ReplyModel):
@@ -186,12 +146,9 @@ class ChainSlotReply(ReplyModel):
     links: int
     angle_unit: AngleUnit
     geometry: GeometryReply
-    events: list[float]
     crossings: list[CrossingReply]
     slot: SlotReply
-    fit: FitReply | None
     pins: PinsReply | None = Field(description="null unless `include` contains pins.")
     outline: OutlineReply | None = Field(description="null unless `include` contains outline.")
-    without_slot: WithoutSlotReply
     checks: ChecksReply
     wheel_phase_conflict: float

@@ -1,4 +1,4 @@
-"""The chain on a U-shaped slide: a crescent of two arcs and two wheels, and the size at which the chain closes.
+"""The crescent of two arcs and two wheels on which a chain runs, and the size at which the chain closes.
 
 Source: Li, Hong, "Realization of compensation trajectory for constrained chain with U-type slide based on MATLAB",
 Heavy Machinery 2014-5. The upper arc (radius R1) is centred on the origin and the lower arc (R2) on (0, b). The
@@ -13,10 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from synthesis.errors import FieldError
-from synthesis.one_variable import Floats
-from synthesis.scenes.chain.closure import Chain, critical_parameter
-from synthesis.scenes.chain.slot import Pins, Slot, find_slot
-from synthesis.scenes.chain.track import Segment, Track, arc, check_link_fits
+from synthesis.one_variable import rising_root, secant
+from synthesis.scenes.chain.closure import STRETCH_TOLERANCE, Chain, closing_links, closure_error
+from synthesis.scenes.chain.track import Arc, Track
 from synthesis.work import Work
 
 FLATTEST = 1e-6
@@ -63,21 +62,21 @@ class Crescent:
 
         Every segment starts on a wheel, so that a large radius does not appear in a coordinate.
         """
-        r0, r1, r2 = self.wheel_radius, self.upper_radius, self.lower_radius
-        xi, eps = self.xi, self.eps
+        r0, r1, r2, xi, eps = self.wheel_radius, self.upper_radius, self.lower_radius, self.xi, self.eps
         centre = (r1 + r0) * np.exp(1j * eps)
         turn = np.pi + xi + eps
 
-        def from_wheel(x: float, angle: float, curvature: float, sweep: float) -> Segment:
-            start = complex(x, centre.imag) + r0 * np.exp(1j * angle)
-            return Segment(start.real, start.imag, angle + np.pi / 2, curvature, sweep / abs(curvature))
+        def segment(side: int, angle: float, curvature: float, sweep: float) -> Arc:
+            """Return a segment that starts at an angle of the left (-1) or right (1) wheel."""
+            start = complex(side * centre.real, centre.imag) + r0 * np.exp(1j * angle)
+            return Arc(start.real, start.imag, angle + np.pi / 2, curvature, sweep / abs(curvature))
 
         return Track(
             [
-                arc(-centre.real, centre.imag, r0, -eps, turn),
-                from_wheel(-centre.real, np.pi + xi, 1 / r2, 2 * self.alpha),
-                arc(centre.real, centre.imag, r0, -xi, turn),
-                from_wheel(centre.real, np.pi + eps, -1 / r1, np.pi + 2 * eps),
+                segment(-1, -eps, 1 / r0, turn),
+                segment(-1, np.pi + xi, 1 / r2, 2 * self.alpha),
+                segment(1, -xi, 1 / r0, turn),
+                segment(1, np.pi + eps, -1 / r1, np.pi + 2 * eps),
             ]
         )
 
@@ -104,23 +103,12 @@ def level_crescent(wheel_radius: float, upper_radius: float, alpha: float) -> Cr
 
 
 def given_crescent(wheel_radius: float, upper_radius: float, lower_radius: float, eccentricity: float) -> Crescent:
-    """Return the crescent for four given lengths.
-
-    The triangle of the centres is solved, so that the joints are exactly tangent.
-
-    Parameters
-    ----------
-    wheel_radius, upper_radius, lower_radius, eccentricity : float
-        R0, R1, R2 and b.
-
-    Returns
-    -------
-    Crescent
+    """Return the crescent for given R0, R1, R2 and b, whose joints are exactly tangent.
 
     Raises
     ------
     FieldError
-        The triangle with the sides a, b, c does not exist, or the wheels overlap.
+        The triangle of the centres with the sides a, b, c does not exist, or the wheels overlap.
     """
     c, a, b = upper_radius + wheel_radius, lower_radius - wheel_radius, eccentricity
     if not (a > 0 and abs(c - b) < a < c + b):
@@ -148,7 +136,8 @@ def critical_crescent(
 ) -> Crescent:
     """Return the level crescent on which the chain just closes: it fits exactly at one phase and is never stretched.
 
-    Its lower radius is the largest value that any phase requires (at theta1m in the source).
+    Its lower radius is the largest value that any phase requires. The source assumes the critical phase theta1m; here
+    it is found.
 
     Parameters
     ----------
@@ -161,37 +150,46 @@ def critical_crescent(
     work : Work, optional
         Called between the steps to check whether the result is still wanted.
 
-    Returns
-    -------
-    Crescent
-
     Raises
     ------
     FieldError
         The chain closes on no crescent with these radii. The error contains the nearest number of links and the
         missing or excess length.
     """
+    work, where = work or Work(), "on any lower radius"
 
-    def family(alpha: float) -> Crescent:
-        return level_crescent(wheel_radius, upper_radius, alpha)
+    def track(alpha: float) -> Track:
+        return level_crescent(wheel_radius, upper_radius, alpha).track
 
-    family_name = "on any lower radius"
-    return family(
-        critical_parameter(lambda alpha: family(alpha).track, pitch, links, np.pi / 2, FLATTEST, family_name, work)
-    )
+    def overrun(alpha: float, links: int = links) -> float:
+        work.go_on()
+        return Chain(track(alpha), pitch, links).smallest_overrun().value
+
+    longest, shortest = np.pi / 2, FLATTEST
+    at_longest, at_shortest = overrun(longest), overrun(shortest)
+    if at_shortest < 0:
+        raise closure_error(links, closing_links(track(shortest), pitch, work), -at_shortest, where)
+    if at_longest > 0:
+        nearest = closing_links(track(longest), pitch, work)
+        # with `nearest` links the longest track is slack, unless it fits exactly; a link less closes on a shorter track
+        fits_exactly = abs(overrun(longest, nearest)) <= STRETCH_TOLERANCE * pitch
+        raise closure_error(links, nearest if fits_exactly else nearest - 1, -at_longest, where)
+    # the overrun rises with the negative angle
+    rising = secant(lambda x: np.array([overrun(-x[0])]), -longest, at_longest)
+    guess = -longest + (longest - shortest) * at_longest / (at_longest - at_shortest)
+    return level_crescent(wheel_radius, upper_radius, -float(rising_root(rising, -longest, -shortest, [guess])[0]))
 
 
-def crescent_slot(
+def crescent_for(
     pitch: float,
     links: int,
     upper_radius: float,
     wheel_radius: float | None = None,
     lower_radius: float | None = None,
     eccentricity: float | None = None,
-    start: float | None = None,
     work: Work | None = None,
-) -> tuple[Crescent, Slot]:
-    """Compute the crescent and its slot, below the middle of the upper arc.
+) -> Crescent:
+    """Return the crescent with given dimensions, and compute those that are missing.
 
     Parameters
     ----------
@@ -206,97 +204,50 @@ def crescent_slot(
     lower_radius, eccentricity : float, optional
         R2 and b. If both are given, the layout is used unchanged. If one is given, the other follows from wheel
         centres level with the centre of the upper arc. If neither is given, both follow from the critical closure.
-    start : float, optional
-        Angle of P1 on the left wheel at the start of the window. By default, the phase with the smallest slack.
     work : Work, optional
         Called between the steps to check whether the result is still wanted.
-
-    Returns
-    -------
-    Crescent, Slot
 
     Raises
     ------
     FieldError
-        There is no such crescent, or the chain would be stretched or does not close on it.
+        There is no such crescent.
     """
     wheel_radius = float(pitch / np.sqrt(2)) if wheel_radius is None else wheel_radius
     radii = {"upper_radius": upper_radius, "wheel_radius": wheel_radius, "lower_radius": lower_radius}
     for name, radius in radii.items():
         if radius is not None:
-            _check_radius(name, radius, pitch)
-    if lower_radius is None and eccentricity is None:
-        crescent = critical_crescent(pitch, links, upper_radius, wheel_radius, work)
-    else:
-        crescent = _sized_crescent(wheel_radius, upper_radius, lower_radius, eccentricity)
-    track = crescent.track
-    middle = float(track.joints[UPPER_ARC] + 0.5 * track.length[UPPER_ARC])
-    phase = None if start is None else start * wheel_radius
-    chain = Chain(track, pitch, links)
-    return crescent, find_slot(chain, middle, phase, work)
+            _check_radius(f"/{name}", radius, pitch)
+    c = upper_radius + wheel_radius
+    if eccentricity is not None:
+        lower_radius = float(wheel_radius + np.hypot(c, eccentricity)) if lower_radius is None else lower_radius
+        return given_crescent(wheel_radius, upper_radius, lower_radius, eccentricity)
+    if lower_radius is None:
+        return critical_crescent(pitch, links, upper_radius, wheel_radius, work)
+    a = lower_radius - wheel_radius
+    if not a > c:
+        raise FieldError(
+            "/lower_radius",
+            f"the radius must be more than {wheel_radius + c:.6g} if the wheel centres are level with the centre of "
+            "the upper arc",
+            constraint="tangency",
+            amount=c - a,
+        )
+    return given_crescent(wheel_radius, upper_radius, lower_radius, float(np.sqrt((a - c) * (a + c))))
 
 
-def _check_radius(name: str, radius: float, pitch: float) -> None:
+def _check_radius(field: str, radius: float, pitch: float) -> None:
     """Raise a `FieldError` for a radius that is too small or too large for the pitch."""
-    check_link_fits(f"/{name}", pitch, radius)
+    if not pitch < 2 * radius * (1 - 1e-9):
+        raise FieldError(
+            field,
+            f"a link does not fit on an arc of radius {radius:.6g}; the radius must be more than {pitch / 2:.6g}",
+            constraint="link_on_arc",
+            amount=pitch / 2 - radius,
+        )
     if radius > RADIUS_RATIO * pitch:
         raise FieldError(
-            f"/{name}",
+            field,
             f"the radius must be at most {RADIUS_RATIO:.0e} pitches; found {radius / pitch:.6g}",
             constraint="radius_ratio",
             amount=radius - RADIUS_RATIO * pitch,
         )
-
-
-def _sized_crescent(
-    wheel_radius: float, upper_radius: float, lower_radius: float | None, eccentricity: float | None
-) -> Crescent:
-    """Return the crescent for a given lower radius, a given eccentricity, or both."""
-    c = upper_radius + wheel_radius
-    if lower_radius is not None and eccentricity is None:
-        a = lower_radius - wheel_radius
-        if not a > c:
-            raise FieldError(
-                "/lower_radius",
-                f"the radius must be more than {wheel_radius + c:.6g} if the wheel centres are level with the centre of "
-                "the upper arc",
-                constraint="tangency",
-                amount=c - a,
-            )
-        eccentricity = float(np.sqrt((a - c) * (a + c)))
-    assert eccentricity is not None
-    lower_radius = float(wheel_radius + np.hypot(c, eccentricity)) if lower_radius is None else lower_radius
-    return given_crescent(wheel_radius, upper_radius, lower_radius, eccentricity)
-
-
-def crescent_angles(crescent: Crescent, slot: Slot, pins: Pins) -> Floats:
-    """Compute the angle of each pin on its part of the crescent.
-
-    On a wheel, the angle is measured from the joint with the upper arc, over the top. On an arc, it is measured about
-    the centre of the arc from straight down, positive to the right; the free pin uses the centre of the upper arc.
-
-    Parameters
-    ----------
-    crescent : Crescent
-    slot : Slot
-    pins : Pins
-
-    Returns
-    -------
-    ndarray, shape (n, links)
-        theta1 .. thetaN in radians.
-    """
-    r0, r1, r2 = crescent.wheel_radius, crescent.upper_radius, crescent.lower_radius
-    turn = np.pi + crescent.xi + crescent.eps
-    angles = np.empty(pins.along.shape)
-    for segment, start, rate in (
-        (LEFT_WHEEL, 0.0, 1 / r0),
-        (LOWER_ARC, -crescent.alpha, 1 / r2),
-        (RIGHT_WHEEL, turn, -1 / r0),
-        (UPPER_ARC, np.pi / 2 + crescent.eps, -1 / r1),
-    ):
-        is_on = pins.segment == segment
-        angles[is_on] = start + rate * pins.along[is_on]
-    free = pins.points[:, slot.free - 1]
-    angles[:, slot.free - 1] = np.arctan2(free.real, -free.imag)
-    return angles

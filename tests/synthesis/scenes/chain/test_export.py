@@ -10,14 +10,14 @@ import ezdxf
 import numpy as np
 import pytest
 
-from synthesis.scenes.chain import crescent as chain
 from synthesis.scenes.chain.groove import to_dxf
+from synthesis.scenes.chain.slot import crescent_slot
 from tests.conftest import some_of
 
 
 @pytest.fixture(scope="module")
 def slot():
-    return chain.crescent_slot(131.0, 16, 181.78)[1]
+    return crescent_slot(131.0, 16, 181.78)[1]
 
 
 @pytest.fixture(scope="module")
@@ -62,9 +62,9 @@ def polygon(rows, step: float = 0.02):
 
 STEPPED = {"wheel_radius": 92.63, "lower_radius": 381.5, "eccentricity": 90.22}
 CASES = {
-    "closed": (lambda: chain.crescent_slot(131.0, 16, 181.78)[1], 25.0),
-    "slack: a step of 0.14 at the ends": (lambda: chain.crescent_slot(131.0, 16, 181.78, **STEPPED)[1], 20.0),
-    "a step of 4.2": (lambda: chain.crescent_slot(131.0, 16, 181.78, start=math.radians(75))[1], 20.0),
+    "closed": (lambda: crescent_slot(131.0, 16, 181.78)[1], 25.0),
+    "slack: a step of 0.14 at the ends": (lambda: crescent_slot(131.0, 16, 181.78, **STEPPED)[1], 20.0),
+    "a step of 4.2": (lambda: crescent_slot(131.0, 16, 181.78, start=math.radians(75))[1], 20.0),
 }
 
 

@@ -11,7 +11,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from synthesis.scenes.chain.crescent import level_crescent
-from synthesis.scenes.chain.track import PinMotion, Segment, Track
+from synthesis.scenes.chain.track import Arc, PinMotion, Track
 
 
 def tracks():
@@ -59,8 +59,8 @@ def test_large_radii_cost_no_digits(radius) -> None:
     turn = math.pi - 2 * bend
     half, top = radius * math.sin(bend), cap * math.cos(bend)
     caps, arcs = (1 / cap, cap * turn), (1 / radius, 2 * bend * radius)
-    halves = [Segment(-half, top, math.pi + bend, *caps), Segment(-half, -top, -bend, *arcs)]
-    track = Track([*halves, Segment(half, -top, bend, *caps), Segment(half, top, math.pi - bend, *arcs)])
+    halves = [Arc(-half, top, math.pi + bend, *caps), Arc(-half, -top, -bend, *arcs)]
+    track = Track([*halves, Arc(half, -top, bend, *caps), Arc(half, top, math.pi - bend, *arcs)])
     position = track.locate(np.linspace(0, track.total, 400))
     for pitch in (7.0, 50.0):
         link = track.points(track.step(position, pitch)) - track.points(position)
