@@ -2,9 +2,9 @@
 
 Data flow of a request::
 
-    poses -> dyads (five and more: one SVD and a quartic; fewer: samples of the infinitely many)
+    five and more poses -> dyads (one SVD and a quartic)
       -> pairs of dyads as four-bars with crank angles -> four-bars of the family, on one branch, in the requested order
-      -> joint refinement -> reached? otherwise dyads from starts all over the body, their pairs, refined in rounds
+      -> joint refinement -> reached? otherwise the same with dyads from starts all over the body
 
 A dyad is a point m of the body (in its frame), a fixed centre c and a radius r with |P + R m - c| = r at every pose,
 R = e^{i gamma}. In expanded form, with a = conj(P) R and k = conj(m) c, this is linear in eight coefficients::
@@ -19,14 +19,10 @@ five poses.
 
 Two poses leave the point of the body and one coordinate of its centre free, three poses leave the point free, and four poses
 leave one parameter: the points whose four positions lie on a circle form a cubic curve (Burmester's).
-
-If the crank angles of some samples are known, the other crank angles are first interpolated, then moved to the closest approach
-of the body.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -64,44 +60,12 @@ class DyadOptions:
     """Fraction of the difference by which angles in order move towards evenly spaced ones."""
     link_min: float = 1e-9
     """Smallest length of a link, in length scales."""
-    grid: int = 120
-    """Number of crank angles at which samples without rotation or position are compared."""
-    nearest_steps: int = 8
-    """Number of steps to the nearest crank angle."""
-    remainder: float = 0.9
-    """Fraction of the remaining turn that samples before and after the known ones may use."""
-    step_min: float = 1e-4
-    """Smallest step of the crank between such samples, in radians."""
-    few_dyads: int = 60
-    """Number of dyads in a batch for few poses."""
-    few_batches: int = 20
-    """Largest number of batches for few poses."""
-    sampled_dyads: int = 110
-    """Number of dyads in a batch if other samples lack rotation or position."""
-    sampled_batches: int = 8
-    """Largest number of these batches."""
-    gain: float = 0.01
-    """Two batches in a row with a smaller relative gain end the search."""
-    exact_candidates: int = 60
-    """Number of exact candidates that end the search."""
-    fitted_pairs: int = 400
-    """Number of pairs that fit the full samples best and are compared with the others."""
-    first_samples: int = 8
-    """Number of samples of each sort at which pairs are compared first."""
-    refined_together: int = 200
-    """Number of pairs that are refined together."""
-    aligned: int = 6000
-    """Number of pairs times samples that are then compared at all samples."""
-    pairs_min: int = 12
-    """Smallest number of these pairs."""
-    max_candidates: int = 100
-    """Number of candidates that the search returns: limits may exclude many of them."""
-    rounds: tuple[tuple[int, int], ...] = ((60, 8), (24, 30), (8, 150))
-    """Numbers of leading pairs and of steps of the descents: most pairs whose dyads fit separately fall into few basins."""
-    last_round: tuple[int, int] = (4, 1000)
-    """Numbers of leading pairs and of steps of the last descent, which follows if an exact answer is in sight."""
-    exact_in_sight: float = 1e-4
-    """Error after the first rounds above which an exact answer is not in sight."""
+    exact_stages: tuple[Stage, ...] = (Stage(25),)
+    """Stages that refine the pairs of exact dyads."""
+    refined_pairs: int = 24
+    """Number of pairs of inexact dyads that are refined: most of them fall into few basins."""
+    near_stages: tuple[Stage, ...] = (Stage(100),)
+    """Stages of that refinement."""
     paired_together: int = 1 << 18
     """Number of pairs times samples between two looks at the time: some 25 ms."""
 
@@ -469,41 +433,6 @@ def put_in_order(angles: Floats, span_max: float = TURN) -> Floats:
     return angles[:, :1] + sense * along
 
 
-# -- samples that lack a part --------------------------------------------------------------------------------------
-
-
-def aligned(problem: JointProblem, timed: Timed, known: NDArray[np.intp]) -> Timed:
-    """Candidates whose angles at the samples ``known`` (k,) are given, with angles at all samples of the problem.
-
-    In their order the others begin evenly between those that are known, else at the best of a grid; each then goes to the
-    nearest point of its path.
-
-    Parameters
-    ----------
-    problem : JointProblem
-        Of all samples.
-    timed : Timed
-        With angles (n, k): where the order is required they rise or fall.
-    known : ndarray of int, shape (k,)
-        The samples that they belong to, rising; at least two.
-    """
-    poses, count = problem.poses, timed.branch.size
-    if poses.ordered:
-        sample, last = np.arange(poses.samples), known[-1]
-        between = np.array([np.interp(sample, known, unit) for unit in np.eye(known.size)])
-        beyond = np.minimum(sample - known[0], 0) + np.maximum(sample - last, 0)
-        span = timed.angles[:, -1:] - timed.angles[:, :1]
-        remainder = OPTIONS.remainder * (poses.span_max - np.abs(span)) / max(1, known[0] + poses.samples - 1 - last)
-        step = np.copysign(
-            np.clip(np.abs(span) / (last - known[0]), 0.0, np.maximum(remainder, OPTIONS.step_min)), span
-        )
-        angles = timed.angles @ between + step * beyond
-    else:
-        grid = np.broadcast_to(np.arange(OPTIONS.grid) * (TURN / OPTIONS.grid), (count, OPTIONS.grid))
-        angles = np.take_along_axis(grid, problem.errors_at(timed, grid).argmin(axis=2), axis=1)
-    return problem.nearest(timed._replace(angles=angles), OPTIONS.nearest_steps)
-
-
 # -- the search ----------------------------------------------------------------------------------------------------
 
 
@@ -545,151 +474,31 @@ def _four_bars(poses: Poses, pairs: Pairs, family: str, repair: bool) -> Timed:
     return Timed(shape, pairs.pose, pairs.offset, angles[keep], pairs.branch)
 
 
-def search_motion(poses: Poses, family: str, tolerance: float, work: Work) -> Iterator[Pool]:
-    """Search four-bars that guide a body through poses, some of which may lack rotation or position.
+def exact_motion(poses: Poses, family: str, tolerance: float, work: Work) -> tuple[Pool, Dyads]:
+    """Find the four-bars of a family that guide a body through five and more poses exactly, within milliseconds.
 
-    Parameters
-    ----------
-    poses : Poses
-        At least three samples with both rotation and position, or exactly two samples, both complete.
-    family : str
-        Family of `limits.FAMILIES`.
-    tolerance : float
-        Error below which the search ends.
-    work : Work
-
-    Yields
-    ------
-    Pool
-        All candidates so far: first the candidates from the equations, within milliseconds, then the candidates after each round.
+    Returns
+    -------
+    pool : Pool
+        Four-bars of the dyads, refined.
+    dyads : Dyads
     """
-    search = _Motion(poses, family, work)
-    if search.full <= FEW and search.mixed:
-        yield from _sampled(search, tolerance, work)
-        return
-    exact = 0.3 * tolerance
-    if search.full <= FEW:
-        pool = _few(search, work)
-        inexact = np.flatnonzero(pool.cost > exact**2)
-        if pool.cost.size - inexact.size < OPTIONS.exact_candidates:
-            # dyads of short links occur if positions almost coincide: a few steps remove the rounding errors
-            refined = pool.take(inexact).best(OPTIONS.exact_candidates)
-            refined = search.problem.descended(refined.timed, [Stage(60)], exact, work, steps_after_first=np.inf)
-            pool = pool.take(np.flatnonzero(pool.cost <= exact**2)).joined(refined)
-        yield pool
-        return
-    dyads = linear_dyads(search.body)
-    dyads, _ = polished(search.body, dyads) if dyads.radius.size else (dyads, None)
-    five = search.full == FEW + 1 and not search.mixed
-    pool = search.problem.descended(
-        search.four_bars(dyads), [Stage(25)], exact, work, steps_after_first=np.inf if five else 1.0
-    )
-    yield pool
-    if pool.min_error < tolerance or (work.expired() and np.isfinite(pool.min_error)):
-        return
-    everywhere, _ = landscape(search.body, work=work)
-    if work.expired() and np.isfinite(pool.min_error):
-        return
-    pool = search.measured(everywhere.joined(dyads), repair=True).joined(pool)
-    yield pool
-    if not work.expired():  # what follows takes half a second at 1,024 samples
-        yield from _rounds(search, pool, tolerance, work)
+    body = Body(poses)
+    dyads = linear_dyads(body)
+    dyads, _ = polished(body, dyads) if dyads.radius.size else (dyads, None)
+    starts = four_bars(poses, body, dyads, family, work)
+    # five poses have several exact four-bars
+    alternatives = np.inf if poses.samples == FEW + 1 else 1.0
+    problem = JointProblem(poses, chart_of(family))
+    return problem.descended(
+        starts, OPTIONS.exact_stages, 0.3 * tolerance, work, steps_after_first=alternatives
+    ), dyads
 
 
-def _rounds(search: _Motion, found: Pool, tolerance: float, work: Work) -> Iterator[Pool]:
-    """A pool with its best refined, after each round."""
-    for count, steps in (*OPTIONS.rounds, OPTIONS.last_round):
-        if steps == OPTIONS.last_round[1] and found.min_error > OPTIONS.exact_in_sight:
-            break
-        best = found.best(count)
-        found = search.problem.descended(best.timed, [Stage(steps)], 0.3 * tolerance, work).joined(found)
-        yield found
-        if found.min_error < tolerance or work.expired():
-            break
-
-
-def _sampled(search: _Motion, tolerance: float, work: Work) -> Iterator[Pool]:
-    """Draw dyads that fit three or four complete samples exactly, until a pair fits the other samples too."""
-    random = np.random.default_rng(20)
-    best: Pool | None = None
-    idle = 0
-    for _ in range(OPTIONS.sampled_batches):
-        found = search.measured(sampled_dyads(search.body, OPTIONS.sampled_dyads, random))
-        *_, found = _rounds(search, found, tolerance, work)
-        found = found.best(OPTIONS.max_candidates)
-        gained = best is None or found.min_error < (1 - OPTIONS.gain) * best.min_error
-        best = found if best is None else best.joined(found)
-        yield best
-        idle = 0 if gained else idle + 1
-        if best.min_error < tolerance or work.expired() or (idle == 2 and best.min_error > OPTIONS.exact_in_sight):
-            break
-
-
-class _Motion:
-    """A request's full samples, which give the dyads, and all of its samples, which the four-bars must fit."""
-
-    def __init__(self, poses: Poses, family: str, work: Work) -> None:
-        self.poses, self.family, self.work = poses, family, work
-        self.body = Body(poses)
-        self.full = self.body.position.size
-        self.mixed = self.full < poses.samples
-        self.problem = JointProblem(poses, chart_of(family))
-
-    def four_bars(self, dyads: Dyads, repair: bool = False, max_count: int = 150) -> Timed:
-        """Build the four-bars of pairs of dyads that fit the remaining samples best, with crank angles at every sample."""
-        timed = four_bars(self.poses, self.body, dyads, self.family, self.work, repair)
-        if not self.mixed:
-            return timed
-        if not timed.branch.size:
-            return timed._replace(angles=np.empty((0, self.poses.samples)))
-        best = self._best_aligned(timed, max_count)
-        return aligned(self.problem, timed.take(best), self.poses.full)
-
-    def _best_aligned(self, timed: Timed, max_count: int) -> NDArray[np.intp]:
-        """Return the indices of the candidates that best fit some of the samples, in chunks of about a hundred candidates."""
-        poses, index = self.poses, np.arange(timed.branch.size)
-        if self.full > FEW:  # fewer are fitted exactly
-            fitted = JointProblem(poses.at(poses.full), self.problem.chart).measured(timed)
-            index = np.argsort(fitted.cost, kind="stable")[: OPTIONS.fitted_pairs]
-            timed = timed.take(index)
-        not_full = np.setdiff1d(np.arange(poses.samples), poses.full)
-        held, further = (
-            samples[_evenly(samples.size, OPTIONS.first_samples)]
-            for samples in (np.arange(poses.full.size), not_full)
-        )
-        few = np.sort(np.concatenate([poses.full[held], further]))
-        problem = JointProblem(poses.at(few), self.problem.chart)
-        pose = timed.pose.copy()
-        pose[:, 0] -= poses.off(problem.poses)
-        thin = timed._replace(angles=timed.angles[:, held], pose=pose)
-        known = np.searchsorted(few, poses.full[held])
-        parts = [
-            slice(k, k + OPTIONS.refined_together) for k in range(0, timed.branch.size, OPTIONS.refined_together)
-        ]
-        guessed = (aligned(problem, thin.take(part), known) for part in parts)
-        cost = np.concatenate([problem.measured(candidates, posed=False).cost for candidates in guessed])
-        return index[
-            np.argsort(cost, kind="stable")[
-                : min(max_count, max(OPTIONS.pairs_min, OPTIONS.aligned // poses.samples))
-            ]
-        ]
-
-    def measured(self, dyads: Dyads, repair: bool = False) -> Pool:
-        """Return the same candidates with their errors."""
-        return self.problem.measured(self.four_bars(dyads, repair))
-
-
-def _evenly(count: int, max_count: int) -> NDArray[np.intp]:
-    """Return at most a given number of evenly spaced indices of a range, including both ends."""
-    return np.unique(np.round(np.linspace(0, count - 1, min(count, max_count))).astype(np.intp))
-
-
-def _few(search: _Motion, work: Work) -> Pool:
-    """Four-bars that fit up to four full samples exactly, from dyads at random; more of them where few are usable."""
-    random = np.random.default_rng(20)
-    pool = search.measured(sampled_dyads(search.body, OPTIONS.few_dyads, random))
-    for _ in range(OPTIONS.few_batches - 1):
-        if pool.cost.size >= OPTIONS.exact_candidates or work.expired():
-            break
-        pool = pool.joined(search.measured(sampled_dyads(search.body, OPTIONS.few_dyads, random)))
-    return pool
+def near_motion(poses: Poses, family: str, dyads: Dyads, tolerance: float, work: Work) -> Pool:
+    """Find four-bars of a family near poses that no dyad fits exactly, from dyads all over the body beside some others."""
+    body, problem = Body(poses), JointProblem(poses, chart_of(family))
+    everywhere, _ = landscape(body, work=work)
+    pool = problem.measured(four_bars(poses, body, everywhere.joined(dyads), family, work, repair=True))
+    best = pool.best(OPTIONS.refined_pairs)
+    return problem.descended(best.timed, OPTIONS.near_stages, 0.3 * tolerance, work).joined(pool)

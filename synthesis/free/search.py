@@ -2,7 +2,7 @@
 
 Data flow of a request::
 
-    poses --(three and more samples with rotation and position, or only such samples)--> dyads and their pairs: `dyads`
+    poses --(five and more samples, each with rotation and position)--> dyads and their pairs: `dyads`
           --(otherwise, or with limits, incomplete samples, or without a similar linkage)--> guessed crank angles: `screen`
       -> if an exact answer is possible: all seeds to their end, on a few samples  }  round by round in turn,
       -> within the limits: few candidates to their end                            }  until rounds gain nothing
@@ -31,7 +31,7 @@ from synthesis.errors import FieldError
 from synthesis.four_bar import coupler_angle, transmission_angle_over, wrap
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule, enumerate_types
 from synthesis.fourbar.mechanism import FOURBAR, AnyChart, FullCrankChart, search_spaces
-from synthesis.free.dyads import FEW, chart_of, search_motion
+from synthesis.free.dyads import FEW, chart_of, exact_motion, near_motion
 from synthesis.free.few_poses import NONE_CLEAR, Candidates, Obstacles, exact_four_bars, is_few
 from synthesis.free.free_timing import FreeTiming, FreeTimingOptions, free_timing
 from synthesis.free.limited import guessed_windows, placed_within
@@ -225,7 +225,7 @@ class FreeSearchOptions:
     exact_samples: int = 12
     """Number of samples that the rounds for an exact path use: the fewer they are, the fewer minima lie beside the linkage."""
     full_samples: int = 3
-    """Number of samples with rotation and position from which on dyads lead to four-bars that fit the others too."""
+    """Number of samples with rotation and position from which on the samples may be passed in any order."""
     far: float = 0.01
     """Error of the dyads above which the motion is not the motion of a four-bar with some noise."""
     seeds: int = 50
@@ -362,11 +362,8 @@ class FreeSearch:
         self.max_rounds = np.inf if rounds is None else rounds
         self.screen, self.windows = screen, windows
         self.seeds = 0
-        few = poses.full.size <= FEW and poses.full.size < poses.samples
-        self.has_dyads = poses.full.size >= options.full_samples or poses.full.size == poses.samples
-        self._sampled = self.has_dyads and few
-        """True if dyads are drawn at random because infinitely many fit the few complete samples."""
-        if not (self.has_dyads or poses.ordered):
+        self.has_dyads = FEW < poses.full.size == poses.samples
+        if not poses.ordered and poses.full.size < min(options.full_samples, poses.samples):
             raise FieldError(
                 "/order",
                 "must be 'given' for this motion: 'any' needs rotation and position at three or more samples",
@@ -378,8 +375,8 @@ class FreeSearch:
         if family != "any" or self.limits.swings:
             return self._search_family(family)
         # full cranks first, so that the larger family is never worse; an exact linkage of any family is found at once
-        if self.has_dyads and not self._sampled:
-            pool = next(search_motion(self.poses, family, self.incumbents.tolerance, self.work))
+        if self.has_dyads:
+            pool, _ = exact_motion(self.poses, family, self.incumbents.tolerance, self.work)
             if pool.min_error <= self.incumbents.tolerance:
                 self._accept_dyads(pool, family)
         if self.incumbents.reached:
@@ -393,26 +390,24 @@ class FreeSearch:
         guesses = self._guesses(run, family)
         starts: list[Timed] = []
         pool = None
-        if self._sampled:  # a round of random dyads takes long: an answer is known before
-            starts += islice(guesses, 1)
-        for pool in search_motion(self.poses, family, incumbents.tolerance, work) if self.has_dyads else ():
+        if self.has_dyads:
+            pool, dyads = exact_motion(self.poses, family, incumbents.tolerance, work)
             self._accept_dyads(pool, family)
+            is_known = work.expired() and np.isfinite(pool.min_error)
+            if self.limits.only_family and not (incumbents.reached or is_known):
+                pool = near_motion(self.poses, family, dyads, incumbents.tolerance, work).joined(pool)
+                self._accept_dyads(pool, family)
+                # nothing better is to be expected near the motion of a four-bar
+                if not self.poses.ordered or pool.min_error <= options.far:
+                    return incumbents.reached or not work.expired()
             if incumbents.reached:
                 return True
-            if run.problem.has_limits and not work.expired():
-                if not starts:
-                    starts += islice(guesses, 1)  # the best are answers
-                elif pool.min_error > options.exact_in_sight_within:
-                    break
-        if pool is not None and self._settled(pool):
-            return not work.expired()
         if not (starts or (work.expired() and np.isfinite(incumbents.smallest))):
             starts += islice(guesses, 1)
         if work.expired():
             return False
-        if pool is not None and pool.cost.size:
-            if family == "any" and None in self.limits.links:
-                guesses = islice(guesses, options.guesses_beside_dyads)
+        if pool is not None and pool.cost.size and family == "any" and None in self.limits.links:
+            guesses = islice(guesses, options.guesses_beside_dyads)
         exact: Iterator[Run] = iter(())
         if self.poses.ordered and family != "any" and (pool is None or pool.min_error <= options.far):
             exact = self._exact(chart_of(family), family)
@@ -452,14 +447,6 @@ class FreeSearch:
         """Accept the pairs of dyads that satisfy the limits as they are."""
         self.seeds += pool.cost.size
         self._run(chart_of(family), self.poses.samples).accept(pool.best(pool.cost.size), steps=4)
-
-    def _settled(self, pool: Pool) -> bool:
-        """Return whether nothing better than the dyads is to be expected: no limits, and near the motion of a four-bar."""
-        if not self.limits.only_family:
-            return False
-        if self.poses.full.size < self.poses.samples:
-            return False
-        return not (self.poses.ordered and self.poses.samples > FEW and pool.min_error > self.options.far)
 
     # -- seeds ------------------------------------------------------------------------------------------------------
 
