@@ -25,7 +25,7 @@ from linkage_atlas.arguments import (
 )
 from linkage_atlas.attached_drives import read_attached
 from linkage_atlas.notes import counted
-from linkage_atlas.part_settings import PART_SETTINGS, PartSettings
+from linkage_atlas.part_settings import PART_SETTINGS, PartSettings, PartSizes
 from linkage_atlas.records import PYTHON_ONLY, Record
 from synthesis.assembly import stacks
 from synthesis.assembly.driven_machine import Strut, motor_driven, strut_driven
@@ -147,21 +147,6 @@ class AssemblyPart(Record):
     """Slits of rails, and of a body with a slot; as wide as a hole."""
 
 
-class PartSizes(NamedTuple):
-    """Sizes of the parts: from the request, or else the defaults, in the unit of the lengths."""
-
-    hole: float
-    """Diameter of the pins."""
-    width: float
-    """Width of the plates."""
-    clearance: float
-    """Smallest allowed gap between parts that pass each other."""
-    thickness: float
-    """Thickness of the plates."""
-    washer: float
-    """Thickness of the washers between two layers."""
-
-
 @dataclass(frozen=True)
 class Assembly(Record):
     """Layers of a linkage's plates, and their collisions over the used interval, which are proved and not sampled.
@@ -216,8 +201,6 @@ class Assembly(Record):
     arrangement: Arrangement = field(metadata=PYTHON_ONLY, repr=False)
     """The arrangement in radians."""
     settings: PartSettings = field(metadata=PYTHON_ONLY, repr=False)
-    """All sizes, including defaults."""
-    requested: PartSettings = field(metadata=PYTHON_ONLY, repr=False)
     """The sizes of the request."""
     driven_hinge: str = field(default="", metadata=PYTHON_ONLY, repr=False)
     """Name of the link with a drive in its hinge; empty without such a drive."""
@@ -369,15 +352,15 @@ def _machine(linkage: Linkage, request: AskedAssembly, share: float, used: Inter
     with pointing(lambda field: f"/{where}{field.lstrip('/')}" if field.startswith(("/drive", "/body")) else field):
         rough = plates_of(request.settings.sizes._replace(hole_factor=share), ())
         completed = request.settings.completed(rough.hole, rough.width, rough.clearance)
-        machine = plates_of(completed.sizes, request.body)
+        machine = plates_of(Sizes(*completed[:3]), request.body)
     check_sizes(machine.lengths, machine.hole, machine.width, f"/{where}".rstrip("/"))
     fixed = [pin.name for pin in machine.pins if pin.grounded]
     for pin in request.arranged.mounts:
         if pin not in fixed:
             raise FieldError.no_such(f"/{where}mounts", pin, fixed, "fixed pin")
     for plate in machine.plates:
-        for hole, next_hole in combinations(plate.holes, 2):
-            distance = abs(hole.at - next_hole.at)
+        for hole, next_hole in combinations([hole for hole in plate.holes if len(hole.core) == 1], 2):
+            distance = abs(hole.core[0] - next_hole.core[0])
             if not distance > machine.hole:
                 holes = f"holes of {machine.hole:.6g} for {hole.pin} and {next_hole.pin}, {distance:.6g} apart,"
                 raise FieldError(f"/{where}hole", f"{holes} would overlap in the {plate.name}")
@@ -429,8 +412,8 @@ def described(
     machine: Machine, request: AskedAssembly, found: Arrangement, reasons: list[str], unit: Reading
 ) -> Assembly:
     """Describe an arrangement in the units of the user."""
-    settings = request.settings.completed(machine.hole, machine.width, machine.clearance)
-    stack, heights = found.stack, Heights.of(machine, settings.thickness, settings.washer)
+    sizes = request.settings.completed(machine.hole, machine.width, machine.clearance)
+    stack, heights = found.stack, Heights(sizes.thickness, sizes.washer)
     names = machine.movement.names
     return Assembly(
         status=found.status,
@@ -457,31 +440,31 @@ def described(
         other_arrangements=found.alternatives,
         arrangements_examined=found.tried,
         exhaustive=found.exhaustive,
-        sizes=PartSizes(machine.hole, machine.width, machine.clearance, heights.thickness, heights.washer),
+        sizes=sizes._replace(hole=machine.hole, width=machine.width),
         parts=[
             AssemblyPart(
                 part.name,
                 part.kind,
                 names[part.body],
-                [(z.real, z.imag) for z in part.shape.core],
+                [_xy(z) for z in part.shape.core],
                 part.shape.radius,
-                [Hole((hole.at.real, hole.at.imag), hole.pin) for hole in part.holes],
+                [Hole(_xy(hole.core[0]), hole.pin) for hole in part.holes if len(hole.core) == 1],
                 part.layers,
                 part.z,
-                [
-                    Slit((slit.first.real, slit.first.imag), (slit.last.real, slit.last.imag), slit.pin)
-                    for slit in part.slits
-                ],
+                [Slit(_xy(hole.core[0]), _xy(hole.core[1]), hole.pin) for hole in part.holes if len(hole.core) > 1],
             )
             for part in parts_of(machine, stack, heights)
         ],
         reasons=reasons,
         machine=machine,
         arrangement=found,
-        settings=settings,
-        requested=request.settings,
+        settings=request.settings,
         driven_hinge=request.drive if isinstance(request.drive, str) else "",
     )
+
+
+def _xy(point: complex) -> tuple[float, float]:
+    return point.real, point.imag
 
 
 def _collision(collision: stacks.Collision, unit: Reading) -> Collision:

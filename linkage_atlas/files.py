@@ -10,8 +10,6 @@ from linkage_atlas.analysis import analysed, read_analysis
 from linkage_atlas.arguments import Fields, millimetres_in, one_of
 from linkage_atlas.attached_drives import read_attached
 from linkage_atlas.formats import FORMATS, HELD, OF_PARTS
-from linkage_atlas.part_settings import PartSettings
-from synthesis.assembly.sizes import plate_sizes
 from synthesis.drives.attached import COLOUR, LAYER, Attached
 from synthesis.drives.links import GROUND, ends_of, motions_at
 from synthesis.drives.six_bar import Motor, SixBar
@@ -42,7 +40,6 @@ def content_of(
     analysis: Fields | None,
     drive: Fields | None,
     parts: Callable[[bool], Any] | None = None,
-    arranged: bool = False,
     more: Fields | None = None,
 ) -> bytes:
     """Return the content of a file; see `Linkage.file` for the arguments.
@@ -53,8 +50,6 @@ def content_of(
         None if it is unknown: CSV and SVG do not mention it then, and other files take millimetres.
     parts : callable, optional
         Makes the `SolidParts` of the linkage, with an error if they collide, or with True in any case.
-    arranged : bool
-        True if plates are those of an assembly and not only the links.
     more : mapping, optional
         Further columns of a CSV file.
     """
@@ -71,14 +66,7 @@ def content_of(
     unit_mm = millimetres_in(length_unit or "mm")
     if kind in (*OF_PARTS, "plates"):
         assert parts is not None
-        if kind != "plates" or arranged or not linkage.is_four_bar:
-            return parts(False).file(kind)
-        from synthesis.solids.plates import to_plates
-
-        settings = PartSettings(length_unit=length_unit)
-        hole, width = plate_sizes(linkage.links)
-        settings = settings.completed(hole, width, 0.0)
-        return to_plates(linkage, unit_mm, settings.hole, settings.width).encode()
+        return parts(False).file(kind)
     if kind == "dxf":
         return to_dxf(linkage, target, unit_mm, layer).encode()
     if kind != "mjcf":

@@ -599,8 +599,6 @@ class Linkage:
         material, pins : str
             Material of plates and boards, and of pins, washers and heads: steel, stainless, aluminium, brass, plywood, acrylic,
             POM, PLA, PETG or ABS. Default: aluminium and steel; PLA for printing.
-        fillet : float
-            Radius at the convex corners of the body's outline, in the unit of the lengths.
         layout : {"assembled", "bed"}
             Arrangement of the parts in STEP and 3MF. Default: assembled in STEP, side by side on the print bed in 3MF.
         allow_collisions : bool
@@ -645,7 +643,7 @@ class Linkage:
         Parameters
         ----------
         kind : {"csv", "svg", "dxf", "plates", "mjcf", "step", "3mf", "stl", "parts"}
-            ``plates``: a DXF of the links as plates to cut. ``stl``: a zip archive with a file per part. ``parts``: a CSV list.
+            ``plates``: a DXF of all flat parts to cut. ``stl``: a zip archive with a file per part. ``parts``: a CSV list.
         motion : Motion, optional
             Requested motion; default: the motion that the linkage answers, or else a whole turn.
         length_unit : {"um", "mm", "cm", "m", "in", "ft"}, optional
@@ -655,8 +653,7 @@ class Linkage:
         analysis : mapping, optional
             ``crank_speed`` and ``load``, see `analysis`: further columns of a CSV file.
         assembly, solids : mapping, optional
-            Arguments of `assembly` (True: the defaults) and of `solids`, for files of parts, for the masses in an MJCF file, and
-            for a DXF of all flat parts instead of only the links.
+            Arguments of `assembly` (True: the defaults) and of `solids`, for files of parts and for the masses in an MJCF file.
         work : Work, optional
             Limits the time, and ends the computation if the result is no longer needed.
         drive : mapping, optional
@@ -678,8 +675,7 @@ class Linkage:
             layers = assembly if isinstance(assembly, Mapping) else {}
             return solids_in(self._arranged(target, layers, work or Work(), "assembly/", scale), request, scale)
 
-        has_parts = bool(assembly or solids)
-        return content_of(self._linkage, target, self._radian, kind, unit, analysis, drive, parts, has_parts)
+        return content_of(self._linkage, target, self._radian, kind, unit, analysis, drive, parts)
 
     def render(self, kind: str, *arguments: Any, **more: Any) -> str:
         """Return the text of a file; arguments as for `file`. Raises FieldError for 3MF and STL, which are not text."""

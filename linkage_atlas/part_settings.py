@@ -6,21 +6,39 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 from linkage_atlas.arguments import MILLIMETRES, millimetres_in, number, one_of, positive
 from synthesis.assembly.machine import Sizes
-from synthesis.assembly.parts import THICKNESS, WASHER
 from synthesis.assembly.sizes import WIDTH_OF_HOLE
 from synthesis.errors import FieldError
 
 LEAST_SCALE, LARGEST_SCALE = 1e-3, 1e3
+THICKNESS = 0.5
+"""Default thickness of a plate, in diameters of its holes."""
+WASHER = 0.2
+"""Default thickness of the washers between two layers, in thicknesses of a plate."""
 HOLES = (1, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10, 12, 16, 20, 25, 30, 40, 50, 60, 80, 100, 120, 160, 200)
 """Diameters of pins and drills, in millimetres."""
 SHEETS = (0.5, 1, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10, 12, 15, 20, 25, 30, 40, 50, 60, 80, 100)
 """Thicknesses of sheet and plate, in millimetres."""
 WASHERS = (0.2, 0.3, 0.5, 0.8, 1, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10, 12, 16, 20)
 """Thicknesses of washers, in millimetres."""
+
+
+class PartSizes(NamedTuple):
+    """Sizes of the parts: from the request, or else the defaults, in the unit of the lengths."""
+
+    hole: float
+    """Diameter of the pins."""
+    width: float
+    """Width of the plates."""
+    clearance: float
+    """Smallest allowed gap between parts that pass each other."""
+    thickness: float
+    """Thickness of the plates."""
+    washer: float
+    """Thickness of the washers between two layers."""
 
 
 @dataclass(frozen=True)
@@ -62,8 +80,8 @@ class PartSettings:
         """The sizes that concern layers."""
         return Sizes(self.hole, self.width, self.clearance)
 
-    def completed(self, hole: float, width: float, clearance: float) -> PartSettings:
-        """Return the settings with all defaults filled in.
+    def completed(self, hole: float, width: float, clearance: float) -> PartSizes:
+        """Return the sizes with all defaults filled in.
 
         Parameters
         ----------
@@ -86,7 +104,7 @@ class PartSettings:
         if washer is None:
             washer = WASHER * thickness
             washer = _up(washer * unit, WASHERS) / unit if standard else washer
-        return replace(self, hole=hole, width=width, thickness=thickness, washer=washer, clearance=clearance)
+        return PartSizes(hole, width, clearance, thickness, washer)
 
 
 def _scale(field: str, value: object) -> float:

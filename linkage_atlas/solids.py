@@ -8,10 +8,11 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
-from linkage_atlas.arguments import Fields, check_names, flag, millimetres_in, number, one_of, read_fields
+from linkage_atlas.arguments import Fields, check_names, flag, millimetres_in, one_of, read_fields
 from linkage_atlas.assemblies import ASSEMBLY, Assembly, assembled, read_assembly
 from linkage_atlas.formats import OF_PARTS, kind_of
 from linkage_atlas.records import PYTHON_ONLY, Record
+from synthesis.assembly.parts import Heights
 from synthesis.errors import FieldError
 from synthesis.linkage import Linkage
 from synthesis.sheet import csv_text
@@ -22,7 +23,6 @@ from synthesis.work import Work
 SOLIDS: dict[str, Callable[[str, Any], Any]] = {
     "fit": partial(one_of, known=FITS),
     **dict.fromkeys(("material", "pins"), partial(one_of, known=DENSITIES)),
-    "fillet": partial(number, minimum=0.0),
     "layout": partial(one_of, known=("assembled", "bed")),
     "allow_collisions": flag,
 }
@@ -40,7 +40,6 @@ class AskedSolids(NamedTuple):
     fit: Fit
     material: str
     pins: str
-    fillet: float
     layout: str | None
     allow_collisions: bool
 
@@ -54,7 +53,6 @@ def read_solids(request: Fields | None, where: str = "solids/") -> AskedSolids:
         FITS[fit],
         read.get("material", plates),
         read.get("pins", pins),
-        read.get("fillet", 0.0),
         read.get("layout"),
         read.get("allow_collisions", False),
     )
@@ -127,15 +125,14 @@ class SolidParts(Record):
     def file(self, kind: str) -> bytes:
         """Return the content of a file: step, 3mf, stl (a zip file), parts (CSV) or plates (DXF of all flat parts).
 
-        Parts in a 3MF file lie on the bed of the printer unless the layout is "assembled"; parts in a STEP file are assembled
-        unless the layout is "bed".
+        By default parts in a 3MF file lie on the bed of the printer, and parts in a STEP file are assembled.
         """
         one_of("kind", kind, (*OF_PARTS, "plates"))
         solids, parts = self.solids, self.solids.parts
         if kind == "plates":
-            from synthesis.solids.plates import parts_to_plates
+            from synthesis.solids.plates import to_plates
 
-            return parts_to_plates(solids, self.kerf).encode()
+            return to_plates(solids, self.kerf).encode()
         if kind == "parts":
             columns = parts_list(solids, self.request.fit)
             if self.driven_hinge:
@@ -146,8 +143,8 @@ class SolidParts(Record):
 
         if kind == "stl":
             return to_stl_zip(parts)
-        layout = self.request.layout or ("bed" if kind == "3mf" else "assembled")
-        poses = on_bed(parts) if layout == "bed" else solids.posed()
+        on_print_bed = kind == "3mf" if self.request.layout is None else self.request.layout == "bed"
+        poses = on_bed(parts) if on_print_bed else solids.posed()
         if kind == "3mf":
             return to_3mf(parts, poses, NAME)
         from synthesis.solids.step import to_step
@@ -197,15 +194,13 @@ def solids_in(assembly: Assembly, request: AskedSolids, length_unit: str) -> Sol
             f"must give pins of at least {LEAST_MM:g} mm and plates of at most {LARGEST_MM:g} mm, "
             f"found {sizes[0]:g} and {sizes[1]:g}",
         )
-    materials = Manufacture(
-        request.fit,
-        request.material,
-        request.pins,
-        _height(assembly.requested.thickness, settings.thickness, request.fit.plate / (unit * scale)),
-        _height(assembly.requested.washer, settings.washer, request.fit.washer / (unit * scale)),
-        request.fillet,
-        scale,
+    # defaults are at least what a fit needs
+    thickness, washer = assembly.sizes.thickness, assembly.sizes.washer
+    heights = Heights(
+        thickness if settings.thickness is not None else max(thickness, request.fit.plate / (unit * scale)),
+        washer if settings.washer is not None else max(washer, request.fit.washer / (unit * scale)),
     )
+    materials = Manufacture(request.fit, request.material, request.pins, heights, scale)
     solids = solids_of(machine, assembly.arrangement.stack, materials, unit)
     full = (
         solids if scale == 1 else solids_of(machine, assembly.arrangement.stack, materials._replace(scale=1.0), unit)
@@ -235,9 +230,3 @@ def solids_in(assembly: Assembly, request: AskedSolids, length_unit: str) -> Sol
         settings.kerf * unit,
         assembly.driven_hinge,
     )
-
-
-def _height(own: float | None, default: float | None, minimum: float) -> float:
-    """Return the given height, or else the default height, which is at least the height that a fit needs."""
-    assert default is not None
-    return max(default, minimum) if own is None else own

@@ -202,7 +202,6 @@ class SolidsRequest(RequestModel):
     fit: Literal["H7", "print"] = "H7"
     material: Material | None = None
     pins: Material | None = None
-    fillet: Size = 0.0
     layout: Literal["assembled", "bed"] | None = None
     allow_collisions: Flag = False
 

@@ -122,7 +122,7 @@ def motor_driven(
         (ROD, rod, motor.rod, ("K", "Q")),
     ):
         shape = Shape((0j, complex(reach)), width / 2)
-        plates.append(Plate(name, number, shape, (Hole(0j, ends[0]), Hole(complex(reach), ends[1]))))
+        plates.append(Plate(name, number, shape, (Hole((0j,), ends[0]), Hole((complex(reach),), ends[1]))))
     joins = (MOTOR_CRANK, "bar") if bar else (MOTOR_CRANK,)
     pins = (
         *plain.pins,
@@ -212,14 +212,14 @@ def strut_driven(
     foot, held = BodyPoint(on, end), BodyPoint(link, pin)
     first, second = len(names), len(names) + 1
     names_of_links = (HANDLE, STRUT) if drive.knee else (CYLINDER, PISTON_ROD)
-    eye = Hole(0j, "G"), Hole(0j, "Q")
+    eye = Hole((0j,), "G"), Hole((0j,), "Q")
     steps: list[Step] = []
     pins: list[Pin] = []
     if drive.knee:
         first_length, second_length = drive.sizes
         steps.append(Dyad(first, second, foot, held, first_length, second_length, drive.knee))
         plates = [
-            Plate(name, number, Shape((0j, complex(reach)), width / 2), (hole_, Hole(complex(reach), "K")))
+            Plate(name, number, Shape((0j, complex(reach)), width / 2), (hole_, Hole((complex(reach),), "K")))
             for name, number, reach, hole_ in zip(names_of_links, (first, second), drive.sizes, eye)
         ]
         pins.append(
@@ -274,5 +274,5 @@ def strut_driven(
 def _with_pin(plate: Plate, at: complex, hole: float, pin: str, free: bool) -> Plate:
     """Return a plate that reaches to a further pin; if ``free``, a hole that only marks the body point gives way to it."""
     core = hull((*plate.shape.core, at))
-    holes = [hole_ for hole_ in plate.holes if not (free and hole_.pin == "P" and abs(hole_.at - at) <= hole)]
-    return replace(plate, shape=Shape(core, plate.shape.radius), holes=(*holes, Hole(at, pin)))
+    holes = [hole_ for hole_ in plate.holes if not (free and hole_.pin == "P" and hole_.distance(at) <= hole)]
+    return replace(plate, shape=Shape(core, plate.shape.radius), holes=(*holes, Hole((at,), pin)))

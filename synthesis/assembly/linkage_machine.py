@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from synthesis.arrays import Flags, Floats
 from synthesis.assembly.guided_body import GuidedBody
-from synthesis.assembly.machine import CLEARANCE, Hole, Machine, Pin, Plate, Sizes, Slit, SlitEnd
+from synthesis.assembly.machine import CLEARANCE, Hole, Machine, Pin, Plate, Sizes, SlitEnd
 from synthesis.assembly.movement import (
     GROUND,
     Between,
@@ -92,7 +92,7 @@ def as_plates(
     plates: list[Plate] = []
     pins: list[Pin] = []
     steps: list[Step] = [] if four_bar else [GuidedBody(local, carrier)]
-    corners, holes, slits = [] if point is None else [point], [], []
+    corners, holes = [] if point is None else [point], []
     for index, (link, guide) in enumerate(local.named_guides):
         fixed, moving = _PINS[index]
         at = guide.body_point - driven.body_point
@@ -106,7 +106,9 @@ def as_plates(
                 steps.append(Dyad(carrier, number, pin, pivot, abs(at), guide.radius, guided.branch))
             else:
                 steps.append(Between(number, pivot, BodyPoint(carrier, at), guide.radius))
-            plates.append(Plate(link, number, Shape((0j, end), width / 2), (Hole(0j, fixed), Hole(end, moving))))
+            plates.append(
+                Plate(link, number, Shape((0j, end), width / 2), (Hole((0j,), fixed), Hole((end,), moving)))
+            )
             pins.append(Pin(fixed, (pivot, BodyPoint(number, 0j)), hole / 2, (link,)))
             ends = BodyPoint(number, end), BodyPoint(carrier, at)
             pins.append(Pin(moving, ends[::-1] if four_bar and index else ends, hole / 2, (link, BODY)))
@@ -120,8 +122,7 @@ def as_plates(
                     name,
                     GROUND,
                     Shape(posts, width / 2),
-                    (Hole(posts[0], f"{fixed}1"), Hole(posts[1], f"{fixed}2")),
-                    (Slit(low, high, moving),),
+                    (Hole(posts[:1], f"{fixed}1"), Hole(posts[1:], f"{fixed}2"), Hole((low, high), moving)),
                 )
             )
             pins += [
@@ -131,29 +132,28 @@ def as_plates(
         else:
             along = complex(np.exp(1j * guide.body_direction))
             low, high = (at + along * value for value in spans[index])
-            slits.append(Slit(low, high, fixed))
+            holes.append(Hole((low, high), fixed))
             corners += [low, high]
             pins.append(Pin(fixed, (BodyPoint(GROUND, guide.pin),), hole / 2, (BODY,)))
             continue
         corners.append(at)
-        holes.append(Hole(at, moving))
+        holes.append(Hole((at,), moving))
     if four_bar:
         pins.sort(key=lambda pin: not pin.grounded)
     if point is not None:
-        obstacles = [*((at, at) for at, _ in holes), *((slit.first, slit.last) for slit in slits)]
-        sash, post = carried_by(body, point, turn, obstacles, hole, width)
+        sash, post = carried_by(body, point, turn, [made.core for made in holes], hole, width)
         if sash:
             corners.append(post)
-            plates.append(Plate("body", carrier, Shape(sash, 0.0), (Hole(post, "P"),)))
+            plates.append(Plate("body", carrier, Shape(sash, 0.0), (Hole((post,), "P"),)))
             pins.append(Pin("P", (BodyPoint(carrier, post),), hole / 2, (BODY, "body"), True))
         # a hole that would overlap another hole is left out
-        if all(abs(post - at) > hole for at, _ in holes) and all(slit.distance(post) > hole for slit in slits):
-            holes.append(Hole(post, "P"))
-    plates.insert(1, Plate(BODY, carrier, Shape(hull(corners), width / 2), tuple(holes), tuple(slits)))
+        if all(made.distance(post) > hole for made in holes):
+            holes.append(Hole((post,), "P"))
+    plates.insert(1, Plate(BODY, carrier, Shape(hull(corners), width / 2), tuple(holes)))
     if bar:
         fixed_at = {pin.name: pin.points[0].at for pin in pins if pin.grounded}
         core = tuple(fixed_at.values()) if four_bar else hull([*fixed_at.values()])
-        bores = tuple(Hole(at, name) for name, at in fixed_at.items())
+        bores = tuple(Hole((at,), name) for name, at in fixed_at.items())
         plates.append(Plate("bar", GROUND, Shape(core, width / 2), bores))
         pins = [replace(pin, joins=(*pin.joins, "bar")) if pin.grounded else pin for pin in pins]
     is_whole_turn = guided.driver.turns and loop is None and last - first >= TURN
@@ -299,7 +299,7 @@ def carried_by(
     body: Sequence[complex],
     point: complex,
     turn: float,
-    obstacles: Sequence[tuple[complex, complex]],
+    obstacles: Sequence[tuple[complex, ...]],
     hole: float,
     width: float,
 ) -> tuple[tuple[complex, ...], complex]:
@@ -315,8 +315,8 @@ def carried_by(
         Corners of the outline.
     point, turn : complex, float
         Origin and rotation of the body's frame in the link's frame.
-    obstacles : sequence of pairs of complex
-        Holes and slits of the link.
+    obstacles : sequence of tuples of complex
+        Cores of the holes and slits of the link.
     hole, width : float
 
     Raises

@@ -20,22 +20,15 @@ FULL_TURN_TOLERANCE = 1e-9
 
 
 class Hole(NamedTuple):
-    """A hole of a plate, in the plate's frame, and the pin or post that it receives."""
+    """A hole of a plate for a pin or post, or a slit along which a pin slides, as wide as the pin; in the plate's frame."""
 
-    at: complex
-    pin: str
-
-
-class Slit(NamedTuple):
-    """A slit of a plate along which a pin slides, as wide as the pin, between the two ends that the pin's middle reaches."""
-
-    first: complex
-    last: complex
+    core: tuple[complex, ...]
+    """Centre of a hole, or the two ends of a slit that the pin's middle reaches."""
     pin: str
 
     def distance(self, point: complex) -> float:
-        """Return the distance of a point from the line between the ends."""
-        return abs(nearest_on((self.first, self.last), point) - point)
+        """Return the distance of a point from the centre, or from the line between the ends."""
+        return abs(nearest_on(self.core, point) - point)
 
 
 class SlitEnd(NamedTuple):
@@ -47,13 +40,17 @@ class SlitEnd(NamedTuple):
 
 @dataclass(frozen=True)
 class Plate:
-    """A flat part in a single layer; shape, holes and slits are given in the frame of the body that carries it."""
+    """A flat part in a single layer; shape and holes are given in the frame of the body that carries it."""
 
     name: str
     body: int
     shape: Shape
     holes: tuple[Hole, ...]
-    slits: tuple[Slit, ...] = ()
+
+    @property
+    def slits(self) -> list[Hole]:
+        """Holes in which pins slide."""
+        return [hole for hole in self.holes if len(hole.core) > 1]
 
 
 @dataclass(frozen=True)

@@ -10,15 +10,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
-from synthesis.assembly.machine import Hole, Machine, Pin, Slit
+from synthesis.assembly.machine import Hole, Machine
 from synthesis.assembly.movement import GROUND
 from synthesis.assembly.shapes import Shape, disc, hull
 from synthesis.assembly.stacks import HEAD, Stack
 
-THICKNESS = 0.5
-"""Default thickness of a plate, in diameters of its holes."""
-WASHER = 0.2
-"""Default thickness of the washers between two layers, in thicknesses of a plate."""
+PartKind = Literal["plate", "pin", "post", "head", "board"]
 
 
 @dataclass(frozen=True)
@@ -27,18 +24,19 @@ class Part:
 
     name: str
     """A plate's own name (crank, coupler, rocker, body, bar), or pin_D, post_P, head_D_below, board_below."""
-    kind: Literal["plate", "pin", "post", "head", "board"]
+    kind: PartKind
     body: int
     """Index of the body that carries the part, in `synthesis.assembly.movement.Movement`; a pin moves with the first of its
     bodies."""
     shape: Shape
     holes: tuple[Hole, ...]
-    """Holes of plates and boards; they have the diameter of the machine's holes, which is also the width of slits."""
+    """Holes and slits of plates and boards; they are as wide as the machine's holes."""
     layers: tuple[int, int]
     """Lowest and highest layer that the part fills; 0 is the board below."""
     z: tuple[float, float]
     """Heights of the lower and the upper face."""
-    slits: tuple[Slit, ...] = ()
+    pin: str = ""
+    """Name of the pin or post that the part is or that its head belongs to."""
 
 
 class Heights(NamedTuple):
@@ -46,12 +44,6 @@ class Heights(NamedTuple):
 
     thickness: float
     washer: float
-
-    @classmethod
-    def of(cls, machine: Machine, thickness: float | None = None, washer: float | None = None) -> Heights:
-        """Return the heights, with defaults for missing values."""
-        thick = THICKNESS * machine.hole if thickness is None else thickness
-        return cls(thick, WASHER * thick if washer is None else washer)
 
     def z(self, low: int, high: int) -> tuple[float, float]:
         """Return the heights of the faces of a part that fills the layers from ``low`` to ``high``."""
@@ -64,43 +56,36 @@ def parts_of(machine: Machine, stack: Stack, heights: Heights) -> list[Part]:
 
     In a free stack no two parts in a common layer come closer than the clearance, except a plate and its own pin.
     """
-    found = [
-        Part(
-            plate.name,
-            "plate",
-            plate.body,
-            plate.shape,
-            plate.holes,
-            (layer, layer),
-            heights.z(layer, layer),
-            plate.slits,
-        )
-        for plate in machine.plates
-        for layer in (stack.layers[plate.name],)
-    ]
+    found: list[Part] = []
+
+    def add(
+        name: str,
+        kind: PartKind,
+        body: int,
+        shape: Shape,
+        holes: tuple[Hole, ...],
+        low: int,
+        high: int,
+        pin: str = "",
+    ) -> None:
+        found.append(Part(name, kind, body, shape, holes, (low, high), heights.z(low, high), pin))
+
+    for plate in machine.plates:
+        layer = stack.layers[plate.name]
+        add(plate.name, "plate", plate.body, plate.shape, plate.holes, layer, layer)
     pins = {pin.name: pin for pin in machine.pins}
     for name, (low, high) in stack.pins.items():
-        pin, kind = pins[name], "post" if pins[name].post else "pin"
-        found.append(_round(f"{kind}_{name}", kind, pin, pin.radius, low, high, heights))  # type: ignore[arg-type]
+        kind: PartKind = "post" if pins[name].post else "pin"
+        body, at = pins[name].points[0]
+        add(f"{kind}_{name}", kind, body, disc(at, pins[name].radius), (), low, high, name)
     for name, end, layer in stack.heads:
-        found.append(
-            _round(f"head_{name}_{end}", "head", pins[name], HEAD * pins[name].radius, layer, layer, heights)
-        )
+        body, at = pins[name].points[0]
+        add(f"head_{name}_{end}", "head", body, disc(at, HEAD * pins[name].radius), (), layer, layer, name)
     grounded = [pin for pin in machine.pins if pin.grounded]
     outline = Shape(hull([pin.points[0].at for pin in grounded]), machine.width / 2)
-    for name, layer in (("below", 0), ("above", stack.count + 1)):
-        holes = tuple(
-            Hole(pin.points[0].at, pin.name) for pin in grounded if name in stack.mounts.get(pin.name, "").split("+")
-        )
+    for end, layer in (("below", 0), ("above", stack.count + 1)):
+        held = [pin for pin in grounded if end in stack.mounts.get(pin.name, "").split("+")]
+        holes = tuple(Hole((pin.points[0].at,), pin.name) for pin in held)
         if holes:
-            found.append(
-                Part(f"board_{name}", "board", GROUND, outline, holes, (layer, layer), heights.z(layer, layer))
-            )
+            add(f"board_{end}", "board", GROUND, outline, holes, layer, layer)
     return found
-
-
-def _round(
-    name: str, kind: Literal["pin", "post", "head"], pin: Pin, radius: float, low: int, high: int, heights: Heights
-) -> Part:
-    body, at = pin.points[0]
-    return Part(name, kind, body, disc(at, radius), (), (low, high), heights.z(low, high))

@@ -40,6 +40,20 @@ class Shape:
         """Corners of the core, with a point as a line of zero length, so that only lines and polygons occur."""
         return self.core * 2 if len(self.core) == 1 else self.core
 
+    @property
+    def extent(self) -> tuple[complex, complex]:
+        """Lower left and upper right corner of the bounding box."""
+        x, y = [z.real for z in self.core], [z.imag for z in self.core]
+        return complex(min(x), min(y)) - self.radius * (1 + 1j), complex(max(x), max(y)) + self.radius * (1 + 1j)
+
+    def times(self, factor: complex) -> Shape:
+        """Return the shape scaled by the modulus of a factor and rotated about the origin by its argument."""
+        return Shape(tuple(factor * z for z in self.core), abs(factor) * self.radius)
+
+    def grown(self, by: float) -> Shape:
+        """Return the shape with a larger radius."""
+        return Shape(self.core, self.radius + by)
+
 
 def disc(centre: complex, radius: float) -> Shape:
     """Return the shape of a pin, a post or a head."""

@@ -1,7 +1,6 @@
 """Triangle meshes of parts for 3D printing: 3MF with names and colours, and STL.
 
-The mesh lies within the exact solid: outer arcs have their corners on the circle, holes have their edges tangent to it. A pin of
-the hole's diameter therefore fits, and separate parts stay separate.
+The mesh lies within the exact solid. A pin of the hole's diameter therefore fits, and separate parts stay separate.
 """
 
 from __future__ import annotations
@@ -16,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.arrays import Complexes, Floats
-from synthesis.solids.prism import Hole, Prism
+from synthesis.solids.prism import Prism, Side, contour
 from synthesis.solids.solid import Posed, Solid
 
 SAGITTA = 0.01
@@ -56,10 +55,10 @@ def _steps(radius: float, angle: float) -> int:
     return max(1, int(np.ceil(abs(angle) / step * (1 - 1e-12))))
 
 
-def ring_of(prism: Prism) -> Complexes:
-    """Return the outline as a counter-clockwise polygon within the exact outline."""
+def ring_of(sides: Sequence[Side]) -> Complexes:
+    """Return a contour as a polygon within the material: chords of its arcs, and tangents around holes."""
     corners: list[Complexes] = []
-    for start, arc in zip(prism.corners, prism.arcs):
+    for start, arc in sides:
         corners.append(np.array([start]))
         if arc is None:
             continue
@@ -67,7 +66,7 @@ def ring_of(prism: Prism) -> Complexes:
         if arc.angle > 0:
             corners.append(arc.at(np.arange(1, steps) / steps))
         else:
-            # concave arc: intersections of neighbouring tangents
+            # intersections of neighbouring tangents
             meet = arc.at((np.arange(steps) + 0.5) / steps) - arc.centre
             corners.append(arc.centre + meet / np.cos(arc.angle / steps / 2))
     ring = np.concatenate(corners)
@@ -75,16 +74,6 @@ def ring_of(prism: Prism) -> Complexes:
     # a collinear corner would be missing in the faces but not in the sides
     bent = np.abs(np.imag(np.conj(back) * on)) > 1e-12 * np.abs(back) * np.abs(on)
     return np.asarray(ring[bent])
-
-
-def _hole_ring(hole: Hole, phase: float) -> Complexes:
-    """Return a hole as a clockwise polygon around it."""
-    if hole.reach:
-        return ring_of(Prism(hole.outline, 0.0, 1.0))
-    centre, radius = hole.centre, hole.radius
-    count = max(12, _steps(radius, 2 * np.pi))
-    turn = phase - 2 * np.pi * np.arange(count) / count
-    return np.asarray(centre + radius / np.cos(np.pi / count) * np.exp(1j * turn))
 
 
 def mesh_of(prism: Prism) -> Mesh:
@@ -95,11 +84,11 @@ def mesh_of(prism: Prism) -> Mesh:
     """
     from mapbox_earcut import triangulate_float64
 
-    outline = ring_of(prism)
+    outline = ring_of(contour(prism.shape))
     for attempt in range(8):
         # different phases avoid collinear corners of different holes, which earcut would drop
         phases = _GOLDEN * (np.arange(len(prism.holes)) + 0.3) * (attempt + 1)
-        rings = [outline, *(_hole_ring(hole, phase) for hole, phase in zip(prism.holes, phases))]
+        rings = [outline, *(ring_of(contour(hole, True, phase)) for hole, phase in zip(prism.holes, phases.tolist()))]
         plane = np.concatenate(rings)
         ends = np.cumsum([len(ring) for ring in rings]).astype(np.uint32)
         # coordinates relative to the middle, which lose the fewest digits
@@ -119,32 +108,23 @@ def mesh_of(prism: Prism) -> Mesh:
     here = np.arange(count, dtype=np.int32)
     sides = [np.column_stack([here, after, after + count]), np.column_stack([here, after + count, here + count])]
     flat = np.column_stack([plane.real, plane.imag])
-    corners = np.concatenate([np.column_stack([flat, np.full(count, z)]) for z in (prism.low, prism.high)])
+    corners = np.concatenate([np.column_stack([flat, np.full(count, z)]) for z in (0.0, prism.height)])
     return Mesh(corners, np.concatenate([face[:, ::-1], face + count, *sides]).astype(np.int32))
 
 
 def on_bed(parts: Sequence[Solid]) -> list[Posed]:
     """Arrange parts on their lower faces, in rows on a roughly square bed, without overlap."""
-    boxes = []
-    for part in parts:
-        low, high = part.prism.extent
-        size = high - low
-        # the long side lies along x
-        turn = 1j if size.imag > size.real * (1 + 1e-9) else 1.0 + 0j
-        corner = complex(-high.imag, low.real) if turn == 1j else low
-        size = complex(size.imag, size.real) if turn == 1j else size
-        boxes.append((turn, corner, size))
-    area = sum((size.real + _GAP) * (size.imag + _GAP) for _, _, size in boxes)
-    wide = max([1.2 * np.sqrt(area), *(size.real for _, _, size in boxes)])
+    boxes = [part.prism.shape.extent for part in parts]
+    sizes = [high - low + _GAP * (1 + 1j) for low, high in boxes]
+    wide = max([1.2 * np.sqrt(sum(size.real * size.imag for size in sizes)), *(size.real for size in sizes)])
     poses: dict[int, Posed] = {}
     at, row = 0j, 0.0
-    for k in sorted(range(len(boxes)), key=lambda k: -boxes[k][2].imag):
-        turn, corner, size = boxes[k]
-        if at.real + size.real > wide * (1 + 1e-9):
-            at, row = complex(0.0, at.imag + row + _GAP), 0.0
-        poses[k] = Posed(turn, at - corner, -parts[k].prism.low)
-        row = max(row, size.imag)
-        at += size.real + _GAP
+    for k in sorted(range(len(parts)), key=lambda k: -sizes[k].imag):
+        if at.real + sizes[k].real > wide * (1 + 1e-9):
+            at, row = complex(0.0, at.imag + row), 0.0
+        poses[k] = Posed(1.0 + 0j, at - boxes[k][0], 0.0)
+        row = max(row, sizes[k].imag)
+        at += sizes[k].real
     return [poses[k] for k in range(len(parts))]
 
 

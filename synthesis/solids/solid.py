@@ -6,21 +6,21 @@ Lengths are in millimetres, masses in kilograms.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
 
-from synthesis.arrays import Floats
 from synthesis.assembly.machine import Machine
 from synthesis.assembly.parts import Heights, Part, parts_of
+from synthesis.assembly.shapes import Shape
 from synthesis.assembly.stacks import HEAD, Stack
 from synthesis.errors import FieldError
 from synthesis.link_motion import Mass
 from synthesis.linkage import BODY
-from synthesis.solids.prism import Hole, MassProperties, Prism, filleted, rounded, together
+from synthesis.solids.prism import MassProperties, Prism, material_between, together
 
 DENSITIES = {
     "steel": 7850.0,
@@ -89,10 +89,7 @@ class Manufacture(NamedTuple):
     fit: Fit
     material: str
     pins: str
-    thickness: float | None = None
-    washer: float | None = None
-    fillet: float = 0.0
-    """Radius at the convex corners of the body."""
+    heights: Heights
     scale: float = 1.0
     """Scale of a model."""
 
@@ -121,8 +118,7 @@ class Solid:
     @property
     def mass(self) -> MassProperties:
         """Mass properties in kilograms and millimetres, in the frame of the body."""
-        own = self.prism.mass(DENSITIES[self.material] * _CUBIC_MM)
-        return own.turned(1.0 + 0j, np.array([self.at.real, self.at.imag, self.up]))
+        return self.prism.mass(DENSITIES[self.material] * _CUBIC_MM, self.at, self.up)
 
 
 class Posed(NamedTuple):
@@ -180,194 +176,123 @@ def solids_of(machine: Machine, stack: Stack, manufacture: Manufacture, unit_mm:
     FieldError
         If a hole leaves no material.
     """
-    unit = unit_mm * manufacture.scale
-    heights = _heights(machine, manufacture, unit)
-    thick = heights.thickness * unit
-    parts = parts_of(machine, stack, heights)
-    names = machine.movement.names
-    pin_radius = (machine.hole * unit - manufacture.fit.turning) / 2
-    held = pin_radius + manufacture.fit.held / 2
-    turning = machine.hole * unit / 2
-    if not pin_radius > 0:
+    unit, play = unit_mm * manufacture.scale, manufacture.fit.turning
+    if not machine.hole * unit > play:
         raise FieldError(
             "/assembly/hole",
-            f"must give holes above {manufacture.fit.turning:g} mm, the play of this fit; a hole is {2 * turning:g} mm",
+            f"must give holes above {play:g} mm, the play of this fit; a hole is {machine.hole * unit:g} mm",
         )
-    carriers = {pin.name: pin.points[0].body for pin in machine.pins}
-    washers = _Washers(machine, parts, heights, manufacture, unit, pin_radius, held)
-    found: list[Solid] = []
-
-    def add(part: Part, prism: Prism, at: complex, low: float, material: str, colour: str, turns: str = "") -> None:
-        link = names[part.body]
-        found.append(Solid(part.name, part.kind, part.body, link, prism, at * unit, low, material, colour, turns))
-
-    for part in parts:
-        low = part.z[0] * unit
-        if part.kind in ("plate", "board"):
-            holes = _holes(part, unit, turning, held, carriers)
-            prism = Prism(_outline(part, manufacture.fillet) * np.array([unit, unit, 1.0]), 0.0, thick, holes)
-            if not prism.thinnest_wall > 1e-9 * unit:
-                raise FieldError(
-                    "/assembly/body" if part.name == "body" else "/assembly/hole",
-                    f"must leave material around every hole, but leaves none around a hole of {part.name}",
-                )
-            colour = COLOURS.get(names[part.body], OTHER_BODY)
-            add(part, prism, 0j, low, manufacture.material, OTHER_BODY if part.name == "body" else colour)
-        elif part.kind == "head":
-            prism = Prism.disc(0j, part.shape.radius * unit, 0.0, thick, held)
-            add(part, prism, part.shape.core[0], low, manufacture.pins, ROUND)
-        else:
-            low, high = washers.reach(part)
-            prism = Prism.disc(0j, pin_radius, 0.0, high - low)
-            add(part, prism, part.shape.core[0], low, manufacture.pins, ROUND, washers.turning_on(part))
-    found += washers.solids()
-    return Solids(machine, tuple(found), unit)
+    return Solids(machine, tuple(_Workshop(machine, stack, manufacture, unit).solids()), unit)
 
 
-def _heights(machine: Machine, manufacture: Manufacture, unit: float) -> Heights:
-    """Return the thicknesses in the unit of the machine; a printer needs a minimum."""
-    usual = Heights.of(machine, manufacture.thickness, manufacture.washer)
-    thick = (
-        max(usual.thickness, manufacture.fit.plate / unit) if manufacture.thickness is None else manufacture.thickness
-    )
-    usual = Heights.of(machine, thick, manufacture.washer)
-    return Heights(
-        thick, max(usual.washer, manufacture.fit.washer / unit) if manufacture.washer is None else manufacture.washer
-    )
+class _Workshop:
+    """Makes the parts of a stack in millimetres."""
 
-
-def _outline(part: Part, fillet: float) -> Floats:
-    if part.shape.radius == 0:
-        return filleted(part.shape.core, fillet)
-    return rounded(part.shape.core, part.shape.radius)
-
-
-class _Washers:
-    """Washers between and beside plates, and the ends of pins."""
-
-    def __init__(
-        self,
-        machine: Machine,
-        parts: Sequence[Part],
-        heights: Heights,
-        manufacture: Manufacture,
-        unit: float,
-        pin_radius: float,
-        held: float,
-    ) -> None:
-        self.made, self.unit, self.held = manufacture, unit, held
+    def __init__(self, machine: Machine, stack: Stack, manufacture: Manufacture, unit: float) -> None:
+        self.machine, self.made, self.unit = machine, manufacture, unit
+        fit, heights = manufacture.fit, manufacture.heights
+        self.parts = parts_of(machine, stack, heights)
         self.turning = machine.hole * unit / 2
-        self.names = machine.movement.names
-        self.gap, self.pitch = heights.washer * unit, (heights.thickness + heights.washer) * unit
-        self.thick = heights.thickness * unit
-        self.play = min(manufacture.fit.axial, self.gap / 8)
+        self.pin_radius = self.turning - fit.turning / 2
+        self.held = self.pin_radius + fit.held / 2
+        self.thick, self.gap = heights.thickness * unit, heights.washer * unit
+        self.play = min(fit.axial, self.gap / 8)
+        self.carriers = {pin.name: pin.points[0].body for pin in machine.pins}
         # a pin can be anywhere in its slit
-        apart = [a.apart(b) for part in parts for a, b in combinations(_holes(part, 1.0, 0.0, 0.0, {}), 2)]
-        self.radius = min(
-            HEAD * machine.hole / 2 * unit,
-            machine.width / 2 * unit,
-            _SIDE_BY_SIDE * min(apart, default=np.inf) * unit,
+        cores = [[Shape(hole.core, 0.0) for hole in part.holes] for part in self.parts]
+        apart = [material_between(*pair) for holes in cores for pair in combinations(holes, 2)]
+        self.washer_radius = unit * min(
+            HEAD * machine.hole / 2, machine.width / 2, _SIDE_BY_SIDE * min(apart, default=np.inf)
         )
-        self.is_needed = self.radius - self.turning >= _LEAST_RIM * machine.hole * unit and self.gap > 0
-        self.pins = {part.name: part for part in parts if part.kind == "pin"}
         self.plates: dict[str, dict[int, Part]] = {}
         """Plates, boards and heads on each pin, by layer."""
-        for part in parts:
-            on = (
-                [*(hole.pin for hole in part.holes), *(slit.pin for slit in part.slits)]
-                if part.kind != "head"
-                else [part.name.split("_")[1]]
+        for part in self.parts:
+            for name in [part.pin] if part.kind == "head" else [hole.pin for hole in part.holes]:
+                self.plates.setdefault(name, {})[part.layers[0]] = part
+
+    def solids(self) -> list[Solid]:
+        """Return all parts; the washers of a pin are counted from below."""
+        found, washers = [], []
+        for part in self.parts:
+            low = part.z[0] * self.unit
+            if part.kind in ("plate", "board"):
+                own = part.name == "body"
+                colour = OTHER_BODY if own else COLOURS.get(self.machine.movement.names[part.body], OTHER_BODY)
+                found.append(self._solid(part, self._plate(part), low, self.made.material, colour))
+            elif part.kind == "head":
+                prism = Prism.disc(part.shape.radius * self.unit, self.thick, self.held)
+                found.append(self._solid(part, prism, low, self.made.pins, ROUND))
+            else:
+                rings = list(self._washers(part)) if part.kind == "pin" else []
+                layers = self.plates[part.pin]
+                ends = [self._below(min(layers)), self._below(max(layers)) + self.thick]
+                ends += [end for at, tall, is_held in rings if is_held for end in (at, at + tall)]
+                turns = " ".join(plate.name for layer, plate in layers.items() if self._turns(part, layer))
+                pin = Prism.disc(self.pin_radius, max(ends) - min(ends))
+                found.append(replace(self._solid(part, pin, min(ends), self.made.pins, ROUND), turns=turns))
+                for number, (at, tall, is_held) in enumerate(rings, 1):
+                    ring = Prism.disc(self.washer_radius, tall, self.held if is_held else self.turning)
+                    washer = self._solid(part, ring, at, self.made.pins, WASHER)
+                    washers.append(replace(washer, name=f"washer_{part.pin}{number}", kind="washer"))
+        return found + washers
+
+    def _solid(self, part: Part, prism: Prism, low: float, material: str, colour: str) -> Solid:
+        link = self.machine.movement.names[part.body]
+        at = part.shape.core[0] * self.unit if part.pin else 0j
+        return Solid(part.name, part.kind, part.body, link, prism, at, low, material, colour)
+
+    def _plate(self, part: Part) -> Prism:
+        """Return a plate or board, with play around pins that it does not carry."""
+        radii = [self.held if self.carriers.get(hole.pin) == part.body else self.turning for hole in part.holes]
+        holes = [Shape(hole.core, 0.0).times(self.unit).grown(radius) for hole, radius in zip(part.holes, radii)]
+        prism = Prism(part.shape.times(self.unit), self.thick, tuple(holes))
+        if not prism.thinnest_wall > 1e-9 * self.unit:
+            raise FieldError(
+                "/assembly/body" if part.name == "body" else "/assembly/hole",
+                f"must leave material around every hole, but leaves none around a hole of {part.name}",
             )
-            for pin in on:
-                self.plates.setdefault(pin, {})[part.layers[0]] = part
+        return prism
 
     def _turns(self, pin: Part, layer: int) -> bool:
         """Return whether the plate in a layer turns on the pin."""
-        part = self.plates[_pin_of(pin)].get(layer)
+        part = self.plates[pin.pin].get(layer)
         return part is not None and part.kind != "head" and part.body != pin.body
 
-    def turning_on(self, pin: Part) -> str:
-        """Return the names of the plates that turn on a pin."""
-        return " ".join(
-            part.name for layer, part in self.plates.get(_pin_of(pin), {}).items() if self._turns(pin, layer)
-        )
+    def _below(self, layer: int) -> float:
+        """Return the height of the lower face of a layer."""
+        return (layer - 1) * (self.thick + self.gap)
 
-    def _above(self, layer: int) -> float:
-        """Return the height of the upper face of a layer."""
-        return (layer - 1) * self.pitch + self.thick
-
-    def positions(self, pin: Part) -> Iterable[tuple[float, float, bool]]:
+    def _washers(self, pin: Part) -> Iterable[tuple[float, float, bool]]:
         """Yield the lower face and thickness of each washer of a pin, and whether the pin holds it."""
-        if not self.is_needed:
+        if self.washer_radius - self.turning < 2 * _LEAST_RIM * self.turning or not self.gap > 0:
             return
-        layers = self.plates[_pin_of(pin)]
+        layers, half = self.plates[pin.pin], self.gap / 2
         for layer in range(min(layers) - 1, max(layers) + 1):
             below, above = layer in layers, layer + 1 in layers
-            low, half = self._above(layer), self.gap / 2
-            if below and above:
-                if self._turns(pin, layer) or self._turns(pin, layer + 1):
-                    yield low + self.play, self.gap - 2 * self.play, False
-            elif below and self._turns(pin, layer):
+            low, turns = self._below(layer) + self.thick, (self._turns(pin, layer), self._turns(pin, layer + 1))
+            if below and above and any(turns):
+                yield low + self.play, self.gap - 2 * self.play, False
+            elif not above and turns[0]:
                 yield low + self.play, half - self.play, True
-            elif above and self._turns(pin, layer + 1):
+            elif not below and turns[1]:
                 yield low + half, half - self.play, True
-
-    def reach(self, pin: Part) -> tuple[float, float]:
-        """Return the lower and upper end of a pin or post, which extends through its heads and outer washers."""
-        layers = self.plates[_pin_of(pin)]
-        low, high = self._above(min(layers)) - self.thick, self._above(max(layers))
-        if pin.kind == "pin":
-            ends = [end for at, tall, holds in self.positions(pin) if holds for end in (at, at + tall)]
-            low, high = min([low, *ends]), max([high, *ends])
-        return low, high
-
-    def solids_on(self, pin: Part) -> Iterable[Solid]:
-        """Yield the washers of a pin, counted from below."""
-        for number, (low, tall, holds) in enumerate(self.positions(pin), 1):
-            prism = Prism.disc(0j, self.radius, 0.0, tall, self.held if holds else self.turning)
-            at = pin.shape.core[0] * self.unit
-            name = f"washer_{_pin_of(pin)}{number}"
-            link = self.names[pin.body]
-            yield Solid(name, "washer", pin.body, link, prism, at, low, self.made.pins, WASHER)
-
-    def solids(self) -> list[Solid]:
-        """Return all washers."""
-        return [washer for pin in self.pins.values() for washer in self.solids_on(pin)]
-
-
-def _holes(part: Part, unit: float, radius: float, held: float, carriers: Mapping[str, int]) -> tuple[Hole, ...]:
-    """Return the holes of a plate or board, with the radius ``held`` for pins that it carries."""
-    round_ = [Hole(hole.at * unit, held if carriers.get(hole.pin) == part.body else radius) for hole in part.holes]
-    slits = [
-        Hole((slit.first + slit.last) / 2 * unit, radius, (slit.last - slit.first) / 2 * unit) for slit in part.slits
-    ]
-    return (*round_, *slits)
-
-
-def _pin_of(part: Part) -> str:
-    """Return the name of a pin or post in the machine."""
-    return part.name.split("_", 1)[1]
 
 
 def parts_list(solids: Solids, fit: Fit) -> dict[str, list[object]]:
     """Return the columns of a parts list with a row for each part: lengths in millimetres, masses in grams, None if missing."""
     rows = []
     for part in solids.parts:
-        prism = part.prism
-        if (
-            part.link == "ground" and len(prism.holes) > 1
-        ):  # the ground is measured along its pins, not along the user's axes
-            along = prism.holes[1].centre - prism.holes[0].centre
-            prism = prism.moved(along.conjugate() / abs(along))
-        low, high = prism.extent
-        pin = prism.circle is not None and not prism.holes
-        diameter = None if prism.circle is None else 2 * prism.circle.radius
-        sizes = sorted({2 * hole.radius for hole in prism.holes})
+        prism, shape, holes = part.prism, part.prism.shape, part.prism.holes
+        if part.link == "ground" and len(holes) > 1:
+            # the ground is measured along its pins, not along the user's axes
+            along = holes[1].core[0] - holes[0].core[0]
+            shape = shape.times(along.conjugate() / abs(along))
+        low, high = shape.extent
+        diameter, pin = prism.diameter, prism.diameter is not None and not holes
         # a slit by its width and its length of cut
-        kinds = sorted((2 * hole.radius, 2 * abs(hole.reach)) for hole in prism.holes)
+        kinds = sorted((2 * hole.radius, abs(hole.core[-1] - hole.core[0])) for hole in holes)
         words = [f"{wide:.6g}" + (f" x {wide + long:.6g}" if long else "") for wide, long in kinds]
-        holes = " + ".join(f"{words.count(word)} x {word}" for word in dict.fromkeys(words))
-        nominal = diameter if pin else sizes[0] if sizes else None
+        nominal = diameter if pin else kinds[0][0] if kinds else None
         word = "" if nominal is None or not fit.toleranced else tolerance(nominal, not pin)
         rows.append(
             {
@@ -379,7 +304,7 @@ def parts_list(solids: Solids, fit: Fit) -> dict[str, list[object]]:
                 "width": None if diameter is not None else (high - low).imag,
                 "thickness": None if pin else prism.height,
                 "diameter": diameter,
-                "holes": holes or None,
+                "holes": " + ".join(f"{words.count(word)} x {word}" for word in dict.fromkeys(words)) or None,
                 "tolerance": word or None,
                 "turns_in": part.turns or None,
                 "mass": 1000 * part.mass.mass,

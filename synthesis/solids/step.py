@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from synthesis.solids.prism import Hole, Prism
+from synthesis.solids.prism import Prism, Side
 from synthesis.solids.solid import Posed, Solid
 
 UNCERTAINTY = 1e-7
@@ -16,7 +16,6 @@ UNCERTAINTY = 1e-7
 _UP = (0.0, 0.0, 1.0)
 _DOWN = (0.0, 0.0, -1.0)
 _EAST = (1.0, 0.0, 0.0)
-_ENDS = ((0, _DOWN), (1, _UP))
 
 
 def to_step(parts: Sequence[Solid], poses: Sequence[Posed], name: str) -> str:
@@ -188,82 +187,51 @@ class _Data:
     ) -> str:
         return self.add(f"PLANE('',{self.frame(position, x, normal)})")
 
-    def cylinder(self, centre: complex, radius: float, low: float) -> str:
-        return self.add(f"CYLINDRICAL_SURFACE('',{self.frame((centre.real, centre.imag, low))},{real(radius)})")
+    def cylinder(self, centre: complex, radius: float) -> str:
+        return self.add(f"CYLINDRICAL_SURFACE('',{self.frame((centre.real, centre.imag, 0.0))},{real(radius)})")
 
     def solid(self, prism: Prism, name: str) -> str:
         faces: list[str] = []
         # edges of each contour, below and above; at the top the part lies to the left
-        contours: list[tuple[tuple[list[str], list[str]], bool]] = []
-        for circle in (prism.circle, *prism.holes):
-            if circle is None:
-                contours.append((self.sides(prism, faces), True))
-            elif circle.reach:
-                slit = Prism(circle.outline, prism.low, prism.high)
-                contours.append((self.sides(slit, faces), True))
-            else:
-                hollow = circle is not prism.circle
-                ends, face = self.round(circle, prism, hollow)
-                faces.append(face)
-                contours.append((([ends[0]], [ends[1]]), not hollow))
-        heights = (prism.low, prism.high)
-        for end, normal in _ENDS:
+        contours = [self.around(sides, prism.height, faces) for sides in prism.contours]
+        for end, normal, height in ((0, _DOWN, 0.0), (1, _UP, prism.height)):
             bounds = []
-            for k, (contour, along) in enumerate(contours):
-                edges = contour[end] if end else contour[end][::-1]
-                bounds.append(
-                    self.bound(
-                        "FACE_BOUND" if k else "FACE_OUTER_BOUND", [(edge, bool(end) == along) for edge in edges]
-                    )
-                )
-            faces.append(self.face(bounds, self.plane((0.0, 0.0, heights[end]), _EAST, normal)))
+            for k, contour in enumerate(contours):
+                edges = [(edge, bool(end)) for edge in (contour[end] if end else contour[end][::-1])]
+                bounds.append(self.bound("FACE_BOUND" if k else "FACE_OUTER_BOUND", edges))
+            faces.append(self.face(bounds, self.plane((0.0, 0.0, height), _EAST, normal)))
         shell = self.add(f"CLOSED_SHELL('',{_list(faces)})")
         return self.add(f"MANIFOLD_SOLID_BREP({quoted(name)},{shell})")
 
-    def round(self, circle: Hole, prism: Prism, hollow: bool) -> tuple[tuple[str, str], str]:
-        """Add a whole cylinder. Return its two circles, below and above, and its face."""
-        east = circle.centre + circle.radius
-        heights = (prism.low, prism.high)
-        corners = [self.vertex(east, height) for height in heights]
-        frames = [self.frame((circle.centre.real, circle.centre.imag, height)) for height in heights]
-        below, above = (
-            self.edge(corner, corner, self.add(f"CIRCLE('',{frame},{real(circle.radius)})"))
-            for corner, frame in zip(corners, frames, strict=True)
-        )
-        seam = self.edge(corners[0], corners[1], self.line(east, prism.low, _UP))
-        loop = [(below, not hollow), (seam, True), (above, hollow), (seam, False)]
-        surface = self.cylinder(circle.centre, circle.radius, prism.low)
-        return (below, above), self.face([self.bound("FACE_OUTER_BOUND", loop)], surface, not hollow)
+    def around(self, sides: Sequence[Side], tall: float, faces: list[str]) -> tuple[list[str], list[str]]:
+        """Add the faces along a contour. Return its edges, below and above.
 
-    def sides(self, prism: Prism, faces: list[str]) -> tuple[list[str], list[str]]:
-        """Add the faces around an outline. Return its edges, below and above."""
-        heights = (prism.low, prism.high)
-        points = [complex(corner) for corner in prism.corners]
-        corners = [[self.vertex(point, height) for point in points] for height in heights]
+        A circle is a single cylinder with a seam.
+        """
+        heights = (0.0, tall)
+        corners = [[self.vertex(side.start, height) for side in sides] for height in heights]
         uprights = [
-            self.edge(corners[0][k], corners[1][k], self.line(point, prism.low, _UP))
-            for k, point in enumerate(points)
+            self.edge(corners[0][k], corners[1][k], self.line(side.start, 0.0, _UP)) for k, side in enumerate(sides)
         ]
         edges: tuple[list[str], list[str]] = ([], [])
-        for k, (point, arc) in enumerate(zip(points, prism.arcs, strict=True)):
-            after = (k + 1) % len(points)
-            direction = points[after] - point
-            direction /= abs(direction)
-            along = (direction.real, direction.imag, 0.0)
+        for k, (start, arc) in enumerate(sides):
+            after = (k + 1) % len(sides)
+            if arc is None:
+                direction = sides[after].start - start
+                direction /= abs(direction)
+                along = (direction.real, direction.imag, 0.0)
+                surface = self.plane((start.real, start.imag, 0.0), along, (direction.imag, -direction.real, 0.0))
+            else:
+                surface = self.cylinder(arc.centre, arc.radius)
             for end, height in enumerate(heights):
                 if arc is None:
-                    curve = self.line(point, height, along)
+                    curve = self.line(start, height, along)
                 else:
-                    # a circle runs counter-clockwise about its axis, which is reversed for a concave arc
+                    # a circle runs counter-clockwise about its axis, which is reversed for a hole
                     axis = _UP if arc.angle > 0 else _DOWN
                     frame = self.frame((arc.centre.real, arc.centre.imag, height), z=axis)
                     curve = self.add(f"CIRCLE('',{frame},{real(arc.radius)})")
                 edges[end].append(self.edge(corners[end][k], corners[end][after], curve))
-            if arc is None:
-                normal = (direction.imag, -direction.real, 0.0)
-                surface = self.plane((point.real, point.imag, prism.low), along, normal)
-            else:
-                surface = self.cylinder(arc.centre, arc.radius, prism.low)
             loop = [(edges[0][k], True), (uprights[after], True), (edges[1][k], False), (uprights[k], False)]
             faces.append(self.face([self.bound("FACE_OUTER_BOUND", loop)], surface, arc is None or arc.angle > 0))
         return edges

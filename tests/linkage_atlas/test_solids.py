@@ -3,11 +3,15 @@
 A part of a wrong size or mass, or a refusal without its reason, would show here.
 """
 
+import io
 import json
 from importlib.resources import files
 
+import ezdxf
+import ezdxf.path
 import numpy as np
 import pytest
+import shapely
 
 import linkage_atlas as la
 from app import cli
@@ -96,7 +100,7 @@ def test_parts_of_rails_and_slots_weigh_where_they_are(linkage, tmp_path, client
     motion = la.Motion(position=linkage.joints(direction).body_point, timing="free")
     parts = linkage.solids(motion, direction, boards="both")
     solids = parts.solids
-    assert any(hole.reach for part in solids.parts for hole in part.prism.holes)
+    assert any(len(hole.core) > 1 for part in solids.parts for hole in part.prism.holes)
     # the centre of the body's parts in the plane, by the parts themselves and by the frame of an analysis
     (coupler,) = [mass for mass in parts.masses if mass.link == "coupler"]
     for k, travel in enumerate(direction):
@@ -160,6 +164,31 @@ def test_a_body_that_has_layers_can_be_made(name, point) -> None:
     parts = linkage.solids(body=outline, allow_collisions=True, **BOTH)
     rim = min(part.prism.thinnest_wall for part in parts.solids.parts if part.name in ("body", "coupler"))
     assert rim >= min(sizes.thickness, (sizes.width - sizes.hole) / 8) * (1 - 1e-9)
+
+
+ON_THE_LINE = [[0, 0], [100, 0], [30, 180], [72, 1e-4], [1e-9, 100], [72, 0], [36, 0], [30, 1e-11]]
+
+
+@pytest.mark.parametrize("point", [None, *some_of(ON_THE_LINE, 4)])
+def test_plates_to_cut_have_their_holes_at_the_joints(point) -> None:
+    """Also with a body point on the coupler's line or at a pin, whose hole gives way to that of the pin."""
+    lengths = {"CRANK": 19, "COUPLER": 72, "ROCKER": 144}
+    linkage = la.FourBar(*lengths.values(), 165, coupler_point_polar=point)
+    sizes = linkage.assembly(**BOTH).sizes
+    document = ezdxf.read(io.StringIO(linkage.file("plates", assembly=BOTH).decode()))
+    assert not document.audit().errors
+    space = document.modelspace()
+    for layer, length in lengths.items():
+        (contour,) = space.query(f'LWPOLYLINE[layer=="{layer}"]')
+        assert contour.closed
+        outline = shapely.Polygon([point.vec2 for point in ezdxf.path.make_path(contour).flattening(1e-4)])
+        circles = space.query(f'CIRCLE[layer=="{layer}"]')
+        holes = [shapely.Point(circle.dxf.center.vec2) for circle in circles]
+        assert holes[0].distance(holes[1]) == pytest.approx(length) and outline.is_valid
+        assert [circle.dxf.radius for circle in circles] == pytest.approx([sizes.hole / 2] * len(circles))
+        for hole in holes:
+            assert outline.contains(hole) and outline.exterior.distance(hole) >= sizes.width / 2 * (1 - 1e-5)
+        assert all(hole.distance(second) > sizes.hole for hole in holes for second in holes if second is not hole)
 
 
 # -- the command and HTTP -----------------------------------------------------------------------------------------------

@@ -273,7 +273,7 @@ def nearest(machine: Machine, found: Arrangement) -> float:
     travel = np.linspace(*machine.used, POSITIONS)
     joined = {pin.name: set(pin.joins) for pin in machine.pins}
     telescopes = {frozenset(pair) for pair in machine.telescopes}
-    parts = [linkage for linkage in parts_of(machine, found.stack, Heights.of(machine)) if linkage.kind != "board"]
+    parts = [linkage for linkage in parts_of(machine, found.stack, Heights(1.0, 0.2)) if linkage.kind != "board"]
     drawn = [outlines(machine, part.body, part.shape.core, travel) for part in parts]
     smallest = np.inf
     for k, later in enumerate(parts):

@@ -12,7 +12,8 @@ import numpy as np
 
 from synthesis.assembly.linkage_machine import as_plates
 from synthesis.assembly.machine import Machine, Sizes
-from synthesis.assembly.shapes import distances
+from synthesis.assembly.parts import Heights
+from synthesis.assembly.shapes import distances, nearest_on
 from synthesis.assembly.stacks import Arrangement, StackRequest, arrange
 from synthesis.linkage import Linkage, four_bar
 from synthesis.solids.mesh import ring_of
@@ -37,11 +38,17 @@ def linkage_of(case) -> Linkage:
     )
 
 
-def built(name: str, boards: str = "both", heads: bool = False, fit: str = "H7", body=(), **built) -> Solids:
+def built(name: str, boards: str = "both", heads: bool = False, fit: str = "H7", body=()) -> Solids:
     """The parts of a worked linkage."""
     machine, found = arranged(name, boards, heads, body)
     assert found.status == "free", (name, boards, heads)
-    return solids_of(machine, found.stack, Manufacture(FITS[fit], "aluminium", "steel", **built), 1.0)
+    return solids_of(machine, found.stack, manufacture(machine, fit), 1.0)
+
+
+def manufacture(machine: Machine, fit: str = "H7", unit: float = 1.0) -> Manufacture:
+    """Aluminium and steel, in sheets of half a hole or the thickness that a fit needs."""
+    thick = max(0.5 * machine.hole, FITS[fit].plate / unit)
+    return Manufacture(FITS[fit], "aluminium", "steel", Heights(thick, max(0.2 * thick, FITS[fit].washer / unit)))
 
 
 def arranged(name: str, boards: str = "both", heads: bool = False, body=()) -> tuple[Machine, Arrangement]:
@@ -65,9 +72,9 @@ def deepest(solids: Solids, count: int) -> tuple[float, tuple[str, str]]:
     posed = [solids.posed(travel) for travel in places_of(solids.machine, count)]
     turns = np.array([[position.turn for position in positions] for positions in posed])
     shifts = np.array([[position.shift for position in positions] for positions in posed])
-    rings = [ring_of(part.prism) for part in solids.parts]
+    rings = [ring_of(part.prism.contours[0]) for part in solids.parts]
     for (i, first), (j, second) in combinations(enumerate(solids.parts), 2):
-        if min(first.up + first.prism.high, second.up + second.prism.high) - max(first.up, second.up) <= 1e-9:
+        if min(first.up + first.prism.height, second.up + second.prism.height) - max(first.up, second.up) <= 1e-9:
             continue
         # parts of the same body do not move against each other
         positions = slice(1) if first.body == second.body else slice(None)
@@ -88,22 +95,22 @@ def _in_hole(first: Solid, second: Solid, at, turn) -> float | None:
         (first, second, at[0], at[1], turn[1]),
         (second, first, at[1], at[0], turn[0]),
     ):
-        if pin.prism.circle is not None and not pin.prism.holes:
+        if pin.prism.diameter is not None and not pin.prism.holes:
             for hole in plate.prism.holes:
-                if hole.reach == 0 and abs(hole.centre * direction + there - here) < 1e-9:
-                    return float(pin.prism.circle.radius - hole.radius)
+                if len(hole.core) == 1 and abs(hole.core[0] * direction + there - here) < 1e-9:
+                    return float(pin.prism.diameter / 2 - hole.radius)
     return None
 
 
 def _in_slit(first: Solid, second: Solid, at, turn) -> float | None:
     """Return the distance by which a pin leaves its slit in any position; None for other parts."""
     for pin, plate, k in ((first, second, 0), (second, first, 1)):
-        if pin.prism.circle is not None and not pin.prism.holes:
+        if pin.prism.diameter is not None and not pin.prism.holes:
             for hole in plate.prism.holes:
                 positions = (at[:, k] - at[:, 1 - k]) / turn[:, 1 - k]
-                off = max(hole.distance(complex(position)) for position in positions)
-                if hole.reach and off < hole.radius / 2:
-                    return float(off + pin.prism.circle.radius - hole.radius)
+                off = max(abs(nearest_on(hole.core, complex(position)) - position) for position in positions)
+                if len(hole.core) > 1 and off < hole.radius / 2:
+                    return float(off + pin.prism.diameter / 2 - hole.radius)
     return None
 
 

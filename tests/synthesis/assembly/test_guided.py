@@ -82,7 +82,7 @@ def test_rails_are_plates_on_posts_with_slits_as_long_as_the_motion() -> None:
     machine = as_plates(on_guides((crank, rail), Driver.CRANK, 1, 0.0), Interval(0.0, TURN), Sizes())
     (slit,) = machine.plate("rail").slits
     stroke = np.sqrt((2 + 1) ** 2 - 0.3**2) - np.sqrt((2 - 1) ** 2 - 0.3**2)
-    assert abs(slit.last - slit.first) == pytest.approx(stroke)
+    assert abs(slit.core[1] - slit.core[0]) == pytest.approx(stroke)
     assert {pin.name for pin in machine.pins} == {"A", "D", "B1", "B2", "C"}
     posts = [pin for pin in machine.pins if pin.post]
     assert all(pin.grounded and pin.joins == ("rail",) for pin in posts)

@@ -35,9 +35,9 @@ def test_surfaces_are_closed_and_within_the_exact_solid(name, boards, heads) -> 
         assert euler_characteristic(mesh) == 2 - 2 * len(prism.holes), part.name
         assert -1e-12 < 1 - mesh.volume / prism.volume < 0.02, part.name
         # of the outline at most a hundredth of a millimetre is lost
-        ring = ring_of(prism)
+        ring = ring_of(prism.contours[0])
         sides = np.column_stack([ring, np.roll(ring, -1)])
-        for arc in prism.arcs:
+        for _, arc in prism.contours[0]:
             if arc is not None:
                 for point in arc.at(np.linspace(0, 1, 50)):
                     off = distances(np.full((len(sides), 2), point), sides)
@@ -46,7 +46,7 @@ def test_surfaces_are_closed_and_within_the_exact_solid(name, boards, heads) -> 
 
 @pytest.mark.parametrize("radius", [1e-3, 0.5, 20.0, 1e6])
 def test_the_number_of_corners_is_bounded_at_every_size(radius) -> None:
-    mesh = mesh_of(Prism.disc(0j, radius, 0, radius, radius / 2))
+    mesh = mesh_of(Prism.disc(radius, radius, radius / 2))
     assert 48 <= len(mesh.corners) <= 1000
     assert open_edges(mesh) == 0
     assert 0 < 1 - mesh.volume / (0.75 * np.pi * radius**3) < 0.06
@@ -56,9 +56,9 @@ def test_parts_on_the_bed_lie_flat_and_apart(window) -> None:
     positions = on_bed(window.parts)
     boxes = []
     for part, (turn, shift, up) in zip(window.parts, positions, strict=True):
-        points = ring_of(part.prism) * turn + shift
+        points = ring_of(part.prism.contours[0]) * turn + shift
         boxes.append((points.real.min(), points.imag.min(), points.real.max(), points.imag.max()))
-        assert part.prism.low + up == 0
+        assert up == 0
     for k, (left, below, right, above) in enumerate(boxes):
         assert left >= -1e-9 and below >= -1e-9
         for box in boxes[:k]:

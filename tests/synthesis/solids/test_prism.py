@@ -8,7 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from synthesis.solids.prism import Prism, rounded
+from synthesis.assembly.shapes import Shape
+from synthesis.assembly.shapes import disc as disc_at
+from synthesis.solids.prism import Prism
 from synthesis.solids.solid import FITS, tolerance
 
 LAW = settings(derandomize=True, deadline=None, max_examples=60)
@@ -19,7 +21,8 @@ def approximately(value, expected, scale=1.0):
 
 
 def test_a_disc_and_a_ring_have_the_closed_forms() -> None:
-    disc, ring = Prism.disc(3 + 4j, 2, 0, 5), Prism.disc(3 + 4j, 2, 0, 5, 1)
+    around = disc_at(3 + 4j, 2)
+    disc, ring = Prism(around, 5), Prism(around, 5, (disc_at(3 + 4j, 1),))
     approximately(disc.volume, 20 * np.pi)
     approximately([disc.moments.xx, disc.moments.yy, disc.moments.xy], [4 * np.pi, 4 * np.pi, 0], 10)
     approximately(ring.moments.area, 3 * np.pi)
@@ -34,10 +37,10 @@ def test_a_disc_and_a_ring_have_the_closed_forms() -> None:
 @LAW
 @given(st.floats(1, 40), st.floats(-50, 50), st.floats(3, 50), st.floats(1, 20))
 def test_a_rounded_triangle_is_what_fine_polygons_tend_to(base, x, y, radius) -> None:
-    prism = Prism(rounded((0j, complex(base), complex(x, y)), radius), 0, 1)
+    prism = Prism(Shape((0j, complex(base), complex(x, y)), radius), 1)
     # sampled far finer than the mesh's
     points = []
-    for start, arc in zip(prism.corners, prism.arcs):
+    for start, arc in prism.contours[0]:
         points += [start] if arc is None else list(arc.at(np.arange(2000) / 2000))
     ring = np.array(points)
     on = np.roll(ring, -1)
@@ -72,15 +75,15 @@ def test_tolerances_are_those_of_the_standard(diameter, hole, pin) -> None:
 
 
 def test_the_inertia_of_a_long_plate_is_least_about_its_length_and_turns_with_it() -> None:
-    plate = Prism(rounded((0j, 72 + 0j), 7.125), 0, 3)
+    plate = Prism(Shape((0j, 72 + 0j), 7.125), 3)
     mass, base = plate.mass(2e-6), plate.moments
     across = 72 * 14.25**3 / 12 + np.pi * 7.125**4 / 4  # about the line between its holes
     approximately(mass.inertia[0, 0], 2e-6 * 3 * across + mass.mass * 9 / 12)
     approximately(mass.inertia[1, 1], 2e-6 * 3 * base.xx + mass.mass * 9 / 12)
     approximately(mass.inertia[2, 2], 2e-6 * 3 * (base.xx + across))
     assert mass.inertia[0, 0] < mass.inertia[1, 1] < mass.inertia[2, 2]
-    turn, shift = np.exp(0.6j), 5 - 2j
-    there = plate.moved(turn, shift, 4.0).mass(2e-6)
-    expected = mass.turned(turn, np.array([5.0, -2.0, 4.0]))
-    approximately(there.centre, expected.centre, 100)
-    approximately(there.inertia, expected.inertia, 1.0)
+    turn = np.exp(0.6j)
+    there = Prism(plate.shape.times(turn), 3).mass(2e-6, 5 - 2j, 4.0)
+    rotation = np.array([[turn.real, -turn.imag, 0.0], [turn.imag, turn.real, 0.0], [0.0, 0.0, 1.0]])
+    approximately(there.centre, rotation @ mass.centre + [5.0, -2.0, 4.0], 100)
+    approximately(there.inertia, rotation @ mass.inertia @ rotation.T, 1.0)

@@ -64,10 +64,10 @@ def test_poses_are_those_of_the_linkage() -> None:
 def test_holes_and_pins_have_the_play_of_their_fit() -> None:
     for fit, turning, held in (("H7", 0.0, 0.0), ("print", 0.4, 0.1)):
         solids = {part.name: part for part in built("E4", "both", True, fit).parts}
-        diameter = 2 * solids["pin_D"].prism.circle.radius
+        diameter = solids["pin_D"].prism.diameter
         assert diameter == pytest.approx(6 - turning)
         # the crank holds pin D and turns on pin A
-        sizes = {hole.centre: 2 * hole.radius for hole in solids["crank"].prism.holes}
+        sizes = {hole.core[0]: 2 * hole.radius for hole in solids["crank"].prism.holes}
         assert sizes[0j] == pytest.approx(diameter + turning)
         assert sizes[30 + 0j] == pytest.approx(diameter + held)
         assert all(2 * hole.radius == pytest.approx(diameter + held) for hole in solids["board_below"].prism.holes)
