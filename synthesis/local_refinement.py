@@ -39,11 +39,14 @@ from synthesis.free.joint import JointProblem
 from synthesis.free.limited import limited_problem, refined_within
 from synthesis.free.search import solutions_of, within_limits
 from synthesis.function.answers import Generator
+from synthesis.function.answers import within_limits as answers_within
+from synthesis.function.laws import FOUR_BAR, FunctionLimits
 from synthesis.function.search import FunctionSearch
 from synthesis.function.target_function import TargetFunction
 from synthesis.limits import Limits, in_family
 from synthesis.linkage import Linkage, with_links
 from synthesis.mechanism import Bounded
+from synthesis.pose import whole_turns
 from synthesis.poses import Poses
 from synthesis.ranking import Answer, Status
 from synthesis.search.prescribed import GivenProblem, candidates_of, problem_of
@@ -486,7 +489,7 @@ def _one_way(costs: Floats, closes: NDArray[np.bool_], width: int) -> tuple[int,
 
 def refine_function(
     target: TargetFunction,
-    limits: Limits,
+    limits: FunctionLimits,
     largest: bool,
     linkage: Linkage,
     offset: float | None,
@@ -498,11 +501,12 @@ def refine_function(
     Parameters
     ----------
     target : TargetFunction
-    limits : Limits
+    limits : FunctionLimits
         Given lengths and zeros replace the lengths and zeros of the linkage.
     largest : bool
         True to minimize the largest error, see `function.generators.generate`.
     linkage : Linkage
+        A four-bar.
     offset : float or None
         output = theta3 + offset with theta3 in (-pi, pi] at the first sample; None: the offset with the smallest rms error.
     tolerance : float
@@ -515,21 +519,20 @@ def refine_function(
         the result is not worse.
     report : SearchReport
     """
-    if target.clockwise:
-        mirrored_offset = None if offset is None else -offset
-        mirrored = target.mirrored(), limits, largest, linkage.mirrored(), mirrored_offset
-        generators, report = refine_function(*mirrored, tolerance, work)
-        return [generator.mirrored() for generator in generators], report
-    run = FunctionSearch(target, limits, largest, 1, tolerance, work)
+    run = FunctionSearch(target, FOUR_BAR, limits, largest, 1, tolerance, work)
     unchanged: list[Generator] = []
     found: list[Generator] = []
     seconds = work.elapsed
-    for start in (linkage, turning_fully(linkage, limits.family)):
+    for start in (linkage, turning_fully(linkage, limits.limits.family)):
         if found:
             break
-        begin = run.candidate(start, offset)
-        as_it_is = run.within_limits(*begin)
+        ratios = np.log(np.array(start.links[:3]) / start.links[3])
+        branch = np.array([float(start.branch)])
+        unknowns = run.with_best_offset(np.array([[*ratios, start.start, 0.0]]), branch)
+        if offset is not None and target.offset is None:
+            unknowns[:, 4] = offset + whole_turns(unknowns[:, 4] - offset)
+        as_it_is = [answer for answer in answers_within(run.problem, unknowns, branch) if answer is not None]
         if start is linkage:
             unchanged, seconds = as_it_is, work.elapsed
-        found = sorted(run.best_from(*begin) + as_it_is, key=lambda each: each.errors.objective)[:1]
+        found = sorted(run.best_from(unknowns, branch) + as_it_is, key=lambda each: each.errors.objective)[:1]
     return found, report_of(found, unchanged, seconds, tolerance, work)

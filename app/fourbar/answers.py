@@ -381,10 +381,7 @@ def _function_file(body: FunctionExportRequest, resources: Resources) -> bytes:
         question = FunctionFields(**request.arguments(*names), degrees=degrees).question()
         if question.dial.travels == generator.plain.is_four_bar:
             raise la.FieldError("/output_unit", "is not the unit of the solution; send the request of this solution")
-    offset = solution.output_offset
-    return render(
-        question.function, question.scales, question.dial, generator, offset, body.format, body.length_unit
-    ).encode()
+    return render(question, generator, solution.output_offset, body.format, body.length_unit).encode()
 
 
 FUNCTION_FILES = Files(

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Literal, TypeVar
+from typing import Literal
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from linkage_atlas.arguments import (
@@ -15,11 +14,10 @@ from linkage_atlas.arguments import (
     check_top,
 )
 from linkage_atlas.functions.dials import RealFunction
-from linkage_atlas.functions.notes import PRACTICAL_LIMITS_OFF, angle_notes, travel_notes
-from linkage_atlas.functions.question import FunctionFields, FunctionQuestion, read_travel_limits
-from linkage_atlas.functions.results import FunctionResult, FunctionSolution, TravelSolution
-from linkage_atlas.functions.solutions import described, described_travel, rounded
-from linkage_atlas.limits import read_function_limits
+from linkage_atlas.functions.notes import PRACTICAL_LIMITS_OFF, function_notes
+from linkage_atlas.functions.question import FunctionFields, FunctionQuestion
+from linkage_atlas.functions.results import FunctionResult, FunctionSolution
+from linkage_atlas.functions.solutions import described, rounded
 from linkage_atlas.notes import sentences
 from linkage_atlas.result_notes import NO_DESCENT_WITHIN_LIMITS, NOTHING_FOUND_IN_TIME
 from linkage_atlas.results import Report
@@ -35,22 +33,15 @@ from linkage_atlas.warm_start import (
 )
 from synthesis.errors import FieldError
 from synthesis.function.answers import Generator
-from synthesis.function.generators import best_built, generate
-from synthesis.function.quick_return import (
-    crank_rocker_answers,
-    slider_crank_answers,
-)
-from synthesis.function.symmetric import symmetric_four_bars
+from synthesis.function.generators import best_built, generate, generate_with, is_sized
+from synthesis.function.quick_return import crank_rocker_answers, slider_crank_answers
+from synthesis.function.symmetric import symmetric_question
 from synthesis.function.travel_laws import laws_for
-from synthesis.function.travel_search import TravelGenerator, generate_travel
-from synthesis.limits import Limits
 from synthesis.local_refinement import refine_function
 from synthesis.ranking import APART, Status, distinct
 from synthesis.search.report import SearchReport, StoppedBy, stopped_by
 from synthesis.search.search import DEFAULT_TOLERANCE
 from synthesis.work import Work
-
-G = TypeVar("G", Generator, TravelGenerator)
 
 
 def function(
@@ -193,157 +184,95 @@ def function(
         kind = "from angle to angle" if question.dial.travels else "by pairs or a name"
         if foreign := [name for name, value in only_angles.items() if value is not None]:
             raise FieldError(f"/{foreign[0]}", f"applies only to functions {kind}; leave it out")
+    if round_to is not None and question.limits.limits.links[3] is None:
+        raise FieldError("/round_to", "needs the length of the ground (`limits.links.ground`), which fixes the size")
     starts = read_starts(start_from, degrees) or []
     if foreign_start := next((start for start in starts if not start.linkage.is_four_bar), None):
         raise FieldError(
             f"/{foreign_start.field}", "must be a four-bar, because only four-bars make functions from angle to angle"
         )
     watch = work(budget)
-    if question.dial.travels:
-        return _travel_answers(question, top, curves, watch)
-    return _angle_answers(question, starts, refine_only, top, round_to, sensitivity, curves, watch)
-
-
-def _angle_answers(
-    question: FunctionQuestion,
-    starts: Sequence[Start],
-    refine_only: bool,
-    top: int,
-    round_to: float | None,
-    sensitivity: bool,
-    curves: bool,
-    watch: Work,
-) -> FunctionResult:
-    """Return four-bars for a function from angle to angle."""
-    limits = read_function_limits(question.limits, question.function.target, question.degrees)
-    if round_to is not None and limits.links[3] is None:
-        raise FieldError("/round_to", "needs the length of the ground (`limits.links.ground`), which fixes the size")
-    candidates, course = _four_bars(question, limits, starts, refine_only, max(top, 2), watch)
-    searched = watch.elapsed
-    found = candidates[:top]
-    solutions = described(question, found, limits, sensitivity, curves)
+    candidates, course = _searched(question, starts, refine_only, max(top, 2), watch)
+    searched, found = watch.elapsed, candidates[:top]
+    solutions = [described(question, generator, rank, sensitivity, curves) for rank, generator in enumerate(found, 1)]
     if round_to is not None:
-        solutions = [
-            replace(solution, rounded=rounded(question, generator, round_to, watch))
-            for solution, generator in zip(solutions, found)
-        ]
-    notes = angle_notes(question, candidates, solutions, course.settled, top, refine_only)
-    return _result(question, found, solutions, course, searched, watch, notes, refine_only)
-
-
-def _four_bars(
-    question: FunctionQuestion, limits: Limits, starts: Sequence[Start], refine_only: bool, count: int, watch: Work
-) -> tuple[list[Generator], SearchReport]:
-    """Search for four-bars by the method that the question allows."""
-    target, quick, tolerance = question.function, question.quick, question.tolerance
-    if quick is not None:
-        if limits.family not in ("any", "crank_rocker", "full_crank"):
-            raise FieldError(
-                "/limits/family", "must be crank_rocker, because a crank-rocker makes a quick return with a swing"
-            )
-        return _closed_form(crank_rocker_answers(target, quick.alpha, limits, count, tolerance), watch)
-    if question.symmetric_from is not None:
-        found = symmetric_four_bars(target, question.symmetric_from, limits, question.largest, count, watch)
-        return _closed_form(found, watch)
-    search = watch.extended(-FINISHING)
-    refining = search if refine_only else search.part(FOR_STARTS * search.budget)
-    refined, course = _refined(question, limits, starts, refining)
-    if refine_only:
-        return refined, course
-    found, course = generate(seed_tables(), target, limits, question.largest, count, tolerance, search)
-    if starts:
-        merged = distinct([*refined, *found], len(refined) + len(found), APART)
-        found = best_built(target, merged, count, tolerance, limits.links[3] is not None)
-    return found, course
-
-
-def _refined(
-    question: FunctionQuestion, limits: Limits, starts: Sequence[Start], work: Work
-) -> tuple[list[Generator], SearchReport]:
-    """Refine given four-bars in turn; return their nearest optima, best first, and how it went."""
-    found: list[Generator] = []
-    seeds, trace = 0, list[tuple[float, float]]()
-    target, largest, tolerance = question.function, question.largest, question.tolerance
-    for start in starts:
-        with pointing_to_start(start.field):
-            results, report = refine_function(target, limits, largest, start.linkage, start.offset, tolerance, work)
-        found += results
-        seeds += report.seeds
-        trace += [pair for pair in report.trace if all(pair[1] < before for _, before in trace)]
-    found = distinct(found, max(1, len(found)), APART)
-    return found, SearchReport(stopped_by(found, tolerance, work), trace, 0.0, seeds)
-
-
-def _travel_answers(question: FunctionQuestion, top: int, curves: bool, watch: Work) -> FunctionResult:
-    """Return linkages with sliders or cylinders for a function with travel."""
-    target, quick, tolerance = question.function, question.quick, question.tolerance
-    laws = laws_for(question.kinds, *question.dial)
-    limits = read_travel_limits(question.limits, laws, target.target, question.degrees)
-    within, work = limits.over(question.scales.length), watch.extended(-FINISHING)
-    if quick is not None:
-        found, course = _closed_form(slider_crank_answers(target, quick.alpha, within, top, tolerance, work), work)
-    else:
-        found, course = generate_travel(laws, target, within, question.largest, top, tolerance, work)
-    searched = watch.elapsed
-    solutions = [
-        described_travel(question, generator, rank, limits, curves) for rank, generator in enumerate(found, 1)
-    ]
-    return _result(question, found, solutions, course, searched, watch, travel_notes(question, bool(found)))
-
-
-def _closed_form(found: list[G], work: Work) -> tuple[list[G], SearchReport]:
-    """Return answers with the report of a search that is finished once they are known."""
-    best = min((generator.errors.objective for generator in found), default=np.inf)
-    trace = [(work.elapsed, best)] if found else []
-    stopped = StoppedBy.BUDGET if work.expired() else StoppedBy.CONVERGED
-    return found, SearchReport(stopped, trace, 0.0, len(found))
-
-
-def _result(
-    question: FunctionQuestion,
-    found: Sequence[Generator | TravelGenerator],
-    solutions: Sequence[FunctionSolution | TravelSolution],
-    search_report: SearchReport,
-    search_seconds: float,
-    watch: Work,
-    notes: list[str],
-    refine_only: bool = False,
-) -> FunctionResult:
-    """Return the result of a search that took ``search_seconds``.
-
-    ``solutions`` describe the linkages ``found``, in the same order. With ``refine_only`` the search was a descent from given
-    linkages.
-    """
-    if question.limits.get("preset") is None and solutions and not solutions[0].verdict.practical:
+        for index, (solution, generator) in enumerate(zip(solutions, found)):
+            assert isinstance(solution, FunctionSolution)
+            solutions[index] = replace(solution, rounded=rounded(question, generator, round_to, watch))
+    notes = function_notes(question, candidates, solutions, course.settled, refine_only)
+    if not question.has_preset and solutions and not solutions[0].verdict.practical:
         notes.append(PRACTICAL_LIMITS_OFF)
     status = Status.of(found, question.tolerance).value
-    if not solutions and (refine_only or search_report.stopped_by == "budget"):
+    if not solutions and (refine_only or course.stopped_by == "budget"):
         status = "unknown"
         notes.append(NO_DESCENT_WITHIN_LIMITS if refine_only else NOTHING_FOUND_IN_TIME)
     total = watch.elapsed
-    stages = {"screen": search_report.screen_seconds, "refine": search_seconds - search_report.screen_seconds}
-    stages |= {"report": total - search_seconds, "total": total}
+    stages = {"screen": course.screen_seconds, "refine": searched - course.screen_seconds}
+    stages |= {"report": total - searched, "total": total}
     report = Report(
         elapsed_ms={name: 1000 * seconds for name, seconds in stages.items()},
-        trace=[(1000 * seconds, value) for seconds, value in search_report.trace],
-        stopped_by=search_report.stopped_by.value,
+        trace=[(1000 * seconds, value) for seconds, value in course.trace],
+        stopped_by=course.stopped_by.value,
         length_scale=None,
-        seeds=search_report.seeds,
+        seeds=course.seeds,
         windows=None,
         exhaustive=None,
         notes=sentences(notes),
     )
-    target, scales, dials = question.function, question.scales, question.dials
     return FunctionResult(
         status,
-        [*solutions],
-        target.crank / scales.input,
-        target.output / scales.output,
-        None if dials is None else dials.x,
-        None if dials is None else dials.y,
+        solutions,
+        question.function.crank / question.scales.input,
+        question.function.output / question.scales.output,
+        None if question.dials is None else question.dials.x,
+        None if question.dials is None else question.dials.y,
         report,
-        target,
-        question.degrees,
-        dial=question.dial,
-        scales=scales,
+        question,
     )
+
+
+def _searched(
+    question: FunctionQuestion, starts: Sequence[Start], refine_only: bool, count: int, watch: Work
+) -> tuple[list[Generator], SearchReport]:
+    """Search for linkages by the method that the question allows."""
+    target, limits, largest, quick = question.function, question.limits, question.largest, question.quick
+    tolerance, work = question.tolerance, watch.extended(-FINISHING)
+    if quick is not None:
+        answers = slider_crank_answers if question.dial.travels else crank_rocker_answers
+        return _closed_form(answers(target, quick.alpha, limits, count), work)
+    if question.symmetric_from is not None:
+        target, law, limits = symmetric_question(target, question.symmetric_from, limits.limits)
+        return generate_with([law], target, limits, largest, count, tolerance, work)
+    if question.dial.travels:
+        laws = laws_for(question.kinds, *question.dial)
+        return generate_with(laws, target, limits, largest, count, tolerance, work)
+    refined, course = _refined(question, starts, work if refine_only else work.part(FOR_STARTS * work.budget))
+    if refine_only:
+        return refined, course
+    found, course = generate(seed_tables(), target, limits, largest, count, tolerance, work)
+    if starts:
+        merged = distinct([*refined, *found], len(refined) + len(found), APART)
+        found = best_built(target, merged, count, tolerance, is_sized(limits))
+    return found, course
+
+
+def _refined(question: FunctionQuestion, starts: Sequence[Start], work: Work) -> tuple[list[Generator], SearchReport]:
+    """Refine given four-bars in turn; return their nearest optima, best first, and how it went."""
+    found, reports = list[Generator](), list[SearchReport]()
+    target, limits, tolerance = question.function, question.limits, question.tolerance
+    for start in starts:
+        with pointing_to_start(start.field):
+            results, report = refine_function(
+                target, limits, question.largest, start.linkage, start.offset, tolerance, work
+            )
+        found += results
+        reports.append(report)
+    found = distinct(found, max(1, len(found)), APART)
+    joined = SearchReport.joined(reports) if reports else SearchReport(StoppedBy.CONVERGED, [])
+    return found, joined._replace(stopped_by=stopped_by(found, tolerance, work))
+
+
+def _closed_form(found: list[Generator], work: Work) -> tuple[list[Generator], SearchReport]:
+    """Return answers with the report of a search that is finished once they are known."""
+    trace = [(work.elapsed, min(generator.errors.objective for generator in found))] if found else []
+    return found, SearchReport(StoppedBy.CONVERGED, trace, 0.0, len(found))

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from linkage_atlas.functions.question import FunctionQuestion
-from linkage_atlas.functions.results import FunctionSolution
+from linkage_atlas.functions.results import AnyFunctionSolution, FunctionSolution
 from linkage_atlas.functions.special import (
     CRANK_ROCKERS,
     NO_CRANK_ROCKER,
@@ -19,6 +19,7 @@ from linkage_atlas.motions import unit_notes
 from linkage_atlas.notes import in_percent
 from linkage_atlas.result_notes import LOCAL, NUMERALS
 from synthesis.function.answers import Generator
+from synthesis.function.laws import ANGLE
 from synthesis.function.quick_return import (
     all_slider_cranks,
     crank_rocker_transmission,
@@ -26,7 +27,6 @@ from synthesis.function.quick_return import (
     slider_crank_transmission,
 )
 from synthesis.function.target_function import TargetFunction
-from synthesis.function.travel_laws import ANGLE
 from synthesis.ranking import PROPORTION
 
 _STEEP = 8.0
@@ -60,52 +60,48 @@ FEW_PAIRS = (
 SEVERAL_KINDS = "Linkages of several kinds are ordered by error only; they differ in transmission angle and size."
 
 
-def angle_notes(
+def function_notes(
     question: FunctionQuestion,
     found: Sequence[Generator],
-    solutions: Sequence[FunctionSolution],
+    solutions: Sequence[AnyFunctionSolution],
     settled: bool,
-    top: int,
     refine_only: bool,
 ) -> list[str]:
-    """Return the notes on four-bars. ``found``: all candidates, of which ``top`` became solutions."""
-    target, radian, quick = question.function, question.radian, question.quick
-    notes = [*question.notes, *unit_notes("crank", target.crank[[0, -1]] / radian, question.degrees)]
-    if question.dials is None:
-        notes += unit_notes("output", target.output / radian, question.degrees)
-    notes += _jump_notes(target)
+    """Return the notes on a result. ``found``: all candidates, the first of which became solutions."""
+    target, radian, quick, dial = question.function, question.radian, question.quick, question.dial
+    notes = [*question.notes]
+    if not dial.travels:
+        notes += unit_notes("crank", target.crank[[0, -1]] / radian, question.degrees)
+        notes += [] if question.dials else unit_notes("output", target.output / radian, question.degrees)
+    notes += _jump_notes(target) if dial.output == ANGLE else []
     if refine_only:
         notes.append(LOCAL)
+    if len(question.kinds) > 1:
+        notes.append(SEVERAL_KINDS)
     if quick is not None:
-        return [*notes, quick.note] if solutions else [*notes, _why_no_crank_rocker(target, quick)]
+        why_none = _why_no_slider_crank if dial.travels else _why_no_crank_rocker
+        notes.append(quick.note if solutions else why_none(target, quick))
+    if dial.travels or quick is not None:
+        return notes
     if not settled:
         notes.append(STILL_BETTER)
     if question.largest and found and target.doubt > 0.2 * found[0].errors.max:
         notes.append(DOUBTFUL.format(target.doubt / radian))
     if not refine_only:
         notes += _proportion_notes(found, question.tolerance)
-    exact = [generator for generator in found[:top] if generator.errors.objective < question.tolerance]
+    exact = [solution for solution in solutions if solution.errors.objective < question.tolerance]
     free = 3 + (target.start is None) + (target.offset is None) - target.crank.size
+    best = solutions[0] if solutions else None
     if free > 0 and target.exact is None and len(exact) > 1:
         notes.append(FEW_PAIRS.format(NUMERALS[target.crank.size]))
         if question.largest:
             notes.append("Between the pairs a straight line is requested.")
-    elif solutions and solutions[0].determination.ill_posed:
-        notes.append(ILL_POSED.format(in_percent(solutions[0].determination.length_uncertainty)))
+    elif isinstance(best, FunctionSolution) and best.determination.ill_posed:
+        notes.append(ILL_POSED.format(in_percent(best.determination.length_uncertainty)))
     return notes
 
 
-def travel_notes(question: FunctionQuestion, is_found: bool) -> list[str]:
-    """Return the notes on linkages with sliders."""
-    notes = [*question.notes, *(_jump_notes(question.function) if question.dial.output == ANGLE else [])]
-    if len(question.kinds) > 1:
-        notes.append(SEVERAL_KINDS)
-    if question.quick is not None:
-        notes.append(question.quick.note if is_found else _why_no_slider_crank(question.quick))
-    return notes
-
-
-def _why_no_slider_crank(quick: QuickReturn) -> str:
+def _why_no_slider_crank(target: TargetFunction, quick: QuickReturn) -> str:
     """Return a sentence on the lengths and transmission angles of slider-cranks without limits."""
     family = all_slider_cranks(quick.alpha)
     if not len(family.lengths) or quick.stroke is None:

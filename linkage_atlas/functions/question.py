@@ -35,9 +35,9 @@ from linkage_atlas.limits import read_function_limits
 from linkage_atlas.motions import unwound
 from synthesis.arrays import Floats
 from synthesis.errors import FieldError
+from synthesis.function.laws import ANGLE, LENGTH, FunctionLimits
 from synthesis.function.target_function import TargetFunction
-from synthesis.function.travel_laws import ANGLE, LAWS, LENGTH, Law
-from synthesis.function.travel_search import TravelLimits
+from synthesis.function.travel_laws import LAWS, TravelLaw, laws_for
 from synthesis.search.search import DEFAULT_TOLERANCE
 from synthesis.target import MAX_LENGTH, Target, make_target
 
@@ -47,10 +47,10 @@ _LIMITS = ("transmission_angle_min", "link_min", "link_max", "link_ratio_max", "
 _LINKS = {"crank": "crank", "coupler": "rod", "ground": "ground"}
 """Names of limits' links, and of the lengths that they are."""
 _UNIT_HINT = "; set `input_unit` or `output_unit` to 'length' for a travel"
-_STILL = 1e-12
-"""Largest change of an output, in radians, that counts as rest."""
 _RATIO = 500.0
 """Largest ratio of the travel of two sliders."""
+_STILL = 1e-12
+"""Largest change of an output, in radians, that counts as rest."""
 _CALLED = {
     "/function": "/output",
     "/function/x": "/interval",
@@ -105,9 +105,10 @@ def read_kinds(mechanisms: Sequence[str] | str | None, dial: Dial) -> list[str]:
     )
 
 
-def read_travel_limits(limits: Fields | None, laws: Sequence[Law], target: Target, degrees: bool) -> TravelLimits:
+def read_travel_limits(
+    named: Fields, laws: Sequence[TravelLaw], target: Target, degrees: bool, scale: float
+) -> FunctionLimits:
     """Return the checked limits of linkages with sliders, angles in radians."""
-    named = {name: value for name, value in (limits or {}).items() if value is not None}
     for name, value in named.items():
         if name not in _LIMITS:
             raise FieldError(
@@ -132,7 +133,7 @@ def read_travel_limits(limits: Fields | None, laws: Sequence[Law], target: Targe
         if not any("offset" in law.lengths for law in laws):
             raise FieldError("/limits/offset", "applies only to slider-cranks; leave it out")
         lengths["offset"] = bounded("limits/offset", named["offset"], MAX_LENGTH)
-    return TravelLimits(shape_limits, lengths)
+    return FunctionLimits(shape_limits, lengths, scale)
 
 
 class Scales(NamedTuple):
@@ -209,8 +210,9 @@ class FunctionQuestion:
     dial: Dial
     scales: Scales
     kinds: list[str]
-    limits: dict[str, object]
-    """As given, without fields that are None."""
+    limits: FunctionLimits
+    has_preset: bool
+    """True if the request chooses a preset of limits."""
     largest: bool
     """True if the largest error over the interval is minimised, and not the root mean square error at the samples."""
     tolerance: float
@@ -227,9 +229,14 @@ class FunctionQuestion:
         return radians_in(self.degrees)
 
     @property
+    def travel(self) -> Floats:
+        """Travel of the drive from the first sample, in radians or in the user's unit of length."""
+        return self.function.crank * (1.0 if self.dial.input == ANGLE else self.scales.length)
+
+    @property
     def target(self) -> Target:
         """The interval, for drawings."""
-        return Target(None, None, crank=self.function.crank)
+        return Target(None, None, crank=self.travel)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -282,9 +289,16 @@ class FunctionFields:
         if self.steering is not None:
             notes = [*notes, STEERING_NOTE]
         target, dials, scales = unwound_fields._function(dial, quick)
-        limits = {name: value for name, value in (fields.limits or {}).items() if value is not None}
-        symmetric_from = fields._symmetric_from() if fields.symmetric else None
-        largest = fields.objective == "max"
+        named = {name: value for name, value in (fields.limits or {}).items() if value is not None}
+        if dial.travels:
+            laws = laws_for(kinds, *dial)
+            limits = read_travel_limits(named, laws, target.target, fields.degrees, scales.length)
+        else:
+            limits = FunctionLimits.of_four_bar(read_function_limits(named, target.target, fields.degrees))
+            if quick is not None and limits.limits.family not in ("any", "crank_rocker", "full_crank"):
+                raise FieldError(
+                    "/limits/family", "must be crank_rocker, because a crank-rocker makes a quick return with a swing"
+                )
         return FunctionQuestion(
             target,
             dials,
@@ -292,11 +306,12 @@ class FunctionFields:
             scales,
             kinds,
             limits,
-            largest,
+            named.get("preset") is not None,
+            fields.objective == "max",
             tolerance,
             fields.degrees,
             quick,
-            symmetric_from,
+            fields._symmetric_from() if fields.symmetric else None,
             notes,
         )
 

@@ -7,10 +7,8 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from linkage_atlas.arguments import (
-    radians_in,
-)
-from linkage_atlas.functions.question import Dial, Scales
+from linkage_atlas.arguments import radians_in
+from linkage_atlas.functions.question import Dial, FunctionQuestion
 from linkage_atlas.geometry import AnyGuide, DriverName, KindName, Links
 from linkage_atlas.linkages import Linkage
 from linkage_atlas.notes import counted
@@ -19,11 +17,10 @@ from linkage_atlas.results import Report, StatusName
 from linkage_atlas.solutions import Determination, Verdict
 from synthesis.arrays import Floats
 from synthesis.errors import FieldError
-from synthesis.function.answers import to_csv
-from synthesis.function.target_function import TargetFunction
-from synthesis.function.travel_laws import ANGLE, LENGTH
+from synthesis.export.layout import closed_motions
+from synthesis.function.laws import ANGLE, LENGTH
 from synthesis.sheet import csv_text
-from synthesis.target import Target
+from synthesis.target import Interval, Target
 
 
 @dataclass(frozen=True)
@@ -52,25 +49,14 @@ class ErrorCurve(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True)
-class TravelSolution(Record):
-    """Linkage with a slider or a cylinder that makes a function, with its errors."""
+class AnyFunctionSolution(Record):
+    """Linkage that makes a function, with its errors."""
 
     rank: int
-    """Rank from 1, in the order of `FunctionErrors.objective`."""
-    kind: KindName
-    driver: DriverName
-    """Driven part: crank, slider or cylinder."""
-    lengths: dict[str, float]
-    """By name: crank, rod, offset; crank, ground; rod, angle; pin_distance, slot_offset."""
-    guides: list[AnyGuide]
-    """Guides of the body, the driven guide first."""
+    """From 1: exact ones by merit, others by `FunctionErrors.objective`, uneven ones behind (function.md)."""
     branch: Literal[-1, 1]
-    start: float
-    """The drive's coordinate at the first sample: direction of the crank, place along the rail, or length of the cylinder."""
-    input_zero: float
-    """The input at the first sample: the crank's angle from the rail or the ground line, or the place of slider or cylinder."""
     output_offset: float
-    """output = the linkage's own + this: an angle of the crank or lever, or a place of slider or cylinder."""
+    """output = the linkage's own + this: an angle (in -180..180 degrees at the first sample, continuous) or a position."""
     errors: FunctionErrors
     verdict: Verdict
     transmission_angle_min: float
@@ -78,6 +64,23 @@ class TravelSolution(Record):
     error_curve: ErrorCurve | None
     linkage: Linkage = field(metadata=PYTHON_ONLY)
     """Linkage with methods to move, draw and save it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TravelSolution(AnyFunctionSolution):
+    """Linkage with a slider or a cylinder that makes a function, with its errors."""
+
+    kind: KindName
+    driver: DriverName
+    """Driven part: crank, slider or cylinder."""
+    lengths: dict[str, float]
+    """By name: crank, rod, offset; crank, ground; rod, angle; pin_distance, slot_offset."""
+    guides: list[AnyGuide]
+    """Guides of the body, the driven guide first."""
+    start: float
+    """The drive's coordinate at the first sample: direction of the crank, place along the rail, or length of the cylinder."""
+    input_zero: float
+    """The input at the first sample: the crank's angle from the rail or the ground line, or the place of slider or cylinder."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,8 +98,8 @@ class RoundedFunction(Record):
 
 
 @dataclass(frozen=True, kw_only=True)
-class FunctionSolution(Record):
-    """Linkage that makes a function, with its errors.
+class FunctionSolution(AnyFunctionSolution):
+    """Four-bar that makes a function, with its errors.
 
     Examples
     --------
@@ -106,19 +109,10 @@ class FunctionSolution(Record):
     (True, True, True)
     """
 
-    rank: int
-    """From 1: exact ones by merit, others by `FunctionErrors.objective`, uneven ones behind (function.md)."""
     links: Links
-    branch: Literal[-1, 1]
     start_angle: float
     """Crank angle at the first sample, from the ground line A->B."""
-    output_offset: float
-    """output = rocker angle (in -180..180 degrees at the first sample, continuous) + this."""
-    errors: FunctionErrors
-    verdict: Verdict
     family: str
-    transmission_angle_min: float
-    """Over the used interval, exactly."""
     transmission_angle_min_turn: float | None
     """Over the whole turn; null if the crank cannot turn."""
     condition: float
@@ -128,9 +122,6 @@ class FunctionSolution(Record):
     sensitivity: Floats | None
     """Rms change of the output per unit of crank, coupler, rocker, ground."""
     rounded: RoundedFunction | None
-    error_curve: ErrorCurve | None
-    linkage: Linkage = field(metadata=PYTHON_ONLY)
-    """Linkage with methods to move, draw and save it."""
 
 
 @dataclass(frozen=True)
@@ -160,10 +151,7 @@ class FunctionResult(Record, Ranked[FunctionSolution | TravelSolution]):
     """The samples' x and y, where a function was named."""
     y: Floats | None
     report: Report
-    target: TargetFunction = field(repr=False, metadata=PYTHON_ONLY)
-    degrees: bool = field(default=True, metadata=PYTHON_ONLY)
-    dial: Dial = field(default=Dial("angle", "angle"), repr=False, metadata=PYTHON_ONLY)
-    scales: Scales = field(default=Scales(1.0, 1.0, 1.0), repr=False, metadata=PYTHON_ONLY)
+    question: FunctionQuestion = field(repr=False, metadata=PYTHON_ONLY)
 
     @property
     def _results(self) -> list[FunctionSolution | TravelSolution]:
@@ -190,52 +178,45 @@ class FunctionResult(Record, Ranked[FunctionSolution | TravelSolution]):
                 f"this reply has {counted(len(self.solutions), 'linkage')}",
             )
         chosen = self.solutions[rank - 1]
-        linkage, offset = chosen.linkage, chosen.output_offset
-        return render(self.target, self.scales, self.dial, linkage, offset, kind, length_unit)
+        return render(self.question, chosen.linkage, chosen.output_offset, kind, length_unit)
 
     def __repr__(self) -> str:
-        unit = ("deg" if self.degrees else "rad") if self.dial.output == "angle" else "(length)"
+        unit = "(length)" if self.question.dial.output == LENGTH else "deg" if self.question.degrees else "rad"
         rows = [f"  {s.rank}  {s.linkage!r}  within {s.errors.max:.3g} {unit}" for s in self.solutions]
         notes = [f"note: {note}" for note in self.report.notes]
         return "\n".join([f"{self.status}: {counted(len(self.solutions), 'linkage')}", *rows, *notes])
 
 
-def render(
-    target: TargetFunction,
-    scales: Scales,
-    dial: Dial,
-    linkage: Linkage,
-    output_offset: float,
-    kind: str,
-    length_unit: str,
-) -> str:
+def render(question: FunctionQuestion, linkage: Linkage, output_offset: float, kind: str, length_unit: str) -> str:
     """Return a linkage that makes a function as the text of a file; ``output_offset`` in the unit of the output."""
-    radian = radians_in(linkage.degrees)
-    travel = target.crank * (1.0 if dial.input == ANGLE else scales.length)
+    target, scales, plain, radian = question.function, question.scales, linkage.plain, question.radian
+    travel = target.crank * (1.0 if question.dial.input == ANGLE else scales.length)
     if kind != "csv":
-        shown = Linkage.of(linkage.plain, radian, Target(None, None, crank=travel))
+        shown = Linkage.of(plain, radian, Target(None, None, crank=travel))
         return shown.render(kind, length_unit=None if kind == "svg" else length_unit)
-    if linkage.plain.is_four_bar:
-        return to_csv(target, linkage.plain, output_offset * radian, radian)
-    plain = linkage.plain
-    body = plain.body(plain.start + travel)
-    computed = own_output(linkage, dial, np.concatenate([[0.0], travel]))[1:] + output_offset
-    output = target.output / scales.output
-    columns = {
+    closed_motions(plain, Interval(0.0, float(travel[-1])))
+    made = own_output(linkage, question.dial, np.concatenate([[0.0], travel]))[1:] + output_offset
+    wanted = target.output / scales.output
+    columns: dict[str, Floats] = {
         "input": target.crank / scales.input,
-        "output_wanted": output,
-        "output": computed,
-        "error": computed - output,
-        "transmission_angle": body.transmission_angle / radian,
-        "drive": (plain.start + travel) / (radian if plain.driver.turns else 1.0),
+        "output_wanted": wanted,
+        "output": made,
+        "error": made - wanted,
+        "transmission_angle": plain.body(plain.start + travel).transmission_angle / radian,
     }
+    if plain.is_four_bar:
+        links = zip(("crank", "coupler", "rocker"), plain.motions(travel))
+        columns |= {f"{name}_direction": link.angle / radian for name, link in links}
+    else:
+        columns["drive"] = (plain.start + travel) / (radian if plain.driver.turns else 1.0)
     return csv_text({name: np.asarray(values).tolist() for name, values in columns.items()})
 
 
 def own_output(linkage: Linkage, dial: Dial, travel: Floats) -> Floats:
     """Return the own output of a linkage over travel (n,) of its drive, in the user's unit; angles are continuous.
 
-    For a crank or lever it is the direction, in (-180, 180] degrees at the first value; for a slider or cylinder its position.
+    For a rocker, crank or lever it is the direction, in (-180, 180] degrees at the first value; for a slider or cylinder its
+    position.
     """
     plain = linkage.plain
     if dial.output == LENGTH:
@@ -243,6 +224,7 @@ def own_output(linkage: Linkage, dial: Dial, travel: Floats) -> Floats:
     links = plain.motions(travel)
     name = plain.link_names[2]
     direction = next(link.angle for link in links if link.name == name) if name != "block" else links[1].angle
-    direction = np.unwrap(direction)
+    if not plain.is_four_bar:
+        direction = np.unwrap(direction)
     turns = 2 * np.pi * np.round(direction[0] / (2 * np.pi))
     return (direction - turns) / radians_in(linkage.degrees)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
+from typing import Any
+
 import numpy as np
 
 from linkage_atlas.functions.question import FunctionQuestion
@@ -16,16 +19,16 @@ from linkage_atlas.geometry import Links, guides_of
 from linkage_atlas.linkages import Linkage
 from linkage_atlas.solutions import Determination, verdict_of
 from synthesis.arrays import Floats
-from synthesis.defects import faults_of, practical_faults, verdict
+from synthesis.defects import faults_of, verdict
 from synthesis.fourbar.determination import determinations
-from synthesis.function.answers import Generator, exchanged, rocker_angles, turns_back
+from synthesis.function.answers import Generator, turning_back
+from synthesis.function.laws import LENGTH, FunctionLimits
 from synthesis.function.search import refit
-from synthesis.function.travel_laws import ANGLE
-from synthesis.function.travel_search import TravelGenerator, TravelLimits, travel_turns_back
 from synthesis.limits import Limits
 from synthesis.linkage import Linkage as Plain
+from synthesis.linkage import as_lengths, with_links
 from synthesis.studies.sensitivity import changes
-from synthesis.target import Interval, Target
+from synthesis.target import Interval
 from synthesis.work import Work
 
 _EXCHANGED = [0, 2, 1, 3]
@@ -33,7 +36,7 @@ _SHOWN = 361
 """Number of points of an error curve."""
 
 
-def errors_of(question: FunctionQuestion, generator: Generator | TravelGenerator) -> FunctionErrors:
+def errors_of(question: FunctionQuestion, generator: Generator) -> FunctionErrors:
     """Return the errors of a generator in the user's units."""
     found, unit = generator.errors, question.scales.output
     y = None if question.dials is None else question.dials.y_of_radian
@@ -41,124 +44,102 @@ def errors_of(question: FunctionQuestion, generator: Generator | TravelGenerator
     return FunctionErrors(found.rms / unit, found.max / unit, found.alternations, rms_y, max_y, found.objective)
 
 
-def described_travel(
-    question: FunctionQuestion, generator: TravelGenerator, rank: int, limits: TravelLimits, curves: bool
-) -> TravelSolution:
-    """Describe a generator with a slider in the units of the user."""
-    scales, function, law = question.scales, question.function, generator.law
-    plain = generator.linkage.scaled(scales.length)
-    travel = function.crank * (1.0 if law.input == ANGLE else scales.length)
-    target = Target(None, None, crank=travel)
-    passed = verdict(plain, plain.start + travel, timed=True)
-    links = generator.lengths[np.array(generator.law.positive)].tolist()
-    faults = faults_of((generator.transmission_angle_min, None), links, {}, None, limits.limits)
-    reasons = [*passed.reasons, *filter(None, [travel_turns_back(function, generator)]), *faults]
-    linkage = Linkage.of(plain, question.radian, target)
-    curve = None
+def described(
+    question: FunctionQuestion, generator: Generator, rank: int, sensitivity: bool, curves: bool
+) -> FunctionSolution | TravelSolution:
+    """Describe a generator in the units of the user."""
+    function, scales, radian = question.function, question.scales, question.radian
+    plain = built(question, generator)
+    linkage = Linkage.of(plain, radian, question.target)
+    passed = verdict(plain, plain.start + question.travel, timed=True)
+    positive, turn = np.array(generator.law.positive), generator.transmission_angle_min_turn
+    links = [*generator.lengths[positive].tolist(), *([1.0] if plain.is_four_bar else [])]
+    faults = faults_of((generator.transmission_angle_min, turn), links, {}, None, question.limits.limits)
+    back, curve = turning_back(function, generator), None
+    sentences = []
+    if back is not None:
+        by = f" by {np.rad2deg(back[0]):.3g} degrees" if plain.is_four_bar else ""
+        sentences = [f"the {'rocker' if by else 'output'} turns back{by} at {100 * back[1]:.3g} % of the interval"]
     if curves:
         shown = np.linspace(0.0, float(function.crank[-1]), _SHOWN)
         curve = ErrorCurve(shown / scales.input, (generator.output(shown) - function.curve(shown)) / scales.output)
-    units = [1 / question.radian if name == "angle" else scales.length for name in law.lengths]
-    used = Interval(float(travel.min()), float(travel.max()))
+    common: dict[str, Any] = {
+        "rank": rank,
+        "branch": 1 if plain.branch > 0 else -1,
+        "output_offset": generator.offset / scales.output,
+        "errors": errors_of(question, generator),
+        "verdict": verdict_of(passed, None, [*passed.reasons, *sentences, *faults], practical=not faults),
+        "transmission_angle_min": generator.transmission_angle_min / radian,
+        "error_curve": curve,
+        "linkage": linkage,
+    }
+    if plain.is_four_bar:
+        return _four_bar(question, generator, plain, common, sensitivity)
+    lengths = zip(generator.law.lengths, question.limits.in_user_units(generator.law, generator.lengths).tolist())
+    used = Interval(float(question.travel.min()), float(question.travel.max()))
     return TravelSolution(
-        rank=rank,
+        **common,
         kind=plain.kind.value,
         driver=plain.driver.value,
-        lengths={name: float(value * unit) for name, value, unit in zip(law.lengths, generator.lengths, units)},
-        guides=guides_of(plain, question.radian, used),
-        branch=1 if plain.branch > 0 else -1,
+        lengths={name: value / radian if name == "angle" else value for name, value in lengths},
+        guides=guides_of(plain, radian, used),
         start=linkage.start,
         input_zero=generator.zero / scales.input,
-        output_offset=generator.offset / scales.output,
-        errors=errors_of(question, generator),
-        verdict=verdict_of(passed, None, reasons, practical=not faults),
-        transmission_angle_min=generator.transmission_angle_min / question.radian,
-        error_curve=curve,
-        linkage=linkage,
     )
 
 
-def _sensitivity(exchanged: Plain, target: Target, radian: float) -> Floats:
-    """Return the change of the rocker's angle per unit of each length, of a linkage with coupler and rocker exchanged."""
-    return np.array([change.rotation for change in changes(exchanged, target, radian)])[_EXCHANGED]
+def built(question: FunctionQuestion, generator: Generator) -> Plain:
+    """Return the linkage in the user's unit of length; prescribed lengths are equal to the last bit."""
+    law, limits = generator.law, question.limits
+    zero = generator.zero * (limits.scale if law.input == LENGTH else 1.0)
+    return law.linkage(limits.in_user_units(law, generator.lengths), generator.branch, zero, limits.scale)
 
 
-def described(
-    question: FunctionQuestion, found: list[Generator], limits: Limits, sensitivity: bool, curves: bool
-) -> list[FunctionSolution]:
-    """Describe generators in the units of the user, best first."""
-    if not found:
-        return []
-    target_function, radian = question.function, question.radian
-    linkages = [generator.linkage for generator in found]
+def _four_bar(
+    question: FunctionQuestion, generator: Generator, plain: Plain, common: dict[str, Any], sensitivity: bool
+) -> FunctionSolution:
+    """Describe a four-bar; ``common``: fields of solutions of all kinds."""
+    target, radian, linkage = question.function.target, question.radian, common["linkage"]
     # how a rocker's angle changes with the lengths is how the coupler's does with coupler and rocker exchanged
-    exchanged_linkages = [exchanged(generator) for generator in linkages]
-    resolutions = [max(generator.errors.objective, question.tolerance) for generator in found]
-    fixed_lengths = [k for k, name in enumerate(_EXCHANGED[:3]) if limits.links[name] is not None]
-    fixed = determinations(target_function.target, exchanged_linkages, resolutions, fixed_lengths)
-    sensitivities = [
-        _sensitivity(other_linkage, target_function.target, radian) if sensitivity else None
-        for other_linkage in exchanged_linkages
-    ]
-    passed = [verdict(linkage, linkage.start + target_function.crank, timed=True) for linkage in linkages]
-    back = turns_back(target_function, linkages)
-    drawn = _error_curves(question, found) if curves else [None] * len(found)
-    solutions = []
-    for k, generator in enumerate(found):
-        faults = practical_faults(generator, target_function.target, limits, target_function.interval)
-        reasons = [*passed[k].reasons, *filter(None, [back[k]]), *faults]
-        determined, turn = fixed[k], generator.transmission_angle_min_turn
-        linkage = Linkage.of(generator.linkage, radian, question.target)
-        solutions.append(
-            FunctionSolution(
-                rank=k + 1,
-                links=_links(linkage),
-                branch=1 if linkage.branch > 0 else -1,
-                start_angle=linkage.start_angle,
-                linkage=linkage,
-                output_offset=generator.offset / radian,
-                errors=errors_of(question, generator),
-                family=generator.family.value,
-                transmission_angle_min=generator.transmission_angle_min / radian,
-                transmission_angle_min_turn=None if turn is None else turn / radian,
-                verdict=verdict_of(passed[k], None, reasons, practical=not faults),
-                condition=determined.condition,
-                determination=Determination(
-                    determined.ill_posed, determined.resolution, (), determined.length_uncertainty[_EXCHANGED]
-                ),
-                sensitivity=sensitivities[k],
-                rounded=None,
-                error_curve=drawn[k],
-            )
-        )
-    return solutions
-
-
-def _links(linkage: Linkage) -> Links:
-    return Links(*linkage.links.tolist())
-
-
-def _error_curves(question: FunctionQuestion, found: list[Generator]) -> list[ErrorCurve | None]:
-    """Return input and error of each generator over the interval."""
-    target, radian = question.function, question.radian
-    shown = np.linspace(0.0, target.crank[-1], _SHOWN)
-    output = (
-        rocker_angles([generator.linkage for generator in found], shown)
-        + np.array([generator.offset for generator in found])[:, None]
+    crank, coupler, rocker, ground = plain.links
+    exchanged = dataclasses.replace(
+        with_links(plain, (crank, rocker, coupler, ground)), branch=-plain.branch, body_offset=None
     )
-    return [ErrorCurve(shown / radian, error / radian) for error in output - target.curve(shown)]
+    fixed = [k for k, name in enumerate(_EXCHANGED[:3]) if question.limits.limits.links[name] is not None]
+    resolution = max(generator.errors.objective, question.tolerance)
+    (determined,) = determinations(target, [exchanged], [resolution], fixed)
+    by_length: Floats | None = None
+    if sensitivity:
+        by_length = np.array([change.rotation for change in changes(exchanged, target, radian)])[_EXCHANGED]
+    turn = generator.transmission_angle_min_turn
+    assert plain.family is not None
+    return FunctionSolution(
+        **common,
+        links=Links(*plain.links),
+        start_angle=linkage.start_angle,
+        family=plain.family.value,
+        transmission_angle_min_turn=None if turn is None else turn / radian,
+        condition=determined.condition,
+        determination=Determination(
+            determined.ill_posed, determined.resolution, (), determined.length_uncertainty[_EXCHANGED]
+        ),
+        sensitivity=by_length,
+        rounded=None,
+    )
 
 
 def rounded(question: FunctionQuestion, generator: Generator, grid: float, work: Work) -> RoundedFunction:
-    """Return a generator with its links on a grid."""
-    links = np.maximum(np.round(np.array(generator.linkage.links) / grid), 1.0) * grid
-    refitted = refit(question.function, generator, links, question.largest, question.tolerance, work)
+    """Return a four-bar with its links on a grid."""
+    links = np.maximum(np.round(np.array(built(question, generator).links) / grid), 1.0) * grid
+    limits = FunctionLimits.of_four_bar(Limits("any", links=as_lengths(links)))
+    refitted = refit(question.function, generator, limits, question.largest, question.tolerance, work)
     if refitted is None:
         return RoundedFunction(closes=False)
-    linkage = Linkage.of(refitted.linkage, question.radian, question.target)
+    on_grid = dataclasses.replace(question, limits=limits)
+    linkage = Linkage.of(built(on_grid, refitted), question.radian, question.target)
     return RoundedFunction(
         closes=True,
-        links=_links(linkage),
+        links=Links(*linkage.plain.links),
         start_angle=linkage.start_angle,
         output_offset=refitted.offset / question.radian,
         errors=errors_of(question, refitted),

@@ -4,30 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from synthesis.arrays import Floats
-from synthesis.export.layout import closed_motions
-from synthesis.four_bar import FULL_CRANK, Family, close_loop, family, principal, transmission_angle_over
+from synthesis.four_bar import FULL_CRANK, transmission_angle_over
 from synthesis.fourbar.mechanism import FourBar
+from synthesis.function.laws import ANGLE, FOUR_BAR, FunctionLimits
+from synthesis.function.problem import AnyLaw, FunctionProblem
 from synthesis.function.target_function import TargetFunction
 from synthesis.limits import Limits, in_family
-from synthesis.linkage import Linkage, with_links
-from synthesis.pose import rotation_residual, whole_turns
-from synthesis.sheet import csv_text
-from synthesis.solution import looks_of
-from synthesis.target import Interval, Samples, Target
+from synthesis.linkage import Linkage
+from synthesis.pose import whole_turns
+from synthesis.target import TURN, Interval, Samples, Target
 
 
 @dataclass(frozen=True)
 class ExtremeOptions:
     """Options of the examination of error curves over the interval."""
 
-    rounding: float = 1e-13
-    """A reversal between two inputs below this angle in radians is rounding."""
+    rounding: float = 1e-12
+    """A reversal between two inputs below this fraction of the output's range is rounding."""
     steps: int = 720
     """Smallest number of steps in which the interval is examined; more steps with more samples."""
     peaks: int = 24
@@ -39,76 +37,74 @@ class ExtremeOptions:
 OPTIONS = ExtremeOptions()
 
 
-@dataclass(frozen=True)
-class FunctionErrors:
-    """Errors of the angle of a rocker, in radians.
-
-    Attributes
-    ----------
-    rms : float
-        Weighted rms error at the samples.
-    max : float
-        Largest error: over the whole interval if the largest error is minimized, otherwise at the samples.
-    alternations : int or None
-        Number of extremes of alternating sign that are as large as the largest error, over the whole interval; None if the
-        interval was not examined.
-    objective : float
-        Minimized quantity: rms, or the largest weighted error.
-    """
+class FunctionErrors(NamedTuple):
+    """Errors of an output, in radians or over the scale."""
 
     rms: float
+    """Weighted rms error at the samples."""
     max: float
+    """Largest error: over the whole interval if the largest error is minimized, otherwise at the samples."""
     alternations: int | None
+    """Number of extremes of alternating sign that are as large as the largest error, over the whole interval; None if the
+    interval was not examined."""
     objective: float
+    """Minimized quantity: rms, or the largest weighted error."""
 
 
 @dataclass(frozen=True)
 class Generator:
-    """Linkage whose rocker makes a given function; the ground is 1 unless a length is given.
+    """Linkage whose output makes a given function; lengths over the scale."""
 
-    Attributes
-    ----------
-    linkage : Linkage
-    offset : float
-        output = theta3 + offset with theta3 in (-pi, pi] at the first sample.
-    errors : FunctionErrors
-    family : Family
-    transmission_angle_min : float
-        Exact minimum over the used interval.
-    transmission_angle_min_turn : float or None
-        Minimum over the whole turn; None if the crank does not turn fully.
-    """
-
-    linkage: Linkage
+    law: AnyLaw
+    lengths: Floats
+    """(k,): lengths of the law."""
+    branch: int
+    zero: float
+    """Input at the first sample."""
     offset: float
+    """Added to the linkage's own output, whose angle lies in (-pi, pi] at the first sample, to give the output."""
     errors: FunctionErrors
-    family: Family
+    linkage: Linkage
     transmission_angle_min: float
-    transmission_angle_min_turn: float | None
+    """Exact minimum over the used interval."""
 
     @property
     def identity(self) -> Floats:
         """Return numbers that distinguish linkages."""
-        return np.array([*(np.array(self.linkage.links) / max(self.linkage.links)), self.linkage.branch])
+        return self.law.identity(self.linkage, self.lengths)
 
     @property
     def looks(self) -> Floats:
-        """Return numbers of which two linkages that look alike in a drawing differ by less than 1."""
-        return looks_of(self.linkage)
+        """Return numbers that differ by less than 1 for linkages whose pictures look the same."""
+        return self.law.looks(self.linkage, self.lengths)
+
+    @property
+    def transmission_angle_min_turn(self) -> float | None:
+        """Minimum over the whole turn of a four-bar; None if the crank does not turn fully."""
+        if self.linkage.family not in FULL_CRANK:
+            return None
+        return float(transmission_angle_over(self.linkage.links, Interval(0.0, TURN)))
 
     def mirrored(self) -> Generator:
-        """The linkage in a mirror, for the mirrored function."""
-        return replace(self, linkage=self.linkage.mirrored(), offset=-self.offset)
+        """Return the four-bar in a mirror, for the mirrored function."""
+        return replace(
+            self,
+            branch=-self.branch,
+            zero=-self.zero,
+            offset=-self.offset,
+            linkage=self.linkage.mirrored(),
+        )
 
-
-def exchanged(linkage: Linkage) -> Linkage:
-    """Exchange coupler and rocker: the new rocker turns as the coupler of this linkage turned, plus half a turn.
-
-    theta3(L1, L2, L3, L4; branch) = theta2(L1, L3, L2, L4; -branch) + pi, up to whole turns.
-    """
-    crank, coupler, rocker, ground = linkage.links
-    exchanged = with_links(linkage, (crank, rocker, coupler, ground))
-    return replace(exchanged, branch=-linkage.branch, body_offset=None)
+    def output(self, travel: Floats) -> Floats:
+        """Return the output at inputs (M,) from the first sample, continuous."""
+        unknowns = np.zeros((1, 5))
+        unknowns[0, : self.law.size], unknowns[0, 3] = self.law.unknowns(self.lengths), self.zero
+        inputs = np.concatenate([[0.0], travel])
+        value = self.law.at(unknowns, np.array([float(self.branch)]), inputs[None], derivatives=False).value[0]
+        if self.law.output == ANGLE:
+            value = np.unwrap(value) if self.law.wraps else value
+            value = value - whole_turns(value[0])
+        return value[1:] + self.offset
 
 
 class Extremes(NamedTuple):
@@ -119,18 +115,6 @@ class Extremes(NamedTuple):
     size: Floats
     """(n, q), at least 0."""
     sign: Floats
-
-
-def rocker_angles(linkages: Sequence[Linkage], travel: Floats) -> Floats:
-    """theta3 at crank angles (n, M) or (M,) from the first sample, in (-pi, pi] at the first sample, (n, M)."""
-    links, branch = (
-        np.array([linkage.links for linkage in linkages]),
-        np.array([linkage.branch for linkage in linkages]),
-    )
-    start = np.array([linkage.start for linkage in linkages])[:, None]
-    travel = np.broadcast_to(travel, (len(linkages), np.shape(travel)[-1]))
-    crank = np.concatenate([start, start + travel], axis=1)
-    return principal(close_loop(links, crank).rocker_angle(branch))[:, 1:]
 
 
 def look(target: TargetFunction) -> Floats:
@@ -194,161 +178,118 @@ def alternations(found: Extremes) -> list[int]:
     return counts
 
 
-def errors_of(
-    target: TargetFunction, gap: Callable[[Floats], Floats], count: int, largest: bool, residual: Floats
-) -> list[FunctionErrors]:
-    """Errors of ``count`` candidates from their gaps: at inputs (n, M) by ``gap``, at the samples ``residual`` (n, N).
+def finished(problem: FunctionProblem, unknowns: Floats, branch: Floats) -> list[Generator]:
+    """Return linkages at unknowns (n, 5), which close over the interval, with their errors.
 
-    ``largest``: whether the largest error over the interval counts, or the root of the mean square at the samples.
+    For least squares the offsets are fitted again.
     """
-    rms = np.sqrt(target.mean(residual**2))
-    if not largest:
-        worst = np.abs(target.mean.zero_missing(residual)).max(axis=1)
+    target = problem.function
+    if not problem.largest:
+        root = np.broadcast_to(target.mean.root, target.crank.shape)
+        unknowns = problem.with_offset(unknowns, branch, target.crank, root)
+    residual = problem.gap(unknowns, branch, target.crank)
+    law, lengths, sides = problem.law.plain(unknowns, branch)
+    columns = lengths, sides.astype(int).tolist(), unknowns[:, 3].tolist()
+    linkages = [law.linkage(*row) for row in zip(*columns)]
+    angles = np.nan_to_num(law.transmission(linkages, target.interval)).tolist()
+    errors = _errors_of(problem, unknowns, branch, residual)
+    rows = zip(*columns, errors, linkages, angles, residual[:, 0].tolist())
+    found = []
+    for shape, side, zero, error, linkage, angle, gap in rows:
+        generator = Generator(law, shape, side, zero, 0.0, error, linkage, angle)
+        own = float(generator.output(np.zeros(1))[0])
+        found.append(replace(generator, offset=float(target.output[0]) - gap - own))
+    return found
+
+
+def within_limits(problem: FunctionProblem, unknowns: Floats, branch: Floats) -> list[Generator | None]:
+    """Return linkages at unknowns (n, 5) as generators; None for those that do not close, or violate a limit."""
+    target, limits, answers = problem.function, problem.limits.relative, list[Generator | None]([None] * len(branch))
+    if problem.law.input == ANGLE:
+        unknowns = np.column_stack([unknowns[:, :3], unknowns[:, 3] % TURN, unknowns[:, 4]])
+    closes = np.flatnonzero(np.isfinite(problem.gap(unknowns, branch, target.crank)).all(axis=1))
+    generators = finished(problem, unknowns[closes], branch[closes])
+    if not generators:
+        return answers
+    law, linkages = generators[0].law, [generator.linkage for generator in generators]
+    holds = law.keeps(target, limits, linkages, np.array([generator.lengths for generator in generators]))
+    for index, generator, keep in zip(closes.tolist(), generators, holds.tolist()):
+        if keep and not (target.one_way and turning_back(target, generator)):
+            answers[index] = generator
+    return answers
+
+
+def _errors_of(problem: FunctionProblem, unknowns: Floats, branch: Floats, residual: Floats) -> list[FunctionErrors]:
+    """Return the errors of candidates with the errors ``residual`` (n, N) at the samples."""
+    target = problem.function
+    residual = target.mean.zero_missing(residual)
+    rms = np.sqrt(target.mean(residual**2)).tolist()
+    if not problem.largest:
         return [
-            FunctionErrors(float(rms_error), float(largest_error), None, float(rms_error))
-            for rms_error, largest_error in zip(rms, worst)
+            FunctionErrors(*row) for row in zip(rms, np.abs(residual).max(axis=1).tolist(), [None] * len(rms), rms)
         ]
 
     def error(crank: Floats) -> Floats:
-        crank = np.broadcast_to(crank, (count, crank.shape[-1]))
-        return np.where(target.weight(crank) > 0, gap(crank), 0.0)
+        return np.where(target.weight(crank) > 0, problem.gap(unknowns, branch, crank), 0.0)
 
     def weighted(crank: Floats) -> Floats:
-        return target.weight(np.broadcast_to(crank, (count, crank.shape[-1]))) * error(crank)
+        return target.weight(crank) * error(crank)
 
     found = plain = extremes(weighted, look(target), OPTIONS.peaks)
     if target.weights is not None:
         plain = extremes(error, look(target), OPTIONS.peaks)
-    columns = zip(rms.tolist(), plain.size.max(axis=1).tolist(), alternations(found), found.size.max(axis=1).tolist())
+    columns = zip(rms, plain.size.max(axis=1).tolist(), alternations(found), found.size.max(axis=1).tolist())
     return [FunctionErrors(*column) for column in columns]
 
 
-def how_they_turn(links: Floats, used: Interval) -> list[tuple[Family, float, float | None]]:
-    """Return the family of linkages (n, 4), and their smallest transmission angles over the used interval and over a turn.
-
-    The first is 0 if a linkage does not close over its interval of theta1, the second None if its crank does not turn fully.
-    """
-    first, last = (
-        np.stack([np.broadcast_to(end, len(links)), np.full(len(links), turn_end)])
-        for end, turn_end in zip(used, (0.0, np.pi))
-    )
-    used_angles, turn = transmission_angle_over(links, Interval(first, last))
-    families = [Family(name) for name in family(links)]
-    return [
-        (name, smallest, over_turn if name in FULL_CRANK else None)
-        for name, smallest, over_turn in zip(families, np.nan_to_num(used_angles).tolist(), turn.tolist())
-    ]
-
-
-def finished(
-    target: TargetFunction, linkages: Sequence[Linkage], largest: bool, offsets: Floats | None = None
+def generators_of(
+    target: TargetFunction, limits: FunctionLimits, lengths: Floats, branch: Floats, start: Floats
 ) -> list[Generator]:
-    """Build generators with their errors.
-
-    Parameters
-    ----------
-    target : TargetFunction
-    linkages : sequence of Linkage
-        Linkages that close over the interval.
-    largest : bool
-        True if the largest error over the interval counts, False for the rms error at the samples.
-    offsets : ndarray, shape (n,), optional
-        Offsets up to whole turns; default: the given offset, or the offset of the smallest rms error.
-    """
-    if not linkages:
-        return []
-    angle = rocker_angles(linkages, target.crank)
-    offset = rotation_residual(replace(target.target, offset=target.offset), angle)[0]
-    if offsets is not None:
-        offset = offsets + whole_turns(offset - offsets)
-
-    def gap(crank: Floats) -> Floats:
-        return np.asarray(target.curve(crank) - offset[:, None] - rocker_angles(linkages, crank))
-
-    errors = errors_of(target, gap, len(linkages), largest, target.output - angle - offset[:, None])
-    links, start = (
-        np.array([linkage.links for linkage in linkages]),
-        np.array([linkage.start for linkage in linkages]),
-    )
-    turning = how_they_turn(links, target.interval.after(start))
-    return [Generator(linkage, float(offset[k]), errors[k], *turning[k]) for k, linkage in enumerate(linkages)]
+    """Return four-bars of lengths (n, 4) that make a function by least squares, with their errors."""
+    unknowns = np.column_stack([np.log(lengths[:, :3] / lengths[:, 3:]), start, np.zeros(len(lengths))])
+    return finished(FunctionProblem(target, FOUR_BAR, limits, False), unknowns, branch)
 
 
 class Generators(FourBar):
-    """The four-bar as the search for motions sees it, whose answers are function generators of a ground's length.
+    """The four-bar as the search for motions sees it, whose answers are function generators.
 
     The search is for linkages with coupler and rocker exchanged.
     """
 
-    def __init__(self, target: TargetFunction, ground: float) -> None:
-        self.function, self.ground = target, ground
+    def __init__(self, target: TargetFunction, limits: FunctionLimits) -> None:
+        self.function, self.limits = target, limits
 
     def assess(
         self, target: Target, linkages: Sequence[Linkage], /, *, rows: Sequence[int] | None = None
     ) -> list[Any]:
         """Return the linkages exchanged back, as generators with the errors of their rockers."""
-        return finished(self.function, [exchanged(linkage).scaled(self.ground) for linkage in linkages], False)
+        columns = np.array([(*linkage.links, linkage.branch, linkage.start) for linkage in linkages]).reshape(-1, 6)
+        lengths, branch, start = columns[:, [0, 2, 1, 3]], -columns[:, 4], columns[:, 5]
+        return generators_of(self.function, self.limits, lengths, branch, start)
 
     def within(self, samples: Samples, limits: Limits, solutions: Sequence[Any]) -> list[Any]:
         """Return the solutions of the family that close over the interval."""
-        if not solutions:
-            return []
-        accepted = in_family(limits.family, np.array([solution.linkage.links for solution in solutions]))
-        return [
-            solution for solution, keep in zip(solutions, accepted) if keep and solution.transmission_angle_min > 0
-        ]
+        links = np.array([solution.linkage.links for solution in solutions]).reshape(-1, 4)
+        accepted = zip(solutions, in_family(limits.family, links))
+        return [solution for solution, keep in accepted if keep and solution.transmission_angle_min > 0]
 
 
-def turning_back(
-    target: TargetFunction, output: Callable[[Floats], Floats], tolerance: float
-) -> tuple[float, float] | None:
-    """Return the total angle by which an output turns back and the fraction at which it does so most; None if it is monotonic.
+def turning_back(target: TargetFunction, generator: Generator) -> tuple[float, float] | None:
+    """Return by how much an output turns back, and the fraction of the interval at which it does so most.
 
-    ``tolerance``: largest step back between two angles that counts as rounding. The result is None if the target turns back.
+    None if the output is monotonic except for rounding, or the target turns back too.
     """
-    sense = np.sign(target.output[-1] - target.output[0])
-    if not np.all(np.diff(target.output) * sense > 0):
+    span = target.output[-1] - target.output[0]
+    if not np.all(np.diff(target.output) * np.sign(span) > 0):
         return None
-    angles = look(target)
-    steps = np.diff(output(angles)) * sense
-    if np.all(steps > -tolerance):
+    inputs = look(target)
+    steps = np.diff(generator.output(inputs)) * np.sign(span)
+    if np.all(steps > -OPTIONS.rounding * abs(span)):
         return None
-    return float(-steps[steps < 0].sum()), float(abs(angles[int(np.argmin(steps))] / target.crank[-1]))
+    return float(-steps[steps < 0].sum()), float(abs(inputs[int(np.argmin(steps))] / target.crank[-1]))
 
 
-def fraction_back(target: TargetFunction, linkage: Linkage) -> float:
-    """Return the fraction of the output's range by which a rocker turns back on the way."""
-    back = turning_back(target, partial(_rocker_angle, linkage), OPTIONS.rounding)
+def fraction_back(target: TargetFunction, generator: Generator) -> float:
+    """Return the fraction of the output's range by which a linkage turns back on the way."""
+    back = turning_back(target, generator)
     return 0.0 if back is None else back[0] / float(np.ptp(target.output))
-
-
-def turns_back(target: TargetFunction, linkages: Sequence[Linkage]) -> list[str | None]:
-    """Return a sentence for each linkage whose rocker turns back although the target is monotonic; None for the others."""
-    words = "the rocker turns back by {:.3g} degrees at {:.3g} % of the interval"
-    backs = [turning_back(target, partial(_rocker_angle, linkage), OPTIONS.rounding) for linkage in linkages]
-    return [back and words.format(np.rad2deg(back[0]), 100 * back[1]) for back in backs]
-
-
-def _rocker_angle(linkage: Linkage, travel: Floats) -> Floats:
-    return rocker_angles([linkage], travel)[0]
-
-
-def to_csv(target: TargetFunction, linkage: Linkage, offset: float, unit: float) -> str:
-    """Return the function at the samples as CSV; the error is the actual output minus the target output.
-
-    Angles are divided by ``unit`` (radians in one unit of angle).
-    """
-    closed_motions(linkage, target.interval)
-    crank, body, rocker = linkage.motions(target.crank)
-    output = rocker_angles([linkage], target.crank)[0] + offset
-    columns = {
-        "input": target.crank,
-        "output_wanted": target.output,
-        "output": output,
-        "error": output - target.output,
-        "transmission_angle": linkage.body(linkage.start + target.crank).transmission_angle,
-        "crank_direction": crank.angle,
-        "coupler_direction": body.angle - (linkage.body_offset or 0.0),
-        "rocker_direction": rocker.angle,
-    }
-    return csv_text({name: (np.asarray(values) / unit).tolist() for name, values in columns.items()})

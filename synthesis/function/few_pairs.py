@@ -27,7 +27,6 @@ from synthesis.four_bar import close_loop, transmission_angle_over
 from synthesis.function.dial_zeros import zeros_of_five_pairs, zeros_of_four_pairs
 from synthesis.function.target_function import TargetFunction
 from synthesis.limits import Limits, in_family
-from synthesis.linkage import Linkage, as_lengths, four_bar
 from synthesis.mechanism import Placed
 from synthesis.ranking import PROPORTION, distinct_rows, merit
 from synthesis.work import Work
@@ -332,7 +331,7 @@ def is_few(target: TargetFunction, limits: Limits) -> bool:
 
 def exact_functions(
     target: TargetFunction, limits: Limits, sized: bool, work: Work, options: FewPairsOptions | None = None
-) -> tuple[list[Linkage], Floats]:
+) -> tuple[Floats, Floats, Floats]:
     """Search for good four-bars that meet two to five pairs exactly.
 
     Parameters
@@ -349,9 +348,8 @@ def exact_functions(
 
     Returns
     -------
-    linkages : list of Linkage
+    lengths, branch, start : ndarray, shape (n, 4), (n,) and (n,)
         First the best of each region by merit, then the others by merit; those whose rocker turns back come last.
-    offsets : ndarray, shape (n,)
     """
     options = options or FewPairsOptions()
     family = ExactFamily(target, limits, sized, options)
@@ -362,8 +360,7 @@ def exact_functions(
     found = family.usable((improved(family, seeds, work) if free else seeds).joined(sampled))
     first = _regions(found, options, options.returned)
     found = found.take([*first, *np.setdiff1d(np.arange(found.merit.size), first)][: options.returned])
-    rows = zip(found.lengths, found.branch, found.parameters.start)
-    return [four_bar(as_lengths(row), int(side), float(start)) for row, side, start in rows], found.parameters.offset
+    return found.lengths, found.branch, found.parameters.start
 
 
 def _regions(candidates: Candidates, options: FewPairsOptions, maximum: int) -> NDArray[np.intp]:

@@ -8,15 +8,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from synthesis.four_bar import Family
-from synthesis.function.answers import Generator, Generators, finished, fraction_back
+from synthesis.function.answers import Generator, Generators, fraction_back, generators_of
 from synthesis.function.few_pairs import HARDLY_BACK, MOST_PAIRS, exact_functions, function_merit, is_few
-from synthesis.function.search import FunctionSearch, ground_of
+from synthesis.function.laws import FOUR_BAR, FunctionLimits
+from synthesis.function.problem import AnyLaw
+from synthesis.function.search import FunctionSearch
 from synthesis.function.target_function import TargetFunction
 from synthesis.limits import Limits
-from synthesis.linkage import as_lengths, with_links
 from synthesis.ranking import APART, PROPORTION, Status, counted_error, distinct
 from synthesis.scores import NEAR_CHANGE_POINT
-from synthesis.search.report import SearchReport, StoppedBy, stopped_by
+from synthesis.search.report import SearchReport, StoppedBy, fallen, stopped_by
 from synthesis.search.search import search
 from synthesis.search.seeds import SeedTables
 from synthesis.work import Work
@@ -34,6 +35,12 @@ class GeneratorOptions:
     """Transmission angle of an exact four-bar above which nothing else is searched."""
     locked: float = float(np.deg2rad(5.0))
     """Transmission angle below which a linkage nearly locks."""
+    spare: int = 4
+    """Number of further answers of a law, because some prove to lie in the same basin."""
+    answer_max: float = 0.1
+    """Error above which a law has no answer if another law is much better."""
+    much_better: float = 10.0
+    """Ratio of errors above which another law is much better."""
 
 
 OPTIONS = GeneratorOptions()
@@ -42,13 +49,13 @@ OPTIONS = GeneratorOptions()
 def generate(
     tables: SeedTables,
     target: TargetFunction,
-    limits: Limits,
+    limits: FunctionLimits,
     largest: bool,
     top: int,
     tolerance: float,
     work: Work | None = None,
 ) -> tuple[list[Generator], SearchReport]:
-    """Find the best linkages for a function.
+    """Find the best four-bars for a function.
 
     Parameters
     ----------
@@ -56,8 +63,8 @@ def generate(
         Tables of the four-bar.
     target : TargetFunction
         The function.
-    limits : Limits
-        Limits, with lengths in the unit of the ground, see `ground_of`.
+    limits : FunctionLimits
+        Limits of four-bars.
     largest : bool
         Minimize the largest error over the interval; otherwise the root mean square error at the samples.
     top : int
@@ -79,89 +86,133 @@ def generate(
         found, report = generate(tables, target.mirrored(), limits, largest, top, tolerance, work)
         return [generator.mirrored() for generator in found], report
     few, many = list[Generator](), max(top, OPTIONS.ranked)
-    if not largest and is_few(target, limits):
+    if not largest and is_few(target, limits.relative):
         few = exact_generators(target, limits, many, tolerance, work)
         if few and few[0].transmission_angle_min > OPTIONS.usable and target.crank.size < MOST_PAIRS:
             trace = [(work.elapsed, few[0].errors.objective)]
             return few[:top], SearchReport(StoppedBy.TOLERANCE, trace, work.elapsed, len(few))
     found, report = _generate_any(tables, target, limits, largest, many, tolerance, work)
     found = distinct(few + found, many, APART) if few else found
-    if found and not is_usable(min(found, key=lambda generator: generator.errors.objective)) and not work.expired():
-        within = replace(limits, transmission_angle_min=OPTIONS.usable)
+    if found and not is_usable(min(found, key=_error)) and not work.expired():
+        within = replace(limits, limits=replace(limits.limits, transmission_angle_min=OPTIONS.usable))
         more, _ = _generate_any(tables, target, within, largest, many, tolerance, work)
         found = distinct(found + more, 2 * many, APART)
-    return best_built(target, found, top, tolerance, limits.links[3] is not None), report
+    return best_built(target, found, top, tolerance, is_sized(limits)), report
 
 
-def _generate_any(
-    tables: SeedTables, target: TargetFunction, limits: Limits, largest: bool, many: int, tolerance: float, work: Work
+def generate_with(
+    laws: Sequence[AnyLaw],
+    target: TargetFunction,
+    limits: FunctionLimits,
+    largest: bool,
+    top: int,
+    tolerance: float,
+    work: Work,
 ) -> tuple[list[Generator], SearchReport]:
-    """Search for ``many`` linkages for any number of pairs; see `generate`."""
-    ground = ground_of(limits)
-    if not largest and limits.over(ground).only_family and not target.one_way:
-        mechanism = Generators(target, ground)
-        found, report = search(tables, target.target, Limits(family=limits.family), many, tolerance, work, mechanism)
-        prescribed = target.start is not None or target.offset is not None
-        lopsided = _is_lopsided(found, tolerance)
-        reached = Status.of(found, tolerance) is Status.REACHED
-        if work.expired() or not (lopsided or (prescribed and not reached)):
-            return found, report
-        # With prescribed zeros the search for motions only finds full cranks.
-        # If its best linkage is out of proportion, as for the function of a parallelogram, others may be as good.
-        within = (
-            replace(limits, link_ratio_max=OPTIONS.even_ratio_max)
-            if lopsided and not (prescribed and not reached)
-            else limits
-        )
-        run = FunctionSearch(target, within, False, many, tolerance, work)
-        found = best_built(
-            target, distinct(found + run.run(), 2 * many, APART), many, tolerance, limits.links[3] is not None
-        )
-        trace = report.trace + [
-            (at, min(value, report.trace[-1][1]) if report.trace else value) for at, value in run.trace
-        ]
-        stopped = stopped_by(found, tolerance, work)
-        return found, SearchReport(stopped, trace, report.screen_seconds, report.seeds + run.seeds, run.settled)
-    run = FunctionSearch(target, limits, largest, many, tolerance, work)
+    """Find the best distinct linkages of some laws for a function, best first, including the best of each law.
+
+    Arguments and results are as in `generate`.
+    """
+    of_each, reports = list[list[Generator]](), list[SearchReport]()
+    for law in laws:
+        if any(of_each) and work.expired():
+            break
+        found, report = _searched(law, target, limits, largest, top + OPTIONS.spare, tolerance, work)
+        of_each.append(distinct(found, top, APART, exact=tolerance))
+        reports.append(report)
+    smallest = min((found[0].errors.objective for found in of_each if found), default=0.0)
+    worst = max(OPTIONS.answer_max, OPTIONS.much_better * smallest)
+    of_each = [found for found in of_each if found and found[0].errors.objective <= worst]
+    best = [found[0] for found in of_each]
+    others = distinct([other for found in of_each for other in found[1:]], max(0, top - len(best)), APART)
+    found = sorted(best + others, key=_error)[:top]
+    settled = all(report.settled for report in reports)
+    report = SearchReport.joined(reports)._replace(stopped_by=stopped_by(found, tolerance, work), settled=settled)
+    return found, report._replace(screen_seconds=sum(report.screen_seconds for report in reports))
+
+
+def _searched(
+    law: AnyLaw,
+    target: TargetFunction,
+    limits: FunctionLimits,
+    largest: bool,
+    many: int,
+    tolerance: float,
+    work: Work,
+) -> tuple[list[Generator], SearchReport]:
+    """Search for ``many`` linkages of a law."""
+    run = FunctionSearch(target, law, limits, largest, many, tolerance, work)
     found = run.run()
     stopped = stopped_by(found, tolerance, work)
     return found, SearchReport(stopped, run.trace, run.screened, run.seeds, run.settled or not found)
 
 
+def _generate_any(
+    tables: SeedTables,
+    target: TargetFunction,
+    limits: FunctionLimits,
+    largest: bool,
+    many: int,
+    tolerance: float,
+    work: Work,
+) -> tuple[list[Generator], SearchReport]:
+    """Search for ``many`` four-bars for any number of pairs; see `generate`."""
+    if largest or not limits.relative.only_family or target.one_way:
+        return _searched(FOUR_BAR, target, limits, largest, many, tolerance, work)
+    mechanism, family = Generators(target, limits), Limits(family=limits.limits.family)
+    found, report = search(tables, target.target, family, many, tolerance, work, mechanism)
+    prescribed = target.start is not None or target.offset is not None
+    lopsided = _is_lopsided(found, tolerance)
+    missed = prescribed and Status.of(found, tolerance) is not Status.REACHED
+    if work.expired() or not (lopsided or missed):
+        return found, report
+    # With prescribed zeros the search for motions only finds full cranks.
+    # If its best linkage is out of proportion, as for the function of a parallelogram, others may be as good.
+    even = replace(limits, limits=replace(limits.limits, link_ratio_max=OPTIONS.even_ratio_max))
+    within = limits if missed else even
+    more, second = _searched(FOUR_BAR, target, within, False, many, tolerance, work)
+    found = best_built(target, distinct(found + more, 2 * many, APART), many, tolerance, is_sized(limits))
+    trace = fallen(report.trace, second.trace)
+    return found, second._replace(
+        stopped_by=stopped_by(found, tolerance, work),
+        trace=trace,
+        screen_seconds=report.screen_seconds,
+        seeds=report.seeds + second.seeds,
+    )
+
+
+def _error(generator: Generator) -> float:
+    return generator.errors.objective
+
+
+def is_sized(limits: FunctionLimits) -> bool:
+    """Return whether the ground is prescribed, see `function_merit`."""
+    return limits.limits.links[3] is not None
+
+
 def _is_lopsided(found: Sequence[Generator], tolerance: float) -> bool:
     """Check that all exact linkages are out of proportion, or the linkage with the smallest error if none is exact."""
-    exact = [generator for generator in found if generator.errors.objective < tolerance]
-    best = exact or sorted(found, key=lambda generator: generator.errors.objective)[:1]
+    exact = [generator for generator in found if _error(generator) < tolerance]
+    best = exact or sorted(found, key=_error)[:1]
     return all(generator.linkage.link_ratio > PROPORTION for generator in best)
 
 
 def exact_generators(
-    target: TargetFunction, limits: Limits, max_count: int, tolerance: float, work: Work
+    target: TargetFunction, limits: FunctionLimits, max_count: int, tolerance: float, work: Work
 ) -> list[Generator]:
     """Return distinct linkages that meet two to five pairs, the most practical first."""
-    ground = ground_of(limits)
-    linkages, offsets = exact_functions(target, limits.over(ground), limits.links[3] is not None, work)
-    prescribed = [(k, length) for k, length in enumerate(limits.links) if length is not None]
-    scaled = []
-    for linkage in linkages:
-        lengths = np.array(linkage.links) * ground
-        for k, length in prescribed:  # restore the prescribed value to the last bit
-            lengths[k] = length
-        scaled.append(with_links(linkage, as_lengths(lengths)))
-    found = [
-        generator for generator in finished(target, scaled, False, offsets) if generator.errors.objective < tolerance
-    ]
+    exact = exact_functions(target, limits.relative, is_sized(limits), work)
+    found = [generator for generator in generators_of(target, limits, *exact) if _error(generator) < tolerance]
     ranks = {id(generator): rank for rank, generator in enumerate(found)}
     found = distinct(found, max_count, APART, order=lambda generator: ranks[id(generator)], exact=tolerance)
     return sorted(
-        found,
-        key=lambda generator: (not is_usable(generator), fraction_back(target, generator.linkage) > HARDLY_BACK),
+        found, key=lambda generator: (not is_usable(generator), fraction_back(target, generator) > HARDLY_BACK)
     )
 
 
 def is_usable(generator: Generator) -> bool:
     """Check that a rocker stays away from dead positions and from a change point."""
-    change_point = generator.family is Family.CHANGE_POINT
+    change_point = generator.linkage.family is Family.CHANGE_POINT
     return generator.transmission_angle_min >= (NEAR_CHANGE_POINT if change_point else OPTIONS.locked)
 
 
@@ -175,23 +226,20 @@ def best_built(
     """
     if not found:
         return []
-    exact = [generator for generator in found if generator.errors.objective < tolerance]
-    back = np.array([fraction_back(target, generator.linkage) > HARDLY_BACK for generator in exact], bool)
+    exact = [generator for generator in found if _error(generator) < tolerance]
+    back = np.array([fraction_back(target, generator) > HARDLY_BACK for generator in exact], bool)
     lengths = np.array([generator.linkage.links for generator in exact]).reshape(-1, 4)
     merits = function_merit(lengths, np.array([generator.transmission_angle_min for generator in exact]), sized)
     ranked = [exact[k] for k in np.lexsort((merits, back))]
-    ranked += sorted(
-        (generator for generator in found if generator.errors.objective >= tolerance),
-        key=lambda generator: generator.errors.objective,
-    )
+    ranked += sorted((generator for generator in found if _error(generator) >= tolerance), key=_error)
 
     def key(generator: Generator) -> tuple[bool, float]:
-        own = 0.0 if generator.errors.objective < tolerance else generator.errors.objective
+        own = 0.0 if _error(generator) < tolerance else _error(generator)
         return not is_usable(generator), counted_error(own, generator.linkage.link_ratio, PROPORTION)
 
     ordered = sorted(ranked, key=key)
     built = [generator for generator in ordered if generator.linkage.link_ratio <= PROPORTION]
-    best = ranked[0] if exact else min(ranked, key=lambda generator: generator.errors.objective)
+    best = ranked[0] if exact else min(ranked, key=_error)
     # only the best of the linkages out of proportion is listed
     if built and all(generator is not best for generator in built):
         built.insert(0 if best is ordered[0] else 1 if is_usable(best) else top - 1, best)

@@ -24,18 +24,16 @@ import numpy as np
 from synthesis.arrays import Floats
 from synthesis.constraints import keeps
 from synthesis.four_bar import close_loop, transmission_angle_over
-from synthesis.function.answers import Generator, finished
+from synthesis.function.answers import Generator, generators_of, within_limits
 from synthesis.function.few_pairs import function_merit
+from synthesis.function.laws import ANGLE, FOUR_BAR, FunctionLimits
+from synthesis.function.problem import AnyLaw, FunctionProblem
 from synthesis.function.target_function import TargetFunction
-from synthesis.function.travel_laws import ANGLE, LAWS
-from synthesis.function.travel_search import TravelGenerator, TravelLimits, TravelSearch
+from synthesis.function.travel_laws import LAWS
 from synthesis.guides import Kind
-from synthesis.limits import Limits
-from synthesis.linkage import as_lengths, four_bar
 from synthesis.mechanism import Placed
-from synthesis.ranking import merit
+from synthesis.ranking import distinct_rows, merit
 from synthesis.target import TURN, Interval
-from synthesis.work import Work
 
 
 @dataclass(frozen=True)
@@ -159,33 +157,26 @@ def _crank_rockers(alpha: float, swing: float, first: int, side: int, q: Floats)
     return CrankRockers(lengths, branch, start)
 
 
-def slider_crank_answers(
-    target: TargetFunction, alpha: float, limits: TravelLimits, top: int, tolerance: float, work: Work
-) -> list[TravelGenerator]:
-    """Return distinct slider-cranks within limits, the most practical first; lengths over the stroke."""
+def slider_crank_answers(target: TargetFunction, alpha: float, limits: FunctionLimits, top: int) -> list[Generator]:
+    """Return distinct slider-cranks within limits, the most practical first."""
     law = next(law for law in LAWS if (law.kind, law.input) == (Kind.SLIDER_CRANK, ANGLE))
-    prescribed = [(law.lengths.index(name), value) for name, value in limits.prescribed.items()]
-    family = all_slider_cranks(alpha, prescribed)
+    if "offset" in limits.prescribed:
+        limits = replace(limits, prescribed={**limits.prescribed, "offset": -abs(limits.prescribed["offset"])})
+    family = all_slider_cranks(alpha, _prescribed(limits, law))
     crank, rod, _ = family.lengths.T
     transmission = slider_crank_transmission(family)
     merits = merit(rod, transmission, np.zeros_like(rod), rod / crank)
-    search = TravelSearch(target, law, limits, False, top, tolerance, work)
-    found: list[TravelGenerator] = []
-    for k in np.argsort(merits, kind="stable").tolist():
-        shape = family.lengths[k].copy()
-        for index, value in prescribed:  # restore the prescribed value to the last bit
-            shape[index] = np.copysign(value, shape[index])
-        if len(found) == top or work.expired():
+    order = np.argsort(merits, kind="stable")
+    order = order[transmission[order] >= limits.relative.transmission_angle_min * (1 - OPTIONS.rounding)]
+    unknowns = np.column_stack([law.unknowns(family.lengths), family.start, -family.near])
+    problem, found = FunctionProblem(target, law, limits, False), list[Generator]()
+    for index in order.tolist():
+        shape = family.lengths[index]
+        apart = [np.abs(other.lengths - shape).max() / max(shape[1], other.lengths[1]) for other in found]
+        if min(apart, default=np.inf) > OPTIONS.apart:
+            found += filter(None, within_limits(problem, unknowns[[index]], np.ones(1)))
+        if len(found) == top:
             break
-        if not transmission[k] >= limits.limits.transmission_angle_min * (1 - OPTIONS.rounding):
-            continue
-        if all(
-            np.abs(generator.lengths - shape).max() > OPTIONS.apart * max(shape[1], generator.lengths[1])
-            for generator in found
-        ):
-            unknowns = np.array([*np.log(shape[:2]), shape[2], family.start[k], -family.near[k]])
-            generator = search.generator(unknowns, shape, 1)
-            found += [] if generator is None else [generator]
     return found
 
 
@@ -211,36 +202,23 @@ def crank_rocker_transmission(lengths: Floats) -> Floats:
     return transmission_angle_over(lengths, Interval(np.zeros(len(lengths)), np.full(len(lengths), TURN)))
 
 
-def crank_rocker_answers(
-    target: TargetFunction, alpha: float, limits: Limits, top: int, tolerance: float
-) -> list[Generator]:
+def crank_rocker_answers(target: TargetFunction, alpha: float, limits: FunctionLimits, top: int) -> list[Generator]:
     """Return distinct crank-rockers within limits, the most practical first."""
-    ground = limits.links[3] or 1.0
-    over = replace(limits.over(ground), family="crank_rocker" if limits.family == "any" else limits.family)
-    prescribed = [(k, length) for k, length in enumerate(over.links[:3]) if length is not None]
-    lengths, branch, start = exact_crank_rockers(target, alpha, prescribed)
+    family = "crank_rocker" if limits.limits.family == "any" else limits.limits.family
+    limits = replace(limits, limits=replace(limits.limits, family=family))
+    lengths, branch, start = exact_crank_rockers(target, alpha, _prescribed(limits, FOUR_BAR))
     used = Interval(start, start + TURN)
-    inside = keeps(target.target, over, Placed(lengths, branch, used), OPTIONS.rounding)
+    inside = keeps(target.target, limits.relative, Placed(lengths, branch, used), OPTIONS.rounding)
     lengths, branch, start = lengths[inside], branch[inside], start[inside]
-    transmission = crank_rocker_transmission(lengths)
-    order = np.argsort(function_merit(lengths, transmission, limits.links[3] is not None), kind="stable")
-    found: list[Generator] = []
-    for k in order.tolist():
-        if len(found) == top:
-            break
-        shape = lengths[k] / lengths[k].max()
-        if all(
-            np.abs(np.array(solution.linkage.links) / max(solution.linkage.links) - shape).max() > OPTIONS.apart
-            for solution in found
-        ):
-            links = lengths[k] * ground
-            for index, _ in prescribed:  # restore the prescribed value to the last bit
-                links[index] = limits.links[index]
-            linkage = four_bar(as_lengths(links), int(branch[k]), float(start[k]))
-            found += [
-                solution for solution in finished(target, [linkage], False) if solution.errors.objective < tolerance
-            ]
-    return found
+    merits = function_merit(lengths, crank_rocker_transmission(lengths), limits.limits.links[3] is not None)
+    order = np.argsort(merits, kind="stable")
+    order = order[distinct_rows((lengths / lengths.max(axis=1, keepdims=True))[order], OPTIONS.apart, top)]
+    return generators_of(target, limits, lengths[order], branch[order], start[order])
+
+
+def _prescribed(limits: FunctionLimits, law: AnyLaw) -> list[tuple[int, float]]:
+    lengths = limits.prescribed_in(law)[: law.size]
+    return [(index, float(lengths[index])) for index in np.flatnonzero(~np.isnan(lengths)).tolist()]
 
 
 def _between(count: int) -> Floats:

@@ -1,19 +1,15 @@
-"""Search for function generators: by the search for motions if it applies, or within limits, or for the largest error.
+"""Search for function generators within limits, with the least squared errors or the smallest largest error.
 
 Data flow::
 
-    function --(clockwise: mirrored)--> the coupler of the linkage with coupler and rocker exchanged makes the function
-      -> least squares, limited only by family: `search.search`
-      -> otherwise a coarse grid of all ratios, then linkages within the limits
-      -> least squares of all candidates at once, with the limits as penalties
+    shapes and zeros spread over the useful range -> the best of each cell -> least squares, with the limits as penalties
       -> sequential quadratic steps over fixed inputs -> distinct candidates, best first
       -> steps over the extremes of the error curve of each candidate, until they are level
-      -> coupler and rocker exchanged back -> distinct linkages within the limits, with recomputed errors
+      -> distinct linkages within the limits, with recomputed errors
 """
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
@@ -21,23 +17,18 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from synthesis.arrays import Floats, Ints, rows_at, rows_of_all
-from synthesis.constraints import keeps
 from synthesis.function.answers import OPTIONS as ANSWERS
-from synthesis.function.answers import Generator, exchanged, extremes, finished, look, turns_back
+from synthesis.function.answers import Generator, extremes, look, within_limits
 from synthesis.function.descent import OPTIONS as STEPS
 from synthesis.function.descent import Descended, descend
-from synthesis.function.problem import Problem
+from synthesis.function.laws import ANGLE, FunctionLimits
+from synthesis.function.problem import AnyLaw, FunctionProblem
 from synthesis.function.target_function import TargetFunction
 from synthesis.least_squares import Evaluation, minimise
-from synthesis.limits import Limits
-from synthesis.linkage import Linkage, as_lengths, four_bar
-from synthesis.mechanism import Placed
-from synthesis.pose import whole_turns
 from synthesis.ranking import APART, distinct
 from synthesis.search.multistart import Incumbents, MultiStart, SearchProblem
 from synthesis.search.options import Schedule, SearchOptions
 from synthesis.search.search import SEARCH_SAMPLES
-from synthesis.target import TURN
 from synthesis.work import Work
 
 
@@ -78,18 +69,20 @@ class FunctionOptions(SearchOptions):
     """Number of candidates of a stage that may be answers."""
     soft: float = 0.5
     """Weight of a violated condition beside errors in radians while a descent finds its basin."""
-    grid_starts: int = 24
-    """Number of starts of the grid."""
-    grid_levels: tuple[int, ...] = (1, 200, 21, 7)
-    """Number of levels of each ratio of the grid, by the number of free ratios."""
-    grid_reach: float = 2.2
-    """Logarithm of the largest ratio of the grid."""
-    grid_seeds: int = 160
-    """Number of seeds that the grid gives."""
-    grid_inputs: int = 9
-    """Number of inputs at which the grid is evaluated."""
+    beginnings: int = 6000
+    """Number of shapes and zeros that are evaluated for each branch."""
+    beginnings_within: int = 40_000
+    """Number of shapes and zeros of which those within the limits are evaluated, if the first ones lead to no answer."""
+    seeds: int = 160
+    """Number of starting points that descend."""
+    inputs: int = 9
+    """Number of inputs at which starting points are evaluated."""
+    cell: float = 0.4
+    """Size of the cells of which each gives a single starting point."""
+    open_error: float = 1e3
+    """Error of a linkage that does not close."""
     evaluated_at_once: int = 1 << 13
-    """Number of candidates of the grid whose conditions are evaluated together: some megabytes."""
+    """Number of starting points whose conditions are evaluated together: some megabytes."""
     exchanges: int = 16
     """Largest number of times that the extremes of an error curve are located."""
     exchange_steps: int = 8
@@ -100,8 +93,6 @@ class FunctionOptions(SearchOptions):
     """Smallest first radius of quadratic steps that continue."""
     level: float = 1e-7
     """Predicted relative gain of the linear program over the extremes below which the minimax error counts as found."""
-    rounding: float = 1e-12
-    """Fraction of the longest length by which rounding may violate a limit."""
     nearby_starts: tuple[float, ...] = (0.0, 0.4, -0.4)
     """Starts relative to the start of a solution, in radians: the best rounded links may lie in another basin."""
 
@@ -138,24 +129,25 @@ def first_of_cells(cells: Floats, cost: Floats, max_count: int) -> Ints:
 
 
 class FunctionSearch(SearchProblem):
-    """A function that the search for motions does not serve, as a problem of the multistart search."""
+    """A function that linkages of a law make within limits, as a problem of the multistart search."""
 
     def __init__(
-        self, target: TargetFunction, limits: Limits, largest: bool, top: int, tolerance: float, work: Work
+        self,
+        target: TargetFunction,
+        law: AnyLaw,
+        limits: FunctionLimits,
+        largest: bool,
+        top: int,
+        tolerance: float,
+        work: Work,
     ) -> None:
-        self.function, self.limits, self.largest = target, limits.exchanged(), largest
-        self.ratios = self.limits.over(ground_of(limits))
-        """Limits of the exchanged linkages, with lengths over the ground."""
-        self.begin_with(Problem(target, self.ratios, largest), top, tolerance, work)
-
-    def begin_with(self, problem: Any, top: int, tolerance: float, work: Work) -> None:
-        """Begin the search of a problem without answers."""
-        self.problem: Any = problem
+        self.function, self.law, self.largest = target, law, largest
+        self.problem = FunctionProblem(target, law, limits, largest)
         self.top, self.tolerance, self.work = top, tolerance, work
         self.seeds, self.screened = 0, 0.0
         self.settled = False
         self.trace: list[tuple[float, float]] = []
-        self.answers: list[Any] = []
+        self.answers: list[Generator] = []
         """All answers found."""
         options = FunctionOptions()
         finished = max(options.candidates, top + 8)
@@ -169,14 +161,17 @@ class FunctionSearch(SearchProblem):
 
     def basin_coordinates(self, unknowns: Floats) -> Floats:
         """Return numbers of order 1 that differ between basins."""
-        return np.column_stack([unknowns[:, :3], np.cos(unknowns[:, 3]), np.sin(unknowns[:, 3])])
+        zero = unknowns[:, 3]
+        around = [np.cos(zero), np.sin(zero)] if self.law.input == ANGLE else [np.arcsinh(zero), 0 * zero]
+        logarithms = [*self.law.positive, *[False] * (3 - self.law.size)]
+        return np.column_stack([np.where(logarithms, unknowns[:, :3], np.arcsinh(unknowns[:, :3])), *around])
 
     def identity(self, candidates: Candidates) -> Floats:
         """Return numbers that differ between basins, of order 1."""
         return np.column_stack([self.basin_coordinates(candidates.unknowns), candidates.branch])
 
     def perturb(self, origins: Candidates, copies: int) -> Candidates:
-        """Return no starting points: the grid covers all basins."""
+        """Return no starting points: the seeds cover all basins."""
         return origins.take([])
 
     def refine(
@@ -215,7 +210,7 @@ class FunctionSearch(SearchProblem):
         if not (self.multistart.incumbents.reached or candidates.cost.min(initial=np.inf) < self.tolerance**2):
             leading = candidates.take(slice(0, max(self.options.first_answers, self.top + 4)))
         good, found = [], []
-        for index, answer in enumerate(self.assessed(leading.unknowns, leading.branch)):
+        for index, answer in enumerate(within_limits(self.problem, leading.unknowns, leading.branch)):
             if answer is not None:
                 good.append(index)
                 found.append(answer)
@@ -241,78 +236,40 @@ class FunctionSearch(SearchProblem):
 
     # -- starting points --------------------------------------------------------------------------------------------------
 
-    def grid(self, within: bool = False) -> tuple[Floats, Floats]:
-        """Return the most promising points of a grid of all ratios, starts and branches: unknowns (n, 5) and branches.
+    def begin(self, within: bool = False) -> tuple[Floats, Floats]:
+        """Return the most promising starting points: unknowns (n, 5) and branches.
 
         ``within``: only points that satisfy the limits.
         """
-        problem, options = self.problem, self.options
-        low, high = problem.box[0][:3], problem.box[1][:3]
-        low, high = (
-            np.maximum(low, np.minimum(high, -options.grid_reach)),
-            np.minimum(high, np.maximum(low, options.grid_reach)),
-        )
-        free = np.isnan(problem.prescribed)
-        levels = options.grid_levels[int(free.sum())]
-        axes = [np.linspace(a, b, levels) if moves else np.array([a]) for a, b, moves in zip(low, high, free)]
-        shapes = np.array(list(itertools.product(*axes)))
-        starts = np.arange(options.grid_starts) * (TURN / options.grid_starts)
-        if self.function.start is not None:
-            starts = np.array([self.function.start])
-        unknowns = np.zeros((len(shapes) * starts.size, 5))
-        unknowns[:, :3], unknowns[:, 3] = np.repeat(shapes, starts.size, axis=0), np.tile(starts, len(shapes))
-        crank, root = self.error_samples(options.grid_inputs)
+        options = self.options
+        unknowns = self.problem.beginnings(options.beginnings_within if within else options.beginnings)
+        parts = np.array_split(unknowns, 1 + len(unknowns) // options.evaluated_at_once)
+        broken = np.concatenate([np.minimum(self.problem.conditions(part)[0], 0.0) for part in parts])
         if within:
-            unknowns = unknowns[(self.problem.conditions(unknowns)[0] >= 0).all(axis=1)]
-        return self.screened_from(unknowns, crank, root, (1.0, -1.0), options.grid_seeds // 2, [0.5, 0.5, 0.5, 0.4])
-
-    def candidate(self, linkage: Linkage, offset: float | None = None) -> tuple[Floats, Floats]:
-        """Return the unknowns (1, 5) and the branch of a linkage with coupler and rocker exchanged.
-
-        Prescribed numbers replace its own. ``offset``: output = theta3 + offset, theta3 in (-pi, pi] at the first sample;
-        default: the best offset.
-        """
-        target, problem, exchanged_linkage = self.function, self.problem, exchanged(linkage)
-        lengths, branch = np.array(exchanged_linkage.links), np.array([float(exchanged_linkage.branch)])
-        ratios = np.where(np.isnan(problem.prescribed), np.log(lengths[:3] / lengths[3]), problem.prescribed)
-        start = exchanged_linkage.start if target.start is None else target.start
-        crank, root = self.error_samples(SEARCH_SAMPLES)
-        begin = problem.with_offset(np.array([[*ratios, start, 0.0]]), branch, crank, root)
-        if offset is not None and target.offset is None:
-            own = offset + np.pi
-            begin[:, 4] = own + whole_turns(begin[:, 4] - own)
-        return begin, branch
-
-    def screened_from(
-        self,
-        unknowns: Floats,
-        crank: Floats,
-        root: Floats,
-        branches: Sequence[float],
-        max_count: int,
-        cell: Any = None,
-    ) -> tuple[Floats, Floats]:
-        """Return the most promising starting points (n, 5) and their branches, at most ``max_count`` of a branch.
-
-        Each cell gives at most a single point. ``cell``: its size in the unknowns except the offset; default: cells of
-        `basin_coordinates`.
-        """
-        problem, found, sides = self.problem, [], []
-        parts = np.array_split(unknowns, 1 + len(unknowns) // self.options.evaluated_at_once)
-        broken = np.concatenate([np.minimum(problem.conditions(part)[0], 0.0) for part in parts])
-        penalty = np.sum((self.options.soft * broken) ** 2, axis=1)
-        for branch in branches:
+            inside = (broken == 0).all(axis=1)
+            unknowns, broken = unknowns[inside], broken[inside]
+        penalty = np.sum((options.soft * broken) ** 2, axis=1)
+        crank, root = self.error_samples(options.inputs)
+        found = []
+        for branch in self.law.branches:
             side = np.full(len(unknowns), float(branch))
-            placed = problem.with_offset(unknowns, side, crank, root)
-            gap = problem.gap(placed, side, np.broadcast_to(crank, (len(placed), crank.size)))
+            placed = self.problem.with_offset(unknowns, side, crank, root)
+            gap = self.problem.gap(placed, side, crank)
             # also infinite if a sample of weight 0 cannot be reached
             gap = np.multiply(root, gap, out=np.full_like(gap, np.inf), where=np.isfinite(gap))
             cost = np.sum(gap * gap, axis=1) / np.sum(root * root) + penalty
-            cells = self.basin_coordinates(placed) / 0.4 if cell is None else placed[:, :4] / cell
-            first = first_of_cells(np.floor(cells), cost, max_count)
-            found.append(placed[first])
-            sides.append(side[first])
-        return np.concatenate(found), np.concatenate(sides)
+            cells = np.floor(self.basin_coordinates(placed) / options.cell)
+            first = first_of_cells(cells, cost, options.seeds // len(self.law.branches))
+            found.append((placed[first], side[first]))
+        return np.concatenate([placed for placed, _ in found]), np.concatenate([side for _, side in found])
+
+    def with_best_offset(self, unknowns: Floats, branch: Floats) -> Floats:
+        """Return unknowns (n, 5) with the prescribed numbers and offset, or the best offset."""
+        problem, out = self.problem, unknowns.copy()
+        out[:, :3] = np.where(np.isnan(problem.prescribed), out[:, :3], problem.prescribed)
+        if self.function.start is not None:
+            out[:, 3] = self.function.start
+        return problem.with_offset(out, branch, *self.error_samples(SEARCH_SAMPLES))
 
     # -- descents -----------------------------------------------------------------------------------------------------
 
@@ -372,21 +329,25 @@ class FunctionSearch(SearchProblem):
             radius=radius,
         )
 
-    def run(self) -> list[Any]:
-        """Return the best distinct answers of a search from the grid."""
-        unknowns, branch = self.grid()
-        self.screened, self.seeds = self.work.elapsed, len(branch)
-        if not (self.best_from(unknowns, branch) or self.work.expired()):
-            self.best_from(*self.grid(within=True))  # all linkages near the function may violate the limits
+    def run(self) -> list[Generator]:
+        """Return the best distinct answers of a search from everywhere."""
+        before = self.work.elapsed
+        unknowns, branch = self.begin()
+        self.screened, self.seeds = self.work.elapsed - before, len(branch)
+        if not self.problem.free.size:  # everything is prescribed: nothing is left to search
+            self.settled = True
+            self.multistart.accept(candidates_at(unknowns, branch))
+        elif not (self.best_from(unknowns, branch) or self.work.expired()):
+            self.best_from(*self.begin(within=True))  # all linkages near the function may violate the limits
         return self.known
 
     @property
-    def known(self) -> list[Any]:
+    def known(self) -> list[Generator]:
         """Return the best distinct answers found."""
         pool = self.multistart.incumbents.pools.get(None)
         return [] if pool is None else distinct([self.answers[k] for k in pool.answer], self.top, APART)
 
-    def best_from(self, unknowns: Floats, branch: Floats) -> list[Any]:
+    def best_from(self, unknowns: Floats, branch: Floats) -> list[Generator]:
         """Return the best answers after a round from starting points (n, 5)."""
         if len(branch):
             starts, count = candidates_at(unknowns, branch), self.options.first_answers
@@ -408,7 +369,7 @@ class FunctionSearch(SearchProblem):
             return done.unknowns
         best, smallest = unknowns.copy(), np.full(len(branch), np.inf)
         rows = np.arange(len(branch))
-        inspection, coarse = look(self.function), self.error_samples(self.options.grid_inputs)[0]
+        inspection, coarse = look(self.function), self.error_samples(self.options.inputs)[0]
         peaks = np.broadcast_to(coarse, (len(rows), coarse.size))
         for turn in range(self.options.exchanges):
             found = extremes(self.weighted_gap(unknowns[rows], branch[rows]), inspection, ANSWERS.peaks // 2)
@@ -450,59 +411,21 @@ class FunctionSearch(SearchProblem):
 
         def error(crank: Floats) -> Floats:
             each = np.broadcast_to(crank, (len(branch), crank.shape[-1]))
-            return self.function.weight(each) * self.problem.gap(unknowns, branch, each)
+            gap = np.clip(self.problem.gap(unknowns, branch, each), -self.options.open_error, self.options.open_error)
+            return self.function.weight(each) * gap
 
         return error
 
-    # -- answers ------------------------------------------------------------------------------------------------------
-
-    def assessed(self, unknowns: Floats, branch: Floats) -> list[Generator | None]:
-        """Return candidates as generators, with coupler and rocker exchanged back; None if a limit is violated."""
-        ratios = np.where(np.isnan(self.problem.prescribed), unknowns[:, :3], self.problem.prescribed)
-        ground = ground_of(self.limits)
-        lengths = ground * np.concatenate([np.exp(ratios), np.ones((len(ratios), 1))], axis=1)
-        for k, length in enumerate(self.limits.links):
-            if length is not None:  # equal to the last bit
-                lengths[:, k] = length
-        start = unknowns[:, 3] % TURN
-        placed = Placed(lengths / ground, branch, self.function.interval.after(start))
-        within = np.flatnonzero(keeps(self.function.target, self.ratios, placed, self.options.rounding))
-        linkages = [exchanged(four_bar(as_lengths(lengths[k]), int(branch[k]), float(start[k]))) for k in within]
-        # least squares fits the offset again, the largest error uses the candidate's offset
-        offsets = unknowns[within, 4] - np.pi if self.largest else None
-        answers: list[Generator | None] = [None] * len(branch)
-        backs = turns_back(self.function, linkages) if self.function.one_way else [None] * len(linkages)
-        for k, generator, back in zip(
-            within.tolist(), finished(self.function, linkages, self.largest, offsets), backs
-        ):
-            if back is None:
-                answers[k] = generator
-        return answers
-
-    def within_limits(self, unknowns: Floats, branch: Floats) -> list[Any]:
-        """Return the candidates that satisfy the limits."""
-        return [answer for answer in self.assessed(unknowns, branch) if answer is not None]
-
-
-def ground_of(limits: Limits) -> float:
-    """Return the ground of a function generator, 1 if it is not prescribed."""
-    return limits.links[3] or 1.0
-
 
 def refit(
-    target: TargetFunction, generator: Generator, links: Floats, largest: bool, tolerance: float, work: Work
+    target: TargetFunction, generator: Generator, limits: FunctionLimits, largest: bool, tolerance: float, work: Work
 ) -> Generator | None:
-    """Return a generator with lengths (4,) near its own and zeros fitted again; None if it does not close."""
-    if target.clockwise:
-        found = refit(target.mirrored(), generator.mirrored(), links, largest, tolerance, work)
-        return None if found is None else found.mirrored()
+    """Return a four-bar of prescribed lengths near a generator, with zeros fitted again; None if it does not close."""
     target = replace(target, one_way=False)
-    run = FunctionSearch(target, Limits("any", links=as_lengths(links)), largest, 1, tolerance, work)
-    start = generator.linkage.start + np.array(run.options.nearby_starts)
+    run = FunctionSearch(target, generator.law, limits, largest, 1, tolerance, work)
+    start = generator.zero + np.array(run.options.nearby_starts)
     if target.start is not None:
         start = np.array([target.start])
-    unknowns = np.zeros((start.size, 5))
-    unknowns[:, :3], unknowns[:, 3] = run.problem.prescribed, start
-    branch = np.full(start.size, -float(generator.linkage.branch))
-    crank, root = run.error_samples(SEARCH_SAMPLES)
-    return next(iter(run.best_from(run.problem.with_offset(unknowns, branch, crank, root), branch)), None)
+    unknowns, branch = np.zeros((start.size, 5)), np.full(start.size, float(generator.branch))
+    unknowns[:, 3] = start
+    return next(iter(run.best_from(run.with_best_offset(unknowns, branch), branch)), None)

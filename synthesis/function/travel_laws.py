@@ -1,9 +1,8 @@
 """Relations of output and input of linkages with a slider or a cylinder.
 
 An input or an output is the angle of a crank or lever, or the travel of a slider along its rail or of a cylinder. Each
-law is y(u) + offset, with the input u from the first sample and five unknowns: three of the shape, the *zero*, which is
-the input at the first sample, and the offset. Lengths that must be positive are represented by their logarithms. Frames
-as in `slider`: the pivot of the crank in the origin, the rail on y = e, the fixed pin d on the x axis.
+law is y(u) + offset, see `laws`. Frames as in `slider`: the pivot of the crank in the origin, the rail on y = e, the fixed
+pin d on the x axis.
 
 ======================  ============================  ===============================================================
 kind                    input to output               law
@@ -27,27 +26,49 @@ loop.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
 
 import numpy as np
 
-from synthesis.arrays import Floats
-from synthesis.function.problem import OutputCurve
+from synthesis.arrays import Flags, Floats
+from synthesis.function.laws import ANGLE, LENGTH, Conditions, Law, OutputCurve
+from synthesis.function.target_function import TargetFunction
 from synthesis.guides import Circle, Driver, Guide, Kind, Rail, Slot
+from synthesis.limits import Limits
 from synthesis.linkage import Linkage, through
+from synthesis.one_variable import closer_looks
+from synthesis.target import Interval
 
-ANGLE, LENGTH = "angle", "length"
+
+@dataclass(frozen=True)
+class TravelOptions:
+    """Options of the limits of linkages with travel."""
+
+    sine_min: float = 1e-4
+    """Smallest sine of the transmission angle: where the linkage locks, the output has no derivative."""
+    margin: float = 1e-9
+    """Margin by which descents satisfy limits."""
+    rounding: float = 1e-9
+    """Fraction by which rounding may violate a limit."""
+    length_max: float = 1e3
+    """Largest length over the scale if no limit is smaller."""
+    inputs: int = 9
+    """Number of inputs at which the transmission angle is evaluated, beside its minimum."""
+    imaginary_step: float = 1e-30
+    """Imaginary step of the derivatives of sines."""
+    looks: tuple[int, ...] = (33, 33, 33, 33)
+    """Numbers of nodes of closer looks at the smallest transmission angle."""
 
 
-class Law(NamedTuple):
-    """Relation of output and input for a kind of linkage."""
+OPTIONS = TravelOptions()
 
-    kind: Kind
-    driver: Driver
-    output: str
-    lengths: tuple[str, ...]
-    """Names of the unknowns of the shape."""
-    branches: tuple[int, ...]
+
+@dataclass(frozen=True, eq=False)
+class TravelLaw(Law):
+    """Relation with the travel of a slider or a cylinder."""
+
     follow: Callable[[Floats, Floats, Floats], OutputCurve]
     """``follow(lengths (n, 3, 1), branch (n, 1), input (n, M))``: slopes by lengths, not by logarithms."""
     sine: Callable[[Floats, Floats], Floats]
@@ -58,29 +79,11 @@ class Law(NamedTuple):
     """True if the second of these guides is driven."""
 
     @property
-    def input(self) -> str:
-        """Kind of the input."""
-        return ANGLE if self.driver.turns else LENGTH
+    def wraps(self) -> bool:  # type: ignore[override]
+        """True if the output is an angle."""
+        return self.output == ANGLE
 
-    @property
-    def positive(self) -> tuple[bool, ...]:
-        """Unknowns of the shape that are positive lengths, represented by their logarithms."""
-        lengths = {"crank", "rod", "ground"} | ({"pin_distance"} if self.output == LENGTH else set())
-        return tuple(name in lengths for name in self.lengths)
-
-    @property
-    def size(self) -> int:
-        """Number of unknowns of the shape."""
-        return len(self.lengths)
-
-    def of(self, unknowns: Floats) -> Floats:
-        """Return the lengths (n, 3) of unknowns (n, 5); 0 if the shape has fewer."""
-        out = np.zeros((len(unknowns), 3), dtype=unknowns.dtype)
-        for k, above in enumerate(self.positive):
-            out[:, k] = np.exp(unknowns[:, k]) if above else unknowns[:, k]
-        return out
-
-    def at(self, unknowns: Floats, branch: Floats, travel: Floats) -> OutputCurve:
+    def at(self, unknowns: Floats, branch: Floats, travel: Floats, derivatives: bool = True) -> OutputCurve:
         """Return the output at inputs (n, M) from the first sample, and derivatives by the unknowns (n, 5) except the offset."""
         lengths = self.of(unknowns)
         with np.errstate(all="ignore"):
@@ -97,12 +100,107 @@ class Law(NamedTuple):
             found = self.sine(self.of(unknowns)[:, :, None], unknowns[:, 3:4] + travel)
         return np.where(np.isfinite(found), found, 0.0)
 
-    def linkage(self, lengths: Floats, branch: int, zero: float) -> Linkage:
-        """Return the linkage with its input at the zero."""
-        shape = np.array(lengths, dtype=float).reshape(1, 3, 1)
+    def linkage(self, lengths: Floats, branch: int, zero: float, scale: float = 1.0) -> Linkage:
+        """Return the linkage with its input at the zero; ``scale``: length that is 1 in the search."""
+        shape = np.zeros((1, 3, 1))
+        shape[0, : self.size, 0] = lengths
         output = self.follow(shape, np.full((1, 1), float(branch)), np.full((1, 1), zero)).value.item()
-        guides, rotation, position = self.mounted(lengths, *((output, zero) if self.inverse else (zero, output)))
+        guides, rotation, position = self.mounted(
+            shape[0, :, 0], *((output, zero) if self.inverse else (zero, output))
+        )
         return through(guides[::-1] if self.inverse else guides, self.driver, rotation, position)
+
+    def bounds(self, limits: Limits, largest: bool) -> tuple[float, float]:
+        """Return the smallest and the largest length over the scale."""
+        return limits.link_min or 1 / OPTIONS.length_max, limits.link_max or OPTIONS.length_max
+
+    def conditions(self, target: TargetFunction, limits: Limits) -> Conditions:
+        """Return the conditions of transmission angles, at some inputs and at the minimum, and of the ratio of lengths."""
+        least_sine = max(np.sin(limits.transmission_angle_min), OPTIONS.sine_min) + OPTIONS.margin
+        inputs = (1 - np.cos(np.linspace(0.0, np.pi, OPTIONS.inputs))) / 2 * target.crank[-1]
+        above, ratio_max = np.flatnonzero(self.positive), limits.link_ratio_max
+
+        def evaluate(unknowns: Floats) -> tuple[Floats, Floats]:
+            travel = self._with_minimum(unknowns, inputs)
+            sines = self.sines(unknowns, travel)
+            slopes = np.zeros((*sines.shape, 5))
+            for k in (*range(self.size), 3):
+                aside: Any = unknowns + 0j
+                aside[:, k] += 1j * OPTIONS.imaginary_step
+                by = self.sines(aside, travel).imag / OPTIONS.imaginary_step
+                slopes[:, :, k] = np.clip(np.nan_to_num(by), -1e6, 1e6)
+            if ratio_max is None or above.size < 2:
+                return sines - least_sine, slopes
+            ratio = unknowns[:, above[:1]] - unknowns[:, above[1:]]
+            by_ratio = np.zeros((len(unknowns), 2, 5))
+            by_ratio[:, :, above] = [[-1.0, 1.0], [1.0, -1.0]]
+            ratios = np.log(ratio_max) + ratio * [-1.0, 1.0]
+            return np.concatenate([sines - least_sine, ratios], 1), np.concatenate([slopes, by_ratio], 1)
+
+        return evaluate
+
+    def _with_minimum(self, unknowns: Floats, inputs: Floats) -> Floats:
+        """Return inputs (q,), and the input of the smallest transmission angle between them, (n, q + 1)."""
+        fixed = np.broadcast_to(inputs, (len(unknowns), inputs.size))
+        best = np.argmin(self.sines(unknowns, fixed), axis=1)
+        ends = inputs[np.maximum(best - 1, 0)], inputs[np.minimum(best + 1, inputs.size - 1)]
+        _, minima = closer_looks(partial(self.sines, unknowns), *ends, OPTIONS.looks)
+        return np.concatenate([fixed, minima[:, None]], axis=1)
+
+    def transmission(self, linkages: Sequence[Linkage], used: Interval) -> Floats:
+        """Return the exact smallest transmission angles (n,) over travel of the input, NaN if a linkage does not close."""
+        return np.array([linkage.transmission_angle_min(used) for linkage in linkages])
+
+    def keeps(self, target: TargetFunction, limits: Limits, linkages: Sequence[Linkage], lengths: Floats) -> Flags:
+        """Return which linkages of lengths (n, k) over the scale satisfy limits, except for rounding, (n,)."""
+        slack = 1 + OPTIONS.rounding
+        angle = self.transmission(linkages, target.interval) * slack
+        sizes = lengths[:, [name not in ("offset", "slot_offset", "angle") for name in self.lengths]]
+        shortest, longest = np.abs(sizes).min(axis=1), np.abs(sizes).max(axis=1)
+        holds = (
+            (angle > 0) & (angle >= limits.transmission_angle_min) & (shortest * slack >= (limits.link_min or 0.0))
+        )
+        holds &= longest <= (limits.link_max or np.inf) * slack
+        return np.asarray(holds & (longest <= shortest * (limits.link_ratio_max or np.inf) * slack))
+
+    def sample(self, random: np.random.Generator, low: Floats, high: Floats) -> Floats:
+        """Spread unknowns (n, 3) over the useful range of shapes."""
+        count, out = len(low), np.zeros_like(low)
+        size = np.exp(random.uniform(-1.5, 4.5, (count, 1)) + random.uniform(-1.2, 1.2, (count, 3)))
+        for k, (name, above) in enumerate(zip(self.lengths, self.positive)):
+            out[:, k] = np.log(size[:, k]) if above else random.choice([-1.0, 1.0], count) * size[:, k]
+            if name == "offset":
+                reach = size[:, 0] + size[:, 1]
+                out[:, k] = reach * np.where(random.random(count) < 0.2, 0.0, random.uniform(-0.8, 0.8, count))
+            elif name == "angle":
+                out[:, k] = random.uniform(-np.pi, np.pi, count)
+            elif name == "slot_offset":
+                out[:, k] = out[:, 0] * random.uniform(-1.2, 1.2, count) * (random.random(count) > 0.3)
+        return out
+
+    def zeros(self, random: np.random.Generator, lengths: Floats, last: float) -> Floats:
+        """Spread zeros (n,) over the useful range of lengths (n, 3); ``last``: the input from the first sample to the last."""
+        count = len(lengths)
+        if self.input == ANGLE:
+            return super().zeros(random, lengths, last)
+        reach = np.abs(lengths[:, 0]) + np.abs(lengths[:, 1])
+        if "angle" in self.lengths:
+            reach = lengths[:, 0] / np.maximum(np.abs(np.sin(lengths[:, 1])), 0.1)
+        zeros = 1.2 * reach * random.uniform(-1, 1, count) - random.uniform(0, 1, count) * last
+        return np.abs(zeros) if self.driver is Driver.CYLINDER else zeros
+
+    def identity(self, linkage: Linkage, lengths: Floats) -> Floats:
+        """Return numbers that differ between linkages."""
+        angle = np.array(self.lengths) == "angle"
+        size = np.abs(lengths[~angle]).max()
+        # two sliders make the same function in a mirror
+        shape = np.where(angle, np.abs(lengths), lengths / size)
+        missing = np.zeros(3 - self.size)
+        return np.array([*shape, *missing, np.log(size), linkage.branch, LAWS.index(self)])
+
+    def looks(self, linkage: Linkage, lengths: Floats) -> Floats:
+        """Return numbers that differ by less than 1 for linkages whose pictures look the same."""
+        return self.identity(linkage, lengths) / 0.02
 
 
 def _columns(lengths: Floats) -> tuple[Floats, Floats, Floats]:
@@ -286,41 +384,34 @@ def _sine_on_rail(lengths: Floats, s: Floats) -> Floats:
     return np.sqrt((s - e) * (s + e)) / s
 
 
-_CRANK, _BLOCK, _BOTH = ("crank", "rod", "offset"), ("crank", "ground"), (1, -1)
-_CYLINDER, _LEVER, _RAILS = ("pin_distance",), ("pin_distance", "slot_offset"), ("rod", "angle")
-LAWS = (
-    Law(Kind.SLIDER_CRANK, Driver.CRANK, LENGTH, _CRANK, _BOTH, _crank_to_slider, _sine_at_rail, _rod_and_crank),
-    Law(Kind.SWINGING_BLOCK, Driver.CRANK, LENGTH, _BLOCK, (1,), _crank_to_cylinder, _no_angle, _block),
-    Law(Kind.SLIDER_CRANK, Driver.SLIDER, ANGLE, _CRANK, _BOTH, _slider_to_crank, _sine_at_pin, _rod_and_crank, True),
-    Law(
-        Kind.SWINGING_BLOCK,
-        Driver.CYLINDER,
-        ANGLE,
-        _BLOCK,
-        _BOTH,
-        _cylinder_to_crank,
-        _sine_at_cylinder,
-        _block,
-        True,
-    ),
-    Law(Kind.RAIL_SLOT, Driver.SLIDER, ANGLE, _LEVER, (1,), _slider_to_lever, _sine_at_slot, _lever),
-    Law(Kind.TWO_RAILS, Driver.SLIDER, LENGTH, _RAILS, _BOTH, _slider_to_slider, _sine_at_second_rail, _two_rails),
-    Law(Kind.RAIL_SLOT, Driver.SLIDER, LENGTH, _CYLINDER, _BOTH, _slider_to_cylinder, _no_angle, _cylinder_on_rail),
-    Law(
-        Kind.RAIL_SLOT,
-        Driver.CYLINDER,
-        LENGTH,
-        _CYLINDER,
-        _BOTH,
-        _cylinder_to_slider,
-        _sine_on_rail,
-        _cylinder_on_rail,
-        True,
-    ),
+_CRANK, _BLOCK, _LEVER, _BOTH = (
+    ("crank", "rod", "offset"),
+    ("crank", "ground"),
+    ("pin_distance", "slot_offset"),
+    (1, -1),
 )
-"""All laws; those of linkages that are built most often come first."""
+_TURNED_CRANK = _crank_to_slider, _sine_at_rail, _rod_and_crank
+_PUSHED_CRANK = _slider_to_crank, _sine_at_pin, _rod_and_crank
+_CYLINDER = _cylinder_to_crank, _sine_at_cylinder, _block
+_SLIDER_BY_CYLINDER = _cylinder_to_slider, _sine_on_rail, _cylinder_on_rail
+_RAILS = "rod", "angle"
+LAWS = (
+    TravelLaw(Kind.SLIDER_CRANK, Driver.CRANK, LENGTH, _CRANK, _BOTH, *_TURNED_CRANK),
+    TravelLaw(Kind.SWINGING_BLOCK, Driver.CRANK, LENGTH, _BLOCK, (1,), _crank_to_cylinder, _no_angle, _block),
+    TravelLaw(Kind.SLIDER_CRANK, Driver.SLIDER, ANGLE, _CRANK, _BOTH, *_PUSHED_CRANK, inverse=True),
+    TravelLaw(Kind.SWINGING_BLOCK, Driver.CYLINDER, ANGLE, _BLOCK, _BOTH, *_CYLINDER, inverse=True),
+    TravelLaw(Kind.RAIL_SLOT, Driver.SLIDER, ANGLE, _LEVER, (1,), _slider_to_lever, _sine_at_slot, _lever),
+    TravelLaw(
+        Kind.TWO_RAILS, Driver.SLIDER, LENGTH, _RAILS, _BOTH, _slider_to_slider, _sine_at_second_rail, _two_rails
+    ),
+    TravelLaw(
+        Kind.RAIL_SLOT, Driver.SLIDER, LENGTH, _LEVER[:1], _BOTH, _slider_to_cylinder, _no_angle, _cylinder_on_rail
+    ),
+    TravelLaw(Kind.RAIL_SLOT, Driver.CYLINDER, LENGTH, _LEVER[:1], _BOTH, *_SLIDER_BY_CYLINDER, inverse=True),
+)
+"""Laws with travel; those of linkages that are built most often come first."""
 
 
-def laws_for(kinds: Sequence[str], input: str, output: str) -> list[Law]:
-    """Return the laws of some kinds from an input to an output, each "angle" or "length"."""
-    return [law for law in LAWS if law.kind in kinds and (law.input, law.output) == (input, output)]
+def laws_for(kinds: Sequence[str], input: str, output: str) -> list[TravelLaw]:
+    """Return the laws with travel of some kinds from an input to an output, each "angle" or "length"."""
+    return [law for law in LAWS if (law.input, law.output) == (input, output) and law.kind.value in kinds]
