@@ -73,20 +73,20 @@ class LinkMotion:
         turned = float(abs(self.direction[-1] - self.direction[0]))
         return float(abs(self.origin[-1] - self.origin[0])) + reach * turned
 
-    def position(self, point: complex) -> Complexes:
-        """Return the position of a point of the link, (n,)."""
+    def position(self, point: complex | Complexes) -> Complexes:
+        """Return the position of a point of the link, (n,), or of points (m, 1), (m, n)."""
         return self.origin + self.direction * point
 
-    def speed(self, point: complex) -> Complexes:
-        """Return the first derivative of the position of a point by the drive, (n,)."""
+    def speed(self, point: complex | Complexes) -> Complexes:
+        """Return the first derivative of the position of a point by the drive, (n,), or of points (m, 1), (m, n)."""
         return self.velocity + 1j * self.rate * self.direction * point
 
     def change(self, point: complex) -> Complexes:
         """Return the second derivative of the position of a point by the drive, (n,)."""
         return self.acceleration + (1j * self.rate_change - self.rate**2) * self.direction * point
 
-    def leverage(self, ground: complex, point: complex) -> tuple[Floats, Floats]:
-        """Return the distance from a fixed point to a point of the link, and its derivative, (n,)."""
+    def leverage(self, ground: complex | Complexes, point: complex | Complexes) -> tuple[Floats, Floats]:
+        """Return the distance from a fixed point to a point of the link, and its derivative, (n,), or of m pairs, (m, n)."""
         v = self.position(point) - ground
         length = np.abs(v)
         return length, dot(v, self.speed(point)) / length

@@ -48,6 +48,11 @@ class LinkMotions:
     """Midpoint of the two joints of a link, in its frame."""
 
     @property
+    def pivots(self) -> list[complex]:
+        """Fixed pivots of the links."""
+        return [link.pivot for link in self.links.values() if link.pivot is not None]
+
+    @property
     def sense(self) -> float:
         """Direction of the drive parameter: 1 if it grows, -1 if it falls."""
         return 1.0 if self.at[-1] >= self.at[0] else -1.0

@@ -13,7 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from synthesis.arrays import Floats
+from synthesis.arrays import Complexes, Floats
+from synthesis.drives.descent import Functions, MaxMinProblem
 from synthesis.link_motion import LinkMotion
 from synthesis.mechanism import Box, outside
 
@@ -115,15 +116,14 @@ class PlacementTask:
     ) -> None:
         self.link, self.at, self.torque, self.limits = link, at, torque, limits
         self.loaded = bool(np.any(torque))
-        self.burden = np.abs(torque) if self.loaded else np.ones(at.size)
-        self.burden = self.burden / self.burden.max()
-        self.torque_scale = float(np.abs(torque).max()) if self.loaded else 1.0
+        burden = np.abs(torque) if self.loaded else np.ones(at.size)
+        self.torque_scale = float(burden.max()) if self.loaded else 1.0
+        self.burden = burden / burden.max()
         self.sense = 1.0 if at[-1] >= at[0] else -1.0
-        span = float(abs(at[-1] - at[0]))
-        if not self.loaded:
-            self.torque_integral = span
-        else:
-            self.torque_integral = torque_integral or float(np.trapezoid(np.abs(torque), at) * self.sense)
+        self.burden_integral = float(np.trapezoid(self.burden, at) * self.sense)
+        self.torque_integral = (
+            torque_integral if self.loaded and torque_integral else self.burden_integral * self.torque_scale
+        )
         left, bottom, right, top = limits.box
         self.directions = (True, False) if limits.extends is None else (limits.extends,)
         self.size = max(right - left, top - bottom, limits.reach)
@@ -140,16 +140,39 @@ class PlacementTask:
             worst = float(np.max(self.burden / np.abs(arm))) * self.torque_scale
         return Placement(ground, pin, bool(length[-1] > length[0]), length, arm, force, worst)
 
-    def satisfies_limits(self, placement: Placement, tolerance: float = TOLERANCE) -> bool:
-        """Check the limits of a placement.
+    def problem(self, sizes: Sizes, extends: bool) -> MaxMinProblem:
+        """Return the problem of the largest u with ``arm >= u burden`` within the limits, for one direction of the actuator.
 
-        Parameters
-        ----------
-        placement : Placement
-        tolerance : float
-            Allowed violation, as a fraction of the size.
+        Its points are the ground point and the pin. Fixed sizes are equations; this formulation stays regular if the circles
+        about both ends of the pin's path only touch, as they do at many optima.
         """
-        room = tolerance * self.size
+        limits = self.limits
+        sign = self.sense * (1.0 if extends else -1.0)
+        short_end, long_end = (0, -1) if extends else (-1, 0)
+        # u in units of its upper bound, so that all unknowns have similar magnitudes
+        unit = sizes.start.stroke / max(self.burden_integral, 1e-300)
+
+        def evaluate(points: Complexes) -> Functions:
+            ground, pin = points[:, :1], points[:, 1:]
+            length, arm = self.link.leverage(ground, pin)
+            arm *= sign / unit
+            short, long = length[:, [short_end]], length[:, [long_end]]
+            inside = (1 - np.abs(pin) / limits.reach) * (1 + np.abs(pin) / limits.reach)
+            rows = [arm - limits.arm / unit, inside]
+            if sizes.retracted_free or sizes.stroke_free:
+                rows.append((2 * short - long - sizes.dead_length) / self.size)
+            fixed = [] if sizes.retracted_free else [short - sizes.start.retracted]
+            fixed += [] if sizes.stroke_free else [long - short - sizes.start.stroke]
+            return Functions(arm, np.hstack(rows), np.hstack([points.real[:, :0], *fixed]) / self.size)
+
+        reach = limits.reach
+        corners = (*limits.box, *(limits.pin_box or (-reach, -reach, reach, reach)))
+        low, high = (np.array([corners[k] for k in ks]) / self.size for ks in ((0, 1, 4, 5), (2, 3, 6, 7)))
+        return MaxMinProblem(evaluate, self.size, list(zip(low.tolist(), high.tolist())), self.burden)
+
+    def satisfies_limits(self, placement: Placement) -> bool:
+        """Check the limits of a placement up to rounding."""
+        room = TOLERANCE * self.size
         signed = placement.arm * self.sense * (1.0 if placement.extends else -1.0)
         return bool(
             outside(placement.ground, self.limits.box) <= room

@@ -2,32 +2,22 @@
 
 A spring of length l pulls with ``preload + stiffness (l - free_length)``; a gas spring's pull is negative. The drive gives the
 torque of the load and stretches the spring besides: ``T + F(l) dl/dphi``. The ends of the springs are sought on a grid, then by a
-descent with exact derivatives within boxes, at a distance from the pivots and with every length in the spring's range.
+descent within boxes, at a distance from the pivots and with every length in the spring's range.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 
 from synthesis.arrays import Complexes, Floats
-from synthesis.drives.leverage import lengths_and_arms, leverage_derivatives
+from synthesis.drives.descent import Bounds, DescentOptions, Functions, MaxMinProblem
 from synthesis.drives.links import GROUND, LinkMotions
-from synthesis.drives.max_min import solve_sqp
 from synthesis.drives.placement_search import grid_of
-from synthesis.drives.springs import (
-    Behaviour,
-    Between,
-    MountedSprings,
-    Spring,
-    SpringRegion,
-    SpringRow,
-    mount_springs,
-    rms_of,
-)
+from synthesis.drives.springs import Behaviour, Between, Spring, SpringRegion, SpringRow, rms_of, torque_of
 from synthesis.work import Work
 
 
@@ -53,8 +43,8 @@ class SpringSearchOptions:
     """Cost on the grid of a violated behaviour, per fraction of the rms torque without springs or of the longest length."""
     rounds: int = 2
     """Number of rounds in which springs are placed in turn before they are placed together."""
-    max_steps: int = 500
-    """Largest number of steps of a descent."""
+    descent: DescentOptions = field(default_factory=lambda: DescentOptions(tolerance=1e-12, max_steps=500))
+    """Options of the descents."""
     range_slack: float = 0.2
     """Fraction of the longest length by which a grid placement may leave the range of lengths at the start of a descent."""
     digits: int = 9
@@ -73,331 +63,261 @@ class _Start(NamedTuple):
 
     cost: float
     between: Between
-    kind: SpringRow
-    ends: list[tuple[complex, complex]]
+    row: SpringRow
+    ends: Complexes
+    """(m, 2): first ends, in the plane at the first sample, and points of the second link."""
 
 
-def best_spring(
-    machine: LinkMotions,
-    torque: Floats,
-    betweens: Sequence[Between],
-    kinds: list[SpringRow],
-    room: SpringRegion,
-    work: Work | None = None,
-    behaviour: Behaviour | None = None,
-    options: SpringSearchOptions = OPTIONS,
-) -> MountedSprings | str:
-    """Find the spring of a catalogue, the pair of links and its ends that leave the least rms torque.
+@dataclass(frozen=True)
+class SpringSearch:
+    """Search for springs between links of a machine.
 
     Parameters
     ----------
     machine : LinkMotions
-    torque : ndarray, shape (n,)
-        What the drive gives without the spring.
-    betweens : sequence of pairs of str
-        Pairs of links to try.
-    kinds : list of SpringRow
+    rows : list of SpringRow
         The catalogue.
-    room : Room
-        Where the ends may be.
-    work : Work, optional
-        The search returns the best known placement once its time is up.
+    room : SpringRegion
     behaviour : Behaviour, optional
         Limits on the torque that remains; placements that satisfy them come before all others.
-
-    Returns
-    -------
-    Fitted or str
-        The spring, or a sentence with the reason why no row fits.
+    work : Work, optional
+        The search returns the best known placement once its time is up.
+    options : SpringSearchOptions
     """
-    starts: list[_Start] = []
-    nearest: tuple[float, float, float, Between] | None = None
-    for between in betweens:
-        if starts and work is not None and work.expired():
-            break
-        candidates, spread = _screen(machine, torque, between, kinds, room, behaviour, options)
-        starts += candidates
-        if nearest is None or spread[0] < nearest[0]:
-            nearest = (*spread, between)
-    if not starts:
-        assert nearest is not None
-        change, low, high, (first, second) = nearest
-        where = f" between {first} and {second}" if len(betweens) == 1 else " between any two links"
-        return (
-            f"no spring of {len(kinds)} fits{where}: the smallest change of length there is {change:.4g}, "
-            f"and lengths range from {low:.4g} to {high:.4g}"
-        )
-    best: tuple[tuple[float, float, float], Between, SpringRow, complex, complex] | None = None
-    for start in _promising(starts, options):
-        problem = _SpringProblem(machine, start.between, start.kind, room)
-        for ends in start.ends:
-            if work is not None and work.expired() and best is not None:
+
+    machine: LinkMotions
+    rows: list[SpringRow]
+    room: SpringRegion
+    behaviour: Behaviour | None = None
+    work: Work = field(default_factory=Work)
+    options: SpringSearchOptions = OPTIONS
+
+    def best(self, torque: Floats, betweens: Sequence[Between], keeps_behaviour: bool = True) -> Spring | str:
+        """Find the spring of the catalogue, the pair of links and its ends that leave the smallest rms torque.
+
+        Parameters
+        ----------
+        torque : ndarray, shape (n,)
+            Torque that the drive gives without the spring.
+        betweens : sequence of pairs of str
+            Pairs of links to try.
+        keeps_behaviour : bool
+            Apply the limits of the behaviour.
+
+        Returns
+        -------
+        Spring or str
+            The spring, or a sentence with the reason why no row fits.
+        """
+        behaviour = self.behaviour if keeps_behaviour else None
+        starts: list[_Start] = []
+        nearest: tuple[float, float, float, Between] | None = None
+        for between in betweens:
+            if starts and self.work.expired():
                 break
-            rank, z = _descend([problem], torque, problem.start(*ends), behaviour, options)
-            if best is None or rank < (*best[0][:2], best[0][2] * (1 - options.gain)):
-                best = (rank, start.between, start.kind, *problem.ends(z))
-    assert best is not None
-    if best[0][0] > 0:  # no spring fits and behaves: the best fit shows the deficit
-        return best_spring(machine, torque, betweens, kinds, room, work, options=options)
-    _, between, kind, ground, pin = best
-    spring = Spring(between, (ground, pin), kind.stiffness, kind.free_length, kind.preload)
-    return mount_springs(machine, torque, [_in_link_frame(machine, spring)], [kind])
+            candidates, spread = self._screen(torque, between, behaviour)
+            starts += candidates
+            if nearest is None or spread[0] < nearest[0]:
+                nearest = (*spread, between)
+        if not starts:
+            assert nearest is not None
+            change, low, high, (first, second) = nearest
+            where = f" between {first} and {second}" if len(betweens) == 1 else " between any two links"
+            return (
+                f"no spring of {len(self.rows)} fits{where}: the smallest change of length there is {change:.4g}, "
+                f"and lengths range from {low:.4g} to {high:.4g}"
+            )
+        best: tuple[tuple[float, float, float], Spring] | None = None
+        for start in self._promising(starts):
+            problem = _SpringProblem(self, [(start.between, start.row)], torque, behaviour)
+            for ends in start.ends:
+                if self.work.expired() and best is not None:
+                    break
+                rank, found = problem.descend(ends)
+                if best is None or rank < (*best[0][:2], best[0][2] * (1 - self.options.gain)):
+                    best = rank, found[0]
+        assert best is not None
+        if best[0][0] > 0 and behaviour is not None:  # no spring fits and behaves: the best fit shows the deficit
+            return self.best(torque, betweens, keeps_behaviour=False)
+        return best[1]
 
+    def best_set(self, torque: Floats, betweens: Sequence[Between]) -> list[Spring] | str:
+        """Find a spring on each of several pairs of links; the springs work together.
 
-def _promising(starts: list[_Start], options: SpringSearchOptions) -> list[_Start]:
-    """Return the starts with the lowest cost of all, and the best starts of each pair of links."""
-    starts = sorted(starts, key=lambda start: start.cost)
-    chosen = {id(start) for start in starts[: options.rows]}
-    for between in {start.between for start in starts}:
-        chosen |= {
-            id(start) for start in [start for start in starts if start.between == between][: options.rows_per_pair]
-        }
-    return [start for start in starts if id(start) in chosen]
+        They are placed in turn, each with the other springs mounted, in some rounds; then all together.
+        """
+        placed: dict[Between, Spring] = {}
+        for _ in range(self.options.rounds):
+            for between in betweens:
+                others = [spring for spring in placed.values() if spring.between != between]
+                remaining = torque + torque_of(others, self.machine)
+                found = self.best(remaining, [between], keeps_behaviour=False)
+                if isinstance(found, str):
+                    return found
+                left, known = (
+                    torque + torque_of(springs, self.machine) for springs in ([*others, found], placed.values())
+                )
+                if between not in placed or rms_of(left) < rms_of(known):
+                    placed[between] = found
+            if self.work.expired():
+                break
+        springs = [placed[between] for between in betweens]
+        problem = _SpringProblem(self, [(spring.between, spring.row) for spring in springs], torque, self.behaviour)
+        # the first end is an unknown in the plane at the first sample
+        start = [(spring.ends(self.machine)[0][0], spring.points[1]) for spring in springs]
+        return problem.descend(np.array(start).ravel())[1]
 
+    def _promising(self, starts: list[_Start]) -> list[_Start]:
+        """Return the starts with the lowest cost of all, and the best starts of each pair of links."""
+        starts = sorted(starts, key=lambda start: start.cost)
+        chosen = []
+        for k, start in enumerate(starts):
+            rank_of_pair = sum(earlier.between == start.between for earlier in starts[:k])
+            if k < self.options.rows or rank_of_pair < self.options.rows_per_pair:
+                chosen.append(start)
+        return chosen
 
-def _screen(
-    machine: LinkMotions,
-    torque: Floats,
-    between: Between,
-    kinds: list[SpringRow],
-    room: SpringRegion,
-    behaviour: Behaviour | None,
-    options: SpringSearchOptions,
-) -> tuple[list[_Start], tuple[float, float, float]]:
-    """Evaluate the rows of a catalogue on a grid of placements on two links.
+    def _screen(
+        self, torque: Floats, between: Between, behaviour: Behaviour | None
+    ) -> tuple[list[_Start], tuple[float, float, float]]:
+        """Evaluate the rows of the catalogue on a grid of placements on two links.
 
-    The torque of a spring is linear in its stiffness and its force at length 0, so that sums over the motion are made once for
-    all rows.
+        The torque of a spring is linear in its stiffness and its force at length 0, so that sums over the motion are made once
+        for all rows.
 
-    Returns
-    -------
-    starts : list of _Start
-        The rows that fit somewhere.
-    spread : tuple of float
-        Smallest change of length on the grid, and the smallest and the largest length.
-    """
-    first, second = between
-    grounds, pins = _grid(machine, first, second, room, options)
-    if not grounds.size:
-        return [], (np.inf, 0.0, 0.0)
-    length, arm = lengths_and_arms(machine.seen(second, first), 0j, grounds, pins)
-    shortest, longest = length.min(axis=1), length.max(axis=1)
-    pull = length * arm
-    square_sum = float(np.dot(torque, torque)) or 1.0
-    by_arm, by_pull = arm @ torque, pull @ torque
-    arms, pulls, products = (np.einsum("mn,mn->m", a, b) for a, b in ((arm, arm), (pull, pull), (arm, pull)))
-    starts = []
-    for kind in kinds:
-        fits = (shortest >= kind.shortest) & (longest <= kind.longest)
-        a, k = kind.offset, kind.stiffness
-        square = square_sum + a * a * arms + k * k * pulls + 2 * (a * by_arm + k * by_pull + a * k * products)
-        if behaviour is None:
-            usable = np.flatnonzero(fits)
+        Returns
+        -------
+        starts : list of _Start
+            The rows that fit somewhere.
+        spread : tuple of float
+            Smallest change of length on the grid, and the smallest and the largest length.
+        """
+        options = self.options
+        ends = self._grid(*between)
+        if not ends.size:
+            return [], (np.inf, 0.0, 0.0)
+        length, arm = self.machine.seen(between[1], between[0]).leverage(ends[:, :1], ends[:, 1:])
+        shortest, longest = length.min(axis=1), length.max(axis=1)
+        pull = length * arm
+        square_sum = float(np.dot(torque, torque)) or 1.0
+        by_arm, by_pull = arm @ torque, pull @ torque
+        arms, pulls, products = (np.einsum("mn,mn->m", a, b) for a, b in ((arm, arm), (pull, pull), (arm, pull)))
+        starts = []
+        for row in self.rows:
+            a, k = row.offset, row.stiffness
+            square = square_sum + a * a * arms + k * k * pulls + 2 * (a * by_arm + k * by_pull + a * k * products)
+            beyond = np.maximum(row.shortest - shortest, longest - row.longest)
+            # few placements show a behaviour, and a descent moves other placements into the range of lengths
+            slack = 0.0 if behaviour is None else options.range_slack * row.longest
+            usable = np.flatnonzero(beyond <= slack)
+            if not usable.size:
+                continue
             cost = square[usable] / square_sum
+            if behaviour is not None:
+                violations = behaviour.violation(torque + a * arm[usable] + k * pull[usable])
+                violations = (
+                    violations / np.sqrt(square_sum / torque.size) + np.maximum(beyond[usable], 0.0) / row.longest
+                )
+                cost = cost + options.violation_cost * violations
+            # of equal placements the first, whatever rounding makes of them
+            order = usable[np.argsort(np.round(cost, options.digits), kind="stable")]
+            if behaviour is not None:
+                order = order[np.sort(np.unique(ends[order, 0], return_index=True)[1])]
+            count = options.descents if behaviour is None else options.behaviour_descents
+            starts.append(_Start(float(cost.min()), between, row, ends[order[:count]]))
+        return starts, (float((longest - shortest).min()), float(shortest.min()), float(longest.max()))
+
+    def _grid(self, first: str, second: str) -> Complexes:
+        """Return all pairs (m, 2) of first ends, in the plane at the first sample, and points of the second link."""
+        machine, room, options = self.machine, self.room, self.options
+        angles = np.exp(1j * np.linspace(0, 2 * np.pi, options.directions, endpoint=False))
+        around = (np.maximum(np.array(options.radii) * room.reach, room.clear)[:, None] * angles).ravel()
+        if first == GROUND:
+            grounds = grid_of(room.box, options.grid)
+            for pivot in machine.pivots:
+                grounds = grounds[np.abs(grounds - pivot) >= room.clear]
         else:
-            # few placements show the behaviour, and a descent moves other placements into the range of lengths
-            beyond = np.maximum(kind.shortest - shortest, longest - kind.longest)
-            usable = np.flatnonzero(beyond < options.range_slack * kind.longest)
-            remaining = torque + a * arm[usable] + k * pull[usable]
-            violations = behaviour.violation(remaining) / np.sqrt(square_sum / torque.size)
-            violations = violations + np.maximum(beyond[usable], 0.0) / kind.longest
-            cost = square[usable] / square_sum + options.violation_cost * violations
-        if not usable.size:
-            continue
-        # of equal placements the first, whatever rounding makes of them
-        cost = np.round(cost, options.digits)
-        order = usable[np.argsort(cost, kind="stable")]
-        if behaviour is not None:
-            order = order[np.sort(np.unique(grounds[order], return_index=True)[1])]
-        order = order[: options.descents if behaviour is None else options.behaviour_descents]
-        ends = [(complex(grounds[m]), complex(pins[m])) for m in order]
-        starts.append(_Start(float(cost.min()), between, kind, ends))
-    return starts, (float((longest - shortest).min()), float(shortest.min()), float(longest.max()))
-
-
-def _in_link_frame(machine: LinkMotions, spring: Spring) -> Spring:
-    """Return a spring with its first end in its link's frame instead of the plane at the first sample."""
-    return replace(spring, points=(machine.point_on(spring.between[0], spring.points[0]), spring.points[1]))
-
-
-def _grid(
-    machine: LinkMotions, first: str, second: str, room: SpringRegion, options: SpringSearchOptions
-) -> tuple[Complexes, Complexes]:
-    """Return all pairs of first ends, in the plane at the first sample, and points of the second link."""
-    angles = np.exp(1j * np.linspace(0, 2 * np.pi, options.directions, endpoint=False))
-    around = (np.maximum(np.array(options.radii) * room.reach, room.clear)[:, None] * angles).ravel()
-    if first == GROUND:
-        grounds = grid_of(room.box, options.grid)
-        for pivot in _pivots(machine):
-            grounds = grounds[np.abs(grounds - pivot) >= room.clear]
-    else:
-        link = machine.link(first)
-        grounds = link.origin[0] + link.direction[0] * around
-    return np.repeat(grounds, around.size), np.tile(around, grounds.size)
-
-
-def _pivots(machine: LinkMotions) -> list[complex]:
-    return [link.pivot for link in machine.links.values() if link.pivot is not None]
+            link = machine.link(first)
+            grounds = link.origin[0] + link.direction[0] * around
+        return np.stack([np.repeat(grounds, around.size), np.tile(around, grounds.size)], axis=1)
 
 
 class _SpringProblem:
-    """Lengths and torque of a spring, with exact derivatives by its four unknowns: the coordinates of its ends over the size."""
+    """Least rms torque with some springs together; the points are the two ends of each spring in turn."""
 
-    def __init__(self, machine: LinkMotions, between: tuple[str, str], kind: SpringRow, room: SpringRegion) -> None:
-        first, second = between
-        self.link, self.kind, self.room = machine.seen(second, first), kind, room
-        left, bottom, right, top = room.box
-        self.size = max(right - left, top - bottom, room.reach)
-        self.origin = None if first == GROUND else complex(machine.link(first).origin[0])
-        self.centres = _pivots(machine) if self.origin is None else [self.origin]
-        self.low, self.high = kind.shortest + _TOLERANCE * kind.longest, kind.longest * (1 - _TOLERANCE)
-        free: list[tuple[float | None, float | None]] = [(None, None)] * 2
-        box: list[tuple[float | None, float | None]] = [
-            (left / self.size, right / self.size),
-            (bottom / self.size, top / self.size),
+    def __init__(
+        self,
+        search: SpringSearch,
+        mounts: list[tuple[Between, SpringRow]],
+        torque: Floats,
+        behaviour: Behaviour | None,
+    ) -> None:
+        self.search, self.mounts, self.torque, self.behaviour = search, mounts, torque, behaviour
+        left, bottom, right, top = search.room.box
+        self.size = max(right - left, top - bottom, search.room.reach)
+        self.rms = rms_of(torque) or 1.0
+        self.links = [search.machine.seen(second, first) for (first, second), _ in mounts]
+        box: Bounds = [(left / self.size, right / self.size), (bottom / self.size, top / self.size)]
+        free: Bounds = [(None, None)] * 2
+        bounds = [bound for (first, _), _ in mounts for bound in (*(box if first == GROUND else free), *free)]
+        self.problem = MaxMinProblem(self._evaluate, self.size, bounds)
+
+    def descend(self, start: Complexes) -> tuple[tuple[float, float, float], list[Spring]]:
+        """Descend to the nearest optimum from ends (2 k,).
+
+        Returns
+        -------
+        rank : tuple of float
+            Violations of the ranges of lengths and places, and of the behaviour, 0 within rounding; then the remaining rms
+            torque.
+        springs : list of Spring
+            The springs at the end of the descent, or at its start if this has a lower rank.
+        """
+        end = self.problem.solve(start, self.search.options.descent)
+        points = end if np.all(np.isfinite(end)) and self._rank(end) <= self._rank(start) else start
+        machine = self.search.machine
+        springs = [
+            Spring(between, (machine.point_on(between[0], complex(first)), complex(second)), row)
+            for (between, row), (first, second) in zip(self.mounts, points.reshape(-1, 2))
         ]
-        self.bounds = (box if self.origin is None else free) + free
+        return self._rank(points), springs
 
-    def ends(self, z: Floats) -> tuple[complex, complex]:
-        return complex(z[0], z[1]) * self.size, complex(z[2], z[3]) * self.size
-
-    def start(self, ground: complex, pin: complex) -> Floats:
-        return np.array([ground.real, ground.imag, pin.real, pin.imag]) / self.size
-
-    def torque(self, z: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-        """Return the length and its derivatives (n, 4), and the torque and its derivatives (n, 4)."""
-        first, second = self.ends(z)
-        link, size, kind = self.link, self.size, self.kind
-        v = link.position(second) - first
-        length = np.maximum(np.abs(v), 1e-12 * size)
-        along = v / length
-        speed = link.speed(second)
-        arm = np.real(np.conj(along) * speed)
-        change, arms = leverage_derivatives(link, along, length, speed, size)
-        force = kind.preload + kind.stiffness * (length - kind.free_length)
-        return length, change, force * arm, kind.stiffness * change * arm[:, None] + force[:, None] * arms
-
-    def rows(self, z: Floats) -> tuple[Floats, Floats]:
-        """Return values that must not be negative, for lengths and squared distances, and their derivatives."""
-        length, change, _, _ = self.torque(z)
-        first, second = self.ends(z)
-        room, size = self.room, self.size
-        clear, reach = room.clear**2, room.reach**2
-        distances = [abs(second) ** 2 - clear, reach - abs(second) ** 2]
-        slopes = [[0, 0, second.real, second.imag], [0, 0, -second.real, -second.imag]]
-        for centre in self.centres:
-            offset = first - centre
-            distances.append(abs(offset) ** 2 - clear)
-            slopes.append([offset.real, offset.imag, 0, 0])
-            if self.origin is not None:
-                distances.append(reach - abs(offset) ** 2)
-                slopes.append([-offset.real, -offset.imag, 0, 0])
-        values = [(length - self.low) / size, (self.high - length) / size, np.array(distances) / size**2]
-        return np.concatenate(values), np.concatenate([change / size, -change / size, 2 * np.array(slopes) / size])
-
-
-def _descend(
-    problems: list[_SpringProblem],
-    torque: Floats,
-    start: Floats,
-    behaviour: Behaviour | None,
-    options: SpringSearchOptions,
-) -> tuple[tuple[float, float, float], Floats]:
-    """Descend to the nearest optimum of some springs together.
-
-    Returns
-    -------
-    rank : tuple of float
-        Violations of the ranges of lengths and places, and of the behaviour, 0 within rounding; then the rms torque that remains.
-    z : ndarray
-        The unknowns, four per spring; ``begin`` where the descent ended with a higher rank.
-    """
-    rms = float(np.sqrt(np.mean(torque**2))) or 1.0
-    four = [slice(4 * k, 4 * k + 4) for k in range(len(problems))]
-
-    def cost(z: Floats) -> tuple[float, Floats]:
-        evaluations = [problem.torque(z[own]) for problem, own in zip(problems, four)]
-        remaining = (torque + sum(evaluation[2] for evaluation in evaluations)) / rms
-        slopes = np.concatenate([evaluation[3] for evaluation in evaluations], axis=1) / rms
-        return float(np.mean(remaining**2)), np.asarray(2 * remaining @ slopes / remaining.size)
-
-    def rows(z: Floats) -> Floats:
-        return np.concatenate([problem.rows(z[own])[0] for problem, own in zip(problems, four)])
-
-    def left_of(z: Floats) -> Floats:
-        return np.asarray(torque + sum(problem.torque(z[own])[2] for problem, own in zip(problems, four)))
-
-    def slopes(z: Floats) -> Floats:
-        evaluations = [problem.rows(z[own])[1] for problem, own in zip(problems, four)]
-        table = np.zeros((sum(len(block) for block in evaluations), z.size))
-        row = 0
-        for block, own in zip(evaluations, four):
-            table[row : row + len(block), own] = block
-            row += len(block)
-        return table
-
-    def behaviour_rows(z: Floats) -> Floats:
-        assert behaviour is not None
-        return behaviour.rows(left_of(z)) / rms
-
-    def behaviour_slopes(z: Floats) -> Floats:
-        assert behaviour is not None
-        evaluations = [problem.torque(z[own])[3] for problem, own in zip(problems, four)]
-        return behaviour.slopes(np.concatenate(evaluations, axis=1)) / rms
-
-    def rank(z: Floats) -> tuple[float, float, float]:
-        excess = max(-float(rows(z).min()), 0.0)
-        violation = 0.0 if behaviour is None else float(behaviour.violation(left_of(z))) / rms
+    def _rank(self, points: Complexes) -> tuple[float, float, float]:
+        cost, limits, _ = self._evaluate(points[None])
+        behaved = self._behaviour_rows(self._remaining(points[None])).shape[1]
+        ranges, rows = np.split(limits[0], [limits.shape[1] - behaved])
+        excess, violation = (max(-float(part.min(initial=0.0)), 0.0) for part in (ranges, rows))
         return (
             excess if excess > _TOLERANCE / 2 else 0.0,
             violation if violation > _TOLERANCE else 0.0,
-            float(np.sqrt(cost(z)[0])) * rms,
+            float(np.sqrt(-cost[0, 0])) * self.rms,
         )
 
-    bounds = [bound for problem in problems for bound in problem.bounds]
-    limits = [{"type": "ineq", "fun": rows, "jac": slopes}]
-    if behaviour is not None:
-        limits.append({"type": "ineq", "fun": behaviour_rows, "jac": behaviour_slopes})
-    z = solve_sqp(cost, start, bounds, limits, 1e-12, options.max_steps)
-    if not np.all(np.isfinite(z)) or rank(z) > rank(start):
-        z = start
-    return rank(z), z
+    def _remaining(self, points: Complexes) -> Floats:
+        """Return the torque (m, n) of the drive with the springs at points (m, 2 k)."""
+        remaining = np.broadcast_to(self.torque, (len(points), self.torque.size))
+        for k, (link, (_, row)) in enumerate(zip(self.links, self.mounts)):
+            length, arm = link.leverage(points[:, [2 * k]], points[:, [2 * k + 1]])
+            remaining = remaining + row.force(length) * arm
+        return remaining
 
+    def _behaviour_rows(self, remaining: Floats) -> Floats:
+        return remaining[:, :0] if self.behaviour is None else self.behaviour.rows(remaining) / self.rms
 
-def best_pair(
-    machine: LinkMotions,
-    torque: Floats,
-    betweens: list[Between],
-    kinds: list[SpringRow],
-    room: SpringRegion,
-    work: Work | None = None,
-    behaviour: Behaviour | None = None,
-    options: SpringSearchOptions = OPTIONS,
-) -> MountedSprings | str:
-    """Find springs on several pairs of links that work together.
-
-    They are placed in turn, each with the other springs mounted, in some rounds; then all together. For the parameters see
-    `best_spring`; there is a spring on each pair of links.
-    """
-    placed: dict[int, MountedSprings] = {}
-    torques, combined = [0 * torque for _ in betweens], torque
-    for _ in range(options.rounds):
-        for k, between in enumerate(betweens):
-            remaining = torque + sum(torques[:k] + torques[k + 1 :])
-            found = best_spring(machine, remaining, [between], kinds, room, work, options=options)
-            if isinstance(found, str):
-                return found
-            if k not in placed or found.rms < rms_of(combined):
-                placed[k], torques[k], combined = found, found.torque - remaining, found.torque
-        if work is not None and work.expired():
-            break
-    springs = [fit.springs[0] for fit in placed.values()]
-    rows = [kind for fit in placed.values() for kind in fit.kinds if kind is not None]
-    problems = [_SpringProblem(machine, between, kind, room) for between, kind in zip(betweens, rows)]
-    # unknowns have the first end in the plane at the first sample
-    levels = [complex(machine.end(spring.between[0], spring.points[0])[0]) for spring in springs]
-    start = [problem.start(level, spring.points[1]) for problem, level, spring in zip(problems, levels, springs)]
-    _, z = _descend(problems, torque, np.concatenate(start), behaviour, options)
-    for k, (problem, spring) in enumerate(zip(problems, springs)):
-        springs[k] = _in_link_frame(machine, replace(spring, points=problem.ends(z[4 * k : 4 * k + 4])))
-    return mount_springs(machine, torque, springs, rows)
+    def _evaluate(self, points: Complexes) -> Functions:
+        """Return minus the mean square torque; lengths, squared distances and behaviour are limits."""
+        room, machine, limits = self.search.room, self.search.machine, []
+        for k, (link, ((on, _), row)) in enumerate(zip(self.links, self.mounts)):
+            first, second = points[:, [2 * k]], points[:, [2 * k + 1]]
+            length = np.abs(link.position(second) - first)
+            low, high = row.shortest + _TOLERANCE * row.longest, row.longest * (1 - _TOLERANCE)
+            centres = machine.pivots if on == GROUND else [complex(machine.link(on).origin[0])]
+            offsets = [second, *(first - centre for centre in centres)]
+            distances = [np.abs(offset) ** 2 - room.clear**2 for offset in offsets]
+            distances += [
+                room.reach**2 - np.abs(offset) ** 2 for offset in (offsets[:1] if on == GROUND else offsets)
+            ]
+            limits += [(length - low) / self.size, (high - length) / self.size, np.hstack(distances) / self.size**2]
+        remaining = self._remaining(points)
+        cost = np.mean((remaining / self.rms) ** 2, axis=1, keepdims=True)
+        return Functions(-cost, np.hstack([*limits, self._behaviour_rows(remaining)]), cost[:, :0])

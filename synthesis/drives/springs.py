@@ -1,46 +1,34 @@
-"""Springs between two links: their force, their limits, and the torque that remains for the drive."""
+"""Springs between two links: their force, their limits, and the torque that the drive gives because of them."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import combinations
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from synthesis.arrays import Floats
+from synthesis.arrays import Complexes, Floats
 from synthesis.drives.links import GROUND, LinkMotions
-from synthesis.mechanism import Box
+from synthesis.studies.forces import Pull
 
 Between = tuple[str, str]
 """Names of the two links that a spring joins."""
 
 
-@dataclass(frozen=True)
-class Spring:
-    """A spring between two links; it pulls with ``preload + stiffness (length - free_length)``, a negative pull pushes."""
+class SpringRow(NamedTuple):
+    """A spring of a catalogue: force in tension ``preload + stiffness (l - free_length)`` between two lengths.
 
-    between: tuple[str, str]
-    points: tuple[complex, complex]
-    """Ends in the frames of their links; on the ground in the plane."""
+    The force of a gas spring is negative. By default the spring is ideal: of zero free length, without limits.
+    """
+
+    name: str | None
     stiffness: float
     free_length: float = 0.0
     preload: float = 0.0
-
-    def force(self, length: Floats) -> Floats:
-        """Return the pull at some lengths."""
-        return self.preload + self.stiffness * (length - self.free_length)
-
-
-class SpringRow(NamedTuple):
-    """A spring of a catalogue: force in tension ``preload + stiffness (l - free_length)`` between two lengths."""
-
-    name: str
-    stiffness: float
-    free_length: float
-    preload: float
-    shortest: float
-    longest: float
+    shortest: float = 0.0
+    longest: float = np.inf
     price: float | None = None
 
     @property
@@ -48,11 +36,88 @@ class SpringRow(NamedTuple):
         """Force in tension extrapolated to length 0."""
         return self.preload - self.stiffness * self.free_length
 
+    def force(self, length: Floats) -> Floats:
+        """Return the pull at some lengths."""
+        return self.preload + self.stiffness * (length - self.free_length)
+
+
+class MountedSpring(Protocol):
+    """A spring in its place, of any kind."""
+
+    @property
+    def between(self) -> Between:
+        """Links that the spring joins."""
+
+    @property
+    def name(self) -> str | None:
+        """Name of the row of the catalogue; None for an ideal spring."""
+
+    def torque(self, machine: LinkMotions) -> Floats:
+        """Return the torque that the drive gives because of the spring, (n,)."""
+
+    def excess(self, machine: LinkMotions) -> Floats:
+        """Return by which fraction the length or twist leaves its range, (n,); negative inside."""
+
+    def pulls(self, machine: LinkMotions) -> list[Pull]:
+        """Return forces and couples on both links."""
+
+
+@dataclass(frozen=True)
+class Spring:
+    """A linear spring between two links."""
+
+    between: Between
+    points: tuple[complex, complex]
+    """Ends in the frames of their links; on the ground in the plane."""
+    row: SpringRow
+
+    @property
+    def name(self) -> str | None:
+        """Name of the row of the catalogue; None for an ideal spring."""
+        return self.row.name
+
+    def ends(self, machine: LinkMotions) -> tuple[Complexes, Complexes]:
+        """Return the paths of both ends, (n,) each."""
+        first, second = (machine.end(*end) for end in zip(self.between, self.points))
+        return first, second
+
+    def length(self, machine: LinkMotions) -> Floats:
+        """Return the length over the motion, (n,)."""
+        first, second = self.ends(machine)
+        return np.abs(second - first)
+
+    def torque(self, machine: LinkMotions) -> Floats:
+        """Return the torque that the drive gives because of the spring, (n,)."""
+        first, second = self.ends(machine)
+        speeds = [
+            0j if name == GROUND else machine.link(name).speed(point)
+            for name, point in zip(self.between, self.points)
+        ]
+        work = np.real(np.conj(second - first) * (speeds[1] - speeds[0]))
+        if self.row.offset == 0:
+            return self.row.stiffness * work
+        length = np.abs(second - first)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return self.row.force(length) * work / length
+
+    def excess(self, machine: LinkMotions) -> Floats:
+        """Return by which fraction of its longest length the length leaves its range, (n,); negative inside."""
+        length = self.length(machine)
+        return np.maximum(self.row.shortest - length, length - self.row.longest) / self.row.longest
+
+    def pulls(self, machine: LinkMotions) -> list[Pull]:
+        """Return the forces on both links."""
+        first, second = self.ends(machine)
+        length = np.abs(second - first)
+        # over a length of 0 a spring of zero free length has no force either
+        pull = self.row.force(length) / np.maximum(length, 1e-300) * (second - first)
+        return [Pull(self.between[0], first, pull), Pull(self.between[1], second, -pull)]
+
 
 class SpringRegion(NamedTuple):
     """Region in which the ends of a spring may lie."""
 
-    box: Box
+    box: tuple[float, float, float, float]
     """Box of an end on the ground."""
     reach: float
     """Largest distance of an end on a link from the origin of its frame."""
@@ -62,31 +127,22 @@ class SpringRegion(NamedTuple):
 
 @dataclass(frozen=True)
 class Behaviour:
-    """Limits on the torque that the drive gives once the springs are mounted, shape (n,) over the motion.
-
-    Attributes
-    ----------
-    sense : float
-        1 if the drive's coordinate rises from the first position to the last, -1 if it falls.
-    margins : tuple of float
-        Torques with which the linkage is pressed onto its stop at the first and the last position, if these must hold.
-    holds_first, holds_last : bool
-        The linkage rests on its stop at the first (last) position without a drive.
-    torque_max : ndarray or None
-        Largest absolute torque at each position.
-    offset : ndarray or float
-        Torque that is added to the given ones: a search that approximates a wanted torque works with differences from it.
-    """
+    """Limits on the torque that the drive gives once the springs are mounted, shape (n,) over the motion."""
 
     sense: float
+    """1 if the drive's coordinate rises from the first position to the last, -1 if it falls."""
     margins: tuple[float, float]
+    """Torques with which the linkage is pressed onto its stop at the first and the last position, if these must hold."""
     holds_first: bool = False
+    """The linkage rests on its stop at the first position without a drive."""
     holds_last: bool = False
     torque_max: Floats | None = None
+    """Largest absolute torque at each position."""
     offset: Floats | float = 0.0
+    """Torque that is added to the given ones: a search that approximates a wanted torque works with differences from it."""
 
     def rows(self, torque: Floats) -> Floats:
-        """Return values that are at least 0 if the torque (..., n) satisfies the limits, shape (..., m)."""
+        """Return values, affine in the torque (.., n), that are at least 0 if it satisfies the limits, shape (.., m)."""
         found, torque = [], torque + self.offset
         if self.holds_first:
             found.append(self.sense * torque[..., :1] - self.margins[0])
@@ -96,68 +152,14 @@ class Behaviour:
             found += [self.torque_max - torque, self.torque_max + torque]
         return np.concatenate(found, axis=-1)
 
-    def slopes(self, slopes: Floats) -> Floats:
-        """Return the derivatives of `rows` from the derivatives of the torque, (n, unknowns)."""
-        found = []
-        if self.holds_first:
-            found.append(self.sense * slopes[:1])
-        if self.holds_last:
-            found.append(-self.sense * slopes[-1:])
-        if self.torque_max is not None:
-            found += [-slopes, slopes]
-        return np.concatenate(found)
-
     def violation(self, torque: Floats) -> Floats:
-        """Return the largest violation of the limits by torques (..., n), at least 0, as a torque."""
+        """Return the largest violation of the limits by torques (.., n), at least 0, as a torque."""
         return np.maximum(-self.rows(torque).min(axis=-1), 0.0)
 
 
-@dataclass(frozen=True)
-class MountedSprings:
-    """Springs at their places, and the drive's torque with them."""
-
-    springs: tuple[Spring, ...]
-    kinds: tuple[SpringRow | None, ...]
-    lengths: tuple[Floats, ...]
-    torque: Floats
-
-    @property
-    def rms(self) -> float:
-        """Root mean square of the torque that remains."""
-        return rms_of(self.torque)
-
-
-def spring_torque(machine: LinkMotions, spring: Spring) -> tuple[Floats, Floats]:
-    """Return the lengths of a spring and the torque that the drive gives because of it, (n,) each."""
-    ends = list(zip(spring.between, spring.points))
-    first, second = (machine.end(*end) for end in ends)
-    v = second - first
-    speeds = [0j if name == GROUND else machine.link(name).speed(point) for name, point in ends]
-    speed, length = speeds[1] - speeds[0], np.abs(v)
-    if spring.free_length == 0 and spring.preload == 0:
-        return length, spring.stiffness * np.real(np.conj(v) * speed)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return length, spring.force(length) * np.real(np.conj(v) * speed) / length
-
-
-def mount_springs(
-    machine: LinkMotions, torque: Floats, springs: list[Spring], kinds: list[SpringRow] | None = None
-) -> MountedSprings:
-    """Compute the lengths of some springs and the torque that remains for the drive.
-
-    Parameters
-    ----------
-    machine : LinkMotions
-    torque : ndarray, shape (n,)
-        Torque that the drive gives without the springs.
-    springs : list of Spring
-    kinds : list of SpringRow, optional
-        Catalogue row of each spring.
-    """
-    evaluations = [spring_torque(machine, spring) for spring in springs]
-    left = torque + sum((needed for _, needed in evaluations), np.zeros(torque.size))
-    names: tuple[SpringRow | None, ...] = tuple(kinds) if kinds else (None,) * len(springs)
-    return MountedSprings(tuple(springs), names, tuple(length for length, _ in evaluations), left)
+def torque_of(springs: Iterable[MountedSpring], machine: LinkMotions) -> Floats:
+    """Return the torque that the drive gives because of some springs, (n,)."""
+    return sum((spring.torque(machine) for spring in springs), np.zeros(machine.at.size))
 
 
 def pairs_of(machine: LinkMotions) -> list[Between]:

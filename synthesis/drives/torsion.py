@@ -15,7 +15,8 @@ import numpy as np
 
 from synthesis.arrays import Floats
 from synthesis.drives.links import GROUND, LinkMotions
-from synthesis.drives.springs import Behaviour, Between, pairs_of
+from synthesis.drives.springs import Behaviour, Between, pairs_of, rms_of
+from synthesis.studies.forces import Pull
 from synthesis.target import TURN
 
 JOINT_TOLERANCE = 1e-9
@@ -90,10 +91,26 @@ class TorsionSpring:
         """Return the torque that the drive gives because of the spring, (n,)."""
         return self.direction * self.moment(self.twist(machine)) * self.joint.rate(machine)
 
+    def excess(self, machine: LinkMotions) -> Floats:
+        """Return by which fraction of the largest twist the twist leaves its range, (n,); negative inside."""
+        twist, angle_max = self.twist(machine), self.row.angle_max
+        return np.maximum(-twist, twist - angle_max) / angle_max
+
+    def pulls(self, machine: LinkMotions) -> list[Pull]:
+        """Return the couples on both links."""
+        couple = self.direction * self.moment(self.twist(machine))
+        nowhere = np.zeros(machine.at.size, dtype=complex)
+        return [Pull(name, nowhere, nowhere, sign * couple) for name, sign in zip(self.between, (1.0, -1.0))]
+
     @property
     def between(self) -> Between:
         """The links of the joint."""
         return self.joint.between
+
+    @property
+    def name(self) -> str:
+        """Name of the row of the catalogue."""
+        return self.row.name
 
 
 def joint_of(machine: LinkMotions, between: Between) -> complex | None:
@@ -158,7 +175,7 @@ def best_torsion_spring(
                 spring = _mounted(machine, torque, TorsionSpring(row, joint, 0.0, direction), (low, high), behaviour)
                 left = torque + spring.torque(machine)
                 lack = 0.0 if behaviour is None else float(behaviour.violation(left))
-                rank = (lack, float(np.sqrt(np.mean(left**2))))
+                rank = lack, rms_of(left)
                 if best is None or rank < best[0]:
                     best = rank, spring
     if best is None:
@@ -180,7 +197,8 @@ def _mounted(
     square = float(slope @ slope)
     best = -float(base @ slope) / square if square > 0 else low
     if behaviour is not None:
-        gaps, gains = behaviour.rows(base), behaviour.slopes(slope[:, None])[:, 0]
+        gaps = behaviour.rows(base)
+        gains = behaviour.rows(base + slope) - gaps
         with np.errstate(divide="ignore", invalid="ignore"):
             needed = -gaps / gains
         inside_low = max(low, float(needed[gains > 0].max(initial=-np.inf)))

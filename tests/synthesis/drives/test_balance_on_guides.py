@@ -35,7 +35,7 @@ def energy(machine, load, springs):
             np.full(machine.at.size, point) if name == "ground" else machine.link(name).position(point)
             for name, point in zip(spring.between, spring.points)
         ]
-        total += spring.stiffness / 2 * np.abs(ends[1] - ends[0]) ** 2
+        total += spring.row.stiffness / 2 * np.abs(ends[1] - ends[0]) ** 2
     return total
 
 
@@ -55,7 +55,7 @@ def test_the_energy_is_the_same_in_every_position(drive, stiffness):
     without = energy(wider, load, [])
     assert np.ptp(without) > 0.1
     assert np.ptp(energy(wider, load, found)) < 1e-6 * np.ptp(without)
-    assert all(spring.stiffness > 0 and stiffness in (None, spring.stiffness) for spring in found)
+    assert all(spring.row.stiffness > 0 and stiffness in (None, spring.row.stiffness) for spring in found)
 
 
 def test_what_weighs_along_a_rail_beside_a_slot_cannot_be_balanced_but_across_it_can():

@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from synthesis.drives.links import motions_of
-from synthesis.drives.spring_search import best_spring
-from synthesis.drives.springs import Spring, SpringRegion, SpringRow, mount_springs, spring_torque
+from synthesis.drives.spring_search import SpringSearch
+from synthesis.drives.springs import Spring, SpringRegion, SpringRow
 from synthesis.link_motion import Mass
 from synthesis.studies.forces import Load
 from synthesis.target import Interval
@@ -37,10 +37,10 @@ def test_a_springs_torque_is_the_derivative_of_its_energy(seed: int) -> None:
     machine = motions_of(linkage, Interval(0.0, float(np.copysign(0.04, interval.last))), 201)
     first, second = rng.permutation(["ground", "crank", "coupler", "rocker"])[:2]
     points = complex(*rng.normal(size=2)) * 3, complex(*rng.normal(size=2))
-    spring = Spring((str(first), str(second)), points, rng.uniform(0.1, 2), rng.uniform(0, 1), rng.normal())
-    length, torque = spring_torque(machine, spring)
-    stretch = length - spring.free_length
-    energy = spring.preload * stretch + spring.stiffness * stretch**2 / 2
+    row = SpringRow("any", rng.uniform(0.1, 2), rng.uniform(0, 1), rng.normal())
+    spring = Spring((str(first), str(second)), points, row)
+    torque, stretch = spring.torque(machine), spring.length(machine) - row.free_length
+    energy = row.preload * stretch + row.stiffness * stretch**2 / 2
     step = machine.at[1] - machine.at[0]
     measured = (energy[:-4] - 8 * energy[1:-3] + 8 * energy[3:-1] - energy[4:]) / (12 * step)
     size = np.abs(torque).max() + np.abs(energy).max()
@@ -55,12 +55,11 @@ def test_a_fitted_spring_helps_and_keeps_its_lengths_and_places(seed: int) -> No
     torque = machine.torque(load)
     room = SpringRegion((-3.0, -3.0, 3.0, 3.0), 1.2, 0.1)
     between = [("ground", "crank"), ("ground", "coupler"), ("crank", "rocker")][seed % 3]
-    found = best_spring(machine, torque, [between], KINDS, room)
-    if isinstance(found, str):
-        assert "no spring of 3 fits" in found
+    spring = SpringSearch(machine, KINDS, room).best(torque, [between])
+    if isinstance(spring, str):
+        assert "no spring of 3 fits" in spring
         return
-    (spring,), (kind,), (length,) = found.springs, found.kinds, found.lengths
-    assert kind is not None
+    kind, length = spring.row, spring.length(machine)
     assert kind.shortest <= length.min()
     assert length.max() <= kind.longest
     assert abs(spring.points[1]) <= 1.2 + 1e-6
@@ -71,17 +70,15 @@ def test_a_fitted_spring_helps_and_keeps_its_lengths_and_places(seed: int) -> No
             >= 0.1 - 1e-6
         )
     # no random place within the room does better by more than a little
-    rms = np.sqrt(np.mean(found.torque**2))
+    rms = np.sqrt(np.mean((torque + spring.torque(machine)) ** 2))
     for _ in range(300):
         ends = complex(*rng.uniform(-3, 3, 2)), complex(*rng.uniform(-0.8, 0.8, 2))
         if between[0] != "ground":
             ends = complex(*rng.uniform(-0.8, 0.8, 2)), ends[1]
-        second = rng.choice(len(KINDS))
-        wish = KINDS[second]
-        trial = mount_springs(
-            machine, torque, [Spring(between, ends, wish.stiffness, wish.free_length, wish.preload)], [wish]
-        )
-        if trial.lengths[0].min() >= wish.shortest and trial.lengths[0].max() <= wish.longest:
+        wish = KINDS[rng.choice(len(KINDS))]
+        trial = Spring(between, ends, wish)
+        lengths = trial.length(machine)
+        if lengths.min() >= wish.shortest and lengths.max() <= wish.longest:
             clear = between[0] != "ground" or min(abs(ends[0] - p) for p in (linkage.pivot_a, linkage.pivot_b)) >= 0.1
             if clear and min(map(abs, ends[1:])) >= 0.1:
-                assert rms <= np.sqrt(np.mean(trial.torque**2)) * 1.02
+                assert rms <= np.sqrt(np.mean((torque + trial.torque(machine)) ** 2)) * 1.02
