@@ -12,7 +12,7 @@ from typing import NamedTuple
 PICTURE = Path(__file__).parent / "img" / "data_model.svg"
 WIDTH, GAP, LINE, TOP, MAX_FIELDS = 190, 40, 16, 56, 12
 COLUMNS = (
-    ("request", ("linkage_atlas.motions.Motion", "linkage_atlas.limits.Limits", "linkage_atlas.task.SearchOptions")),
+    ("request", ("linkage_atlas.motions.Motion", "synthesis.limits.Limits", "linkage_atlas.task.SearchOptions")),
     ("task, in radians", ("linkage_atlas.task.Task", "synthesis.target.Target", "synthesis.poses.Poses")),
     ("search", ("linkage_atlas.candidates.Candidates", "synthesis.solution.Solution")),
     ("reply", ("linkage_atlas.results.Result", "linkage_atlas.solutions.Solution", "linkage_atlas.results.Report")),

@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from linkage_atlas.geometry import Joints as Joints
     from linkage_atlas.limits import Limits as Limits
     from linkage_atlas.linkages import Linkage as Linkage
-    from linkage_atlas.linkages import assembly as assembly
     from linkage_atlas.matching import match as match
     from linkage_atlas.motion_errors import objective as objective
     from linkage_atlas.motion_errors import residuals as residuals
@@ -57,7 +56,7 @@ _HOMES = {
     "linkage_atlas.functions.results": ("FunctionResult", "FunctionSolution"),
     "linkage_atlas.functions.generation": ("function",),
     "linkage_atlas.limits": ("Limits",),
-    "linkage_atlas.linkages": ("Linkage", "assembly"),
+    "linkage_atlas.linkages": ("Linkage",),
     "linkage_atlas.constructors": ("FourBar", "SliderCrank"),
     "linkage_atlas.geometry": ("Joints",),
     "linkage_atlas.motions": ("Motion",),

@@ -704,37 +704,6 @@ class Linkage:
             return None
 
 
-def assembly(linkage: object, motion: Motion | None = None, **options: Any) -> Assembly:
-    """Arrange the plates of a linkage in layers in which nothing collides.
-
-    Parameters
-    ----------
-    linkage : Linkage, Solution or mapping
-        The linkage, or its plain values as ``to_dict`` or a reply gives them, in the motion's unit of angle (degrees
-        without a motion).
-    motion : Motion, optional
-        Motion over whose interval the layers must be free. Default: the motion that the linkage answers, or else its own range.
-    **options
-        Arguments of `Linkage.assembly`.
-
-    Returns
-    -------
-    Assembly
-        Layers, collisions and parts.
-
-    Examples
-    --------
-    >>> import linkage_atlas as la
-    >>> la.assembly(la.FourBar(19, 72, 144, 165)).status
-    'free'
-    """
-    view, travel = given_linkage(linkage, motion is None or motion.degrees)
-    for name in ("crank_angle", "travel") if view is not linkage else ():
-        travel = getattr(linkage, name, None) if travel is None else travel
-    crank = options.pop("crank_angle", None)
-    return view.assembly(motion, travel if crank is None else crank, **options)
-
-
 def given_linkage(source: Any, degrees: bool) -> tuple[Linkage, Any]:
     """Return the linkage of a linkage, a solution or plain values, and the travel in plain values, if any.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Literal, Unpack
+from typing import Literal
 
 from numpy.typing import ArrayLike
 
@@ -17,7 +17,7 @@ from linkage_atlas.limits import Limits
 from linkage_atlas.motions import Motion
 from linkage_atlas.result_notes import notes_of, report_of
 from linkage_atlas.results import Result
-from linkage_atlas.task import Effort, MotionAndStudies, Prefer, SearchOptions, read_task
+from linkage_atlas.task import Effort, Prefer, SearchOptions, read_task
 from linkage_atlas.warm_start import StartingLinkage
 from synthesis.search.search import DEFAULT_TOLERANCE
 from synthesis.work import Work
@@ -38,7 +38,7 @@ def synthesize(
     work: Callable[[float | None], Work] = Work,
     mechanisms: Sequence[KindName] | Literal["all"] | None = None,
     driver: DriverName | None = None,
-    **more: Unpack[MotionAndStudies],
+    **more: object,
 ) -> Result:
     """Find linkages that make a motion, with their dimensions and mounting.
 

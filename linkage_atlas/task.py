@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from functools import cache
+from inspect import signature
 from pathlib import Path
-from typing import Literal, NamedTuple, TypedDict, get_args
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from linkage_atlas.analysis import check_rows
 from linkage_atlas.arguments import Fields, build, check_above_zero, check_top, mapping, number, one_of
@@ -38,37 +38,6 @@ from synthesis.work import Work
 Prefer = Literal["error", "balanced", "size", "transmission", "crank_span", "layers"]
 PREFER = get_args(Prefer)
 Effort = Literal["refine", "atlas"]
-
-
-class MotionAndStudies(TypedDict, total=False):
-    """Arguments of a `Motion` by name, and the studies of `Solution.studied`."""
-
-    rotation: ArrayLike | None
-    position: ArrayLike | None
-    crank_span: float | None
-    crank_angle: ArrayLike | None
-    timing: Literal["free"] | None
-    order: Literal["given", "any"]
-    closed: bool
-    crank_span_max: float | None
-    start_angle: float | None
-    points: ArrayLike | None
-    travel: ArrayLike | None
-    travel_span: float | None
-    weights: Mapping[str, ArrayLike] | None
-    tolerances: Mapping[str, ArrayLike] | None
-    length_scale: float | None
-    degrees: bool
-    round_to: float | None
-    lengths_from: ArrayLike | None
-    sensitivity: bool
-    analysis: Fields | None
-    tolerance_study: Fields | None
-    load: Fields | None
-    drives: Sequence[Fields] | None
-    springs: Sequence[Fields] | None
-    drive: Fields | None
-    assembly: Fields | bool | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -182,7 +151,7 @@ def read_task(
     arguments: Sequence[object],
     requested_limits: Fields | None,
     options: SearchOptions,
-    more: MotionAndStudies,
+    more: Fields,
     work: Callable[[float | None], Work],
 ) -> Task:
     """Check the arguments of `synthesize`.
@@ -277,11 +246,11 @@ def _source(options: SearchOptions) -> tuple[SeedTables | Scan, Atlas | None]:
 
 
 def _read_motion(
-    arguments: Sequence[object], requested_limits: Fields | None, more: MotionAndStudies
+    arguments: Sequence[object], requested_limits: Fields | None, more: Fields
 ) -> tuple[Motion, Fields | None, dict[str, object]]:
     """Return the motion, the limits, and the arguments of studies."""
     named: dict[str, object] = dict(more)
-    known = [*SearchOptions.__dataclass_fields__, "limits", "work", *MotionAndStudies.__annotations__]
+    known = [*SearchOptions.__dataclass_fields__, "limits", "work", *signature(Motion).parameters, *STUDIES]
     for name in named:
         if name not in known:
             similar = get_close_matches(name, known)

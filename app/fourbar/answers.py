@@ -13,7 +13,6 @@ import linkage_atlas as la
 from app.fourbar import QUESTIONS, worked_example
 from app.fourbar.function_models import FunctionExportRequest, FunctionRequest
 from app.fourbar.models import (
-    AssemblyOptions,
     AssemblyRequest,
     DrivesRequest,
     ExportRequest,
@@ -34,20 +33,18 @@ from linkage_atlas.arguments import pointing
 from linkage_atlas.assemblies import ASSEMBLY
 from linkage_atlas.formats import HELD, OF_PARTS
 from linkage_atlas.notes import counted
-from linkage_atlas.studies import DRIVE_STUDIES
 
 # -- motions ----------------------------------------------------------------------------------------------------------
 
 SHORT_MS = 200.0
-"""Largest duration of a short request, ms; a worker is reserved for short requests."""
-MANY_SAMPLES = 64
-"""Number of samples above which an answer may take long."""
-SHORT_SPAN = 5.0
-"""Crank span in degrees below which many rows of the atlas are similar, so that a match may take long."""
-MANY_CORNERS = 12
-"""Number of corners of a body above which the search for its collisions may take long."""
-STUDIED = (*DRIVE_STUDIES, "lengths_from", "round_to", "tolerance_study", "assembly")
-"""Studies of each solution that take long."""
+"""Largest budget of a short request, ms; a worker is reserved for short requests."""
+
+
+def is_long(request: Any) -> bool:
+    """Return whether an answer may take long: a search without a short budget, or with no linkage to begin with."""
+    if "budget_ms" in type(request).model_fields:
+        return request.budget_ms is None or request.budget_ms > SHORT_MS
+    return request.linkage is None
 
 
 def answer_match(request: MatchRequest, resources: Resources) -> la.Matches:
@@ -59,41 +56,6 @@ def answer_match(request: MatchRequest, resources: Resources) -> la.Matches:
         budget=budget_of(request.budget_ms, resources),
         work=resources.work,
     )
-
-
-def is_long_search(request: SynthesizeRequest | MatchRequest) -> bool:
-    """Return whether an answer may take more than `SHORT_MS`, judged by the fields of its request."""
-    if request.budget_ms is not None and request.budget_ms <= SHORT_MS:
-        return False
-    if isinstance(request, MatchRequest):
-        return len(request.rotation) > MANY_SAMPLES or request.top > 100 or abs(_span_of(request)) < SHORT_SPAN
-    samples = max(len(column) for column in (request.rotation, request.position, [None]) if column is not None)
-    return (
-        request.crank_span is request.crank_angle is None
-        or samples > MANY_SAMPLES
-        or request.top > 20
-        or request.diverse
-        or request.tolerances is not None
-        or request.prefer not in (None, "error")
-        or request.mechanisms not in (None, ["four_bar"])
-        or (request.effort == "atlas" and request.position is not None)
-        or any(getattr(request, name) is not None for name in STUDIED)
-    )
-
-
-def _span_of(request: MatchRequest) -> float:
-    """Return the crank angle from the first sample to the last, degrees."""
-    span = request.crank_span
-    if span is None:
-        span = request.crank_angle[-1] - request.crank_angle[0] if request.crank_angle else 0.0
-    return span if request.degrees else math.degrees(span)
-
-
-def has_much_to_arrange(assembly: AssemblyOptions | None, driver: str | None) -> bool:
-    """Check if the search for layers of a linkage may take more than a fraction of a second."""
-    if assembly is None or assembly.body is None:
-        return False
-    return len(assembly.body) > MANY_CORNERS or driver is not None
 
 
 def budget_of(budget_ms: float | None, resources: Resources) -> float | None:
@@ -205,13 +167,6 @@ def _drive_in(kind: str, drives: Sequence[Any]) -> Any:
     return next(iter([*on_plates, *drives]), None)
 
 
-def is_long_export(body: ExportRequest) -> bool:
-    """Check if an export may take more than a fraction of a second."""
-    if body.linkage is None:
-        return is_long_search(body.request)
-    return has_much_to_arrange(body.assembly or body.request.assembly, body.linkage.driver)
-
-
 LINKAGE_FILES = Files(
     "/v2/export",
     "export",
@@ -220,7 +175,7 @@ LINKAGE_FILES = Files(
     ExportRequest,
     _linkage_file,
     {"request": worked_example()},
-    is_long_export,
+    is_long,
 )
 
 
@@ -271,13 +226,6 @@ def _drive_curves(request: DrivesRequest, resources: Resources, kind: str) -> by
     return (curves_csv(items) if kind == "csv" else curves_svg(items, found.torque)).encode()
 
 
-def is_long_drives(request: DrivesRequest) -> bool:
-    """Check if the search for drives may take more than a fraction of a second."""
-    if request.budget_ms is not None and request.budget_ms <= SHORT_MS:
-        return False
-    return bool(request.springs) or any(drive.kind != "rotary" for drive in request.drives)
-
-
 # -- layers -----------------------------------------------------------------------------------------------------------
 
 _FIELDS = {
@@ -313,19 +261,12 @@ def answer_assembly(request: AssemblyRequest, resources: Resources) -> la.Assemb
         assert motion_request is not None
         with pointing(lambda field: field if field == "/rank" else "/request" + field):
             solution = ranked(motion_request, request.rank, resources)
-        return la.assembly(solution, work=work, **options)
+        return solution.linkage.assembly(work=work, **options)
     with pointing(lambda field: "/linkage" + field):
         linkage = known.linkage(motion is None or motion.degrees)
     with pointing(_field_of_assembly):
         coordinates = known.travel if known.crank_angle is None else known.crank_angle
         return linkage.assembly(motion, coordinates, work=work, **options)
-
-
-def is_long_assembly(request: AssemblyRequest) -> bool:
-    """Check if the search for layers may take more than a fraction of a second."""
-    if request.linkage is not None:
-        return has_much_to_arrange(request, request.linkage.driver)
-    return request.request is not None and (is_long_search(request.request) or has_much_to_arrange(request, "crank"))
 
 
 _WORKED = {
@@ -353,15 +294,6 @@ def solve_function(request: FunctionRequest, resources: Resources) -> la.Functio
         degrees=request.angle_unit == "deg",
         work=resources.work,
     )
-
-
-def is_long_function(request: FunctionRequest) -> bool:
-    """Return whether an answer may take more than `SHORT_MS`, judged by the fields of its request."""
-    if request.round_to is not None:
-        return True
-    if request.budget_ms is not None and request.budget_ms <= SHORT_MS:
-        return False
-    return request.top > 20 or request.objective == "max" or "length" in (request.input_unit, request.output_unit)
 
 
 def _function_file(body: FunctionExportRequest, resources: Resources) -> bytes:
@@ -407,7 +339,7 @@ QUERIES = (
         {
             "worked_example": {**_ROTATION, "top": 5},
         },
-        is_long=is_long_search,
+        is_long=is_long,
         reads_atlas=True,
     ),
     Query(
@@ -440,7 +372,7 @@ QUERIES = (
                 "sensitivity": True,
             },
         },
-        is_long=is_long_search,
+        is_long=is_long,
         files=LINKAGE_FILES,
         reads_atlas=True,
     ),
@@ -449,7 +381,7 @@ QUERIES = (
         QUESTIONS["function"],
         solve_function,
         function_table,
-        is_long=is_long_function,
+        is_long=is_long,
         files=FUNCTION_FILES,
     ),
     Query(
@@ -479,7 +411,7 @@ QUERIES = (
                 },
             },
         },
-        is_long=is_long_assembly,
+        is_long=is_long,
         reads_atlas=True,
     ),
     MOTION_QUERY,
@@ -489,7 +421,7 @@ QUERIES = (
         find_drives,
         drives_table,
         exports={kind: partial(_drive_curves, kind=kind) for kind in ("csv", "svg")},
-        is_long=is_long_drives,
+        is_long=is_long,
         route="/v2/drives",
     ),
 )

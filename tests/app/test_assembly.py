@@ -16,7 +16,7 @@ LINKAGE = {"links": {"crank": 60, "coupler": 50, "rocker": 70, "ground": 30}, "b
 def test_the_route_answers_as_python_does(client) -> None:
     reply = client.post("/v2/assembly", json={"linkage": LINKAGE, "boards": "both"})
     assert reply.status_code == 200, reply.text
-    assert reply.json() == json.loads(json.dumps(la.assembly(LINKAGE, boards="both").to_dict()))
+    assert reply.json() == json.loads(json.dumps(la.Linkage.from_dict(LINKAGE).assembly(boards="both").to_dict()))
 
 
 def test_a_solution_as_it_came_with_its_request(client) -> None:

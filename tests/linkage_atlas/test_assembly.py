@@ -68,13 +68,13 @@ def test_a_mirror_changes_nothing_but_signs() -> None:
 
 
 def test_a_blocked_linkage_is_told_what_would_free_it() -> None:
-    found = la.assembly(la.FourBar(60, 50, 70, 30), hole=3.5, width=8.75)
+    found = la.FourBar(60, 50, 70, 30).assembly(hole=3.5, width=8.75)
     assert found.status == "blocked"
     assert found.longest_free == pytest.approx((12.1948754, 347.8051246))
     assert found.stops.low.cause == "pair"
     assert any("with boards on both sides 3 layers are free: A below, B above" in reason for reason in found.reasons)
-    assert la.assembly(la.FourBar(60, 50, 70, 30), boards="both").free
-    assert la.assembly(la.FourBar(60, 50, 70, 30), boards="bar").free
+    assert la.FourBar(60, 50, 70, 30).assembly(boards="both").free
+    assert la.FourBar(60, 50, 70, 30).assembly(boards="bar").free
 
 
 def test_buildable_is_practical_and_free() -> None:
@@ -109,7 +109,7 @@ def test_the_body_turns_with_the_requested_rotation() -> None:
     example = worked_example()
     best = la.synthesize(motion(), top=1).best
     corners = [[0, 0], [30, 0], [30, 20], [0, 20]]
-    found = la.assembly(best, body=corners)
+    found = best.linkage.assembly(body=corners)
     plate = next(part for part in found.parts if part.name == "body")
     joints = best.linkage.joints([0.0])
     pin, turn = complex(*joints.crank_pin[0]), np.deg2rad(joints.coupler_direction[0])
@@ -127,13 +127,13 @@ def test_the_request_s_envelope_holds_for_plates_and_the_body() -> None:
     low, high = (end(np.concatenate(all_cases), axis=0) for end in (np.min, np.max))
     lines = [*(low - 1), *(high + 1)]
     # the lines stay within, the plates of half the width around them do not
-    tight = la.assembly(free, envelope=lines)
+    tight = free.linkage.assembly(envelope=lines)
     assert tight.status == "blocked"
     assert "leaves the envelope" in tight.reasons[0]
     assert tight.collisions[0]["pair"][0] == "envelope"
     wide = [*(low - 20), *(high + 20)]
-    assert la.assembly(free, envelope=wide).free
-    assert not la.assembly(free, envelope=wide, body=[[0, 0], [300, 0], [300, 20], [0, 20]]).free
+    assert free.linkage.assembly(envelope=wide).free
+    assert not free.linkage.assembly(envelope=wide, body=[[0, 0], [300, 0], [300, 20], [0, 20]]).free
     found = la.synthesize(motion(), {"envelope": lines}, top=1, assembly=True).best
     assert found.verdict.assembly.status == "blocked"
     assert not found.verdict.practical_without_collisions
@@ -148,7 +148,7 @@ def test_sliders_have_layers_too() -> None:
     assert set(found.layers) == {"crank", "coupler", "rail"}
     (slit,) = next(part for part in found.parts if part.name == "rail").slits
     assert slit.last[0] - slit.first[0] == pytest.approx(np.sqrt(9 - 0.09) - np.sqrt(1 - 0.09))
-    assert la.assembly(pump.to_dict()).layers == found.layers
+    assert la.Linkage.from_dict(pump.to_dict()).assembly().layers == found.layers
     pushed = la.Linkage([rail, {**crank, "body_point": [0, 0]}], "slider", start=2.0)
     request = la.Motion([0, 1, 2], [[0, 0], [0.1, 0], [0.2, 0]], timing="free")
     reported = pushed.assembly(request, travel=[0, 0.3, 0.6])
