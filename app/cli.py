@@ -173,7 +173,7 @@ def add_atlas(parser: Any, description: str = "atlas file") -> None:
 
 # -- questions and exports --------------------------------------------------------------------------------------------
 
-_LACKING = {"export": [], "plot": False, "rank": None, "length_unit": None, "columns": None}
+_LACKING = {"export": [], "rank": None, "length_unit": None, "columns": None}
 _LACKING |= {"unwrap": False, "set": [], "json": False, "linkage": None}
 """Default values of options that a command does not have."""
 
@@ -200,9 +200,6 @@ def _add_query(parser: argparse.ArgumentParser, query: Any) -> None:
         endings = ", ".join((*query.endings, "json"))
         text = f"also write a file; its suffix selects the format: {endings}; may be repeated"
         add_file(parser, "--export", action="append", default=[], help=text)
-    if "svg" in query.endings:
-        drawn = "curves" if query.command == "drive" else "linkage"
-        parser.add_argument("--plot", action="store_true", help=f"also draw the {drawn} and open the drawing")
     if query.reads_atlas:
         add_atlas(parser, "atlas file, if the request needs an atlas")
     parser.set_defaults(run=partial(run_question, query=query), examples=examples)

@@ -10,7 +10,7 @@ import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields, is_dataclass
-from functools import cache
+from functools import cache, cached_property
 from importlib.resources import files
 from pkgutil import resolve_name
 from types import UnionType
@@ -317,32 +317,23 @@ def bundled_requests() -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Files:
-    """Export of a solution of a reply: a route, and the option ``--export`` of the command.
-
-    Parameters
-    ----------
-    path, name, summary : str
-        Path, operation and description of the route.
-    stem : str
-        Name of the files without suffix.
-    request : type
-        Model with the fields ``request``, ``solution``, ``format`` (a key of `FILES`) and ``length_unit``.
-    render : callable
-        ``render(request, resources) -> bytes``.
-    example : mapping
-        Request body without the field ``format``.
-    is_long : callable
-        ``is_long(request) -> bool``: True if the file may take more than a fraction of a second.
-    """
+    """Export of a solution of a reply: a route, and the option ``--export`` of the command."""
 
     path: str
+    """Path of the route."""
     name: str
+    """Name of the operation."""
     stem: str
+    """Name of the files without suffix."""
     summary: str
     request: type[RequestModel]
+    """Model with the fields ``request``, ``linkage``, ``format`` (a key of `FILES`) and ``length_unit``."""
     render: Callable[[Any, Resources], bytes]
+    """``render(request, resources)``: the content of the file."""
     example: Mapping[str, Any]
+    """Request body without the field ``format``."""
     is_long: Callable[[Any], bool] = lambda _: False
+    """See `Query.is_long`."""
 
     @property
     def formats(self) -> tuple[str, ...]:
@@ -352,61 +343,50 @@ class Files:
 
 @dataclass(frozen=True)
 class Query:
-    """Query to the service; its route and its command are made from it.
-
-    Parameters
-    ----------
-    command : str
-        Command without the leading ``linkage-atlas``, for example ``lift motion``; its route is then ``/v2/lift/motion``.
-    summary : str
-        Line of help.
-    answer : callable
-        ``answer(request, resources) -> reply``. Its annotations are the types of request and reply. It raises
-        `linkage_atlas.FieldError` if the request has no answer.
-    table : callable
-        ``table(reply) -> str``, or ``table(reply, units) -> str`` if ``shows_units``: the reply as text for a terminal.
-    examples : mapping, optional
-        Request bodies (plain JSON values) by name, shown in the description of the API; the service must be able to
-        answer each. Default: the bundled requests.
-    exports : mapping
-        ``render(request, resources) -> bytes`` by suffix (a key of `MEDIA_TYPES`): the reply as a file. Over HTTP, the
-        same body is posted to ``path.suffix``.
-    files : Files, optional
-        Files of a solution of the reply, in place of ``exports``.
-    is_long : callable
-        ``is_long(request) -> bool``: True if the answer may take more than a fraction of a second. Over HTTP, short
-        requests do not wait for long requests.
-    shows_units : bool
-        Pass the units of angle and length to ``table``.
-    reads_atlas : bool
-        True if the answer may require an atlas.
-    route : str, optional
-        Route, if it does not follow from the command.
-
-    Attributes
-    ----------
-    path : str
-        Route, which accepts POST.
-    request : type
-        Model of the request.
-    reply : type
-        Model or dataclass of the reply.
-    """
+    """Query to the service; its route, which accepts POST, and its command are made from it."""
 
     command: str
+    """Command without the leading ``linkage-atlas``, for example ``lift motion``; its route is then ``/v2/lift/motion``."""
     summary: str
+    """Line of help."""
     answer: Callable[[Any, Resources], Any]
+    """``answer(request, resources) -> reply``. Its annotations are the types of request and reply. It raises
+    `linkage_atlas.FieldError` if the request has no answer."""
     table: Callable[..., str]
-    examples: Mapping[str, dict[str, Any]] = field(default_factory=dict)
+    """``table(reply)``, or ``table(reply, units)`` if ``shows_units``: the reply as text for a terminal."""
     exports: Mapping[str, Callable[[Any, Resources], bytes]] = field(default_factory=dict)
+    """``render(request, resources)`` by suffix (a key of `MEDIA_TYPES`): the reply as a file. Over HTTP, the same body is posted
+    to ``path.suffix``."""
     is_long: Callable[[Any], bool] = lambda _: False
+    """``is_long(request)``: True if the answer may take long. Over HTTP, short requests do not wait for long requests."""
     files: Files | None = None
+    """Files of a solution of the reply, in place of ``exports``."""
     shows_units: bool = True
+    """Pass the units of angle and length to ``table``."""
     reads_atlas: bool = False
+    """True if the answer may require an atlas."""
     route: str | None = None
-    path: str = field(init=False)
-    request: type[RequestModel] = field(init=False)
-    reply: type = field(init=False)
+    """Route, if it does not follow from the command."""
+
+    @property
+    def path(self) -> str:
+        """Path of the route."""
+        return self.route or "/v2/" + self.command.replace(" ", "/")
+
+    @property
+    def examples(self) -> dict[str, Any]:
+        """Request bodies by name, which the service must be able to answer."""
+        return bundled_requests()[self.command]
+
+    @cached_property
+    def request(self) -> type[RequestModel]:
+        """Model of the request."""
+        return next(iter(get_type_hints(self.answer).values()))
+
+    @cached_property
+    def reply(self) -> Any:
+        """Model or dataclass of the reply."""
+        return get_type_hints(self.answer)["return"]
 
     @property
     def endings(self) -> tuple[str, ...]:
@@ -414,13 +394,6 @@ class Query:
         if self.files is None:
             return tuple(self.exports)
         return tuple(FILES[kind].endings[0] for kind in self.files.formats if kind != "json")
-
-    def __post_init__(self) -> None:
-        request, *_, reply = get_type_hints(self.answer).values()
-        path = self.route or "/v2/" + self.command.replace(" ", "/")
-        derived = {"path": path, "request": request, "reply": reply}
-        for name, value in (derived | {"examples": self.examples or bundled_requests()[self.command]}).items():
-            object.__setattr__(self, name, value)
 
 
 _NAMES = {

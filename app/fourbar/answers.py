@@ -19,7 +19,7 @@ from app.fourbar.models import (
     MatchRequest,
     SynthesizeRequest,
 )
-from app.fourbar.motion import MOTION as MOTION_QUERY
+from app.fourbar.motion import answer_motion, motion_table
 from app.fourbar.tables import assembly_table, drives_table, function_table, matches_table, synthesize_table
 from app.query import (
     Files,
@@ -269,20 +269,6 @@ def answer_assembly(request: AssemblyRequest, resources: Resources) -> la.Assemb
         return linkage.assembly(motion, coordinates, work=work, **options)
 
 
-_WORKED = {
-    "links": {"crank": 19, "coupler": 72, "rocker": 144, "ground": 165},
-    "branch": 1,
-    "start_angle": 30,
-    "body_offset": -75.9054,
-    "mount": {
-        "ground_angle": 30,
-        "pivot_a": [7.0710678118654755, 7.0710678118654755],
-        "coupler_point_polar": {"radius": 20, "angle": 60},
-    },
-}
-"""Linkage of the worked example in the form of a reply."""
-
-
 # -- functions --------------------------------------------------------------------------------------------------------
 
 
@@ -328,50 +314,13 @@ FUNCTION_FILES = Files(
 
 # -- all queries ----------------------------------------------------------------------------------------------------------
 
-_EXAMPLE = worked_example()
-_ROTATION = {"rotation": _EXAMPLE["rotation"], "crank_span": _EXAMPLE["crank_span"]}
 QUERIES = (
-    Query(
-        "match",
-        QUESTIONS["match"],
-        answer_match,
-        matches_table,
-        {
-            "worked_example": {**_ROTATION, "top": 5},
-        },
-        is_long=is_long,
-        reads_atlas=True,
-    ),
+    Query("match", QUESTIONS["match"], answer_match, matches_table, is_long=is_long, reads_atlas=True),
     Query(
         "synthesize",
         QUESTIONS["synthesize"],
         answer_synthesize,
         synthesize_table,
-        {
-            "worked_example": {**_EXAMPLE, "top": 3},
-            "atlas_rows_only": {**_EXAMPLE, "effort": "atlas", "top": 3},
-            "rotation_only": {**_ROTATION, "top": 3},
-            "poses": {
-                "timing": "free",
-                "position": [[0, 0], [22, 5], [41, 17], [52, 36], [50, 58]],
-                "rotation": [0, 12, 27, 45, 66],
-                "top": 3,
-            },
-            "sliders": {
-                "timing": "free",
-                "position": [[0, 0], [100, 20], [180, 70], [220, 150]],
-                "rotation": [0, 20, 50, 85],
-                "mechanisms": ["slider_crank", "rail_slot"],
-                "top": 3,
-            },
-            "within_limits": {
-                **_EXAMPLE,
-                "top": 3,
-                "limits": {"transmission_angle_min": 40, "pivot_box": [-50, -50, 250, 250]},
-                "round_to": 0.5,
-                "sensitivity": True,
-            },
-        },
         is_long=is_long,
         files=LINKAGE_FILES,
         reads_atlas=True,
@@ -384,37 +333,8 @@ QUERIES = (
         is_long=is_long,
         files=FUNCTION_FILES,
     ),
-    Query(
-        "assembly",
-        QUESTIONS["assembly"],
-        answer_assembly,
-        assembly_table,
-        {
-            "worked_example": {"request": _EXAMPLE, "linkage": _WORKED},
-            "double_crank": {
-                "linkage": {
-                    "links": {"crank": 60, "coupler": 50, "rocker": 70, "ground": 30},
-                    "branch": 1,
-                    "start_angle": 0,
-                },
-                "boards": "both",
-            },
-            "slider_crank": {
-                "linkage": {
-                    "guides": [
-                        {"guide": "circle", "pivot": [0, 0], "radius": 20, "body_point": [0, 0]},
-                        {"guide": "rail", "point": [0, 6], "direction": 0, "body_point": [50, 0]},
-                    ],
-                    "driver": "crank",
-                    "branch": 1,
-                    "start": 0,
-                },
-            },
-        },
-        is_long=is_long,
-        reads_atlas=True,
-    ),
-    MOTION_QUERY,
+    Query("assembly", QUESTIONS["assembly"], answer_assembly, assembly_table, is_long=is_long, reads_atlas=True),
+    Query("motion", QUESTIONS["motion"], answer_motion, motion_table, shows_units=False),
     Query(
         "drive",
         QUESTIONS["drive"],

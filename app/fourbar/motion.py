@@ -10,8 +10,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from app.fourbar import QUESTIONS
-from app.query import AngleUnit, Flag, LengthUnit, Query, RequestModel, Resources
+from app.query import AngleUnit, Flag, LengthUnit, RequestModel, Resources
 from linkage_atlas import FieldError
 from linkage_atlas.cells import decoded
 from linkage_atlas.columns import Column
@@ -106,16 +105,3 @@ def motion_table(reply: MotionTable) -> str:
     )
     unit = f"lengths in {reply.length_unit}" if reply.length_unit else "no unit of length"
     return "\n".join([*reply.notes, f"fields: {counts}; {unit}"])
-
-
-MOTION = Query(
-    "motion",
-    QUESTIONS["motion"],
-    answer_motion,
-    motion_table,
-    {
-        "table": {"table": "Frame,X (mm),Y (mm),Z (mm),RZ (rad)\n1,0,0,0,0\n2,22,5,0,0.21\n3,41,17,0,0.47\n"},
-        "columns": {"table": "left;right\n0;0\n22;5\n41;17\n", "columns": {"x": "left", "y": "right"}},
-    },
-    shows_units=False,
-)

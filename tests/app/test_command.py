@@ -53,7 +53,7 @@ def test_where_there_is_no_such_solution_nothing_is_written(run, tmp_path) -> No
     file = tmp_path / "one.dxf"
     links = {"ground": 100, "crank": 10, "coupler": 10, "rocker": 10}
     request = {"output": [0, 10, 30], "crank_span": 60, "limits": {"links": links, "preset": None}}
-    code, out, err = run("function", "--export", file, "--plot", stdin=json.dumps(request))
+    code, out, err = run("function", "--export", file, stdin=json.dumps(request))
     assert code == Exit.INFEASIBLE and not file.exists()
     assert out.startswith("infeasible") and err == "There is no solution of rank 1; there are 0 solutions.\n"
 

@@ -141,13 +141,14 @@ WRONG = [
 ]
 """Calls with wrong arguments, the field that is named, and words of the message."""
 SOLIDS = la.FourBar(*LENGTHS, start_angle=30, coupler_point_polar=(20, 60), body_offset=-76).solids
+CALLS = {"solids": SOLIDS, "assembly": lambda linkage, **options: la.Linkage.from_dict(linkage).assembly(**options)}
 
 
 @pytest.mark.parametrize("row", WRONG, ids=lambda row: f"{row[0]} {row[2]} {' '.join(row[3:])}")
 def test_what_is_wrong_is_named(row) -> None:
     name, arguments, field, *words = row
     with pytest.raises(la.FieldError) as caught:
-        (SOLIDS if name == "solids" else getattr(la, name))(**arguments)
+        CALLS.get(name, getattr(la, name, None))(**arguments)
     assert caught.value.field == field and all(word in caught.value.message for word in words)
 
 
