@@ -29,6 +29,7 @@ def add_build(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--jobs", type=int, default=os.cpu_count(), help="number of processes (default: one per core)"
     )
+    parser.add_argument("--scheduler", metavar="ADDRESS", help="run on the Dask cluster at this address")
     parser.add_argument("--json", action="store_true", help="print JSON")
     parser.set_defaults(run=_build)
 
@@ -65,6 +66,7 @@ def _build(options: argparse.Namespace) -> Exit:
                 options.order,
                 options.samples,
                 jobs=options.jobs,
+                scheduler=options.scheduler,
                 progress=progress,
             )
     except OSError as error:

@@ -100,6 +100,9 @@ def _near_file(error: OSError) -> str:
 # -- the parser -------------------------------------------------------------------------------------------------------
 
 _PLAIN = argparse.RawDescriptionHelpFormatter
+FILE: dict[str, str] = {}
+"""Completion of file names in each shell; the command ``completion`` fills it."""
+SHELLS = ("bash", "zsh", "fish")
 
 
 class _Parser(argparse.ArgumentParser):
@@ -158,8 +161,8 @@ def whole_number(minimum: int, maximum: int | None = None) -> Callable[[str], in
 
 
 def add_file(parser: Any, *names: str, **options: Any) -> None:
-    """Add an argument that is a file name."""
-    parser.add_argument(*names, **{"type": Path, "metavar": "FILE"} | options)
+    """Add an argument that is a file name; shells complete it."""
+    parser.add_argument(*names, **{"type": Path, "metavar": "FILE"} | options).complete = FILE
 
 
 def add_atlas(parser: Any, description: str = "atlas file") -> None:
@@ -173,7 +176,7 @@ def add_atlas(parser: Any, description: str = "atlas file") -> None:
 
 # -- questions and exports --------------------------------------------------------------------------------------------
 
-_LACKING = {"export": [], "rank": None, "length_unit": None, "columns": None}
+_LACKING = {"export": [], "plot": False, "rank": None, "length_unit": None, "columns": None}
 _LACKING |= {"unwrap": False, "set": [], "json": False, "linkage": None}
 """Default values of options that a command does not have."""
 
@@ -200,6 +203,9 @@ def _add_query(parser: argparse.ArgumentParser, query: Any) -> None:
         endings = ", ".join((*query.endings, "json"))
         text = f"also write a file; its suffix selects the format: {endings}; may be repeated"
         add_file(parser, "--export", action="append", default=[], help=text)
+    if "svg" in query.endings:
+        drawn = "curves" if query.command == "drive" else "linkage"
+        parser.add_argument("--plot", action="store_true", help=f"also draw the {drawn} and open the drawing")
     if query.reads_atlas:
         add_atlas(parser, "atlas file, if the request needs an atlas")
     parser.set_defaults(run=partial(run_question, query=query), examples=examples)
@@ -413,9 +419,42 @@ def _add_study(parser: argparse.ArgumentParser, name: str) -> None:
     parser.add_argument(
         "--jobs", type=whole_number(1), default=cores, help="number of processes (default: one per core)"
     )
+    parser.add_argument("--scheduler", metavar="ADDRESS", help="run on the Dask cluster at this address")
     parser.add_argument("--no-preset", action="store_true", help="apply only the limits of each request")
     add_atlas(parser, "atlas file, if a request needs an atlas")
     parser.set_defaults(run=run_study)
+
+
+def _add_completion(parser: argparse.ArgumentParser, name: str) -> None:
+    parser.description = "Print a script that completes commands and options, or install it."
+    parser.add_argument("shell", nargs="?", choices=SHELLS, help="default: the shell of the user")
+    parser.add_argument("--install", action="store_true", help="write the script to the user's folder for this shell")
+    parser.set_defaults(run=_completion)
+
+
+def _completion(options: argparse.Namespace) -> int:
+    import shtab
+
+    from app.command import write
+
+    shell = options.shell or Path(os.environ.get("SHELL", "bash")).name
+    if shell not in SHELLS:
+        raise FieldError("/shell", f"there is no completion for {shell}; name bash, zsh or fish")
+    FILE.update(shtab.FILE)
+    script = shtab.complete(make_parser(all_commands=True), shell)
+    if not options.install:
+        print(script)
+        return Exit.OK
+    variable, standard, name = {
+        "bash": ("XDG_DATA_HOME", ".local/share", "bash-completion/completions/linkage-atlas"),
+        "zsh": ("XDG_DATA_HOME", ".local/share", "zsh/site-functions/_linkage-atlas"),
+        "fish": ("XDG_CONFIG_HOME", ".config", "fish/completions/linkage-atlas.fish"),
+    }[shell]
+    file = Path(os.environ.get(variable) or Path.home() / standard) / name
+    file.parent.mkdir(parents=True, exist_ok=True)
+    if shell == "zsh":
+        print(f"add this line to ~/.zshrc before compinit: fpath+=({file.parent})", file=sys.stderr)
+    return write({file: script.encode()})
 
 
 def _add_example(parser: argparse.ArgumentParser, name: str) -> None:
@@ -504,6 +543,7 @@ _COMMANDS: dict[str, tuple[str, Callable[[argparse.ArgumentParser, str], None]]]
     "study": ("Answer a file of requests.", _add_study),
     "example": ("Print an example request, or list the examples.", _add_example),
     "serve": ("Serve the page and all queries over HTTP.", _add_serve),
+    "completion": ("Print or install a completion script for a shell.", _add_completion),
     "build": (atlas_commands.BUILD, lambda parser, _: atlas_commands.add_build(parser)),
     "verify": (atlas_commands.VERIFY, lambda parser, _: atlas_commands.add_verify(parser)),
     "info": (atlas_commands.INFO, lambda parser, _: atlas_commands.add_info(parser)),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -87,7 +88,7 @@ def run_question(options: argparse.Namespace, query: Query) -> int:
             notes[:0] = sentences([table.note])
         else:
             print(*sentences([table.note]), file=sys.stderr)
-    if count < rank and (formats or rank > 1):
+    if count < rank and (formats or options.plot or rank > 1):
         verb = "is" if count == 1 else "are"
         print(f"There is no solution of rank {rank}; there {verb} {counted(count, 'solution')}.", file=sys.stderr)
         code = code or Exit.USAGE
@@ -96,6 +97,8 @@ def run_question(options: argparse.Namespace, query: Query) -> int:
             path: _file(query, request, reply, rank, name, length_unit, resources) for path, name in formats.items()
         }
         code = write(files) or code
+        if options.plot:
+            _show(_file(query, request, reply, rank, "svg", length_unit, resources))
     if options.json:
         # a file with the reply and its request can be exported later
         saved = {"request": request.model_dump(mode="json", exclude_unset=True)} if query.files else {}
@@ -197,3 +200,16 @@ def write(files: Mapping[Path, bytes]) -> Exit:
             return Exit.FAILED
         print(f"wrote {path}", file=sys.stderr)
     return Exit.OK
+
+
+def _show(picture: bytes) -> None:
+    """Write a picture to a temporary file and open it; print its name."""
+    import tempfile
+    import webbrowser
+
+    with tempfile.NamedTemporaryFile(prefix="linkage-", suffix=".svg", delete=False) as file:
+        file.write(picture)
+    # without a screen, a text browser might start in the terminal
+    screen = sys.platform == "darwin" or bool({"DISPLAY", "WAYLAND_DISPLAY"} & os.environ.keys())
+    opened = screen and webbrowser.open(Path(file.name).as_uri())
+    print(f"{'opened' if opened else 'there is no screen to show the drawing; wrote'} {file.name}", file=sys.stderr)

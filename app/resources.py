@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import multiprocessing
-import os
-import signal
-import threading
 from collections.abc import Callable
 from functools import cached_property
 from pathlib import Path
@@ -14,20 +10,6 @@ from threadpoolctl import threadpool_limits
 
 import linkage_atlas as la
 from app.settings import Settings
-
-
-def follow_parent() -> None:
-    """Ignore the signals that end a service or study in this process, which ends with its parent instead."""
-    for name in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(name, signal.SIG_IGN)
-    parent = multiprocessing.parent_process()
-    assert parent is not None
-
-    def follow() -> None:
-        parent.join()
-        os._exit(1)
-
-    threading.Thread(target=follow, daemon=True).start()
 
 
 def opened(path: Path) -> la.Atlas:

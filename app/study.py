@@ -9,11 +9,9 @@ import math
 import os
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
-from contextlib import ExitStack
+from concurrent.futures import BrokenExecutor
 from functools import cache, partial
 from importlib.metadata import version
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -21,11 +19,12 @@ from tqdm import tqdm
 
 from app.query import Query, json_of
 from app.registry import all_queries
-from app.resources import ServiceResources, follow_parent
+from app.resources import ServiceResources
 from app.settings import atlas_of, settings_of
 from app.sources import Setting, Target, parsed, read_source
 from app.terminal import Exit
 from linkage_atlas import AtlasError, FieldError
+from linkage_atlas.atlases import executor
 from linkage_atlas.notes import counted
 
 DESCRIPTION = """Answer a file of requests, a line of JSON each, in order.
@@ -59,7 +58,9 @@ def run_study(options: argparse.Namespace) -> int:
     if options.out.exists() and options.out.samefile(options.requests):
         raise FieldError("/out", "must not be the file of the requests")
     questions, errors = _questions(options.requests, depends), []
-    lines = answers(partial(answer, options.command, settings, atlas), questions, options.out, options.jobs)
+    lines = answers(
+        partial(answer, options.command, settings, atlas), questions, options.out, options.jobs, options.scheduler
+    )
     try:
         for line in tqdm(lines, total=len(questions), disable=None, unit="request", desc="study", file=sys.stderr):
             if '"error"' in str(line[:80]) and "error" in (row := json.loads(line)):
@@ -134,7 +135,11 @@ def without_times(reply: Mapping[str, Any]) -> Mapping[str, Any]:
 
 
 def answers(
-    work: Callable[[Question], bytes], questions: Sequence[Question], out: Path, jobs: int
+    work: Callable[[Question], bytes],
+    questions: Sequence[Question],
+    out: Path,
+    jobs: int,
+    scheduler: str | None = None,
 ) -> Iterator[bytes]:
     """Yield the lines with the answers to all questions, in order.
 
@@ -144,11 +149,8 @@ def answers(
     remaining = iter(questions)
     if out.exists():
         yield from _continued(out, remaining)
-    with ExitStack() as stack, out.open("ab") as file:
-        mapped: Callable[..., Iterator[bytes]] = map
-        if jobs > 1:
-            mapped = stack.enter_context(ProcessPoolExecutor(jobs, get_context("spawn"), follow_parent)).map
-        for line in mapped(work, remaining):
+    with executor(jobs, scheduler) as pool, out.open("ab") as file:
+        for line in pool.map(work, remaining):
             file.write(line + b"\n")
             file.flush()
             yield line

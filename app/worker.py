@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+import signal
 from typing import Any
 
 from starlette.responses import Response
@@ -12,8 +13,9 @@ import linkage_atlas as la
 from app import problems
 from app.bodies import read_request
 from app.questions import all_questions
-from app.resources import ServiceResources, follow_parent
+from app.resources import ServiceResources
 from app.settings import Settings
+from linkage_atlas.atlases import follow_parent
 
 NICE = 5
 """Increment of the niceness of worker processes, so that the process that serves the clients has priority."""
@@ -23,7 +25,7 @@ _resources: ServiceResources
 def start(settings: Settings, cancelled: Any) -> None:
     """Prepare the process; the shared value ``cancelled`` is nonzero if the current answer was cancelled."""
     global _resources
-    follow_parent()
+    follow_parent(signal.SIGINT, signal.SIGTERM)  # the service ends its workers itself
     os.nice(NICE)
     _resources = ServiceResources(settings, cancelled=lambda: bool(cancelled.value))
 

@@ -1,18 +1,15 @@
 """The batch job: enumerate dimension types, compute them in chunks, and write the atlas file.
 
-A chunk depends only on the rule and its first row, so the file has the same bytes for any number of processes. The file is
-written once, after the computation, so that a reader sees either the old or the new file.
+A chunk depends only on the rule and its first row, so the file has the same bytes for any number of processes, and on a Dask
+cluster even if workers fail. The file is written once, after the computation, so that a reader sees either the old or the new
+file.
 """
 
 from __future__ import annotations
 
-import contextlib
-import multiprocessing
 import os
-import signal
-import threading
-from collections.abc import Callable, Iterator
-from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
+from collections.abc import Callable
+from concurrent.futures import Executor
 from pathlib import Path
 
 import numpy as np
@@ -24,31 +21,6 @@ from synthesis.errors import FieldError
 CHUNK_TYPES = 4096
 MAX_BUILD_BYTES = 8_000_000_000
 """Largest array of details of a build, which holds it in memory; a larger rule is refused as a mistake."""
-
-
-def _start_worker() -> None:
-    """Ignore interrupts, which the parent handles, and end when the parent ends, even if it is killed."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    parent = multiprocessing.parent_process()
-
-    def follow() -> None:
-        parent.join()
-        os._exit(1)
-
-    if parent is not None:
-        threading.Thread(target=follow, daemon=True).start()
-
-
-@contextlib.contextmanager
-def local_executor(jobs: int) -> Iterator[Executor]:
-    """Provide an executor of ``jobs`` processes; a single job runs in a thread, which starts faster."""
-    executor: Executor = ThreadPoolExecutor(1)
-    if jobs > 1:
-        executor = ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn"), _start_worker)
-    try:
-        yield executor
-    finally:
-        executor.shutdown(wait=True, cancel_futures=True)
 
 
 def compute_chunk(rule: AtlasRule, first: int) -> tuple[Features, Series]:

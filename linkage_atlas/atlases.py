@@ -11,6 +11,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from data_build.processes import executor, follow_parent
 from linkage_atlas.geometry import AtlasType
 from linkage_atlas.notes import counted
 from synthesis.atlas.scan import Scan
@@ -155,6 +156,7 @@ def build_atlas(
     samples: int | None = None,
     *,
     jobs: int | None = None,
+    scheduler: str | None = None,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> Atlas:
     """Enumerate the dimension types of a rule, compute their features and write the atlas file.
@@ -173,6 +175,8 @@ def build_atlas(
         Number of samples of a curve over the turn, a power of two. Default: 256.
     jobs : int, optional
         Number of processes. Default: the number of cores. Several processes need a script that can be imported.
+    scheduler : str, optional
+        Address of a Dask cluster to run on; needs the extra ``[distributed]`` here and this package on its workers.
     progress : callable
         Function that is called as ``progress(done, total)`` after each chunk.
 
@@ -189,11 +193,10 @@ def build_atlas(
     38
     """
     from data_build.batch import build_atlas as build
-    from data_build.batch import local_executor
 
     rule = AtlasRule.of(perimeter, smallest, order, samples)
-    with local_executor(jobs or os.cpu_count() or 1) as executor:
-        build(rule, Path(path), executor, progress)
+    with executor(jobs or os.cpu_count() or 1, scheduler) as pool:
+        build(rule, Path(path), pool, progress)
     return load_atlas(path)
 
 
@@ -213,6 +216,7 @@ def shown_progress() -> Iterator[Callable[[int, int], None]]:
 
 # -- the default atlas: in this folder, or in the user's cache folder ----------------------------------------------------
 
+__all__ = ["Atlas", "as_atlas", "build_atlas", "executor", "find_atlas", "follow_parent", "load_atlas"]
 HERE = Path("atlas.h5")
 
 

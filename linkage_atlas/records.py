@@ -10,17 +10,20 @@ import ast
 import inspect
 import re
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from functools import cache
 from itertools import pairwise
 from math import isfinite
-from typing import Annotated, Any, Generic, TypeVar, cast, overload
+from typing import TYPE_CHECKING, Annotated, Any, Generic, TypeVar, cast, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from synthesis.arrays import Flags, Floats
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 Item = TypeVar("Item")
 
@@ -90,6 +93,30 @@ class Ranked(Sequence[Item], Generic[Item]):
 
     def __len__(self) -> int:
         return len(self._results)
+
+    def to_dataframe(self) -> DataFrame:
+        """Return a pandas table with a row for each result (extra ``pandas``).
+
+        Numbers and words have a column each, named by their path in the result, such as ``errors.position_max``,
+        ``mount.pivot_a.0`` and, for each sample, ``crank_angle.0``. Lists of more than four values inside of parts, such as
+        curves, are left out.
+        """
+        from pandas import DataFrame
+
+        return DataFrame([dict(_cells(plain(result))) for result in self])
+
+
+def _cells(value: object, path: str = "") -> Iterator[tuple[str, object]]:
+    """Yield the path and value of each number and word in plain values, without long lists inside of parts."""
+    parts = value.items() if isinstance(value, Mapping) else enumerate(value) if isinstance(value, list) else None
+    if parts is None:
+        yield path, value
+        return
+    is_numbers = isinstance(value, list) and not any(isinstance(item, (Mapping, list)) for item in value)
+    if isinstance(value, list) and len(value) > 4 and ("." in path or not is_numbers):
+        return
+    for name, part in parts:
+        yield from _cells(part, f"{path}.{name}" if path else str(name))
 
 
 @cache

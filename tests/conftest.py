@@ -31,7 +31,8 @@ from xdist.scheduler import LoadFileScheduling
 
 from app.main import create_app
 from app.settings import Settings
-from data_build.batch import build_atlas, local_executor
+from data_build.batch import build_atlas
+from data_build.processes import executor
 from synthesis.atlas.file import encode_atlas
 from synthesis.atlas.table import AtlasRule, compute_features, compute_series
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule
@@ -195,8 +196,8 @@ def atlas_path(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Path
     with (folder / "default_atlas.lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         if not path.exists():
-            with local_executor(1) as executor:
-                build_atlas(AtlasRule(), path, executor)
+            with executor(1) as pool:
+                build_atlas(AtlasRule(), path, pool)
     return path
 
 

@@ -201,7 +201,7 @@ def test_the_python_of_each_document_runs_and_prints_what_it_shows(path, tmp_pat
         r"^```python\n(.*?)^```\n(?:\n+```text\n(.*?)^```)?", path.read_text(), re.MULTILINE | re.DOTALL
     )
     for source, expected in blocks:
-        for words, extra in (("import mujoco", "mujoco"), (".plot(", "matplotlib")):
+        for words, extra in (("import mujoco", "mujoco"), (".plot(", "matplotlib"), ("to_dataframe(", "pandas")):
             if words in source:
                 pytest.importorskip(extra)
         with redirect_stdout(io.StringIO()) as printed:

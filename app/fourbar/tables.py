@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
+
+import numpy as np
 
 import linkage_atlas as la
 from app.terminal import DEGREES, Units, columns, left_table, number
@@ -98,7 +101,7 @@ def _best_lines(best: Solution, units: Units, several: bool) -> list[str]:
         lines.append(f"rank 1 has {counted(assembly.count, 'free layer')}: {assembly.reasons[0]}")
     if best.verdict.reasons:
         lines.append(f"rank 1: {'; '.join(best.verdict.reasons)}")
-    lines += _rounded_lines(best)
+    lines += _rounded_lines(best) + _analysis_lines(best) + _tolerance_lines(best, units)
     if best.drives or best.springs or best.refused:
         lines.append(f"drives and springs of rank 1:\n{drives_table(best, units)}")
     if best.has_drive is False:
@@ -120,6 +123,39 @@ def _rounded_lines(best: Solution) -> list[str]:
         tried = "" if rounded.exhaustive else f"{rounded.combinations_examined:,} of "
         words += f", the best of {tried}{rounded.combinations:,} combinations"
     return [words]
+
+
+def _analysis_lines(best: Solution) -> list[str]:
+    """Return the largest values of an analysis over the used interval."""
+    if best.analysis is None or best.analysis.curve is None:
+        return []
+    curve, maxima = best.analysis.curve, []
+    rows = {"velocity": curve.velocity, "acceleration": curve.acceleration}
+    rows["torque of the drive" if curve.travel is None else "force of the drive"] = curve.drive_load
+    rows["pin force"] = None if curve.pin_forces is None else np.concatenate(curve.pin_forces)
+    for name, values in rows.items():
+        if values is None:
+            continue
+        sizes = np.abs(values) if values.ndim == 1 else np.linalg.norm(values, axis=1)
+        if np.isfinite(sizes).any():
+            maxima.append(f"{name} {number(np.nanmax(sizes), 4)}")
+    return [f"largest over the interval: {', '.join(maxima)}"] if maxima else []
+
+
+def _tolerance_lines(best: Solution, units: Units) -> list[str]:
+    """Return the errors due to manufacturing tolerances and their largest contributions."""
+    if best.tolerance_study is None:
+        return []
+    study, lines = best.tolerance_study, []
+    for name, unit in (("position", units.length), ("rotation", units.angle)):
+        distribution = getattr(study, name)
+        if distribution is not None and math.isfinite(distribution.worst.p95):
+            source = study.largest[name]
+            lines.append(
+                f"with tolerances, the {name} error is at most {units.value(distribution.worst.p95, unit, 4)} in 95 % of "
+                f"{study.samples:,} linkages" + (f"; largest contribution: {source}" if source else "")
+            )
+    return lines
 
 
 def function_table(reply: Any, units: Units = DEGREES) -> str:

@@ -4,6 +4,7 @@ A file of the wrong rank, format or unit, and an example that is no request, wou
 """
 
 import json
+import subprocess
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -53,7 +54,7 @@ def test_where_there_is_no_such_solution_nothing_is_written(run, tmp_path) -> No
     file = tmp_path / "one.dxf"
     links = {"ground": 100, "crank": 10, "coupler": 10, "rocker": 10}
     request = {"output": [0, 10, 30], "crank_span": 60, "limits": {"links": links, "preset": None}}
-    code, out, err = run("function", "--export", file, stdin=json.dumps(request))
+    code, out, err = run("function", "--export", file, "--plot", stdin=json.dumps(request))
     assert code == Exit.INFEASIBLE and not file.exists()
     assert out.startswith("infeasible") and err == "There is no solution of rank 1; there are 0 solutions.\n"
 
@@ -207,6 +208,16 @@ def test_every_example_is_a_request_of_its_command(run) -> None:
         assert json.loads(out) == example.request
         QUERIES[example.command].request.model_validate_json(out)
     assert run("example", "nothing")[0] == Exit.USAGE
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_completion_knows_every_command_and_option(shell, run) -> None:
+    code, out, _ = run("completion", shell)
+    assert code == Exit.OK
+    for word in ("synthesize", "knotter", "needle", "no-preset", "scheduler", "worked_example", "casement"):
+        assert word in out
+    if shell == "bash":
+        assert subprocess.run(["bash", "-n"], input=out, text=True, capture_output=True).returncode == 0
 
 
 def test_the_default_atlas_is_built_once_in_the_cache_folder(tmp_path, monkeypatch, capsys) -> None:

@@ -12,7 +12,7 @@ import pytest
 from app import cli
 
 ROOT = Path(__file__).parents[2]
-HEAVY = ["fastapi", "starlette", "uvicorn", "pydantic", "scipy", "h5py", "numpy", "pywt", "ezdxf", "tqdm"]
+HEAVY = ["fastapi", "starlette", "uvicorn", "pydantic", "scipy", "h5py", "numpy", "pywt", "ezdxf", "shtab", "tqdm"]
 
 
 @pytest.mark.parametrize(
@@ -20,7 +20,7 @@ HEAVY = ["fastapi", "starlette", "uvicorn", "pydantic", "scipy", "h5py", "numpy"
     [
         ("--help", HEAVY),
         ("--version", HEAVY),
-        ("lift --help", ["pydantic_settings", "starlette", "scipy", "h5py", "pywt", "ezdxf", "tqdm"]),
+        ("lift --help", ["pydantic_settings", "starlette", "scipy", "h5py", "pywt", "ezdxf", "shtab", "tqdm"]),
         ("synthesize --example worked_example", [*{*HEAVY} - {"pydantic", "numpy", "pywt"}, "app.scenes.lift"]),
     ],
 )
@@ -38,10 +38,10 @@ sys.exit(" ".join(name for name in {without} if name in sys.modules) or 0)
     assert done.returncode == 0, done.stderr
 
 
-@pytest.mark.parametrize("name", ["serve", "synthesize", "study", "example", "lift"])
+@pytest.mark.parametrize("name", ["serve", "synthesize", "study", "example", "lift", "completion"])
 def test_a_command_that_is_named_alone_takes_what_it_takes_among_all(name, capsys) -> None:
     texts = {"serve": "--port 7 --workers 3", "synthesize": "--rank 3 --set top=3"}
-    texts |= {"study": "lines --out replies", "lift": "motion"}
+    texts |= {"study": "lines --out replies", "lift": "motion", "completion": "zsh"}
     single, among = cli.make_parser(named=name), cli.make_parser(all_commands=True)
     built = [vars(parser.parse_args([name, *texts.get(name, "").split()])) for parser in (single, among)]
     for values in built:

@@ -18,7 +18,8 @@ import linkage_atlas as la
 from app.cli import main
 from app.terminal import Exit
 from data_build import batch
-from data_build.batch import build_atlas, local_executor
+from data_build.batch import build_atlas
+from data_build.processes import executor
 from tests.conftest import until
 from tests.data_build.conftest import OPTIONS, RULE, start
 
@@ -26,8 +27,8 @@ from tests.data_build.conftest import OPTIONS, RULE, start
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_the_bytes_do_not_depend_on_the_processes(expected_bytes, out, jobs: int) -> None:
     done = []
-    with local_executor(jobs) as executor:
-        build_atlas(RULE, out, executor, lambda *steps: done.append(steps))
+    with executor(jobs) as pool:
+        build_atlas(RULE, out, pool, lambda *steps: done.append(steps))
     assert out.read_bytes() == expected_bytes and done == [(1, 3), (2, 3), (3, 3)]
     assert [path.name for path in out.parent.iterdir()] == ["atlas.h5"]
 

@@ -1,6 +1,6 @@
-"""Results are sequences, motions come from tables, and errors can be handed to an optimiser.
+"""Results are sequences and pandas tables, motions come from tables, and errors can be handed to an optimiser.
 
-An error in another unit, or an atlas counted from 0 would show here.
+A column under a wrong name, an error in another unit, or an atlas counted from 0 would show here.
 """
 
 from __future__ import annotations
@@ -31,12 +31,20 @@ def test_a_motion_is_read_from_a_path_a_buffer_and_a_pandas_table() -> None:
         buffer.close()
 
 
-def test_results_are_sequences() -> None:
+def test_results_are_sequences_with_a_table() -> None:
     motion = la.Motion(ROTATION, POSITION)
     result = la.synthesize(motion, top=3)
     drives = la.drives(result.linkage, [{"kind": "rotary"}], load={"torque": 10})
     for answer, name in ((result, "solutions"), (drives, "drives")):
         assert list(answer) == getattr(answer, name) and answer[0] is getattr(answer, name)[0] and len(answer) > 0
+    table = result.to_dataframe()
+    assert table["errors.position_max"].tolist() == [solution.errors.position_max for solution in result]
+    assert table["links.crank"].tolist() == [solution.linkage.crank for solution in result]
+    assert table["mount.pivot_a.0"][0] == result.linkage.pivot_a[0]
+    crank = [table[f"crank_angle.{k}"] for k in range(len(motion))]
+    assert np.transpose(crank).tolist() == [solution.crank_angle.tolist() for solution in result]
+    assert not any("curve" in name for name in drives.to_dataframe())
+    assert drives.to_dataframe()["kind"].tolist() == ["rotary"]
 
 
 @pytest.mark.parametrize("degrees", [True, False])
