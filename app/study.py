@@ -150,7 +150,7 @@ def answers(
     if out.exists():
         yield from _continued(out, remaining)
     with executor(jobs, scheduler) as pool, out.open("ab") as file:
-        for line in pool.map(work, remaining):
+        for line in pool.map(work, list(remaining)):
             file.write(line + b"\n")
             file.flush()
             yield line

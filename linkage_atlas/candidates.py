@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from linkage_atlas.mechanism_search import drive_of, search_kinds
+from linkage_atlas.mechanism_search import KindSearch, drive_of
 from linkage_atlas.mechanism_types import as_poses
 from linkage_atlas.motions import Motion
 from linkage_atlas.preferences import accuracy_goal, arranged, balanced, improved
@@ -127,7 +127,7 @@ class CandidateSearch:
                 return _with_fair(found, report, search_again, ranking_of(task), task.fair)
             return found, report
 
-        return search_kinds(task.kinds, motion, limits, goal, beside_sliders, work, rounds, task.soon)
+        return KindSearch(task.kinds, motion, limits, goal, beside_sliders, work, rounds, task.soon).run()
 
 
 def find_candidates(task: Task, search: CandidateSearch) -> Candidates:

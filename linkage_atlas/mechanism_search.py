@@ -15,8 +15,7 @@ from synthesis.guided.search import NOTHING_ROUND, search_guided
 from synthesis.guides import Driver
 from synthesis.limits import Limits
 from synthesis.linkage import Linkage
-from synthesis.poses import Poses
-from synthesis.search.report import SearchReport, StoppedBy, fallen, smallest
+from synthesis.search.report import SearchReport, smallest
 from synthesis.solution import Solution
 from synthesis.target import Target
 from synthesis.violations import within
@@ -50,160 +49,115 @@ FourBarSearch = Callable[[Limits, Work, int | None], tuple[list[Solution], Searc
 
 
 @dataclass
-class _Progress:
-    """Accumulated results of consecutive searches."""
+class KindSearch:
+    """Search for linkages of several kinds within limits, in stages whose results add up."""
 
+    kinds: Kinds
+    motion: Motion
+    limits: Limits
+    tolerance: float
+    search_four_bars: FourBarSearch
+    work: Work
+    rounds: int | None = None
+    """Maximum number of rounds of each search for linkages with sliders."""
+    soon: bool = False
+    """See `search_guided`."""
     found: list[Solution] = field(default_factory=list)
-    trace: list[tuple[float, float]] = field(default_factory=list)
-    seeds: int = 0
-    notes: list[str] = field(default_factory=list)
-    stopped: set[StoppedBy] = field(default_factory=set)
+    reports: list[SearchReport] = field(default_factory=list)
 
-    def add(self, found: Sequence[Solution], trace: Sequence[tuple[float, float]]) -> None:
-        """Add linkages of another search; its trace counts from the point at which it improves on previous searches."""
-        self.found = [*self.found, *found]
-        self.trace = fallen(self.trace, trace)
+    def run(self) -> tuple[list[Solution], SearchReport]:
+        """Return linkages, in no particular order, and the report of all stages."""
+        kinds, samples, limits = self.kinds, self.motion.samples, self.limits
+        by_path = bool(kinds.sliders) and is_path(self.motion)
+        with_sliders = by_path or (bool(kinds.sliders) and has_poses(samples))
+        leads: list[Solution] = []
+        if (kinds.four_bars or by_path) and self.motion.travel is None:
+            shared = with_sliders and np.isfinite(self.work.budget)
+            leads = self._four_bars(self.work.part(_FOUR_BARS * self.work.budget) if shared else self.work, by_path)
+        beginnings: list[Linkage] = []
+        if isinstance(samples, Target) and samples.position is not None:
+            beginnings = self._by_crank(samples)
+        between, notes = self.work.elapsed, list[str]()
+        if with_sliders and self.found and self.work.expired():
+            notes.append(NO_TIME)
+        elif with_sliders and not (self.soon and smallest(self._trace) < self.tolerance):
+            if by_path and not leads:
+                notes.append(NO_TIME if self.work.expired() else NO_LEAD)
+            self._sliders(self._rotations(leads) if by_path else [None], beginnings)
+            nothing_round = any(note in NOTHING_ROUND.values() for report in self.reports for note in report.notes)
+            if is_closed(samples) and not nothing_round:
+                notes.append(ROUND_AGAIN)
+        if kinds.sliders and not with_sliders and not kinds.by_crank:
+            notes.append(NO_ROTATION)
+        elif self.found and any(getattr(limits, name) is not None for name in _PIVOT_BOXES):
+            found_kinds = {found.linkage.kind for found in self.found}
+            if missing := [kind.value.replace("_", " ") for kind in kinds.sliders if kind not in found_kinds]:
+                notes.append(OUTSIDE_BOX.format(", ".join(missing)))
+        report = SearchReport.joined(self.reports)
+        useless = NOTHING_ROUND.values() if self.found else ()
+        notes = [note for note in (*report.notes, *notes) if note not in useless]
+        return self.found, report._replace(screen_seconds=between, notes=notes)
 
-    def report(self, screen_seconds: float) -> SearchReport:
-        """Return the report of all searches."""
-        nothing = set(NOTHING_ROUND.values()) if self.found else set()
-        notes = [note for note in self.notes if note not in nothing]
-        return SearchReport(StoppedBy.worst(self.stopped), self.trace, screen_seconds, self.seeds, notes=notes)
+    @property
+    def _trace(self) -> list[tuple[float, float]]:
+        return [entry for report in self.reports for entry in report.trace]
 
+    def _add(self, found: Sequence[Solution], report: SearchReport) -> None:
+        self.found += found
+        self.reports.append(report)
 
-def search_kinds(
-    kinds: Kinds,
-    motion: Motion,
-    limits: Limits,
-    tolerance: float,
-    search_four_bars: FourBarSearch,
-    work: Work,
-    rounds: int | None = None,
-    soon: bool = False,
-) -> tuple[list[Solution], SearchReport]:
-    """Find linkages of several kinds within the limits, in no particular order.
+    def _four_bars(self, part: Work, by_path: bool) -> list[Solution]:
+        """Search four-bars and return those whose rotations lead the linkages with sliders.
 
-    ``rounds``: maximum number of rounds of each search for linkages with sliders. ``soon``: see `search_guided`.
-    """
-    progress = _Progress()
-    by_path = bool(kinds.sliders) and is_path(motion)
-    with_sliders = by_path or (bool(kinds.sliders) and has_poses(motion.samples))
-    leads: list[Solution] = []
-    if (kinds.four_bars or by_path) and motion.travel is None:
-        shared = with_sliders and np.isfinite(work.budget)
-        part = work.part(_FOUR_BARS * work.budget) if shared else work
-        leads = _search_four_bars(kinds, motion, limits, search_four_bars, (work, part), rounds, progress, by_path)
-    beginnings: list[Linkage] = []
-    if isinstance(motion.samples, Target) and motion.samples.position is not None:
-        beginnings = _search_by_crank(kinds, motion.samples, limits, tolerance, work, progress)
-    between = work.elapsed
-    if with_sliders and progress.found and work.expired():
-        progress.notes.append(NO_TIME)
-    elif with_sliders and not (soon and smallest(progress.trace) < tolerance):
-        poses = as_poses(motion.samples)
-        if by_path and not leads:
-            progress.notes.append(NO_TIME if work.expired() else NO_LEAD)
-        turned = _rotations(leads, poses) if by_path else [None]
-        _search_sliders(kinds, motion, limits, tolerance, work, turned, rounds, beginnings, progress, soon)
-        if is_closed(motion.samples) and not set(progress.notes) & set(NOTHING_ROUND.values()):
-            progress.notes.append(ROUND_AGAIN)
-    if kinds.sliders and not with_sliders and not kinds.by_crank:
-        progress.notes.append(NO_ROTATION)
-    elif progress.found and any(getattr(limits, name) is not None for name in _PIVOT_BOXES):
-        found_kinds = {found.linkage.kind for found in progress.found if not found.linkage.is_four_bar}
-        if missing := [kind.value.replace("_", " ") for kind in kinds.sliders if kind not in found_kinds]:
-            progress.notes.append(OUTSIDE_BOX.format(", ".join(missing)))
-    return progress.found, progress.report(between)
+        ``part``: the fraction of the budget for four-bars. If four-bars are results too, the first rounds for the leads may use
+        all of the budget: a search with more time then only adds to what a search with less time examines.
+        """
+        kinds, search = self.kinds, self.search_four_bars
+        first_work = self.work if kinds.four_bars else part
+        first_search = [search(self.limits, first_work, _FIRST_ROUNDS)] if by_path else []
+        first = [lead for leads, _ in first_search for lead in leads[:1]]
+        cut_off = any(report.time_up for _, report in first_search)
+        searches = first_search if cut_off else [search(self.limits, part, self.rounds), *first_search]
+        leads, report = searches[0]
+        for found, its_report in reversed(searches) if kinds.four_bars else ():
+            self._add(found, SearchReport(report.stopped_by, its_report.trace))
+        self._add([], report._replace(trace=[]))
+        if by_path and is_closed(self.motion.samples) and kinds.only_a_hinge_turns:
+            # a hinge turns the body fully, as a double-crank does
+            first, (leads, _) = [], search(replace(self.limits, family="double_crank"), part, self.rounds)
+        return first + ([] if report.time_up else leads) if first else leads
 
+    def _by_crank(self, target: Target) -> list[Linkage]:
+        """Search linkages with a rail or slot for given crank angles; return all, also those outside the limits."""
+        beginnings: list[Linkage] = []
+        for kind in self.kinds.by_crank:
+            solutions, report = linkages_by_crank(kind, target, tolerance=self.tolerance, work=self.work)
+            inside = within(target, self.limits, solutions)
+            beginnings += [found.linkage for found in solutions]
+            best = min((found.errors.objective for found in inside), default=np.inf)
+            trace = [(self.work.elapsed, best)] if inside else []
+            self._add(inside, SearchReport(report.stopped_by, trace, seeds=report.seeds))
+        return beginnings
 
-def _search_four_bars(
-    kinds: Kinds,
-    motion: Motion,
-    limits: Limits,
-    search: FourBarSearch,
-    work: tuple[Work, Work],
-    rounds: int | None,
-    progress: _Progress,
-    by_path: bool,
-) -> list[Solution]:
-    """Search four-bars and return those whose rotations lead the linkages with sliders.
+    def _sliders(self, rotations: Sequence[Floats | None], beginnings: Sequence[Linkage]) -> None:
+        """Search linkages with rails or slots, once for each rotation curve."""
+        poses, kinds, work = as_poses(self.motion.samples), self.kinds.sliders, self.work
+        drive, driver = drive_of(self.motion, self.kinds.driver)
+        for turned in rotations:
+            more = drive, turned, self.rounds, beginnings, self.soon
+            self._add(*search_guided(poses, self.limits, kinds, driver, self.tolerance, work, *more))
+            if work.expired():
+                break
 
-    ``work``: all of the budget, and the fraction for four-bars. If four-bars are results too, the first rounds for the leads
-    may use all of it: a search with more time then only adds to what a search with less time examines.
-    """
-    full, part = work
-    first_search = [search(limits, full if kinds.four_bars else part, _FIRST_ROUNDS)] if by_path else []
-    first = [lead for leads, _ in first_search for lead in leads[:1]]
-    cut_off = any(report.time_up for _, report in first_search)
-    searches = first_search if cut_off else [search(limits, part, rounds), *first_search]
-    leads, report = searches[0]
-    if kinds.four_bars:
-        for found, its_report in reversed(searches):
-            progress.add(found, its_report.trace)
-    progress.seeds += report.seeds
-    progress.stopped.add(report.stopped_by)
-    progress.notes += report.notes
-    if by_path and is_closed(motion.samples) and kinds.only_a_hinge_turns:
-        # a hinge turns the body fully, as a double-crank does
-        first, (leads, _) = [], search(replace(limits, family="double_crank"), part, rounds)
-    if first:
-        leads = first + ([] if report.time_up else leads)
-    return leads
-
-
-def _search_by_crank(
-    kinds: Kinds, target: Target, limits: Limits, tolerance: float, work: Work, progress: _Progress
-) -> list[Linkage]:
-    """Search linkages with a rail or slot for given crank angles; return all, also those outside the limits."""
-    beginnings: list[Linkage] = []
-    for kind in kinds.by_crank:
-        solutions, report = linkages_by_crank(kind, target, tolerance=tolerance, work=work)
-        inside = within(target, limits, solutions)
-        beginnings += [found.linkage for found in solutions]
-        best = min((found.errors.objective for found in inside), default=np.inf)
-        progress.add(inside, [(work.elapsed, best)] if inside else [])
-        progress.seeds += report.seeds
-        progress.stopped.add(report.stopped_by)
-    return beginnings
-
-
-def _search_sliders(
-    kinds: Kinds,
-    motion: Motion,
-    limits: Limits,
-    tolerance: float,
-    work: Work,
-    rotations: Sequence[Floats | None],
-    rounds: int | None,
-    beginnings: Sequence[Linkage],
-    progress: _Progress,
-    soon: bool,
-) -> None:
-    """Search linkages with rails or slots, once for each rotation curve."""
-    poses = as_poses(motion.samples)
-    drive, driver = drive_of(motion, kinds.driver)
-    for turned in rotations:
-        found, report = search_guided(
-            poses, limits, kinds.sliders, driver, tolerance, work, drive, turned, rounds, beginnings, soon
-        )
-        progress.add(found, report.trace)
-        progress.seeds += report.seeds
-        progress.notes += [note for note in report.notes if note not in progress.notes]
-        progress.stopped.add(report.stopped_by)
-        if work.expired():
-            break
-
-
-def _rotations(leads: Sequence[Solution], poses: Poses) -> list[Floats]:
-    """Return the rotation curves of the first four-bars that clearly differ, in radians (N,) each."""
-    curves: list[Floats] = []
-    for lead in leads:
-        turned = lead.linkage.body(lead.linkage.start + lead.travel[: poses.samples]).rotation
-        if all(np.ptp(turned - curve) > _OTHER_ROTATION for curve in curves):
-            curves.append(turned)
-        if len(curves) == _MAX_LEADS:
-            break
-    return curves
+    def _rotations(self, leads: Sequence[Solution]) -> list[Floats | None]:
+        """Return the rotation curves of the first four-bars that clearly differ, in radians (N,) each."""
+        curves: list[Floats] = []
+        samples = as_poses(self.motion.samples).samples
+        for lead in leads:
+            turned = lead.linkage.body(lead.linkage.start + lead.travel[:samples]).rotation
+            if all(np.ptp(turned - curve) > _OTHER_ROTATION for curve in curves):
+                curves.append(turned)
+        return list(curves[:_MAX_LEADS])
 
 
 def drive_of(motion: Motion, driver: Driver | None) -> tuple[Floats | None, Driver | None]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import NamedTuple, get_args
 
 from linkage_atlas.arguments import kinds_among, one_of
@@ -56,10 +55,6 @@ class Kinds(NamedTuple):
         """True if a hinge is the only drive of these kinds that can turn fully."""
         return not self.four_bars and not self.by_crank
 
-    def driven_by(self, drivers: Sequence[Driver]) -> bool:
-        """Return whether one of these drivers drives one of the kinds."""
-        return any(kind in _DRIVEN[driver] for driver in drivers for kind in self.kinds)
-
 
 def read_kinds(mechanisms: object, driver: object, motion: Motion) -> Kinds:
     """Read the kinds of mechanism and check them against the motion.
@@ -80,57 +75,35 @@ def read_kinds(mechanisms: object, driver: object, motion: Motion) -> Kinds:
 
 
 def _check(kinds: Kinds, motion: Motion) -> None:
-    driver = kinds.driver
+    """Raise FieldError if none of the kinds has a drive that makes the motion."""
+    samples, driver = motion.samples, kinds.driver
     if kinds.only_four_bars and driver not in (None, Driver.CRANK):
         message = f"a four-bar is driven by its crank; choose `mechanisms` that a {driver} can drive"
         raise FieldError("/driver", message)
-    if driver in (Driver.SLIDER, Driver.CYLINDER, Driver.HINGE) and not kinds.driven_by((driver,)):
-        raise FieldError("/driver", f"none of the requested kinds has a {driver}; add such a kind to `mechanisms`")
-    if is_closed(motion.samples) and driver in (Driver.SLIDER, Driver.CYLINDER):
-        message = f"a {driver} would have to reverse: a closed path needs a drive that turns fully"
-        raise FieldError("/driver", message)
-    if is_closed(motion.samples) and not kinds.four_bars and not set(kinds.kinds) & _turning_fully(driver):
-        raise FieldError(
-            "/mechanisms", "none of these kinds has a drive that turns fully, which a closed path requires"
-        )
+    drivers, needed = tuple(Driver), "; add such a kind to `mechanisms`"
     if motion.travel is not None:
-        _check_travel(kinds)
+        drivers, needed = (Driver.SLIDER, Driver.CYLINDER), ", which `travel` drives; or give 'all'"
     elif not motion.free:
-        _check_crank_angles(kinds)
-    timed = isinstance(motion.samples, Target) and motion.samples.position is not None
-    if timed and any(kind in kinds.kinds for kind in BY_CRANK):
+        drivers, needed = (Driver.CRANK,), ", but crank angles are given; give `travel`, or `timing` 'free'"
+    elif is_closed(samples):
+        drivers, needed = (Driver.CRANK, Driver.HINGE), " that turns fully, which a closed path requires"
+    words = " or ".join(drivers)
+    if driver is not None and driver not in drivers:
+        raise FieldError("/driver", f"must be a {words}{needed}; it is a {driver}")
+    # the hinge of a rail and a slot cannot pass the rail's direction
+    turning = set(kinds.kinds) - ({Kind.RAIL_SLOT} if is_closed(samples) else set())
+    if not any(kind in _DRIVEN[known] for known in ((driver,) if driver else drivers) for kind in turning):
+        field = "mechanisms" if driver is None else "driver"
+        raise FieldError(f"/{field}", f"none of these kinds has a {driver or words}{needed}")
+    if isinstance(samples, Target) and samples.position is not None and any(kind in kinds.kinds for kind in BY_CRANK):
         return
     four_bars = kinds.four_bars and motion.travel is None  # travel does not drive a four-bar
-    if not four_bars and not has_poses(motion.samples) and not is_path(motion):
-        field = "rotation" if motion.samples.rotation is None else "position"
+    if not four_bars and not has_poses(samples) and not is_path(motion):
+        field = "rotation" if samples.rotation is None else "position"
         raise FieldError(
             f"/{field}",
             "must be left out for this motion: linkages with sliders need rotation and position at two or more samples",
         )
-
-
-def _check_travel(kinds: Kinds) -> None:
-    """Raise FieldError for kinds that no travel can drive."""
-    if kinds.only_four_bars:
-        raise FieldError(
-            "/mechanisms", "must contain a kind with a slider or cylinder, which `travel` drives; or give 'all'"
-        )
-    if kinds.driver not in (None, Driver.SLIDER, Driver.CYLINDER):
-        raise FieldError("/driver", f"travel drives sliders and cylinders, not a {kinds.driver}")
-    if not kinds.driven_by((Driver.SLIDER, Driver.CYLINDER)):
-        raise FieldError(
-            "/mechanisms", "none of these kinds is driven by a slider or cylinder, which `travel` requires"
-        )
-
-
-def _check_crank_angles(kinds: Kinds) -> None:
-    """Raise FieldError for kinds that no crank drives."""
-    if kinds.driver not in (None, Driver.CRANK):
-        message = f"crank angles drive a crank, not a {kinds.driver}: give `travel`, or `timing` 'free'"
-        raise FieldError("/driver", message)
-    if not kinds.driven_by((Driver.CRANK,)):
-        message = "none of these kinds has a crank, but crank angles are given; give `travel`, or `timing` 'free'"
-        raise FieldError("/mechanisms", message)
 
 
 def check_no_slider_limits(limits: Limits) -> None:
@@ -139,12 +112,6 @@ def check_no_slider_limits(limits: Limits) -> None:
         if form.concerns == "sliders" and getattr(limits, name) is not None:
             message = "applies to sliders, which four-bars do not have; choose other `mechanisms`"
             raise FieldError(f"/limits/{name}", message)
-
-
-def _turning_fully(driver: Driver | None) -> set[Kind]:
-    """Return the kinds with a drive that can turn fully; the hinge of a rail and a slot cannot pass the rail's direction."""
-    drivers = (Driver.CRANK, Driver.HINGE) if driver is None else (driver,)
-    return {kind for turning in drivers for kind in _DRIVEN[turning] if turning.turns} - {Kind.RAIL_SLOT}
 
 
 def is_closed(samples: Samples) -> bool:
