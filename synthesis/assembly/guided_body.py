@@ -60,8 +60,7 @@ class GuidedBody:
 
     def _turns(self, q: Floats, half: Floats) -> Floats:
         """Return the largest rotation over a cell, if the position of the drive's pin Z is known."""
-        linkage = self.linkage
-        driven, second = linkage.guides
+        driven, second = self.linkage.local_guides
         slides = not driven.holds_point
         e = half if not isinstance(driven, Circle) else driven.radius * np.minimum(2.0, half)
         z, arm = driven.ground_at(q), second.body_point - driven.body_at(q)

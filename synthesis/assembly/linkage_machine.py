@@ -11,19 +11,10 @@ from numpy.typing import NDArray
 from synthesis.arrays import Flags, Floats
 from synthesis.assembly.guided_body import GuidedBody
 from synthesis.assembly.machine import CLEARANCE, Hole, Machine, Pin, Plate, Sizes, SlitEnd
-from synthesis.assembly.movement import (
-    GROUND,
-    Between,
-    BodyPoint,
-    Crank,
-    Dyad,
-    Movement,
-    Step,
-)
+from synthesis.assembly.movement import GROUND, Between, BodyPoint, Crank, Movement, Step
 from synthesis.assembly.shapes import Shape, hull, nearest_room
 from synthesis.assembly.sizes import plate_sizes
 from synthesis.errors import FieldError
-from synthesis.four_bar import grashof_excesses
 from synthesis.guides import Circle, Rail
 from synthesis.linkage import BODY, Linkage
 from synthesis.one_variable import bisect
@@ -35,6 +26,8 @@ _STEPS = 360
 """Number of steps of a slide between which the end of a slit is sought."""
 _CONTACT = 1e-12
 """Distance beyond its slit at which a pin still counts as inside, as a fraction of the size."""
+_ROUNDING = 1e-9
+"""Amount by which the used interval of a drive that turns may exceed the range in which the loop closes, in radians."""
 _PINS = (("A", "D"), ("B", "C"))
 """Fixed pin, in a slot, and moving pin, on a rail, of each guide."""
 
@@ -46,8 +39,8 @@ def as_plates(
 
     The body's plate, the coupler, holds the pins D and C of the first and the second guide and the body point P. A link on a
     circle turns about A or B; a rail is a plate of the ground on posts A1, A2 or B1, B2, with a slit for the pin; a slot is a
-    slit in the coupler for the fixed pin A or B. Slits are as long as the interval requires. A four-bar is a body on two
-    circles whose frame lies along its coupler.
+    slit in the coupler for the fixed pin A or B. Slits are as long as the interval requires. The frame of the coupler begins at
+    the body point of the first guide; that of a four-bar lies along its coupler.
 
     Parameters
     ----------
@@ -66,32 +59,26 @@ def as_plates(
     FieldError
         If the loop does not close over the interval, or if the body has no room for its post.
     """
-    first, last = min(used), max(used)
-    four_bar, guided = linkage.is_four_bar, linkage.by_coupler
-    loop = loop_of(linkage, Interval(first, last))
-    spans = {
-        index: guided.used(index, Interval(first, last)) for index, guide in enumerate(guided.guides) if guide.slides
-    }
-    driven, second_guide = guided.guides
-    origin = driven[0]
-    local = guided.moved(0.0, -origin)
-    arm = abs(second_guide.body_point - driven.body_point)
-    if four_bar:
-        lengths = [*linkage.links]
-        point = linkage.arm if linkage.mounted else None
-        turn = body_turn(linkage)
-        names = ["ground", "crank", BODY, "rocker"]
-    else:
-        lengths = [length for length in guided.lengths.values() if length > 0]
-        lengths += [abs(high - low) for low, high in spans.values() if high > low]
-        point, turn = -driven.body_point, 0.0
-        names = ["ground", BODY, *(name for name, guide in guided.named_guides if not guide.slides)]
+    used = Interval(min(used), max(used))
+    guided = linkage.by_coupler
+    loop = loop_of(linkage, used)
+    spans = {index: guided.used(index, used) for index, guide in enumerate(guided.guides) if guide.slides}
+    origin, local = guided.guides[0][0], guided.moved(0.0, -guided.guides[0][0])
+    driven, second = local.guides
+    arm = abs(second.body_point - driven.body_point)
+    lengths = [length for length in guided.lengths.values() if length > 0]
+    lengths += [abs(high - low) for low, high in spans.values() if high > low]
+    lengths += [abs(second[0] - driven[0])] if linkage.is_four_bar else []
     hole, width = plate_sizes(lengths, sizes.hole, sizes.width, sizes.hole_factor)
     size = max([*lengths, arm])
+    sliding = [name for name, guide in guided.named_guides if guide.slides]
+    names = ["ground", *(name for name in guided.link_names if name not in sliding)]
     carrier = names.index(BODY)
     plates: list[Plate] = []
     pins: list[Pin] = []
-    steps: list[Step] = [] if four_bar else [GuidedBody(local, carrier)]
+    steps: list[Step] = [GuidedBody(local, carrier)]
+    # the body point in the frame of the coupler
+    point = linkage.arm - driven.body_point if linkage.mounted else None
     corners, holes = [] if point is None else [point], []
     for index, (link, guide) in enumerate(local.named_guides):
         fixed, moving = _PINS[index]
@@ -101,9 +88,6 @@ def as_plates(
             pivot, end = BodyPoint(GROUND, guide.pivot), complex(guide.radius)
             if index == 0:
                 steps.append(Crank(number, pivot, guided.start + guided.ground_angle))
-            elif four_bar:
-                pin = BodyPoint(names.index("crank"), complex(lengths[0]))
-                steps.append(Dyad(carrier, number, pin, pivot, abs(at), guide.radius, guided.branch))
             else:
                 steps.append(Between(number, pivot, BodyPoint(carrier, at), guide.radius))
             plates.append(
@@ -111,23 +95,16 @@ def as_plates(
             )
             pins.append(Pin(fixed, (pivot, BodyPoint(number, 0j)), hole / 2, (link,)))
             ends = BodyPoint(number, end), BodyPoint(carrier, at)
-            pins.append(Pin(moving, ends[::-1] if four_bar and index else ends, hole / 2, (link, BODY)))
+            is_carried = linkage.is_four_bar and index
+            pins.append(Pin(moving, ends[::-1] if is_carried else ends, hole / 2, (link, BODY)))
         elif isinstance(guide, Rail):
             name = "rail" if "rail" not in [plate.name for plate in plates] else "second_rail"
             along = complex(np.exp(1j * guide.direction))
             low, high = (guide.point + along * value for value in spans[index])
             posts = low - 2 * hole * along, high + 2 * hole * along
-            plates.append(
-                Plate(
-                    name,
-                    GROUND,
-                    Shape(posts, width / 2),
-                    (Hole(posts[:1], f"{fixed}1"), Hole(posts[1:], f"{fixed}2"), Hole((low, high), moving)),
-                )
-            )
-            pins += [
-                Pin(f"{fixed}{k + 1}", (BodyPoint(GROUND, post),), hole / 2, (name,)) for k, post in enumerate(posts)
-            ]
+            bores = Hole(posts[:1], f"{fixed}1"), Hole(posts[1:], f"{fixed}2"), Hole((low, high), moving)
+            plates.append(Plate(name, GROUND, Shape(posts, width / 2), bores))
+            pins += [Pin(bore.pin, (BodyPoint(GROUND, bore.core[0]),), hole / 2, (name,)) for bore in bores[:2]]
             pins.append(Pin(moving, (BodyPoint(carrier, at),), hole / 2, (BODY, name)))
         else:
             along = complex(np.exp(1j * guide.body_direction))
@@ -138,42 +115,40 @@ def as_plates(
             continue
         corners.append(at)
         holes.append(Hole((at,), moving))
-    if four_bar:
+    if linkage.is_four_bar:
         pins.sort(key=lambda pin: not pin.grounded)
     if point is not None:
-        sash, post = carried_by(body, point, turn, [made.core for made in holes], hole, width)
-        if sash:
+        outline = tuple(complex(point + np.exp(1j * body_turn(linkage)) * z) for z in body)
+        post = post_in(outline, point, [made.core for made in holes], hole, width) if outline else point
+        if outline:
             corners.append(post)
-            plates.append(Plate("body", carrier, Shape(sash, 0.0), (Hole((post,), "P"),)))
+            plates.append(Plate("body", carrier, Shape(outline, 0.0), (Hole((post,), "P"),)))
             pins.append(Pin("P", (BodyPoint(carrier, post),), hole / 2, (BODY, "body"), True))
         # a hole that would overlap another hole is left out
         if all(made.distance(post) > hole for made in holes):
             holes.append(Hole((post,), "P"))
     plates.insert(1, Plate(BODY, carrier, Shape(hull(corners), width / 2), tuple(holes)))
     if bar:
-        fixed_at = {pin.name: pin.points[0].at for pin in pins if pin.grounded}
-        core = tuple(fixed_at.values()) if four_bar else hull([*fixed_at.values()])
-        bores = tuple(Hole((at,), name) for name, at in fixed_at.items())
-        plates.append(Plate("bar", GROUND, Shape(core, width / 2), bores))
+        shafts = tuple(Hole((pin.points[0].at,), pin.name) for pin in pins if pin.grounded)
+        plates.append(Plate("bar", GROUND, Shape(hull([shaft.core[0] for shaft in shafts]), width / 2), shafts))
         pins = [replace(pin, joins=(*pin.joins, "bar")) if pin.grounded else pin for pin in pins]
-    is_whole_turn = guided.driver.turns and loop is None and last - first >= TURN
-    ends_of_slits: list[SlitEnd | None] = []
-    for start, limit in ((first, last - TURN), (last, first + TURN)):
-        reach = limit if loop is None else loop[len(ends_of_slits)]
-        if not np.isfinite(reach):  # a slide of its own drives it there
-            reach = start + np.sign(reach) * (last - first)
-        slit_end = _slit_end(guided, start, float(reach), spans, size)
-        if slit_end is None:
-            ends_of_slits.append(None)
-            continue
-        at, index = slit_end
-        pair = next((slit.pin, plate.name) for plate in plates for slit in plate.slits if slit.pin in _PINS[index])
-        ends_of_slits.append(SlitEnd(at, pair))
+    is_whole_turn = guided.driver.turns and loop is None and used.last - used.first >= TURN
+
+    def slit_end(start: float, limit: float) -> SlitEnd | None:
+        if not np.isfinite(limit):  # a slide of its own drives it there
+            limit = start + np.sign(limit) * (used.last - used.first)
+        found = _slit_end(guided, start, limit, spans, size)
+        if found is None or is_whole_turn:
+            return None
+        pair = next((slit.pin, plate.name) for plate in plates for slit in plate.slits if slit.pin in _PINS[found[1]])
+        return SlitEnd(found[0], pair)
+
+    low_limit, high_limit = (used.last - TURN, used.first + TURN) if loop is None else loop
     return Machine(
         Movement(names, steps),
         tuple(plates),
         tuple(pins),
-        Interval(first, first + TURN if is_whole_turn else last),
+        Interval(used.first, used.first + TURN) if is_whole_turn else used,
         loop,
         hole,
         width,
@@ -182,8 +157,8 @@ def as_plates(
         tuple(lengths),
         origin,
         guided.driver.turns,
-        0j if four_bar else -driven.body_point,
-        (None, None) if is_whole_turn else (ends_of_slits[0], ends_of_slits[1]),
+        -driven.body_point,
+        (slit_end(used.first, low_limit), slit_end(used.last, high_limit)),
     )
 
 
@@ -197,14 +172,15 @@ def loop_of(linkage: Linkage, used: Interval) -> Interval | None:
     FieldError
         If the loop does not close over the whole used interval.
     """
-    if linkage.is_four_bar:
-        return _loop_of_four_bar(linkage, used)
     first, last = used
-    if not linkage.closes_over(used.after(linkage.start)):
-        raise FieldError("/solution/guides", "the loop does not close over the whole used interval")
-    if linkage.turns_fully:
+    turns = linkage.driver.turns
+    slack = min(_ROUNDING, (last - first) / 2) if turns else 0.0
+    if not _closes(linkage, first + slack, last - first - 2 * slack):
+        field = "links" if linkage.is_four_bar else "guides"
+        raise FieldError(f"/solution/{field}", "the loop does not close over the whole used interval")
+    if turns and _closes(linkage, 0.0, TURN):
         return None
-    farthest = TURN if linkage.driver.turns else _EXTENSION * (last - first)
+    farthest = TURN if turns else _EXTENSION * (last - first)
 
     def end(start: float, direction: float) -> float:
         # double the distance until the loop does not close, then bisect
@@ -221,35 +197,6 @@ def loop_of(linkage: Linkage, used: Interval) -> Interval | None:
         return start + direction * float(inside[0])
 
     return Interval(end(first, -1.0), end(last, 1.0))
-
-
-def _loop_of_four_bar(linkage: Linkage, used: Interval) -> Interval | None:
-    """Return the travel over which the loop of a four-bar closes; None if that is a whole turn.
-
-    X of `four_bar` is smallest at theta1 = pi, and Y at theta1 = 0: the crank swings about the other position if one of them is
-    negative there, and on one side of the ground if both are.
-    """
-    a, b, c = grashof_excesses(linkage.links)
-    reaches_zero, reaches_pi = bool(np.sign(a) * np.sign(b) >= 0), bool(c >= 0)
-    if reaches_zero and reaches_pi:
-        return None
-    product = 4 * linkage.links[0] * linkage.links[3]
-    nearest = float(2 * np.arcsin(np.sqrt(np.clip(-a * b / product, 0, 1))))
-    farthest = float(2 * np.arccos(np.sqrt(np.clip(-c * sum(linkage.links) / product, 0, 1))))
-    middle = linkage.start + (used.first + used.last) / 2
-    low, high = -farthest if reaches_zero else nearest, TURN - nearest if reaches_pi else farthest
-    if not (reaches_zero or reaches_pi) and middle % TURN > np.pi:
-        low, high = TURN - high, TURN - low
-    width = high - low
-    turns = TURN * np.floor((middle - low) / TURN)
-    first = low + turns - linkage.start
-    slack = 1e-9
-    if used.first < first - slack or used.last > first + width + slack:
-        fault = used.first if used.first < first - slack else used.last
-        raise FieldError(
-            "/solution/links", f"the four links do not close {np.rad2deg(fault):.6g} degrees after the start"
-        )
-    return Interval(min(first, used.first), max(first + width, used.last))
 
 
 def _closes(linkage: Linkage, start: float, distance: float) -> bool:
@@ -295,26 +242,20 @@ def _slit_end(
     return found
 
 
-def carried_by(
-    body: Sequence[complex],
-    point: complex,
-    turn: float,
-    obstacles: Sequence[tuple[complex, ...]],
-    hole: float,
-    width: float,
-) -> tuple[tuple[complex, ...], complex]:
-    """Return a body's outline and its post, in the frame of the link that carries it.
+def post_in(
+    corners: Sequence[complex], point: complex, obstacles: Sequence[tuple[complex, ...]], hole: float, width: float
+) -> complex:
+    """Return the place of the post of a body, at the body point or near it.
 
-    The post is at the body point or near it. Around its hole the outline, the link's holes and the slits leave as much
-    material as a plate of the width does, or at least a half or a quarter of that. Without an outline the post is the body
-    point.
+    Around its hole the outline, the link's holes and the slits leave as much material as a plate of the width does, or at least
+    a half or a quarter of that.
 
     Parameters
     ----------
-    body : sequence of complex
-        Corners of the outline.
-    point, turn : complex, float
-        Origin and rotation of the body's frame in the link's frame.
+    corners : sequence of complex
+        Outline of the body in the frame of the link that carries it.
+    point : complex
+        Body point in the same frame.
     obstacles : sequence of tuples of complex
         Cores of the holes and slits of the link.
     hole, width : float
@@ -324,14 +265,11 @@ def carried_by(
     FieldError
         If there is no room for the post.
     """
-    corners = tuple(complex(point + np.exp(1j * turn) * z) for z in body)
-    if not corners:
-        return corners, point
     for fraction in (1.0, 0.5, 0.25):
         rim = fraction * (width - hole) / 2
         post = nearest_room(corners, obstacles, hole / 2 + rim, hole + rim, point)
         if post is not None:
-            return corners, post
+            return post
     raise FieldError("/body", f"must leave room for a post with a hole of {hole:g} that joins it to the coupler")
 
 
