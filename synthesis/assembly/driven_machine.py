@@ -94,47 +94,24 @@ def motor_driven(
         If the motor does not move the linkage over the interval, or if the rod acts on a link that is not a plate.
     """
     six = SixBar.of(linkage, used, motor)
-
     lengths = (*as_plates(linkage, used, sizes).lengths, motor.crank, motor.rod)
     hole, width = plate_sizes(lengths, sizes.hole, sizes.width, sizes.hole_factor)
     plain = as_plates(linkage, used, Sizes(hole, width, sizes.clearance), body, bar)
-    if motor.link not in plain.movement.names:
-        raise FieldError("/drive/link", f"the rod moves the {motor.link}, which is not a plate; choose another drive")
-    link = plain.movement.names.index(motor.link)
-    pin = motor.pin + plain.body_at if motor.link == BODY else motor.pin
-    at = motor.at - plain.origin
-    cranked, rod = len(plain.movement.names), len(plain.movement.names) + 1
-    end, held = BodyPoint(cranked, complex(motor.crank)), BodyPoint(link, pin)
-    movement = Movement(
-        (*plain.movement.names, MOTOR_CRANK, ROD),
-        (
-            SwungLinkage(six, plain.movement),
-            Crank(cranked, BodyPoint(GROUND, at), six.start),
-            Between(rod, end, held, motor.rod),
-        ),
+    place = _Placed(plain, motor.link, plain.movement.names[GROUND], motor.pin, motor.at)
+    first, second = place.numbers
+    end = BodyPoint(first, complex(motor.crank))
+    steps = (
+        SwungLinkage(six, plain.movement),
+        Crank(first, place.foot, six.start),
+        Between(second, end, place.held, motor.rod),
     )
-    free = not any(pin_.name == "P" for pin_ in plain.pins)
-    plates = [_with_pin(plate, pin, hole, "Q", free) if plate.name == motor.link else plate for plate in plain.plates]
-    if bar:
-        plates = [_with_pin(plate, at, hole, "M", free) if plate.name == "bar" else plate for plate in plates]
-    for name, number, reach, ends in (
-        (MOTOR_CRANK, cranked, motor.crank, ("M", "K")),
-        (ROD, rod, motor.rod, ("K", "Q")),
-    ):
-        shape = Shape((0j, complex(reach)), width / 2)
-        plates.append(Plate(name, number, shape, (Hole((0j,), ends[0]), Hole((complex(reach),), ends[1]))))
-    joins = (MOTOR_CRANK, "bar") if bar else (MOTOR_CRANK,)
-    pins = (
-        *plain.pins,
-        Pin("M", (BodyPoint(GROUND, at), BodyPoint(cranked, 0j)), hole / 2, joins),
-        Pin("K", (end, BodyPoint(rod, 0j)), hole / 2, (MOTOR_CRANK, ROD)),
-        Pin("Q", (BodyPoint(rod, complex(motor.rod)), held), hole / 2, (ROD, motor.link)),
+    crank, rod = ((0j, complex(length)) for length in (motor.crank, motor.rod))
+    plates = (
+        Plate(MOTOR_CRANK, first, Shape(crank, width / 2), (Hole(crank[:1], "M"), Hole(crank[1:], "K"))),
+        Plate(ROD, second, Shape(rod, width / 2), (Hole(rod[:1], "K"), Hole(rod[1:], "Q"))),
     )
     return replace(
-        plain,
-        movement=movement,
-        plates=tuple(plates),
-        pins=pins,
+        place.machine(bar, steps, plates, (end, BodyPoint(second, 0j)), rod[1]),
         used=Interval(0.0, TURN),
         loop=None,
         slit_ends=(None, None),
@@ -201,78 +178,94 @@ def strut_driven(
         If an end lies on a link that is not a plate.
     """
     plain = as_plates(linkage, used, sizes, body, bar)
-    names, hole, width = plain.movement.names, plain.hole, plain.width
-    for name in (drive.link, drive.on):
-        if name != names[GROUND] and name not in [plate.name for plate in plain.plates]:
-            raise FieldError("/drive/link", f"an end is on the {name}, which is not a plate; choose another drive")
-    link, on = names.index(drive.link), names.index(drive.on)
-    pin = drive.pin + plain.body_at if drive.link == BODY else drive.pin
-    still = plain.movement.bodies(np.zeros(1))
-    end = complex((drive.end - plain.origin - still.origin[on, 0]) / still.direction[on, 0])
-    foot, held = BodyPoint(on, end), BodyPoint(link, pin)
-    first, second = len(names), len(names) + 1
-    names_of_links = (HANDLE, STRUT) if drive.knee else (CYLINDER, PISTON_ROD)
-    eye = Hole((0j,), "G"), Hole((0j,), "Q")
-    steps: list[Step] = []
-    pins: list[Pin] = []
+    place = _Placed(plain, drive.link, drive.on, drive.pin, drive.end)
+    (first, second), foot, held = place.numbers, place.foot, place.held
+    steps: tuple[Step, ...]
     if drive.knee:
-        first_length, second_length = drive.sizes
-        steps.append(Dyad(first, second, foot, held, first_length, second_length, drive.knee))
-        plates = [
-            Plate(name, number, Shape((0j, complex(reach)), width / 2), (hole_, Hole((complex(reach),), "K")))
-            for name, number, reach, hole_ in zip(names_of_links, (first, second), drive.sizes, eye)
-        ]
-        pins.append(
-            Pin(
-                "K",
-                (BodyPoint(first, complex(first_length)), BodyPoint(second, complex(second_length))),
-                hole / 2,
-                names_of_links,
-            )
-        )
+        names, reaches, radii = (HANDLE, STRUT), drive.sizes, (plain.width / 2,) * 2
+        steps = (Dyad(first, second, foot, held, *drive.sizes, drive.knee),)
+        joint = BodyPoint(first, complex(drive.sizes[0])), BodyPoint(second, complex(drive.sizes[1]))
     else:
         retracted, stroke = drive.sizes
-        steps += [Aimed(first, foot, held), Aimed(second, held, foot)]
-        rod = stroke + (1 - _TUBE + _OVERLAP) * retracted
-        radii = width / 2, hole / 2 + (width - hole) / 4
-        plates = [
-            Plate(name, number, Shape((0j, complex(reach)), radius), (hole_,))
-            for name, number, reach, radius, hole_ in zip(
-                names_of_links, (first, second), (_TUBE * retracted, rod), radii, eye
-            )
-        ]
-    free = not any(pin_.name == "P" for pin_ in plain.pins)
-    carriers = [(drive.link, pin, "Q")]
-    if on != GROUND:
-        carriers.append((drive.on, end, "G"))
-    elif bar:
-        carriers.append(("bar", end, "G"))
-    plates_of_linkage = list(plain.plates)
-    for name, at, pin_name in carriers:
-        plates_of_linkage = [
-            _with_pin(plate, at, hole, pin_name, free) if plate.name == name else plate for plate in plates_of_linkage
-        ]
-    foot_joins = (
-        names_of_links[:1] if on == GROUND and not bar else (names_of_links[0], "bar" if on == GROUND else drive.on)
-    )
-    pins = [
-        *plain.pins,
-        Pin("G", (foot, BodyPoint(first, 0j)), hole / 2, foot_joins),
-        *pins,
-        Pin("Q", (BodyPoint(second, 0j), held), hole / 2, (names_of_links[1], drive.link)),
-    ]
+        names, joint = (CYLINDER, PISTON_ROD), None
+        reaches = _TUBE * retracted, stroke + (1 - _TUBE + _OVERLAP) * retracted
+        radii = plain.width / 2, plain.hole / 2 + (plain.width - plain.hole) / 4
+        steps = Aimed(first, foot, held), Aimed(second, held, foot)
+    plates = []
+    for name, number, reach, radius, eye in zip(names, place.numbers, reaches, radii, ("G", "Q")):
+        core = 0j, complex(reach)
+        holes = Hole(core[:1], eye), *([Hole(core[1:], "K")] if joint else [])
+        plates.append(Plate(name, number, Shape(core, radius), holes))
     return replace(
-        plain,
-        movement=Movement((*names, *names_of_links), (*plain.movement.steps, *steps)),
-        plates=(*plates_of_linkage, *plates),
-        pins=tuple(pins),
+        place.machine(bar, (*plain.movement.steps, *steps), plates, joint, 0j),
         size=max(plain.size, sum(drive.sizes)),
-        telescopes=() if drive.knee else (names_of_links,),
+        telescopes=() if drive.knee else (names,),
     )
 
 
-def _with_pin(plate: Plate, at: complex, hole: float, pin: str, free: bool) -> Plate:
-    """Return a plate that reaches to a further pin; if ``free``, a hole that only marks the body point gives way to it."""
-    core = hull((*plate.shape.core, at))
-    holes = [hole_ for hole_ in plate.holes if not (free and hole_.pin == "P" and hole_.distance(at) <= hole)]
-    return replace(plate, shape=Shape(core, plate.shape.radius), holes=(*holes, Hole((at,), pin)))
+class _Placed:
+    """Place of two further plates between a foot, on the ground or on a link, and the pin Q of a link.
+
+    Parameters
+    ----------
+    plain : Machine
+        The linkage without its drive.
+    link, on : str
+        The link with the pin, and what carries the foot.
+    pin : complex
+        In the frame of ``link``.
+    foot : complex
+        In the plane at the first sample.
+    """
+
+    def __init__(self, plain: Machine, link: str, on: str, pin: complex, foot: complex) -> None:
+        names = plain.movement.names
+        for name in (link, on):
+            if name != names[GROUND] and name not in [plate.name for plate in plain.plates]:
+                raise FieldError(
+                    "/drive/link", f"an end is on the {name}, which is not a plate; choose another drive"
+                )
+        self.plain, self.link = plain, link
+        self.on = None if on == names[GROUND] else on
+        self.numbers = len(names), len(names) + 1
+        still = plain.movement.bodies(np.zeros(1))
+        carrier = names.index(on)
+        at = complex((foot - plain.origin - still.origin[carrier, 0]) / still.direction[carrier, 0])
+        self.foot = BodyPoint(carrier, at)
+        self.held = BodyPoint(names.index(link), pin + plain.body_at if link == BODY else pin)
+
+    def machine(
+        self,
+        bar: bool,
+        steps: Sequence[Step],
+        plates: Sequence[Plate],
+        joint: tuple[BodyPoint, BodyPoint] | None,
+        end: complex,
+    ) -> Machine:
+        """Return the linkage with both plates, a pin K at their joint, and the second plate's point ``end`` on Q."""
+        plain, (first, second) = self.plain, plates
+        foot_pin, radius = first.holes[0].pin, plain.hole / 2
+        carrier = "bar" if bar and self.on is None else self.on
+        # a hole that only marks the body point gives way to a pin
+        free = not any(pin.name == "P" for pin in plain.pins)
+        found = list(plain.plates)
+        for name, at, pin in ((self.link, self.held.at, "Q"), (carrier, self.foot.at, foot_pin)):
+            for k, plate in enumerate(found):
+                if plate.name == name:
+                    holes = [
+                        hole
+                        for hole in plate.holes
+                        if not (free and hole.pin == "P" and hole.distance(at) <= plain.hole)
+                    ]
+                    shape = Shape(hull((*plate.shape.core, at)), plate.shape.radius)
+                    found[k] = replace(plate, shape=shape, holes=(*holes, Hole((at,), pin)))
+        foot_joins = (first.name,) if carrier is None else (first.name, carrier)
+        middle = [] if joint is None else [Pin("K", joint, radius, (first.name, second.name))]
+        pins = (
+            *plain.pins,
+            Pin(foot_pin, (self.foot, BodyPoint(first.body, 0j)), radius, foot_joins),
+            *middle,
+            Pin("Q", (BodyPoint(second.body, end), self.held), radius, (second.name, self.link)),
+        )
+        movement = Movement((*plain.movement.names, first.name, second.name), steps)
+        return replace(plain, movement=movement, plates=(*found, first, second), pins=pins)
