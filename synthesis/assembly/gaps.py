@@ -19,6 +19,7 @@ import numpy as np
 from synthesis.arrays import Flags, Floats, Ints
 from synthesis.assembly.movement import Bodies, Movement
 from synthesis.assembly.shapes import Shape, distances
+from synthesis.one_variable import bisect
 from synthesis.target import Interval
 from synthesis.work import Work
 
@@ -52,10 +53,10 @@ class GapOptions:
     """Number of nodes of each refinement."""
     few_corners: int = 8
     """Number of pairs of corners up to which a rough proof compares them directly instead of the discs around them."""
-    root_steps: int = 60
-    """Largest number of steps to an end of a collision."""
+    root_steps: int = 40
+    """Number of bisections for an end of a collision, which lies between two of the smallest cells."""
     rough_root_steps: int = 12
-    """Largest number of these steps in a rough proof."""
+    """Number of these bisections in a rough proof."""
 
 
 OPTIONS = GapOptions()
@@ -107,9 +108,7 @@ class _Cells(NamedTuple):
 
     def select(self, indices: Flags | Ints) -> _Cells:
         """Return the cells with some indices."""
-        return _Cells(
-            self.pair[indices], self.middle[indices], self.half[indices], self.gap[indices], self.bound[indices]
-        )
+        return _Cells._make(column[indices] for column in self)
 
     def halved(self) -> tuple[Ints, Floats, Floats]:
         """Return pair, middle and half width of the two halves of each cell."""
@@ -302,7 +301,9 @@ class Gaps:
         right = np.flatnonzero((run_kind == _HITS) & (np.r_[run_pair[1:], -1] == run_pair))
         inner = np.concatenate([middle[starts[left]], middle[ends[right]]])
         outer = np.concatenate([middle[starts[left] - 1], middle[ends[right] + 1]])
-        roots = self._roots(np.concatenate([run_pair[left], run_pair[right]]), inner, outer)
+        ends_of = np.concatenate([run_pair[left], run_pair[right]])
+        steps = OPTIONS.rough_root_steps if self._rough else OPTIONS.root_steps
+        roots = bisect(lambda at: self.at(ends_of, np.asarray(at, dtype=float))[0] < 0, inner, outer, steps)[0]
         start, end = middle[starts] - half[starts], middle[ends] + half[ends]
         start[left], end[right] = roots[: left.size], roots[left.size :]
         start = np.where(middle[starts] - 1.5 * half[starts] < first, first, start)
@@ -316,36 +317,6 @@ class Gaps:
                 continue  # the end of a collision
             found[number][label - 1].append(Run(float(start[k]), float(end[k])))
         return [Proof(tuple(hits), tuple(touches)) for hits, touches in found]
-
-    def _roots(self, pair: Ints, inner: Floats, outer: Floats) -> Floats:
-        """Return the sign changes of the gaps of pairs (m,) between points with f < 0 and points with f >= 0."""
-        if not pair.size:
-            return inner
-        values = self.at(np.tile(pair, 2), np.concatenate([inner, outer]))[0]
-        low, high = values[: pair.size], values[pair.size :]
-        inner, outer = inner.copy(), outer.copy()
-        weights = np.ones((2, pair.size))
-        for step in range(OPTIONS.rough_root_steps if self._rough else OPTIONS.root_steps):
-            wide = np.abs(outer - inner)
-            if np.all(wide <= 4e-16 * self._extent):
-                break
-            # regula falsi, the end that stays halved (Illinois); each third step halves the bracket
-            fraction = np.where(
-                step % 3 == 2,
-                0.5,
-                np.abs(low) * weights[0] / np.maximum(np.abs(low) * weights[0] + high * weights[1], 1e-300),
-            )
-            middle = inner + (outer - inner) * np.clip(fraction, 1e-3, 1 - 1e-3)
-            gap = self.at(pair, middle)[0]
-            hits = gap < 0
-            weights = np.where(hits, [np.ones(pair.size), weights[1] / 2], [weights[0] / 2, np.ones(pair.size)])
-            inner, low = np.where(hits, middle, inner), np.where(hits, gap, low)
-            outer, high = np.where(hits, outer, middle), np.where(hits, high, gap)
-            if np.all(np.minimum(np.abs(low), np.abs(high)) <= 2e-15 * self.size) and np.all(
-                wide < 1e-12 * self._extent
-            ):
-                break
-        return np.where(np.abs(low) <= np.abs(high), inner, outer)
 
     def minimum_gaps(self, pairs: Sequence[int], interval: Interval) -> dict[int, MinimumGap]:
         """Return the smallest gaps of pairs that are free over the interval of the last proof.

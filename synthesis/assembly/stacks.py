@@ -13,7 +13,7 @@ Layers are numbered from 1; board 0 lies below them, board N + 1 above. An arran
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
 from itertools import combinations, product
@@ -214,15 +214,21 @@ class StackSearch:
 
     # -- stacks -----------------------------------------------------------------------------------------------------
 
-    def stacks(self, count: int, masks: _Masks, bound: _Bound) -> Iterator[tuple[Stack, int]]:
-        """Yield the stacks with some number of layers that satisfy the bound, with the masks of their collisions."""
+    def stacks(
+        self, count: int, masks: _Masks, passes: Callable[[int], bool], limit: int
+    ) -> Iterator[tuple[Stack, int]]:
+        """Yield the stacks with some number of layers, and the masks of their collisions.
+
+        ``passes`` checks the collisions of a part of a stack: further plates can only add collisions. At most ``limit`` stacks
+        are examined.
+        """
         boards = self.request.boards
         options = [self._mounts(pin.name) for pin in self.machine.pins if pin.grounded and boards != "bar"]
         grounded = [pin.name for pin in self.machine.pins if pin.grounded and boards != "bar"]
-        for layers in self._layers(count, masks, bound, {}, 0):
+        for layers in self._layers(count, masks, passes, limit, {}, 0):
             self.work.check()
             for mounts in product(*options):
-                if self.tried >= bound.max_stacks or self.work.expired():
+                if self.tried >= limit or self.work.expired():
                     self.cut = True
                     return
                 stack = self._stack(count, layers, dict(zip(grounded, mounts)))
@@ -233,10 +239,10 @@ class StackSearch:
                 for pair in self._meeting(stack):
                     numbers.add(number := self.pair(*pair))
                     mask |= masks.by_pair[number]
-                    if mask and not bound.lets_pass(mask):
+                    if mask and not passes(mask):
                         break
                 else:
-                    if bound.lets_pass(mask):
+                    if passes(mask):
                         yield replace(stack, pairs=tuple(sorted(numbers))), mask
 
     def _mounts(self, pin: str) -> tuple[str, ...]:
@@ -254,10 +260,16 @@ class StackSearch:
         return range(1 + (boards in ("below", "both")), count + (boards not in ("above", "both")))
 
     def _layers(
-        self, count: int, masks: _Masks, bound: _Bound, assigned: dict[str, int], mask: int
+        self,
+        count: int,
+        masks: _Masks,
+        passes: Callable[[int], bool],
+        limit: int,
+        assigned: dict[str, int],
+        mask: int,
     ) -> Iterator[dict[str, int]]:
         """Yield the layers of all plates that are consistent with the plates assigned so far and the pins between them."""
-        if self.tried >= bound.max_stacks:
+        if self.tried >= limit:
             self.cut = True
             return
         if len(assigned) == len(self.plates):
@@ -289,8 +301,8 @@ class StackSearch:
                     for neighbour, level in assigned.items():
                         if min(layers_of_pin) <= level <= max(layers_of_pin) and neighbour not in plates:
                             combined |= masks.by_pair[self.pair(neighbour, pin)]
-            if bound.lets_pass(combined):
-                yield from self._layers(count, masks, bound, assigned, combined)
+            if passes(combined):
+                yield from self._layers(count, masks, passes, limit, assigned, combined)
             else:
                 self.tried += len(assigned) == len(self.plates)
             del assigned[plate]
@@ -354,16 +366,11 @@ class StackSearch:
                 continue
             self.tried, self.cut = 0, False
             for count in self.counts:
-                free = [stack for stack, _ in self.stacks(count, masks, CollisionFree())]
+                free = [stack for stack, _ in self.stacks(count, masks, lambda mask: mask == 0, MAX_STACKS)]
                 if free:
                     return self._arrangement(status, *self._best(free), None, len(free) - 1, masks)
         tried, was_cut = self.tried, self.cut
-        self.tried, longest = 0, _LongerFree(loose)
-        best: Stack | None = None
-        for count in self.counts:
-            for stack, mask in self.stacks(count, loose, longest):
-                best = stack
-                longest.most = loose.longest(mask)[0]
+        best = self._longest_free(self.counts, loose)
         if best is None:
             self.work.go_on()  # else none was looked at
             raise FieldError(
@@ -376,6 +383,19 @@ class StackSearch:
         best_known, self.cut = not self.cut, was_cut
         self.tried = max(self.tried, tried)
         return replace(self._arrangement("blocked", best, None, free_part, 0, loose), best_known=best_known)
+
+    def _longest_free(self, counts: Sequence[int], masks: _Masks) -> Stack | None:
+        """Return the stack with some number of layers that is free over the longest part of the motion."""
+        self.tried = 0
+        best, longest = None, -1.0
+
+        def improves(mask: int) -> bool:
+            return masks.longest(mask)[0] > longest
+
+        for count in counts:
+            for stack, mask in self.stacks(count, masks, improves, MAX_BLOCKED_STACKS):
+                best, longest = stack, masks.longest(mask)[0]
+        return best
 
     def _best(self, free: Sequence[Stack]) -> tuple[Stack, tuple[Pair, MinimumGap] | None]:
         """Return the best free stack by pins held on both sides, length of pins and smallest gap."""
@@ -438,16 +458,9 @@ class StackSearch:
 
     def _why_not(self, count: int, masks: _Masks) -> Collision | None:
         """Return the longest collision of the best stack with some number of layers."""
-        self.tried = 0
-        longest, best = _LongerFree(masks), None
-        for stack, mask in self.stacks(count, masks, longest):
-            best = stack
-            longest.most = masks.longest(mask)[0]
-        if best is None:
-            return None
-        return max(
-            self._collisions(best.pairs, "hits"), key=lambda collision: collision.last - collision.first, default=None
-        )
+        best = self._longest_free([count], masks)
+        found = () if best is None else self._collisions(best.pairs, "hits")
+        return max(found, key=lambda collision: collision.last - collision.first, default=None)
 
     def _shaft(self, pin: str) -> Shaft:
         plates = [plate for plate in self.plates if plate not in self.joined[pin]]
@@ -562,34 +575,3 @@ class _Masks:
             return 0.0, None, None
         first, last = max(parts, key=lambda part: part[1] - part[0])
         return last - first, first, last
-
-
-class _Bound:
-    """Condition on the collisions of a stack, or of a part of it, and the largest number of stacks."""
-
-    max_stacks = MAX_STACKS
-
-    def lets_pass(self, mask: int) -> bool:
-        """Check the collisions so far; further plates can only add collisions."""
-        raise NotImplementedError
-
-
-class CollisionFree(_Bound):
-    """Condition that a stack collides nowhere."""
-
-    def lets_pass(self, mask: int) -> bool:
-        """Return true if there is no collision."""
-        return mask == 0
-
-
-class _LongerFree(_Bound):
-    """Condition that a stack is free over a longer part of the motion than the best known stack."""
-
-    max_stacks = MAX_BLOCKED_STACKS
-
-    def __init__(self, masks: _Masks) -> None:
-        self.masks, self.most = masks, -1.0
-
-    def lets_pass(self, mask: int) -> bool:
-        """Return true if the longest free range is longer than that of the best known stack."""
-        return self.masks.longest(mask)[0] > self.most
