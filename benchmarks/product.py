@@ -37,7 +37,6 @@ from synthesis.search.prescribed import GivenProblem, candidates_at, problem_of
 from synthesis.search.search import DEFAULT_TOLERANCE, search
 from synthesis.search.seeds import SeedTables
 from synthesis.solution import Solution, assess
-from synthesis.studies.four_bar_rounding import best_from_stock
 from synthesis.target import MIN_SPAN, TURN, Target, make_target
 from synthesis.work import Work
 

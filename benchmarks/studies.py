@@ -1,4 +1,4 @@
-"""Forces two ways, tolerances simulated and to first order, stock lengths tried and all (`make studies`)."""
+"""Forces two ways, and tolerances simulated and to first order (`make studies`)."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import numpy as np
 
 import linkage_atlas as la
-from benchmarks import product, report
+from benchmarks import report
 from benchmarks.report import Times
 from tests.oracles.classes import make_case
 
@@ -17,9 +17,6 @@ ANGLES = ((10.0, 90.0), (1.0, 10.0), (0.1, 1.0), (1e-3, 0.1))
 """Classes of transmission angles in degrees."""
 SIZES = (1e-4, 1e-3, 1e-2, 3e-2)
 """Tolerances over the motion's extent."""
-STOCK = (10.0, 12.5, 16.0, 20.0, 25.0, 31.5, 40.0)
-"""A decade and a half of preferred numbers (ISO 3, R10), over the shortest of them."""
-TRIES = (40, 200, 1000)
 
 
 def cases(count: int) -> Iterator[tuple[dict[str, Any], la.Result]]:
@@ -88,56 +85,18 @@ def tolerances(solved: list[tuple[dict[str, Any], la.Result]]) -> list[dict[str,
     return rows
 
 
-def stock(solved: list[tuple[dict[str, Any], la.Result]]) -> list[dict[str, Any]]:
-    """The best of the combinations that are tried first, against the best of all."""
-    errors: dict[int, list[float]] = {tries: [] for tries in (*TRIES, len(STOCK) ** 4)}
-    times = {tries: Times() for tries in errors}
-    for motion, found in solved:
-        links = found.linkage.links
-        # a stock that spans the lengths of this linkage
-        lengths = np.geomspace(links.min(), links.max(), 3)[1] * np.array(STOCK) / 20.0
-        target = product.target_of(motion)
-        exact = product.solution_of(found.linkage, target)
-        for tries in errors:
-            best = times[tries].run(
-                product.best_from_stock, target, exact, lengths, product.Limits(), tries, product.Work()
-            )
-            errors[tries].append(np.inf if best.solution is None else best.solution.errors.objective)
-    smallest = np.array(errors[len(STOCK) ** 4])
-    known = np.isfinite(smallest)
-    rows = []
-    for tries, values in errors.items():
-        ratio = np.array(values)[known] / smallest[known]
-        rows.append(
-            {
-                "tries": tries,
-                "cases": ratio.size,
-                "same": float(np.mean(ratio <= 1.01)),
-                "none": int(np.isinf(ratio).sum()),
-                "worst": float(ratio[np.isfinite(ratio)].max()),
-                "ms": 1000 * times[tries].median.processor,
-            }
-        )
-    return rows
-
-
 def blocks(results: dict[str, Any]) -> dict[str, str]:
     """The figures of docs/background/measurements.md."""
-    forces, stock = (results["tables"][name] for name in ("forces", "stock"))
-    tried = [
-        f"{report.percent(row['same'])} of {row['cases']} motions after {row['tries']:,} ({row['ms']:.0f} ms)"
-        for row in stock
-    ]
+    forces = results["tables"]["forces"]
     return report.tables("studies", {"tolerances": results["tables"]["tolerances"]}) | {
         "forces": report.power(max(row["worst"] for row in forces)),
-        "stock": ", ".join(tried),
     }
 
 
 def measure(count: Annotated[int, "motions"] = 30) -> Iterator[dict[str, Any]]:
     """Every table."""
     solved = list(cases(count))
-    tables = {"forces": forces(2000), "tolerances": tolerances(solved), "stock": stock(solved)}
+    tables = {"forces": forces(2000), "tolerances": tolerances(solved)}
     yield {"tables": tables}
 
 

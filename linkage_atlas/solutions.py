@@ -26,23 +26,27 @@ from synthesis.arrays import Floats
 from synthesis.defects import practical_faults, shared_positions
 from synthesis.errors import FieldError
 from synthesis.excursions import excursions_of
-from synthesis.fourbar import determination
 from synthesis.free.search import in_turn
-from synthesis.limits import LINKS, Limits
+from synthesis.limits import LINKS, PIVOTS, Limits
 from synthesis.linkage import Linkage as Plain
 from synthesis.poses import Poses, spin_faults
 from synthesis.ranking import Errors
 from synthesis.scores import passing, rotations_of, size_of
 from synthesis.solution import target_of
+from synthesis.studies import determination
 from synthesis.studies.rounding import round_lengths
 from synthesis.studies.sensitivity import Change, changes
 from synthesis.target import Target
+from synthesis.violations import touched
 from synthesis.work import OutOfTime, Work
 
 FINISHING = 0.1
 """Fraction of the budget by which a request may exceed it to finish the candidates of the search."""
 _AT_ONCE, _SAMPLES_AT_ONCE = 8, 2048
 """Maximum number of four-bars, and of their samples, that are described between two checks of the time."""
+
+_HELD = 1e-8
+"""Objective below which no limit holds a linkage."""
 
 TypeOf = Callable[[int], AtlasType]
 """Returns the type of a row of the atlas."""
@@ -57,9 +61,10 @@ class Determination(Record):
     resolution: float
     """Error of the motion that is considered: the objective, at least the tolerance; within limits the tolerance."""
     active_limits: tuple[str, ...]
-    """Limits without which the error would be smaller."""
+    """Limits at whose bounds an inexact linkage lies: without them the error would be smaller."""
     length_uncertainty: Values
-    """Relative change of crank, coupler, rocker, ground within that resolution; null: not determined at all."""
+    """Relative change of crank, coupler, rocker, ground within that resolution; null: not determined at all, or not computed
+    because limits keep the linkage from the motion."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -195,8 +200,6 @@ class Solution(Record):
     """Over the whole turn; null if the drive does not turn fully."""
     arm_min: float | None
     """Smallest moment arm of the second guide's push about the driven guide's pin, over the used interval."""
-    condition: float | None
-    """Condition number of the motion's derivatives by all unknowns of a four-bar."""
     determination: Determination | None
     """Determination of a four-bar; null for other kinds, for which it is not computed."""
     sensitivity: list[Change] | None = None
@@ -315,7 +318,6 @@ def _described(
         interval = own.target.interval
         faults = practical_faults(candidate, own.target, limits, candidate.interval, excursions[k]) + spins[k]
         kind = None if candidate.row is None or type_of is None else type_of(candidate.row)
-        fixed = determinations[k]
         crank_angle, travel = _travel(samples, candidate, radian)
         solutions.append(
             Solution(
@@ -333,10 +335,7 @@ def _described(
                 transmission_angle_min=candidate.transmission_angle_min / radian,
                 transmission_angle_min_turn=None if turn is None else turn / radian,
                 arm_min=linkage.arm_over(interval.after(linkage.start)),
-                condition=None if fixed is None else fixed.condition,
-                determination=None
-                if fixed is None
-                else Determination(fixed.ill_posed, fixed.resolution, fixed.active_limits, fixed.length_uncertainty),
+                determination=determinations[k],
                 linkage=Linkage.of(linkage, radian, own.target, own.length_unit),
                 origin=Origin(candidate, own, limits, samples),
             )
@@ -346,23 +345,26 @@ def _described(
 
 def _determinations(
     found: Sequence[model.Solution], motion: Motion, limits: Limits, tolerance: float
-) -> list[determination.Determination | None]:
+) -> list[Determination | None]:
     """Return the determination of each four-bar; None for other kinds."""
-    determinations: list[determination.Determination | None] = [None] * len(found)
+    determinations: list[Determination | None] = [None] * len(found)
     rows = [k for k, candidate in enumerate(found) if candidate.linkage.is_four_bar]
     if not rows:
         return determinations
-    linkages = [found[k].linkage for k in rows]
     samples, allowed = motion.samples, motion.tolerances
+    linkages, errors = [found[k].linkage for k in rows], [found[k].errors.objective for k in rows]
     target = model.targets_of(samples, linkages, np.array([found[k].travel for k in rows]))
-    if limits.only_family:
-        resolutions = [max(found[k].errors.objective, tolerance) for k in rows]
-        fixed = determination.determinations(target, linkages, resolutions)
-    else:
-        resolution = tolerance if allowed is None else max(tolerance, allowed.objective(samples))
-        fixed = determination.determinations_within(target, linkages, resolution, limits)
-    for k, found_determination in zip(rows, fixed):
-        determinations[k] = found_determination
+    resolution = tolerance if allowed is None else max(tolerance, allowed.objective(samples))
+    resolutions = [max(error, tolerance) if limits.only_family else resolution for error in errors]
+    held = [name for name, length in zip(LINKS, limits.links) if length is not None]
+    held += [name for name in PIVOTS if getattr(limits, name) is not None]
+    for k, error, fixed in zip(rows, errors, determination.determinations(target, linkages, resolutions, held)):
+        if limits.only_family or error < max(tolerance, _HELD):
+            determinations[k] = Determination(fixed.ill_posed, fixed.resolution, (), fixed.length_uncertainty)
+        else:
+            determinations[k] = Determination(
+                False, resolution, touched(found[k], samples, limits), np.full(4, np.nan)
+            )
     return determinations
 
 

@@ -16,7 +16,7 @@ from linkage_atlas.motions import MOST_STOCK, Motion
 from linkage_atlas.tolerance_study import Manufacture, read_manufacture
 from synthesis.errors import FieldError
 from synthesis.limits import BETWEEN_LENGTHS, Limits
-from synthesis.studies.four_bar_rounding import given_lengths, multiples
+from synthesis.studies.rounding import given_lengths, multiples
 from synthesis.target import MAX_LENGTH, MIN_LENGTH
 
 DRIVE_STUDIES = ("load", "drives", "springs", "drive")

@@ -26,6 +26,8 @@ _EQUATION = 1e-12
 """Largest violation of an equation by a four-bar, as a fraction of the largest number involved."""
 _ROUNDING = 1e-9
 """Largest violation by other kinds that is rounding, as a fraction of the motion's extent or in radians."""
+_TOUCHED = 1e-5
+"""Distance from a bound, in the same unit, up to which a solution lies at it."""
 _FEW_POSITIONS, _MORE = 41, 0.3
 """Number of travels that estimate the used part of a guide from above, and the fraction of the longest step added for it."""
 _NODES = 17, 17, 17, 17
@@ -54,7 +56,14 @@ def violations_of(solution: Solution, samples: Samples, limits: Limits) -> dict[
     return _violations(solution, samples, limits, _used(solution, True)) if found.keys() & _BY_ENDS else found
 
 
-def _violations(solution: Solution, samples: Samples, limits: Limits, ends: Sequence[Used]) -> dict[str, float]:
+def touched(solution: Solution, samples: Samples, limits: Limits) -> tuple[str, ...]:
+    """Return the names of the limits at whose bounds a solution lies."""
+    return tuple(_violations(solution, samples, limits, _used(solution, True), -_TOUCHED))
+
+
+def _violations(
+    solution: Solution, samples: Samples, limits: Limits, ends: Sequence[Used], beyond: float = 0.0
+) -> dict[str, float]:
     linkage, lengths = solution.linkage, _lengths(solution.linkage)
     extent = lengths.get("ground", 1.0) if samples.position is None else samples.extent
     rounding = equation = _ROUNDING
@@ -71,8 +80,8 @@ def _violations(solution: Solution, samples: Samples, limits: Limits, ends: Sequ
         (equation, _by_equations(linkage, lengths, limits, extent)),
     ):
         for name, amount in violations:
-            if amount > spare:
-                found[name] = max(found.get(name, 0.0), amount)
+            if amount > spare + beyond:
+                found[name] = max(found.get(name, -np.inf), amount)
     return found
 
 
@@ -103,8 +112,9 @@ def _by_pivots(linkage: Linkage, limits: Limits, extent: float) -> Violations:
         if not guide.has_pin or getattr(limits, name) is not None:
             continue
         pivot = guide[0]
-        if (box := limits.box(f"{name}_box")) is not None:
-            yield "pivot_box", float(outside(pivot, box)) / extent
+        for box_name in (f"{name}_box", "pivot_box"):
+            if (box := getattr(limits, box_name)) is not None:
+                yield box_name, float(outside(pivot, box)) / extent
         if reach is not None and (radius := getattr(reach, name)) is not None:
             yield "pivot_reach", (abs(pivot - reach.middle) - radius) / extent
         for box in limits.keep_out:

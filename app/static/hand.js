@@ -7,7 +7,7 @@ import { RAD, add, along, cross, direction, dot, less, size, turned } from "./pl
 
 const COINCIDE = 1e-9; // joints this part of the longest link apart are one
 const OF_SERVICE =
-  "rank verdict rounded analysis tolerance_study excursion transmission_angle_min_turn arm_min sensitivity condition " +
+  "rank verdict rounded analysis tolerance_study excursion transmission_angle_min_turn arm_min sensitivity " +
   "determination has_smallest_error";
 /** Results of the service for a solution, which are invalid once the solution has been changed. */
 export const UNKNOWN = Object.fromEntries(OF_SERVICE.split(" ").map((name) => [name, null]));

@@ -115,8 +115,6 @@ class FunctionSolution(AnyFunctionSolution):
     family: str
     transmission_angle_min_turn: float | None
     """Over the whole turn; null if the crank cannot turn."""
-    condition: float
-    """Condition number of the output's derivatives by all unknowns."""
     determination: Determination
     """Determination of all lengths; 0 for a prescribed length."""
     sensitivity: Floats | None

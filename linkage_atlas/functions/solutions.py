@@ -20,13 +20,13 @@ from linkage_atlas.linkages import Linkage
 from linkage_atlas.solutions import Determination, verdict_of
 from synthesis.arrays import Floats
 from synthesis.defects import faults_of, verdict
-from synthesis.fourbar.determination import determinations
 from synthesis.function.answers import Generator, turning_back
 from synthesis.function.laws import LENGTH, FunctionLimits
 from synthesis.function.search import refit
 from synthesis.limits import Limits
 from synthesis.linkage import Linkage as Plain
 from synthesis.linkage import as_lengths, with_links
+from synthesis.studies.determination import determinations
 from synthesis.studies.sensitivity import changes
 from synthesis.target import Interval
 from synthesis.work import Work
@@ -105,9 +105,10 @@ def _four_bar(
     exchanged = dataclasses.replace(
         with_links(plain, (crank, rocker, coupler, ground)), branch=-plain.branch, body_offset=None
     )
-    fixed = [k for k, name in enumerate(_EXCHANGED[:3]) if question.limits.limits.links[name] is not None]
+    given = zip(("crank", "rocker", "coupler", "ground"), question.limits.limits.links)
+    held = [name for name, length in given if length is not None]
     resolution = max(generator.errors.objective, question.tolerance)
-    (determined,) = determinations(target, [exchanged], [resolution], fixed)
+    (determined,) = determinations(target, [exchanged], [resolution], held)
     by_length: Floats | None = None
     if sensitivity:
         by_length = np.array([change.rotation for change in changes(exchanged, target, radian)])[_EXCHANGED]
@@ -119,7 +120,6 @@ def _four_bar(
         start_angle=linkage.start_angle,
         family=plain.family.value,
         transmission_angle_min_turn=None if turn is None else turn / radian,
-        condition=determined.condition,
         determination=Determination(
             determined.ill_posed, determined.resolution, (), determined.length_uncertainty[_EXCHANGED]
         ),

@@ -1,67 +1,97 @@
 """Linkages with lengths on a grid or from stock, and everything else fitted again.
 
-`round_lengths` is the entry for all kinds. The search for combinations of the lengths of four-bars is
-`four_bar_rounding`.
+The lengths are the lengths of cranks and rockers, the distance of the points of the body if both guides hold a point, and the
+ground of a four-bar. The positions of the guides, the position of the body on them, and the drive at each sample are refined by
+least squares; if the drive is free, the error that it could remove is projected out at each sample.
 
-The lengths are the lengths of cranks and rockers and, if both guides hold a point of the body, the distance of these
-points. The positions of the guides, the position of the body on them, and the drive at each sample are refined by least
-squares; if the drive is free, the error that it could remove is projected out at each sample.
+Near a solution the squared error is a quadratic form of the logarithms of the lengths, with everything else fitted again.
+Combinations of available lengths are fitted in the order of this estimate, from the dimensions that it predicts.
 """
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from synthesis.arrays import Complexes, Floats
+from synthesis.arrays import Complexes, Floats, Ints
+from synthesis.errors import FieldError
 from synthesis.guides import Circle, Guide, Rail, Slot
 from synthesis.least_squares import Evaluation, minimise
-from synthesis.limits import Limits
-from synthesis.linkage import Linkage, on_guides
-from synthesis.local_refinement import refined_in_place
+from synthesis.limits import LINKS, PIVOTS, Limits, in_family
+from synthesis.linkage import Linkage, as_lengths, on_guides, with_links
+from synthesis.local_refinement import refine_motion, refine_poses
 from synthesis.poses import Poses
 from synthesis.solution import Solution, assess, target_of
-from synthesis.studies.four_bar_rounding import NO_TIME, Rounding, best_from_stock, round_to_grid
+from synthesis.studies.sensitivity import (
+    Deviations,
+    guide_dimensions,
+    length_changes,
+    motion_derivatives,
+    null_space,
+    weighted,
+)
 from synthesis.target import TURN, Samples, Target
 from synthesis.violations import violations_of
 from synthesis.work import Work
 
-AROUND = 2
-"""Number of nearest lengths that are combined for each length."""
-NONE_KEEPS = "no combination of lengths that was tried closes at every sample and satisfies the limits"
-_STEPS = 15
-"""Largest number of steps of the least squares."""
-_DAMPING = 1e-3
-"""Damping of the first step."""
-_STEP = 1e-6
-"""Half the step of difference quotients, in lengths of the linkage's size."""
-_STALL = 1e-5
-"""Relative decrease of the squared error below which a step is the last."""
-_TRAVEL_STEPS = 30
-"""Largest number of Newton steps towards the travel at which the body is nearest to a sample."""
-_ARRIVED = 1e-7
-"""Step, relative to the longest step, that is the last: the next step would be its square."""
-_BACK = 20
-"""Largest number of halvings of a step that would increase a sample's error, or open the loop."""
+NONE_FITS = "none of the lengths that were tried closes at all crank angles of this solution within the limits"
+NO_TIME = "the time was up before a linkage with available lengths was found"
 
 
 @dataclass(frozen=True)
 class RoundingOptions:
     """Options of `round_lengths`."""
 
-    four_bar_tries: int = 4000
-    """Number of combinations of lengths that are fitted in all four-bars of a request: about two seconds."""
-    min_four_bar_tries: int = 40
-    """Minimum number of combinations for each four-bar."""
-    tries: int = 40
-    """Number of combinations that are fitted in all linkages with rails or slots of a request."""
-    min_tries: int = 2
-    """Minimum number of combinations for each such linkage."""
-    max_tries: int = 8
-    """Maximum number of combinations for each such linkage."""
+    choices: int = 5
+    """Largest number of available lengths, the nearest, that are combined for each link."""
+    tries: int = 120
+    """Number of combinations that are fitted in all linkages of a request."""
+    min_tries: int = 8
+    """Minimum number of combinations for each linkage."""
+    max_tries: int = 48
+    """Maximum number of combinations for each linkage."""
+    batch: int = 12
+    """Number of combinations that are fitted before the others are estimated again, from the best of these."""
+    sufficient_ratio: float = 1.01
+    """Ratio of the objectives of available lengths and of the solution up to which no other lengths are tried."""
+    exact: float = 1e-12
+    """Objective that is only rounding."""
+    descents: int = 4
+    """Number of four-bars out of limits that are refined within them."""
+    first_steps: tuple[int, float] = 8, 1e-3
+    """Largest number of steps of the least squares, and the relative decrease of the squared error that ends them."""
+    steps: tuple[int, float] = 30, 1e-7
+    """The same for the best combination."""
+    change_weight: float = 1e-2
+    """Weight of a length's own change beside the estimate: of lengths that the motion does not fix the nearest come first."""
+    travel_steps: int = 30
+    """Largest number of Newton steps towards the travel at which the body is nearest to a sample."""
+    arrived: float = 1e-7
+    """Step, relative to the longest step, that is the last: the next step would be its square."""
+    halvings: int = 20
+    """Largest number of halvings of a step that would increase a sample's error, or open the loop."""
+
+
+OPTIONS = RoundingOptions()
+
+
+@dataclass(frozen=True)
+class Rounding:
+    """Result of a search for available lengths.
+
+    ``solution``: the best solution; None if no examined combination can be fitted within the limits. ``tried``: number of fitted
+    combinations. ``combinations``: number of all combinations; None for a grid, which has no end. ``exhaustive``: True if all
+    combinations were fitted; None for a grid. ``reason``: reason for an empty result.
+    """
+
+    solution: Solution | None
+    tried: int
+    combinations: int | None = None
+    exhaustive: bool | None = None
+    reason: str | None = None
 
 
 def round_lengths(
@@ -72,7 +102,6 @@ def round_lengths(
     stock: Sequence[float] | None,
     work: Work,
     solutions: int = 1,
-    options: RoundingOptions | None = None,
 ) -> Rounding:
     """Return the best linkage with lengths on a grid or from stock, everything else fitted again within the limits.
 
@@ -81,178 +110,264 @@ def round_lengths(
     samples : Poses or Target
     solution : Solution
     limits : Limits
+        Lengths and pivots that it gives do not change.
     grid : float or None
-        Step of the lengths.
+        Step of the lengths. If the nearest lengths increase the error only slightly, no others are tried.
     stock : sequence of float or None
         Lengths to choose from, instead of a grid.
     work : Work
     solutions : int
         Number of solutions of the request that are rounded.
-    options : RoundingOptions, optional
     """
-    options = options or RoundingOptions()
-    if not solution.linkage.is_four_bar:
-        tries = max(options.min_tries, min(options.max_tries, options.tries // solutions))
-        return _best_of_nearest(samples, solution, limits, grid, stock, tries, work)
-    tries = max(options.min_four_bar_tries, options.four_bar_tries // solutions)
-    target = target_of(samples, solution.linkage, solution.travel)
-    if stock is not None:
-        found = best_from_stock(target, solution, stock, limits, tries, work)
-    else:
-        found = round_to_grid(target, solution, grid or 0.0, limits, tries, work)
-    if found.solution is None or not isinstance(samples, Poses):
-        return found
-    return replace(found, solution=refined_in_place(samples, limits, found.solution, target.crank, work))
-
-
-def _best_of_nearest(
-    samples: Poses | Target,
-    solution: Solution,
-    limits: Limits,
-    grid: float | None,
-    stock: Sequence[float] | None,
-    tries: int,
-    work: Work,
-) -> Rounding:
-    """Fit combinations of the nearest lengths, the nearest first, and return the best within the limits."""
-    own = solution.linkage.lengths
-    combinations = itertools.product(*(_nearest(length, grid, stock) for length in own.values()))
-    nearest_first = sorted(combinations, key=lambda row: sum(abs(np.log(a / b)) for a, b in zip(row, own.values())))
-    best: Solution | None = None
-    tried = 0
-    for row in nearest_first[:tries]:
-        if tried and work.expired():
+    own = _lengths_of(solution.linkage)
+    given = given_lengths(limits) if solution.linkage.is_four_bar else np.full(len(own), np.nan)
+    choices = [
+        _nearest(length, grid, stock) if np.isnan(fixed) else [fixed]
+        for length, fixed in zip(own.values(), given.tolist())
+    ]
+    count = None if stock is None else len(set(stock)) ** int(np.isnan(given).sum())
+    combinations = _allowed(np.array(list(itertools.product(*choices)), dtype=float), solution.linkage, limits)
+    tries = max(OPTIONS.min_tries, min(OPTIONS.max_tries, OPTIONS.tries // solutions))
+    sufficient = max(OPTIONS.sufficient_ratio * solution.errors.objective, OPTIONS.exact)
+    best, tried = None, 0
+    for found in itertools.islice(_in_order(samples, solution, combinations, limits, work), tries):
+        best, tried = _better(best, found), tried + 1
+        if work.expired() or (best is not None and best.errors.objective <= sufficient):
             break
-        work.check()
-        tried += 1
-        found = fitted(samples, solution, dict(zip(own, row)), work)
-        if found is None or violations_of(found, samples, limits):
-            continue
-        if best is None or found.errors.objective < best.errors.objective:
-            best = found
-    count = None if stock is None else len(set(stock)) ** len(own)
-    exhaustive = None if count is None else tried == count and not work.expired()
-    reason = None if best is not None else NO_TIME if work.expired() else NONE_KEEPS
-    return Rounding(best, tried, count, exhaustive, reason)
+    exhaustive = None if count is None else tried == count
+    if best is None:
+        return Rounding(None, tried, count, exhaustive, NO_TIME if work.expired() else NONE_FITS)
+    fit = _Fit(samples, best, limits, work)
+    finest = fit.fitted(np.array([*_lengths_of(best.linkage).values()]), fit.no_change, OPTIONS.steps)
+    if finest is not None and not violations_of(finest, samples, limits):
+        best = _better(best, finest)
+    return Rounding(best, tried, count, exhaustive)
+
+
+def _in_order(
+    samples: Poses | Target, solution: Solution, combinations: Floats, limits: Limits, work: Work
+) -> Iterator[Solution | None]:
+    """Yield the fitted linkage of each combination of lengths, or None if it does not fit, in the order of their estimates."""
+    best, descents = None, OPTIONS.descents
+    while len(combinations):
+        fit = _Fit(samples, best or solution, limits, work)
+        order, starts = fit.in_order(combinations)
+        combinations = combinations[order]
+        for lengths, start in zip(combinations[: OPTIONS.batch], starts):
+            work.check()
+            found = fit.fitted(lengths, start, OPTIONS.first_steps)
+            if found is not None and violations_of(found, samples, limits):
+                found = fit.descended(found, lengths) if descents > 0 else None
+                descents -= 1
+            best = _better(best, found)
+            yield found
+        combinations = combinations[OPTIONS.batch :]
+
+
+def _better(first: Solution | None, second: Solution | None) -> Solution | None:
+    known = [solution for solution in (first, second) if solution is not None]
+    return min(known, key=lambda solution: solution.errors.objective, default=None)
+
+
+def given_lengths(limits: Limits) -> Floats:
+    """Return the lengths of a four-bar that the limits give, which are no choice, (4,); NaN for the others."""
+    lengths = np.array([np.nan if length is None else length for length in limits.links])
+    if limits.pivot_a is not None and limits.pivot_b is not None:
+        lengths[3] = abs(limits.pivot_b - limits.pivot_a)
+    return lengths
+
+
+def multiples(steps: Floats, grid: float) -> Floats:
+    """Return whole numbers of steps of a grid as decimal numbers: three tenths are exactly 0.3."""
+    return np.array([float(f"{length:.15g}") for length in (steps * grid).tolist()])
+
+
+def _lengths_of(linkage: Linkage) -> dict[str, float]:
+    return dict(zip(LINKS, linkage.links)) if linkage.is_four_bar else linkage.lengths
+
+
+def _allowed(links: Floats, linkage: Linkage, limits: Limits) -> Floats:
+    """Return the combinations of lengths (n, lengths) that the limits of lengths allow."""
+    low, high = limits.link_min or 0.0, limits.link_max or np.inf
+    allowed = np.all((links >= low) & (links <= high), axis=1)
+    if limits.link_ratio_max is not None and links.size:
+        allowed &= links.max(axis=1) <= limits.link_ratio_max * links.min(axis=1)
+    return links[allowed & in_family(limits.family, links)] if linkage.is_four_bar else links[allowed]
 
 
 def _nearest(length: float, grid: float | None, stock: Sequence[float] | None) -> list[float]:
     """Return the multiples of a grid above 0, or the lengths from stock, nearest to a length, nearest first."""
-    choices = set(stock or ())
+    choices = np.unique(stock or ())
     if grid is not None:
-        low = max(1, int(np.floor(length / grid)))
-        choices = {low * grid, (low + 1) * grid}
-    return sorted(choices, key=lambda choice: abs(choice - length))[:AROUND]
+        step, around = max(1.0, round(length / grid)), OPTIONS.choices // 2
+        choices = multiples(np.arange(max(1.0, step - around), step + around + 1), grid)
+    return choices[np.argsort(np.abs(np.log(choices / length)), kind="stable")][: OPTIONS.choices].tolist()
 
 
-# -- a linkage of given lengths ---------------------------------------------------------------------------------------
+# -- linkages of given lengths ----------------------------------------------------------------------------------------
 
 
-class _Chart:
-    """Linkages with given lengths; the unknowns are changes of the remaining dimensions, in units of the linkage's size."""
+class _Fit:
+    """Least squares of linkages with given lengths, starting from a solution.
 
-    def __init__(self, linkage: Linkage, lengths: dict[str, float], timed: bool) -> None:
-        self.linkage, self.lengths, self.timed = linkage, lengths, timed
-        first, second = linkage.guides
-        self.size = linkage.reach
-        self.along = float(np.angle(second.body_point - first.body_point))
-        self.count = 2 * 4 + timed
+    The unknowns are changes of all dimensions but the radii, in units of the linkage's size, and with given timing the start of
+    the drive. After a change the lengths are restored.
+    """
 
-    def at(self, x: Floats) -> Linkage:
-        """Return the linkage after changes x."""
-        guides: list[Guide] = []
-        for index, (name, guide) in enumerate(self.linkage.named_guides):
-            own = x[4 * index : 4 * index + 4]
-            fixed = guide[0] + self.size * complex(own[0], own[1])
-            point = guide.body_point + self.size * complex(own[2], own[3])
-            if index and "coupler" in self.lengths:
-                # the second body point turns about the first; a change along the coupler has no effect
-                turn = self.along + float(own[2])
-                point = complex(guides[0].body_point + self.lengths["coupler"] * np.exp(1j * turn))
-            if isinstance(guide, Circle):
-                guides.append(Circle(fixed, self.lengths.get(name, guide.radius), point))
-            elif isinstance(guide, Rail):
-                # a single change shifts the line, the other turns it
-                normal = 1j * np.exp(1j * guide.direction)
-                shifted = complex(guide.point + self.size * own[0] * normal)
-                guides.append(Rail(shifted, guide.direction + float(own[1]), point))
-            else:
-                normal = 1j * np.exp(1j * guide.body_direction)
-                moved = complex(guide.body_point + self.size * own[2] * normal)
-                guides.append(Slot(fixed, moved, guide.body_direction + float(own[3])))
-        unit = 1.0 if self.linkage.driver.turns else self.size
-        start = self.linkage.start + self.linkage.ground_angle + (unit * float(x[8]) if self.timed else 0.0)
-        return on_guides((guides[0], guides[1]), self.linkage.driver, self.linkage.branch, start)
+    def __init__(self, samples: Poses | Target, solution: Solution, limits: Limits, work: Work) -> None:
+        self.samples, self.limits, self.work = samples, limits, work
+        self.linkage, self.size = solution.linkage, solution.linkage.reach
+        self.timed = isinstance(samples, Target)
+        self.travel = solution.travel if self.timed else solution.travel[: samples.samples]
+        self.units = [
+            pair
+            for name, pair in guide_dimensions(self.linkage)
+            if not any(unit.fixed and getattr(limits, pivot) is not None for pivot, unit in zip(PIVOTS, pair))
+        ]
+        self.no_change = np.zeros(len(self.units) + self.timed)
 
+    def in_order(self, links: Floats) -> tuple[Ints, Floats]:
+        """Return the order of combinations of lengths (n, lengths) by their estimates, and the unknowns predicted for each."""
+        own = _lengths_of(self.linkage)
+        lengths = np.array([*own.values()])
+        residual = self._measured(self.linkage, self.travel).ravel()
+        matrix = np.nan_to_num(self._derivatives(self.linkage, self.units, self.travel))
+        by_length = length_changes(self.linkage, self.units)
+        changes = np.array([by_length[name] for name in own]).reshape(len(own), len(self.units)) * self.size
+        changes = np.pad(changes, ((0, 0), (0, len(matrix) - len(self.units))))
+        free = null_space(changes)
+        begin = (links - lengths) @ np.linalg.pinv(changes).T
+        begin = begin - (residual + begin @ matrix) @ np.linalg.pinv(matrix.T @ free).T @ free.T
+        own_change = OPTIONS.change_weight * np.linalg.norm(matrix) * np.log(links / lengths)
+        estimate = np.sum((residual + begin @ matrix) ** 2, axis=1) + np.sum(own_change**2, axis=1)
+        order = np.argsort(estimate, kind="stable")
+        return order, begin[order]
 
-def fitted(samples: Poses | Target, solution: Solution, lengths: dict[str, float], work: Work) -> Solution | None:
-    """Fit a linkage of given lengths by least squares, starting from a solution; None if the loop opens at a sample."""
-    timed = isinstance(samples, Target)
-    chart = _Chart(solution.linkage, lengths, timed)
-    begin = solution.travel if timed else solution.travel[: samples.samples]
+    def fitted(self, links: Floats, start: Floats, steps: tuple[int, float]) -> Solution | None:
+        """Return a linkage of given lengths, fitted without limits; None if the loop opens at a sample."""
+        travel, lengths = self.travel, dict(zip(_lengths_of(self.linkage), links.tolist()))
 
-    def evaluate(unknowns: Floats, _: Floats) -> Evaluation:
-        rows = _evaluated(samples, chart, unknowns[0], begin)
-        if rows is None:
-            return Evaluation(np.array([np.inf]), np.zeros((1, chart.count + 1, 3 * begin.size)))
-        return Evaluation(np.sum(rows[-1:] ** 2, axis=1), rows[None])
+        def evaluate(unknowns: Floats, _: Floats) -> Evaluation:
+            nonlocal travel
+            linkage, units = self._at(unknowns[0], lengths)
+            with np.errstate(all="ignore"):
+                closes = np.isfinite(linkage.body(linkage.start + travel).rotation).all()
+                if closes and not self.timed:
+                    travel = nearest_travel(self.samples, linkage, travel)
+                residual = self._measured(linkage, travel).ravel()
+                rows = np.vstack([self._derivatives(linkage, units, travel), residual])
+            known = closes and np.isfinite(rows).all()
+            cost = np.sum(residual**2) if known else np.inf
+            return Evaluation(np.array([cost]), np.nan_to_num(rows)[None])
 
-    start = np.zeros((1, chart.count))
-    found = minimise(evaluate, start, np.zeros(1), _STEPS, work=work, stall=_STALL, damping=_DAMPING)
-    if not np.isfinite(found.cost[0]):
-        return None
-    linkage = chart.at(found.unknowns[0])
-    if timed:
-        return assess(samples, [linkage], begin)[0]
-    travel = _complete_travel(samples, linkage, nearest_travel(samples, linkage, begin))
-    return assess(samples, [linkage], travel)[0]
+        found = minimise(evaluate, start[None], np.zeros(1), steps[0], work=self.work, stall=steps[1])
+        if not np.isfinite(found.cost[0]):
+            return self.fitted(links, self.no_change, steps) if start.any() else None
+        linkage = self._at(found.unknowns[0], lengths)[0]
+        if linkage.is_four_bar:
+            linkage = with_links(linkage, as_lengths(lengths.values()))
+        if not self.timed:
+            travel = self._complete(linkage, nearest_travel(self.samples, linkage, travel))
+        return assess(self.samples, [linkage], travel)[0]
 
-
-def _complete_travel(samples: Poses | Target, linkage: Linkage, travel: Floats) -> Floats:
-    """Return the travel at all requested samples, including the last sample of a closed path, which repeats the first."""
-    if not isinstance(samples, Poses) or samples.requested is None:
-        return travel
-    return samples.whole(travel) if linkage.turns_fully else np.append(travel, travel[0])
-
-
-def _evaluated(samples: Poses | Target, chart: _Chart, x: Floats, travel: Floats) -> Floats | None:
-    """Return derivatives of the errors by the unknowns, and the errors as the last row; None if the loop is open."""
-    linkage = chart.at(x)
-    with np.errstate(all="ignore"):
-        if not np.isfinite(linkage.body(linkage.start + travel).rotation).all():
+    def descended(self, found: Solution, lengths: Floats) -> Solution | None:
+        """Return a four-bar of given lengths that a descent within the limits finds from a linkage out of them."""
+        if not found.linkage.is_four_bar:
             return None
-        if not chart.timed:
-            travel = nearest_travel(samples, linkage, travel)
-        rows = _rows(samples, linkage, travel)
-        columns = []
-        for off in _STEP * np.eye(chart.count):
-            ends = [_rows(samples, chart.at(x + sign * off), travel) for sign in (1, -1)]
-            columns.append((ends[0] - ends[1]) / (2 * _STEP))
-        jacobian = np.array(columns)
-        if not chart.timed:
-            step = _STEP * (1.0 if linkage.driver.turns else chart.size)
-            slope = (_rows(samples, linkage, travel + step) - _rows(samples, linkage, travel - step)) / (2 * step)
-            # remove the error that the drive could remove at a sample
-            square = np.sum(slope**2, axis=0)
-            part = np.einsum("rn,krn->kn", slope, jacobian) / np.where(square > 0, square, 1.0)
-            jacobian = jacobian - slope * part[:, None]
-    stack = np.concatenate([jacobian, rows[None]]).reshape(chart.count + 1, -1)
-    return stack if np.isfinite(stack).all() else None
+        links = as_lengths(lengths)
+        try:
+            held = replace(self.limits, links=links)
+        except FieldError:  # the lengths themselves violate a limit
+            return None
+        if isinstance(self.samples, Target):
+            refined, _ = refine_motion(self.samples, held, found.linkage, 0.0, self.work)
+        else:
+            refined, _ = refine_poses(self.samples, held, found.linkage, found.travel, 0.0, self.work)
+        for solution in refined:
+            linkage = with_links(solution.linkage, links)
+            exact = assess(target_of(self.samples, linkage, solution.travel), [linkage])[0]
+            if not violations_of(exact, self.samples, self.limits):
+                return exact
+        return None
+
+    def _complete(self, linkage: Linkage, travel: Floats) -> Floats:
+        """Return the travel at all requested samples, including the last sample of a closed path, which repeats the first."""
+        if not isinstance(self.samples, Poses) or self.samples.requested is None:
+            return travel
+        return self.samples.whole(travel) if linkage.turns_fully else np.append(travel, travel[0])
+
+    def _at(self, x: Floats, lengths: dict[str, float]) -> tuple[Linkage, list[Deviations]]:
+        """Return the linkage after changes x with its lengths restored, and its changes by each unknown."""
+        first, second = (self._changed(index, x, lengths) for index in (0, 1))
+        units = [(one._replace(radius=0.0), two._replace(radius=0.0)) for one, two in self.units]
+        if "coupler" in lengths:
+            restored = _Restored(second.body_point - first.body_point, lengths["coupler"])
+            second = second._replace(body_point=first.body_point + restored.vector)
+            units = [
+                (one, two._replace(body_point=one.body_point + restored.change(two.body_point - one.body_point)))
+                for one, two in units
+            ]
+        if "ground" in lengths:
+            restored = _Restored(second[0] - first[0], lengths["ground"])
+            if self.limits.pivot_b is None:
+                second = Circle(first[0] + restored.vector, *second[1:])
+                units = [
+                    (one, two._replace(fixed=one.fixed + restored.change(two.fixed - one.fixed)))
+                    for one, two in units
+                ]
+            else:
+                first = Circle(second[0] - restored.vector, *first[1:])
+                units = [
+                    (one._replace(fixed=two.fixed - restored.change(two.fixed - one.fixed)), two)
+                    for one, two in units
+                ]
+        unit = 1.0 if self.linkage.driver.turns else self.size
+        start = self.linkage.start + self.linkage.ground_angle + (unit * float(x[-1]) if self.timed else 0.0)
+        return on_guides((first, second), self.linkage.driver, self.linkage.branch, start), units
+
+    def _changed(self, index: int, x: Floats, lengths: dict[str, float]) -> Guide:
+        """Return a guide after changes x."""
+        name, guide = self.linkage.named_guides[index]
+        parts = zip(*(unit[index] for unit in self.units))
+        _, point, fixed, direction = (self.size * complex(np.dot(x[: len(self.units)], part)) for part in parts)
+        if isinstance(guide, Circle):
+            return Circle(guide.pivot + fixed, lengths.get(name, guide.radius), guide.body_point + point)
+        turn = direction.real / self.size
+        if isinstance(guide, Rail):
+            return Rail(guide.point + fixed, guide.direction + turn, guide.body_point + point)
+        return Slot(guide.pin + fixed, guide.body_point + point, guide.body_direction + turn)
+
+    def _measured(self, linkage: Linkage, travel: Floats) -> Floats:
+        """Return weighted errors (rows, N)."""
+        samples, found = self.samples, linkage.body(linkage.start + travel)
+        turned, off = 0.0 * found.rotation, 0.0 * found.position
+        if samples.rotation is not None:
+            turned = found.rotation - samples.rotation
+            # rotations count modulo a turn, or to a constant whole number of turns
+            turned = turned - TURN * np.round((turned[:1] if self.timed else turned) / TURN)
+        if samples.position is not None:
+            off = found.position - samples.position
+        return weighted(samples, turned, off)
+
+    def _derivatives(self, linkage: Linkage, units: Sequence[Deviations], travel: Floats) -> Floats:
+        """Return the derivatives of the weighted errors by all unknowns, (unknowns, rows N)."""
+        found = motion_derivatives(self.samples, linkage, travel, units, free=not self.timed)
+        scale = np.array([1.0 if any(change.direction for change in pair) else self.size for pair in units])
+        if self.timed:
+            scale = np.append(scale, 1.0 if linkage.driver.turns else self.size)
+        return (found * scale[:, None, None]).reshape(len(found), -1)
 
 
-def _rows(samples: Poses | Target, linkage: Linkage, travel: Floats) -> Floats:
-    """Weighted errors (3, N): rotation, and position by x and y over the length scale."""
-    found = linkage.body(linkage.start + travel)
-    rows = np.zeros((3, travel.size))
-    if samples.rotation is not None:
-        gap = found.rotation - samples.rotation
-        # rotations count modulo a turn, or to a constant whole number of turns
-        gap = gap - TURN * np.round((gap if isinstance(samples, Poses) else gap[:1]) / TURN)
-        rows[0] = samples.rotation_mean.root * gap
-    if samples.position is not None:
-        off = samples.position_mean.root * (found.position - samples.position) / samples.length_scale
-        rows[1:] = off.real, off.imag
-    return rows
+class _Restored:
+    """Vector restored to a given length."""
+
+    def __init__(self, vector: complex, length: float) -> None:
+        self.direction = vector / abs(vector)
+        self.vector, self._stretch = self.direction * length, length / abs(vector)
+
+    def change(self, change: Complexes | complex) -> complex:
+        """Return the change of the restored vector by a change of the vector."""
+        return complex(self._stretch * 1j * self.direction * np.imag(np.conj(self.direction) * change))
 
 
 # -- travel of the drive ----------------------------------------------------------------------------------------------
@@ -268,17 +383,17 @@ def nearest_travel(samples: Samples, linkage: Linkage, begin: Floats) -> Floats:
     travel = np.array(begin, dtype=float)
     square = squared_errors(samples, linkage, travel)
     weights = _weights(samples)
-    for _ in range(_TRAVEL_STEPS):
+    for _ in range(OPTIONS.travel_steps):
         first, second = _slopes(samples, linkage, travel, weights)
         # towards a minimum if the error is convex, otherwise along the first-order step
         step = np.nan_to_num(-first / np.where(second > 0, second, np.inf))
         longest = 0.3 if linkage.driver.turns else 0.3 * samples.length_scale
         step = np.clip(step, -longest, longest)
-        going = np.abs(step) > _ARRIVED * longest
+        going = np.abs(step) > OPTIONS.arrived * longest
         if not going.any():
             there = squared_errors(samples, linkage, travel + step)
             return np.where(np.isfinite(there), travel + step, travel)
-        for _ in range(_BACK):
+        for _ in range(OPTIONS.halvings):
             there = squared_errors(samples, linkage, travel + step)
             worse = going & ~(there <= square)
             if not worse.any():

@@ -9,11 +9,9 @@ import numpy as np
 
 from synthesis.arrays import Complexes, Floats, dot
 from synthesis.guides import Circle, Driver, Guide, Rail, Slot
+from synthesis.limits import LINKS
 from synthesis.linkage import Linkage
-from synthesis.target import Mean, Target
-
-LENGTHS = ("crank", "coupler", "rocker", "ground")
-"""Dimensions of a four-bar."""
+from synthesis.target import Mean, Samples, Target
 
 
 class Deviation(NamedTuple):
@@ -70,37 +68,102 @@ def changes(linkage: Linkage, target: Target, radian: float = 1.0) -> list[Chang
 
 
 def dimensions_of(linkage: Linkage) -> list[tuple[str, Deviations]]:
-    """Return the name of each dimension and a unit change of it; directions come last, in radians.
+    """Return the name of each dimension and a unit change of it: the four lengths of a four-bar, or `guide_dimensions`.
 
-    A four-bar has its four lengths; the ground line keeps its direction.
+    The ground line of a four-bar keeps its direction.
     """
+    if not linkage.is_four_bar:
+        return guide_dimensions(linkage)
+    first, second = linkage.guides
+    coupler, ground = second.body_point - first.body_point, np.exp(1j * linkage.ground_angle)
+    length, still = Deviation(radius=1.0), Deviation()
+    along = Deviation(body_point=coupler / abs(coupler))
+    units = (length, still), (still, along), (still, length), (still, Deviation(fixed=ground))
+    return list(zip(LINKS, units))
+
+
+def guide_dimensions(linkage: Linkage) -> list[tuple[str, Deviations]]:
+    """Return the name of each dimension of both guides and a unit change of it; directions come last, in radians."""
     found: list[tuple[str, Deviations]] = []
     turned: list[tuple[str, Deviations]] = []
-
-    def of_guide(index: int, change: Deviation) -> Deviations:
-        return (change, Deviation()) if index == 0 else (Deviation(), change)
-
-    if linkage.is_four_bar:
-        first, second = linkage.guides
-        coupler = second.body_point - first.body_point
-        ground = np.exp(1j * linkage.ground_angle)
-        units = (
-            Deviation(radius=1.0),
-            Deviation(body_point=coupler / abs(coupler)),
-            Deviation(radius=1.0),
-            Deviation(fixed=ground),
-        )
-        return [(name, of_guide(index, unit)) for name, index, unit in zip(LENGTHS, (0, 1, 1, 1), units)]
     for index, (name, guide) in enumerate(linkage.named_guides):
         fixed = {Circle: "pivot", Rail: "rail", Slot: "pin"}[type(guide)]
-        if isinstance(guide, Circle):
-            found.append((f"{name} length", of_guide(index, Deviation(radius=1.0))))
-        else:
-            turned.append((f"{name} direction", of_guide(index, Deviation(direction=1.0))))
+        units = {f"{name} length": Deviation(radius=1.0)} if isinstance(guide, Circle) else {}
         for axis, unit in (("x", 1.0), ("y", 1j)):
-            found.append((f"{name} body point {axis}", of_guide(index, Deviation(body_point=unit))))
-            found.append((f"{name} {fixed} {axis}", of_guide(index, Deviation(fixed=unit))))
+            units[f"{name} body point {axis}"] = Deviation(body_point=unit)
+            units[f"{name} {fixed} {axis}"] = Deviation(fixed=unit)
+        if guide.slides:
+            units[f"{name} direction"] = Deviation(direction=1.0)
+        for dimension, change in units.items():
+            pair = (Deviation(), change) if index else (change, Deviation())
+            (turned if change.direction else found).append((dimension, pair))
     return found + turned
+
+
+def length_changes(linkage: Linkage, units: Sequence[Deviations]) -> dict[str, Floats]:
+    """Return the change of each length by unit changes of the guides, (k,); a four-bar also has the length of its ground."""
+    first, second = linkage.guides
+    found = {
+        name: np.array([np.real(unit[index].radius) for unit in units])
+        for index, (name, guide) in enumerate(linkage.named_guides)
+        if isinstance(guide, Circle)
+    }
+    if first.holds_point and second.holds_point:
+        coupler = second.body_point - first.body_point
+        found["coupler"] = dot(
+            coupler / abs(coupler), np.array([two.body_point - one.body_point for one, two in units])
+        )
+    if linkage.is_four_bar:
+        ground = second[0] - first[0]
+        found["ground"] = dot(ground / abs(ground), np.array([two.fixed - one.fixed for one, two in units]))
+    return found
+
+
+def null_space(rows: Floats) -> Floats:
+    """Return an orthonormal basis (m, m - rank) of the directions that rows (n, m) leave free."""
+    _, singular, vectors = np.linalg.svd(rows)
+    return vectors[int(np.sum(singular > 1e-10 * np.max(singular, initial=0.0))) :].T
+
+
+def weighted(samples: Samples, turned: Floats, moved: Complexes) -> Floats:
+    """Return changes (..., N) of rotation and position in the measure of the objective, (..., rows, N)."""
+    rows = [] if samples.rotation is None else [samples.rotation_mean.root * turned]
+    if samples.position is not None:
+        off = samples.position_mean.root * moved / samples.length_scale
+        rows += [off.real, off.imag]
+    return np.stack(rows, axis=-2)
+
+
+def motion_derivatives(
+    samples: Samples, linkage: Linkage, travel: Floats, units: Sequence[Deviations], free: bool
+) -> Floats:
+    """Return the derivatives of the motion by unit changes of the guides, in the measure of the objective.
+
+    Parameters
+    ----------
+    samples : Samples
+    linkage : Linkage
+    travel : ndarray, shape (N,)
+        Travel of the drive from the first sample.
+    units : sequence of two Deviation each
+        Unit changes of both guides, k of them.
+    free : bool
+        The drive is free at each sample: the changes that it could undo there are projected out. Otherwise the derivatives by
+        the drive at the first sample follow those by the units.
+
+    Returns
+    -------
+    ndarray, shape (k, rows, N) or (k + 1, rows, N)
+        NaN at a dead position.
+    """
+    coordinate = linkage.start + travel
+    positions, rotations = derivatives(linkage, coordinate, units)
+    rates = linkage.rates(coordinate)
+    matrix, drive = weighted(samples, rotations, positions), weighted(samples, rates.rotation, rates.position)
+    if not free:
+        return np.concatenate([matrix, drive[None]])
+    square = np.sum(drive**2, axis=0)
+    return matrix - drive * (np.sum(matrix * drive, axis=1) / np.where(square > 0, square, 1.0))[:, None]
 
 
 def derivatives(linkage: Linkage, coordinate: Floats, changes: Sequence[Deviations]) -> tuple[Complexes, Floats]:
@@ -122,7 +185,7 @@ def derivatives(linkage: Linkage, coordinate: Floats, changes: Sequence[Deviatio
     drive = coordinate + linkage.ground_angle if linkage.driver.turns else coordinate
     turned = np.exp(1j * poses.rotation)
     driven, second_guide = linkage.guides
-    positions, rotations = [], []
+    first, second = (Deviation(*(np.array(values)[:, None] for values in zip(*side))) for side in zip(*changes))
     with np.errstate(all="ignore"):
         at = poses.position, turned
         on_driven = poses.position + turned * driven.body_point
@@ -130,25 +193,21 @@ def derivatives(linkage: Linkage, coordinate: Floats, changes: Sequence[Deviatio
         # turning a rail moves its contact along the push, turning a slot moves it against the push
         sign = 0 if not second_guide.slides else 1 if second_guide.holds_point else -1
         slid = sign * second_guide.coordinate_of(*at)
-        slot = turned * np.exp(1j * direction_of(driven))
-        for first, second in changes:
-            shift = first.fixed - turned * first.body_point
-            if isinstance(driven, Circle):
-                shift = shift + first.radius * np.exp(1j * drive)
-            elif isinstance(driven, Rail):
-                shift = shift + 1j * drive * np.exp(1j * driven.direction) * first.direction
-            else:
-                shift = shift - 1j * (pin - on_driven) * first.direction
-            defect = second.radius + dot(push, second.fixed - turned * second.body_point) + slid * second.direction
-            if linkage.driver is Driver.HINGE:
-                turn = np.full(turned.shape, -first.direction)
-                slide = dot(push, shift + 1j * turn * (contact - pin)) - defect
-                shift = shift - slot * slide / _clear(poses.sine)
-            else:
-                turn = (defect - dot(push, shift)) / _clear(np.copysign(poses.arm, poses.sine))
-            positions.append(shift - 1j * turn * (pin - poses.position))
-            rotations.append(turn)
-    return np.array(positions), np.array(rotations)
+        shift = first.fixed - turned * first.body_point
+        if isinstance(driven, Circle):
+            shift = shift + first.radius * np.exp(1j * drive)
+        elif isinstance(driven, Rail):
+            shift = shift + 1j * drive * np.exp(1j * driven.direction) * first.direction
+        else:
+            shift = shift - 1j * (pin - on_driven) * first.direction
+        defect = second.radius + dot(push, second.fixed - turned * second.body_point) + slid * second.direction
+        if linkage.driver is Driver.HINGE:
+            turn = -first.direction * np.ones(turned.shape)
+            slide = dot(push, shift + 1j * turn * (contact - pin)) - defect
+            shift = shift - turned * np.exp(1j * direction_of(driven)) * slide / _clear(poses.sine)
+        else:
+            turn = (defect - dot(push, shift)) / _clear(np.copysign(poses.arm, poses.sine))
+        return shift - 1j * turn * (pin - poses.position), turn
 
 
 def _clear(values: Floats) -> Floats:

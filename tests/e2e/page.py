@@ -520,7 +520,7 @@ class MotionPage(Page):
         solution |= {"transmission_angle_min": 40.0, "transmission_angle_min_turn": 33.0, "excursion": 1.02}
         solution |= {"source": "refined", "type": None, "family": FREE.family, "sensitivity": None, "rounded": None}
         determination = {"ill_posed": False, "resolution": 1e-3, "length_uncertainty": [0, 0, 0, 0]}
-        solution |= {"condition": 10.0, "determination": determination}
+        solution |= {"determination": determination}
         report = {"elapsed_ms": {"total": 70.0}, "trace": [[20, 0.1], [60, 0.01]], "stopped_by": "converged"}
         reply = {
             "status": "closest",

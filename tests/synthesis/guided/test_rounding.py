@@ -36,7 +36,7 @@ def test_rounded_lengths_lie_on_the_grid(drive) -> None:
     if solution.linkage.kind in (Kind.TWO_SLOTS, Kind.RAIL_SLOT):
         assert solution.linkage.lengths == {} and found.solution is not None
         return
-    assert found.solution is not None and found.tried >= 2
+    assert found.solution is not None and found.tried >= 1
     for length in found.solution.linkage.lengths.values():
         assert abs(length / 0.25 - round(length / 0.25)) < 1e-9
     assert found.solution.errors.objective < 0.35
@@ -52,4 +52,4 @@ def test_with_given_timing_and_stock() -> None:
     for length in found.solution.linkage.lengths.values():
         assert min(abs(length - available) for available in stock) < 1e-9
     none = round_lengths(target, solution, Limits("any", link_max=1e-3), None, stock, Work(None))
-    assert none.solution is None and none.tried > 0
+    assert none.solution is None and none.reason

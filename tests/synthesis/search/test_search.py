@@ -11,7 +11,6 @@ import pytest
 
 import linkage_atlas as la
 from synthesis.four_bar import close_loop
-from synthesis.fourbar.determination import determinations
 from synthesis.fourbar.mechanism import FOURBAR
 from synthesis.limits import Limits
 from synthesis.linkage import Linkage, with_links
@@ -19,6 +18,7 @@ from synthesis.ranking import SAME
 from synthesis.search.report import StoppedBy
 from synthesis.search.search import DEFAULT_TOLERANCE, search
 from synthesis.search.seeds import SeedTables
+from synthesis.studies.determination import determinations
 from synthesis.studies.sensitivity import changes
 from synthesis.target import Target, make_target
 from synthesis.work import Work
@@ -234,7 +234,6 @@ def test_determination_is_that_of_finite_differences(kind, tables) -> None:
     _, singular, vectors = np.linalg.svd(np.array(matrix).T, full_matrices=False)
     resolution = 1e-7
     mine = determinations(target, [linkage], [resolution])[0]
-    assert mine.condition == pytest.approx(singular[0] / singular[-1], rel=1e-3)
     uncertainty = resolution * np.sqrt(np.sum((vectors[:, :4] / singular[:, None]) ** 2, axis=0))
     np.testing.assert_allclose(mine.length_uncertainty, uncertainty, rtol=1e-3)
 
