@@ -11,10 +11,10 @@ import numpy as np
 from benchmarks.knotter_pictures import PAIRS, PUBLISHED, draw, knotters_at  # noqa: F401 - `render` calls draw
 from benchmarks.report import ends, lines, run
 from synthesis.scenes.knotter import d_knotter
+from synthesis.scenes.knotter.conditions import study
 from synthesis.scenes.knotter.d_knotter import Needle
 from synthesis.scenes.knotter.mechanism import Mechanism
 from synthesis.scenes.knotter.segment_triangle import crosses_inside, orientations
-from synthesis.scenes.knotter.study import study
 
 TOO_CLOSE_MM = 1e-8
 """Distance from an edge below which the sum of angles is unreliable."""

@@ -10,9 +10,9 @@ import numpy as np
 from benchmarks.figures import BLUE, BROWN, GREEN, INK, ORANGE, PAPER, RED, arrow, bare, figure, note
 from benchmarks.report import ROOT
 from synthesis.scenes.knotter import d_knotter
+from synthesis.scenes.knotter.conditions import study
 from synthesis.scenes.knotter.mechanism import Mechanism, as_array
 from synthesis.scenes.knotter.segment_triangle import crossing_point, orientations
-from synthesis.scenes.knotter.study import study
 
 PUBLISHED = json.loads((ROOT / "tests" / "reference" / "knotter.json").read_text())["paper"]
 PAIRS = [(alpha1, alpha3) for alpha1 in (0, 10, 20) for alpha3 in (20, 25, 30)]

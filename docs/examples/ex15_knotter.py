@@ -11,7 +11,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from synthesis.scenes.knotter import d_knotter
-from synthesis.scenes.knotter.study import study
+from synthesis.scenes.knotter.conditions import study
 
 alpha1, alpha3 = np.radians([0, 5, 10, 15, 20]), np.radians([20, 22.5, 25, 27.5, 30])
 result = study(d_knotter.mechanism(), {"alpha1": alpha1, "alpha3": alpha3}, [d_knotter.wrap(), d_knotter.bite()])

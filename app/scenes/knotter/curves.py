@@ -11,34 +11,44 @@ from pydantic import Field
 from app.query import Angles, Column, Computed, Count, Query, ReplyModel, Resources
 from app.scenes.knotter.machine import (
     DECIMALS,
+    Bounded,
     ClearanceReply,
     EntryReply,
-    PairRequest,
+    MachineRequest,
     Provenance,
     Range,
     condition_reply,
-    pair_of,
+    machine_of,
     provenance,
 )
 from app.terminal import DEGREES, Units, table
 from linkage_atlas import FieldError
-from synthesis.scenes.knotter.curves import crossing_curve, point_paths
-from synthesis.scenes.knotter.mechanism import as_array
+from synthesis.scenes.knotter.conditions import crossing_curve
+from synthesis.scenes.knotter.mechanism import FRAMES, as_array
 from synthesis.sheet import csv_text
 
 MAX_SAMPLES = 7201
 """Largest number of bill angles in a reply."""
 FIXED_FRAMES = ("shaft", "bearing", "seat")
 """Frames that do not move."""
-PATHS = ("S0", "S1", "S3", "S4", "S5", "S7", "S8", "S9", "S10", "O5")
-"""Points whose paths a reply contains."""
+DEFAULT_PAIR = {"alpha1": math.radians(10.0), "alpha3": math.radians(25.0)}
+"""Spatial angles of a request that gives none, rad."""
+ORIGIN = (0.0, 0.0, 0.0)
+AXES = {"shaft": ("shaft", (1.0, 0.0, 0.0)), "disc": ("seat", (0.0, 1.0, 0.0)), "bill": ("bearing", (0.0, 0.0, 1.0))}
+"""Frame and unit vector of each axis."""
 CROSSINGS = {"E1": "wrap", "E2": "bite"}
 """Condition of each crossing of the rope with a triangle."""
 
 
-class CurvesRequest(PairRequest):
+class CurvesRequest(MachineRequest):
     """A pair of spatial angles and a range of the angle of the bill."""
 
+    alpha1: Bounded | None = Field(
+        None, description="Angle of the disc's axis; default: 10 degrees.", json_schema_extra={"unit": "angle"}
+    )
+    alpha3: Bounded | None = Field(
+        None, description="Angle of the bill's axis; default: 25 degrees.", json_schema_extra={"unit": "angle"}
+    )
     angle_range: Range | None = Field(None, description="Range of the angle of the bill; default: 0 to 360 degrees.")
     samples: Annotated[Count, Field(ge=2, le=MAX_SAMPLES)] = Field(
         181, description="Number of evenly spaced angles of the bill."
@@ -90,15 +100,15 @@ class CurvesReply(Provenance):
 def answer_curves(request: CurvesRequest, resources: Resources) -> CurvesReply:
     """Compute crossings, paths and verdicts of a pair over a range of the angle of the bill."""
     work, angles = resources.work(), Angles(request.angle_unit, DECIMALS)
-    mechanism, conditions, pair, prescribed = pair_of(request, angles)
-    low, high = (
-        (0.0, math.tau) if request.angle_range is None else (angles.inward(angle) for angle in request.angle_range)
-    )
+    mechanism, conditions = machine_of(request, angles)
+    prescribed = {name: value for name in DEFAULT_PAIR if (value := getattr(request, name)) is not None}
+    pair = DEFAULT_PAIR | {name: angles.inward(value) for name, value in prescribed.items()}
+    mechanism = mechanism.with_parameters(**pair)
+    low, high = map(angles.inward, request.angle_range) if request.angle_range else (0.0, math.tau)
     if not low < high:
         raise FieldError("/angle_range", "the first angle of the range must be smaller than the second")
-    frames = {frame for frame, _ in mechanism.points.values()} | {"seat"}
     for end in (low, high):  # tested separately: the laws may be constant over the range
-        mechanism.require_laws(frames, end, end)
+        mechanism.require_laws(set(FRAMES), end, end)
     for condition in conditions.values():
         condition.check(mechanism)
     driver = np.linspace(low, high, request.samples)
@@ -106,16 +116,18 @@ def answer_curves(request: CurvesRequest, resources: Resources) -> CurvesReply:
     def rows(points: Any) -> list[list[float] | None]:
         return [None if math.isnan(point[0]) else point for point in points.tolist()]
 
+    def moved(points: Any, frame: str) -> Any:
+        return as_array(mechanism.transform(points, frame, request.frame, driver), driver.shape).T
+
     crossings = {}
     for name, condition_name in CROSSINGS.items():
         work.go_on()
         condition = conditions[condition_name]
         curve = crossing_curve(mechanism, condition, driver)
-        moved = as_array(mechanism.transform(curve.point.T, condition.frame, request.frame, driver), driver.shape).T
         crossings[name] = RopeCrossingReply(
             frame=condition.frame,
             point=rows(curve.point),
-            path=rows(moved),
+            path=rows(moved(curve.point.T, condition.frame)),
             on_rope=curve.on_rope.tolist(),
             inside=curve.inside.tolist(),
             triangle=list(condition.triangle),
@@ -123,39 +135,28 @@ def answer_curves(request: CurvesRequest, resources: Resources) -> CurvesReply:
         )
     results = {name: condition.evaluate(mechanism, 1, work) for name, condition in conditions.items()}
     verdicts: dict[str, Any] = {
-        name: condition_reply(name, conditions[name], result, 0, angles) for name, result in results.items()
+        name: condition_reply(conditions[name], result, 0, angles) for name, result in results.items()
     }
-    radian = angles.radian
-    laws = {name: np.broadcast_to(law.value(driver), driver.shape) / radian for name, law in mechanism.laws.items()}
+    laws = {
+        name: (np.broadcast_to(law.value(driver), driver.shape) / angles.radian).tolist()
+        for name, law in mechanism.laws.items()
+    }
+    axes = {
+        name: [as_array(mechanism.transform(point, home, request.frame, 0.0), ()).tolist() for point in (ORIGIN, tip)]
+        for name, (home, tip) in AXES.items()
+    }
     return CurvesReply(
         status="ties" if all(result.holds[0] for result in results.values()) else "fails",
         **{name: angles.outward(angle) for name, angle in pair.items()},
         alpha=[angles.outward(angle) for angle in driver.tolist()],
-        beta=laws["beta"].tolist(),
-        alpha4=laws["alpha4"].tolist(),
+        **laws,
         frame=request.frame,
-        E1=crossings["E1"],
-        E2=crossings["E2"],
-        paths={
-            name: path.tolist() for name, path in point_paths(mechanism, list(PATHS), request.frame, driver).items()
-        },
-        axes=_axes(mechanism, request.frame) if request.frame in FIXED_FRAMES else None,
+        **crossings,
+        paths={name: moved(xyz, home).tolist() for name, (home, xyz) in mechanism.points.items()},
+        axes=axes if request.frame in FIXED_FRAMES else None,
         **verdicts,
-        **provenance(request, prescribed),
+        **provenance(request, list(prescribed)),
     )
-
-
-def _axes(mechanism: Any, frame: str) -> dict[str, list[list[float]]]:
-    """Return the origin and the tip of the unit vector of each axis, in a fixed frame."""
-    ends = {
-        "shaft": ("shaft", (1.0, 0.0, 0.0)),
-        "disc": ("seat", (0.0, 1.0, 0.0)),
-        "bill": ("bearing", (0.0, 0.0, 1.0)),
-    }
-    return {
-        name: [[float(x) for x in mechanism.transform(point, home, frame, 0.0)] for point in ((0.0, 0.0, 0.0), tip)]
-        for name, (home, tip) in ends.items()
-    }
 
 
 def curves_table(reply: CurvesReply, units: Units = DEGREES) -> str:

@@ -11,8 +11,8 @@ from app.query import Angles, AngleUnit, Number, PositiveNumber, ReplyModel, Req
 from app.terminal import Units
 from linkage_atlas import FieldError
 from synthesis.scenes.knotter import d_knotter
-from synthesis.scenes.knotter.conditions import STATUS_SENTENCES, EntryStatus
-from synthesis.scenes.knotter.mechanism import Linear, Table
+from synthesis.scenes.knotter.conditions import STATUS_SENTENCES, ClearanceResult, EntryStatus
+from synthesis.scenes.knotter.mechanism import Law, Linear, Mechanism, Table
 
 MAX_LENGTH = 1e9
 """Largest length, and largest angle in either unit; the sum of two larger values loses too many digits in float64."""
@@ -160,17 +160,6 @@ class MachineRequest(RequestModel):
     angle_unit: AngleUnit = "deg"
 
 
-class PairRequest(MachineRequest):
-    """A knotter with a pair of spatial angles."""
-
-    alpha1: Bounded | None = Field(
-        None, description="Angle of the disc's axis; default: 10 degrees.", json_schema_extra={"unit": "angle"}
-    )
-    alpha3: Bounded | None = Field(
-        None, description="Angle of the bill's axis; default: 25 degrees.", json_schema_extra={"unit": "angle"}
-    )
-
-
 class EntryReply(ReplyModel):
     """First entry of the rope into its triangle; a value that does not exist for this pair is null."""
 
@@ -230,7 +219,7 @@ def inward(name: str, value: float, angles: Angles) -> float:
     return angles.inward(value) if name in ANGLES else value
 
 
-def _law(name: str, model: LawModel, angles: Angles) -> Any:
+def _law(name: str, model: LawModel, angles: Angles) -> Law:
     field = f"/laws/{name}"
     is_linear = model.lead is not None or model.ratio is not None
     if is_linear == (model.table is not None):
@@ -267,7 +256,7 @@ def _range(
     return low, high
 
 
-def machine_of(request: MachineRequest, angles: Angles) -> tuple[Any, dict[str, Any]]:
+def machine_of(request: MachineRequest, angles: Angles) -> tuple[Mechanism, dict[str, Any]]:
     """Return the mechanism of a request and its three conditions by name."""
     mechanism = d_knotter.mechanism(
         {name: inward(name, value, angles) for name, value in given_fields(request.parameters).items()},
@@ -287,27 +276,6 @@ def machine_of(request: MachineRequest, angles: Angles) -> tuple[Any, dict[str, 
         "bite": d_knotter.bite(_range("/windows/bite", windows.bite, d_knotter.BITE_WINDOW, angles)),
     }
     return mechanism, conditions
-
-
-def pair_of(request: Any, angles: Angles) -> tuple[Any, dict[str, Any], dict[str, float], list[str]]:
-    """Return the mechanism of a request for its pair of spatial angles.
-
-    Returns
-    -------
-    mechanism
-        The mechanism of `machine_of` with the spatial angles of the request.
-    conditions : dict
-        The three conditions by name.
-    pair : dict
-        alpha1 and alpha3 in radians; an angle that the request leaves out has its default, 10 or 25 degrees.
-    prescribed : list of str
-        Names of the angles that the request gives.
-    """
-    mechanism, conditions = machine_of(request, angles)
-    prescribed = {name: value for name in ("alpha1", "alpha3") if (value := getattr(request, name)) is not None}
-    pair = {"alpha1": math.radians(10.0), "alpha3": math.radians(25.0)}
-    pair |= {name: angles.inward(value) for name, value in prescribed.items()}
-    return mechanism.with_parameters(**pair), conditions, pair, list(prescribed)
 
 
 def provenance(request: MachineRequest, searched: list[str]) -> dict[str, Any]:
@@ -332,8 +300,16 @@ def provenance(request: MachineRequest, searched: list[str]) -> dict[str, Any]:
     }
 
 
-def _entry(condition: Any, result: Any, row: int, angles: Angles) -> EntryReply:
-    """Return the reply to the wrap or the bite of a row."""
+def condition_reply(condition: Any, result: Any, row: int, angles: Angles) -> EntryReply | ClearanceReply:
+    """Return the reply to a condition of a row of its results."""
+    if isinstance(result, ClearanceResult):
+        return ClearanceReply.computed(
+            holds=bool(result.holds[row]),
+            value=float(result.value[row]),
+            worst=float(result.worst[row]),
+            worst_angle=angles.outward(float(result.worst_driver[row])),
+            margin=float(result.margin[row]),
+        )
     enters = result.windows[row] > 0
     entry = int(result.entered_by[row])
     return EntryReply.computed(
@@ -348,19 +324,6 @@ def _entry(condition: Any, result: Any, row: int, angles: Angles) -> EntryReply:
         windows=int(result.windows[row]),
         margin=float(result.margin[row]),
         nearest_angle=None if enters else angles.outward(float(result.nearest[row])),
-    )
-
-
-def condition_reply(name: str, condition: Any, result: Any, row: int, angles: Angles) -> EntryReply | ClearanceReply:
-    """Return the reply to a condition of a row of its results."""
-    if name != "clearance":
-        return _entry(condition, result, row, angles)
-    return ClearanceReply.computed(
-        holds=bool(result.holds[row]),
-        value=float(result.value[row]),
-        worst=float(result.worst[row]),
-        worst_angle=angles.outward(float(result.worst_driver[row])),
-        margin=float(result.margin[row]),
     )
 
 

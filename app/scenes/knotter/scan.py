@@ -27,7 +27,7 @@ from app.scenes.knotter.machine import (
 from app.terminal import DEGREES, Units
 from linkage_atlas import FieldError
 from synthesis.scenes.knotter import d_knotter
-from synthesis.scenes.knotter.study import study
+from synthesis.scenes.knotter.conditions import study
 from synthesis.sheet import csv_text
 
 MAX_GRID_VALUES = 1001
@@ -130,7 +130,7 @@ def answer_scan(request: ScanRequest, resources: Resources) -> ScanReply:
         if row % 256 == 0:
             work.go_on()
         verdicts = {
-            name: condition_reply(name, conditions[name], result.conditions[name], row, angles)
+            name: condition_reply(conditions[name], result.conditions[name], row, angles)
             for name in conditions_to_check
         }
         rows.append(

@@ -1,4 +1,4 @@
-"""Conditions on a mechanism, each with a verdict and a margin: a point clears a disc, a segment enters a triangle.
+"""The conditions of a knot: the jaw's point S10 clears the disc, and a rope enters a triangle through a given edge.
 
 For each item of a mechanism a condition determines whether it *holds*, the driver angle of the deciding event, and a
 *margin*, which is positive if the condition holds and continuous across the limit.
@@ -8,20 +8,19 @@ An item that fails is a result, not an exception; quantities that are undefined 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from enum import IntEnum
-from functools import partial
-from typing import Any, Protocol, TypeVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from synthesis.errors import FieldError
-from synthesis.one_variable import Flags, Floats, golden_section
+from synthesis.one_variable import EPSILON, Flags, Floats
 from synthesis.scenes.knotter import events
+from synthesis.scenes.knotter import mechanism as machine
 from synthesis.scenes.knotter.mechanism import Integers, Mechanism, Vector, as_array
 from synthesis.scenes.knotter.segment_triangle import (
-    UNIT_ROUNDOFF,
     cross,
     crosses_inside,
     crossing_point,
@@ -38,233 +37,81 @@ from synthesis.work import Work
 
 @dataclass(frozen=True)
 class EvaluationOptions:
-    """Numerical options and limits of the evaluation of a condition."""
+    """Limits of the evaluation of a condition."""
 
     max_pieces: int = 500_000
     """Largest number of pieces (items x pieces of the driver's range) in a single evaluation."""
     chunk_pieces: int = 4096
     """Number of pieces evaluated at once, which bounds the memory and keeps the arrays in the cache."""
-    narrow_window: float = 1e-5
-    """Width (rad) below which a window is confirmed in extended precision."""
-    approach_nodes: int = 7
-    """Number of nodes in each piece of the range from which the closest approach is searched."""
-    approach_steps: int = 60
-    """Number of golden-section steps of the closest approach: the interval shrinks to below 1e-12 of its width."""
 
 
-DEFAULT_OPTIONS = EvaluationOptions()
+OPTIONS = EvaluationOptions()
 
 
-class Condition(Protocol):
-    """A requirement on a mechanism."""
-
-    @property
-    def name(self) -> str:
-        """Name of the condition, the key of its results."""
-
-    def check(self, mechanism: Mechanism) -> None:
-        """Raise `FieldError` if the condition cannot be evaluated for any parameters."""
-
-    def evaluate(self, mechanism: Mechanism, items: int, work: Work | None = None) -> ConditionResult:
-        """Return the verdict for each of ``items`` items; ``work`` may end the evaluation early."""
-
-
-@dataclass(frozen=True)
-class ConditionResult:
-    """Verdict of a condition for each item."""
+class ClearanceResult(NamedTuple):
+    """Depth of S10 beyond the disc's plane or inside the disc, shape (items,) each; positive is interference."""
 
     holds: Flags
-    """True for items that satisfy the condition, shape (items,)."""
+    """True for items that satisfy the condition."""
     margin: Floats
-    """Distance from the limit, positive if the condition holds, shape (items,)."""
-
-
-@dataclass(frozen=True)
-class ClearanceResult(ConditionResult):
-    """Depth of a point beyond a plane or inside a disc; positive is interference."""
-
+    """Minus the largest depth."""
     value: Floats
-    """Depth at the condition's own driver angle, shape (items,)."""
+    """Depth at the condition's own driver angle."""
     worst: Floats
-    """Largest depth over the range, shape (items,)."""
+    """Largest depth over the range."""
     worst_driver: Floats
-    """Driver angle (rad) of the largest depth, shape (items,)."""
+    """Driver angle (rad) of the largest depth."""
 
 
 @dataclass(frozen=True)
 class Clearance:
-    """Requirement that a point stays on one side of a disc's plane, or outside the disc and the space behind it.
+    """Requirement that S10 stays on the free side of the disc's plane, or outside the disc and the space behind it.
 
     With a finite radius, the depth is minus the signed distance to the solid of all points on or behind the disc, a
     half-infinite cylinder.
     It never exceeds the depth beyond the plane, and approaches it as the radius grows.
     """
 
-    name: str
-    """Name of the condition."""
-    point: str
-    """Name of the point."""
-    frame: str
-    """Frame of the disc, which lies in the plane through the origin perpendicular to ``axis``."""
-    axis: int
-    """Axis of the disc: 0, 1 or 2 for i, j or k."""
-    side: int
-    """Free side of the disc: 1 for positive coordinates, -1 for negative coordinates."""
     at: float
     """Driver angle (rad) of ``ClearanceResult.value``."""
     over: tuple[float, float]
     """Range of the driver (rad) in which the largest depth is searched; its ends may be equal."""
     radius: float = np.inf
     """Radius of the disc; infinite for the whole plane."""
-    locked: str | None = None
-    """Name of a law that is held at its value at ``at``, for a body that is locked while it passes the disc."""
-    options: EvaluationOptions = DEFAULT_OPTIONS
-    """Numerical options."""
+    jaw_locked: bool = True
+    """True if the jaw keeps its angle at ``at`` over the whole range."""
 
-    def frames(self, mechanism: Mechanism) -> set[str]:
-        """Return the frames between which the condition transforms the point."""
-        return {mechanism.points[self.point][0], self.frame}
+    name: ClassVar[str] = "clearance"
+    frames: ClassVar[set[str]] = {"u5", "seat"}
 
     def check(self, mechanism: Mechanism) -> None:
-        """Check that the laws are defined over the range.
-
-        Raises
-        ------
-        FieldError
-            A law is not defined at ``at`` or over the range.
-        """
-        if self.locked is not None:
-            mechanism.require_laws(self.frames(mechanism), self.at, self.at, only=self.locked)
-            mechanism = mechanism.with_locked_law(self.locked, self.at)
-        mechanism.require_laws(self.frames(mechanism), min(self.at, self.over[0]), max(self.at, self.over[1]))
+        """Raise a `FieldError` if a law is not defined at ``at`` or over the range."""
+        first, last = (self.at, self.at) if self.jaw_locked else self.over
+        mechanism.require_laws(self.frames, min(self.at, first), max(self.at, last))
 
     def evaluate(self, mechanism: Mechanism, items: int, work: Work | None = None) -> ClearanceResult:
-        """Return the verdict for each item.
-
-        Parameters
-        ----------
-        mechanism : Mechanism
-            The mechanism, whose parameters are numbers or arrays of shape (items,).
-        items : int
-            Number of items.
-        work : Work, optional
-            Time budget and cancellation.
-
-        Returns
-        -------
-        ClearanceResult
-            Depths and margins; a margin is minus the largest depth.
-        """
-        if self.locked is not None:
-            mechanism = mechanism.with_locked_law(self.locked, self.at)
-        frames = self.frames(mechanism)
-        return evaluate_in_chunks(self._evaluate, mechanism, items, frames, self.over, self.name, work, self.options)
+        """Return the verdict for each item; ``work`` may end the evaluation early."""
+        if self.jaw_locked:
+            mechanism = mechanism.with_locked_jaw(self.at)
+        return _in_chunks(self._evaluate, mechanism, items, self, self.over, work)
 
     def depth(self, mechanism: Mechanism, driver: Floats | float) -> Any:
         """Return the depth of the point beyond the plane or inside the solid, negative outside."""
-        depth, axis_distance = self._coordinates(mechanism, driver)
+        x, depth, z = mechanism.position("S10", "seat", driver)
         if np.isinf(self.radius):
             return depth
-        beyond_rim = axis_distance - self.radius
+        beyond_rim = np.hypot(x, z) - self.radius
         outside = np.hypot(np.maximum(beyond_rim, 0), np.maximum(-depth, 0))
         return np.where((beyond_rim < 0) & (depth > 0), np.minimum(depth, -beyond_rim), -outside)
 
-    def _coordinates(self, mechanism: Mechanism, driver: Floats | float) -> tuple[Any, Any]:
-        """Return the depth of the point beyond the plane and its distance from the axis of the disc."""
-        position = mechanism.position(self.point, self.frame, driver)
-        axis_distance = np.hypot(position[(self.axis + 1) % 3], position[(self.axis + 2) % 3])
-        return -self.side * position[self.axis], axis_distance
-
-    def _evaluate(self, mechanism: Mechanism, items: int, ends: Floats) -> ClearanceResult:
-        def functions(driver: Floats, item: Integers) -> Floats:
-            depth, axis_distance = self._coordinates(mechanism.select(item), driver)
-            beyond_rim = axis_distance - self.radius
-            # The clearance has kinks at roots of the first three; between kinks, its extrema are extrema of the four.
-            rows = (depth, beyond_rim, depth + beyond_rim, beyond_rim**2 + depth**2)
+    def _evaluate(self, mechanism: Mechanism, items: Integers, driver: Floats) -> ClearanceResult:
+        def height(driver: Floats, item: Integers) -> Floats:
             shape = np.broadcast_shapes(driver.shape, item.shape)
-            return as_array(rows[:1] if np.isinf(self.radius) else rows, shape)
+            return np.broadcast_to(-self.depth(mechanism.select(item), driver), shape)
 
-        all_items = np.arange(items)
-        value = np.broadcast_to(self.depth(mechanism.select(all_items), self.at), (items,))
-        rounding = np.broadcast_to(mechanism.rounding_bound(self.frames(mechanism), *self.over), (items,))
-        noise = rounding[None]
-        if np.isfinite(self.radius):
-            noise = np.stack([rounding, rounding, rounding, rounding * (np.abs(value) + self.radius)])
-        samples = events.sample(functions, ends, items)
-        found_events = [events.find_extrema(samples)]
-        if np.isfinite(self.radius):
-            found_events.append(events.find_roots(samples, noise))
-        item = np.concatenate([np.repeat(all_items, len(ends)), *(found.item for found in found_events)])
-        driver = np.concatenate([np.tile(ends, items), *(found.driver for found in found_events)])
-        depth = np.broadcast_to(self.depth(mechanism.select(item), driver), item.shape)
-        order = np.lexsort((driver, -depth, item))
-        deepest = order[np.searchsorted(item[order], all_items)]
-        worst = depth[deepest]
-        return ClearanceResult(worst < 0, -worst, value, worst, driver[deepest])
-
-
-ResultT = TypeVar("ResultT", bound=ConditionResult)
-
-
-def evaluate_in_chunks(
-    evaluate: Callable[[Mechanism, int, Floats], ResultT],
-    mechanism: Mechanism,
-    items: int,
-    frames: set[str],
-    over: tuple[float, float],
-    name: str,
-    work: Work | None = None,
-    options: EvaluationOptions = DEFAULT_OPTIONS,
-) -> ResultT:
-    """Evaluate a condition for a few items at a time and join the results.
-
-    Parameters
-    ----------
-    evaluate : callable
-        ``evaluate(mechanism, items, ends)``, given the ends of the pieces of the range.
-    mechanism : Mechanism
-        The mechanism, whose parameters are numbers or arrays of shape (items,).
-    items : int
-        Number of items.
-    frames : set of str
-        Frames whose relative rotation within a piece is limited.
-    over : tuple of float
-        Range of the driver, rad.
-    name : str
-        Name of the condition, for the error message.
-    work : Work, optional
-        Time budget and cancellation, checked before each chunk.
-    options : EvaluationOptions, optional
-        Limits of the evaluation.
-
-    Returns
-    -------
-    ConditionResult
-        The result for all items, of the type that ``evaluate`` returns.
-
-    Raises
-    ------
-    FieldError
-        The evaluation would take more than ``options.max_pieces`` pieces.
-    """
-    ends = events.piece_ends(*over, mechanism.breakpoints(frames), partial(mechanism.turning_rate, frames))
-    pieces_per_item = len(ends) - 1
-    if items * pieces_per_item > options.max_pieces:
-        raise FieldError(
-            "",
-            f"{name} would take {items * pieces_per_item} pieces, but at most {options.max_pieces} are allowed: give "
-            "a coarser grid, a shorter range of the driver, slower laws or shorter tables",
-            constraint="work",
-            amount=items * pieces_per_item,
-        )
-    step = max(1, options.chunk_pieces // pieces_per_item)
-    chunks = (np.arange(start, min(start + step, items)) for start in range(0, items, step))
-    results, work = [], work or Work()
-    for chunk in chunks:
-        work.go_on()
-        results.append(evaluate(mechanism.select(chunk), len(chunk), ends))
-    columns = (np.concatenate([getattr(result, field.name) for result in results]) for field in fields(results[0]))
-    return type(results[0])(*columns)
+        margin, worst_driver = events.smallest_values(height, driver, height(driver[None], items[:, None]))
+        value = np.broadcast_to(self.depth(mechanism.select(items), self.at), items.shape)
+        return ClearanceResult(margin > 0, margin, value, -margin, worst_driver)
 
 
 class EntryStatus(IntEnum):
@@ -287,10 +134,13 @@ STATUS_SENTENCES = {
 """Each outcome as a sentence to the user."""
 
 
-@dataclass(frozen=True)
-class EntryResult(ConditionResult):
+class EntryResult(NamedTuple):
     """First entry of a segment into a triangle; quantities that do not exist for ``status`` are NaN."""
 
+    holds: Flags
+    """True for items that satisfy the condition, shape (items,)."""
+    margin: Floats
+    """Distance from the limit, positive if the condition holds, shape (items,)."""
     status: Integers
     """Values of `EntryStatus`, shape (items,)."""
     enter: Floats
@@ -329,14 +179,14 @@ class SegmentEntersTriangle:
     """Names of the two ends of the segment."""
     triangle: tuple[str, str, str]
     """Names of the three vertices of the triangle."""
+    frames: set[str]
+    """Frames of these points."""
     frame: str
     """Frame in which the crossing is reported."""
     window: tuple[float, float]
     """Range of the driver, rad."""
     required_edge: int
     """Edge of entry: 0, 1 or 2 for the edge that begins at the first, second or third vertex."""
-    options: EvaluationOptions = DEFAULT_OPTIONS
-    """Numerical options."""
 
     @property
     def edge_names(self) -> tuple[str, str, str]:
@@ -344,25 +194,15 @@ class SegmentEntersTriangle:
         a, b, c = self.triangle
         return a + b, b + c, c + a
 
-    def frames(self, mechanism: Mechanism) -> set[str]:
-        """Return the frames between which the condition transforms points."""
-        return {mechanism.points[point][0] for point in (*self.segment, *self.triangle)} | {self.frame}
-
     def check(self, mechanism: Mechanism) -> None:
-        """Check that the points are distinct and that the laws are defined over the range.
-
-        Raises
-        ------
-        FieldError
-            Two points of the same frame coincide, or a law is not defined over the range.
-        """
-        mechanism.require_laws(self.frames(mechanism), *self.window)
+        """Raise a `FieldError` if two points of the same frame coincide, or a law is not defined over the range."""
+        mechanism.require_laws(self.frames, *self.window)
         points = {name: mechanism.points[name] for name in (*self.segment, *self.triangle)}
         for first, second in itertools.combinations(points, 2):
             (first_frame, first_xyz), (second_frame, second_xyz) = points[first], points[second]
             reach = np.linalg.norm(first_xyz) + np.linalg.norm(second_xyz)
             distance = np.linalg.norm(np.subtract(first_xyz, second_xyz))
-            if first_frame == second_frame and distance <= 4 * UNIT_ROUNDOFF * reach:
+            if first_frame == second_frame and distance <= 2 * EPSILON * reach:
                 lost = "triangle" if {first, second} <= set(self.triangle) else "segment that could cross"
                 raise FieldError(
                     "/points",
@@ -372,71 +212,39 @@ class SegmentEntersTriangle:
                 )
 
     def positions(self, mechanism: Mechanism, driver: Floats) -> tuple[Vector, ...]:
-        """Return the ends of the segment and the vertices of the triangle.
-
-        Parameters
-        ----------
-        mechanism : Mechanism
-            The mechanism.
-        driver : ndarray
-            Driver angles (rad) that broadcast against the parameters.
-
-        Returns
-        -------
-        tuple of five vectors
-            Coordinates in the condition's frame.
-        """
+        """Return the ends of the segment and the vertices of the triangle in the condition's frame."""
         return tuple(mechanism.position(name, self.frame, driver) for name in (*self.segment, *self.triangle))
 
     def evaluate(self, mechanism: Mechanism, items: int, work: Work | None = None) -> EntryResult:
-        """Return the verdict for each item.
-
-        Parameters
-        ----------
-        mechanism : Mechanism
-            The mechanism, whose parameters are numbers or arrays of shape (items,).
-        items : int
-            Number of items.
-        work : Work, optional
-            Time budget and cancellation.
-
-        Returns
-        -------
-        EntryResult
-            Entries and margins.
+        """Return the verdict for each item; ``work`` may end the evaluation early.
 
         Raises
         ------
         FieldError
             The triangle of some item has no area, or the evaluation takes too many pieces.
         """
-        frames = self.frames(mechanism)
-        return evaluate_in_chunks(
-            self._evaluate, mechanism, items, frames, self.window, self.name, work, self.options
-        )
+        return _in_chunks(self._evaluate, mechanism, items, self, self.window, work)
 
-    def _evaluate(self, mechanism: Mechanism, items: int, ends: Floats) -> EntryResult:
+    def _evaluate(self, mechanism: Mechanism, items: Integers, driver: Floats) -> EntryResult:
         def functions(driver: Floats, item: Integers) -> Floats:
             signs = orientations(*self.positions(mechanism.select(item), driver))
             return as_array(signs, np.broadcast_shapes(driver.shape, item.shape))
 
-        noise = self._noise(mechanism, items, ends)
-        samples = events.sample(functions, ends, items)
-        in_plane = np.any(samples.size[:2] <= noise[:2], axis=0)
-        roots = events.find_roots(samples, noise)
-        windows = find_windows(functions, roots, ends, items, ~in_plane, self.options.narrow_window)
-        item, start, end, opened_by = windows
-        count = np.bincount(item, minlength=items)
+        noise = self._noise(mechanism, items, driver)
+        values = functions(driver[None], items[:, None])
+        in_plane = np.any(np.abs(values[:2]).max(axis=-1) <= noise[:2], axis=0)
+        roots = events.find_roots(functions, driver, values, noise)
+        item, start, end, opened_by = find_windows(functions, roots, (driver[0], driver[-1]), ~in_plane)
+        count = np.bincount(item, minlength=items.size)
         entered, missing = np.flatnonzero(count), np.flatnonzero(count == 0)
         first = np.searchsorted(item, entered)
 
-        enter, leave, fraction, margin, nearest = np.full((5, items), np.nan)
-        point = np.full((items, 3), np.nan)
-        entered_by = np.full(items, -1)
+        enter, leave, fraction, margin, nearest = np.full((5, items.size), np.nan)
+        point, entered_by = np.full((items.size, 3), np.nan), np.full(items.size, -1)
         enter[entered], leave[entered], entered_by[entered] = start[first], end[first], opened_by[first]
         point[entered], fraction[entered], margin[entered] = self._crossing(mechanism, entered, enter, entered_by)
         if len(missing):
-            distance, nearest[missing] = self._closest_approach(mechanism, missing, ends)
+            distance, nearest[missing] = self._closest_approach(mechanism.select(missing), driver, len(missing))
             margin[missing] = -distance
         status = np.select(
             [in_plane, count == 0, entered_by < 0, entered_by == 2 + self.required_edge],
@@ -467,55 +275,72 @@ class SegmentEntersTriangle:
                 margin = np.where(through, np.maximum(to_nearer_end, 0.0), -to_edge)
         return np.transpose(point) + 0.0, fraction, margin  # adding 0.0 removes negative zeros
 
-    def _noise(self, mechanism: Mechanism, items: int, ends: Floats) -> Floats:
+    def _noise(self, mechanism: Mechanism, items: Integers, driver: Floats) -> Floats:
         """Return the rounding error of the five orientations, shape (5, items); refuse a triangle without area."""
-        p, q, a, b, c = self.positions(mechanism.select(np.arange(items)[:, None]), ends)
+        driver = driver[:: machine.OPTIONS.steps_per_piece]
+        p, q, a, b, c = self.positions(mechanism.select(items[:, None]), driver)
         ab, ac = subtract(b, a), subtract(c, a)
         sizes = (norm(subtract(p, a)) + norm(subtract(q, a)), norm(cross(ab, ac)), norm(ab) + norm(ac))
-        rope, area, sides = as_array(sizes, (items, len(ends))).max(axis=-1)
-        rounding = np.broadcast_to(mechanism.rounding_bound(self.frames(mechanism), *self.window), (items,))
+        rope, area, sides = as_array(sizes, (items.size, driver.size)).max(axis=-1)
+        rounding = np.broadcast_to(mechanism.rounding_bound(self.frames, *self.window), items.shape)
         if np.any(area <= rounding * sides):
+            first, second, third = self.triangle
             raise FieldError(
                 "/points",
-                "{}, {} and {} lie on one line, so {} has no triangle; move one of them".format(
-                    *self.triangle, self.name
-                ),
+                f"{first}, {second} and {third} lie on one line, so {self.name} has no triangle; move one of them",
                 constraint="degenerate_triangle",
                 points=list(self.triangle),
                 amount=float(area.min()) / 2,
             )
-        side = rounding * area
-        edge = rounding * area**2 * sides * rope
+        side, edge = rounding * area, rounding * area**2 * sides * rope
         return np.stack([side, side, edge, edge, edge])
 
-    def _closest_approach(self, mechanism: Mechanism, rows: Integers, ends: Floats) -> tuple[Floats, Floats]:
-        """Return the smallest distance between segment and triangle, and the driver angle at which it occurs.
+    def _closest_approach(self, mechanism: Mechanism, driver: Floats, items: int) -> tuple[Floats, Floats]:
+        """Return the smallest distance between segment and triangle, and the driver angle at which it occurs."""
 
-        ``rows`` are the indices of the evaluated items, and ``ends`` the ends of the pieces of the driver's range.
-        """
-        mechanism = mechanism.select(rows[:, None])
+        def distance(driver: Floats, item: Integers) -> Floats:
+            found = segment_triangle_distance(*self.positions(mechanism.select(item), driver))
+            return np.broadcast_to(found, np.broadcast_shapes(driver.shape, item.shape))
 
-        def distance(driver: Floats) -> Any:
-            return segment_triangle_distance(*self.positions(mechanism, driver))
+        return events.smallest_values(distance, driver, distance(driver[None], np.arange(items)[:, None]))
 
-        grid = np.append(np.linspace(ends[:-1], ends[1:], self.options.approach_nodes)[:-1].T.ravel(), ends[-1])
-        at_grid = np.broadcast_to(distance(grid[None]), (len(rows), len(grid)))
-        best = np.argmin(at_grid, axis=1)[:, None]
-        left, right = grid[np.maximum(best - 1, 0)], grid[np.minimum(best + 1, len(grid) - 1)]
-        minimum, driver = golden_section(distance, left, right, self.options.approach_steps)
-        # The node remains a candidate, because at an end of the range the bracket has only its inner side.
-        at_node = np.take_along_axis(at_grid, best, 1)
-        driver = np.where(at_node <= minimum, grid[best], driver)
-        return np.minimum(at_node, minimum)[:, 0], driver[:, 0]
+
+Condition = Clearance | SegmentEntersTriangle
+ConditionResult = ClearanceResult | EntryResult
+
+
+def _in_chunks(
+    evaluate: Callable[[Mechanism, Integers, Floats], Any],
+    mechanism: Mechanism,
+    items: int,
+    condition: Condition,
+    over: tuple[float, float],
+    work: Work | None,
+) -> Any:
+    """Evaluate a condition for a few items at a time and join the results.
+
+    ``evaluate(mechanism, items, driver)`` has the samples of the range as its last argument.
+    """
+    driver = mechanism.samples(condition.frames, *over)
+    pieces_per_item, work = driver.size // machine.OPTIONS.steps_per_piece, work or Work()
+    if items * pieces_per_item > OPTIONS.max_pieces:
+        raise FieldError(
+            "",
+            f"{condition.name} would take {items * pieces_per_item} pieces, but at most {OPTIONS.max_pieces} are "
+            "allowed: give a coarser grid, a shorter range of the driver, slower laws or shorter tables",
+            constraint="work",
+            amount=items * pieces_per_item,
+        )
+    step, results = max(1, OPTIONS.chunk_pieces // pieces_per_item), []
+    for start in range(0, items, step):
+        work.go_on()
+        chunk = np.arange(start, min(start + step, items))
+        results.append(evaluate(mechanism.select(chunk), np.arange(chunk.size), driver))
+    return type(results[0])(*map(np.concatenate, zip(*results)))
 
 
 def find_windows(
-    orientation_functions: events.Functions,
-    roots: events.Events,
-    ends: Floats,
-    items: int,
-    may_enter: Flags,
-    narrow: float = DEFAULT_OPTIONS.narrow_window,
+    orientation_functions: events.Functions, roots: events.Events, ends: tuple[float, float], may_enter: Flags
 ) -> tuple[Any, ...]:
     """Find the ranges of the driver in which the segment crosses the inside of the triangle.
 
@@ -527,14 +352,10 @@ def find_windows(
         The five `orientations` as functions of driver and item, see `events.Functions`.
     roots : events.Events
         All roots of these functions.
-    ends : ndarray, shape (pieces + 1,)
-        Ends of the pieces of the driver's range, rad.
-    items : int
-        Number of items.
+    ends : tuple of float
+        Ends of the driver's range, rad.
     may_enter : ndarray of bool, shape (items,)
         False for items that have no window in any case.
-    narrow : float, optional
-        Width (rad) below which a window is confirmed in extended precision.
 
     Returns
     -------
@@ -545,23 +366,105 @@ def find_windows(
     opened_by : ndarray of int, shape (windows,)
         Index of the orientation whose root is ``start``; -1 for the start of the range.
     """
-    all_items = np.arange(items)
-    item = np.concatenate([roots.item, all_items, all_items])
-    driver = np.concatenate([roots.driver, np.full(items, ends[0]), np.full(items, ends[-1])])
-    function = np.concatenate([roots.function, np.full(items, -1), np.full(items, 9)])
+    items = may_enter.size
+    item = np.concatenate([roots.item, np.arange(items), np.arange(items)])
+    driver = np.concatenate([roots.driver, np.repeat(ends, items)])
+    function = np.concatenate([roots.function, np.repeat([-1, 9], items)])
     order = np.lexsort((function, driver, item))
     item, driver, function = item[order], driver[order], function[order]
     span = np.flatnonzero((item[1:] == item[:-1]) & (driver[1:] > driver[:-1]))
-    width = driver[span + 1] - driver[span]
-    crosses = crosses_inside(orientation_functions(driver[span] + 0.5 * width, item[span]))
-    narrow_spans = np.flatnonzero(width < narrow)
-    if len(narrow_spans):
-        extended = driver[span[narrow_spans]] + 0.5 * width[narrow_spans].astype(np.longdouble)
-        crosses[narrow_spans] = crosses_inside(orientation_functions(extended, item[span[narrow_spans]]))
-    span = span[crosses & may_enter[item[span]]]
+    middle = driver[span] + 0.5 * (driver[span + 1] - driver[span])
+    span = span[crosses_inside(orientation_functions(middle, item[span])) & may_enter[item[span]]]
     # Two neighbouring spans that are both inside form a single window, because only rounding separates them.
     continued = np.zeros(len(span), bool)
     continued[1:] = (driver[span[1:]] <= driver[span[:-1] + 1]) & (item[span[1:]] == item[span[:-1]])
     starts = np.flatnonzero(~continued)
     stops = np.append(starts[1:], len(span)) - 1 if len(span) else starts
     return item[span[starts]], driver[span[starts]], driver[span[stops] + 1], function[span[starts]]
+
+
+class CrossingCurve(NamedTuple):
+    """Crossing of the rope's line with the plane of a triangle (E1 or E2), one row per driver angle."""
+
+    point: Floats
+    """Crossing point in the condition's frame, shape (n, 3); NaN if the line is parallel to the plane."""
+    on_rope: Flags
+    """True if the crossing point lies between the ends of the rope, shape (n,)."""
+    inside: Flags
+    """True if the rope crosses the inside of the triangle, shape (n,)."""
+    triangle: Floats
+    """Vertices of the triangle in the condition's frame, shape (3, n, 3); vertices fixed in another body move."""
+
+
+def crossing_curve(mechanism: Mechanism, condition: SegmentEntersTriangle, driver: Floats) -> CrossingCurve:
+    """Compute the crossing of the rope's line with the plane of a triangle over the driver angle (eqs 11 and 26).
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        A single mechanism.
+    condition : SegmentEntersTriangle
+        The condition that names the rope's ends and the triangle.
+    driver : ndarray, shape (n,)
+        Driver angles, rad.
+    """
+    positions = condition.positions(mechanism, driver)
+    signs = as_array(orientations(*positions), driver.shape)
+    point = as_array(crossing_point(*positions), driver.shape).T
+    point = np.where((signs[0] != signs[1])[:, None], point, np.nan)
+    triangle = np.stack([as_array(corner, driver.shape).T for corner in positions[2:]])
+    return CrossingCurve(point, signs[0] * signs[1] < 0, crosses_inside(signs), triangle)
+
+
+class StudyResult(NamedTuple):
+    """Verdicts of several conditions over a grid."""
+
+    grid: Mapping[str, Floats]
+    """Value of each grid parameter for each item, shape (items,); the last parameter varies fastest."""
+    conditions: Mapping[str, ConditionResult]
+    """Result of each condition, by name."""
+    feasible: Flags
+    """True for items that satisfy all conditions, shape (items,)."""
+    margin: Floats
+    """Smallest margin of all conditions, shape (items,)."""
+
+
+def study(
+    mechanism: Mechanism,
+    grid: Mapping[str, Sequence[float]],
+    conditions: Sequence[Condition],
+    work: Work | None = None,
+) -> StudyResult:
+    """Evaluate conditions for every combination of some parameters.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        A single mechanism.
+    grid : mapping
+        Values of each parameter that varies, at least one each.
+    conditions : sequence of Condition
+        The conditions.
+    work : Work, optional
+        Time budget and cancellation, checked before each few items of each condition.
+
+    Returns
+    -------
+    StudyResult
+        Verdicts; the result of an item does not depend on the other items of the grid.
+
+    Raises
+    ------
+    FieldError
+        Points coincide or are collinear, a law is not defined over the range of a condition, or the evaluation would
+        take too many pieces.
+    """
+    axes = np.meshgrid(*(np.asarray(values, float) for values in grid.values()), indexing="ij")
+    item_values = {name: axis.ravel() for name, axis in zip(grid, axes)}
+    items = len(next(iter(item_values.values()))) if item_values else 1
+    mechanism = mechanism.with_parameters(**item_values)
+    for condition in conditions:
+        condition.check(mechanism)
+    results = {condition.name: condition.evaluate(mechanism, items, work) for condition in conditions}
+    holds, margins = zip(*((result.holds, result.margin) for result in results.values()))
+    return StudyResult(item_values, results, np.all(holds, axis=0), np.min(margins, axis=0))

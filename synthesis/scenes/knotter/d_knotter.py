@@ -1,15 +1,10 @@
 """The D-knotter: rope-holding disc, bill, jaw and needle, and the spatial angles at which the knot is tied.
 
-The machine is data for the general modules of this package: chains of named rotations, points, and three conditions.
 Equation numbers refer to the source: Zhang, Feng, Dong, Zhang and Han, "Analysis of spatial angle parameters of
 rope-holding disc and bill hook of D-knotter", Transactions of the Chinese Society for Agricultural Machinery 49(8), 2018.
-Lengths are in mm (or in any other unit, used consistently), angles in radians.
-
-Frames: ``u3`` turns with the disc, ``u4`` with the bill and ``u5`` with the jaw.
-``seat`` is the bearing of the disc (sigma2), ``shaft`` the machine's shaft (sigma1) and ``bearing`` the bearing of the
-bill (sigma0).
-The jaw, which the source also calls the hook, is hinged on the bill and opened by a cam.
-The driver is the angle alpha of the bill.
+Lengths are in mm (or in any other unit, used consistently), angles in radians. The frames are described in
+`synthesis.scenes.knotter.mechanism`. The jaw, which the source also calls the hook, is hinged on the bill and opened by
+a cam.
 """
 
 from __future__ import annotations
@@ -24,15 +19,13 @@ from numpy.polynomial.polynomial import polyder, polyroots, polyval
 
 from synthesis.one_variable import Flags, Floats, bisect
 from synthesis.scenes.knotter.conditions import Clearance, Condition, SegmentEntersTriangle
-from synthesis.scenes.knotter.mechanism import DRIVER, Chain, Law, Linear, Mechanism, Rotation, Table, Translation
+from synthesis.scenes.knotter.mechanism import Law, Linear, Mechanism, Table
 from synthesis.scenes.knotter.segment_triangle import safe_divisor
 
 Point = tuple[float, float, float]
 
-PUBLISHED_LENGTHS: Mapping[str, float] = MappingProxyType(
-    {"S1x": 22.0, "S1y": 39.0, "r0": 16.0, "D0": 20.0, "d6": 142.0, "r1": 30.0, "d5": 54.0}
-)
-"""Lengths printed in the source, mm."""
+PUBLISHED_D5, PUBLISHED_D6 = 54.0, 142.0
+"""Lengths d5 and d6 printed in the source, mm."""
 BETA0 = float(np.radians(15.0))
 """Published initial phase beta0 of the disc, 15 degrees."""
 ALPHA2 = float(np.radians(8.0))
@@ -76,18 +69,6 @@ CLEARANCE_OVER = (float(np.radians(240.0)), float(np.radians(300.0)))
 """Range of the bill's angle in which the clearance is checked here, rad."""
 
 
-def assumed_laws() -> dict[str, Law]:
-    """Return the assumed laws of disc and jaw.
-
-    The disc turns half as fast as the bill.
-    The jaw closes while the bill turns from 270 to 337 degrees.
-    """
-    return {
-        "beta": Linear(float(np.radians(23.5)), 0.5),
-        "alpha4": Table((CLEARANCE_AT, float(np.radians(337.0))), (float(np.radians(22.5)), 0.0)),
-    }
-
-
 def mechanism(
     parameters: Mapping[str, float | Floats] | None = None,
     senses: Mapping[str, int] | None = None,
@@ -95,6 +76,10 @@ def mechanism(
     points: Mapping[str, Point] | None = None,
 ) -> Mechanism:
     """Build the knotter; every omitted value has its published or else its assumed value.
+
+    By the assumed laws the disc turns half as fast as the bill, and the jaw closes while the bill turns from 270 to 337
+    degrees. The printed eq 17 is not the inverse of eq 9, because it turns the bill in the wrong sense; the inverse is
+    therefore derived from the steps of eq 9.
 
     Parameters
     ----------
@@ -106,78 +91,35 @@ def mechanism(
         Laws ``beta`` (disc) and ``alpha4`` (jaw) over the bill's angle.
     points : mapping, optional
         Coordinates, each in its frame of `POINT_FRAMES`.
-
-    Returns
-    -------
-    Mechanism
-        The knotter.
-
-    Notes
-    -----
-    The chains are eq 9 with explicit senses and eqs 22 to 24.
-    The printed eq 17 is not the inverse of eq 9, because it turns the bill in the wrong sense.
-    The inverse is therefore derived from the chains.
     """
-    sense = {**SENSES, **(senses or {})}
-    chains = (
-        Chain("u3", "seat", (Rotation("j", "beta", sense["beta"]),)),
-        Chain(
-            "seat",
-            "shaft",
-            (Translation(j="-D"), Rotation("i", "alpha1", -sense["alpha"]), Translation(i="d5", k="-d1")),
-        ),
-        Chain(
-            "shaft",
-            "bearing",
-            (Rotation("i", "alpha3", -sense["alpha"]), Rotation("j", "alpha2"), Translation(k="d6")),
-        ),
-        Chain("bearing", "u4", (Rotation("k", DRIVER),)),
-        Chain("u5", "u4", (Rotation("j", "alpha4"), Translation(i="-d9", k="-d10"))),  # eqs 22-24
-    )
+    published = {"alpha1": 0.0, "alpha2": ALPHA2, "alpha3": 0.0, "d5": PUBLISHED_D5, "d6": PUBLISHED_D6}
+    assumed_laws: dict[str, Law] = {
+        "beta": Linear(float(np.radians(23.5)), 0.5),
+        "alpha4": Table((CLEARANCE_AT, float(np.radians(337.0))), (float(np.radians(22.5)), 0.0)),
+    }
     coordinates = {**POINTS, **(points or {})}
     return Mechanism(
-        parameters={
-            "alpha1": 0.0,
-            "alpha2": ALPHA2,
-            "alpha3": 0.0,
-            "d5": PUBLISHED_LENGTHS["d5"],
-            "d6": PUBLISHED_LENGTHS["d6"],
-            **ASSUMED_PARAMETERS,
-            **(parameters or {}),
-        },
-        laws={**assumed_laws(), **(laws or {})},
-        chains=chains,
-        points={
-            **{name: (POINT_FRAMES[name], xyz) for name, xyz in coordinates.items()},
-            "O5": ("u5", (0.0, 0.0, 0.0)),
-        },
+        {**published, **ASSUMED_PARAMETERS, **(parameters or {})},
+        {**SENSES, **(senses or {})},
+        {**assumed_laws, **(laws or {})},
+        {name: (POINT_FRAMES[name], xyz) for name, xyz in coordinates.items()} | {"O5": ("u5", (0.0, 0.0, 0.0))},
     )
 
 
 def wrap(window: tuple[float, float] = WRAP_WINDOW) -> SegmentEntersTriangle:
-    """Return the condition that the rope wraps around the bill (eqs 11-15).
+    """Return the condition that the rope wraps around the bill (eqs 11-15) in a range of the bill's angle, rad.
 
     The rope S0-S1 must first enter the triangle S3 S4 S5 through the edge S3S4.
-
-    Parameters
-    ----------
-    window : tuple of float, optional
-        Range of the bill's angle, rad.
     """
-    return SegmentEntersTriangle("wrap", ("S0", "S1"), ("S3", "S4", "S5"), "u4", window, required_edge=0)
+    return SegmentEntersTriangle("wrap", ("S0", "S1"), ("S3", "S4", "S5"), {"u3", "u4"}, "u4", window, 0)
 
 
 def bite(window: tuple[float, float] = BITE_WINDOW) -> SegmentEntersTriangle:
-    """Return the condition that the jaw bites the rope (eqs 26-30).
+    """Return the condition that the jaw bites the rope (eqs 26-30) in a range of the bill's angle, rad.
 
     The rope S0-S7 must first enter the triangle O5 S8 S9 through the edge S8S9.
-
-    Parameters
-    ----------
-    window : tuple of float, optional
-        Range of the bill's angle, rad.
     """
-    return SegmentEntersTriangle("bite", ("S0", "S7"), ("O5", "S8", "S9"), "u5", window, required_edge=1)
+    return SegmentEntersTriangle("bite", ("S0", "S7"), ("O5", "S8", "S9"), {"u3", "u4", "u5"}, "u5", window, 1)
 
 
 def clearance(
@@ -186,22 +128,11 @@ def clearance(
     radius: float = np.inf,
     jaw_locked: bool = True,
 ) -> Clearance:
-    """Return the condition that the jaw's point S10 passes the disc on its free side.
+    """Return the condition that the jaw's point S10 passes the disc on its free side; see `Clearance`.
 
     Eq 18 checks this at a single angle; here it is checked over a range.
-
-    Parameters
-    ----------
-    at : float, optional
-        Bill's angle at which the depth is also reported, rad.
-    over : tuple of float, optional
-        Range of the bill's angle, rad.
-    radius : float, optional
-        Radius of the disc; infinite for the whole plane.
-    jaw_locked : bool, optional
-        True if the jaw keeps its angle at ``at`` over the whole range.
     """
-    return Clearance("clearance", "S10", "seat", 1, -1, at, over, radius, "alpha4" if jaw_locked else None)
+    return Clearance(at, over, radius, jaw_locked)
 
 
 def conditions() -> list[Condition]:
@@ -217,34 +148,23 @@ class Needle:
     There the clearance is concave wherever it is positive, and therefore positive in a single interval or nowhere.
     """
 
-    S1x: float = PUBLISHED_LENGTHS["S1x"]
+    S1x: float = 22.0
     """Distance along i4 from the bill's axis to the point where the needle lays the rope."""
-    S1y: float = PUBLISHED_LENGTHS["S1y"]
+    S1y: float = 39.0
     """Distance along k4 from o4 to the point where the needle lays the rope."""
-    r0: float = PUBLISHED_LENGTHS["r0"]
+    r0: float = 16.0
     """Largest radius of the jaw's cam, positive."""
-    D0: float = PUBLISHED_LENGTHS["D0"]
+    D0: float = 20.0
     """Thickness of the needle, positive."""
-    d6: float = PUBLISHED_LENGTHS["d6"]
+    d6: float = PUBLISHED_D6
     """Distance from o1 to o0 along k0."""
-    r1: float = PUBLISHED_LENGTHS["r1"]
+    r1: float = 30.0
     """Radius of the holding point S0 about the disc's axis."""
     beta0: float = BETA0
     """Initial phase of the disc, rad."""
 
     def clearance(self, alpha2: Floats | float) -> Any:
-        """Return ``L(alpha2)`` of eq 4, the smallest distance between needle and cam.
-
-        Parameters
-        ----------
-        alpha2 : ndarray or float
-            Angle of the bill's axis, rad.
-
-        Returns
-        -------
-        ndarray or float
-            A length; the needle is free if it is positive.
-        """
+        """Return ``L(alpha2)`` of eq 4, the smallest distance between needle and cam; positive if the needle is free."""
         return self.S1x * np.cos(alpha2) + self.S1y * np.sin(alpha2) - self.r0 / np.cos(alpha2) - self.D0 / 2
 
     def best_angle(self) -> float:
@@ -269,9 +189,7 @@ class Needle:
             cosine, sine = np.cos(alpha2), np.sin(alpha2)
             return cosine * (self.S1x * cosine + self.S1y * sine - self.D0 / 2) > self.r0
 
-        (low, high), _ = bisect(
-            is_free, np.full(2, best, np.longdouble), np.array([-0.5, 0.5], np.longdouble) * np.pi
-        )
+        (low, high), _ = bisect(is_free, np.full(2, best), np.array([-0.5, 0.5]) * np.pi)
         return float(low), float(high)
 
     def smallest_whole_degree(self) -> int | None:
@@ -284,35 +202,12 @@ class Needle:
         return next((degree for degree in candidates if self.clearance(np.radians(degree)) > 0), None)
 
     def d5(self, alpha2: Floats | float) -> Any:
-        """Return the length ``d5`` at which the rope is laid on the disc (eq 5).
-
-        Parameters
-        ----------
-        alpha2 : ndarray or float
-            Angle of the bill's axis, rad.
-
-        Returns
-        -------
-        ndarray or float
-            A length.
-        """
+        """Return the length ``d5`` at which the rope is laid on the disc (eq 5)."""
         return self.r1 * np.sin(self.beta0) + self.S1x * np.cos(alpha2) + (self.d6 + self.S1y) * np.sin(alpha2)
 
     def angles_for_d5(self, d5: float) -> list[float]:
-        """Return the angles alpha2 at which eq 5 gives a length ``d5``.
+        """Return the angles alpha2 (rad), increasing, at which eq 5 gives a length ``d5``; empty if there are none.
 
-        Parameters
-        ----------
-        d5 : float
-            The length.
-
-        Returns
-        -------
-        list of float
-            Angles between -90 and 90 degrees (rad), increasing; empty if no angle gives the length.
-
-        Notes
-        -----
         Eq 5 is ``d5 - r1 sin beta0 = C cos(alpha2 - chi)``.
         The inverse cosine is computed as an arctangent of ``sqrt((C - m)(C + m))``, which keeps its digits where the two
         solutions meet.

@@ -1,18 +1,21 @@
-"""Spatial mechanisms whose bodies turn under laws of a single driver.
+"""The knotter as a row of frames from disc to jaw, joined by rotations and translations, and the laws of disc and jaw.
 
-A mechanism consists of frames, chains of rotations and translations between them, and points fixed in frames.
-Each chain is written in a single direction; its inverse is derived from it.
+Frames, in order: ``u3`` turns with the disc, ``seat`` is the bearing of the disc (sigma2), ``shaft`` the machine's shaft
+(sigma1), ``bearing`` the bearing of the bill (sigma0), ``u4`` turns with the bill and ``u5`` with the jaw. The driver is
+the angle alpha of the bill.
+
 Vectors are tuples ``(x, y, z)`` of arrays that broadcast against each other, so that a quantity that does not depend on
-a parameter or on the driver is computed only once.
-Lengths are in the user's unit, angles in radians.
+a parameter or on the driver is computed only once. Lengths are in the user's unit, angles in radians. Equation numbers
+refer to the source named in `synthesis.scenes.knotter.d_knotter`.
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from functools import cached_property, reduce
-from typing import Any, Literal
+from dataclasses import dataclass, replace
+from functools import reduce
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,52 +26,54 @@ from synthesis.one_variable import EPSILON, Floats
 Integers = NDArray[np.int_]
 Vector = Sequence[Any] | NDArray[Any]
 """Three components: numbers, or arrays that broadcast against each other."""
+Axis = Literal[0, 1, 2]
+"""Axis i, j or k of a frame."""
 
-DRIVER = "driver"
-"""Name by which a `Rotation` refers to the driver angle itself."""
-AXES = "ijk"
-"""Names of the three axes of a frame, in order."""
+FRAMES = ("u3", "seat", "shaft", "bearing", "u4", "u5")
+"""Names of the frames, from disc to jaw."""
+LAW_FRAMES = {"beta": "u3", "alpha4": "u5"}
+"""Frame that turns by each law."""
+
+
+@dataclass(frozen=True)
+class SampleOptions:
+    """Options of the samples over the driver's range."""
+
+    turn_per_piece: float = 1.0
+    """Largest rotation of a coordinate within a piece of the range, rad."""
+    steps_per_piece: int = 16
+    """Number of steps between samples in each piece."""
+    max_pieces: int = 100_000
+    """Largest number of pieces of a range."""
+
+
+OPTIONS = SampleOptions()
 
 
 def as_array(components: Iterable[Any], shape: tuple[int, ...]) -> Floats:
-    """Broadcast numbers and arrays to a common shape and stack them along a new first axis.
-
-    Parameters
-    ----------
-    components : iterable of number or ndarray
-        For example the three components of a `Vector`.
-    shape : tuple of int
-        Shape that each component is broadcast to.
-
-    Returns
-    -------
-    ndarray, shape (number of components, *shape)
-        The stacked components.
-    """
+    """Broadcast numbers and arrays to a common shape and stack them along a new first axis."""
     return np.array([np.broadcast_to(component, shape) for component in components])
 
 
 @dataclass(frozen=True)
 class Linear:
-    """The law ``lead + ratio * driver``, defined for every driver angle.
+    """The law ``lead + ratio * driver``, defined for every driver angle."""
 
-    Both fields may be arrays of shape (items,), one value for each of several mechanisms.
-    """
-
-    lead: float | Floats
+    lead: float
     """Angle at driver angle zero, rad."""
-    ratio: float | Floats = 0.0
+    ratio: float = 0.0
     """Change of the angle per change of the driver angle."""
-    breakpoints: tuple[float, ...] = field(default=(), init=False)
+
+    driver: tuple[float, ...] = ()
     """Driver angles at which the law is not smooth: none."""
 
-    def value(self, driver: Floats | float) -> Floats | float:
+    def value(self, driver: Floats | float) -> Any:
         """Return the angle (rad) at each driver angle (rad)."""
         return self.lead + self.ratio * driver
 
     def rate_bound(self, first: float, last: float) -> float:
         """Return the largest ``|d angle / d driver|`` between two driver angles."""
-        return float(np.max(np.abs(self.ratio)))
+        return abs(self.ratio)
 
     def undefined_reason(self, first: float, last: float) -> str | None:
         """Explain why the law is undefined over a range of the driver, or return None if it is defined."""
@@ -88,7 +93,7 @@ class Table:
     """
 
     driver: tuple[float, ...]
-    """Driver angles of the knots (rad), at least two and strictly increasing."""
+    """Driver angles of the knots (rad), at least two and strictly increasing. The law may not be smooth there."""
     angle: tuple[float, ...]
     """Angles at the knots, rad."""
     kind: Literal["linear", "pchip"] = "linear"
@@ -105,31 +110,13 @@ class Table:
             row = int(np.argmin(steps > 0)) + 2  # counted from 1
             raise ValueError(f"the driver angles must increase, but row {row} is not above the row before it")
 
-    @property
-    def breakpoints(self) -> tuple[float, ...]:
-        """Driver angles of the knots; between two knots the law is a polynomial."""
-        return self.driver
-
-    @cached_property
-    def _coefficients(self) -> Any:
-        """Polynomial coefficients, highest power first, shape (degree + 1, knots - 1), about each left knot."""
-        knots, angles = np.array(self.driver), np.array(self.angle)
-        if self.kind == "linear" or len(knots) == 2:
-            return np.stack([np.diff(angles) / np.diff(knots), angles[:-1]])
+    def value(self, driver: Floats | float) -> Any:
+        """Return the angle (rad) at each driver angle (rad)."""
+        if self.kind == "linear":
+            return np.interp(driver, self.driver, self.angle)
         from scipy.interpolate import PchipInterpolator
 
-        return PchipInterpolator(knots, angles).c
-
-    def value(self, driver: Floats | float) -> Floats | float:
-        """Return the angle (rad) at each driver angle (rad), in the precision of ``driver``."""
-        knots = np.array(self.driver)
-        driver = np.clip(driver, knots[0], knots[-1])
-        interval = np.clip(np.searchsorted(knots, driver, side="right") - 1, 0, len(knots) - 2)
-        offset = driver - knots[interval]
-        value: Floats = self._coefficients[0][interval]
-        for coefficient in self._coefficients[1:]:
-            value = value * offset + coefficient[interval]
-        return value
+        return PchipInterpolator(self.driver, self.angle)(np.clip(driver, self.driver[0], self.driver[-1]))
 
     def rate_bound(self, first: float, last: float) -> float:
         """Return an upper bound of ``|d angle / d driver|`` between two driver angles.
@@ -150,69 +137,57 @@ class Table:
             defined = (start <= last and first <= end) or not first < last  # held at any single angle
         if defined:
             return None
-        required = (
-            f"{np.degrees(first):.9g} to {np.degrees(last):.9g} degrees are required"
-            if first < last
-            else f"{np.degrees(last):.9g} degrees is required"
-        )
+        degrees = [f"{np.degrees(angle):.9g}" for angle in (start, end, first, last)]
+        required = f"{degrees[2]} to {degrees[3]} degrees are" if first < last else f"{degrees[3]} degrees is"
         return (
-            f"the law is not defined over the whole range: its table covers {np.degrees(start):.9g} to "
-            f"{np.degrees(end):.9g} degrees, but {required}"
+            f"the law is not defined over the whole range: its table covers {degrees[0]} to {degrees[1]} degrees, but "
+            f"{required} required"
         )
 
 
 Law = Linear | Table
-"""An angle as a function of the driver, smooth between its ``breakpoints``."""
+"""An angle as a function of the driver, smooth between the angles ``driver``."""
 
 
-@dataclass(frozen=True)
-class Rotation:
+class Rotation(NamedTuple):
     """An active right-handed rotation about an axis (eqs 1-3)."""
 
-    axis: Literal["i", "j", "k"]
-    """Axis of rotation."""
-    angle: str
-    """Name of a parameter or of a law, or `DRIVER`."""
-    sense: int = 1
-    """Factor of the angle, 1 or -1."""
+    axis: Axis
+    angle: Any
+
+    def apply(self, vector: Vector, sense: int = 1) -> Vector:
+        """Return the rotated vector; rotated back with sense -1."""
+        cosine, sine = np.cos(self.angle), sense * np.sin(self.angle)
+        first, second = (self.axis + 1) % 3, (self.axis + 2) % 3
+        rotated = list(vector)
+        rotated[first] = cosine * vector[first] - sine * vector[second]
+        rotated[second] = sine * vector[first] + cosine * vector[second]
+        return tuple(rotated)
 
 
-@dataclass(frozen=True)
-class Translation:
-    """A translation; each component is a number, a parameter's name, or a minus sign and a parameter's name."""
+class Translation(NamedTuple):
+    """A translation along the three axes."""
 
-    i: str | float = 0.0
-    j: str | float = 0.0
-    k: str | float = 0.0
+    i: Any = 0.0
+    j: Any = 0.0
+    k: Any = 0.0
 
-
-@dataclass(frozen=True)
-class Chain:
-    """Rotations and translations that transform coordinates between two frames."""
-
-    source: str
-    """Frame of the given coordinates."""
-    target: str
-    """Frame of the resulting coordinates."""
-    steps: tuple[Rotation | Translation, ...]
-    """Steps in the order in which they are applied."""
+    def apply(self, vector: Vector, sense: int = 1) -> Vector:
+        """Return the shifted vector; shifted back with sense -1."""
+        return tuple(component + sense * length for component, length in zip(vector, self))
 
 
 @dataclass(frozen=True)
 class Mechanism:
-    """Frames joined by chains, points fixed in frames, and their parameters and laws.
-
-    A point that is transformed to another frame and back returns to itself, to rounding.
-    The distance between two points of the same frame is the same in every frame.
-    """
+    """Dimensions, laws and points of one knotter, or of several knotters with different dimensions."""
 
     parameters: Mapping[str, float | Floats]
-    """Lengths and angles by name.
-    Arrays of shape (items,), here and in laws and points, let an object represent several mechanisms."""
+    """Angles ``alpha1, alpha2, alpha3`` (rad) and lengths ``d1, D, d5, d6, d9, d10``.
+    Arrays of shape (items,) let an object represent several knotters."""
+    senses: Mapping[str, int]
+    """Senses of rotation, 1 or -1: ``alpha`` of alpha1 and alpha3, and ``beta`` of the disc."""
     laws: Mapping[str, Law]
-    """Laws of the angles that follow the driver, by name."""
-    chains: tuple[Chain, ...]
-    """Chains that join all frames into a tree."""
+    """Laws ``beta`` of the disc and ``alpha4`` of the jaw."""
     points: Mapping[str, tuple[str, Vector]]
     """Frame and coordinates of each point, by name."""
 
@@ -220,182 +195,98 @@ class Mechanism:
         """Return the mechanism with other values of some parameters."""
         return replace(self, parameters={**self.parameters, **values})
 
-    def with_locked_law(self, law: str, at: float) -> Mechanism:
-        """Return the mechanism with one law held at its value at driver angle ``at`` (rad)."""
-        return replace(self, laws={**self.laws, law: Linear(self.laws[law].value(np.float64(at)))})
+    def with_locked_jaw(self, at: float) -> Mechanism:
+        """Return the mechanism with a jaw that keeps its angle at driver angle ``at`` (rad)."""
+        return replace(self, laws={**self.laws, "alpha4": Linear(float(self.laws["alpha4"].value(at)))})
 
     def select(self, index: Integers) -> Mechanism:
-        """Return the mechanisms of the given items.
-
-        Parameters
-        ----------
-        index : ndarray of int
-            Indices of the items; parameters that are arrays take the shape of ``index``.
-        """
-
-        def selected(value: Any) -> Any:
-            return value[index] if isinstance(value, np.ndarray) and value.ndim else value
-
-        laws = {
-            name: Linear(selected(law.lead), selected(law.ratio)) if isinstance(law, Linear) else law
-            for name, law in self.laws.items()
+        """Return the knotters of the given items; parameters that are arrays take the shape of ``index``."""
+        selected = {
+            name: value[index] if isinstance(value, np.ndarray) and value.ndim else value
+            for name, value in self.parameters.items()
         }
-        points = {name: (frame, tuple(map(selected, xyz))) for name, (frame, xyz) in self.points.items()}
-        parameters = {name: selected(value) for name, value in self.parameters.items()}
-        return replace(self, parameters=parameters, laws=laws, points=points)
+        return replace(self, parameters=selected)
 
     def position(self, point: str, frame: str, driver: Floats | float) -> Vector:
-        """Return the coordinates of a point in a frame.
-
-        Parameters
-        ----------
-        point, frame : str
-            Names of the point and of the frame.
-        driver : ndarray or float
-            Driver angles (rad) that broadcast against the parameters.
-
-        Returns
-        -------
-        vector
-            Coordinates in the precision of ``driver``.
-        """
+        """Return the coordinates of a point in a frame at driver angles (rad) that broadcast against the parameters."""
         home, coordinates = self.points[point]
         return self.transform(coordinates, home, frame, driver)
 
     def transform(self, vector: Vector, source: str, target: str, driver: Floats | float) -> Vector:
-        """Transform coordinates between two frames.
-
-        Parameters
-        ----------
-        vector : vector
-            Coordinates in frame ``source``.
-        source, target : str
-            Names of the frames.
-        driver : ndarray or float
-            Driver angles (rad) that broadcast against the coordinates and the parameters.
-
-        Returns
-        -------
-        vector
-            Coordinates in frame ``target``, in the precision of ``driver``.
-
-        Raises
-        ------
-        ValueError
-            No sequence of chains joins the two frames.
-        """
-        precision = np.result_type(driver, float)
-        if np.finfo(precision).nmant > np.finfo(float).nmant:
-            vector = tuple(np.asarray(component, precision) for component in vector)
-        for chain, forward in self._path(source, target):
-            for step in chain.steps if forward else reversed(chain.steps):
-                if isinstance(step, Rotation):
-                    angle = np.asarray(self._angle(step, driver), precision)
-                    vector = _rotate(vector, step.axis, step.sense if forward else -step.sense, angle)
-                else:
-                    sign = 1.0 if forward else -1.0
-                    vector = tuple(
-                        component + sign * self._length(length)
-                        if not isinstance(length, float) or length
-                        else component
-                        for component, length in zip(vector, (step.i, step.j, step.k))
-                    )
+        """Transform coordinates between two frames at driver angles (rad) that broadcast against them."""
+        start, stop = FRAMES.index(source), FRAMES.index(target)
+        for joint in range(start, stop):
+            for step in self._steps(joint, driver):
+                vector = step.apply(vector)
+        for joint in reversed(range(stop, start)):
+            for step in reversed(self._steps(joint, driver)):
+                vector = step.apply(vector, -1)
         return vector
 
-    def laws_between(self, frames: set[str]) -> set[str]:
-        """Return the names of the laws on the chains that join some frames."""
-        first, *remaining = sorted(frames)
-        steps = [step for frame in remaining for chain, _ in self._path(first, frame) for step in chain.steps]
-        return {step.angle for step in steps if isinstance(step, Rotation) and step.angle in self.laws}
+    def _steps(self, joint: int, driver: Floats | float) -> tuple[Rotation | Translation, ...]:
+        """Return the steps that transform coordinates from a frame to the next: eq 9 with explicit senses, eqs 22-24."""
+        p, sense = self.parameters, self.senses["alpha"]
+        if joint == 0:
+            return (Rotation(1, self.senses["beta"] * self.laws["beta"].value(driver)),)
+        if joint == 1:
+            return Translation(j=-p["D"]), Rotation(0, -sense * p["alpha1"]), Translation(i=p["d5"], k=-p["d1"])
+        if joint == 2:
+            return Rotation(0, -sense * p["alpha3"]), Rotation(1, p["alpha2"]), Translation(k=p["d6"])
+        if joint == 3:
+            return (Rotation(2, driver),)
+        return Translation(i=p["d9"], k=p["d10"]), Rotation(1, -self.laws["alpha4"].value(driver))
 
-    def require_laws(self, frames: set[str], first: float, last: float, only: str | None = None) -> None:
-        """Check that the laws between some frames are defined over a range of the driver.
+    def laws_of(self, frames: set[str]) -> dict[str, Law]:
+        """Return the laws on the way between some frames."""
+        return {name: self.laws[name] for name, frame in LAW_FRAMES.items() if frame in frames}
 
-        Parameters
-        ----------
-        frames : set of str
-            Names of the frames.
-        first, last : float
-            Ends of the range, rad.
-        only : str, optional
-            Name of the only law to check.
+    def require_laws(self, frames: set[str], first: float, last: float) -> None:
+        """Raise a `FieldError` if a law between the frames is not defined from driver angle ``first`` to ``last`` (rad)."""
+        for name, law in sorted(self.laws_of(frames).items()):
+            if reason := law.undefined_reason(first, last):
+                raise FieldError(f"/laws/{name}", reason, constraint="law_range")
+
+    def samples(self, frames: set[str], first: float, last: float) -> Floats:
+        """Return driver angles (rad) from first to last, between which no coordinate in the frames turns far.
+
+        All angles at which a law is not smooth are among them.
 
         Raises
         ------
         FieldError
-            A law is not defined over the whole range; the error names the first such law.
+            The range needs more than `SampleOptions.max_pieces` pieces.
         """
-        for name in sorted(self.laws_between(frames) & ({only} if only else set(self.laws))):
-            if reason := self.laws[name].undefined_reason(first, last):
-                raise FieldError(f"/laws/{name}", reason, constraint="law_range")
+        laws = self.laws_of(frames).values()
+        corners = np.unique([first, *(knot for law in laws for knot in law.driver if first < knot < last), last])
+        if len(corners) == 1:
+            corners = np.repeat(corners, 2)
+        spans = list(itertools.pairwise(corners.tolist()))
+        rates = (1.0 + sum(law.rate_bound(*span) for law in laws) for span in spans)
+        pieces = [
+            max(1.0, np.ceil((high - low) * rate / OPTIONS.turn_per_piece)) for (low, high), rate in zip(spans, rates)
+        ]
+        if sum(pieces) > OPTIONS.max_pieces:
+            raise FieldError(
+                "/laws",
+                f"the laws turn so fast that a range must be divided into {sum(pieces):.0f} pieces, but at most "
+                f"{OPTIONS.max_pieces} are allowed; give slower laws or a shorter range",
+                constraint="work",
+                amount=float(sum(pieces)),
+            )
+        steps = [
+            np.linspace(low, high, OPTIONS.steps_per_piece * int(count) + 1)[1:]
+            for (low, high), count in zip(spans, pieces)
+        ]
+        return np.concatenate([[first], *steps])
 
-    def breakpoints(self, frames: set[str]) -> list[float]:
-        """Return the driver angles (rad) at which a law between the frames is not smooth."""
-        return sorted({knot for name in self.laws_between(frames) for knot in self.laws[name].breakpoints})
-
-    def turning_rate(self, frames: set[str], first: float, last: float) -> float:
-        """Return an upper bound of the rotation of coordinates between the frames per rotation of the driver."""
-        return 1.0 + sum(self.laws[name].rate_bound(first, last) for name in self.laws_between(frames))
-
-    def rounding_bound(self, frames: set[str], first: float, last: float) -> Floats | float:
-        """Bound the rounding error of every coordinate in some frames.
+    def rounding_bound(self, frames: set[str], first: float, last: float) -> Any:
+        """Bound the rounding error of every coordinate in some frames over a range of the driver (rad), as a length.
 
         Large dimensions cost digits when they are added, and so do angles of many turns.
-
-        Parameters
-        ----------
-        frames : set of str
-            Names of the frames.
-        first, last : float
-            Range of the driver, rad.
-
-        Returns
-        -------
-        float or ndarray, shape (items,)
-            The bound, as a length.
         """
-        translations = [step for chain in self.chains for step in chain.steps if isinstance(step, Translation)]
-        distances = [np.sqrt(sum(np.square(coordinate) for coordinate in xyz)) for _, xyz in self.points.values()]
-        reach: Any = reduce(np.maximum, distances, 0.0)
-        reach += sum(abs(self._length(length)) for step in translations for length in (step.i, step.j, step.k))
-        largest_angle: Any = 1.0 + max(abs(first), abs(last))
-        for name in self.laws_between(frames):
-            law = self.laws[name]
-            initial = np.abs(law.value(np.float64(first)))
-            largest_angle = largest_angle + initial + law.rate_bound(first, last) * (last - first)
-        bound: Floats | float = 16 * EPSILON * largest_angle * reach
-        return bound
-
-    def _length(self, length: str | float) -> Any:
-        if isinstance(length, str):
-            return -self.parameters[length[1:]] if length.startswith("-") else self.parameters[length]
-        return length
-
-    def _angle(self, step: Rotation, driver: Floats | float) -> Floats | float:
-        if step.angle == DRIVER:
-            return driver
-        return self.laws[step.angle].value(driver) if step.angle in self.laws else self.parameters[step.angle]
-
-    def _path(self, source: str, target: str) -> list[tuple[Chain, bool]]:
-        """Return the chains from one frame to another, each with True if it is followed from source to target."""
-        paths: dict[str, list[tuple[Chain, bool]]] = {source: []}
-        directed_chains = [(chain, forward) for chain in self.chains for forward in (True, False)]
-        for _ in self.chains:
-            for chain, forward in directed_chains:
-                tail, head = (chain.source, chain.target)[:: 1 if forward else -1]
-                if tail in paths and head not in paths:
-                    paths[head] = [*paths[tail], (chain, forward)]
-        if target not in paths:
-            raise ValueError(f"no chain leads from frame {source} to frame {target}")
-        return paths[target]
-
-
-def _rotate(vector: Vector, axis: str, sense: int, angle: Floats | float) -> Vector:
-    """Return ``R(axis, sense * angle) vector`` (eqs 1-3), by one formula that is cyclic in the three axes."""
-    cosine, sine = np.cos(angle), sense * np.sin(angle)
-    axis_index = AXES.index(axis)
-    first, second = (axis_index + 1) % 3, (axis_index + 2) % 3
-    rotated = list(vector)
-    rotated[first] = cosine * vector[first] - sine * vector[second]
-    rotated[second] = sine * vector[first] + cosine * vector[second]
-    return tuple(rotated)
+        reach: Any = reduce(np.maximum, (np.linalg.norm(xyz) for _, xyz in self.points.values()))
+        reach = reach + sum(np.abs(self.parameters[name]) for name in ("d1", "D", "d5", "d6", "d9", "d10"))
+        largest_angle = 1.0 + max(abs(first), abs(last))
+        for law in self.laws_of(frames).values():
+            largest_angle += abs(float(law.value(first))) + law.rate_bound(first, last) * (last - first)
+        return 16 * EPSILON * largest_angle * reach

@@ -11,10 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from synthesis.one_variable import Flags, Floats
+from synthesis.one_variable import EPSILON, Flags, Floats
 from synthesis.scenes.knotter.mechanism import Vector
-
-UNIT_ROUNDOFF = 2.0**-53
 
 
 def subtract(a: Vector, b: Vector) -> Vector:
@@ -34,11 +32,7 @@ def cross(a: Vector, b: Vector) -> Vector:
 
 def point_on_line(origin: Vector, direction: Vector, parameter: Floats | float) -> Vector:
     """Return ``origin + parameter * direction``."""
-    return (
-        origin[0] + parameter * direction[0],
-        origin[1] + parameter * direction[1],
-        origin[2] + parameter * direction[2],
-    )
+    return tuple(start + parameter * change for start, change in zip(origin, direction))
 
 
 def norm(a: Vector) -> Any:
@@ -97,22 +91,7 @@ def crosses_inside(signs: Sequence[Floats] | Floats) -> Flags:
 
 
 def crossing_point(p: Vector, q: Vector, a: Vector, b: Vector, c: Vector) -> Vector:
-    """Intersect the line pq with the plane abc.
-
-    These are eqs 11 and 26 of the source, generalised to a plane in any position.
-
-    Parameters
-    ----------
-    p, q : vector
-        Two points of the line.
-    a, b, c : vector
-        Three points of the plane.
-
-    Returns
-    -------
-    vector
-        The intersection, or ``p`` if the line is parallel to the plane.
-    """
+    """Intersect the line pq with the plane abc (eqs 11 and 26 for any plane); return ``p`` if they are parallel."""
     ab, ac = subtract(b, a), subtract(c, a)
     normal = cross(ab, ac)
     s_p, s_q = dot(normal, subtract(p, a)), dot(normal, subtract(q, a))
@@ -121,20 +100,8 @@ def crossing_point(p: Vector, q: Vector, a: Vector, b: Vector, c: Vector) -> Vec
 
 
 def segment_distance(p: Vector, q: Vector, a: Vector, b: Vector) -> Any:
-    """Compute the distance between segments pq and ab.
+    """Compute the distance between segments pq and ab, which may have length zero.
 
-    Parameters
-    ----------
-    p, q, a, b : vector
-        Ends of the segments; a segment may have length zero.
-
-    Returns
-    -------
-    ndarray or float
-        The distance, which is symmetric in the two segments.
-
-    Notes
-    -----
     The squared distance is a convex quadratic function of the two segment parameters on the unit square.
     It is minimised in the first parameter, clamped to [0, 1], and then in the second (Ericson, Real-Time Collision Detection,
     5.1.9).
@@ -143,7 +110,7 @@ def segment_distance(p: Vector, q: Vector, a: Vector, b: Vector) -> Any:
     d1_d1, d2_d2, d1_d2 = dot(d1, d1), dot(d2, d2), dot(d1, d2)
     d1_r, d2_r = dot(d1, r), dot(d2, r)
     determinant = d1_d1 * d2_d2 - d1_d2 * d1_d2
-    skew = determinant > 8 * UNIT_ROUNDOFF * d1_d1 * d2_d2
+    skew = determinant > 4 * EPSILON * d1_d1 * d2_d2
     s = np.where(skew, np.clip((d1_d2 * d2_r - d1_r * d2_d2) / np.where(skew, determinant, 1.0), 0.0, 1.0), 0.0)
     t = np.clip((d1_d2 * s + d2_r) / safe_divisor(d2_d2), 0.0, 1.0)
     s = np.clip((d1_d2 * t - d1_r) / safe_divisor(d1_d1), 0.0, 1.0)
@@ -154,18 +121,6 @@ def segment_triangle_distance(p: Vector, q: Vector, a: Vector, b: Vector, c: Vec
     """Compute the distance between segment pq and triangle abc, zero if they meet.
 
     The closest points lie either on the segment and an edge, or on an end of the segment and the triangle's inside.
-
-    Parameters
-    ----------
-    p, q : vector
-        Ends of the segment.
-    a, b, c : vector
-        Vertices of the triangle.
-
-    Returns
-    -------
-    ndarray or float
-        The distance.
     """
     distance = np.minimum(
         np.minimum(segment_distance(p, q, a, b), segment_distance(p, q, b, c)), segment_distance(p, q, c, a)

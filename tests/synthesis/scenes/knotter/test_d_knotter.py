@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 from synthesis.scenes.knotter import d_knotter
-from synthesis.scenes.knotter.curves import crossing_curve
+from synthesis.scenes.knotter.conditions import crossing_curve, study
 from synthesis.scenes.knotter.mechanism import Linear
-from synthesis.scenes.knotter.study import study
 from tests.oracles.knotter import Exact
 
 FIGURES = json.loads((Path(__file__).parents[3] / "reference" / "knotter.json").read_text())

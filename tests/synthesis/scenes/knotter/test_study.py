@@ -10,18 +10,8 @@ import pytest
 from scipy.optimize import brentq
 
 from synthesis.scenes.knotter import d_knotter
-from synthesis.scenes.knotter.conditions import (
-    Clearance,
-    EntryStatus,
-)
-from synthesis.scenes.knotter.mechanism import (
-    Chain,
-    Linear,
-    Mechanism,
-    Rotation,
-    Table,
-    Translation,
-)
+from synthesis.scenes.knotter.conditions import Clearance, EntryStatus
+from synthesis.scenes.knotter.mechanism import Linear, Mechanism, Table
 from tests.oracles.knotter import RandomKnotter
 
 
@@ -133,13 +123,13 @@ def test_worst_clearance_agrees_with_a_fine_scan(seed: int, radius: float, locke
 
 def test_largest_depth_in_a_disc_may_be_at_a_kink() -> None:
     """A point on a circle near the rim moves away from the plane and towards the rim at the same time; solved by hand."""
-    chains = (Chain("arm", "disc", (Rotation("k", "driver"), Translation(i=15.0))),)
-    arm = Mechanism({}, {}, chains, {"tip": ("arm", (10.0, 0.0, 0.0))})
-    condition = Clearance("clear", "tip", "disc", 1, -1, 0.0, (0.0, np.pi), radius=20.0)
-    found = condition.evaluate(arm, 1)
+    # The bill turns the tip about the axis k of the disc's seat, 15 beside the disc's axis j.
+    parameters = dict.fromkeys(("alpha2", "d1", "D", "d6", "d9", "d10"), 0.0) | {"d5": -15.0}
+    arm = d_knotter.mechanism(parameters, laws={"alpha4": Linear(0.0)}, points={"S10": (10.0, 0.0, 0.0)})
+    found = Clearance(0.0, (-np.pi, 0.0), radius=20.0).evaluate(arm, 1)
     # The tip is 10 sin behind the plane and 5 - 10 cos inside the rim; both are equal if sin + cos = 1/2.
     angle = np.pi - np.arcsin(0.5 / np.sqrt(2)) - np.pi / 4
-    assert found.worst_driver[0] == pytest.approx(angle, abs=1e-12)
+    assert found.worst_driver[0] == pytest.approx(-angle, abs=1e-12)
     assert found.worst[0] == pytest.approx(10 * np.sin(angle), abs=1e-11)
 
 
