@@ -12,13 +12,11 @@ from typing import Any
 from urllib.parse import quote
 
 from fastapi import FastAPI
-from pydantic import ValidationError
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import Response
 
 from app.query import MAX_ERRORS, Invalid
-from app.sentences import sentence
 from linkage_atlas import AtlasError, AtlasFault, Cancelled, FieldError, OutOfTime
 
 MAX_POINTER = 200
@@ -153,11 +151,6 @@ def _invalid(error: Invalid) -> Response:
     return problem(422, str(error).partition("\n")[0], error_rows(error.errors))
 
 
-def _model(error: ValidationError) -> Response:
-    rows = [{"loc": row["loc"], "msg": sentence(row)} for row in error.errors(include_url=False)]
-    return _invalid(Invalid(rows))
-
-
 def _atlas(error: AtlasError) -> Response:
     later = None if error.fault is AtlasFault.NOT_WANTED else {"Retry-After": "5"}
     return problem(503, str(error), headers=later)
@@ -173,7 +166,6 @@ _REPLIES: dict[type[Exception], Callable[[Any], Response]] = {
     NotJson: lambda _: problem(
         415, "the body must be JSON; send the header `Content-Type: application/json` and no Content-Encoding"
     ),
-    ValidationError: _model,
     FieldError: field_problem,
     AtlasError: _atlas,
     NotFound: lambda error: problem(404, str(error)),

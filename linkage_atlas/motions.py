@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, TypedDict, TypeVar
+from typing import IO, TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -62,16 +62,6 @@ OR_PLACED = "; with `position` its angles may stay unknown, and are found with t
 N = TypeVar("N", np.float64, np.complex128)
 
 
-class Columns(TypedDict):
-    """Arguments that motions with given and with free crank angles share, in radians."""
-
-    rotation: Floats | None
-    position: Complexes | None
-    length_scale: float | None
-    rotation_weights: Floats | None
-    position_weights: Floats | None
-
-
 @dataclass(frozen=True)
 class Tolerances:
     """Largest allowed errors at the samples, (N,) each, in radians and in the user's unit of length; None: not limited."""
@@ -90,25 +80,17 @@ class Tolerances:
 
     def shares(self, target: Target, linkage: Linkage) -> Floats:
         """Return the largest ratio of an error to its tolerance at each sample, (N,); missing values have no error."""
-        rotation, points = _moved(linkage, target.crank)
-        share = np.zeros(target.samples)
+        body, share = linkage.body(linkage.start + target.crank), np.zeros(target.samples)
         if self.rotation is not None and target.rotation is not None:
-            off = target.rotation - rotation
+            off = target.rotation - body.rotation
             if target.found:  # whole turns do not count
                 off -= TURN * np.round(off / TURN)
             gap = target.rotation_mean.zero_missing(np.abs(off))
             share = np.maximum(share, gap / self.rotation)
         if self.position is not None and target.position is not None:
-            assert points is not None
-            gap = target.position_mean.zero_missing(np.abs(target.position - points))
+            gap = target.position_mean.zero_missing(np.abs(target.position - body.position))
             share = np.maximum(share, gap / self.position)
         return share
-
-
-def _moved(linkage: Linkage, travel: Floats) -> tuple[Floats, Complexes | None]:
-    """Return rotation and position of the body at travel (n,) of the drive from the first sample."""
-    found = linkage.body(linkage.start + travel)
-    return found.rotation, found.position if linkage.mounted else None
 
 
 class Motion:
@@ -224,7 +206,7 @@ class Motion:
             self._wraps = [*self._wraps, *said]
             turns, turn_weights = _present("rotation", wound, weights, 0.0, partial(column, "rotation"))
             points_read, point_weights = _present("position", position, weights, (0.0, 0.0), _points)
-            part: Columns = {
+            part: dict[str, Any] = {
                 "rotation": None if turns is None else turns * radian,
                 "position": points_read,
                 "length_scale": None if length_scale is None else number("length_scale", length_scale),

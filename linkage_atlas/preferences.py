@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from linkage_atlas.assemblies import AskedAssembly, Assembly, assembled, read_assembly
+from linkage_atlas.assemblies import Assembly, assembled, read_assembly
 from linkage_atlas.motions import Motion
 from linkage_atlas.ranking import UNRANKED, LayerRank, Ranking, everyday_tolerances
 from linkage_atlas.studies import Studies
@@ -162,37 +162,25 @@ def arranged(
 
     Returns the studies with the assemblies that were made, and the report with a note if the time was up.
     """
-    limits, studies = task.limits, task.studies
-    assembly = studies.assembly or read_assembly(True)
+    assembly = task.studies.assembly or read_assembly(True)
     assert assembly is not None
-    within = assembly.within(limits.envelope, limits.keep_out)
+    within, motion = assembly.within(task.limits.envelope, task.limits.keep_out), task.motion
     accurate = ranking.accurate(ranking.ordered(found))
-    ranking.layers, assemblies, remaining = layers_of(accurate, task.motion, within, work)
-    notes = [UNARRANGED.format(remaining, len(accurate))] if remaining else []
-    report = report.ended_by(bool(notes))._replace(notes=[*report.notes, *notes])
-    return studies._replace(assembly=assembly, arranged=assemblies), report
-
-
-def layers_of(
-    candidates: Sequence[Solution], motion: Motion, assembly: AskedAssembly, work: Work
-) -> tuple[dict[int, LayerRank], dict[int, Assembly], int]:
-    """Compute layers of linkages, in their order.
-
-    Returns the rank of all of these by id, the assemblies by id of the `linkage`, and the number of linkages that the time did
-    not reach.
-    """
-    ranks: dict[int, LayerRank] = {id(solution): UNRANKED for solution in candidates}
+    ranks: dict[int, LayerRank] = {id(solution): UNRANKED for solution in accurate}
     assemblies: dict[int, Assembly] = {}
-    for k, solution in enumerate(candidates):
+    for k, solution in enumerate(accurate):
         try:
             work.go_on()
             interval = target_of(motion.samples, solution.linkage, solution.travel).interval
-            layers = assembled(solution.linkage, assembly, interval, motion.radian, work)
+            layers = assembled(solution.linkage, within, interval, motion.radian, work)
         except OutOfTime:
-            return ranks, assemblies, len(candidates) - k
+            note = UNARRANGED.format(len(accurate) - k, len(accurate))
+            report = report.ended_by(True)._replace(notes=[*report.notes, note])
+            break
         except FieldError:
             continue
         assemblies[id(solution.linkage)] = layers
         crossed = sum(not shaft.both_sides for shaft in layers.pivot_supports.values())
         ranks[id(solution)] = not layers.free, crossed, layers.count
-    return ranks, assemblies, 0
+    ranking.layers = ranks
+    return task.studies._replace(assembly=assembly, arranged=assemblies), report

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -50,16 +49,6 @@ UNRANKED: LayerRank = (True, 0, 0)
 """Rank without layers, or if the time was up before: behind layers without collisions."""
 
 
-class _Facts(NamedTuple):
-    """Properties of a linkage that take time to compute."""
-
-    found: Solution
-    score: Score
-    """Measures that do not depend on other linkages."""
-    within: bool
-    """True if every error is within the tolerances of the request, or else within the everyday accuracy."""
-
-
 class Ranking:
     """Order of the linkages for a motion and a preference.
 
@@ -80,7 +69,9 @@ class Ranking:
         self.fair = fair
         self.layers: Mapping[int, LayerRank] = {}
         """Rank of the layers by id of a linkage, if layers are preferred and were made."""
-        self._facts: dict[int, _Facts] = {}
+        self._facts: dict[int, tuple[Solution, Score, bool]] = {}
+        """Each linkage by id, its score without regard to others, and whether it is within the tolerances of the request, or
+        else within the everyday accuracy."""
         self._smallest: Solution | None = None
         """The linkage with the smallest error among all from which the shown linkages were chosen."""
 
@@ -89,10 +80,10 @@ class Ranking:
     def scores(self, found: Sequence[Solution]) -> list[Score]:
         """Return the score of each linkage; whether it is accurate depends on the others."""
         facts = self._examined(found)
-        usable = np.array([fact.score.usable for fact in facts], dtype=bool)
-        within = np.array([fact.within for fact in facts], dtype=bool)
+        usable = np.array([score.usable for _, score, _ in facts], dtype=bool)
+        within = np.array([inside for *_, inside in facts], dtype=bool)
         accurate = self._accurate(found, usable, within)
-        scores = [replace(fact.score, accurate=bool(flag)) for fact, flag in zip(facts, accurate)]
+        scores = [replace(score, accurate=bool(flag)) for (_, score, _), flag in zip(facts, accurate)]
         if self.fair is not None:
             best = min(((float(f"{score.error:.6g}"), score.proportion) for score in scores), default=(0.0, 0.0))
             out = best[1] > PROPORTION
@@ -104,7 +95,7 @@ class Ranking:
 
     def usable(self, found: Sequence[Solution]) -> list[bool]:
         """Return which linkages can be used."""
-        return [fact.score.usable for fact in self._examined(found)]
+        return [score.usable for _, score, _ in self._examined(found)]
 
     def accurate(self, found: Sequence[Solution]) -> list[Solution]:
         """Return the linkages that the preference may choose: the usable linkages if there are any."""
@@ -113,13 +104,13 @@ class Ranking:
         usable = [solution for score, solution in accurate if score.usable]
         return usable or [solution for _, solution in accurate]
 
-    def _examined(self, found: Sequence[Solution]) -> list[_Facts]:
+    def _examined(self, found: Sequence[Solution]) -> list[tuple[Solution, Score, bool]]:
         fresh = [solution for solution in found if id(solution) not in self._facts]
         within = [self._within(solution) for solution in fresh]
         tolerated = within if self.motion.tolerances is not None else None
         scores = scores_of(fresh, self.motion.samples, self.tolerance, tolerated)
         for solution, score, inside in zip(fresh, scores, within):
-            self._facts[id(solution)] = _Facts(solution, score, inside)
+            self._facts[id(solution)] = solution, score, inside
         return [self._facts[id(solution)] for solution in found]
 
     def _within(self, solution: Solution) -> bool:

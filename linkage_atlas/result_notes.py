@@ -101,6 +101,7 @@ def report_of(task: Task, candidates: Candidates, ranked: RankedSolutions, notes
     """Return the report of a result."""
     report, samples, total = candidates.report, task.motion.samples, task.work.elapsed
     refined = not isinstance(task.source, Scan)
+    ranks = {id(solution.origin.found): solution.rank for solution in ranked.solutions}
     seconds = {"screen": report.screen_seconds}
     if refined:
         seconds["refine"] = candidates.seconds - report.screen_seconds
@@ -114,14 +115,10 @@ def report_of(task: Task, candidates: Candidates, ranked: RankedSolutions, notes
         windows=report.windows,
         exhaustive=report.exhaustive,
         notes=notes,
-        start_from_ranks=None if task.starts is None else _ranks_of(candidates.continued, ranked.solutions),
+        start_from_ranks=None
+        if task.starts is None
+        else [ranks.get(id(linkage)) for linkage in candidates.continued],
     )
-
-
-def _ranks_of(continued: Sequence[model.Solution | None], solutions: Sequence[Solution]) -> list[int | None]:
-    """Return the rank of each linkage among the finished solutions; None if it is not there."""
-    ranks = {id(solution.origin.found): solution.rank for solution in solutions}
-    return [ranks.get(id(linkage)) for linkage in continued]
 
 
 def _empty_notes(task: Task, search: Search, candidates: Candidates, notes: Sequence[str]) -> list[str]:

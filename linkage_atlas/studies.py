@@ -56,14 +56,16 @@ class Studies(NamedTuple):
 
 def read_studies(request: Fields, motion: Motion) -> Studies:
     """Check the studies of a request, some of `STUDIES`, for solutions of a motion."""
-    values = dict.fromkeys(STUDIES) | dict(request)
-    positions = motion.samples.position is not None
+    values: dict[str, Any] = dict.fromkeys(STUDIES) | dict(request)
+    positions, analysis = motion.samples.position is not None, values["analysis"]
+    if motion.length_unit is not None and isinstance(analysis, Mapping):
+        analysis = {"length_unit": motion.length_unit, **analysis}
     check_above_zero(round_to=values["round_to"])
     studies = Studies(
         values["round_to"],
         _lengths(values["lengths_from"]),
         bool(values["sensitivity"]),
-        None if values["analysis"] is None else read_analysis(_in_unit(values["analysis"], motion), positions),
+        None if analysis is None else read_analysis(analysis, positions),
         None if values["tolerance_study"] is None else read_manufacture(values["tolerance_study"]),
         _drives(values),
         None if values["assembly"] is None else read_assembly(values["assembly"]),
@@ -76,13 +78,6 @@ def read_studies(request: Fields, motion: Motion) -> Studies:
         if values[name] is not None and not positions:
             raise FieldError(f"/{name}", "needs `position`: only positions fix the size of a linkage")
     return studies
-
-
-def _in_unit(analysis: Any, motion: Motion) -> Any:
-    """Return an analysis in the motion's unit of length, unless it has its own."""
-    if motion.length_unit is None or not isinstance(analysis, Mapping):
-        return analysis
-    return {"length_unit": motion.length_unit, **analysis}
 
 
 def check_lengths(studies: Studies, limits: Limits) -> None:

@@ -2,46 +2,45 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Sequence
-from statistics import median
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from linkage_atlas.arguments import column
+from synthesis.arrays import Complexes
 from synthesis.errors import FieldError
 
 ROUNDING = 5e-3
 """Relative difference of two distances that is taken as rounding of drawn or measured numbers."""
 _NOTED = 1e-3
 """Relative difference of distances above which a note mentions it."""
-Vector = tuple[float, float]
 
 
-def check_distances(vectors: Sequence[Vector | None], error: Callable[[int, str], FieldError]) -> str | None:
-    """Check that the vectors between two points of a rigid body have the same length.
+def check_distances(vectors: Complexes, error: Callable[[int, str], FieldError]) -> str | None:
+    """Check that the vectors (n,) between two points of a rigid body have the same length; missing vectors are NaN.
 
-    Each length is compared with the median. Missing vectors are None. ``error(index, message)`` makes the `FieldError` of a
-    row. A variation that is taken as rounding is not refused, but returned as a note if it is large enough to be noticed.
+    Each length is compared with the median. ``error(index, message)`` makes the `FieldError` of a row. A variation that is taken
+    as rounding is not refused, but returned as a note if it is large enough to be noticed.
     """
-    lengths = {index: math.hypot(*vector) for index, vector in enumerate(vectors) if vector is not None}
-    median_length = median(lengths.values()) if lengths else 0.0
-    deviations = {index: abs(length - median_length) for index, length in lengths.items()}
-    worst = max(deviations, key=lambda index: deviations[index], default=None)
-    if worst is None:
+    lengths = np.abs(vectors)
+    if np.isnan(lengths).all():
         return None
-    if median_length == 0 or deviations[worst] > ROUNDING * median_length:
-        side = "more" if lengths[worst] > median_length else "less"
-        percentage = "" if median_length == 0 else f" ({100 * deviations[worst] / median_length:.2g} %)"
+    usual = float(np.nanmedian(lengths))
+    index = int(np.nanargmax(np.abs(lengths - usual)))
+    length, deviation = float(lengths[index]), float(abs(lengths[index] - usual))
+    percentage = f"{100 * deviation / usual:.2g} %" if usual else ""
+    if usual == 0 or deviation > ROUNDING * usual:
+        side = "more" if length > usual else "less"
+        beside = f" ({percentage})" if usual else ""
         raise error(
-            worst,
-            f"the two points are {lengths[worst]:.4g} apart, {deviations[worst]:.3g}{percentage} {side} than {median_length:.4g} "
+            index,
+            f"the two points are {length:.4g} apart, {deviation:.3g}{beside} {side} than {usual:.4g} "
             f"as usual: two points of a rigid body keep their distance, and only {100 * ROUNDING:g} % is taken as rounding",
         )
-    if deviations[worst] <= _NOTED * median_length:
+    if deviation <= _NOTED * usual:
         return None
-    return f"the distance of the two points varies by {100 * deviations[worst] / median_length:.2g} %, which is taken as rounding"
+    return f"the distance of the two points varies by {percentage}, which is taken as rounding"
 
 
 def poses_of_points(points: ArrayLike, degrees: bool) -> tuple[list[float], list[list[float]], list[str]]:
@@ -60,10 +59,8 @@ def poses_of_points(points: ArrayLike, degrees: bool) -> tuple[list[float], list
     if not np.isfinite(rows).all():
         index = int(np.argmin(np.isfinite(rows).all(axis=1)))
         raise FieldError(f"/points/{index}", "must be four finite numbers [x1, y1, x2, y2]")
-    along = rows[:, 2:] - rows[:, :2]
-    note = check_distances(
-        [(x, y) for x, y in along.tolist()], lambda index, message: FieldError(f"/points/{index}", message)
-    )
-    angle = np.unwrap(np.arctan2(along[:, 1], along[:, 0]))
+    along = (rows[:, 2] - rows[:, 0]) + 1j * (rows[:, 3] - rows[:, 1])
+    note = check_distances(along, lambda index, message: FieldError(f"/points/{index}", message))
+    angle = np.unwrap(np.angle(along))
     rotation = np.rad2deg(angle) if degrees else angle
     return rotation.tolist(), rows[:, :2].tolist(), [] if note is None else [note]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field, Strict
 
@@ -114,15 +114,6 @@ class AssemblyOptions(RequestModel):
     keep_out: Annotated[list[Box], Field(max_length=MAX_KEEP_OUT)] | None = None
 
 
-def _with_defaults(options: Any) -> Any:
-    """Replace true by the default options and false by no options."""
-    return ({} if options else None) if isinstance(options, bool) else options
-
-
-def _or_a_flag(schema: dict[str, Any]) -> None:
-    schema["anyOf"].insert(0, {"type": "boolean"})
-
-
 # -- rotation, positions or both ---------------------------------------------------------------------------------------
 
 
@@ -184,9 +175,10 @@ class SynthesizeRequest(CrankMotion):
     drives: Drives | None = None
     springs: Springs | None = None
     drive: DriveRequest | None = None
-    assembly: Annotated[AssemblyOptions | None, BeforeValidator(_with_defaults)] = Field(
-        None, json_schema_extra=_or_a_flag
-    )
+    assembly: Annotated[
+        AssemblyOptions | None,
+        BeforeValidator(lambda options: ({} if options else None) if isinstance(options, bool) else options),
+    ] = Field(None, json_schema_extra=lambda schema: schema["anyOf"].insert(0, {"type": "boolean"}))
 
 
 # -- a linkage as a file ----------------------------------------------------------------------------------------------

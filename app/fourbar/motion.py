@@ -13,11 +13,10 @@ from pydantic import Field
 from app.query import AngleUnit, Flag, LengthUnit, RequestModel, Resources
 from linkage_atlas import FieldError
 from linkage_atlas.cells import decoded
-from linkage_atlas.columns import Column
 from linkage_atlas.heads import KINDS
 from linkage_atlas.motions import looks_like_radians
 from linkage_atlas.records import Record
-from linkage_atlas.tables import read_table
+from linkage_atlas.tables import Column, read_table
 
 MAX_COLUMNS = 16
 """Largest number of columns that a request can assign."""

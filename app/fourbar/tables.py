@@ -162,8 +162,8 @@ def function_table(reply: Any, units: Units = DEGREES) -> str:
     """Return a row for each linkage; errors are in the angle unit of the request."""
     lines = [_found(reply, "linkage")]
     if reply.solutions:
-        best, travels = reply.solutions[0], reply.dial.travels
-        unit = units.length if reply.dial.output == "length" else units.angle
+        best, dial = reply.solutions[0], reply.question.dial
+        travels, unit = dial.travels, units.length if dial.output == "length" else units.angle
         kinds = (("kind", "", "kind"), ("driver", "", "driver")) if travels else ()
         text = columns(
             reply.solutions,
