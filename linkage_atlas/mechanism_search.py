@@ -10,15 +10,12 @@ import numpy as np
 from linkage_atlas.mechanism_types import Kinds, as_poses, has_poses, is_closed, is_path
 from linkage_atlas.motions import Motion
 from synthesis.arrays import Floats
-from synthesis.guided.by_crank import linkages_by_crank
 from synthesis.guided.search import NOTHING_ROUND, search_guided
 from synthesis.guides import Driver
 from synthesis.limits import Limits
-from synthesis.linkage import Linkage
 from synthesis.search.report import SearchReport, smallest
 from synthesis.solution import Solution
 from synthesis.target import Target
-from synthesis.violations import within
 from synthesis.work import Work
 
 NO_ROTATION = (
@@ -74,20 +71,17 @@ class KindSearch:
         if (kinds.four_bars or by_path) and self.motion.travel is None:
             shared = with_sliders and np.isfinite(self.work.budget)
             leads = self._four_bars(self.work.part(_FOUR_BARS * self.work.budget) if shared else self.work, by_path)
-        beginnings: list[Linkage] = []
-        if isinstance(samples, Target) and samples.position is not None:
-            beginnings = self._by_crank(samples)
         between, notes = self.work.elapsed, list[str]()
         if with_sliders and self.found and self.work.expired():
             notes.append(NO_TIME)
         elif with_sliders and not (self.soon and smallest(self._trace) < self.tolerance):
             if by_path and not leads:
                 notes.append(NO_TIME if self.work.expired() else NO_LEAD)
-            self._sliders(self._rotations(leads) if by_path else [None], beginnings)
+            self._sliders(self._rotations(leads) if by_path else [None])
             nothing_round = any(note in NOTHING_ROUND.values() for report in self.reports for note in report.notes)
             if is_closed(samples) and not nothing_round:
                 notes.append(ROUND_AGAIN)
-        if kinds.sliders and not with_sliders and not kinds.by_crank:
+        if kinds.sliders and not with_sliders:
             notes.append(NO_ROTATION)
         elif self.found and any(getattr(limits, name) is not None for name in _PIVOT_BOXES):
             found_kinds = {found.linkage.kind for found in self.found}
@@ -114,7 +108,8 @@ class KindSearch:
         """
         kinds, search = self.kinds, self.search_four_bars
         first_work = self.work if kinds.four_bars else part
-        first_search = [search(self.limits, first_work, _FIRST_ROUNDS)] if by_path else []
+        anytime = by_path and self.motion.free  # with crank angles there are no first rounds
+        first_search = [search(self.limits, first_work, _FIRST_ROUNDS)] if anytime else []
         first = [lead for leads, _ in first_search for lead in leads[:1]]
         cut_off = any(report.time_up for _, report in first_search)
         searches = first_search if cut_off else [search(self.limits, part, self.rounds), *first_search]
@@ -127,24 +122,12 @@ class KindSearch:
             first, (leads, _) = [], search(replace(self.limits, family="double_crank"), part, self.rounds)
         return first + ([] if report.time_up else leads) if first else leads
 
-    def _by_crank(self, target: Target) -> list[Linkage]:
-        """Search linkages with a rail or slot for given crank angles; return all, also those outside the limits."""
-        beginnings: list[Linkage] = []
-        for kind in self.kinds.by_crank:
-            solutions, report = linkages_by_crank(kind, target, tolerance=self.tolerance, work=self.work)
-            inside = within(target, self.limits, solutions)
-            beginnings += [found.linkage for found in solutions]
-            best = min((found.errors.objective for found in inside), default=np.inf)
-            trace = [(self.work.elapsed, best)] if inside else []
-            self._add(inside, SearchReport(report.stopped_by, trace, seeds=report.seeds))
-        return beginnings
-
-    def _sliders(self, rotations: Sequence[Floats | None], beginnings: Sequence[Linkage]) -> None:
+    def _sliders(self, rotations: Sequence[Floats | None]) -> None:
         """Search linkages with rails or slots, once for each rotation curve."""
         poses, kinds, work = as_poses(self.motion.samples), self.kinds.sliders, self.work
         drive, driver = drive_of(self.motion, self.kinds.driver)
         for turned in rotations:
-            more = drive, turned, self.rounds, beginnings, self.soon
+            more = drive, turned, self.rounds, self.soon
             self._add(*search_guided(poses, self.limits, kinds, driver, self.tolerance, work, *more))
             if work.expired():
                 break

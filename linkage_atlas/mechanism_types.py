@@ -8,11 +8,10 @@ from linkage_atlas.arguments import kinds_among, one_of
 from linkage_atlas.geometry import KindName
 from linkage_atlas.motions import Motion
 from synthesis.errors import FieldError
-from synthesis.guided.by_crank import BY_CRANK
 from synthesis.guides import Driver, Kind
 from synthesis.limits import FORMS, Limits
 from synthesis.poses import Poses
-from synthesis.target import Samples, Target
+from synthesis.target import Samples
 
 MECHANISMS = get_args(KindName)
 DRIVERS = tuple(driver.value for driver in Driver)
@@ -46,14 +45,10 @@ class Kinds(NamedTuple):
         return Kind.FOUR_BAR in self.kinds and self.driver in (None, Driver.CRANK)
 
     @property
-    def by_crank(self) -> list[Kind]:
-        """The kinds with a rail or a slot that a crank drives."""
-        return [kind for kind in self.sliders if kind in BY_CRANK and self.driver in (None, Driver.CRANK)]
-
-    @property
     def only_a_hinge_turns(self) -> bool:
         """True if a hinge is the only drive of these kinds that can turn fully."""
-        return not self.four_bars and not self.by_crank
+        with_crank = self.driver in (None, Driver.CRANK) and set(self.kinds) & set(_DRIVEN[Driver.CRANK])
+        return not with_crank
 
 
 def read_kinds(mechanisms: object, driver: object, motion: Motion) -> Kinds:
@@ -95,8 +90,6 @@ def _check(kinds: Kinds, motion: Motion) -> None:
     if not any(kind in _DRIVEN[known] for known in ((driver,) if driver else drivers) for kind in turning):
         field = "mechanisms" if driver is None else "driver"
         raise FieldError(f"/{field}", f"none of these kinds has a {driver or words}{needed}")
-    if isinstance(samples, Target) and samples.position is not None and any(kind in kinds.kinds for kind in BY_CRANK):
-        return
     four_bars = kinds.four_bars and motion.travel is None  # travel does not drive a four-bar
     if not four_bars and not has_poses(samples) and not is_path(motion):
         field = "rotation" if samples.rotation is None else "position"
@@ -127,9 +120,8 @@ def has_poses(samples: Samples) -> bool:
 
 
 def is_path(motion: Motion) -> bool:
-    """Return whether positions are given, with free rotations and free timing."""
-    free = isinstance(motion.samples, Poses) and motion.travel is None
-    return free and motion.samples.position is not None and not has_poses(motion.samples)
+    """Return whether positions are given, with free rotations and without the travel of a slider."""
+    return motion.travel is None and motion.samples.position is not None and not has_poses(motion.samples)
 
 
 def as_poses(samples: Samples) -> Poses:

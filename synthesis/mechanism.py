@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from synthesis.arrays import Complexes, Flags, Floats
-from synthesis.kernels import codes, crank_loops
+from synthesis.kernels import crank_loops
 from synthesis.linkage import Linkage
 from synthesis.target import Interval, Target
 
@@ -63,8 +63,6 @@ class Chart:
 
     kind: int
     """Code of the mechanism in the kernel."""
-    guide: int = codes.CIRCLE
-    """Code of the guide of the body."""
     sheet: int = 0
     """-1: only linkages with L1 < L4; +1: only L1 > L4; 0: both."""
     cell: Floats
@@ -92,7 +90,7 @@ class Chart:
         """Angles of shapes (n, k) at crank angles (n, N), each candidate's own."""
         shape, theta1 = self.shape(unknowns), np.array(theta1, dtype=float, order="C")
         side = np.array(branch, dtype=float, order="C")
-        angle, slopes, closes = crank_loops.body_angles(self.guide, *shape[:3], side, theta1, derivatives)
+        angle, slopes, closes = crank_loops.body_angles(*shape[:3], side, theta1, derivatives)
         slope = slopes
         if derivatives:
             by_shape = np.matmul(shape.jacobian.transpose(0, 2, 1), slopes[:, :-1])

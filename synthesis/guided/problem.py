@@ -401,17 +401,11 @@ class PairProblem(SearchProblem):
             best_fitting.append(own_pairs[np.argsort(found.cost[own_pairs], kind="stable")[: options.screened_pairs]])
         return self.best(found.take(np.concatenate(best_fitting)), options.seeds, thin)
 
-    def pairs_of_linkages(self, linkages: Sequence[Linkage]) -> Candidates | None:
-        """Return given linkages as starting points, if their drives are requested."""
-        found = []
-        for linkage in linkages:
-            types = type(linkage.guides[0]), type(linkage.guides[1])
-            for number, drive in enumerate(self.drives):
-                if (drive.first, drive.second, drive.driver) == (*types, linkage.driver):
-                    first, second = (as_guides(guide, self.posed) for guide in linkage.guides)
-                    pairs = Pairs(first, second, np.array([drive.driver is Driver.HINGE]))
-                    found.append(self.measured(pairs, np.array([number]), self.all))
-        return found[0].joined(*found[1:]) if found else None
+    def pair_of(self, linkage: Linkage) -> Candidates:
+        """Return a given linkage with the first drive as a starting point."""
+        first, second = (as_guides(guide, self.posed) for guide in linkage.guides)
+        hinge = np.array([linkage.driver is Driver.HINGE])
+        return self.measured(Pairs(first, second, hinge), np.zeros(1, dtype=np.intp), self.all)
 
     def _with_between(self) -> Samples:
         """Return the samples with others between them on a straight way, for limits."""

@@ -56,7 +56,6 @@ def search_guided(
     prescribed: Floats | None = None,
     turned: Floats | None = None,
     rounds: int | None = None,
-    leads: Sequence[Linkage] = (),
     soon: bool = False,
 ) -> tuple[list[Solution], SearchReport]:
     """Find the best linkages with sliders for poses whose drive is free or prescribed.
@@ -81,8 +80,6 @@ def search_guided(
         Initial rotations if the request has none, for example the rotations of a four-bar on the same path.
     rounds : int, optional
         Largest number of rounds.
-    leads : sequence of Linkage
-        Initial linkages if the drive is given.
     soon : bool
         True if the search for alternatives to the first exact linkage may take only as long as the search for it, at least 20 ms.
 
@@ -104,7 +101,7 @@ def search_guided(
         notes = [] if round_once is None else [NOTHING_ROUND[turned is not None, round_once]]
         return [], SearchReport(StoppedBy.CONVERGED, [], seeds=0, notes=notes)
     search = PairSearch(poses, limits, candidates_of_drives, tolerance, work, prescribed, turned, rounds, soon)
-    complete = search.run(leads)
+    complete = search.run()
     solutions = search.solutions()
     reached = search.incumbents.reached or (soon and search.incumbents.smallest < tolerance)
     stopped = StoppedBy.TOLERANCE if reached else StoppedBy.CONVERGED if complete else StoppedBy.BUDGET
@@ -147,7 +144,7 @@ class PairSearch:
             self.soon, work = False, self.work.ending_in(max(ALTERNATIVES_TIME, self.work.elapsed))
             self.work = self.problem.work = self.multistart.work = work
 
-    def run(self, leads: Sequence[Linkage] = ()) -> bool:
+    def run(self) -> bool:
         """Search until nothing is gained or the time is up. Return whether the search is complete."""
         incumbents = self.incumbents
         exact = self.problem.exact()
@@ -155,16 +152,14 @@ class PairSearch:
             self.multistart.accept(self._timed(exact))
         if incumbents.reached or (self.work.expired() and np.isfinite(incumbents.smallest)):
             return incumbents.reached
-        for _ in self.multistart.run(self._seeds(exact, leads), self.max_rounds):
+        for _ in self.multistart.run(self._seeds(exact), self.max_rounds):
             if self.work.expired():
                 return False
         return not self.work.expired()
 
     def refine(self, linkage: Linkage) -> None:
         """Refine a given linkage, without a search elsewhere."""
-        problem, starts = self.problem, self.problem.pairs_of_linkages([linkage])
-        if starts is None:
-            return
+        problem, starts = self.problem, self.problem.pair_of(linkage)
         schedule = problem.options.schedule
         for stages in (schedule.first, schedule.end) if isinstance(problem, DrivenPairProblem) else (schedule.end,):
             self.multistart.accept(problem.converge(starts, stages))
@@ -177,15 +172,13 @@ class PairSearch:
         best = problem.best(exact, problem.options.seeds, problem.few)
         return problem.timed(best, problem.options.schedule.first)
 
-    def _seeds(self, exact: Candidates | None, leads: Sequence[Linkage]) -> Iterator[Candidates]:
+    def _seeds(self, exact: Candidates | None) -> Iterator[Candidates]:
         """Yield the seeds of the first round."""
         problem = self.problem
         seeds = problem.seed_pairs()
-        if isinstance(problem, DrivenPairProblem):
-            more = problem.pairs_of_linkages(leads)
-        else:
-            more = None if exact is None else problem.best(exact, problem.options.exact_seeds, problem.few)
-        yield seeds if more is None else seeds.joined(more)
+        if exact is not None and not isinstance(problem, DrivenPairProblem):
+            seeds = seeds.joined(problem.best(exact, problem.options.exact_seeds, problem.few))
+        yield seeds
 
     def solutions(self) -> list[Solution]:
         """Return the best answers of each drive, with those that were no gain when they were found."""

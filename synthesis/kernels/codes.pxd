@@ -1,16 +1,9 @@
 # The numbers of `codes.py` as constants of C.
 
 cdef enum:
-    CIRCLE = 0
-    RAIL = 1
-    SLOT = 2
     GRASHOF = 0
     ANY = 1
     FULL_CRANK = 2
-    SLIDER_CRANK = 3
-    SWINGING_BLOCK = 4
-    ANY_SLIDER_CRANK = 5
-    ANY_SWINGING_BLOCK = 6
     USED = 0
     OVER_TURN = 1
     LENGTH = 2

@@ -1,18 +1,9 @@
-"""Integer codes of guides, charts, limits and columns in the arrays of the kernels. `codes.pxd` repeats them for C."""
-
-# Guide of the body of a crank-driven linkage
-CIRCLE = 0  # a body point moves on a circle: four-bar
-RAIL = 1  # a body point moves on a line: slider-crank
-SLOT = 2  # a line of the body passes through a fixed pin: swinging block
+"""Integer codes of charts, limits and columns in the arrays of the kernels. `codes.pxd` repeats them for C."""
 
 # Charts: coordinates of shapes
 GRASHOF = 0
 ANY = 1
 FULL_CRANK = 2
-SLIDER_CRANK = 3
-SWINGING_BLOCK = 4
-ANY_SLIDER_CRANK = 5
-ANY_SWINGING_BLOCK = 6
 
 # Limits of a four-bar, with the numbers that follow the code in a row of the table
 USED = 0  # cosine of the smallest transmission angle over the used interval

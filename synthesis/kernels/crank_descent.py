@@ -1,4 +1,4 @@
-"""Levenberg-Marquardt descents of crank-driven linkages towards the samples of a motion; `descents` derives the method.
+"""Levenberg-Marquardt descents of four-bars towards the samples of a motion; `descents` derives the method.
 
 Descents refine the candidates in sequence without allocating. The Jacobian is stored by column, each column contiguous over
 component (rotation, x, y) and sample, followed by the rows of violated limits: ``m[set, column, component * N + sample]``, with
@@ -19,8 +19,6 @@ from cython.cimports.synthesis.kernels.codes import (
     BY_PIVOT,
     BY_TURNED,
     GRASHOF,
-    RAIL,
-    SLOT,
 )
 from cython.cimports.synthesis.kernels.crank_loops import Shape
 from cython.cimports.synthesis.kernels.four_bar_limits import Limits
@@ -598,18 +596,11 @@ class Descent:
     def closes_between(self, s: cython.int) -> bint:
         """Check that the loop closes at its critical crank angles if the motion passes them.
 
-        CIRCLE: the diagonal is shortest at theta1 = 0 and longest at pi. RAIL: the crank pin is farthest from the rail at -pi / 2
-        or pi / 2. SLOT: the crank pin is nearest to the fixed pin at 0.
+        The diagonal is shortest at theta1 = 0 and longest at pi.
         """
         loop = self.shape.loop
         if loop.x0 > 0.0 and loop.y0 > 0.0:
             return True
-        if loop.guide == SLOT:
-            return not self.passes(s, 0.0)
-        if loop.guide == RAIL:
-            return not (
-                (loop.x0 <= 0.0 and self.passes(s, -0.5 * PI)) or (loop.y0 <= 0.0 and self.passes(s, 0.5 * PI))
-            )
         return not ((loop.y0 <= 0.0 and self.passes(s, 0.0)) or (loop.x0 <= 0.0 and self.passes(s, PI)))
 
     @cfunc

@@ -6,7 +6,6 @@ cdef double pair_difference(double a, double b, double c, double d)
 
 @cython.final
 cdef class Loop:
-    cdef int guide
     cdef double[4] length
     cdef double x0
     cdef double y0
@@ -20,8 +19,6 @@ cdef class Loop:
     cdef double projection
     cdef set_lengths(self, double l1, double l2, double l3, double l4)
     cdef bint close_at(self, double theta1, bint slopes) noexcept
-    cdef bint close_on_rail(self, double theta1)
-    cdef bint close_through_pin(self, double theta1)
     cdef double coupler_angle(self, double theta1) noexcept
 
 
@@ -32,8 +29,5 @@ cdef class Shape:
     cdef Loop loop
     cdef double[:, ::1] partials
     cdef evaluate(self, double q0, double q1, double q2, double q3, double side)
-    cdef slider_crank(self, double x, double y)
-    cdef swinging_block(self, double p, double w)
-    cdef any_slider_crank(self, double ratio, double w)
     cdef grashof(self, double q0, double x, double y, double z)
     cdef full_crank(self, double p, double u, double w)

@@ -1,25 +1,13 @@
-"""Closure of crank-driven loops: crank and coupler directions, their derivatives, and lengths as functions of a chart.
+"""Closure of four-bars: crank and coupler directions, their derivatives, and lengths as functions of a chart.
 
-A body hangs on the crank pin and is guided on a circle (four-bar), on a rail (slider-crank) or by a slot (swinging block). Every
-difference is formed without cancellation; `four_bar` and `slider` derive the formulas.
+Every difference is formed without cancellation; `four_bar` derives the formulas.
 """
 
 import cython
 import numpy as np
 from cython import bint, cclass, cfunc, declare, double, final, inline
 from cython.cimports.libc.math import atan2, copysign, cos, exp, fabs, sin, sqrt
-from cython.cimports.synthesis.kernels.codes import (
-    ANY,
-    ANY_SLIDER_CRANK,
-    ANY_SWINGING_BLOCK,
-    CIRCLE,
-    FULL_CRANK,
-    GRASHOF,
-    RAIL,
-    SLIDER_CRANK,
-    SLOT,
-    SWINGING_BLOCK,
-)
+from cython.cimports.synthesis.kernels.codes import ANY, GRASHOF
 from cython.cimports.synthesis.kernels.plane import clip, cross, inner, times, vector
 
 PI = declare(double, 3.141592653589793)
@@ -30,7 +18,6 @@ TOGGLE_ROOT_MIN = declare(
 LOG_RATIO_MAX = declare(double, 16.0)  # largest logarithm of a ratio of lengths
 FULL_CRANK_U_MAX = declare(double, 30.0)  # largest |u| of a full crank
 FULL_CRANK_W_MAX = declare(double, 17.0)  # largest |w| of a full crank: tanh is one beyond
-LOG_ROD_EXCESS_MAX = declare(double, 20.0)  # largest logarithm of the rod's excess over its minimum in a slider-crank
 SERIES_MAX = declare(double, 1e-3)  # |x| below which tanh comes from its series, whose next term is below rounding
 
 
@@ -49,20 +36,9 @@ def pair_difference(a: double, b: double, c: double, d: double) -> double:
 @final
 @cclass
 class Loop:
-    """A crank-driven loop at one crank angle.
+    """The loop of a four-bar at one crank angle: lengths L1..L4, and X0, Y0 of the closure (see `four_bar`)."""
 
-    The body hangs on the crank pin and is guided in one of three ways:
-
-    * CIRCLE: lengths L1..L4, and X0, Y0 of the closure (see `four_bar`).
-    * RAIL: crank l1, rod l2, offset l3 of the rail; sin theta2 = (l3 - l1 sin theta1) / l2, X0 = l2 - l1 - l3, Y0 = l2 - l1 + l3.
-    * SLOT: crank l1, ground l2 to the pin, offset l3 of the slot from the crank pin;
-      l2 - l1 e^{i theta1} = e^{i theta2} (s + i l3), X0 + Y0 = 2 |l2 - l1|, Y0 - X0 = 2 l3.
-
-    The crank of a slider-crank or swinging block turns fully if X0 and Y0 are positive.
-    """
-
-    def __init__(self, guide=CIRCLE):
-        self.guide = guide
+    def __init__(self):
         self.length = np.zeros(4)
         self.partials = np.zeros(5)
 
@@ -84,10 +60,6 @@ class Loop:
 
         With ``slopes``, ``partials`` receives the derivatives of theta2 with respect to the lengths and theta1.
         """
-        if self.guide == RAIL:
-            return self.close_on_rail(theta1)
-        if self.guide == SLOT:
-            return self.close_through_pin(theta1)
         l1, l2, l3, l4 = self.length[0], self.length[1], self.length[2], self.length[3]
         sine, cosine, four, gap = sin(0.5 * theta1), cos(0.5 * theta1), 4.0 * l1 * l4, l4 - l1
         square, both = sine * sine, sine * cosine
@@ -125,71 +97,14 @@ class Loop:
         return True
 
     @cfunc
-    def close_on_rail(self, theta1: double) -> bint:
-        """Close a slider-crank. The rod's component along the rail is sqrt(X Y) with X, Y = X0, Y0 + l1 (1 +- sin theta1)."""
-        crank, rod = self.length[0], self.length[1]
-        half = 0.25 * PI - 0.5 * theta1
-        sine, cosine = sin(half), cos(half)
-        x = self.x0 + 2.0 * crank * cosine * cosine
-        y = self.y0 + 2.0 * crank * sine * sine
-        if not (x > 0.0 and y > 0.0):
-            return False
-        along = max(sqrt(x * y), TINY)
-        self.e1 = vector(2.0 * sine * cosine, (cosine - sine) * (cosine + sine))
-        across = (self.length[2] - crank * self.e1.imag) / rod
-        self.e2 = vector(along / rod, across)
-        along = max(along, TOGGLE_ROOT_MIN * rod)
-        self.partials[0] = -self.e1.imag / along
-        self.partials[1] = -across / along
-        self.partials[2] = 1.0 / along
-        self.partials[3] = 0.0
-        self.partials[4] = -crank * self.e1.real / along
-        return True
-
-    @cfunc
-    def close_through_pin(self, theta1: double) -> bint:
-        """Close a swinging block: s^2 = X0 Y0 + 4 l1 l2 sin^2(theta1 / 2)."""
-        crank, ground, offset = self.length[0], self.length[1], self.length[2]
-        sine, cosine, gap = sin(0.5 * theta1), cos(0.5 * theta1), ground - crank
-        square, both = sine * sine, sine * cosine
-        along = self.x0 * self.y0 + 4.0 * crank * ground * square
-        if not along > 0.0:
-            return False
-        along = sqrt(along)
-        self.e1 = vector(1.0 - 2.0 * square, 2.0 * both)
-        # from the crank pin to the fixed pin, in the form without cancellation
-        if gap >= 0.0:
-            diagonal = vector(gap + 2.0 * crank * square, -2.0 * crank * both)
-        else:
-            diagonal = self.e1 * vector(gap - 2.0 * ground * square, -2.0 * ground * both)
-        toward = diagonal * vector(along, -offset)
-        size = sqrt(inner(toward, toward))
-        if not size > 0.0:
-            return False
-        self.e2 = vector(toward.real / size, toward.imag / size)
-        self.root, self.sine_squared, self.sine_cosine = along, square, both
-        along = max(along, TOGGLE_ROOT_MIN * ground)
-        self.partials[0] = cross(self.e1, self.e2) / along
-        self.partials[1] = -self.e2.imag / along
-        self.partials[2] = -1.0 / along
-        self.partials[3] = 0.0
-        self.partials[4] = -crank * inner(self.e1, self.e2) / along
-        return True
-
-    @cfunc
     @inline
     @cython.exceptval(check=False)
     def coupler_angle(self, theta1: double) -> double:
         """Return theta2 at the crank angle of the last closure, continuous over the turn."""
-        if self.guide == RAIL:
-            return atan2(self.e2.imag, self.e2.real)
-        ground = self.length[1] if self.guide == SLOT else self.length[3]
+        ground = self.length[3]
         gap = ground - self.length[0]
         twice = 2.0 * min(self.length[0], ground)
-        if self.guide == SLOT:
-            angle = -atan2(self.length[2], self.root)
-        else:
-            angle = self.branch * atan2(self.root, self.projection)
+        angle = self.branch * atan2(self.root, self.projection)
         angle += atan2(copysign(twice, -gap) * self.sine_cosine, fabs(gap) + twice * self.sine_squared)
         return angle if gap >= 0.0 else angle + theta1 - PI
 
@@ -210,9 +125,8 @@ class Shape:
 
     def __init__(self, chart):
         self.chart = chart
-        self.size = 4 if chart == GRASHOF else 3 if chart < SLIDER_CRANK else 2
-        guides = {SLIDER_CRANK: RAIL, ANY_SLIDER_CRANK: RAIL, SWINGING_BLOCK: SLOT, ANY_SWINGING_BLOCK: SLOT}
-        self.loop = Loop(guides.get(chart, CIRCLE))
+        self.size = 4 if chart == GRASHOF else 3
+        self.loop = Loop()
         self.partials = np.zeros((4, 4))
 
     @cfunc
@@ -227,63 +141,8 @@ class Shape:
             )
             for k in range(3):
                 self.partials[k, k] = self.loop.length[k]
-        elif self.chart == FULL_CRANK:
-            self.full_crank(clip(q0, LOG_RATIO_MAX), clip(q1, FULL_CRANK_U_MAX), clip(q2, FULL_CRANK_W_MAX))
-        elif self.chart == SLIDER_CRANK:
-            self.slider_crank(exp(clip(q0, LOG_ROD_EXCESS_MAX)), exp(clip(q1, LOG_ROD_EXCESS_MAX)))
-        elif self.chart == SWINGING_BLOCK:
-            self.swinging_block(clip(q0, LOG_RATIO_MAX), clip(q1, FULL_CRANK_W_MAX))
         else:
-            self.any_slider_crank(exp(clip(q0, LOG_RATIO_MAX)), clip(q1, FULL_CRANK_W_MAX))
-
-    @cfunc
-    def slider_crank(self, x: double, y: double):
-        """Evaluate `slider.SliderCrankChart`."""
-        loop = self.loop
-        loop.length[0] = 1.0
-        loop.length[1] = 1.0 + 0.5 * (x + y)
-        loop.length[2] = 0.5 * (y - x)
-        loop.x0 = x
-        loop.y0 = y
-        self.partials[1, 0] = 0.5 * x
-        self.partials[1, 1] = 0.5 * y
-        self.partials[2, 0] = -0.5 * x
-        self.partials[2, 1] = 0.5 * y
-
-    @cfunc
-    def swinging_block(self, p: double, w: double):
-        """Evaluate `slider.SwingingBlockChart`."""
-        loop, ratio = self.loop, exp(p)
-        gap, share, e = fabs(tanh_of(0.5 * p)), tanh_of(w), exp(-2.0 * fabs(w))
-        less, fall = 2.0 * e / (1.0 + e), 4.0 * e / ((1.0 + e) * (1.0 + e))  # 1 - |tanh w|, 1 / cosh^2 w
-        loop.length[1] = 1.0 / (1.0 + ratio)
-        loop.length[0] = ratio * loop.length[1]
-        loop.length[2] = gap * share
-        loop.x0 = gap * (less if w > 0.0 else 2.0 - less)
-        loop.y0 = gap * (2.0 - less if w > 0.0 else less)
-        step = loop.length[0] * loop.length[1]
-        self.partials[0, 0] = step
-        self.partials[1, 0] = -step
-        self.partials[2, 0] = copysign(2.0 * step, p) * share
-        self.partials[2, 1] = gap * fall
-
-    @cfunc
-    def any_slider_crank(self, ratio: double, w: double):
-        """Evaluate `slider.AnySliderChart`: l1 = 1, l2, and l3 as a fraction of their sum."""
-        loop = self.loop
-        share, e = tanh_of(w), exp(-2.0 * fabs(w))
-        fall = 4.0 * e / ((1.0 + e) * (1.0 + e))
-        loop.length[0] = 1.0
-        loop.length[1] = ratio
-        loop.length[2] = (1.0 + ratio) * share
-        gap = ratio - 1.0
-        if loop.guide == SLOT:
-            gap = fabs(gap)
-        loop.x0 = gap - loop.length[2]
-        loop.y0 = gap + loop.length[2]
-        self.partials[1, 0] = ratio
-        self.partials[2, 0] = ratio * share
-        self.partials[2, 1] = (1.0 + ratio) * fall
+            self.full_crank(clip(q0, LOG_RATIO_MAX), clip(q1, FULL_CRANK_U_MAX), clip(q2, FULL_CRANK_W_MAX))
 
     @cfunc
     def grashof(self, q0: double, x: double, y: double, z: double):
@@ -339,24 +198,23 @@ def shapes(chart: cython.int, unknowns: double[:, ::1]):
 
     Returns
     -------
-    lengths : ndarray, shape (n, d)
+    lengths : ndarray, shape (n, 4)
     x0, y0 : ndarray, shape (n,)
-    derivatives : ndarray, shape (n, d, k)
+    derivatives : ndarray, shape (n, 4, k)
         Derivatives of the lengths with respect to the unknowns.
     """
     shape = Shape(chart)
-    count, links, k = unknowns.shape[0], 4 if shape.loop.guide == CIRCLE else 3, shape.size
-    lengths, excess, slopes = np.empty((count, links)), np.empty((2, count)), np.empty((count, links, k))
+    count, k = unknowns.shape[0], shape.size
+    lengths, excess, slopes = np.empty((count, 4)), np.empty((2, count)), np.empty((count, 4, k))
     length: double[:, ::1] = lengths
     by: double[:, :, ::1] = slopes
     x: double[::1] = excess[0]
     y: double[::1] = excess[1]
     for n in range(count):
-        q2 = unknowns[n, 2] if k > 2 else 0.0
         q3 = unknowns[n, 3] if k > 3 else 0.0
-        shape.evaluate(unknowns[n, 0], unknowns[n, 1], q2, q3, 1.0)
+        shape.evaluate(unknowns[n, 0], unknowns[n, 1], unknowns[n, 2], q3, 1.0)
         x[n], y[n] = shape.loop.x0, shape.loop.y0
-        for j in range(links):
+        for j in range(4):
             length[n, j] = shape.loop.length[j]
             for c in range(k):
                 by[n, j, c] = shape.partials[j, c]
@@ -364,7 +222,6 @@ def shapes(chart: cython.int, unknowns: double[:, ::1]):
 
 
 def body_angles(
-    guide: cython.int,
     lengths: double[:, ::1],
     x0: double[::1],
     y0: double[::1],
@@ -378,9 +235,7 @@ def body_angles(
 
     Parameters
     ----------
-    guide : int
-        Code of the guide.
-    lengths : ndarray, shape (n, d)
+    lengths : ndarray, shape (n, 4)
     x0, y0, branch : ndarray, shape (n,)
     theta1 : ndarray, shape (n, N)
     derivatives : bool
@@ -389,19 +244,19 @@ def body_angles(
     -------
     angles : ndarray, shape (n, N)
         0 if the linkage does not close.
-    slopes : ndarray, shape (n, d + 1, N)
+    slopes : ndarray, shape (n, 5, N)
         Derivatives with respect to the lengths and theta1; 0 if the linkage does not close.
     closes : ndarray of bool, shape (n, N)
     """
-    count, samples, links = theta1.shape[0], theta1.shape[1], lengths.shape[1]
-    angles, slopes = np.zeros((count, samples)), np.zeros((count if derivatives else 0, links + 1, samples))
+    count, samples = theta1.shape[0], theta1.shape[1]
+    angles, slopes = np.zeros((count, samples)), np.zeros((count if derivatives else 0, 5, samples))
     closes = np.zeros((count, samples), dtype=np.uint8)
     angle: double[:, ::1] = angles
     by: double[:, :, ::1] = slopes
     close: cython.uchar[:, ::1] = closes
-    loop = Loop(guide)
+    loop = Loop()
     for n in range(count):
-        for k in range(links):
+        for k in range(4):
             loop.length[k] = lengths[n, k]
         loop.x0, loop.y0, loop.branch = x0[n], y0[n], branch[n]
         for i in range(samples):
@@ -410,7 +265,6 @@ def body_angles(
             close[n, i] = 1
             angle[n, i] = loop.coupler_angle(theta1[n, i])
             if derivatives:
-                for k in range(links):
+                for k in range(5):
                     by[n, k, i] = loop.partials[k]
-                by[n, links, i] = loop.partials[4]
     return angles, slopes, closes.view(bool)

@@ -62,6 +62,4 @@ def uncompiled() -> SimpleNamespace:
             assert spec is not None and spec.loader is not None
             sys.modules[prefix + name] = loaded[prefix + name] = module = importlib.util.module_from_spec(spec)
             spec.loader.exec_module(module)
-    found = _joined([module for name, module in loaded.items() if name.startswith(prefix)])
-    found.Loop.guide = 0  # as in C
-    return found
+    return _joined([module for name, module in loaded.items() if name.startswith(prefix)])

@@ -6,16 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from synthesis.slider import RAIL, SLOT, AnySliderChart, SliderCrankChart, SwingingBlockChart
 from synthesis.target import make_target
 
-SLIDER_CHARTS: list[Any] = [SliderCrankChart(), SwingingBlockChart(), AnySliderChart(RAIL), AnySliderChart(SLOT)]
-SLIDER_NAMES = ["slider", "block", "any slider", "any block"]
-SLIDERS = np.array([[1.0, 2.2, 0.7], [1.0, 1.9, -0.4]])
-"""Two whose cranks turn fully: crank, rod or ground, offset."""
+RAIL, SLOT = "slider_crank", "swinging_block"
 
 
-def body_angle(lengths: np.ndarray, crank: np.ndarray, guide: int = RAIL) -> np.ndarray:
+def body_angle(lengths: np.ndarray, crank: np.ndarray, guide: str = RAIL) -> np.ndarray:
     """theta2, (n, N), continuous along the last axis; NaN where the crank does not get there."""
     r, long, offset = (column[:, None] for column in np.asarray(lengths, dtype=float).T)
     with np.errstate(invalid="ignore"):
@@ -25,16 +21,17 @@ def body_angle(lengths: np.ndarray, crank: np.ndarray, guide: int = RAIL) -> np.
         return np.unwrap(np.angle(arm)) - np.arcsin(offset / np.abs(arm))
 
 
-def random_lengths(random: np.random.Generator, guide: int) -> np.ndarray:
+def random_lengths(random: np.random.Generator, guide: str) -> np.ndarray:
     """Lengths whose crank turns fully, on no lattice: ratios up to about ten, offsets up to nearly the change point."""
     if guide == RAIL:
-        return SliderCrankChart().shape(random.uniform([[-3, -3]], [[2.3, 2.3]])).lengths[0]
-    ratio = random.choice([-1.0, 1.0]) * random.uniform(0.1, 2.3)
-    return SwingingBlockChart().shape(np.array([[ratio, random.uniform(-2, 2)]])).lengths[0]
+        x, y = np.exp(random.uniform(-3, 2.3, 2))
+        return np.array([1.0, 1 + (x + y) / 2, (y - x) / 2])
+    ratio = np.exp(random.choice([-1.0, 1.0]) * random.uniform(0.1, 2.3))
+    return np.array([ratio, 1.0, abs(1 - ratio) * np.tanh(random.uniform(-2, 2))]) / (1 + ratio)
 
 
 def random_motion(
-    random: np.random.Generator, guide: int, span: float, what: str, samples: int = 16, noise: float = 0.0
+    random: np.random.Generator, guide: str, span: float, what: str, samples: int = 16, noise: float = 0.0
 ) -> Any:
     """Return the motion of a random body on a crank over a span in degrees by the textbook formula, optionally with
     noise.

@@ -20,16 +20,11 @@ from synthesis.limits import Limits, Reach
 from synthesis.mechanism import Placed
 from synthesis.poses import Poses
 from synthesis.search.prescribed import GivenProblem
-from synthesis.slider import SliderChart
 from synthesis.target import Interval, Samples, Target
-from tests.oracles.slider_crank import SLIDER_CHARTS, SLIDER_NAMES, SLIDERS, body_angle
 
 LENGTHS = np.array([[0.15, 0.3, 0.25, 0.3], [0.4, 0.25, 0.28, 0.07]])
 FOURBARS = [FullCrankChart(), AnyChart(), GrashofChart()]
-fourbars = pytest.mark.parametrize("chart", FOURBARS, ids=["full crank", "any", "grashof"])
-every_chart = pytest.mark.parametrize(
-    "chart", [*FOURBARS, *SLIDER_CHARTS], ids=["full crank", "any", "grashof", *SLIDER_NAMES]
-)
+every_chart = pytest.mark.parametrize("chart", FOURBARS, ids=["full crank", "any", "grashof"])
 timings = pytest.mark.parametrize("timing", ["free", "given"])
 limited_timings = pytest.mark.parametrize(
     ("timing", "posed"),
@@ -83,8 +78,7 @@ def candidates(
     """
     request = poses(rotation, position)
     angles = np.cumsum(np.random.default_rng(8).uniform(0.1, 0.8, (2, request.samples)), axis=1)
-    lengths, branch = (SLIDERS, np.ones(2)) if isinstance(chart, SliderChart) else (LENGTHS, np.array([1.0, -1]))
-    timed = unposed(chart.unknowns(lengths), angles, branch)
+    timed = unposed(chart.unknowns(LENGTHS), angles, np.array([1.0, -1]))
     if timing == "free":
         plain: Problem = JointProblem(request, chart)
         problem = plain if limits is None else limited_problem(request, chart, limits)
@@ -120,8 +114,6 @@ def angles_of(problem: Any, timed: Timed) -> np.ndarray:
 def body_of(problem: Any, timed: Timed) -> np.ndarray:
     """theta2 at all samples by the general kinematics, (n, N)."""
     lengths, angles = problem.chart.shape(timed.shape).lengths, angles_of(problem, timed)
-    if isinstance(problem.chart, SliderChart):
-        return body_angle(lengths, angles, problem.chart.guide)
     return coupler_angle(lengths, timed.branch, angles)
 
 
@@ -218,7 +210,7 @@ def test_rows_and_derivatives_are_those_of_the_general_kinematics(
             )
 
 
-@fourbars
+@every_chart
 @limited_timings
 def test_rows_of_limits_and_their_derivatives(chart: Any, timing: str, posed: bool) -> None:
     limits, weight = LIMITS if posed else ON_SHAPE, 3.0

@@ -17,12 +17,10 @@ from synthesis.guided.pairs import numbers_of
 from synthesis.kernels import codes, distinct
 from synthesis.limits import Limits, Reach
 from synthesis.poses import make_poses
-from synthesis.slider import SliderChart
 from tests.oracles.kernel import compiled, uncompiled
-from tests.oracles.slider_crank import SLIDER_CHARTS, SLIDER_NAMES, SLIDERS, body_angle
 
 CHARTS = [GrashofChart(), AnyChart(), FullCrankChart()]
-NAMES = ["grashof", "any", "full", *SLIDER_NAMES]
+NAMES = ["grashof", "any", "full"]
 
 
 LENGTHS = np.array([[0.15, 0.3, 0.25, 0.3], [0.4, 0.25, 0.28, 0.07]])
@@ -73,12 +71,9 @@ class Descent:
         samples: int = 6,
         posed: bool = True,
     ) -> None:
-        random, slider = np.random.default_rng(5), isinstance(chart, SliderChart)
-        crank, lengths = 0.4 + np.sort(random.uniform(0, 3, samples)), SLIDERS if slider else LENGTHS
-        if slider:
-            turned = body_angle(lengths[:1], crank, chart.guide)[0]
-        else:
-            turned = chart.at(chart.unknowns(lengths[:1]), crank[None], np.ones(1)).angle[0]
+        random, lengths = np.random.default_rng(5), LENGTHS
+        crank = 0.4 + np.sort(random.uniform(0, 3, samples))
+        turned = chart.at(chart.unknowns(lengths[:1]), crank[None], np.ones(1)).angle[0]
         position_of_body = (
             0.5 * np.exp(1j * crank) + np.exp(1j * (turned + 0.3)) + 0.05 * random.standard_normal(samples)
         )
@@ -105,7 +100,7 @@ class Descent:
             random.normal(size=(2, 6)),
             random.normal(size=2),
             angles[:, :1].copy() if prescribed else angles,
-            np.array([1.0, 1.0 if slider else -1.0]),
+            np.array([1.0, -1.0]),
         ]
         self.columns = self.arrays[0].shape[1] + 6 * position + rotation + prescribed
         self.turns = (2, samples)
@@ -143,7 +138,7 @@ def test_limits_of_every_kind(smooth: bool, posed: bool) -> None:
     same(lambda module: list(limits_of(module, smooth, posed)(lengths, side, *where)))
 
 
-ROWS = [(chart, False) for chart in [*CHARTS, *SLIDER_CHARTS]] + [(chart, True) for chart in CHARTS]
+ROWS = [(chart, False) for chart in CHARTS] + [(chart, True) for chart in CHARTS]
 
 
 @timings
