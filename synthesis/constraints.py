@@ -7,18 +7,15 @@ all kinds are checked in `synthesis/violations.py`, and a test compares both.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from synthesis.arrays import Flags
 from synthesis.four_bar import transmission_angle_over
 from synthesis.kernels import codes, four_bar_limits
 from synthesis.limits import LINKS, PIVOTS, Limits, in_family
-from synthesis.linkage import Linkage
 from synthesis.mechanism import Box, Constrained, Placed
 from synthesis.pose import DEGENERATE
-from synthesis.target import Samples, Target
+from synthesis.target import Samples
 
 _TRACED = {True: (257, 3), False: (25, 1)}
 """Number of crank angles at which joints are examined, and of refinements of their extremes: exactly, and in a search."""
@@ -193,16 +190,3 @@ def keeps(target: Samples, limits: Limits, placed: Placed, rounding: float = 0.0
     if placed.pivot is not None:  # a linkage that has shrunk to a point satisfies many limits, but it is no answer
         inside = inside & (placed.lengths[:, :1] * scale > DEGENERATE * target.extent)
     return holds & np.all(inside, axis=1)
-
-
-def placed_linkages(target: Target, linkages: Sequence[Linkage]) -> Placed:
-    """Return four-bars in the form used to evaluate limits, in the user's unit."""
-    links = np.array([linkage.links for linkage in linkages])
-    branch, start, turned = np.array(
-        [(linkage.branch, linkage.start, linkage.ground_angle) for linkage in linkages], dtype=float
-    ).T
-    placed = Placed(links, branch, target.interval.after(start))
-    if target.position is None:
-        return placed
-    pivot, arm = np.array([(linkage.pivot_a, linkage.arm) for linkage in linkages]).T
-    return placed._replace(pivot=pivot, turned=turned, coupler=arm * np.exp(1j * turned))

@@ -51,7 +51,7 @@ from synthesis.poses import Poses
 from synthesis.ranking import Answer, Status
 from synthesis.search.prescribed import GivenProblem, candidates_of, problem_of
 from synthesis.search.report import SearchReport, stopped_by
-from synthesis.solution import Solution, assess, target_of
+from synthesis.solution import Solution, assess
 from synthesis.target import TURN, Target
 from synthesis.violations import within
 from synthesis.work import Work
@@ -369,17 +369,6 @@ def nearby_poses(
     moved = problem.descended(timed, options.stages, tolerance, work, options.damping)
     pool, _ = problem.moved_onto(moved.timed)
     return solutions_of(poses, pool.joined(unmoved), chart, limits, 1, tolerance)
-
-
-def refined_in_place(poses: Poses, limits: Limits, solution: Solution, crank: Floats, work: Work) -> Solution:
-    """Optimize mounting and crank angles of a linkage with its links unchanged; return the better of both solutions."""
-    held = replace(limits, links=solution.linkage.links)
-    found, _ = refine_poses(poses, held, solution.linkage, crank, 0.0, work)
-    for better in found:
-        if better.errors.objective < solution.errors.objective:
-            same = with_links(better.linkage, solution.linkage.links)
-            return assess(target_of(poses, same, better.travel), [same])[0]
-    return solution
 
 
 def _as_it_is(problem: JointProblem, timed: Timed) -> Pool:

@@ -208,12 +208,8 @@ class Limits(Protocol):
         """Return the limits for a mirrored target."""
 
 
-class Turning(Protocol):
-    """Rotation of the body of a kind of mechanism, as required for tables and their scan."""
-
-    @property
-    def kind(self) -> str:
-        """Name in ``mechanisms`` of a request."""
+class Mechanism(Protocol):
+    """A kind of mechanism as a search needs it: rotation of the body, types, charts, limits, and linkages."""
 
     @property
     def branches(self) -> tuple[int, ...]:
@@ -234,10 +230,6 @@ class Turning(Protocol):
 
     def in_family(self, family: str, lengths: Floats) -> Flags:
         """Return flags (T,) of the types of a table that belong to a family."""
-
-
-class Mechanism(Turning, Protocol):
-    """A kind of mechanism, with what the search needs beside: charts, limits, and linkages."""
 
     def charts(self, family: str) -> Sequence[Chart]:
         """Return the charts in which linkages of a family are searched, in order; the coarse types are of the first chart."""

@@ -27,9 +27,9 @@ _ROUNDING = 1e-5
 
 
 class PositionRequest:
-    """Request matrices for positions; ``branches``: of the mechanism."""
+    """Request matrices for positions."""
 
-    def __init__(self, target: Target, branches: int) -> None:
+    def __init__(self, target: Target) -> None:
         mean, crank = target.position_mean, target.crank
         fixed = fixed_columns(target)
         self.size = float(np.sqrt(mean(np.abs(fixed.remainder) ** 2)))
@@ -47,7 +47,7 @@ class PositionRequest:
         waves = np.exp(1j * np.outer(crank, order))
         inner = np.stack([mean.weighted(np.conj(direction)) @ waves / mean.total for direction in found[2:]])
         turned = np.exp(1j * np.outer(np.arange(STARTS) * (TURN / STARTS), order)) * inner[:, None, :]
-        turned = np.concatenate([turned, np.conj(turned)][:branches], axis=1)
+        turned = np.concatenate([turned, np.conj(turned)], axis=1)
         self._factors: NDArray[np.complex64] = turned.astype(np.complex64)  # (3, windows, harmonics)
 
     def squared(self, series: Floats, errors: Floats) -> Floats:

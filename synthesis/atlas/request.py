@@ -53,7 +53,7 @@ class RotationRequest:
         Bounds of the rounding of the first component and of all others together.
     """
 
-    def __init__(self, target: Target, branches: int, amplitudes: Floats) -> None:
+    def __init__(self, target: Target, amplitudes: Floats) -> None:
         assert target.rotation is not None
         mean = target.rotation_mean
         crank, root = target.crank, np.broadcast_to(mean.root, target.samples)
@@ -69,9 +69,9 @@ class RotationRequest:
         self.target, directions = self.target[order], directions[order]
         weighted = directions * root
         factors: Complexes = weighted @ np.exp(1j * np.outer(crank, np.arange(1, HARMONICS + 1)))
-        self.rows: Singles = np.zeros((branches * STARTS, len(weighted), COLUMNS), np.float32)
+        self.rows: Singles = np.zeros((2 * STARTS, len(weighted), COLUMNS), np.float32)
         turned = factors.astype(np.complex64) * _phases()[:, None, :]
-        for side in range(branches):
+        for side in (0, 1):
             part = self.rows[side * STARTS : (side + 1) * STARTS]
             part[:, :, 2::2] = turned.real if side == 0 else -turned.real
             part[:, :, 3::2] = turned.imag
@@ -81,7 +81,7 @@ class RotationRequest:
         sizes = _ROUNDING * (terms + 6 * np.abs(weighted @ along))
         sizes += 1e-14 * np.linalg.norm(self.target)
         self.rounding = np.array([sizes[0], np.sqrt(np.sum(sizes[1:] ** 2))])
-        self.weights, self.first_piece = _piece_weights(target, branches)
+        self.weights, self.first_piece = _piece_weights(target)
 
 
 def _directions(line: Floats, target: Floats, crank: Floats, root: Floats) -> Floats:
@@ -101,7 +101,7 @@ def _directions(line: Floats, target: Floats, crank: Floats, root: Floats) -> Fl
     return np.array(found[1:]).reshape(-1, samples)
 
 
-def _piece_weights(target: Target, branches: int) -> tuple[Singles, NDArray[np.int32]]:
+def _piece_weights(target: Target) -> tuple[Singles, NDArray[np.int32]]:
     """Integrate the kernels of both bounds over the pieces of the turn, for every window."""
     order = np.argsort(target.crank, kind="stable")
     crank, mean = target.crank[order], target.rotation_mean
@@ -129,13 +129,12 @@ def _piece_weights(target: Target, branches: int) -> tuple[Singles, NDArray[np.i
         return bend_integral[interval] + norm[interval] * inside + rise * inside**2 / 2
 
     start, piece = np.arange(STARTS) * (TURN / STARTS), TURN / PIECES
-    begin = np.concatenate([start + low, -(start + high)][:branches])
+    begin = np.concatenate([start + low, -(start + high)])
     first_piece = np.floor(begin / piece + 1e-9).astype(np.int64)
     count = int(np.ceil((high - low) / piece - 1e-9)) + 1
     edges = (first_piece[:, None] + np.arange(count + 1)) * piece
-    inside: Any = edges - np.tile(start, branches)[:, None]
-    if branches == 2:
-        inside[STARTS:] = -edges[STARTS:] - start[:, None]
+    inside: Any = edges - np.tile(start, 2)[:, None]
+    inside[STARTS:] = -edges[STARTS:] - start[:, None]
     slopes = np.abs(np.diff(np.interp(inside, crank, slope_integral), axis=1))
     bends = np.abs(np.diff(bend(inside), axis=1))
     if high - low > LONGEST_BEND:

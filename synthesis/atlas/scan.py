@@ -79,8 +79,7 @@ class Scan:
 
     def __init__(self, lengths: NDArray[Any], tree: Tree | None = None) -> None:
         self.lengths: Floats = np.asarray(lengths, dtype=np.float64)
-        self.branches = len(FOURBAR.branches)
-        self.numbering = Numbering(STARTS, self.branches)
+        self.numbering = Numbering(STARTS)
         tree = tree or build_tree(compute_series(self.lengths))
         self._levels = [_Siblings.of(level) for level in tree.levels]
         self._rows = tree.rows.astype(np.int64)
@@ -198,7 +197,7 @@ class Scan:
         self, target: Target, request: RotationRequest | None, found: BestWindows, limit: Callable[[], float]
     ) -> Iterator[tuple[Ints, Floats]]:
         """Yield the windows of a target with positions whose bounds are at most the limit, with their bounds."""
-        positions = PositionRequest(target, self.branches)
+        positions = PositionRequest(target)
         indices = np.flatnonzero(self._rows >= 0)
         # some types from everywhere first, for the limit; then neighbours together, whose series are equally long
         spread = indices[:: max(1, indices.size // _TYPES_AT_ONCE)]
@@ -283,7 +282,7 @@ class Scan:
             return found.windows, ScanReport(self.windows, found.evaluated, not found.cut_short)
         request = None
         if target.rotation is not None:
-            request = RotationRequest(target, self.branches, self._amplitudes)
+            request = RotationRequest(target, self._amplitudes)
             self._first_look(request, found)
         ceiling = np.inf
         if request is not None and found.worst == np.inf:
@@ -300,7 +299,7 @@ class Scan:
 
         by_tree, positions = request is not None, None
         if request is not None and target.position is not None:
-            positions = PositionRequest(target, self.branches)
+            positions = PositionRequest(target)
         while True:
             if by_tree and request is not None:
                 parts = self._leaves(request, limit, lambda: found.stopped)

@@ -83,19 +83,18 @@ def lowest_steps(bounds: Floats) -> Floats:
 
 
 class Numbering(NamedTuple):
-    """Numbers of windows: type by type, all starts of branch +1 and then of branch -1, if there is one."""
+    """Numbers of windows: type by type, all starts of branch +1 and then of branch -1."""
 
     starts: int
-    branches: int = 2
 
     @property
     def per_type(self) -> int:
         """Number of windows of a type."""
-        return self.branches * self.starts
+        return 2 * self.starts
 
     def ids(self, windows: Windows) -> Ints:
         """Return the numbers of windows."""
-        return (self.branches * windows.row + (windows.branch < 0)) * self.starts + windows.start
+        return (2 * windows.row + (windows.branch < 0)) * self.starts + windows.start
 
     def windows(self, ids: Ints) -> Windows:
         """Return windows by number, with errors of zero."""
@@ -105,11 +104,11 @@ class Numbering(NamedTuple):
     def ranks(self, ids: Ints) -> Ints:
         """Return the order of windows by type, start, branch."""
         row, column = np.divmod(ids, self.per_type)
-        return (row * self.starts + column % self.starts) * self.branches + column // self.starts
+        return (row * self.starts + column % self.starts) * 2 + column // self.starts
 
     def at_ranks(self, row: Ints, within: Ints) -> Ints:
         """Return the numbers of the windows that come at some index among those of their type."""
-        return (self.branches * row + within % self.branches) * self.starts + within // self.branches
+        return (2 * row + within % 2) * self.starts + within // 2
 
 
 class BestWindows:

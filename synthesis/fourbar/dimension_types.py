@@ -81,40 +81,15 @@ def count_types(rule: TypeRule) -> int:
     return int(_pairs(rule)[3].sum()) * len(_orders(rule))
 
 
-@lru_cache(maxsize=4)
-def _before_crank(rule: TypeRule) -> NDArray[np.int64]:
-    """Return the number of types with a shorter crank than each length from 0 to the perimeter, without building them."""
-    a, b, first, count = _pairs(rule)
-    total = rule.perimeter
-    of_place = [np.bincount(values, count, total + 1).astype(np.int64) for values in (a, b)]
-    a, b, first, count = (values[count > 0] for values in (a, b, first, count))
-    largest = total - a - b - first
-    for low, high in ((first, first + count), (largest - count + 1, largest + 1)):
-        changes = np.bincount(low, minlength=total + 2) - np.bincount(high, minlength=total + 2)
-        of_place.append(np.cumsum(changes)[: total + 1])
-    each = np.sum([of_place[order[0]] for order in _orders(rule)], axis=0, dtype=np.int64)
-    return np.concatenate([[0], np.cumsum(each)])
-
-
 @lru_cache(maxsize=2)
-def _of_crank(rule: TypeRule, crank: int) -> NDArray[np.int32]:
-    """Return all types with a given crank length, by (L2, L3), for each rank of the crank among the sorted lengths."""
+def _all_types(rule: TypeRule) -> NDArray[np.int32]:
     a, b, first, count = _pairs(rule)
-    total = rule.perimeter
-    parts = []
-    for order in _orders(rule):
-        if order[0] < 2:
-            selected = np.flatnonzero((a, b)[order[0]] == crank)
-            c, row = _ranges(first[selected], count[selected])
-            row = selected[row]
-        else:
-            c = np.full(a.size, crank) if order[0] == 2 else total - a - b - crank
-            row = np.flatnonzero((c >= first) & (c < first + count))
-            c = c[row]
-        lengths = np.stack([a[row], b[row], c, total - a[row] - b[row] - c], axis=-1)
-        parts.append(lengths[:, order].astype(np.int32))
-    found: NDArray[np.int32] = np.concatenate(parts)
-    return found[np.lexsort((found[:, 2], found[:, 1]))]
+    c, row = _ranges(first, count)
+    lengths = np.stack([a[row], b[row], c, rule.perimeter - a[row] - b[row] - c], axis=-1)
+    found = np.concatenate([lengths[:, order] for order in _orders(rule)]).astype(np.int32)
+    found = found[np.lexsort((found[:, 2], found[:, 1], found[:, 0]))]
+    found.flags.writeable = False
+    return found
 
 
 def enumerate_types(rule: TypeRule, begin: int = 0, end: int | None = None) -> NDArray[np.int32]:
@@ -123,18 +98,11 @@ def enumerate_types(rule: TypeRule, begin: int = 0, end: int | None = None) -> N
     With the four lengths sorted, a < b < c < d: all different, a at least ``smallest``, a + b + c + d the perimeter, and
     strictly a + d < b + c, Grashof's condition. Type number n (counted from 1) is row n - 1.
 
-    ``begin``, ``end``: rows, as of a slice; only the types of the cranks' lengths that these rows have are made.
+    ``begin``, ``end``: rows, as of a slice.
 
     Shape (types, 4). May be empty. Law: each row has the rule's perimeter and turns fully, and no two rows are equal;
     the rows from ``begin`` to ``end`` are that slice of all. Source: Sun, Liu, Chu, "Wavelet feature parameter method
     for rigid-body guidance synthesis", section on base dimension types: perimeter 400 gives 101,408 types, of which
     number 45,185 is (19, 72, 144, 165).
     """
-    before = _before_crank(rule)
-    begin, end, _ = slice(begin, end).indices(int(before[-1]))
-    if begin >= end:
-        return np.empty((0, 4), dtype=np.int32)
-    low, high = (int(np.searchsorted(before, row, side="right")) - 1 for row in (begin, end - 1))
-    cranks = [crank for crank in range(low, high + 1) if before[crank + 1] > before[crank]]
-    lengths = np.concatenate([_of_crank(rule, crank) for crank in cranks])
-    return lengths[begin - int(before[low]) : end - int(before[low])].copy()
+    return _all_types(rule)[begin:end].copy()

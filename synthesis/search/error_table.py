@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from synthesis.arrays import Complexes, Floats, Ints
-from synthesis.mechanism import Turning
+from synthesis.mechanism import Mechanism
 from synthesis.pose import fixed_columns
 from synthesis.target import TURN, Mean, Target
 
@@ -79,7 +79,7 @@ class ErrorTable:
 
     Parameters
     ----------
-    mechanism : Turning
+    mechanism : Mechanism
     lengths : ndarray, shape (T, d)
         Types whose crank turns fully.
     starts : int
@@ -96,7 +96,7 @@ class ErrorTable:
 
     def __init__(
         self,
-        mechanism: Turning,
+        mechanism: Mechanism,
         lengths: Floats,
         starts: int,
         samples: int,

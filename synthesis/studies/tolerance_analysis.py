@@ -8,14 +8,13 @@ directions of rails and slots are exact.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from synthesis.arrays import Complexes, Floats, dot
-from synthesis.four_bar import close_loop
 from synthesis.guides import Circle, Driver, Guide, Rail, Slot
 from synthesis.linkage import Linkage
 from synthesis.pose import whole_turns
@@ -33,7 +32,7 @@ _QUANTILE_STEPS = 8
 """Newton steps to a quantile; the fifth is accurate to seven digits."""
 _POSE_STEPS = 12
 """Largest number of Newton steps to a pose."""
-_SMALL_STEP = 1e-8
+_SMALL_STEP = 3e-6
 """Relative length of the last Newton step to a pose; a further step would be its square."""
 _CLOSED = 1e-9
 """Largest error of a closed loop, as a fraction of the linkage's size."""
@@ -269,13 +268,24 @@ class _Guide:
         self.direction = direction_of(guide) + np.atleast_2d(off.direction)
 
 
+class _Locked(NamedTuple):
+    """Poses of bodies that can still turn about a pin, or slide along a slot, with the drive locked."""
+
+    position: Complexes
+    rotation: Floats
+    moves: Complexes
+    """Derivative of the position by the turn, or by the slide."""
+    turns: float
+    """Derivative of the rotation."""
+
+
 def manufactured(
     linkage: Linkage, coordinate: Floats, first: Deviation, second: Deviation
 ) -> tuple[Complexes, Floats]:
     """Return positions and rotations (count, n) of the bodies of linkages with deviations.
 
-    A loop of two circles is closed in closed form. Any other guide is met by Newton's method from the pose as designed, for all
-    linkages at once. NaN if the loop does not close on the branch of the linkage. Law: without deviations `Linkage.body`.
+    With the drive locked, the other guide is met by Newton's method from the pose as designed, for all linkages at once. NaN if
+    the loop does not close on the branch of the linkage. Law: without deviations `Linkage.body`.
 
     Parameters
     ----------
@@ -286,101 +296,56 @@ def manufactured(
     first, second : Deviation
         Changes of both guides.
     """
-    driven, second_guide = _Guide(linkage.guides[0], first), _Guide(linkage.guides[1], second)
-    drive = coordinate + linkage.ground_angle if linkage.driver.turns else coordinate
+    driven, other = _Guide(linkage.guides[0], first), _Guide(linkage.guides[1], second)
     with np.errstate(all="ignore"):
-        if linkage.is_four_bar:
-            return _by_closed_loop(linkage, drive, driven, second_guide)
         nominal = linkage.body(coordinate)
-        if linkage.driver is Driver.HINGE:
-            return _by_hinge(linkage, coordinate, driven, second_guide, linkage.reach)
+        drive = coordinate + linkage.ground_angle if linkage.driver.turns else coordinate
+        along = np.exp(1j * (drive if linkage.driver is Driver.HINGE else driven.direction))
+        pin, held, size = driven.fixed + 0 * drive, driven.body_point + 0 * drive, 1.0
+        begin, side = nominal.rotation + 0 * np.real(pin), np.full(drive.shape, linkage.branch)
         if driven.sort is Circle:
-            pin = driven.fixed + driven.radius * np.exp(1j * drive)
+            pin = pin + driven.radius * np.exp(1j * drive)
         elif driven.sort is Rail:
-            pin = driven.fixed + drive * np.exp(1j * driven.direction)
+            pin = pin + drive * along
+        elif linkage.driver is Driver.CYLINDER:
+            held = held + drive * along
         else:
-            pin = driven.fixed + 0 * drive
-        held = driven.body_point + 0 * drive
-        if driven.sort is Slot:
-            held = held + drive * np.exp(1j * driven.direction)
-        begin = nominal.rotation + 0 * np.real(pin)
-        rotation, value, slope = _met(lambda turn: _beyond(second_guide, pin, np.exp(1j * turn), held), begin, 1.0)
-        turned = np.exp(1j * rotation)
-        good = (np.abs(value) < _CLOSED * linkage.reach) & (np.sign(slope) == linkage.branch)
-        position = pin - turned * held
-    good = good & np.isfinite(nominal.rotation)
-    return np.where(good, position, np.nan), np.where(good, rotation, np.nan)
+            rotation, size, side = drive - driven.direction, linkage.reach, -np.sign(nominal.sine)
+            origin = pin - np.exp(1j * rotation) * held
+            begin = dot(along, origin - nominal.position)
+
+        def locked(value: Floats) -> _Locked:
+            if linkage.driver is Driver.HINGE:
+                return _Locked(origin - value * along, rotation, -along, 0.0)
+            arm = np.exp(1j * value) * held
+            return _Locked(pin - arm, value, -1j * arm, 1.0)
+
+        at = begin
+        for _ in range(_POSE_STEPS):
+            gap, slope = _gap(other, locked(at))
+            step = np.clip(np.nan_to_num(gap / slope), -0.3 * size, 0.3 * size)
+            at = at - step
+            if np.abs(step).max() < _SMALL_STEP * size:
+                break
+        pose = locked(at)
+        gap, slope = _gap(other, pose)
+        good = (np.abs(gap) < _CLOSED * linkage.reach) & (np.sign(slope) == side) & np.isfinite(nominal.rotation)
+        return np.where(good, pose.position, np.nan), np.where(good, pose.rotation, np.nan)
 
 
-def _by_closed_loop(linkage: Linkage, direction: Floats, crank: _Guide, rocker: _Guide) -> tuple[Complexes, Floats]:
-    """Return the poses of the couplers of four-bars at directions (n,) of the crank."""
-    along = np.exp(1j * linkage.ground_angle)
-    # the ground line relative to its nominal direction, from which it deviates only slightly
-    ground = (rocker.fixed - crank.fixed) / along
-    coupler = rocker.body_point - crank.body_point
-    lengths = np.concatenate(
-        np.broadcast_arrays(crank.radius, np.abs(coupler), rocker.radius, np.abs(ground)), axis=1
-    )
-    turn = linkage.ground_angle + np.angle(ground)
-    closure = close_loop(lengths, direction - turn)
-    rotation = closure.coupler_angle(np.array(linkage.branch)) + turn - np.angle(coupler)
-    position = crank.fixed + crank.radius * np.exp(1j * direction) - np.exp(1j * rotation) * crank.body_point
-    return position, rotation
-
-
-def _met(off: Callable[[Floats], tuple[Floats, Floats]], begin: Floats, size: float) -> tuple[Floats, Floats, Floats]:
-    """Return the root of a function by Newton's method, its residual and its slope; ``size`` is the scale of its argument."""
-    at = begin
-    for _ in range(_POSE_STEPS):
-        value, slope = off(at)
-        step = np.clip(np.nan_to_num(value / slope), -0.3 * size, 0.3 * size)
-        at = at - step
-        if np.abs(step).max() < _SMALL_STEP * size:
-            break
-    return at, *off(at)
-
-
-def _off(second_guide: _Guide, at: Complexes, turned: Complexes) -> tuple[Floats, Complexes]:
-    """Return the error of the other guide with its body point at a position, and the direction of its push."""
-    spoke = at - second_guide.fixed
-    if second_guide.sort is Circle:
-        push = spoke / np.abs(spoke)
-        return np.abs(spoke) - second_guide.radius, push
-    push = 1j * np.exp(1j * second_guide.direction) * (turned if second_guide.sort is Slot else 1.0)
-    return dot(push, spoke), push
-
-
-def _beyond(second_guide: _Guide, pin: Complexes, turned: Complexes, held: Complexes) -> tuple[Floats, Floats]:
-    """Return the error of the other guide with the body turned about the pin, and its derivative by the rotation."""
-    arm = turned * (second_guide.body_point - held)
-    value, push = _off(second_guide, pin + arm, turned)
-    # a slot turns with the body: its fixed pin is what moves in it
-    return value, dot(push, 1j * (second_guide.fixed - pin if second_guide.sort is Slot else arm))
-
-
-def _by_hinge(
-    linkage: Linkage, coordinate: Floats, driven: _Guide, second_guide: _Guide, size: float
-) -> tuple[Complexes, Floats]:
-    """Slide the body along the slot of the hinge until it meets the other guide."""
-    drive = coordinate + linkage.ground_angle
-    along = np.exp(1j * drive)
-    rotation = drive - driven.direction
-    turned = np.exp(1j * rotation)
-    origin = driven.fixed - turned * driven.body_point
-    nominal = linkage.body(coordinate)
-    begin = np.real(np.conj(along) * (origin - nominal.position)) + 0 * np.real(origin)
-    extension, value, slope = _met(
-        lambda extension: _slid(second_guide, origin - extension * along, turned, along), begin, size
-    )
-    position = origin - extension * along
-    good = (np.abs(value) < _CLOSED * size) & (np.sign(-slope) == np.sign(nominal.sine)) & np.isfinite(nominal.sine)
-    return np.where(good, position, np.nan), np.where(good, rotation + 0 * np.real(position), np.nan)
-
-
-def _slid(second_guide: _Guide, position: Complexes, turned: Complexes, along: Complexes) -> tuple[Floats, Floats]:
-    """Return the error of the other guide, and its derivative by the extension of the slot."""
-    value, push = _off(second_guide, position + turned * second_guide.body_point, turned)
-    return value, -dot(push, along)
+def _gap(guide: _Guide, pose: _Locked) -> tuple[Floats, Floats]:
+    """Return the distance of the bodies from a guide, and its derivative by the turn or slide."""
+    turned = np.exp(1j * pose.rotation)
+    spoke = pose.position + turned * guide.body_point - guide.fixed
+    velocity = pose.moves + 1j * pose.turns * turned * guide.body_point
+    if guide.sort is Circle:
+        distance = np.abs(spoke)
+        return distance - guide.radius, dot(spoke, velocity) / distance
+    normal = 1j * np.exp(1j * guide.direction)
+    if guide.sort is Slot:  # a slot turns with the body
+        normal = normal * turned
+        velocity = velocity - 1j * pose.turns * spoke
+    return dot(normal, spoke), dot(normal, velocity)
 
 
 # -- quantiles --------------------------------------------------------------------------------------------------------
