@@ -9,13 +9,13 @@ import re
 import shutil
 import sys
 import textwrap
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from functools import partial
 from pathlib import Path
 from typing import Any, get_args
 
-from app import atlas_commands
 from app.fourbar import QUESTIONS
 from app.registry import queries_named
 from app.scenes import SCENES
@@ -415,11 +415,7 @@ def _add_study(parser: argparse.ArgumentParser, name: str) -> None:
         default="synthesize",
         help=f"command that answers the requests: {', '.join(commands)} (%(default)s)",
     )
-    cores = os.cpu_count() or 1
-    parser.add_argument(
-        "--jobs", type=whole_number(1), default=cores, help="number of processes (default: one per core)"
-    )
-    parser.add_argument("--scheduler", metavar="ADDRESS", help="run on the Dask cluster at this address")
+    _add_workers(parser)
     parser.add_argument("--no-preset", action="store_true", help="apply only the limits of each request")
     add_atlas(parser, "atlas file, if a request needs an atlas")
     parser.set_defaults(run=run_study)
@@ -494,6 +490,69 @@ def _pretty(value: Any, indent: str = "") -> str:
     return json.dumps(value)
 
 
+def _add_build(parser: argparse.ArgumentParser, name: str) -> None:
+    parser.description = "Build an atlas file."
+    add_file(parser, "--out", default=Path("atlas.h5"), help="output file (default: %(default)s)")
+    parser.add_argument("--perimeter", type=int, help="sum of the lengths of each linkage (default: 400)")
+    parser.add_argument("--smallest", type=int, help="length of the smallest crank (default: 2)")
+    orders = "increasing (default), crank_shortest or full_crank"
+    parser.add_argument("--order", help=f"orders of the four lengths that are enumerated: {orders}")
+    parser.add_argument("--samples", type=int, help="number of samples of a curve, a power of two (default: 256)")
+    _add_workers(parser)
+    parser.add_argument("--json", action="store_true", help="print JSON")
+    parser.set_defaults(run=_build)
+
+
+def _add_workers(parser: argparse.ArgumentParser) -> None:
+    cores = os.cpu_count() or 1
+    parser.add_argument(
+        "--jobs", type=whole_number(1), default=cores, help="number of processes (default: one per core)"
+    )
+    parser.add_argument("--scheduler", metavar="ADDRESS", help="run on the Dask cluster at this address")
+
+
+def _build(options: argparse.Namespace) -> Exit:
+    from linkage_atlas.atlases import build_atlas, shown_progress
+
+    begin, names = time.perf_counter(), ("perimeter", "smallest", "order", "samples", "jobs", "scheduler")
+    try:
+        with shown_progress() as progress:
+            rule = {name: getattr(options, name) for name in names}
+            atlas = build_atlas(options.out, **rule, progress=progress)
+    except OSError as error:
+        print(f"cannot write: {error}", file=sys.stderr)
+        return Exit.FAILED
+    return _print_atlas(options, options.out, atlas, seconds=round(time.perf_counter() - begin, 2))
+
+
+def _add_description(parser: argparse.ArgumentParser, name: str) -> None:
+    parser.description = _COMMANDS[name][0]
+    add_file(parser, "file", metavar="file")
+    parser.add_argument("--json", action="store_true", help="print JSON")
+    parser.set_defaults(run=_describe, verifies=name == "verify")
+
+
+def _describe(options: argparse.Namespace) -> Exit:
+    from linkage_atlas import load_atlas
+
+    atlas = load_atlas(options.file)
+    if options.verifies:
+        atlas.check()
+    return _print_atlas(options, options.file, atlas, **({"status": "sound"} if options.verifies else {}))
+
+
+def _print_atlas(options: argparse.Namespace, file: Path, atlas: Any, **facts: Any) -> Exit:
+    """Print a description of an atlas and its file, as JSON or as lines."""
+    values = {"file": str(file), "bytes": file.stat().st_size, **atlas.describe(), **facts}
+    if options.json:
+        print(json.dumps(values))
+        return Exit.OK
+    for name, value in values.items():
+        text = ", ".join(f"{key} {part}" for key, part in value.items()) if isinstance(value, dict) else value
+        print(f"{name:<16} {text:,}" if isinstance(text, int) else f"{name:<16} {text}")
+    return Exit.OK
+
+
 def _add_serve(parser: argparse.ArgumentParser, name: str) -> None:
     parser.description = "Serve the page and all queries over HTTP."
     group = parser.add_mutually_exclusive_group()
@@ -544,8 +603,8 @@ _COMMANDS: dict[str, tuple[str, Callable[[argparse.ArgumentParser, str], None]]]
     "example": ("Print an example request, or list the examples.", _add_example),
     "serve": ("Serve the page and all queries over HTTP.", _add_serve),
     "completion": ("Print or install a completion script for a shell.", _add_completion),
-    "build": (atlas_commands.BUILD, lambda parser, _: atlas_commands.add_build(parser)),
-    "verify": (atlas_commands.VERIFY, lambda parser, _: atlas_commands.add_verify(parser)),
-    "info": (atlas_commands.INFO, lambda parser, _: atlas_commands.add_info(parser)),
+    "build": ("Build an atlas file.", _add_build),
+    "verify": ("Check all contents of an atlas file.", _add_description),
+    "info": ("Describe an atlas file.", _add_description),
 }
 """Help of each command, and the function that adds its arguments."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -93,16 +93,19 @@ def guides_of(linkage: Plain, radian: float, used: Interval | None) -> list[AnyG
     """
     guides: list[AnyGuide] = []
     for index, guide in enumerate(linkage.guides):
-        point = xy(guide.body_point)
+        values: dict[str, Any] = {name: _outward(name, value, radian) for name, value in guide._asdict().items()}
         if isinstance(guide, Circle):
-            guides.append(CircleGuide("circle", xy(guide.pivot), guide.radius, point))
+            guides.append(CircleGuide("circle", **values))
             continue
-        ends = None if used is None else linkage.used(index, used)
-        if isinstance(guide, Rail):
-            guides.append(RailGuide("rail", xy(guide.point), guide.direction / radian, point, ends))
-        else:
-            guides.append(SlotGuide("slot", xy(guide.pin), point, guide.body_direction / radian, ends))
+        values["used"] = None if used is None else linkage.used(index, used)
+        guides.append(RailGuide("rail", **values) if isinstance(guide, Rail) else SlotGuide("slot", **values))
     return guides
+
+
+def _outward(name: str, value: complex | float, radian: float) -> object:
+    if isinstance(value, complex):
+        return xy(value)
+    return value / radian if name.endswith("direction") else value
 
 
 @dataclass(frozen=True)
@@ -381,17 +384,8 @@ def check_apart(linkage: Plain) -> None:
         raise FieldError("/guides/1/body_point", "must differ from the body point of the first guide")
     if first.has_pin and second.has_pin and first[0] == second[0]:
         raise FieldError("/guides/1", "must have another fixed point than the first guide")
-    if isinstance(first, Rail) and isinstance(second, Rail) and _parallel(first.direction, second.direction):
-        raise FieldError("/guides/1/direction", "must not be parallel to the first rail: the body could not turn")
-    if (
-        isinstance(first, Slot)
-        and isinstance(second, Slot)
-        and _parallel(first.body_direction, second.body_direction)
-    ):
-        raise FieldError(
-            "/guides/1/body_direction", "must not be parallel to the first slot: the body could not turn"
-        )
-
-
-def _parallel(first: float, second: float) -> bool:
-    return bool(abs(np.sin(first - second)) < 1e-3)
+    for kind, name in ((Rail, "direction"), (Slot, "body_direction")):
+        if isinstance(first, kind) and isinstance(second, kind):
+            if abs(np.sin(getattr(first, name) - getattr(second, name))) < 1e-3:
+                message = f"must not be parallel to the first {kind.__name__.lower()}: the body could not turn"
+                raise FieldError(f"/guides/1/{name}", message)

@@ -205,20 +205,19 @@ def what_excludes(
         return [
             f"The given lengths make a {family_name}, which the family excludes: allow any family (`limits.family`)."
         ]
-    trials = _Trials(search, work)
-    extent = 1.0 if motion.samples.position is None else motion.samples.extent
+    trials = _Trials(limits, motion, search, work, subject)
     single: list[str] = []
     notes: list[str] = []
     try:
         for name in names:
-            if trials.find(_without(limits, name, extent)):
+            if trials.find(trials.without(name)):
                 single.append(name)
         for name in single:
-            notes.append(_sentence(limits, name, motion, _eased_until(limits, name, motion, trials, extent), subject))
+            notes.append(trials.sentence(name, trials.eased_until(name)))
         if not single:
-            notes.append(_pairs(limits, names, motion, trials, extent, subject))
+            notes.append(trials.pairs(names))
     except OutOfTime:
-        notes += [_sentence(limits, name, motion, None, subject) for name in single[len(notes) :]]
+        notes += [trials.sentence(name, None) for name in single[len(notes) :]]
         notes.append("The time was up before all limits were examined.")
     if subject == "linkage" and any("`limits." in note for note in notes):
         notes.append(ANY_ERROR)
@@ -238,9 +237,10 @@ def thinned(motion: Motion) -> Motion:
 class _Trials:
     """A bounded number of searches within relaxed limits. Raises `OutOfTime` if the time ends one of them."""
 
-    def __init__(self, search: Search, work: Work) -> None:
-        self._search, self._work = search, work
-        self.left = _SEARCHES
+    def __init__(self, limits: model.Limits, motion: Motion, search: Search, work: Work, subject: str) -> None:
+        self.limits, self.radian, self.subject = limits, motion.radian, subject
+        self.extent = 1.0 if motion.samples.position is None else motion.samples.extent
+        self._search, self._work, self.left = search, work, _SEARCHES
 
     def find(self, limits: model.Limits) -> bool:
         """Return whether there is a linkage; false too if no search is left."""
@@ -253,81 +253,73 @@ class _Trials:
             self._work.go_on()
         return found
 
+    def changed(self, name: str, value: object, limits: model.Limits | None = None) -> model.Limits:
+        """Return the limits with another value of a limit."""
+        limits, changes = limits or self.limits, {name: value}
+        if name == "link_min" and limits.practical and limits.link_max == ROOM * (limits.link_min or 0.0):
+            # the shortest length has lifted the longest length of the preset
+            changes["link_max"] = max(self.extent * REACH, ROOM * (value if isinstance(value, float) else 0.0))
+        return build(replace, changes, limits)
 
-def _pairs(
-    limits: model.Limits, names: Sequence[str], motion: Motion, trials: _Trials, extent: float, subject: str
-) -> str:
-    """Return a sentence on the first two limits without which there are linkages."""
-    for pair in combinations(names, 2):
-        if trials.find(_without(_without(limits, pair[0], extent), pair[1], extent)):
-            first, second = (_condition(limits, name, motion) for name in pair)
-            fields = ", ".join(f"`limits.{name}`" for name in pair)
-            return f"No {subject} was found with {first} and {second}; without these two limits there are some ({fields})."
-    pairs = ", or two," if trials.left else ", or one of the pairs that were tried,"
-    dropped = f"one of the limits{pairs}" if len(names) > 1 else "the limit"
-    return f"Dropping {dropped} did not lead to any {subject}."
+    def without(self, *names: str) -> model.Limits:
+        """Return the limits without some of them; without a family any is allowed."""
+        limits = self.limits
+        for name in names:
+            limits = self.changed(name, "any" if name == "family" else getattr(model.Limits(), name), limits)
+        return limits
 
+    def pairs(self, names: Sequence[str]) -> str:
+        """Return a sentence on the first two limits without which there are linkages."""
+        for pair in combinations(names, 2):
+            if self.find(self.without(*pair)):
+                first, second = (condition(self.limits, name, self.radian) for name in pair)
+                fields = ", ".join(f"`limits.{name}`" for name in pair)
+                found = f"No {self.subject} was found with {first} and {second}"
+                return f"{found}; without these two limits there are some ({fields})."
+        pairs = ", or two," if self.left else ", or one of the pairs that were tried,"
+        dropped = f"one of the limits{pairs}" if len(names) > 1 else "the limit"
+        return f"Dropping {dropped} did not lead to any {self.subject}."
 
-def _without(limits: model.Limits, name: str, extent: float) -> model.Limits:
-    """Return the limits without one of them; without a family any is allowed."""
-    return _changed(limits, name, "any" if name == "family" else getattr(model.Limits(), name), extent)
+    def sentence(self, name: str, eased: model.Limits | None) -> str:
+        """Return that a limit excludes every linkage, with its value in eased limits that do not."""
+        instead = "without this limit there are some"
+        if name == "family":
+            instead = "in any family there are some"
+        elif eased is not None:
+            instead = f"with {condition(eased, name, self.radian)} there is one"
+        field, words = "preset" if name == "pivot_reach" else name, condition(self.limits, name, self.radian)
+        return f"No {self.subject} was found with {words}; {instead} (`limits.{field}`)."
 
+    def eased_until(self, name: str) -> model.Limits | None:
+        """Return the limits with a limit relaxed by bisection until there is a linkage; None if no value is known."""
+        low, high, best = 0.0, 1.0, None
+        for _ in range(_STEPS):
+            middle = (low + high) / 2
+            eased = self._eased(name, middle)
+            if eased is None or not self.left:
+                break
+            if self.find(eased):
+                high, best = middle, eased
+            else:
+                low = middle
+        return best
 
-def _changed(limits: model.Limits, name: str, value: object, extent: float) -> model.Limits:
-    """Return the limits of a request with another value of a limit."""
-    changes = {name: value}
-    if name == "link_min" and limits.practical and limits.link_max == ROOM * (limits.link_min or 0.0):
-        # the shortest length has lifted the longest length of the preset
-        changes["link_max"] = max(extent * REACH, ROOM * (value if isinstance(value, float) else 0.0))
-    return build(replace, changes, limits)
-
-
-def _condition(limits: model.Limits, name: str, motion: Motion) -> str:
-    return condition(limits, name, motion.radian)
-
-
-def _sentence(limits: model.Limits, name: str, motion: Motion, eased: model.Limits | None, subject: str) -> str:
-    """Return that a limit excludes every linkage, with its value in eased limits that do not."""
-    instead = "without this limit there are some"
-    if name == "family":
-        instead = "in any family there are some"
-    elif eased is not None:
-        instead = f"with {_condition(eased, name, motion)} there is one"
-    field = "preset" if name == "pivot_reach" else name
-    return f"No {subject} was found with {_condition(limits, name, motion)}; {instead} (`limits.{field}`)."
-
-
-def _eased_until(
-    limits: model.Limits, name: str, motion: Motion, trials: _Trials, extent: float
-) -> model.Limits | None:
-    """Return the limits with a limit relaxed by bisection until there is a linkage; None if no value is known."""
-    low, high, best = 0.0, 1.0, None
-    for _ in range(_STEPS):
-        middle = (low + high) / 2
-        eased = _eased(limits, name, middle, extent, motion.radian)
-        if eased is None or not trials.left:
-            break
-        if trials.find(eased):
-            high, best = middle, eased
-        else:
-            low = middle
-    return best
-
-
-def _eased(limits: model.Limits, name: str, share: float, extent: float, radian: float) -> model.Limits | None:
-    """Return the limits with a limit relaxed by a share of the whole way, to four digits; None if it has no degrees."""
-    value, form = getattr(limits, name), FORMS[name]
-    match form.kind:
-        case "angle":
-            return _changed(limits, name, _rounded(value * (1 - share) / radian, -1, 3) * radian, extent)
-        case "length" | "ratio":
-            eased = _rounded(value * (1 - share), -1) if form.minimum else _rounded(value / (1 - share), 1)
-            return _changed(limits, name, eased, extent)
-        case "box":
-            by, distance = share / (1 - share) * extent, max(map(abs, value))
-            moved = [_rounded(value[k] + side * by, side, 4, distance + by) for k, side in enumerate((-1, -1, 1, 1))]
-            return _changed(limits, name, tuple(moved), extent)
-    return None
+    def _eased(self, name: str, share: float) -> model.Limits | None:
+        """Return the limits with a limit relaxed by a share of the whole way, to four digits; None if it has no degrees."""
+        value, form = getattr(self.limits, name), FORMS[name]
+        match form.kind:
+            case "angle":
+                return self.changed(name, _rounded(value * (1 - share) / self.radian, -1, 3) * self.radian)
+            case "length" | "ratio":
+                eased = _rounded(value * (1 - share), -1) if form.minimum else _rounded(value / (1 - share), 1)
+                return self.changed(name, eased)
+            case "box":
+                by, distance = share / (1 - share) * self.extent, max(map(abs, value))
+                sides = enumerate((-1, -1, 1, 1))
+                return self.changed(
+                    name, tuple(_rounded(value[k] + side * by, side, 4, distance + by) for k, side in sides)
+                )
+        return None
 
 
 def _rounded(value: float, side: int, digits: int = 4, size: float | None = None) -> float:

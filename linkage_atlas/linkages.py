@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkage_atlas.analysis import Analysis, AskedAnalysis, analysed, read_analysis
+from linkage_atlas.analysis import Analysis, analysed, read_analysis
 from linkage_atlas.arguments import (
     Fields,
     column,
@@ -37,7 +37,7 @@ from linkage_atlas.motions import Motion
 from linkage_atlas.plotting import plot_linkage
 from linkage_atlas.records import Record, plain, plane
 from linkage_atlas.solids import SolidParts, read_solids, solids_in, split
-from linkage_atlas.tolerance_study import Manufacture, ToleranceStudy, read_manufacture, studied
+from linkage_atlas.tolerance_study import ToleranceStudy, read_manufacture, studied
 from synthesis.arrays import Floats
 from synthesis.assembly.linkage_machine import loop_of
 from synthesis.cognates import are_cognates
@@ -487,9 +487,10 @@ class Linkage:
         unit = self.unit_for(None, length_unit) or "mm"
         request = read_analysis({"crank_speed": speed, "load": load, "length_unit": unit}, self._linkage.mounted)
         if travel is not None:
-            return self.analysed(request, np.atleast_1d(column("travel", travel)) * self._unit)
+            values = np.atleast_1d(column("travel", travel)) * self._unit
+            return analysed(self._linkage, request, values, self._radian)
         target = self._default_motion()
-        return self.analysed(request, target.crank, target.interval)
+        return analysed(self._linkage, request, target.crank, self._radian, target.interval)
 
     def tolerance_study(self, *, work: Work | None = None, **manufacture: object) -> ToleranceStudy:
         """Compute the effect of tolerances of manufacture on the motion of the body, simulated and to first order.
@@ -509,15 +510,8 @@ class Linkage:
         work : Work, optional
             Limits the time, and ends the computation if the result is no longer needed.
         """
-        return self.made_within(read_manufacture(manufacture), self._default_motion(), work or Work())
-
-    def made_within(self, manufacture: Manufacture, target: Target, work: Work) -> ToleranceStudy:
-        """Return a tolerance study over a motion."""
-        return studied(self._linkage, manufacture, target.crank, target.interval, self._radian, work)
-
-    def analysed(self, request: AskedAnalysis, travel: Floats, over: Interval | None = None) -> Analysis:
-        """Return an analysis at travel (n,) of the drive in radians or lengths, and over an interval."""
-        return analysed(self._linkage, request, travel, self._radian, over)
+        target, request = self._default_motion(), read_manufacture(manufacture)
+        return studied(self._linkage, request, target.crank, target.interval, self._radian, work or Work())
 
     def assembly(
         self,

@@ -9,7 +9,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from linkage_atlas.analysis import Analysis
+from linkage_atlas.analysis import Analysis, analysed
 from linkage_atlas.arguments import check_names
 from linkage_atlas.assemblies import AskedAssembly, Assembly, assembled
 from linkage_atlas.drive_design.design import driven_solution
@@ -19,7 +19,7 @@ from linkage_atlas.linkages import Linkage
 from linkage_atlas.motions import Motion
 from linkage_atlas.records import LAST, PYTHON_ONLY, Record, Values
 from linkage_atlas.studies import STUDIES, Studies, read_studies
-from linkage_atlas.tolerance_study import ToleranceStudy, share_of
+from linkage_atlas.tolerance_study import ToleranceStudy, share_of, studied
 from synthesis import defects
 from synthesis import solution as model
 from synthesis.arrays import Floats
@@ -419,12 +419,12 @@ def _studied(solution: Solution, studies: Studies, solutions: int, work: Work) -
     if studies.rounds:
         done["rounded"] = _rounded(solution, studies, solutions, work)
     if studies.analysis is not None:
-        done["analysis"] = linkage.analysed(studies.analysis, target.crank, target.interval)
+        done["analysis"] = analysed(linkage.plain, studies.analysis, target.crank, own.radian, target.interval)
     if studies.drives is not None:
         done |= driven_solution(linkage.plain, target.way, studies.drives, own.radian, work)
     if studies.manufacture is not None:
         share = share_of(studies.manufacture, target.samples, solutions, work.budget)
-        done["tolerance_study"] = linkage.made_within(share, target, work)
+        done["tolerance_study"] = studied(linkage.plain, share, target.crank, target.interval, own.radian, work)
     if studies.assembly is not None:
         done["verdict"] = _with_assembly(solution, studies.assembly, studies.arranged, work)
     return replace(solution, **done) if done else solution
