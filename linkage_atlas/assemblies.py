@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import combinations
@@ -18,7 +18,6 @@ from linkage_atlas.arguments import (
     flag,
     mapping,
     one_of,
-    pair,
     pointing,
     read_fields,
     whole_number,
@@ -36,7 +35,6 @@ from synthesis.assembly.parts import Heights, parts_of
 from synthesis.assembly.shapes import crosses_itself, signed_area
 from synthesis.assembly.sizes import check_sizes
 from synthesis.assembly.stacks import ABOVE, BELOW, BOARDS, BOTH, Arrangement, StackRequest, arrange
-from synthesis.drives.links import GROUND
 from synthesis.drives.six_bar import Motor
 from synthesis.errors import FieldError
 from synthesis.linkage import Linkage
@@ -220,7 +218,7 @@ class AskedAssembly(NamedTuple):
     envelope: Box | None = None
     keep_out: tuple[Box, ...] = ()
     drive: Motor | Strut | str | None = None
-    """Motor with its rod, cylinder or knee; for a drive in a hinge the name of its link."""
+    """Motor with its rod, or cylinder; for a drive in a hinge the name of its link."""
 
     def within(self, envelope: Box | None, keep_out: Sequence[Box]) -> AskedAssembly:
         """Return the request with the boxes of the limits, if it has no boxes of its own."""
@@ -262,15 +260,7 @@ def _arranged_drive(name: str, drive: object) -> Motor | Strut | str:
         return found.link
     if found.kind == "dyad":
         return Motor(found.link, found.end, *found.sizes, found.pin)
-    if found.kind == "actuator":
-        return Strut(found.link, found.base_link, found.pin, found.end, found.sizes)
-    if found.knee is None:
-        raise FieldError(f"/{name}/curve/knee", "is required; pass the drive unchanged from a reply")
-    at = drive.get("pin") if isinstance(drive, Mapping) else getattr(drive, "pin", None)
-    pin = pair(f"{name}/pin", at, np.inf)
-    side = int(np.sign(np.imag(np.conj(pin - found.end) * (found.knee - found.end)))) or 1
-    # the end that is locked is bent the other way than all others
-    return Strut(found.link, GROUND, found.pin, found.end, found.sizes, side if found.extends else -side)
+    return Strut(found.link, found.base_link, found.pin, found.end, found.sizes)
 
 
 def _mounts(name: str, value: Fields, boards: str) -> dict[str, str]:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from linkage_atlas.arguments import one_of, pair, positive, sequence
+from linkage_atlas.arguments import one_of, pair, positive
 from synthesis.drives.links import GROUND
 from synthesis.errors import FieldError
 
@@ -15,7 +15,6 @@ _PARTS = {
     "rotary": ("motor", "", ()),
     "actuator": ("ground_point", "", ("retracted", "stroke")),
     "dyad": ("motor", "six_bar", ("crank", "coupler")),
-    "toggle": ("ground_point", "lock", ("handle", "strut")),
 }
 """Field of the end that is not the pin, and record and names of the lengths, for each kind of drive."""
 
@@ -32,10 +31,8 @@ class AttachedDrive(NamedTuple):
     pin: complex
     """Pin in the frame of its link."""
     sizes: tuple[float, float]
-    """Retracted length and stroke, motor crank and rod, or handle and strut."""
+    """Retracted length and stroke, or motor crank and rod."""
     extends: bool
-    knee: complex | None
-    """Joint of handle and strut at the first sample."""
 
 
 def read_attached(field: str, drive: object) -> AttachedDrive:
@@ -59,7 +56,6 @@ def read_attached(field: str, drive: object) -> AttachedDrive:
         if length is None:
             raise FieldError(f"/{at}", "is required; pass the drive unchanged from a reply")
         sizes.append(positive(at, length))
-    knees = sequence(value(value(drive, "curve"), "knee")) if kind == "toggle" else ()
     return AttachedDrive(
         kind,
         link,
@@ -68,5 +64,4 @@ def read_attached(field: str, drive: object) -> AttachedDrive:
         pin,
         (sizes[0], sizes[1]) if sizes else (0.0, 0.0),
         value(drive, "extends") in (True, None),
-        pair(f"{field}/curve/knee/0", knees[0], np.inf) if knees and knees[0] is not None else None,
     )

@@ -552,7 +552,7 @@ class Linkage:
         keep_out : sequence of array_like, shape (4,)
             Boxes that no plate may enter. Default: the boxes in the limits of the request.
         drive : mapping
-            A drive of a reply. A cylinder or a latch adds two plates. A motor and its rod also add two plates, and the assembly
+            A drive of a reply. A cylinder adds two plates. A motor and its rod also add two plates, and the assembly
             is then checked over a whole turn of the motor.
 
         Examples

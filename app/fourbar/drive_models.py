@@ -138,7 +138,7 @@ Catalogue = Words | Annotated[list[CatalogueRow], Field(min_length=1, max_length
 class DriveRequest(RequestModel):
     """A kind of drive and its limits; docs/drives.md lists the fields of each kind."""
 
-    kind: Literal["rotary", "actuator", "cylinder", "dyad", "toggle"]
+    kind: Literal["rotary", "actuator", "cylinder", "dyad"]
     links: LinkNames | None = None
     """Links that may be driven; default: all links on which this kind is possible."""
     base_link: LinkName | None = None
@@ -187,12 +187,6 @@ class DriveRequest(RequestModel):
     """Distance of the rod's pin from the pivot of the link."""
     transmission_angle_min: Annotated[Number, Field(ge=0, le=90)] | None = None
     """Smallest transmission angle of a motor with a rod."""
-    locked_at: Literal["first", "last"] | None = None
-    """Position that an over-centre latch locks; default: `last`."""
-    over_centre: Annotated[Number, Field(ge=0, le=90)] | None = None
-    """Angle by which a latch passes its dead centre; default: 5 degrees."""
-    knee: Annotated[Number, Field(ge=0.1, le=0.9)] | None = None
-    """Length of the handle of a latch as a fraction of handle plus strut; default: 0.5."""
 
 
 class HoldsRequest(RequestModel):

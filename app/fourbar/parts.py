@@ -73,24 +73,16 @@ class GivenGuide(_ReplyPart):
 
 
 class GivenSizes(_ReplyPart):
-    """Lengths of the links of a motor dyad or an over-centre latch."""
+    """Lengths of the links of a motor dyad."""
 
     crank: FarLength | None = None
     coupler: FarLength | None = None
-    handle: FarLength | None = None
-    strut: FarLength | None = None
-
-
-class GivenDriveCurve(_ReplyPart):
-    """Path of the joint between handle and strut of an over-centre latch."""
-
-    knee: Annotated[list[FarPoint | None], Field(max_length=2000)] | None = None
 
 
 class GivenDrive(_ReplyPart):
     """A drive of a reply, unchanged or edited."""
 
-    kind: Literal["rotary", "actuator", "dyad", "toggle"]
+    kind: Literal["rotary", "actuator", "dyad"]
     link: Annotated[str, Field(max_length=40)]
     base_link: Annotated[str, Field(max_length=40)] | None = None
     ground_point: FarPoint | None = None
@@ -101,8 +93,6 @@ class GivenDrive(_ReplyPart):
     stroke: FarLength | None = None
     extends: Flag | None = None
     six_bar: GivenSizes | None = None
-    lock: GivenSizes | None = None
-    curve: GivenDriveCurve | None = None
 
 
 class GivenLinkage(_ReplyPart):

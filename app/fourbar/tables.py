@@ -10,7 +10,7 @@ import numpy as np
 import linkage_atlas as la
 from app.terminal import DEGREES, Units, columns, left_table, number
 from linkage_atlas import Matches, Result, Solution
-from linkage_atlas.drive_design.records import ActuatorDrive, Drive, MotorDrive, ToggleDrive, TorsionSpring
+from linkage_atlas.drive_design.records import ActuatorDrive, Drive, MotorDrive, TorsionSpring
 from linkage_atlas.geometry import guide_in_words
 from linkage_atlas.notes import counted
 from linkage_atlas.solutions import errors_in_words
@@ -241,8 +241,6 @@ def _drive_line(drive: Drive) -> str:
         case MotorDrive(six_bar=bar):
             lengths = f"crank {number(bar.crank)}, rod {number(bar.coupler)}"
             sizes = f"{lengths}, time ratio {number(bar.time_ratio)} ({bar.kind}); "
-        case ToggleDrive(lock=lock):
-            sizes = f"handle {number(lock.handle)}, strut {number(lock.strut)}; "
         case ActuatorDrive(buckling=buckling) if buckling is not None and buckling.safety is not None:
             sizes = f"safety against buckling {buckling.safety:.3g}; "
     return f"{drive.kind} on the {drive.link}: {sizes}stops: {drive.stops}; holds without power: {drive.holds}"

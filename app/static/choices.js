@@ -4,7 +4,7 @@ import { text } from "./drawing.js";
 import { settled } from "./fit.js";
 import { spaced } from "./shell.js";
 
-export const KINDS = { actuator: "cylinder", rotary: "drive in a hinge", dyad: "motor and rod", toggle: "lock" };
+export const KINDS = { actuator: "cylinder", rotary: "drive in a hinge", dyad: "motor and rod" };
 export const BEST = 3; // drives that are offered
 
 /** A number with its thousands apart. */
@@ -106,7 +106,7 @@ export function rowsOf(drive, how) {
     Number.isFinite(dead) && ["dead point", `at ${number(dead)}${turns ? "°" : ` ${unit}`}`],
     Number.isFinite(arm) && ["smallest moment arm", `${number(arm)} ${armUnit(unit, turns)}`],
     Number.isFinite(push) && ["peak force", force(push) + bound],
-    Number.isFinite(moment) && [kind === "toggle" ? "torque at the handle" : "peak torque", torque(moment)],
+    Number.isFinite(moment) && ["peak torque", torque(moment)],
     drive.holding && ["holding, first and last", drive.holding.map(kind === "rotary" ? torque : force).join(", ")],
     buckling && ["buckling", safe],
     bars && ["crank and rod", `${number(bars.crank)}, ${number(bars.coupler)} ${unit}`],

@@ -268,7 +268,7 @@ export class Driving {
     }
     const { kind, peak_force_bound: bound } = drive,
       level = bound ? [{ values: x.map(() => bound), colour: "box", ...thin }] : [],
-      name = { dyad: "Torque of the motor, forwards", toggle: "Torque at the handle" }[kind] ?? "Torque",
+      name = kind === "dyad" ? "Torque of the motor, forwards" : "Torque",
       push = `Force of the ${KINDS[kind]}, push or pull, N${bound ? " (dashed: no peak is below this)" : ""}`;
     const list = [
       curve.force && plot(push, { values: curve.force.map(Math.abs), colour: "body" }, ...level),

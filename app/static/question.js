@@ -73,7 +73,6 @@ function drivesOf(kind, box, table) {
     rotary: {},
     actuator: { ...sizes, reach_max, count: isCylinder ? value("count") : null, ...(fixed ?? searched) },
     dyad: { time_ratio: value("ratio"), reach_max, motor_box: box },
-    toggle: { reach_max, ground_box: box },
   };
   return (kind === "any" ? DRIVES : [kind]).map((name) => ({ kind: name, ...filledIn(wishes[name]) }));
 }

@@ -18,7 +18,6 @@ from synthesis.drives.catalogue import CatalogueRow, UnfitRow, choose_rows
 from synthesis.drives.links import LinkMotions, largest
 from synthesis.drives.placement_search import COARSE_GRID, GRID, PlacementSearch
 from synthesis.drives.placements import Actuator, Placement, PlacementLimits, Refusal, Sizes
-from synthesis.mechanism import Box
 from synthesis.studies.forces import Pull
 
 STEEL = 210_000.0
@@ -142,23 +141,6 @@ class Mounted:
         return bool(bad.any())
 
 
-def limits_of(
-    task: DriveTask,
-    name: str,
-    on: str,
-    ground_box: Box | None,
-    reach_max: float | None,
-    arm_min: float | None,
-    extends: bool | None = None,
-    stroke: float | None = None,
-) -> PlacementLimits:
-    """Return the limits of a placement; by default with an arm of a fraction of the largest for a stroke."""
-    reach = task.reach(reach_max, name)
-    if arm_min is None:
-        arm_min = ARM_SHARE * (stroke or task.machine.seen(name, on).largest_shift(reach)) / task.machine.span
-    return PlacementLimits(ground_box or task.box, reach, arm_min, extends)
-
-
 def find_actuators(task: DriveTask, request: ActuatorRequest) -> None:
     """Place an actuator on each requested link."""
     for name in request.links:
@@ -175,13 +157,17 @@ def find_actuators(task: DriveTask, request: ActuatorRequest) -> None:
 
 
 def _question(task: DriveTask, request: ActuatorRequest, name: str, grid: int) -> PlacementSearch:
-    stroke = min((row.actuator.stroke for row in request.rows), default=request.stroke)
-    limits = limits_of(
-        task, name, request.base_link, request.ground_box, request.reach_max, request.arm_min, request.extends, stroke
+    link, reach, arm_min = (
+        task.machine.seen(name, request.base_link),
+        task.reach(request.reach_max, name),
+        request.arm_min,
     )
-    link = task.machine.seen(name, request.base_link)
+    if arm_min is None:
+        stroke = min((row.actuator.stroke for row in request.rows), default=request.stroke)
+        arm_min = ARM_SHARE * (stroke or link.largest_shift(reach)) / task.machine.span
+    limits = PlacementLimits(request.ground_box or task.box, reach, arm_min, request.extends, request.pin_box)
     torque, amount = task.torque / request.count, task.torque_curve.amount / request.count
-    return PlacementSearch(link, task.machine.at, torque, limits._replace(pin_box=request.pin_box), grid, amount)
+    return PlacementSearch(link, task.machine.at, torque, limits, grid, amount)
 
 
 def _of_given_ends(task: DriveTask, request: ActuatorRequest, name: str, ground: complex) -> None:
@@ -362,9 +348,6 @@ def reason_of(
             return f"{subject}: even the best position has a dead point {where}at {at}"
         case "arm":
             return f"{subject}: the largest minimum moment arm is {refused.needed:.4g}; arm_min is {limits.arm:.4g}"
-        case "knee":
-            at = operation.words(refused.needed)
-            return f"the handle of the best knee reverses at {at} in both directions of bending"
     if refused.needed > 0 and not is_stroke_free:
         longest = max(stroke - refused.needed, 0.0)
         return f"{subject} is longer than the travel of any pin of the link from a point of ground_box, at most {longest:.4g}"

@@ -12,14 +12,12 @@ from numpy.typing import ArrayLike
 
 from linkage_atlas.arguments import Fields, check_above_zero, check_top, millimetres_in, radians_in, sequence
 from linkage_atlas.drive_design.actuators import find_actuators
-from linkage_atlas.drive_design.knees import find_knees
 from linkage_atlas.drive_design.motors import find_motors
 from linkage_atlas.drive_design.operation import Operation
 from linkage_atlas.drive_design.question import (
     ActuatorRequest,
     DriveQuestion,
     DriveRequest,
-    MotorRequest,
     Reader,
     RotaryRequest,
     check_sizes,
@@ -37,7 +35,7 @@ from synthesis.linkage import Linkage, four_bar
 from synthesis.target import Interval
 from synthesis.work import Work
 
-REPLY_ORDER = ("rotary", "actuator", "dyad", "toggle")
+REPLY_ORDER = ("rotary", "actuator", "dyad")
 """Order of the kinds of drives in a reply."""
 
 
@@ -65,7 +63,7 @@ def drives(
         Any kind of linkage, driven by a crank, slider, cylinder or hinge: a solution of a reply, as it came or changed. Or None
         with ``rocker``.
     drives : sequence of mapping
-        Kinds of drives to search, each with its ``kind``, "rotary", "actuator" (or "cylinder"), "dyad" or "toggle", and its
+        Kinds of drives to search, each with its ``kind``, "rotary", "actuator" (or "cylinder") or "dyad", and its
         settings by name, see docs/drives.md. Default: rotary, actuator and dyad.
     load : mapping, optional
         ``force`` [fx, fy] at the body point and ``torque`` on the body, in directions that do not turn with it; ``forces``
@@ -176,10 +174,8 @@ def _find(task: DriveTask, request: DriveRequest) -> None:
             find_rotary(task, request)
         case ActuatorRequest():
             find_actuators(task, request)
-        case MotorRequest():
-            find_motors(task, request)
         case _:
-            find_knees(task, request)
+            find_motors(task, request)
 
 
 # -- drives of the solutions of a search ------------------------------------------------------------------------------

@@ -39,7 +39,7 @@ from synthesis.mechanism import Box
 from synthesis.studies.forces import Load, PointForce
 from synthesis.target import MAX_LENGTH
 
-KINDS = ("rotary", "actuator", "cylinder", "dyad", "toggle")
+KINDS = ("rotary", "actuator", "cylinder", "dyad")
 """Kinds of drives; a cylinder is an actuator."""
 MAX_DRIVES, MAX_SPRINGS, MAX_MASSES = 8, 4, 20
 """Largest number of entries in a request."""
@@ -109,21 +109,7 @@ class MotorRequest:
     """In the frame of the link."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class ToggleRequest:
-    """A knee that locks one end of the motion."""
-
-    links: list[str]
-    locked_at: Literal["first", "last"] = "last"
-    over_centre: float = float(np.deg2rad(5.0))
-    knee: float = 0.5
-    """Length of the handle over both lengths."""
-    ground_box: Box | None = None
-    reach_max: float | None = None
-    arm_min: float | None = None
-
-
-DriveRequest = RotaryRequest | ActuatorRequest | MotorRequest | ToggleRequest
+DriveRequest = RotaryRequest | ActuatorRequest | MotorRequest
 
 
 class Holding(NamedTuple):
@@ -280,21 +266,7 @@ class Reader:
                 searched = ("motor_box", "time_ratio", "pin_radius", "reach_max")
                 _check_given_ends(at, request, "motor", searched)
                 return request
-            case "toggle":
-                return self._toggle(at, self._fields(at, entry, ToggleRequest, links))
         return self._actuator(at, self._fields(at, entry, ActuatorRequest, links))
-
-    def _toggle(self, at: str, values: Fields) -> ToggleRequest:
-        request = build(ToggleRequest, values)
-        if request.locked_at not in ("first", "last"):
-            raise FieldError(f"/{at}/locked_at", f"must be 'first' or 'last'; it is {request.locked_at!r}")
-        if request.over_centre > np.pi / 3:
-            raise FieldError(f"/{at}/over_centre", "must be at most 60 degrees")
-        if not 0.1 <= request.knee <= 0.9:
-            raise FieldError(
-                f"/{at}/knee", "must be from 0.1 to 0.9, the fraction of the handle in the length of handle and strut"
-            )
-        return request
 
     def _actuator(self, at: str, values: Fields) -> ActuatorRequest:
         names, request = self.machine.links, build(ActuatorRequest, values)
@@ -423,9 +395,7 @@ class Reader:
                 return bounded(at, value, MAX_LENGTH)
             case "arm_min" | "dead_length":
                 return number(at, value, 0.0)
-            case "knee":
-                return number(at, value)
-            case "transmission_angle_min" | "over_centre":
+            case "transmission_angle_min":
                 return number(at, value, 0.0) * self.radian
             case "ground_box" | "motor_box" | "pin_box":
                 return box(at, value, flat=True)

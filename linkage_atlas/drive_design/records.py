@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 Point = tuple[float, float]
 SpringKind = Literal["tension", "gas", "compression", "torsion"]
 SPRING_KINDS: tuple[SpringKind, ...] = get_args(SpringKind)
-NAMES = {"rotary": "rotary drive", "actuator": "actuator", "dyad": "motor with a rod", "toggle": "over-centre latch"}
+NAMES = {"rotary": "rotary drive", "actuator": "actuator", "dyad": "motor with a rod"}
 """Name of each kind of drive in a sentence."""
 
 # -- curves over the motion -------------------------------------------------------------------------------------------
@@ -65,27 +65,6 @@ class MotorCurve(NamedTuple):
     """Position of the pin."""
     knee: Vectors
     """End of the motor's crank."""
-
-
-class ToggleCurve(NamedTuple):
-    """A knee over the motion."""
-
-    crank_angle: Floats
-    """At even steps from the first sample on; the travel of a linkage that a slider or cylinder drives."""
-    length: Values
-    """Distance from the ground point to the pin."""
-    arm: Values
-    """Moment arm: change of length per radian of the crank."""
-    force: Values | None
-    """Along the line from the ground point to the pin; pushing is positive. Null without a load."""
-    torque: Values | None
-    """Torque at the handle. Null without a load."""
-    ground: Vectors
-    """Position of the ground point."""
-    pin: Vectors
-    """Position of the pin."""
-    knee: Vectors
-    """Joint between both links of the knee."""
 
 
 # -- parts of drives --------------------------------------------------------------------------------------------------
@@ -151,23 +130,6 @@ class Buckling(NamedTuple):
     """At the longest position in compression."""
     safety: float | None
     """Smallest ratio of critical force to compression; null if the actuator is never compressed."""
-
-
-class Lock(NamedTuple):
-    """A knee that passes its straight position."""
-
-    handle: float
-    """Length of the link on the ground."""
-    strut: float
-    """Length of the link on the pin."""
-    over_centre: float
-    """Angle by which the knee passes its straight position."""
-    locked_at: Literal["first", "last"]
-    overshoot: float
-    """Crank angle beyond the end while the knee passes its straight position."""
-    handle_torque_max: float | None
-    holds: bool | None
-    """True if the load presses the knee onto its stop; null without a load."""
 
 
 # -- one record for each kind of drive --------------------------------------------------------------------------------
@@ -285,29 +247,7 @@ class MotorDrive(_PinnedDrive):
         return f"{NAMES[self.kind]} on the {self.link}, {self._span}{loads}"
 
 
-@dataclass(frozen=True, kw_only=True)
-class ToggleDrive(_PinnedDrive):
-    """A knee that locks one end of the motion."""
-
-    kind: Literal["toggle"] = "toggle"
-    ground_point: Point
-    arm_min: float
-    """Smallest moment arm: change of length per radian of the crank."""
-    peak_torque: float | None
-    """At the handle; null without a load."""
-    holding: Point | None
-    """Force at the first position and at the last; null without a load."""
-    curve: ToggleCurve
-    lock: Lock
-
-    @property
-    def summary(self) -> str:
-        """Describe the drive in a line."""
-        loads = _at_most("force", self.peak_force) + _at_most("torque", self.peak_torque)
-        return f"{NAMES[self.kind]} on the {self.link}, {self._span}{loads}"
-
-
-Drive = RotaryDrive | ActuatorDrive | MotorDrive | ToggleDrive
+Drive = RotaryDrive | ActuatorDrive | MotorDrive
 
 
 def _at_most(quantity: str, value: float | None) -> str:
@@ -520,8 +460,6 @@ class Drives(Record, Ranked[Drive]):
     def best(self, kind: Literal["actuator"]) -> ActuatorDrive | None: ...
     @overload
     def best(self, kind: Literal["dyad"]) -> MotorDrive | None: ...
-    @overload
-    def best(self, kind: Literal["toggle"]) -> ToggleDrive | None: ...
     def best(self, kind: str) -> Drive | None:
         """Return the best drive of a kind; None if there is none."""
         return next((drive for drive in self.drives if drive.kind == kind), None)

@@ -1,4 +1,4 @@
-"""A linkage as plates together with its drive: a motor and a rod, a cylinder, or the two links of a knee."""
+"""A linkage as plates together with its drive: a motor and a rod, or a cylinder."""
 
 from __future__ import annotations
 
@@ -17,7 +17,6 @@ from synthesis.assembly.movement import (
     Bodies,
     BodyPoint,
     Crank,
-    Dyad,
     Movement,
     Step,
 )
@@ -123,7 +122,7 @@ def motor_driven(
 
 @dataclass(frozen=True)
 class Strut:
-    """A drive between the ground, or a link, and a pin of another link: a cylinder, or the two links of a knee.
+    """A cylinder between the ground, or a link, and a pin of another link.
 
     Attributes
     ----------
@@ -134,9 +133,7 @@ class Strut:
     end : complex
         The other end in the plane at the first sample.
     sizes : tuple of float
-        Retracted length and stroke of a cylinder; lengths of handle and strut of a knee.
-    knee : int
-        0 for a cylinder; for a knee +1 where its joint lies to the left of the line from end to pin, or -1.
+        Retracted length and stroke.
     """
 
     link: str
@@ -144,10 +141,9 @@ class Strut:
     pin: complex
     end: complex
     sizes: tuple[float, float]
-    knee: int = 0
 
 
-CYLINDER, PISTON_ROD, HANDLE, STRUT = "cylinder", "piston_rod", "handle", "strut"
+CYLINDER, PISTON_ROD = "cylinder", "piston_rod"
 
 
 def strut_driven(
@@ -158,10 +154,10 @@ def strut_driven(
     body: Sequence[complex] = (),
     bar: bool = False,
 ) -> Machine:
-    """Return a linkage with a cylinder or a knee, over an interval of the linkage's own travel.
+    """Return a linkage with a cylinder over an interval of the linkage's own travel.
 
-    Further plates are cylinder and piston_rod, which slides inside it, or handle and strut. Further pins are G, the end on the
-    ground or on a link, K between handle and strut, and Q on the link that is moved. The plate of that link reaches to Q.
+    Further plates are cylinder and piston_rod, which slides inside it. Further pins are G, the end on the ground or on a link,
+    and Q on the link that is moved. The plate of that link reaches to Q.
 
     Parameters
     ----------
@@ -180,26 +176,18 @@ def strut_driven(
     plain = as_plates(linkage, used, sizes, body, bar)
     place = _Placed(plain, drive.link, drive.on, drive.pin, drive.end)
     (first, second), foot, held = place.numbers, place.foot, place.held
-    steps: tuple[Step, ...]
-    if drive.knee:
-        names, reaches, radii = (HANDLE, STRUT), drive.sizes, (plain.width / 2,) * 2
-        steps = (Dyad(first, second, foot, held, *drive.sizes, drive.knee),)
-        joint = BodyPoint(first, complex(drive.sizes[0])), BodyPoint(second, complex(drive.sizes[1]))
-    else:
-        retracted, stroke = drive.sizes
-        names, joint = (CYLINDER, PISTON_ROD), None
-        reaches = _TUBE * retracted, stroke + (1 - _TUBE + _OVERLAP) * retracted
-        radii = plain.width / 2, plain.hole / 2 + (plain.width - plain.hole) / 4
-        steps = Aimed(first, foot, held), Aimed(second, held, foot)
-    plates = []
-    for name, number, reach, radius, eye in zip(names, place.numbers, reaches, radii, ("G", "Q")):
-        core = 0j, complex(reach)
-        holes = Hole(core[:1], eye), *([Hole(core[1:], "K")] if joint else [])
-        plates.append(Plate(name, number, Shape(core, radius), holes))
+    steps = Aimed(first, foot, held), Aimed(second, held, foot)
+    (retracted, stroke), names = drive.sizes, (CYLINDER, PISTON_ROD)
+    reaches = _TUBE * retracted, stroke + (1 - _TUBE + _OVERLAP) * retracted
+    radii = plain.width / 2, plain.hole / 2 + (plain.width - plain.hole) / 4
+    plates = [
+        Plate(name, number, Shape((0j, complex(reach)), radius), (Hole((0j,), eye),))
+        for name, number, reach, radius, eye in zip(names, place.numbers, reaches, radii, ("G", "Q"))
+    ]
     return replace(
-        place.machine(bar, (*plain.movement.steps, *steps), plates, joint, 0j),
+        place.machine(bar, (*plain.movement.steps, *steps), plates, None, 0j),
         size=max(plain.size, sum(drive.sizes)),
-        telescopes=() if drive.knee else (names,),
+        telescopes=(names,),
     )
 
 

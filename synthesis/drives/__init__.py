@@ -1,1 +1,1 @@
-"""Drives of a linkage: rotary drives, actuators, motors with a rod, knees, and springs that carry the weight."""
+"""Drives of a linkage: rotary drives, actuators, motors with a rod, and springs that carry the weight."""

@@ -30,7 +30,7 @@ class Attached:
 
     machine: LinkMotions
     kind: str
-    """``rotary``, ``actuator``, ``dyad`` or ``toggle``."""
+    """``rotary``, ``actuator`` or ``dyad``."""
     link: str
     """Link that carries the pin."""
     on: str
@@ -40,10 +40,8 @@ class Attached:
     pin: complex
     """Pin in the frame of its link."""
     sizes: tuple[float, float]
-    """Retracted length and stroke, motor crank and rod, or handle and strut."""
+    """Retracted length and stroke, or motor crank and rod."""
     extends: bool = True
-    knee: complex | None = None
-    """Joint of the links of a toggle at the first sample."""
     six_bar: SixBar | None = None
     """Six-bar of a motor that swings the linkage."""
 
@@ -56,25 +54,8 @@ class Attached:
         return ground, ground if self.kind == "rotary" else self.machine.end(self.link, self.pin)
 
     def knees(self) -> Complexes | None:
-        """Return the path (n,) of the knee, if there is one.
-
-        The knee joins motor crank and rod, shown in the forward stroke, or handle and strut.
-        """
-        if self.six_bar is not None:
-            return self.six_bar.knee(self.six_bar.forwards(self.machine.at))
-        if self.kind != "toggle" or self.knee is None:
-            return None
-        ground, pin = self.ends()
-        first, second = self.sizes
-        v = pin - ground
-        length = np.abs(v)
-        along = (first**2 - second**2 + length**2) / (2 * length)
-        high = np.sqrt(np.maximum(first**2 - along**2, 0.0))
-        side = np.sign(np.imag(np.conj(v[0]) * (self.knee - ground[0])))
-        # the locked end is bent to the side opposite to all other positions; the side is known at the first position
-        bent = np.full(length.size, side if self.extends else -side)
-        bent[-1 if self.extends else 0] *= -1
-        return np.asarray(ground + (along + 1j * bent * high) * v / length)
+        """Return the path (n,) of the joint of motor crank and rod in the forward stroke; None for other drives."""
+        return None if self.six_bar is None else self.six_bar.knee(self.six_bar.forwards(self.machine.at))
 
     def columns(self) -> dict[str, list[Any]]:
         """Return columns of a table over the machine's positions: length, arm, and the coordinates of the joints."""
@@ -108,7 +89,7 @@ class Attached:
             return (
                 [ground],
                 [pin, knee],
-                [(np.array([ground, knee, pin]), False)] + [(circle, True)] * (self.kind == "dyad"),
+                [(np.array([ground, knee, pin]), False), (circle, True)],
             )
         along = (pin - ground) / abs(pin - ground)
         body, half = 0.85 * self.sizes[0], 0.5 * _BODY_WIDTH * self.sizes[0]

@@ -83,7 +83,7 @@ class Refusal(NamedTuple):
     """Reason why an actuator cannot be placed, with the number that shows it."""
 
     reason: str
-    """``stroke``, ``reach``, ``pin_box``, ``dead`` or ``arm``; ``knee``: its handle turns back on both sides."""
+    """``stroke``, ``reach``, ``pin_box``, ``dead`` or ``arm``."""
     needed: float
     """Reach or arm that would be needed or that can be attained; for a dead point the drive's parameter there."""
     between: tuple[int, int] | None = None

@@ -120,7 +120,7 @@ def test_a_typical_mistake_is_answered_with_what_to_do(words, stdin, said, run) 
 
 # -- drives -----------------------------------------------------------------------------------------------------------
 
-DRIVES = [{"kind": kind} for kind in ("rotary", "actuator", "dyad", "toggle")]
+DRIVES = [{"kind": kind} for kind in ("rotary", "actuator", "dyad")]
 
 
 def test_the_drives_and_springs_of_a_solution_are_described(run) -> None:

@@ -41,7 +41,6 @@ KINDS: dict[str, tuple[dict[str, Any], list[str]]] = {
         ["cylinder", "piston_rod"],
     ),
     "between links": ({"kind": "actuator", "links": ["rocker"], "base_link": "crank"}, ["cylinder", "piston_rod"]),
-    "knee": ({"kind": "toggle", "links": ["coupler"]}, ["handle", "strut"]),
     "motor": ({"kind": "dyad", "links": ["coupler"]}, ["motor_crank", "rod"]),
     "hinge": ({"kind": "rotary", "links": ["crank"]}, ["drive"]),
 }
@@ -75,7 +74,7 @@ def test_every_file_holds_the_drive(name: str) -> None:
             assert f"'{part}'" in step and layers.has_entry(part.upper())
 
 
-@pytest.mark.parametrize("name", ["cylinder", "between links", "knee", "motor"])
+@pytest.mark.parametrize("name", ["cylinder", "between links", "motor"])
 def test_an_arm_leads_from_the_link_to_the_pin(name: str) -> None:
     """In the drawing a line from a joint of the link to the pin; as a part the link's plate has a hole there."""
     linkage, drive = moving(), drive_of(name)

@@ -11,7 +11,7 @@ import pytest
 
 from tests.app.test_drives import POSES
 
-KINDS = ["rotary", "actuator", "dyad", "toggle"]
+KINDS = ["rotary", "actuator", "dyad"]
 
 
 @pytest.fixture(scope="module")
@@ -47,9 +47,8 @@ def test_a_table_has_the_drive_at_each_sample(client, found, kind) -> None:
     order = np.argsort(curve["crank_angle"])
     length = np.interp(at, np.array(curve["crank_angle"])[order], np.array(curve["length"])[order])
     assert [float(row["drive_length"]) for row in rows] == pytest.approx(length, rel=2e-3)
-    if kind in ("dyad", "toggle"):
-        sizes = (drive["six_bar"]["crank"], drive["six_bar"]["coupler"]) if kind == "dyad" else ()
-        sizes = sizes or (drive["lock"]["handle"], drive["lock"]["strut"])
+    if kind == "dyad":
+        sizes = (drive["six_bar"]["crank"], drive["six_bar"]["coupler"])
 
         def position(row, part: str) -> complex:
             return complex(*(float(row[f"drive_{part}_{axis}"]) for axis in "xy"))

@@ -7,11 +7,8 @@ import numpy as np
 import pytest
 
 from synthesis.drives.crank_rocker import place_motor_about_pivot
-from synthesis.drives.knee import place_knee
-from synthesis.drives.links import SAMPLES, hinged_at, motions_at, motions_of
+from synthesis.drives.links import motions_at, motions_of
 from synthesis.drives.motor_search import place_motor
-from synthesis.drives.placements import PlacementLimits, Refusal
-from synthesis.work import Work
 from tests.conftest import some_of
 from tests.oracles.driven_cases import any_linkage
 from tests.oracles.turned_motor import turned
@@ -50,25 +47,3 @@ def test_a_motor_that_is_turned_round_swings_a_linkage_of_any_kind(seed: int) ->
     ):  # its pin moves: the longest path has the length of the origin's path and of the turn about it
         largest = abs(link.origin[-1] - link.origin[0]) + 1.5 * abs(link.direction[-1] - link.direction[0])
         assert found.crank >= 0.0499 * largest
-
-
-@pytest.mark.parametrize("last", [True, False])
-def test_a_knee_goes_over_its_centre_and_holds_what_pushes_it(last: bool) -> None:
-    machine = hinged_at(0j, 0.0, 1.0, np.linspace(0.0, np.deg2rad(70), SAMPLES))
-    link, delta, share = machine.links["rocker"], np.deg2rad(6), 0.4
-    expected = PlacementLimits((-2.0, -2.0, 2.0, 2.0), 1.0, 0.05)
-    push = np.full(61, 10.0 if last else -10.0)
-    found = place_knee(link, machine.at, push, expected, last, delta, share, Work())
-    assert not isinstance(found, Refusal)
-    assert found.placement.extends is last
-    pins = link.position(found.placement.pin)
-    assert np.abs(found.knee - found.placement.ground) == pytest.approx(np.full(61, found.handle), abs=1e-9)
-    assert np.abs(found.knee - pins) == pytest.approx(np.full(61, found.strut), abs=1e-9)
-    bend = np.angle((pins - found.knee) / (found.knee - found.placement.ground))
-    end = -1 if last else 0
-    assert abs(bend[end]) == pytest.approx(delta, abs=1e-9)
-    remaining = np.delete(bend, end)
-    assert np.all(remaining * bend[end] < 0)
-    assert found.holds
-    assert not place_knee(link, machine.at, -push, expected, last, delta, share, Work()).holds
-    assert found.overshoot > 0
