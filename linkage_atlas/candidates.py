@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -12,7 +13,7 @@ from linkage_atlas.mechanism_search import KindSearch, drive_of
 from linkage_atlas.mechanism_types import as_poses
 from linkage_atlas.motions import Motion
 from linkage_atlas.preferences import accuracy_goal, arranged, balanced, improved
-from linkage_atlas.ranking import Ranking
+from linkage_atlas.ranking import Ranking, group_of
 from linkage_atlas.studies import Studies
 from linkage_atlas.task import Fair, Task, screen, seed_tables
 from linkage_atlas.warm_start import FOR_STARTS, Start, pointing_to_start
@@ -119,13 +120,10 @@ class CandidateSearch:
             found, report = search_four_bars(
                 seed_tables(), motion, limits, task.top, goal, work, rounds, nested=nested
             )
-            if task.fair and limits is task.limits:
-
-                def search_again(fair_limits: Limits) -> tuple[list[Solution], SearchReport]:
-                    return search_four_bars(seed_tables(), motion, fair_limits, task.top, goal, work)
-
-                return _with_fair(found, report, search_again, ranking_of(task), task.fair)
-            return found, report
+            if not task.fair or limits is not task.limits:
+                return found, report
+            again = partial(search_four_bars, seed_tables(), motion, max_results=task.top, tolerance=goal, work=work)
+            return _with_fair(found, report, again, ranking_of(task), task.fair)
 
         return KindSearch(task.kinds, motion, limits, goal, beside_sliders, work, rounds, task.soon).run()
 
@@ -133,8 +131,10 @@ class CandidateSearch:
 def find_candidates(task: Task, search: CandidateSearch) -> Candidates:
     """Search the linkages of a task and improve them by the preferred measure."""
     ranking = ranking_of(task)
-    if task.refine_only:
-        return _nearest_optima(task, search, ranking)
+    if task.refine_only:  # each linkage keeps fair proportions if it has them
+        results, report = _refine_all(task, task.motion, task.limits, task.tolerance, task.search_work(), task.fair)
+        found, continued = _with_continued([], results, ranking, search.pool_size)
+        return Candidates(found, report, task.studies, ranking, task.work.elapsed, continued)
     if task.kinds.only_four_bars:
         return _best_four_bars(task, search, ranking)
     return _best_of_kinds(task, search, ranking)
@@ -164,12 +164,9 @@ def _best_four_bars(task: Task, search: CandidateSearch, ranking: Ranking) -> Ca
         obstacles=task.obstacles,
         nested=task.searches_usable,
     )
-
-    def search_again(fair_limits: Limits) -> tuple[list[Solution], SearchReport]:
-        return search_four_bars(source, task.motion, fair_limits, size, goal, first_work)
-
     if task.fair:
-        four_bars, report = _with_fair(four_bars, report, search_again, ranking, task.fair)
+        again = partial(search_four_bars, source, task.motion, max_results=size, tolerance=goal, work=first_work)
+        four_bars, report = _with_fair(four_bars, report, again, ranking, task.fair)
     if isinstance(source, SeedTables):
         four_bars = [_drawn_near(solution, task.motion, task.limits) for solution in four_bars]
     found, studies, report = _preferred(list(four_bars), task, search, ranking, work, report)
@@ -216,14 +213,6 @@ def _continued(task: Task, start: Start, goal: float) -> Solution | None:
     return found[0] if found else None
 
 
-def _nearest_optima(task: Task, search: CandidateSearch, ranking: Ranking) -> Candidates:
-    """Refine the linkages of `start_from`, without a search; each keeps fair proportions if it has them."""
-    work = task.search_work()
-    results, report = _refine_all(task, task.motion, task.limits, task.tolerance, work, task.fair)
-    found, continued = _with_continued([], results, ranking, search.pool_size)
-    return Candidates(found, report, task.studies, ranking, task.work.elapsed, continued)
-
-
 def _refine_all(
     task: Task, motion: Motion, limits: Limits, goal: float, work: Work, fair: Fair | None = None
 ) -> tuple[list[Solution | None], SearchReport]:
@@ -233,11 +222,8 @@ def _refine_all(
     for start in task.starts or ():
         found, report = refine_start(start, motion, limits, goal, work)
         if fair and start.linkage.is_four_bar and proportion(start.linkage, motion.samples) <= fair.longest:
-
-            def refine_again(fair_limits: Limits, start: Start = start) -> tuple[list[Solution], SearchReport]:
-                return refine_start(start, motion, fair_limits, goal, work)
-
-            found, report = _with_fair(found, report, refine_again, ranking_of(task), fair)
+            again = partial(refine_start, start, motion, tolerance=goal, work=work)
+            found, report = _with_fair(found, report, again, ranking_of(task), fair)
         results.append(found[0] if found else None)
         reports.append(report)
     return results, SearchReport.joined(reports)
@@ -254,7 +240,9 @@ def _with_continued(
     for k, solution in enumerate(held):
         if solution is None:
             continue
-        twin = next((candidate for candidate in merged if _is_twin(candidate, solution)), None)
+        group = group_of(solution)
+        alike = [candidate for candidate in merged if group_of(candidate) == group]
+        twin = next((candidate for candidate in alike if len(distinct([candidate, solution], 2)) == 1), None)
         if twin is not None:
             if twin.errors.objective <= solution.errors.objective:
                 held[k] = twin
@@ -266,15 +254,6 @@ def _with_continued(
     searched = [candidate for candidate in merged if all(candidate is not solution for solution in held)]
     dropped = searched[max(0, len(searched) - max(0, len(merged) - top)) :]
     return [solution for solution in merged if all(solution is not candidate for candidate in dropped)], held
-
-
-def _is_twin(solution: Solution, candidate: Solution) -> bool:
-    """Return whether two linkages of the same kind and drive are almost equal."""
-    same_group = (solution.linkage.kind, solution.linkage.driver) == (
-        candidate.linkage.kind,
-        candidate.linkage.driver,
-    )
-    return same_group and len(distinct([solution, candidate], 2)) == 1
 
 
 def _best_of_kinds(task: Task, search: CandidateSearch, ranking: Ranking) -> Candidates:

@@ -176,11 +176,11 @@ class Ranking:
         ordered = self.ordered(front)
         rank = {id(solution): number for number, solution in enumerate(ordered)}
         apart: list[Solution] = []
-        for group in dict.fromkeys(map(_group, ordered)):
-            alike = [solution for solution in ordered if _group(solution) == group]
+        for group in dict.fromkeys(map(group_of, ordered)):
+            alike = [solution for solution in ordered if group_of(solution) == group]
             apart += distinct(alike, top, APART, order=lambda _: 0, exact=self.tolerance)
         apart.sort(key=lambda solution: rank[id(solution)])
-        first = {_group(solution): solution for solution in reversed(apart)}
+        first = {group_of(solution): solution for solution in reversed(apart)}
         shown = sorted(first.values(), key=lambda solution: rank[id(solution)])[:top]
         shown += [solution for solution in apart if all(solution is not chosen for chosen in shown)][
             : top - len(shown)
@@ -224,14 +224,14 @@ class Ranking:
             ]
         )
         stays = np.ones(len(found), dtype=bool)
-        drives = np.array([_group(solution)[1] for solution in found])
+        drives = np.array([group_of(solution)[1] for solution in found])
         for drive in set(drives.tolist()) if not unranked else ():
             rows = np.flatnonzero(drives == drive)
             stays[rows] = pareto_front(measures[rows])
         front: list[int] = []
         for k in np.flatnonzero(stays).tolist():
             equal = [
-                _group(found[k]) == _group(found[j])
+                group_of(found[k]) == group_of(found[j])
                 and np.allclose(measures[k, :3], measures[j, :3], rtol=_SAME, atol=0.0)
                 for j in front
             ]
@@ -248,6 +248,6 @@ def everyday_tolerances(motion: Motion) -> Tolerances:
     return Tolerances(rotation, position)
 
 
-def _group(solution: Solution) -> tuple[str, str]:
+def group_of(solution: Solution) -> tuple[str, str]:
     """Return the kind and the drive of a linkage."""
     return solution.linkage.kind.value, solution.linkage.driver.value

@@ -7,7 +7,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import fields
 from functools import partial
-from typing import Any
+from inspect import signature
+from typing import Any, NamedTuple
 
 import linkage_atlas as la
 from app.fourbar import QUESTIONS, worked_example
@@ -20,6 +21,7 @@ from app.fourbar.models import (
     SynthesizeRequest,
 )
 from app.fourbar.motion import answer_motion, motion_table
+from app.fourbar.parts import GivenLinkage
 from app.fourbar.tables import assembly_table, drives_table, function_table, matches_table, synthesize_table
 from app.query import (
     Files,
@@ -76,16 +78,59 @@ def answer_synthesize(request: SynthesizeRequest, resources: Resources) -> la.Re
     )
 
 
-MOTION = ("rotation", "position", "crank_span", "crank_angle", "length_scale", "timing", "order", "closed")
-
-
-MOTION += ("crank_span_max", "start_angle", "points", "travel", "travel_span", "weights", "tolerances")
+MOTION = tuple(name for name in signature(la.Motion).parameters if name in SynthesizeRequest.model_fields)
 """Fields of a request that describe its motion."""
+PLACES = {
+    "crank_angle": "/linkage/crank_angle",
+    "travel": "/linkage/travel",
+    "motion": "/request",
+    "analysis": "/request/analysis",
+    "kind": "/format",
+}
+"""Fields of the bodies of routes by the arguments of a linkage's methods that have another name."""
+
+
+def in_body(field: str, **more: str) -> str:
+    """Return the field of the body of a route for an argument of a linkage's method."""
+    first, slash, remainder = field.lstrip("/").partition("/")
+    return (PLACES | more).get(first, f"/{first}" if first else "") + slash + remainder
 
 
 def motion_of(request: SynthesizeRequest) -> la.Motion:
-    """Return the motion of a request."""
-    return la.Motion(**request.arguments(*MOTION), degrees=request.degrees)
+    """Return the motion of a request that is a part of a body."""
+    with pointing(lambda field: "/request" + field):
+        return la.Motion(**request.arguments(*MOTION), degrees=request.degrees)
+
+
+class Subject(NamedTuple):
+    """Linkage of a body: given, or the solution of a request."""
+
+    motion: la.Motion | None
+    linkage: la.Linkage
+    travel: Any
+    """Travel of the drive at the samples; None if it is not known."""
+    source: Any
+    """The given linkage or the solution."""
+
+
+def subject_of(
+    request: SynthesizeRequest | None, known: GivenLinkage | None, rank: int, resources: Resources
+) -> Subject:
+    """Return the given linkage of a body, or solve its request; raise `FieldError` if there are fewer solutions."""
+    motion = None if request is None else motion_of(request)
+    source: Any = known
+    if known is not None:
+        with pointing(lambda field: "/linkage" + field):
+            linkage = known.linkage(motion is None or motion.degrees)
+    elif request is None:
+        raise la.FieldError(
+            "/linkage", "is required: pass a solution of a reply, or give a `request`, which is then solved"
+        )
+    else:
+        with pointing(lambda field: field if field == "/rank" else "/request" + field):
+            source = ranked(request, rank, resources)
+        linkage = source.linkage
+    return Subject(motion, linkage, source.travel if source.crank_angle is None else source.crank_angle, source)
 
 
 # -- a linkage as a file ----------------------------------------------------------------------------------------------
@@ -110,51 +155,36 @@ def as_json(request: RequestModel, linkage: Any, length_unit: str | None = None)
     return json.dumps(content, indent=1, allow_nan=False).encode()
 
 
-_PREFIXES = {"crank_angle": "/linkage", "travel": "/linkage", "analysis": "/request"}
-
-
 def _linkage_file(body: ExportRequest, resources: Resources) -> bytes:
     from linkage_atlas.files import check_held  # a command that writes no file does not load it
 
-    request, known = body.request, body.linkage
     options = body.arguments("assembly", "solids", "drive")
     check_held(body.format, **options)
-    with pointing(lambda field: field if field == "/rank" else "/request" + field):
-        motion = motion_of(request)
-        request = in_unit(request, body.length_unit)
-        ranked_solution = None if known else ranked(request, body.rank, resources)
-    with pointing(lambda field: "/linkage" + field):
-        linkage = ranked_solution.linkage if ranked_solution else known.linkage(request.degrees)
+    with pointing(lambda field: "/request" + field):
+        request = in_unit(body.request, body.length_unit)
+    motion, linkage, travel, source = subject_of(request, body.linkage, body.rank, resources)
+
+    def plain(part: Any) -> Any:
+        return part.to_dict() if body.linkage is None else part.model_dump(mode="json", exclude_none=True)
+
     if body.format == "json":
-        solution = ranked_solution.to_dict() if ranked_solution else known.model_dump(mode="json", exclude_none=True)
-        return as_json(body.request, solution, body.length_unit)
-    solution_or_linkage = ranked_solution or known
-    if (
-        "drive" not in body.model_fields_set
-        and (drive := _drive_in(body.format, solution_or_linkage.drives or ())) is not None
-    ):
-        options["drive"] = drive.to_dict() if ranked_solution else drive.model_dump(exclude_none=True)
-    coordinates = (
-        solution_or_linkage.crank_angle
-        if solution_or_linkage.crank_angle is not None
-        else getattr(solution_or_linkage, "travel", None)
-    )
-    prefixes = _PREFIXES
-    if body.format in HELD["assembly"]:
-        if body.assembly is None and request.assembly is not None:
-            options |= request.arguments("assembly")
-            prefixes = {**_PREFIXES, "assembly": "/request"}
+        return as_json(body.request, plain(source), body.length_unit)
+    if "drive" not in body.model_fields_set and (drive := _drive_in(body.format, source.drives or ())) is not None:
+        options["drive"] = plain(drive)
+    more = {}
+    if body.format in HELD["assembly"] and body.assembly is None and request.assembly is not None:
+        options |= request.arguments("assembly")
+        more = {"assembly": "/request/assembly"}
 
     def in_export(field: str) -> str:
-        """Return the field of the body of this route that corresponds to an argument of ``linkage.file``."""
         if field.startswith("/assembly/drive") and options.get("drive") is not None:  # the drive is one of the parts
             return field.removeprefix("/assembly")
-        return "/format" if field == "/kind" else prefixes.get(field.lstrip("/").partition("/")[0], "") + field
+        return in_body(field, **more)
 
     with pointing(in_export):
         unit = body.length_unit or (request.analysis.length_unit if request.analysis else None)
         arguments = request.arguments("analysis") | options
-        return linkage.file(body.format, motion, unit, coordinates, **arguments, work=resources.work())
+        return linkage.file(body.format, motion, unit, travel, **arguments, work=resources.work())
 
 
 def _drive_in(kind: str, drives: Sequence[Any]) -> Any:
@@ -196,8 +226,7 @@ def find_drives(request: DrivesRequest, resources: Resources) -> la.Drives:
                 "/angle_unit",
                 f"must be {request.request.angle_unit!r}, the unit of the request that the linkage comes from",
             )
-        with pointing(lambda field: "/request" + field):
-            motion = motion_of(request.request)
+        motion = motion_of(request.request)
         if request.crank_angle is not None and (not motion.free or motion.travel is not None):
             message = "must be left out, because the `request` already prescribes the crank angles or the travel"
             raise la.FieldError("/crank_angle", message)
@@ -228,45 +257,17 @@ def _drive_curves(request: DrivesRequest, resources: Resources, kind: str) -> by
 
 # -- layers -----------------------------------------------------------------------------------------------------------
 
-_FIELDS = {
-    "solution": "/linkage",
-    "crank_angle": "/linkage/crank_angle",
-    "travel": "/linkage/travel",
-    "motion": "/request",
-}
-"""Fields of this route that have a different name as arguments of `linkage_atlas`."""
-
-
-def _field_of_assembly(field: str) -> str:
-    first, slash, remainder = field.lstrip("/").partition("/")
-    return _FIELDS[first] + slash + remainder if first in _FIELDS else field
-
 
 def answer_assembly(request: AssemblyRequest, resources: Resources) -> la.Assembly:
     """Arrange the plates of a linkage in layers without collisions, or find what prevents it."""
-    options = request.arguments(*ASSEMBLY)
-    motion_request, known = request.request, request.linkage
-    if motion_request is None and known is None:
-        raise la.FieldError(
-            "/linkage", "is required: pass a solution of a reply, or give a `request`, which is then solved"
-        )
-    motion = None
-    if motion_request is not None:
-        for name in ("envelope", "keep_out"):
-            options[name] = getattr(motion_request.limits, name) if options[name] is None else options[name]
-        with pointing(lambda field: "/request" + field):
-            motion = motion_of(motion_request)
-    work = resources.work(budget_of(None, resources))
-    if known is None:
-        assert motion_request is not None
-        with pointing(lambda field: field if field == "/rank" else "/request" + field):
-            solution = ranked(motion_request, request.rank, resources)
-        return solution.linkage.assembly(work=work, **options)
-    with pointing(lambda field: "/linkage" + field):
-        linkage = known.linkage(motion is None or motion.degrees)
-    with pointing(_field_of_assembly):
-        coordinates = known.travel if known.crank_angle is None else known.crank_angle
-        return linkage.assembly(motion, coordinates, work=work, **options)
+    options, work = request.arguments(*ASSEMBLY), resources.work(budget_of(None, resources))
+    for name in ("envelope", "keep_out") if request.request is not None else ():
+        options[name] = getattr(request.request.limits, name) if options[name] is None else options[name]
+    motion, linkage, travel, source = subject_of(request.request, request.linkage, request.rank, resources)
+    if source is not request.linkage:
+        return linkage.assembly(work=work, **options)
+    with pointing(in_body):
+        return linkage.assembly(motion, travel, work=work, **options)
 
 
 # -- functions --------------------------------------------------------------------------------------------------------
