@@ -12,6 +12,7 @@ Numbers in parentheses are equations of the source named in `synthesis.scenes.li
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -22,7 +23,8 @@ from synthesis.one_variable import Flags, Floats
 from synthesis.quadratic import minimise_quadratics
 from synthesis.scenes.lift.constraints import (
     OPTIONS,
-    SLACK_UNITS,
+    OWN_UNIT,
+    PLAIN_UNIT,
     Constraints,
     check_constraints,
     minimum_slacks,
@@ -363,7 +365,7 @@ def optimize(task: Task, limits: Constraints, work: Work | None = None) -> Optim
     ------
     FieldError
         No design was found that satisfies all constraints. ``constraint`` names the constraint that the nearest
-        design violates most, and ``amount`` is the size of the violation in the unit given by `SLACK_UNITS`.
+        design violates most, and ``amount`` is the size of the violation in the unit that the message states.
     """
     check_task(task)
     check_constraints(limits, task.high)
@@ -422,7 +424,13 @@ def _no_design_error(slacks_by_name: dict[str, float]) -> FieldError:
     if not violations or not all(map(np.isfinite, violations.values())):
         message = "no design with lengths within their ranges was found that meets the stroke; widen the ranges"
         return constraint_error("assembly", "/constraints", 0.0, message)
-    parts = (f"{name} by {by:.3g} {SLACK_UNITS.get(name, 'of the top height')}" for name, by in violations.items())
+    parts = (f"{name} by {by:.3g} {_slack_unit(name)}" for name, by in violations.items())
     message = f"no design was found that satisfies all constraints; the nearest design violates {', '.join(parts)}"
     name, amount = next(iter(violations.items()))
     return constraint_error(name, "/constraints", amount, message)
+
+
+def _slack_unit(constraint: str) -> str:
+    """Return the unit of the slack of a constraint in messages."""
+    name = re.split("[<>]", constraint)[0]
+    return "of its limit" if name in OWN_UNIT else PLAIN_UNIT.get(name, "of the top height")

@@ -8,27 +8,16 @@ source apply only if ``start`` is "collinear".
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
 
 from synthesis.one_variable import Floats, rising_root
-from synthesis.scenes.lift.motion import constraint_error
-from synthesis.scenes.lift.optimum import (
-    StrokeDesign,
-    Task,
-)
-from synthesis.scenes.lift.pose import (
-    Cylinder,
-    Design,
-    Pose,
-    dead_point,
-    design_constants,
-    joints,
-    pose_at_turn,
-)
+from synthesis.scenes.lift.motion import acceleration, constraint_error
+from synthesis.scenes.lift.optimum import StrokeDesign, Task, driven_speed
+from synthesis.scenes.lift.pose import LENGTHS, Pose, dead_point, design_constants, joints, pose_at_turn
 
 
 @dataclass(frozen=True)
@@ -95,13 +84,11 @@ class LiftSearchOptions:
 
 OPTIONS = LiftSearchOptions()
 
-SLACK_UNITS = {
-    **dict.fromkeys(("acceleration<=max", "jerk<=max", "extension<=max", "force_ratio<=max"), "of its limit"),
-    **dict.fromkeys(("rise_time>=min", "rise_time<=max"), "of its limit"),
-    "dead_point>=min": "of the closed length",
-    "transmission>=min": "in the sine of the angle",
-}
-"""Unit of the slack of a constraint, for messages; the slack of a length is a fraction of the top height."""
+OWN_UNIT = ("extension", "acceleration", "jerk", "rise_time", "force_ratio")
+"""Quantities whose slack is a fraction of their limit."""
+PLAIN_UNIT = {"dead_point": "of the closed length", "transmission": "in the sine of the angle"}
+"""Quantities whose slack is the difference from their limit, with its unit in messages.
+The slack of all others, which are lengths, is a fraction of the top height."""
 
 Range = tuple[float | None, float | None]
 
@@ -138,40 +125,33 @@ class Constraints:
     start: Literal["any", "collinear"] = "any"
     """"collinear" if A, B and O must be in line at the start, as in the source."""
 
+    @property
+    def ranges(self) -> dict[str, Range]:
+        """Return the range of each of the `quantities`."""
+        left, bottom, right, top = self.envelope
+        return {
+            **self.lengths,
+            "closed_length": self.closed_length,
+            "extension": (None, self.extension_max),
+            "dead_point": (self.dead_point_min, None),
+            "acceleration": (None, self.acceleration_max),
+            "jerk": (None, self.jerk_max),
+            "rise_time": self.rise_time,
+            "transmission": (self.transmission_min, None),
+            "force_ratio": (None, self.force_ratio_max),
+            "x_min": (left, None),
+            "y_min": (bottom, None),
+            "x_max": (None, right),
+            "y_max": (None, top),
+        }
 
-@dataclass(frozen=True)
-class PlatformRates:
-    """Motion of the platform in each pose."""
 
-    pose: Pose
-    """The poses."""
-    gain: Any
-    """ds/dl1, the ratio of platform speed to cylinder speed."""
-    velocity: Any
-    """First time derivative of the height."""
-    acceleration: Any
-    """Second time derivative of the height."""
-    jerk: Any
-    """Third time derivative of the height."""
-
-
-def platform_rates(pose: Pose, cylinder: Cylinder, speed: Any) -> PlatformRates:
-    """Compute speed, acceleration and jerk of the platform.
+def jerk(pose: Pose, cylinder_speed: Any, cylinder_acceleration: Any) -> Any:
+    """Return the jerk of the platform, the third time derivative of its height.
 
     With g = ds/dl1, g2 = (s'' - g l1'') / l1'^2 and g3 = (s''' - 3 g2 l1' l1'' - g l1''') / l1'^3, the derivatives
-    with respect to the cylinder length, v = g v_l, a = g2 v_l^2 + g a_l and j = g3 v_l^3 + 3 g2 v_l a_l.
-
-    Parameters
-    ----------
-    pose : Pose
-    cylinder : Cylinder
-        The drive; only its acceleration is used.
-    speed : float or ndarray
-        Speed of the cylinder in each pose.
-
-    Returns
-    -------
-    PlatformRates
+    with respect to the cylinder length, the velocity is g v_l, the acceleration g2 v_l^2 + g a_l, and the jerk
+    g3 v_l^3 + 3 g2 v_l a_l.
     """
     l3, k2, c_height = pose.design.l3, pose.constants.k_squared, pose.c_height
     sin, cos, s, s1, s2 = pose.sin_turn, pose.cos_turn, pose.height, pose.height_1, pose.height_2
@@ -183,30 +163,9 @@ def platform_rates(pose: Pose, cylinder: Cylinder, speed: Any) -> PlatformRates:
     half_square_3 = -3 * pose.down * pose.across - pose.x * pose.down + 3 * y1 * y2 + pose.y * y3
     length_1, length_2 = pose.length_1, pose.length_2
     length_3 = (half_square_3 - 3 * length_1 * length_2) / pose.length
-    g, al = pose.gain, cylinder.acceleration
-    g2 = (s2 - g * length_2) / (length_1 * length_1)
-    g3 = (s3 - 3 * g2 * length_1 * length_2 - g * length_3) / (length_1 * length_1 * length_1)
-    acceleration = g2 * speed * speed + g * al
-    return PlatformRates(pose, g, g * speed, acceleration, speed * (g3 * speed * speed + 3 * g2 * al))
-
-
-def cylinder_speeds(pose: Pose, cylinder: Cylinder, closed_length: Any, top_length: Any) -> Any:
-    """Return the signed speed of the cylinder in poses; NaN if the cylinder has come to rest before."""
-    signed_acceleration = cylinder.acceleration * np.sign(cylinder.speed)
-    travel = pose.length - closed_length if cylinder.speed > 0 else top_length - pose.length
-    speed_squared = cylinder.speed * cylinder.speed + 2 * signed_acceleration * travel
-    return np.sign(cylinder.speed) * np.sqrt(np.where(speed_squared >= 0, speed_squared, np.nan))
-
-
-def sample_turns(candidates: StrokeDesign, nodes: int) -> Floats:
-    """Return turns from start to top, shape (n, nodes), closely spaced near the start, where the rates change fastest."""
-    fraction = np.linspace(0.0, 1.0, nodes)
-    return np.asarray(candidates.turn)[:, None] * (1 - fraction * fraction)
-
-
-def as_columns(design: Design) -> Design:
-    """Return designs of shape (n,) as columns of shape (n, 1), to broadcast against poses."""
-    return Design(*(np.asarray(value)[:, None] for value in design.as_tuple()))
+    g2 = (s2 - pose.gain * length_2) / (length_1 * length_1)
+    g3 = (s3 - 3 * g2 * length_1 * length_2 - pose.gain * length_3) / (length_1 * length_1 * length_1)
+    return cylinder_speed * (g3 * cylinder_speed * cylinder_speed + 3 * g2 * cylinder_acceleration)
 
 
 def dead_point_lengths(candidates: StrokeDesign) -> Floats:
@@ -215,27 +174,78 @@ def dead_point_lengths(candidates: StrokeDesign) -> Floats:
     The result is the length at the start if the start is past a dead point. Dead points are isolated on a grid of
     turns; only `synthesis.scenes.lift.pose.dead_point` also finds a pair of dead points between neighbouring nodes.
     """
-    design, gamma = as_columns(candidates.design), np.asarray(candidates.gamma)[:, None]
-    constants = design_constants(design, gamma)
-    start_turn = np.asarray(candidates.turn)
+    built = candidates.select(np.s_[:, None])
     fraction = np.linspace(0.0, 1.0, OPTIONS.dead_point_nodes) ** 1.5
-    turns = start_turn[:, None] + (start_turn[:, None] + 0.5) * fraction
-    rising = pose_at_turn(design, turns, constants).half_square_1 > 0
+    turns = built.turn + (built.turn + 0.5) * fraction
+    rising = pose_at_turn(built.design, turns, design_constants(built.design, built.gamma)).half_square_1 > 0
     node = np.maximum(np.argmax(rising, axis=1), 1)
-    rows = np.arange(start_turn.size)
-
-    def pose_of_candidates(turn: Floats) -> Pose:
-        return pose_at_turn(candidates.design, turn, design_constants(candidates.design, candidates.gamma))
+    rows = np.arange(len(turns))
+    constants = design_constants(candidates.design, candidates.gamma)
 
     def rate(turn: Floats) -> tuple[Floats, Floats]:
-        pose = pose_of_candidates(turn)
+        pose = pose_at_turn(candidates.design, turn, constants)
         return pose.half_square_1, pose.half_square_2
 
     low, high = turns[rows, node - 1], turns[rows, node]
-    has_dead_point = rising[rows, node]
-    root = rising_root(rate, low, high, 0.5 * (low + high))
-    lengths = pose_of_candidates(np.where(has_dead_point, root, turns[:, -1])).length
+    root = np.where(rising[rows, node], rising_root(rate, low, high, 0.5 * (low + high)), turns[:, -1])
+    lengths = pose_at_turn(candidates.design, root, constants).length
     return np.where(rising[:, 0], candidates.closed_length, lengths)
+
+
+def quantities(
+    candidates: StrokeDesign,
+    task: Task,
+    nodes: int,
+    dead_point_length: Callable[[StrokeDesign], Floats] | None = dead_point_lengths,
+) -> dict[str, Floats]:
+    """Compute the quantities that the constraints limit.
+
+    Parameters
+    ----------
+    candidates : StrokeDesign
+        n designs that meet the stroke.
+    task : Task
+    nodes : int
+        Number of poses from start to top, closely spaced near the start, where the rates change fastest.
+    dead_point_length : callable, optional
+        Function for the cylinder lengths at the dead points. Without it there is no ``dead_point``.
+
+    Returns
+    -------
+    dict of str to ndarray, shape (n, 1) or (n, nodes)
+        Values by name, in the units of `Constraints`, but the sine of the transmission angle. The box contains the joints
+        that move in its direction: A, B and C horizontally, B and C vertically. Beyond the length at which the cylinder
+        stops, its speed is 0.
+    """
+    built = candidates.select(np.s_[:, None])
+    fraction = np.linspace(0.0, 1.0, nodes)
+    turns = built.turn * (1 - fraction * fraction)
+    pose = pose_at_turn(built.design, turns, design_constants(built.design, built.gamma))
+    cylinder, top_length = replace(task.cylinder, length=built.closed_length), pose.length[:, -1:]
+    positions = joints(pose)
+    moving = np.stack([positions[name] for name in "ABC"])
+    x, y = moving.real, moving.imag[1:]
+    result: dict[str, Floats] = dict(zip(LENGTHS, built.design.as_tuple()))
+    with np.errstate(all="ignore"):
+        speed = driven_speed(pose, cylinder) * np.ones_like(pose.length)
+        drive = np.sign(cylinder.speed) * speed, cylinder.acceleration
+        result |= {
+            "closed_length": built.closed_length,
+            "extension": top_length / built.closed_length,
+            "acceleration": np.abs(acceleration(pose, *drive)),
+            "jerk": np.abs(jerk(pose, *drive)),
+            "rise_time": 2 * (top_length - built.closed_length) / (speed[:, :1] + speed[:, -1:]),
+            # the cylinder lengthens during the whole rise: its rate keeps its sign
+            "transmission": -pose.length_1 / np.hypot(pose.down, pose.height_1 + pose.across),
+            "force_ratio": np.abs(pose.gain),
+            "x_min": x.min(axis=0),
+            "y_min": y.min(axis=0),
+            "x_max": x.max(axis=0),
+            "y_max": y.max(axis=0),
+        }
+    if dead_point_length is not None:
+        result["dead_point"] = 1 - dead_point_length(candidates)[:, None] / built.closed_length
+    return result
 
 
 def slacks(
@@ -255,109 +265,29 @@ def slacks(
     Returns
     -------
     dict of str to ndarray, shape (n, 1) or (n, nodes)
-        Slack by the name of the constraint, in units of the limit. A negative slack is a violation.
-        NaN if a design cannot be assembled.
+        Slack by the name of the constraint. A negative slack is a violation. NaN if a design cannot be assembled.
     """
-    column_design = as_columns(candidates.design)
-    constants = design_constants(column_design, np.asarray(candidates.gamma)[:, None])
-    pose = pose_at_turn(column_design, sample_turns(candidates, nodes), constants)
-    return (
-        _length_slacks(candidates, task, limits)
-        | _transmission_slacks(candidates, pose, limits)
-        | _motion_slacks(candidates, pose, task, limits)
-        | _envelope_slacks(pose, limits, task.high)
-    )
-
-
-def _range_slacks(
-    name: str, value: Any, bounds: Range, top_height: float, unit: float | None = None
-) -> dict[str, Any]:
-    """Return the slacks of a value in a range, in units of the limit unless `unit` is given."""
-    lower, upper = bounds
-    value = np.asarray(value)
-    value = value[:, None] if value.ndim == 1 else value
-    result = {}
-    if lower is not None:
-        result[f"{name}>=min"] = (value - lower) / (unit or abs(lower) or top_height)
-    if upper is not None:
-        result[f"{name}<=max"] = (upper - value) / (unit or abs(upper) or top_height)
-    return result
-
-
-def _length_slacks(candidates: StrokeDesign, task: Task, limits: Constraints) -> dict[str, Any]:
-    """Return the slacks that depend on the lengths only, in units of the top height."""
-    design, high = candidates.design, task.high
-    result: dict[str, Any] = {}
-    for name, bounds in limits.lengths.items():
-        result |= _range_slacks(name, getattr(design, name), bounds, high, high)
-    if limits.closed_length[0] < limits.closed_length[1]:
-        result |= _range_slacks("closed_length", candidates.closed_length, limits.closed_length, high, high)
-    result["l3<l5"] = ((design.l5 - design.l3) / high - OPTIONS.strict_margin)[:, None]
+    searched = dead_point_lengths if limits.dead_point_min is not None else None
+    values, design, high = quantities(candidates, task, nodes, searched), candidates.design, task.high
+    ranges = limits.ranges
+    # the transmission angle is never 0, because the cylinder must lengthen
+    ranges["transmission"] = (max(float(np.sin(limits.transmission_min or 0.0)), 1e-6), None)
+    if limits.closed_length[0] == limits.closed_length[1]:
+        del ranges["closed_length"]
+    result = {"l3<l5": ((design.l5 - design.l3) / high - OPTIONS.strict_margin)[:, None]}
     if limits.start == "collinear":
         result["l3<=l2"] = ((design.l2 - design.l3) / high)[:, None]
         result["l4<=l2"] = ((design.l2 - design.l4) / high)[:, None]
-    return result
-
-
-def _transmission_slacks(candidates: StrokeDesign, pose: Pose, limits: Constraints) -> dict[str, Any]:
-    """Return the slacks of transmission angle, extension and distance from the dead point."""
-    closed_length, top_length = np.asarray(candidates.closed_length)[:, None], pose.length[:, -1:]
-    # the cylinder lengthens during the whole rise: its rate keeps its sign, and the transmission angle is not 0
-    transmission_sine = -pose.length_1 / np.hypot(pose.down, pose.height_1 + pose.across)
-    smallest_sine = np.sin(limits.transmission_min or 0.0)
-    result = {"transmission>=min": transmission_sine - max(smallest_sine, 1e-6)}
-    if limits.extension_max is not None:
-        result["extension<=max"] = 1 - top_length / (limits.extension_max * closed_length)
-    if limits.dead_point_min is not None:
-        distance = 1 - dead_point_lengths(candidates)[:, None] / closed_length
-        result["dead_point>=min"] = distance - limits.dead_point_min
-    return result
-
-
-def _motion_slacks(candidates: StrokeDesign, pose: Pose, task: Task, limits: Constraints) -> dict[str, Any]:
-    """Return the slacks that depend on the drive: stopping, acceleration, jerk, force ratio and rise time."""
-    cylinder, high = task.cylinder, task.high
-    closed_length, top_length = np.asarray(candidates.closed_length)[:, None], pose.length[:, -1:]
-    result: dict[str, Any] = {}
-    with np.errstate(all="ignore"):
-        speed = cylinder_speeds(pose, cylinder, closed_length, top_length)
-        rates = platform_rates(pose, cylinder, speed)
+    cylinder = task.cylinder
     if cylinder.acceleration * np.sign(cylinder.speed) < 0:
         stopping_distance = cylinder.speed * cylinder.speed / (2 * abs(cylinder.acceleration))
-        result["stopping"] = (stopping_distance - (top_length - closed_length)) / high
-    for name, values, upper in (
-        ("acceleration", rates.acceleration, limits.acceleration_max),
-        ("jerk", rates.jerk, limits.jerk_max),
-    ):
-        if upper is not None:
-            # there are no rates after the cylinder has come to rest
-            result[f"{name}<=max"] = np.where(np.isnan(speed), 0.0, 1 - np.abs(values) / upper)
-    if limits.force_ratio_max is not None:
-        result["force_ratio<=max"] = 1 - np.abs(pose.gain) / limits.force_ratio_max
-    if any(bound is not None for bound in limits.rise_time):
-        result |= _range_slacks("rise_time", _duration(top_length - closed_length, cylinder), limits.rise_time, high)
-    return result
-
-
-def _duration(travel: Any, cylinder: Cylinder) -> Any:
-    """Return the time of the rise; see `synthesis.scenes.lift.motion.travel_time`."""
-    speed, signed_acceleration = abs(cylinder.speed), cylinder.acceleration * np.sign(cylinder.speed)
-    return 2 * travel / (speed + np.sqrt(np.maximum(speed * speed + 2 * signed_acceleration * travel, 0.0)))
-
-
-def _envelope_slacks(pose: Pose, limits: Constraints, top_height: float) -> dict[str, Any]:
-    """Return the slacks of the moving joints A, B and C in the box.
-
-    D lies below A, and `check_constraints` covers O and the height of A.
-    """
-    positions = joints(pose)
-    moving = np.stack([positions[name] for name in "ABC"], axis=-1)
-    x, y = moving.real, moving.imag[..., 1:]
-    names = ("x_min>=min", "y_min>=min", "x_max<=max", "y_max<=max")
-    result = {}
-    for name, bound, values, side in zip(names, limits.envelope, (x, y, x, y), (1, 1, -1, -1)):
-        if bound is not None:
-            result[name] = side * ((values.min(axis=-1) if side > 0 else values.max(axis=-1)) - bound) / top_height
+        travel = (values["extension"] - 1) * values["closed_length"]
+        result["stopping"] = (stopping_distance - travel) / high
+    for name, bounds in ranges.items():
+        for suffix, sign, bound in zip((">=min", "<=max"), (1, -1), bounds):
+            if bound is not None:
+                unit = (abs(bound) or 1.0) if name in OWN_UNIT else 1.0 if name in PLAIN_UNIT else high
+                result[name + suffix] = sign * (values[name] - bound) / unit
     return result
 
 
@@ -388,45 +318,22 @@ def check_constraints(limits: Constraints, top_height: float) -> None:
 
 
 def measured_values(candidate: StrokeDesign, task: Task) -> dict[str, float]:
-    """Return the constrained quantities of one design, evaluated at `LiftSearchOptions.measured_nodes` poses.
+    """Return the extreme of each of the `quantities` of one design at `LiftSearchOptions.measured_nodes` poses.
 
-    Parameters
-    ----------
-    candidate : StrokeDesign
-        A single design.
-    task : Task
-
-    Returns
-    -------
-    dict of str to float
-        Values by the name of the quantity, in the units of `Constraints`.
+    The transmission angle is in radians, and the box contains all joints.
     """
-    batch = StrokeDesign(
-        Design(*(np.array([value], dtype=float) for value in candidate.design.as_tuple())),
-        *(np.array([value], dtype=float) for value in (candidate.gamma, candidate.turn, candidate.closed_length)),
-    )
-    column_design, cylinder = as_columns(batch.design), task.cylinder
-    constants = design_constants(column_design, batch.gamma[:, None])
-    pose = pose_at_turn(column_design, sample_turns(batch, OPTIONS.measured_nodes), constants)
-    closed_length, top_length = float(candidate.closed_length), float(pose.length[0, -1])
-    rates = platform_rates(pose, cylinder, cylinder_speeds(pose, cylinder, closed_length, top_length))
-    points = np.concatenate([positions.ravel() for positions in joints(pose).values()])
-    transmission_sine = -pose.length_1 / np.hypot(pose.down, pose.height_1 + pose.across)
-    return {
-        **candidate.design.as_dict(),
-        "closed_length": closed_length,
-        "extension": top_length / closed_length,
-        "dead_point": 1 - float(pose_at_turn(candidate.design, dead_point(candidate.design)).length) / closed_length,
-        "acceleration": float(np.max(np.abs(rates.acceleration))),
-        "jerk": float(np.max(np.abs(rates.jerk))),
-        "rise_time": float(_duration(top_length - closed_length, cylinder)),
-        "transmission": float(np.arcsin(np.clip(np.min(transmission_sine), -1.0, 1.0))),
-        "force_ratio": float(np.max(np.abs(pose.gain))),
-        "x_min": float(points.real.min()),
-        "y_min": float(points.imag.min()),
-        "x_max": float(points.real.max()),
-        "y_max": float(points.imag.max()),
-    }
+
+    def exact(built: StrokeDesign) -> Floats:
+        return np.asarray(pose_at_turn(built.design, dead_point(built.design)).length)
+
+    values = quantities(candidate.select(np.newaxis), task, OPTIONS.measured_nodes, exact)
+    fixed = {"x_min": -candidate.design.b, "y_min": 0.0, "x_max": 0.0, "y_max": task.high}
+    result = {}
+    for name, column in values.items():
+        fold = np.min if name in ("transmission", "x_min", "y_min") else np.max
+        result[name] = float(fold([fold(column), fixed.get(name, fold(column))]))
+    result["transmission"] = float(np.arcsin(np.clip(result["transmission"], -1.0, 1.0)))
+    return result
 
 
 @dataclass(frozen=True)
@@ -438,7 +345,7 @@ class ConstraintRow:
     value: float
     """Value of the design."""
     kind: Literal["minimum", "maximum"]
-    """`least` for a lower limit, `most` for an upper limit."""
+    """Lower or upper limit."""
     limit: float
     """The limit."""
     active: bool
@@ -460,31 +367,11 @@ def constraint_rows(limits: Constraints, values: dict[str, float], active: Seque
         Result of `measured_values`.
     active : sequence of str
         Names of the active constraints, as in `Optimum`.
-
-    Returns
-    -------
-    list of ConstraintRow
     """
-    left, bottom, right, top = limits.envelope
-    ranges: dict[str, Range] = {
-        **limits.lengths,
-        "closed_length": limits.closed_length,
-        "extension": (None, limits.extension_max),
-        "dead_point": (limits.dead_point_min, None),
-        "acceleration": (None, limits.acceleration_max),
-        "jerk": (None, limits.jerk_max),
-        "rise_time": limits.rise_time,
-        "transmission": (limits.transmission_min, None),
-        "force_ratio": (None, limits.force_ratio_max),
-        "x_min": (left, None),
-        "y_min": (bottom, None),
-        "x_max": (None, right),
-        "y_max": (None, top),
-    }
     kinds: tuple[tuple[Literal["minimum", "maximum"], str], ...] = (("minimum", ">=min"), ("maximum", "<=max"))
     return [
         ConstraintRow(name, values[name], kind, limit, name + suffix in active)
-        for name, pair in ranges.items()
-        for limit, (kind, suffix) in zip(pair, kinds)
+        for name, bounds in limits.ranges.items()
+        for limit, (kind, suffix) in zip(bounds, kinds)
         if limit is not None
     ]

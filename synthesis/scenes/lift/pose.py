@@ -37,6 +37,8 @@ DESIGNS_PER_BLOCK = 256
 
 Length = Annotated[Any, float]
 """A float or an array; a single number in a reply."""
+LENGTHS = ("l2", "l3", "l4", "l5", "b")
+"""Names of the lengths of a design."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +62,7 @@ class Design:
 
     def as_dict(self) -> dict[str, float]:
         """Return the lengths of a single design as plain numbers."""
-        return dict(zip(("l2", "l3", "l4", "l5", "b"), (float(value) for value in self.as_tuple())))
+        return dict(zip(LENGTHS, (float(value) for value in self.as_tuple())))
 
 
 @dataclass(frozen=True)
