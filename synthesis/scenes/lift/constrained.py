@@ -237,7 +237,7 @@ class _Search:
         Parameters
         ----------
         points : ndarray, shape (n, k)
-            Starting points, which are overwritten.
+            Starting points, which are replaced by the points with the smallest merit function.
         side : ndarray, shape (n,)
             Side of each starting point; see `DesignSpace.designs`.
         nodes : int
@@ -250,7 +250,6 @@ class _Search:
         Returns
         -------
         points : ndarray, shape (n, k)
-            Points with the smallest merit function.
         merit : ndarray, shape (n,)
         """
         n, k = points.shape
@@ -347,7 +346,7 @@ def optimize(task: Task, limits: Constraints, work: Work | None = None) -> Optim
     """Find the best design of a task that satisfies constraints.
 
     The search is deterministic. It ignores the length of the task's cylinder, because the closed length is a
-    variable.
+    variable. Every slack of the result is at least 0 in every pose, up to rounding.
 
     Parameters
     ----------
@@ -355,11 +354,6 @@ def optimize(task: Task, limits: Constraints, work: Work | None = None) -> Optim
     limits : Constraints
     work : Work, optional
         Called regularly to check whether the result is still wanted.
-
-    Returns
-    -------
-    Optimum
-        Every slack is at least 0 in every pose, up to rounding.
 
     Raises
     ------

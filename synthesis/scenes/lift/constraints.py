@@ -269,9 +269,11 @@ def slacks(
     """
     searched = dead_point_lengths if limits.dead_point_min is not None else None
     values, design, high = quantities(candidates, task, nodes, searched), candidates.design, task.high
-    ranges = limits.ranges
     # the transmission angle is never 0, because the cylinder must lengthen
-    ranges["transmission"] = (max(float(np.sin(limits.transmission_min or 0.0)), 1e-6), None)
+    transmission: dict[str, Range] = {
+        "transmission": (max(float(np.sin(limits.transmission_min or 0.0)), 1e-6), None)
+    }
+    ranges = transmission | limits.ranges | transmission
     if limits.closed_length[0] == limits.closed_length[1]:
         del ranges["closed_length"]
     result = {"l3<l5": ((design.l5 - design.l3) / high - OPTIONS.strict_margin)[:, None]}

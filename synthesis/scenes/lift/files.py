@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,6 +18,16 @@ MILLIMETRES = 4
 """Value of $INSUNITS in a DXF file."""
 LAYERS = {"GROUND": 8, "TRIANGLE": 5, "LINK": 7, "CYLINDER": 30, "TOP": 9, "PATHS": 3, "TEXT": 7}
 """AutoCAD colour index of each layer."""
+STYLE = (
+    "<style>.ink,.ground,.triangle,.link,.cylinder,.top,.paths{fill:none;stroke:#1a2430;stroke-width:2;"
+    "stroke-linejoin:round;stroke-linecap:round}.link{stroke-width:5}.cylinder{stroke:#b8430a;stroke-width:5}"
+    ".top{stroke:#8a94a0;stroke-width:1.2}.paths{stroke:#0f766e;stroke-width:1.2}"
+    ".ground{stroke:#8a94a0;stroke-dasharray:8 5;stroke-width:1.2}"
+    ".triangle{fill:#2563eb;fill-opacity:.12;stroke:#2563eb;stroke-width:3}.pin{fill:#fff}"
+    "text{font:italic 18px Georgia,serif;fill:#1a2430}</style>"
+)
+SIDES = {name: tuple(ends) for name, ends in {"l1": "OB", "l2": "AB", "l3": "AC", "l4": "BC", "l5": "DC"}.items()}
+"""Joints at the ends of each length."""
 
 
 def motion_columns(trajectory: Motion) -> dict[str, Floats]:
@@ -41,33 +52,36 @@ def joint_columns(trajectory: Motion) -> dict[str, Floats]:
 
 
 def design_csv(trajectory: Motion, closed_length: float) -> str:
-    """Write the motion with the moving joints as CSV.
-
-    Parameters
-    ----------
-    trajectory : Motion
-    closed_length : float
-        Cylinder length at the start.
-
-    Returns
-    -------
-    str
-        Every row repeats the lengths of the design.
-    """
+    """Write the motion with the moving joints as CSV; every row repeats the lengths of the design and the closed length."""
     columns = motion_columns(trajectory) | joint_columns(trajectory)
     lengths = {**trajectory.pose.design.as_dict(), "closed_length": closed_length}
     columns |= {name: np.full(len(trajectory.time), value) for name, value in lengths.items()}
     return csv_text(columns, "\n")
 
 
-def _poses(design: Design, turn: float) -> tuple[dict[str, complex], dict[str, complex], dict[str, Any]]:
-    """Return the joints at the start, at the top, and along the whole path."""
-    path = joints(pose_at_turn(design, np.linspace(turn, 0.0, POSES_PER_PATH)))
-    return (
-        {name: complex(at[0]) for name, at in path.items()},
-        {name: complex(at[-1]) for name, at in path.items()},
-        path,
-    )
+class Line(NamedTuple):
+    """A line of the drawing."""
+
+    layer: str
+    """A key of `LAYERS`."""
+    points: Sequence[complex]
+    """Points x + i y."""
+    closed: bool = False
+    """True if the line returns to its first point."""
+
+
+def _drawing(design: Design, turn: float) -> tuple[dict[str, complex], complex, list[Line]]:
+    """Return the joints at the start, A at the top, and the lines from the background to the foreground."""
+    path: dict[str, Any] = joints(pose_at_turn(design, np.linspace(turn, 0.0, POSES_PER_PATH)))
+    start, top = ({name: complex(at[index]) for name, at in path.items()} for index in (0, -1))
+    lines = [Line("GROUND", [start["O"], start["D"], top["A"]])]
+    lines += [Line("PATHS", path[name]) for name in "BC"]
+    for at, layers in ((top, ("TOP",) * 3), (start, ("TRIANGLE", "CYLINDER", "LINK"))):
+        lines += [
+            Line(layer, [at[name] for name in names], len(names) == 3)
+            for layer, names in zip(layers, ("ABC", "OB", "DC"))
+        ]
+    return start, top["A"], lines
 
 
 def design_svg(design: Design, turn: float) -> str:
@@ -80,46 +94,19 @@ def design_svg(design: Design, turn: float) -> str:
     turn : float
         Turn at the start.
     """
-    start, top, path = _poses(design, turn)
-    half_width = 0.14 * abs(top["A"])
-    extent = [start["D"] - half_width, start["D"] + half_width, top["A"] - half_width]
-    sheet = Sheet(np.concatenate([np.array(extent), *path.values()]), 0.08, 900, digits=6)
-    parts = [
-        "<style>.ink{fill:none;stroke:#1a2430;stroke-width:2;stroke-linejoin:round;stroke-linecap:round}"
-        ".thin{stroke:#8a94a0;stroke-width:1.2}.path{stroke:#0f766e;stroke-width:1.2}.axis{stroke:#8a94a0;"
-        "stroke-dasharray:8 5;stroke-width:1.2}.cylinder{stroke:#b8430a;stroke-width:5}.link{stroke-width:5}"
-        ".body{fill:#2563eb;fill-opacity:.12;stroke:#2563eb;stroke-width:3}.pin{fill:#fff}"
-        "text{font:italic 18px Georgia,serif;fill:#1a2430}</style>",
-        f'<rect width="{sheet.width:.6g}" height="{sheet.height:.6g}" fill="#fff"/>',
-    ]
-
-    def line(points: Any, name: str, closed: bool = False) -> None:
-        parts.append(f'<path class="ink {name}" d="M{" L".join(map(sheet.at, points))}{"Z" if closed else ""}"/>')
-
-    line([start["D"], top["A"]], "axis")
-    line([start["D"] - half_width, start["O"]], "axis")
-    for name in ("B", "C"):
-        line(path[name], "path")
-    for points, styles in ((top, ("thin", "thin", "thin")), (start, ("body", "cylinder", "link"))):
-        line([points["A"], points["B"], points["C"]], styles[0], closed=True)
-        line([points["O"], points["B"]], styles[1])
-        line([points["D"], points["C"]], styles[2])
-        line([points["A"] - half_width, points["A"] + half_width], styles[2] if points is top else "")
-    for pin in start.values():
-        parts.append(sheet.dot(pin, 6, 'class="ink pin"'))
-    labels = {
-        **start,
-        "l1": (start["O"] + start["B"]) / 2,
-        "l2": (start["A"] + start["B"]) / 2,
-        "l3": (start["A"] + start["C"]) / 2,
-        "l4": (start["B"] + start["C"]) / 2,
-        "l5": (start["D"] + start["C"]) / 2,
-    }
-    for name, point in labels.items():
-        x, y = (float(value) for value in sheet.at(point).split(","))
-        parts.append(f'<text x="{x + 9:.5g}" y="{y - 9:.5g}">{name}</text>')
-    lengths = {**design.as_dict(), "l1": abs(start["B"])}
-    label = ", ".join(f"{name} = {lengths[name]:.6g}" for name in ("l1", "l2", "l3", "l4", "l5", "b"))
+    start, top, lines = _drawing(design, turn)
+    half_width = 0.14 * abs(top)
+    platforms = [np.array([at - half_width, at + half_width]) for at in (start["A"], top)]
+    points = [np.array(line.points) for line in lines]
+    sheet = Sheet(np.concatenate([*points, *platforms]), 0.08, 900, digits=6)
+    parts = [STYLE, f'<rect width="{sheet.width:.6g}" height="{sheet.height:.6g}" fill="#fff"/>']
+    parts += [sheet.line(at, line.layer.lower(), line.closed) for line, at in zip(lines, points)]
+    parts += [sheet.line(platform, name) for platform, name in zip(platforms, ("ink", "top"))]
+    parts += [sheet.dot(pin, 6, 'class="ink pin"') for pin in start.values()]
+    labels = start | {name: (start[first] + start[last]) / 2 for name, (first, last) in SIDES.items()}
+    parts += [sheet.label(point, name) for name, point in labels.items()]
+    lengths = {"l1": abs(start["B"]), **design.as_dict()}
+    label = ", ".join(f"{name} = {length:.6g}" for name, length in lengths.items())
     parts.append(f'<text x="12" y="{sheet.height - 12:.5g}">{label} mm</text>')
     return sheet.text(f"Pneumatic lift: {label} mm", parts)
 
@@ -134,27 +121,16 @@ def design_dxf(design: Design, turn: float) -> str:
     turn : float
         Turn at the start.
     """
-    start, top, path = _poses(design, turn)
+    start, top, lines = _drawing(design, turn)
     document = dxf_document(LAYERS, MILLIMETRES)
     space = document.modelspace()
-
-    def xy(at: complex) -> tuple[float, float]:
-        return at.real, at.imag
-
-    def line(layer: str, *points: complex, closed: bool = False) -> None:
-        space.add_lwpolyline([xy(at) for at in points], close=closed, dxfattribs={"layer": layer})
-
-    height = 0.02 * abs(top["A"] - start["D"])
-    line("GROUND", start["D"], start["O"])
-    line("GROUND", start["D"], top["A"])
-    for at, layers in ((start, ("TRIANGLE", "LINK", "CYLINDER")), (top, ("TOP",) * 3)):
-        line(layers[0], at["A"], at["B"], at["C"], closed=True)
-        line(layers[1], at["D"], at["C"])
-        line(layers[2], at["O"], at["B"])
-    for name in ("B", "C"):
-        line("PATHS", *path[name])
+    for line in lines:
+        points = [(at.real, at.imag) for at in line.points]
+        space.add_lwpolyline(points, close=line.closed, dxfattribs={"layer": line.layer})
+    height = 0.02 * abs(top - start["D"])
     for name, pin in start.items():
-        space.add_circle(xy(pin), 0.4 * height, dxfattribs={"layer": "GROUND" if name in "OD" else "TEXT"})
+        layer = {"layer": "GROUND" if name in "OD" else "TEXT"}
+        space.add_circle((pin.real, pin.imag), 0.4 * height, dxfattribs=layer)
         space.add_text(name, height=height, dxfattribs={"layer": "TEXT"}).set_placement(
             (pin.real + height, pin.imag + height)
         )

@@ -1,11 +1,9 @@
 """Stroke, motion and forces of the pneumatic lift in closed form, without integration.
 
 Geometry, symbols and source are the same as in `synthesis.scenes.lift.pose`; numbers in parentheses are equations of
-the source.
-
-Lengths are in the user's unit and angles in radians. Array functions return NaN if a lift cannot be assembled.
-The functions for a single lift, `checked_stroke` and `motion`, raise a `FieldError` instead, with the name of the
-violated constraint and the amount of the violation.
+the source. Lengths are in the user's unit and angles in radians. Array functions return NaN if a lift cannot be
+assembled. The functions for a single lift, `checked_stroke` and `motion`, raise a `FieldError` instead, with the name of
+the violated constraint and the amount of the violation.
 
 Forces: the platform carries a vertical load and a mass on the line of the slide. Links have no mass and joints have
 no friction. By virtual work, the cylinder force is F = P ds/dl1 for a weight P. By Newton's law, the triangle with
@@ -89,19 +87,7 @@ class Stroke:
 
 
 def stroke(design: Design, cylinder: Cylinder) -> Stroke:
-    """Compute the strokes of designs and cylinders.
-
-    Parameters
-    ----------
-    design : Design
-    cylinder : Cylinder
-        The fields of both broadcast against each other.
-
-    Returns
-    -------
-    Stroke
-        NaN if a lift cannot be assembled, or if the cylinder length is not on the working branch.
-    """
+    """Compute the strokes of designs and cylinders, whose fields broadcast; NaN if the length is not on the working branch."""
     turn_dead = dead_point(design)
     turn_bottom = turn_at_length(design, cylinder.length, turn_dead)
     length_dead, top = pose_at_turn(design, turn_dead).length, pose_at_turn(design, 0.0)
@@ -112,23 +98,11 @@ def stroke(design: Design, cylinder: Cylinder) -> Stroke:
 
 
 def travel_time(travel: Any, speed: Any, acceleration: Any) -> Any:
-    """Return the time in which the cylinder first covers a distance in the direction of its speed.
+    """Return the time in which the cylinder first covers a distance e >= 0 in the direction of its speed; NaN if it stops.
 
     t = 2 e / (|v| + sqrt(v^2 + 2 a e)), with a positive along the speed, solves |v| t + a t^2 / 2 = e without
     cancellation for small a. A square root that is zero up to rounding counts as zero: the cylinder then comes to
     rest exactly at the end.
-
-    Parameters
-    ----------
-    travel : float or ndarray
-        Distance e >= 0.
-    speed, acceleration : float or ndarray
-        Initial speed and constant acceleration of the cylinder.
-
-    Returns
-    -------
-    float or ndarray
-        NaN if the cylinder stops before the end.
     """
     travel, speed, acceleration = (np.asarray(value, dtype=float) for value in (travel, speed, acceleration))
     signed_acceleration = acceleration * np.sign(speed)
@@ -191,15 +165,10 @@ def motion(design: Design, cylinder: Cylinder, times: Any | None = None, samples
     samples : int
         Number of times, if `times` is not given.
 
-    Returns
-    -------
-    Motion
-
     Raises
     ------
     FieldError
-        With ``constraint`` and ``amount``; see `checked_stroke`. The constraint is ``time`` if a time lies outside
-        the motion.
+        See `checked_stroke`. The constraint is ``time`` if a time lies outside the motion.
     """
     stroke_range = checked_stroke(design, cylinder)
     duration = float(stroke_range.duration)
@@ -235,16 +204,6 @@ def _check_times(times: Floats, duration: float) -> None:
 def checked_stroke(design: Design, cylinder: Cylinder) -> Stroke:
     """Compute the stroke of one lift, or raise an error that names the violated constraint.
 
-    Parameters
-    ----------
-    design : Design
-        A single design.
-    cylinder : Cylinder
-
-    Returns
-    -------
-    Stroke
-
     Raises
     ------
     FieldError
@@ -264,6 +223,7 @@ def checked_stroke(design: Design, cylinder: Cylinder) -> Stroke:
     check_speed(cylinder)
     stroke_range = stroke(design, cylinder)
     dead, top, lever = float(stroke_range.length_dead), float(stroke_range.length_top), float(top_lever(design))
+    travel = top - length
     if np.isnan(stroke_range.turn_dead):
         message = (
             f"the cylinder would have to shorten to reach the top: the lever b cos(gamma) + (l3 + l5) sin(gamma) "
@@ -271,13 +231,11 @@ def checked_stroke(design: Design, cylinder: Cylinder) -> Stroke:
         )
         raise constraint_error("top_lever", "/design", max(-lever, 0.0), message)
     if not length > dead:
-        amount = dead - length
         message = (
             f"the lift cannot start at this length: the cylinder must be longer than at the dead point, {dead:.9g}; "
-            f"increase the length by more than {amount:.9g}"
+            f"increase the length by more than {dead - length:.9g}"
         )
-        raise constraint_error("dead_point", "/cylinder/length", amount, message, dead_point_length=dead)
-    travel = top - length
+        raise constraint_error("dead_point", "/cylinder/length", dead - length, message, dead_point_length=dead)
     if not travel > 0:
         message = (
             f"there is no stroke: the cylinder must be shorter than at the top, {top:.9g}; "
@@ -298,17 +256,15 @@ def _check_lengths(design: Design, cylinder_length: float) -> None:
     """Raise a `FieldError` for lengths that cannot be assembled in any position."""
     lengths = {**design.as_dict(), "cylinder.length": cylinder_length}
     longest_name, shortest_name = max(lengths, key=lengths.__getitem__), min(lengths, key=lengths.__getitem__)
-    if not lengths[longest_name] <= OPTIONS.max_length_ratio * lengths[shortest_name]:
+    longest_length, allowed = lengths[longest_name], OPTIONS.max_length_ratio * lengths[shortest_name]
+    if not longest_length <= allowed:
         message = (
-            f"{longest_name} = {lengths[longest_name]:.6g} is more than {OPTIONS.max_length_ratio:g} times "
+            f"{longest_name} = {longest_length:.6g} is more than {OPTIONS.max_length_ratio:g} times "
             f"{shortest_name} = {lengths[shortest_name]:.6g}: the joints cannot be computed accurately"
         )
-        field = (
-            "/cylinder/length" if "cylinder.length" in (longest_name, shortest_name) else f"/design/{longest_name}"
-        )
-        raise constraint_error(
-            "proportion", field, lengths[longest_name] - OPTIONS.max_length_ratio * lengths[shortest_name], message
-        )
+        is_cylinder = "cylinder.length" in (longest_name, shortest_name)
+        field = "/cylinder/length" if is_cylinder else f"/design/{longest_name}"
+        raise constraint_error("proportion", field, longest_length - allowed, message)
     longest, *shorter = sorted(("l2", "l3", "l4"), key=lambda name: -lengths[name])
     if np.isnan(triangle_angle(*(lengths[name] for name in ("l2", "l3", "l4")))[2]):
         shorter.sort()
@@ -366,16 +322,8 @@ class Forces:
 def forces(trajectory: Motion, pneumatics: Pneumatics) -> Forces:
     """Compute the forces over a motion.
 
-    Parameters
-    ----------
-    trajectory : Motion
-    pneumatics : Pneumatics
-
-    Returns
-    -------
-    Forces
-        The power of the cylinder equals the power of the platform, F v_l = P v_s.
-        At the top the cylinder force is 0 and the link carries the weight.
+    The power of the cylinder equals the power of the platform, F v_l = P v_s. At the top the cylinder force is 0 and the
+    link carries the weight.
     """
     pose, design = trajectory.pose, trajectory.pose.design
     weight = pneumatics.load + pneumatics.mass * (GRAVITY + trajectory.acceleration / 1000)
@@ -400,19 +348,7 @@ def forces(trajectory: Motion, pneumatics: Pneumatics) -> Forces:
 
 
 def minimum_bore(force_history: Forces, pneumatics: Pneumatics) -> float:
-    """Compute the smallest piston diameter that carries the load at the available pressure.
-
-    Parameters
-    ----------
-    force_history : Forces
-    pneumatics : Pneumatics
-        The rod and the available pressure; the bore is not used.
-
-    Returns
-    -------
-    float
-        Diameter in mm.
-    """
+    """Return the smallest piston diameter (mm) that carries the load at the available pressure; the bore is not used."""
     largest_push = max(float(np.max(force_history.cylinder)), 0.0)
     largest_pull = max(-float(np.min(force_history.cylinder)), 0.0)
     available = pneumatics.pressure * BAR
@@ -427,18 +363,9 @@ def minimum_bore(force_history: Forces, pneumatics: Pneumatics) -> float:
 
 
 def link_angles(pose: Pose) -> Floats:
-    """Compute the angles of the five links.
+    """Return the angles theta1 to theta5 of poses of shape (...), shape (..., 5), which satisfy (7)-(12).
 
-    Parameters
-    ----------
-    pose : Pose
-        Poses of shape (...).
-
-    Returns
-    -------
-    ndarray, shape (..., 5)
-        theta1 to theta5, which satisfy the loop equations (7)-(12). They are continuous along a
-        motion and may exceed pi instead of jumping to -pi.
+    They are continuous along a motion and may exceed pi instead of jumping to -pi.
     """
     constants, l3 = pose.constants, pose.design.l3
     # angle from BA to BC, computed from the gamma of the pose: a needle-shaped triangle loses the digits of a second angle
@@ -454,41 +381,16 @@ def link_angles(pose: Pose) -> Floats:
 
 
 def angular_velocities(pose: Pose, cylinder_speed: Any) -> Floats:
-    """Return the angular velocities of the five links, the solution of (13).
+    """Return the angular velocities of the five links, the solution of (13), shape (..., 5).
 
     The triangle moves as one body, so the three middle values are equal.
-
-    Parameters
-    ----------
-    pose : Pose
-        Poses of shape (...).
-    cylinder_speed : float or ndarray
-        Rate of change of the cylinder length.
-
-    Returns
-    -------
-    ndarray, shape (..., 5)
-        In rad per unit of time.
     """
     first, _ = _angle_rates(pose)
     return np.asarray(first * (cylinder_speed / pose.length_1)[..., None])
 
 
 def angular_accelerations(pose: Pose, cylinder_speed: Any, cylinder_acceleration: Any) -> Floats:
-    """Return the angular accelerations of the five links, the solution of (14).
-
-    Parameters
-    ----------
-    pose : Pose
-        Poses of shape (...).
-    cylinder_speed, cylinder_acceleration : float or ndarray
-        First and second time derivative of the cylinder length.
-
-    Returns
-    -------
-    ndarray, shape (..., 5)
-        In rad per squared unit of time.
-    """
+    """Return the angular accelerations of the five links, the solution of (14), shape (..., 5)."""
     first, second = _angle_rates(pose)
     rate = cylinder_speed / pose.length_1
     rate_change = (cylinder_acceleration - pose.length_2 * rate * rate) / pose.length_1

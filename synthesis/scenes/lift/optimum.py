@@ -34,8 +34,6 @@ from synthesis.scenes.lift.pose import (
 )
 from synthesis.work import Work
 
-# -- designs on the constraints and their objective ---------------------------------------------------------------------
-
 Kind = Literal["discrete", "continuous", "normalized"]
 """Kind of objective; see `Objective`."""
 
@@ -88,19 +86,10 @@ class Task:
 
 
 def design_from_angle(l2: Any, gamma: Any, length: Any, low: Any, high: Any) -> Design:
-    """Return the design that satisfies (31), (32) and (33) for given l2 and gamma.
+    """Return the design that satisfies (31), (32) and (33) for given l2 and gamma; NaN if l1' + l2 does not exceed ``low``.
 
-    Parameters
-    ----------
-    l2, gamma : float or ndarray
-        The free variables.
-    length, low, high : float or ndarray
-        Cylinder length l1' at the start, and the heights at the start and at the top. All arguments broadcast.
-
-    Returns
-    -------
-    Design
-        NaN if l1' + l2 does not exceed `low`.
+    ``length`` is the cylinder length l1' at the start, and ``low`` and ``high`` are the heights at the start and at the
+    top. All arguments broadcast.
     """
     l2, gamma = np.broadcast_arrays(np.asarray(l2, dtype=float), np.asarray(gamma, dtype=float))
     b = base_distance(l2, length, low)
@@ -194,18 +183,7 @@ class OptimumMotion:
 
 
 def optimum_motion(optimum: Optimum, task: Task) -> OptimumMotion:
-    """Compute the motion of an optimum.
-
-    Parameters
-    ----------
-    optimum : Optimum
-    task : Task
-
-    Returns
-    -------
-    OptimumMotion
-        If the cylinder shortens, the platform goes down and starts from rest at the top.
-    """
+    """Compute the motion of an optimum. If the cylinder shortens, the platform goes down and starts from rest at the top."""
     built, cylinder = optimum.stroke_design, replace(task.cylinder, length=float(optimum.stroke_design.closed_length))
     constants = design_constants(built.design, built.gamma)
     bottom = pose_at_turn(built.design, built.turn, constants)
@@ -244,14 +222,7 @@ class Evaluator:
             self._fractions, self._weights = 1 - z**3, 3 * z * z * weights
 
     def __call__(self, design: Design, gamma: Any | None = None) -> Any:
-        """Return the objective of each design; infinite if a dead point lies between its heights.
-
-        Parameters
-        ----------
-        design : Design
-        gamma : float or ndarray, optional
-            The triangle's angle at A, if it is known more accurately than it follows from the three sides.
-        """
+        """Return the objective of each design; infinite if a dead point lies between its heights; see `moments`."""
         return self.moments(design, gamma)[0]
 
     def moments(self, design: Design, gamma: Any | None = None, closed: Any | None = None) -> Any:

@@ -90,21 +90,9 @@ def half_angle_squares(side_1: Any, side_2: Any, opposite: Any) -> tuple[Any, An
 
 
 def triangle_angle(side_1: Any, side_2: Any, opposite: Any) -> tuple[Floats, Floats, Floats]:
-    """Return the angle between two sides of a triangle, given the third side.
+    """Return cosine, sine and size of the angle between two sides of a triangle, given the third side.
 
-    Parameters
-    ----------
-    side_1, side_2, opposite : float or ndarray
-        The two sides that enclose the angle, and the side opposite to it. They broadcast.
-
-    Returns
-    -------
-    cosine, sine, angle : ndarray
-        NaN if the strict triangle inequality (34) is violated.
-
-    Notes
-    -----
-    The three angles of a triangle add up to pi.
+    They are NaN if the strict triangle inequality (34) is violated. The three angles of a triangle add up to pi.
     """
     side_1, side_2, opposite = (np.asarray(value, dtype=float) for value in (side_1, side_2, opposite))
     sine_term, cosine_term = half_angle_squares(side_1, side_2, opposite)
@@ -149,11 +137,7 @@ class DesignConstants:
 def design_constants(design: Design, gamma: Any | None = None) -> DesignConstants:
     """Return the constants of a design; NaN unless the triangle is proper (34) and l3 < l5 (36).
 
-    Parameters
-    ----------
-    design : Design
-    gamma : float or ndarray, optional
-        The triangle's angle at A, if it is known more accurately than it follows from the three sides.
+    ``gamma`` is the triangle's angle at A, if it is known more accurately than it follows from the three sides.
     """
     if gamma is None:
         cos_gamma, sin_gamma, gamma = triangle_angle(design.l2, design.l3, design.l4)
@@ -237,30 +221,18 @@ class Pose:
 
 
 def pose_at_turn(design: Design, turn: Any, constants: DesignConstants | None = None) -> Pose:
-    """Compute poses at given turns in closed form.
+    """Compute poses at turns (rad) in closed form; ``constants`` are the `design_constants`, if they are already known.
 
     The formulas avoid cancellation. With k^2 = l5^2 - l3^2, the height of C is the root of a sum of squares and s' is
-    a product. If C lies above A, the height of A is k^2 / (c_height + l3 |cos T|) instead of a difference.
-
-    Parameters
-    ----------
-    design : Design
-    turn : float or ndarray
-        Turns in radians.
-    constants : DesignConstants, optional
-        The `design_constants` of the design, if they are already known.
-
-    Returns
-    -------
-    Pose
-        The derivative s' is exactly 0 at turn 0.
+    a product. If C lies above A, the height of A is k^2 / (c_height + l3 |cos T|) instead of a difference. The
+    derivative s' is exactly 0 at turn 0.
     """
     turn = np.asarray(turn, dtype=float)
     return _pose(design, design_constants(design) if constants is None else constants, np.sin(turn), np.cos(turn))
 
 
 def pose_at_height(design: Design, height: Any, constants: DesignConstants | None = None, clip: bool = False) -> Pose:
-    """Compute poses at given heights in closed form, with C on the side of the cylinder (0 <= turn <= pi).
+    """Compute poses at heights of the platform above D in closed form, with C on the side of the cylinder (0 <= turn <= pi).
 
     The turn is not computed by an inverse cosine, which would lose half of the digits near the top.
 
@@ -268,15 +240,10 @@ def pose_at_height(design: Design, height: Any, constants: DesignConstants | Non
     ----------
     design : Design
     height : float or ndarray
-        Heights of the platform above D.
     constants : DesignConstants, optional
         The `design_constants` of the design, if they are already known.
     clip : bool
         Replace a height outside l5 - l3 <= s <= l5 + l3 by the nearer end. By default such a pose is NaN.
-
-    Returns
-    -------
-    Pose
     """
     height = np.asarray(height, dtype=float)
     # the triangle ADC: sides s and l3 at A, opposite l5
@@ -313,18 +280,7 @@ def _pose(design: Design, constants: DesignConstants, sin_turn: Any, cos_turn: A
 
 
 def joints(pose: Pose) -> dict[str, NDArray[np.complex128]]:
-    """Return the joints of poses.
-
-    Parameters
-    ----------
-    pose : Pose
-        Poses of shape (...).
-
-    Returns
-    -------
-    dict of str to ndarray of complex, shape (...)
-        The moving joints A, B, C and the fixed pivots O, D as x + i y.
-    """
+    """Return the moving joints A, B, C and the fixed pivots O, D of poses as x + i y, of the shape of the poses."""
     design = pose.design
     dimensions = np.shape(pose.height)
     return {
@@ -387,19 +343,10 @@ def _dead_point_nodes(design: Design) -> Floats:
 
 
 def dead_point(design: Design) -> Any:
-    """Find the dead point below the top, which is the end of the working branch.
+    """Return the dead point below the top of each design, which is the end of the working branch.
 
-    Parameters
-    ----------
-    design : Design
-        Fields of shape (...).
-
-    Returns
-    -------
-    float or ndarray, shape (...)
-        The first turn from the top at which dl1/dT = 0. The derivative is negative between the top and this turn.
-        NaN if the design cannot be assembled, or if the cylinder would have to shorten to reach the top
-        (`top_lever` <= 0).
+    It is the first turn from the top at which dl1/dT = 0; the derivative is negative between the top and this turn. NaN
+    if the design cannot be assembled, or if the cylinder would have to shorten to reach the top (`top_lever` <= 0).
     """
     return evaluate_in_blocks(_dead_points, DESIGNS_PER_BLOCK, *design.as_tuple())
 
@@ -432,7 +379,7 @@ def _dead_points(*lengths: Floats) -> Floats:
 
 
 def turn_at_length(design: Design, length: Any, turn_dead: Any | None = None) -> Any:
-    """Find the turn on the working branch at given cylinder lengths.
+    """Find the turn on the working branch at given cylinder lengths; NaN if the branch does not reach a length.
 
     The method is a scalar Newton iteration for the turn, bracketed by the top and the dead point.
     Near the dead point l1 is quadratic in the turn, so the turn is smooth in w = sqrt(l1 - l1_dead).
@@ -445,11 +392,6 @@ def turn_at_length(design: Design, length: Any, turn_dead: Any | None = None) ->
         Cylinder lengths.
     turn_dead : float or ndarray, optional
         The `dead_point` of the design, if it is already known.
-
-    Returns
-    -------
-    float or ndarray
-        The turn decreases as the length increases. NaN if the working branch does not reach the length.
     """
     turn_dead = dead_point(design) if turn_dead is None else np.asarray(turn_dead, dtype=float)
     constants = design_constants(design)
