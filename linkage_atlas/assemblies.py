@@ -357,15 +357,6 @@ def _machine(linkage: Linkage, request: AskedAssembly, share: float, used: Inter
     return machine
 
 
-class Reading(NamedTuple):
-    """Unit of the drive's coordinate in replies and sentences."""
-
-    radian: float
-    """Radians in the user's unit of angle; 1 for lengths."""
-    behind: str
-    """Unit in sentences; empty for lengths."""
-
-
 def assembled(
     linkage: Linkage,
     request: AskedAssembly,
@@ -379,10 +370,11 @@ def assembled(
     ``radian``: radians in the user's unit of angle; the travel of a sliding drive is a length.
     """
     machine = machine_of(linkage, request, used, where)
-    unit = Reading(radian, " rad" if radian == 1.0 else " degrees") if machine.turns else Reading(1.0, "")
+    turning = (radian, " rad" if radian == 1.0 else " degrees")
+    words = _Words(machine, request.arranged, *(turning if machine.turns else (1.0, "")))
     with pointing(lambda field: f"/{where}{field.lstrip('/')}"):
         found = arrange(machine, request.arranged, work)
-    reasons = _reasons(machine, found, request.arranged, unit)
+    reasons = words.reasons(found)
     if found.status == "blocked" and request.arranged.boards in ("below", "above") and not request.arranged.mounts:
         two_sided = arrange(machine, request.arranged._replace(boards="both"), work)
         if two_sided.status == "free":
@@ -394,17 +386,24 @@ def assembled(
         found = replace(found, status="blocked", collisions=(*beyond, *found.collisions))
         others = len(beyond) - MOST_TOLD
         more = [f"and {counted(others, 'further violation')} of the envelope or keep-out boxes"] if others > 0 else []
-        reasons = [*(_beyond(collision, machine, unit) for collision in beyond[:MOST_TOLD]), *more, *reasons]
-    return described(machine, request, found, reasons, unit)
+        reasons = [*map(words.beyond, beyond[:MOST_TOLD]), *more, *reasons]
+    return _described(request, found, reasons, words)
 
 
-def described(
-    machine: Machine, request: AskedAssembly, found: Arrangement, reasons: list[str], unit: Reading
-) -> Assembly:
+def _described(request: AskedAssembly, found: Arrangement, reasons: list[str], words: _Words) -> Assembly:
     """Describe an arrangement in the units of the user."""
+    machine, radian, stack = words.machine, words.radian, found.stack
     sizes = request.settings.completed(machine.hole, machine.width, machine.clearance)
-    stack, heights = found.stack, Heights(sizes.thickness, sizes.washer)
-    names = machine.movement.names
+    parts = parts_of(machine, stack, Heights(sizes.thickness, sizes.washer))
+
+    def collision(collision: stacks.Collision) -> Collision:
+        return {"pair": list(collision.pair), "from": collision.first / radian, "to": collision.last / radian}
+
+    def end(stop: stacks.Stop | None) -> Stop:
+        if stop is None:
+            return Stop(None, None, None)
+        return Stop(stop.at / radian, "loop" if stop.pair is None else "pair", stop.pair)
+
     return Assembly(
         status=found.status,
         count=stack.count,
@@ -412,21 +411,19 @@ def described(
         mounts=stack.mounts,
         smallest_gap=None
         if found.min_gap is None
-        else LeastGap(found.min_gap[1].gap, found.min_gap[0], found.min_gap[1].at / unit.radian),
-        stops=Stops(_stop(found.low, unit), _stop(found.high, unit)),
-        collisions=[_collision(pair, unit) for pair in found.collisions],
-        touches=[_collision(pair, unit) for pair in found.touches],
-        longest_free=None if found.free is None else (found.free.first / unit.radian, found.free.last / unit.radian),
+        else LeastGap(found.min_gap[1].gap, found.min_gap[0], found.min_gap[1].at / radian),
+        stops=Stops(end(found.low), end(found.high)),
+        collisions=[*map(collision, found.collisions)],
+        touches=[*map(collision, found.touches)],
+        longest_free=None if found.free is None else (found.free.first / radian, found.free.last / radian),
         pins=[
             HeldPin(name, span, "two" if stack.mounts.get(name) == BOTH else "one")
             for name, span in stack.pins.items()
         ],
         pivot_supports={
-            name: ThroughShaft(shaft.both_sides, _passing(name, shaft, unit)) for name, shaft in found.shaft.items()
+            name: ThroughShaft(shaft.both_sides, words.passing(name, shaft)) for name, shaft in found.shaft.items()
         },
-        fewer_layers={
-            str(count): None if stop is None else _collision(stop, unit) for count, stop in found.fewer.items()
-        },
+        fewer_layers={str(count): None if stop is None else collision(stop) for count, stop in found.fewer.items()},
         other_arrangements=found.alternatives,
         arrangements_examined=found.tried,
         exhaustive=found.exhaustive,
@@ -435,7 +432,7 @@ def described(
             AssemblyPart(
                 part.name,
                 part.kind,
-                names[part.body],
+                machine.movement.names[part.body],
                 [_xy(z) for z in part.shape.core],
                 part.shape.radius,
                 [Hole(_xy(hole.core[0]), hole.pin) for hole in part.holes if len(hole.core) == 1],
@@ -443,7 +440,7 @@ def described(
                 part.z,
                 [Slit(_xy(hole.core[0]), _xy(hole.core[1]), hole.pin) for hole in part.holes if len(hole.core) > 1],
             )
-            for part in parts_of(machine, stack, heights)
+            for part in parts
         ],
         reasons=reasons,
         machine=machine,
@@ -457,114 +454,91 @@ def _xy(point: complex) -> tuple[float, float]:
     return point.real, point.imag
 
 
-def _collision(collision: stacks.Collision, unit: Reading) -> Collision:
-    return {"pair": list(collision.pair), "from": collision.first / unit.radian, "to": collision.last / unit.radian}
+class _Words(NamedTuple):
+    """Sentences about the layers of a machine."""
 
+    machine: Machine
+    request: StackRequest
+    radian: float
+    """Radians in the user's unit of angle; 1 for lengths."""
+    behind: str
+    """Unit of the drive's coordinate in sentences; empty for lengths."""
 
-def _stop(stop: stacks.Stop | None, unit: Reading) -> Stop:
-    if stop is None:
-        return Stop(None, None, None)
-    return Stop(stop.at / unit.radian, "loop" if stop.pair is None else "pair", stop.pair)
+    def at(self, value: float) -> str:
+        """Return a coordinate of the drive with its unit."""
+        return f"{value / self.radian:.6g}{self.behind}"
 
+    def part(self, name: str) -> str:
+        """Return the name of a part in a sentence: "the crank", "pin B", "the head of pin A"."""
+        if name.startswith("head "):
+            return f"the head of pin {name.removeprefix('head ')}"
+        return f"the {name}" if any(plate.name == name for plate in self.machine.plates) else f"pin {name}"
 
-# -- in words -----------------------------------------------------------------------------------------------------------
+    def both(self, pair: Sequence[str]) -> str:
+        return " and ".join(map(self.part, pair))
 
+    def between(self, first: float, last: float) -> str:
+        return f"from {first / self.radian:.6g} to {self.at(last)}"
 
-def _angle(value: float, unit: Reading) -> str:
-    """Return a coordinate of the drive with its unit."""
-    return f"{value / unit.radian:.6g}{unit.behind}"
+    def collide(self, collision: stacks.Collision) -> str:
+        return f"{self.both(collision.pair)} collide {self.between(*collision[1:])}"
 
+    def beyond(self, collision: stacks.Collision) -> str:
+        wall, plate = collision.pair
+        what = "leaves the envelope" if wall == ENVELOPE else f"enters {wall.replace('_', '-')}"
+        return f"{self.part(plate)} {what} {self.between(*collision[1:])}"
 
-def _part(name: str, machine: Machine) -> str:
-    """Return the name of a part in a sentence: "the crank", "pin B", "the head of pin A"."""
-    if name.startswith("head "):
-        return f"the head of pin {name.removeprefix('head ')}"
-    return f"the {name}" if any(plate.name == name for plate in machine.plates) else f"pin {name}"
-
-
-def _both(pair: Sequence[str], machine: Machine) -> str:
-    return " and ".join(_part(name, machine) for name in pair)
-
-
-def _between(collision: stacks.Collision, unit: Reading) -> str:
-    return f"from {collision.first / unit.radian:.6g} to {_angle(collision.last, unit)}"
-
-
-def _beyond(collision: stacks.Collision, machine: Machine, unit: Reading) -> str:
-    wall, plate = collision.pair
-    what = "leaves the envelope" if wall == ENVELOPE else f"enters {wall.replace('_', '-')}"
-    return f"{_part(plate, machine)} {what} {_between(collision, unit)}"
-
-
-def _passing(pin: str, shaft: stacks.Shaft, unit: Reading) -> str | None:
-    if shaft.both_sides:
-        return None
-    passages = [
-        f"the {_second_part(collision.pair, pin)} passes over {pin} {_between(collision, unit)}"
-        for collision in shaft.passes
-    ]
-    return "; ".join(passages)
-
-
-def _second_part(pair: Sequence[str], pin: str) -> str:
-    return next(name for name in pair if name != pin)
-
-
-def _reasons(machine: Machine, found: Arrangement, request: StackRequest, unit: Reading) -> list[str]:
-    stack = found.stack
-    slits = {end.pair for end in machine.slit_ends if end is not None}
-    by_layer: dict[int, list[str]] = {}
-    for plate, layer in stack.layers.items():
-        by_layer.setdefault(layer, []).append(plate)
-    said = "; ".join(f"layer {layer}: {', '.join(by_layer[layer])}" for layer in sorted(by_layer))
-    reasons = []
-    if found.status == "blocked":
-        if found.exhaustive:
-            reasons.append(f"no arrangement of up to {request.max_layers} layers is free over the used interval")
-        else:
-            reasons.append(f"none of the {found.tried:,} examined arrangements is free over the used interval")
-        best = found.free
-        part = (
-            "has a collision at every position"
-            if best is None
-            else f"is free from {best.first / unit.radian:.6g} to {_angle(best.last, unit)}"
-        )
-        best_said = "the best" if found.best_known else "the best of the examined arrangements"
-        reasons.append(f"{best_said} ({said}) {part}")
-        ends = [end for end in (found.low, found.high) if end is not None and end.pair is not None]
-        for pair in dict.fromkeys(end.pair for end in ends if end.pair is not None):
-            at = " and ".join(_angle(end.at, unit) for end in ends if end.pair == pair)
-            reasons.append(f"{_both(pair, machine)} collide at {at}")
-        for collision in found.collisions if best is None else ():
-            reasons.append(f"{_both(collision.pair, machine)} collide {_between(collision, unit)}")
-    else:
-        reasons.append(said)
-    for touch in found.touches:
-        reasons.append(
-            f"{_both(touch.pair, machine)} come near the clearance {_between(touch, unit)}: "
-            "the computation cannot decide on which side"
-        )
-    for count, stops in found.fewer.items():
-        if stops is not None:
-            layers_said = f"not in {count} layer{'s' if count != 1 else ''}"
-            reasons.append(f"{layers_said}: there {_both(stops.pair, machine)} collide {_between(stops, unit)}")
-    for name, shaft in found.shaft.items():
-        if not shaft.both_sides:
-            reasons.append(f"{name} is held from one side: {_passing(name, shaft, unit)}")
-    if found.status != "blocked":
-        for which, stop in (("lower", found.low), ("upper", found.high)):
-            if stop is not None:
-                cause = "the loop ends" if stop.pair is None else f"{_both(stop.pair, machine)} collide"
-                if stop.pair in slits:
-                    cause = f"{_part(stop.pair[0], machine)} is at the end of its slit"
-                reasons.append(f"{which} end of the motion at {_angle(stop.at, unit)}: {cause}")
-    if any(plate.name == "rod" for plate in machine.plates):
-        reasons.append("crank angles are angles of the motor from the first sample")
-    loop = machine.loop
-    if slits and loop is not None and np.isfinite(loop).any():
-        open_ends = [
-            f"{which} end at {_angle(at, unit)}" for which, at in zip(("lower", "upper"), loop) if np.isfinite(at)
+    def passing(self, pin: str, shaft: stacks.Shaft) -> str | None:
+        """Return which parts pass over a pivot; None if it can be held from both sides."""
+        passages = [
+            f"the {name} passes over {pin} {self.between(first, last)}"
+            for pair, first, last in shaft.passes
+            for name in pair
+            if name != pin
         ]
-        reasons.append(f"with longer slits the loop itself would end: {', '.join(open_ends)}")
-    reasons.append(NOT_CONSIDERED)
-    return reasons
+        return None if shaft.both_sides else "; ".join(passages)
+
+    def reasons(self, found: Arrangement) -> list[str]:
+        """Return what was found, why there are not fewer layers, and what ends the motion."""
+        layers = sorted(set(found.stack.layers.values()))
+        plates = [", ".join(name for name, own in found.stack.layers.items() if own == layer) for layer in layers]
+        said = "; ".join(f"layer {layer}: {names}" for layer, names in zip(layers, plates))
+        reasons = self._blocked(found, said) if found.status == "blocked" else [said]
+        for touch in found.touches:
+            where = f"{self.both(touch.pair)} come near the clearance {self.between(*touch[1:])}"
+            reasons.append(f"{where}: the computation cannot decide on which side")
+        for count, stops in found.fewer.items():
+            if stops is not None:
+                reasons.append(f"not in {counted(count, 'layer')}: there {self.collide(stops)}")
+        for name, shaft in found.shaft.items():
+            if not shaft.both_sides:
+                reasons.append(f"{name} is held from one side: {self.passing(name, shaft)}")
+        slits = {end.pair for end in self.machine.slit_ends if end is not None}
+        if found.status != "blocked":
+            for which, stop in (("lower", found.low), ("upper", found.high)):
+                if stop is not None:
+                    cause = "the loop ends" if stop.pair is None else f"{self.both(stop.pair)} collide"
+                    if stop.pair in slits:
+                        cause = f"{self.part(stop.pair[0])} is at the end of its slit"
+                    reasons.append(f"{which} end of the motion at {self.at(stop.at)}: {cause}")
+        if any(plate.name == "rod" for plate in self.machine.plates):
+            reasons.append("crank angles are angles of the motor from the first sample")
+        loop = self.machine.loop
+        if slits and loop is not None and np.isfinite(loop).any():
+            ends = [f"{end} end at {self.at(at)}" for end, at in zip(("lower", "upper"), loop) if np.isfinite(at)]
+            reasons.append(f"with longer slits the loop itself would end: {', '.join(ends)}")
+        return [*reasons, NOT_CONSIDERED]
+
+    def _blocked(self, found: Arrangement, said: str) -> list[str]:
+        if found.exhaustive:
+            searched = f"no arrangement of up to {self.request.max_layers} layers is free over the used interval"
+        else:
+            searched = f"none of the {found.tried:,} examined arrangements is free over the used interval"
+        part = "has a collision at every position" if found.free is None else f"is free {self.between(*found.free)}"
+        best = "the best" if found.best_known else "the best of the examined arrangements"
+        reasons = [searched, f"{best} ({said}) {part}"]
+        ends = [end for end in (found.low, found.high) if end is not None and end.pair is not None]
+        for parts in dict.fromkeys(end.pair for end in ends if end.pair is not None):
+            at = " and ".join(self.at(end.at) for end in ends if end.pair == parts)
+            reasons.append(f"{self.both(parts)} collide at {at}")
+        return reasons + ([*map(self.collide, found.collisions)] if found.free is None else [])
