@@ -1,6 +1,7 @@
 """Drawings of linkages, poses and curves with matplotlib, which the extra ``plot`` installs.
 
-The methods `Linkage.plot`, `Motion.plot` and `Drives.plot` of `linkage_atlas` call these functions.
+The methods `Linkage.plot`, `Motion.plot` and `Drives.plot` of `linkage_atlas` call these functions. Each draws on the current
+axes if none are given, and returns the axes.
 """
 
 from __future__ import annotations
@@ -26,13 +27,7 @@ POSITIONS = 181
 
 
 def axes_for(ax: Axes | None) -> Axes:
-    """Return ``ax``, or the current axes of pyplot if it is None.
-
-    Raises
-    ------
-    ImportError
-        If matplotlib is missing; the message names the extra that installs it.
-    """
+    """Return ``ax``, or the current axes of pyplot if it is None; the message of the `ImportError` names the extra."""
     try:
         from matplotlib import pyplot
     except ImportError as error:
@@ -41,21 +36,9 @@ def axes_for(ax: Axes | None) -> Axes:
 
 
 def plot_poses(position: Floats, rotation: Floats | None, ax: Axes | None, arrow: float | None = None) -> Axes:
-    """Draw positions, with an arrow along the x axis of the body if rotations are known.
+    """Draw positions (N, 2), with an arrow along the x axis of the body if rotations (N,) in radians are known.
 
-    Parameters
-    ----------
-    position : ndarray, shape (N, 2)
-    rotation : ndarray, shape (N,), optional
-        Radians.
-    ax : matplotlib.axes.Axes, optional
-        Axes to draw on; default: the current axes.
-    arrow : float, optional
-        Length of the arrows; default: a tenth of the extent of the positions.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
+    ``arrow``: length of the arrows; by default a tenth of the extent of the positions.
     """
     ax = axes_for(ax)
     ax.plot(*position.T, "o", color=REQUESTED, markersize=4, label="requested")
@@ -75,9 +58,6 @@ def plot_linkage(
 
     Parameters
     ----------
-    linkage : synthesis.linkage.Linkage
-    ax : matplotlib.axes.Axes, optional
-        Axes to draw on; default: the current axes.
     travel : ndarray, shape (n,)
         Travel of the drive from its start, radians or lengths, of the positions to draw.
         Positions after the first are drawn faintly.
@@ -85,10 +65,6 @@ def plot_linkage(
         Travel along which the path is drawn; default: the positions drawn, or a whole turn for a single position.
     names : bool
         Whether the joints A, B, C and D of a four-bar are named.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
     """
     ax = axes_for(ax)
     if used is None and (len(travel) > 1 or not linkage.turns_fully):
@@ -121,22 +97,7 @@ def plot_linkage(
 
 
 def plot_curves(x: ArrayLike, curves: Mapping[str, ArrayLike], ax: Axes | None, xlabel: str, ylabel: str) -> Axes:
-    """Draw named curves over ``x``, with a legend.
-
-    Parameters
-    ----------
-    x : array_like, shape (n,)
-    curves : mapping
-        Name and values, shape (n,), of each curve.
-    ax : matplotlib.axes.Axes, optional
-        Axes to draw on; default: the current axes.
-    xlabel, ylabel : str
-        Labels of both axes.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-    """
+    """Draw curves, which map names to values (n,), over ``x`` (n,), with a legend."""
     ax = axes_for(ax)
     for name, values in curves.items():
         ax.plot(np.asarray(x), np.asarray(values), label=name)

@@ -13,7 +13,6 @@ from synthesis.assembly.machine import Hole, Machine, Pin, Plate, Sizes
 from synthesis.assembly.movement import (
     GROUND,
     Aimed,
-    Between,
     Bodies,
     BodyPoint,
     Crank,
@@ -102,7 +101,7 @@ def motor_driven(
     steps = (
         SwungLinkage(six, plain.movement),
         Crank(first, place.foot, six.start),
-        Between(second, end, place.held, motor.rod),
+        Aimed(second, end, place.held),
     )
     crank, rod = ((0j, complex(length)) for length in (motor.crank, motor.rod))
     plates = (

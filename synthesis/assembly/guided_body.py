@@ -6,12 +6,13 @@ width for a slider; for a crank the radius times that). The body turns by at mos
 =================  ======================================================================================================
 other guide        largest rotation
 =================  ======================================================================================================
-circle             as in a dyad: asin(e / D) + |phi(D +- e) - phi(D)|, D = |C - Z|, phi the angle at Z
+circle             asin(e / D) + |phi(D +- e) - phi(D)|, D = |C - Z|, phi the angle at Z
 rail               |asin((o +- e) / L) - asin(o / L)|, o the distance of Z from the rail, L = |X - Z|
 slot               asin(e / D) + |asin(h / (D +- e)) - asin(h / D)|, D = |pin - Z|, h the distance of Z from the slot
 =================  ======================================================================================================
 
-A cylinder changes the body point that lies on Z instead, so D and L change places. A hinge prescribes the rotation of the body;
+The angle phi is monotone in D except at one length, so its bound also holds next to dead positions, where no bound of the
+derivative does. A cylinder changes the body point that lies on Z instead, so D and L change places. A hinge prescribes the rotation of the body;
 there the displacement of the body along its slot is bounded.
 """
 
@@ -22,10 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from synthesis.arrays import Floats
-from synthesis.assembly.movement import (
-    Bodies,
-    turn_over,
-)
+from synthesis.assembly.movement import Bodies
 from synthesis.guides import Circle, Driver, Rail, Slot
 from synthesis.linkage import Linkage
 
@@ -68,7 +66,7 @@ class GuidedBody:
         if isinstance(second, Circle):
             spread = np.abs(second.pivot - z)
             varies, constant = (np.abs(arm), spread) if slides else (spread, np.abs(arm))
-            return turn_over(float(constant.flat[0]), second.radius, varies, e)
+            return _turn_over(float(constant.flat[0]), second.radius, varies, e)
         if isinstance(second, Rail):
             beside = np.imag((z - second.point) * np.exp(-1j * second.direction))
             length = np.abs(arm)
@@ -112,6 +110,41 @@ class GuidedBody:
             tilt = abs(np.sin(second.body_direction - driven.body_direction))
             slide = abs(driven.pin - second.pin) * turn / tilt
         return np.asarray(slide + (np.abs(at - driven.pin) + slide) * turn)
+
+
+def _turn_over(own: float, opposite: float, r: Floats, e: Floats) -> Floats:
+    """Return the largest rotation of a side of a triangle.
+
+    Parameters
+    ----------
+    own, opposite : float
+        Length of the side, and of the side opposite to the corner at which it turns.
+    r : ndarray
+        Length of the third side.
+    e : ndarray
+        Largest change of the third side's length and of its ends' distance.
+    """
+    low, high = np.maximum(r - e, abs(own - opposite)), np.minimum(r + e, own + opposite)
+    known = (e < r) & (low <= high)
+    middle = _corner_angle(own, opposite, r)
+    span = np.maximum(
+        np.abs(_corner_angle(own, opposite, low) - middle), np.abs(_corner_angle(own, opposite, high) - middle)
+    )
+    if own > opposite:
+        turning = np.sqrt((own - opposite) * (own + opposite))
+        extreme = np.abs(_corner_angle(own, opposite, np.full(1, turning)) - middle)
+        span = np.where((low < turning) & (turning < high), np.maximum(span, extreme), span)
+    return np.where(known, np.arcsin(np.where(known, e / r, 0.0)) + span, np.inf)
+
+
+def _corner_angle(own: float, opposite: float, r: Floats) -> Floats:
+    """Return the angle between the sides ``own`` and ``r`` of a triangle, from 0 to pi.
+
+    Differences come before sums, so that neither loses digits next to a dead position.
+    """
+    below = np.maximum((opposite - (own - r)) * ((own + opposite) - r), 0.0)
+    above = np.maximum(((own - opposite) + r) * (own + opposite + r), 0.0)
+    return np.asarray(2 * np.arctan2(np.sqrt(below), np.sqrt(above)))
 
 
 def _root(radius: float, beside: Floats) -> Floats:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from synthesis.arrays import Flags, Floats
 from synthesis.assembly.guided_body import GuidedBody
 from synthesis.assembly.machine import CLEARANCE, Hole, Machine, Pin, Plate, Sizes, SlitEnd
-from synthesis.assembly.movement import GROUND, Between, BodyPoint, Crank, Movement, Step
+from synthesis.assembly.movement import GROUND, Aimed, BodyPoint, Crank, Movement, Step
 from synthesis.assembly.shapes import Shape, hull, nearest_room
 from synthesis.assembly.sizes import plate_sizes
 from synthesis.errors import FieldError
@@ -89,7 +89,7 @@ def as_plates(
             if index == 0:
                 steps.append(Crank(number, pivot, guided.start + guided.ground_angle))
             else:
-                steps.append(Between(number, pivot, BodyPoint(carrier, at), guide.radius))
+                steps.append(Aimed(number, pivot, BodyPoint(carrier, at)))
             plates.append(
                 Plate(link, number, Shape((0j, end), width / 2), (Hole((0j,), fixed), Hole((end,), moving)))
             )

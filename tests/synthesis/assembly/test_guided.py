@@ -9,7 +9,7 @@ import pytest
 from synthesis.assembly.guided_body import GuidedBody
 from synthesis.assembly.linkage_machine import as_plates
 from synthesis.assembly.machine import Sizes
-from synthesis.assembly.movement import GROUND, Between, BodyPoint, Movement
+from synthesis.assembly.movement import GROUND, Aimed, BodyPoint, Movement
 from synthesis.assembly.stacks import StackRequest, StackSearch
 from synthesis.guides import DRIVERS, Circle, Driver, Rail, Slot
 from synthesis.linkage import on_guides
@@ -54,7 +54,7 @@ def test_no_body_leaves_its_enclosure(direction) -> None:
         if isinstance(last, Circle):
             names.append("rocker")
             ends = BodyPoint(GROUND, last.pivot), BodyPoint(1, last.body_point - driven.body_point)
-            steps.append(Between(2, *ends, last.radius))
+            steps.append(Aimed(2, *ends))
         movement = Movement(names, steps)
         cell = movement.bodies(np.array([0.0]), np.array([half]))
         moved = movement.bodies(half * np.linspace(-1, 1, 65))
