@@ -31,6 +31,7 @@ from synthesis.assembly.driven_machine import Strut, motor_driven, strut_driven
 from synthesis.assembly.keep_out import ENVELOPE, outside
 from synthesis.assembly.linkage_machine import as_plates
 from synthesis.assembly.machine import Machine, Sizes
+from synthesis.assembly.machine import Stop as MotionEnd
 from synthesis.assembly.parts import Heights, parts_of
 from synthesis.assembly.shapes import crosses_itself, signed_area
 from synthesis.assembly.sizes import check_sizes
@@ -399,7 +400,7 @@ def _described(request: AskedAssembly, found: Arrangement, reasons: list[str], w
     def collision(collision: stacks.Collision) -> Collision:
         return {"pair": list(collision.pair), "from": collision.first / radian, "to": collision.last / radian}
 
-    def end(stop: stacks.Stop | None) -> Stop:
+    def end(stop: MotionEnd | None) -> Stop:
         if stop is None:
             return Stop(None, None, None)
         return Stop(stop.at / radian, "loop" if stop.pair is None else "pair", stop.pair)
@@ -518,7 +519,7 @@ class _Words(NamedTuple):
             for which, stop in (("lower", found.low), ("upper", found.high)):
                 if stop is not None:
                     cause = "the loop ends" if stop.pair is None else f"{self.both(stop.pair)} collide"
-                    if stop.pair in slits:
+                    if stop.pair is not None and stop.pair in slits:
                         cause = f"{self.part(stop.pair[0])} is at the end of its slit"
                     reasons.append(f"{which} end of the motion at {self.at(stop.at)}: {cause}")
         if any(plate.name == "rod" for plate in self.machine.plates):

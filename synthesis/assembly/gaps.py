@@ -133,9 +133,7 @@ class Gaps:
     Parameters
     ----------
     movement : Movement
-    shapes : sequence of CarriedShape
-    pairs : sequence of pairs of int
-        Indices of shapes.
+    pairs : sequence of pairs of CarriedShape
     clearance : float
     size : float
         Length that characterizes the mechanism, to which tolerances are relative.
@@ -147,20 +145,23 @@ class Gaps:
     def __init__(
         self,
         movement: Movement,
-        shapes: Sequence[CarriedShape],
-        pairs: Sequence[tuple[int, int]],
+        pairs: Sequence[tuple[CarriedShape, CarriedShape]],
         clearance: float,
         size: float,
         rough: bool = False,
     ) -> None:
         self.movement, self.size, self._rough = movement, size, rough
         # of two shapes that with more corners first: fewer kinds of pairs
+        ordered = [sorted(pair, key=lambda carried: -len(carried.shape.corners)) for pair in pairs]
+        numbers = {
+            carried: k for k, carried in enumerate(dict.fromkeys(carried for pair in ordered for carried in pair))
+        }
+        shapes = list(numbers)
         counts = [len(carried.shape.corners) for carried in shapes]
-        ordered = [pair if counts[pair[0]] >= counts[pair[1]] else pair[::-1] for pair in pairs]
-        self._pairs = np.array(ordered, dtype=int).reshape(-1, 2)
+        self._pairs = np.array([[numbers[carried] for carried in pair] for pair in ordered], dtype=int).reshape(-1, 2)
         self._body = np.array([carried.body for carried in shapes])
         self._reach = np.array([carried.shape.reach for carried in shapes])
-        self._corners = np.zeros((len(shapes), max(counts)), dtype=complex)
+        self._corners = np.zeros((len(shapes), max(counts, default=0)), dtype=complex)
         for row, carried in zip(self._corners, shapes):
             row[: len(carried.shape.corners)] = carried.shape.corners
         self._middle = np.array([np.mean(carried.shape.corners) for carried in shapes])

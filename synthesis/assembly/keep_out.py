@@ -44,17 +44,15 @@ def outside(machine: Machine, envelope: Box | None, keep_out: Sequence[Box], wor
             (left - margin, high, right + margin, high + margin),
         )
         walls += [(ENVELOPE, _wall(side, machine)) for side in sides]
-    shapes = [CarriedShape(plate.body, plate.shape) for plate in machine.plates]
-    plates = len(shapes)
-    shapes += [CarriedShape(GROUND, shape) for _, shape in walls]
-    pairs = [(k, plates + n) for k in range(plates) for n in range(len(walls))]
-    gaps = Gaps(machine.movement, shapes, pairs, machine.clearance, machine.size, rough=True)
-    proofs = gaps.prove(machine.used, work)
-    found = [
-        Collision((walls[n - plates][0], machine.plates[k].name), *run)
-        for (k, n), proof in zip(pairs, proofs)
-        for run in proof.hits
+    names = [(name, plate.name) for plate in machine.plates for name, _ in walls]
+    pairs = [
+        (CarriedShape(plate.body, plate.shape), CarriedShape(GROUND, wall))
+        for plate in machine.plates
+        for _, wall in walls
     ]
+    gaps = Gaps(machine.movement, pairs, machine.clearance, machine.size, rough=True)
+    proofs = gaps.prove(machine.used, work)
+    found = [Collision(pair, *run) for pair, proof in zip(names, proofs) for run in proof.hits]
     return sorted(found, key=lambda collision: (collision.first, collision.last, collision.pair))
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from synthesis.arrays import Flags, Floats
 from synthesis.assembly.guided_body import GuidedBody
-from synthesis.assembly.machine import CLEARANCE, Hole, Machine, Pin, Plate, Sizes, SlitEnd
+from synthesis.assembly.machine import CLEARANCE, Hole, Machine, Pin, Plate, Sizes, Stop
 from synthesis.assembly.movement import GROUND, Aimed, BodyPoint, Crank, Movement, Step
 from synthesis.assembly.shapes import Shape, hull, nearest_room
 from synthesis.assembly.sizes import plate_sizes
@@ -134,14 +134,14 @@ def as_plates(
         pins = [replace(pin, joins=(*pin.joins, "bar")) if pin.grounded else pin for pin in pins]
     is_whole_turn = guided.driver.turns and loop is None and used.last - used.first >= TURN
 
-    def slit_end(start: float, limit: float) -> SlitEnd | None:
+    def slit_end(start: float, limit: float) -> Stop | None:
         if not np.isfinite(limit):  # a slide of its own drives it there
             limit = start + np.sign(limit) * (used.last - used.first)
         found = _slit_end(guided, start, limit, spans, size)
         if found is None or is_whole_turn:
             return None
         pair = next((slit.pin, plate.name) for plate in plates for slit in plate.slits if slit.pin in _PINS[found[1]])
-        return SlitEnd(found[0], pair)
+        return Stop(found[0], pair)
 
     low_limit, high_limit = (used.last - TURN, used.first + TURN) if loop is None else loop
     return Machine(

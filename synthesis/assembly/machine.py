@@ -31,11 +31,12 @@ class Hole(NamedTuple):
         return abs(nearest_on(self.core, point) - point)
 
 
-class SlitEnd(NamedTuple):
-    """Drive coordinate beyond which a pin would leave its slit, and the pair of pin and plate."""
+class Stop(NamedTuple):
+    """End of the motion: a coordinate of the drive."""
 
     at: float
-    pair: tuple[str, str]
+    pair: tuple[str, str] | None
+    """Parts that collide there, or the pin and the plate whose slit it would leave; None if the loop itself ends."""
 
 
 @dataclass(frozen=True)
@@ -107,7 +108,7 @@ class Machine:
     """True if the drive rotates; otherwise its travel is a length in the unit of the linkage."""
     body_at: complex = 0j
     """Origin of the frame of the coupler's masses, in the coupler's frame."""
-    slit_ends: tuple[SlitEnd | None, SlitEnd | None] = (None, None)
+    slit_ends: tuple[Stop | None, Stop | None] = (None, None)
     """Ends of slits below and above the interval; None if the loop ends first."""
     telescopes: tuple[tuple[str, str], ...] = ()
     """Pairs of plates that slide inside each other: both lie in the same layer and do not collide."""

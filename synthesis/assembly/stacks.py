@@ -20,7 +20,7 @@ from itertools import combinations, product
 from typing import NamedTuple
 
 from synthesis.assembly.gaps import CarriedShape, Gaps, MinimumGap, Proof, Run
-from synthesis.assembly.machine import FULL_TURN_TOLERANCE, Machine
+from synthesis.assembly.machine import FULL_TURN_TOLERANCE, Machine, Stop
 from synthesis.assembly.shapes import disc
 from synthesis.errors import FieldError
 from synthesis.target import TURN, Interval
@@ -79,14 +79,6 @@ class Collision(NamedTuple):
     last: float
 
 
-class Stop(NamedTuple):
-    """End of the motion."""
-
-    at: float
-    pair: Pair | None
-    """Parts that collide there; None if the loop itself ends."""
-
-
 @dataclass(frozen=True)
 class Shaft:
     """Whether a shaft may pass through all layers at a fixed pivot, and the plates that pass over it."""
@@ -132,13 +124,6 @@ class StackRequest(NamedTuple):
     """Required mounting of some fixed pins."""
 
 
-class _Part(NamedTuple):
-    """A plate, a pin or a head, with its shape on each body that it belongs to."""
-
-    name: str
-    shapes: tuple[CarriedShape, ...]
-
-
 def arrange(machine: Machine, request: StackRequest, work: Work) -> Arrangement:
     """Return the best stack of a machine's plates.
 
@@ -165,25 +150,17 @@ class StackSearch:
             for pin in machine.pins
             if plate.name in pin.joins and pin.name != slit.pin
         }
-        parts = [_Part(part.name, (CarriedShape(part.body, part.shape),)) for part in machine.plates]
-        parts += [
-            _Part(part.name, tuple(CarriedShape(at.body, disc(at.at, part.radius)) for at in part.points))
-            for part in machine.pins
-        ]
-        if request.heads:
-            parts += [
-                _Part(
-                    _head(part.name),
-                    tuple(CarriedShape(at.body, disc(at.at, HEAD * part.radius)) for at in part.points),
-                )
-                for part in machine.pins
-            ]
+        # each part has its shape on each body that it belongs to
+        parts = {plate.name: [CarriedShape(plate.body, plate.shape)] for plate in machine.plates}
+        rounds = [(pin.name, pin.radius, pin.points) for pin in machine.pins]
+        rounds += [(_head(name), HEAD * radius, points) for name, radius, points in rounds if request.heads]
+        for name, radius, points in rounds:
+            parts[name] = [CarriedShape(at.body, disc(at.at, radius)) for at in points]
         self.partner = {a: b for pair in machine.telescopes for a, b in (pair, pair[::-1])}
-        self.pairs = self._pairs_of(parts)
-        shapes, numbers = _numbered(parts, self.pairs)
-        self.gaps = Gaps(machine.movement, shapes, numbers, machine.clearance, machine.size)
+        self.pairs = self._pairs_of(list(parts))
+        self.carried = [_on_same_body(parts[first], parts[second]) for first, second in self.pairs]
+        self.gaps = Gaps(machine.movement, self.carried, machine.clearance, machine.size)
         self.proofs = self.gaps.prove(machine.used, work)
-        self.shapes, self.numbers = shapes, numbers
         self.number = {pair: k for k, pair in enumerate(self.pairs)}
         self.strict = _Masks(self.proofs, machine, touching=True)
         self.tried, self.cut = 0, False
@@ -192,20 +169,14 @@ class StackSearch:
             1, request.max_layers + 1 if request.heads else min(request.max_layers, len(self.plates)) + 1
         )
 
-    def _pairs_of(self, parts: Sequence[_Part]) -> list[Pair]:
+    def _pairs_of(self, names: Sequence[str]) -> list[Pair]:
         """Return the pairs that may meet in a layer, without plates that a pin joins and without a pin and its plates."""
         never = {frozenset(pair) for pair in self.machine.telescopes}
         for pin, plates in self.joined.items():
             never |= {frozenset((a, b)) for a in plates for b in plates if a != b}
             never |= {frozenset((part, plate)) for part in (pin, _head(pin)) for plate in plates}
             never.add(frozenset((pin, _head(pin))))
-        names = [part.name for part in parts]
-        return [
-            (first, second)
-            for k, first in enumerate(names)
-            for second in names[k + 1 :]
-            if frozenset((first, second)) not in never
-        ]
+        return [pair for pair in combinations(names, 2) if frozenset(pair) not in never]
 
     def pair(self, first: str, second: str) -> int:
         """Return the index of a pair."""
@@ -471,49 +442,36 @@ class StackSearch:
         """Return the ends of the motion below and above an interval over which the stack is free."""
         if free is None:
             return None, None
-        loop, turn = self.machine.loop, TURN
-        ends = self.machine.slit_ends
+        loop, ends = self.machine.loop, self.machine.slit_ends
         if loop is None and None in ends:
-            if free.last - free.first >= turn - FULL_TURN_TOLERANCE:
+            if free.last - free.first >= TURN - FULL_TURN_TOLERANCE:
                 return None, None
-            runs = self._runs(stack, Interval(free.last, free.first + turn))
+            runs = self._beyond(stack, Interval(free.last, free.first + TURN))
             if not runs:
                 return None, None
-            (pair, run), (last_pair, last_run) = min(runs, key=_begin), max(runs, key=_end)
-            return Stop(last_run.last - turn, last_pair), Stop(run.first, pair)
+            first, last = runs[0], max(runs, key=lambda run: run.last)
+            return Stop(last.last - TURN, last.pair), Stop(first.first, first.pair)
         low, high = (
-            Stop(*end) if end is not None else Stop(loop[k], None)  # type: ignore[index]
+            Stop(loop[k], None) if end is None else end  # type: ignore[index]
             for k, end in enumerate(ends)
         )
-        if runs := self._runs(stack, Interval(low.at, free.first)):
-            pair, run = max(runs, key=_end)
-            low = Stop(run.last, pair)
-        if runs := self._runs(stack, Interval(free.last, high.at)):
-            pair, run = min(runs, key=_begin)
-            high = Stop(run.first, pair)
+        if runs := self._beyond(stack, Interval(low.at, free.first)):
+            run = max(runs, key=lambda run: run.last)
+            low = Stop(run.last, run.pair)
+        if runs := self._beyond(stack, Interval(free.last, high.at)):
+            high = Stop(runs[0].first, runs[0].pair)
         return low, high
 
-    def _runs(self, stack: Stack, interval: Interval) -> list[tuple[Pair, Run]]:
-        """Return the collisions of a stack's pairs over another interval."""
+    def _beyond(self, stack: Stack, interval: Interval) -> list[Collision]:
+        """Return the collisions of a stack's pairs over another interval, the first collision first."""
         if interval.last - interval.first < FULL_TURN_TOLERANCE or not stack.pairs:
             return []
-        gaps = Gaps(
-            self.machine.movement,
-            self.shapes,
-            [self.numbers[pair] for pair in stack.pairs],
-            self.machine.clearance,
-            self.machine.size,
+        carried = [self.carried[pair] for pair in stack.pairs]
+        proofs = Gaps(self.machine.movement, carried, self.machine.clearance, self.machine.size).prove(
+            interval, self.work
         )
-        proofs = gaps.prove(interval, self.work)
-        return [(self.pairs[pair], run) for pair, proof in zip(stack.pairs, proofs) for run in proof.hits]
-
-
-def _begin(entry: tuple[Pair, Run]) -> float:
-    return entry[1].first
-
-
-def _end(entry: tuple[Pair, Run]) -> float:
-    return entry[1].last
+        found = [Collision(self.pairs[pair], *run) for pair, proof in zip(stack.pairs, proofs) for run in proof.hits]
+        return sorted(found, key=lambda collision: collision.first)
 
 
 def _head(pin: str) -> str:
@@ -521,18 +479,10 @@ def _head(pin: str) -> str:
     return f"head {pin}"
 
 
-def _numbered(parts: Sequence[_Part], pairs: Sequence[Pair]) -> tuple[list[CarriedShape], list[tuple[int, int]]]:
-    """Return the shapes of all parts, and each pair of parts as indices of two shapes, on the same body if possible."""
-    shapes = [shape for part in parts for shape in part.shapes]
-    first, count = {}, 0
-    for part in parts:
-        first[part.name] = range(count, count + len(part.shapes))
-        count += len(part.shapes)
-    found = []
-    for first_name, second_name in pairs:
-        options = list(product(first[first_name], first[second_name]))
-        found.append(next((pair for pair in options if shapes[pair[0]].body == shapes[pair[1]].body), options[0]))
-    return shapes, found
+def _on_same_body(first: Sequence[CarriedShape], second: Sequence[CarriedShape]) -> tuple[CarriedShape, CarriedShape]:
+    """Return a shape of each part, on the same body if possible."""
+    options = list(product(first, second))
+    return next((pair for pair in options if pair[0].body == pair[1].body), options[0])
 
 
 class _Masks:

@@ -248,15 +248,14 @@ def outlines(machine: Machine, body: int, core: tuple[complex, ...], travel: Any
 def disagreements(machine: Machine, search: StackSearch) -> tuple[int, int, int]:
     """Pairs, places that were compared, and of them those where the proof and shapely differ."""
     travel = np.linspace(*machine.used, POSITIONS)
-    drawn: dict[int, Any] = {}
+    drawn: dict[Any, Any] = {}
     compared = wrong = 0
-    shapes, clearance = search.shapes, machine.clearance
-    for (first, second), proof in zip(search.numbers, search.proofs):
-        for number in (first, second):
-            if number not in drawn:
-                drawn[number] = outlines(machine, shapes[number].body, shapes[number].shape.core, travel)
-        radii = shapes[first].shape.radius + shapes[second].shape.radius
-        gap = shapely.distance(drawn[first], drawn[second]) - radii - clearance
+    for pair, proof in zip(search.carried, search.proofs):
+        for carried in pair:
+            if carried not in drawn:
+                drawn[carried] = outlines(machine, carried.body, carried.shape.core, travel)
+        radii = sum(carried.shape.radius for carried in pair)
+        gap = shapely.distance(*(drawn[carried] for carried in pair)) - radii - machine.clearance
         hits = np.zeros(POSITIONS, dtype=bool)
         reported = np.abs(gap) > CLOSE * machine.size
         for run in proof.hits:

@@ -29,9 +29,8 @@ def shapes_of(machine):
 
 def gaps_of(machine, pairs):
     shapes = shapes_of(machine)
-    names = list(shapes)
-    numbers = [(names.index(a), names.index(b)) for a, b in pairs]
-    return Gaps(machine.movement, [shapes[name] for name in names], numbers, machine.clearance, machine.size)
+    carried = [(shapes[a], shapes[b]) for a, b in pairs]
+    return Gaps(machine.movement, carried, machine.clearance, machine.size)
 
 
 @pytest.mark.parametrize("name", TABLE)
@@ -84,7 +83,8 @@ def test_shapes_that_touch_by_design_are_not_decided() -> None:
     movement = Movement(("ground", "crank"), (Crank(1, BodyPoint(GROUND, 0j), 0.0),))
     discs = [(GROUND, 0j, 1.0), (1, 3 + 0j, 2.0), (GROUND, 6 + 0j, 1.0), (1, 3 + 0j, 1.9)]
     shapes = [CarriedShape(body, disc(at, radius)) for body, at, radius in discs]
-    gaps = Gaps(movement, shapes, [(0, 1), (1, 2), (0, 3)], 0.0, 6.0)
+    pairs = [(shapes[first], shapes[second]) for first, second in ((0, 1), (1, 2), (0, 3))]
+    gaps = Gaps(movement, pairs, 0.0, 6.0)
     around, once, clear = gaps.prove(Interval(-1.0, 2.0), Work())
     assert not around.hits
     assert [(run.first, run.last) for run in around.touches] == [(-1.0, 2.0)]
