@@ -12,8 +12,8 @@ slot               asin(e / D) + |asin(h / (D +- e)) - asin(h / D)|, D = |pin - 
 =================  ======================================================================================================
 
 The angle phi is monotone in D except at one length, so its bound also holds next to dead positions, where no bound of the
-derivative does. A cylinder changes the body point that lies on Z instead, so D and L change places. A hinge prescribes the rotation of the body;
-there the displacement of the body along its slot is bounded.
+derivative does. A cylinder changes the body point that lies on Z instead, so D and L change places. A hinge prescribes the
+rotation of the body; there the displacement of the body along its slot is bounded.
 """
 
 from __future__ import annotations
