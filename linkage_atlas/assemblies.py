@@ -260,8 +260,8 @@ def _arranged_drive(name: str, drive: object) -> Motor | Strut | str:
     if found.kind == "rotary":
         return found.link
     if found.kind == "dyad":
-        return Motor(found.link, found.end, *found.sizes, found.pin)
-    return Strut(found.link, found.base_link, found.pin, found.end, found.sizes)
+        return Motor(found.link, found.ground, *found.sizes, found.pin)
+    return Strut(found.link, found.on, found.pin, found.ground, found.sizes)
 
 
 def _mounts(name: str, value: Fields, boards: str) -> dict[str, str]:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple
 
 import numpy as np
 
 from linkage_atlas.arguments import one_of, pair, positive
+from synthesis.drives.attached import DriveEnds
 from synthesis.drives.links import GROUND
 from synthesis.errors import FieldError
 
@@ -19,23 +19,7 @@ _PARTS = {
 """Field of the end that is not the pin, and record and names of the lengths, for each kind of drive."""
 
 
-class AttachedDrive(NamedTuple):
-    """Checked ends and lengths of a drive."""
-
-    kind: str
-    link: str
-    base_link: str
-    """Link that carries the other end."""
-    end: complex
-    """Other end, motor, or pivot of a rotary drive, in the plane at the first sample."""
-    pin: complex
-    """Pin in the frame of its link."""
-    sizes: tuple[float, float]
-    """Retracted length and stroke, or motor crank and rod."""
-    extends: bool
-
-
-def read_attached(field: str, drive: object) -> AttachedDrive:
+def read_attached(field: str, drive: object) -> DriveEnds:
     """Check a drive of a reply, a record or its plain values; raise `FieldError` with the path of a wrong field."""
 
     def value(record: object, name: str) -> object:
@@ -56,12 +40,11 @@ def read_attached(field: str, drive: object) -> AttachedDrive:
         if length is None:
             raise FieldError(f"/{at}", "is required; pass the drive unchanged from a reply")
         sizes.append(positive(at, length))
-    return AttachedDrive(
+    return DriveEnds(
         kind,
         link,
         str(value(drive, "base_link") or GROUND),
         end,
         pin,
         (sizes[0], sizes[1]) if sizes else (0.0, 0.0),
-        value(drive, "extends") in (True, None),
     )

@@ -93,13 +93,13 @@ def drive_on(linkage: Linkage, target: Target, drive: Fields | None) -> Attached
     if drive is None:
         return None
     found, machine = read_attached("drive", drive), motions_at(linkage, target.crank)
-    for name in (found.link, found.base_link):
+    for name in (found.link, found.on):
         if name not in (GROUND, *machine.links):
             raise FieldError("/drive/link", f"must be one of {', '.join(machine.links)}; it is {name!r}")
-    attached = Attached(machine, *found)
+    attached = Attached(machine, found)
     if found.kind != "dyad":
         return attached
-    motor = Motor(found.link, found.end, *found.sizes, found.pin)
+    motor = Motor(found.link, found.ground, *found.sizes, found.pin)
     try:
         return replace(attached, six_bar=SixBar.of(linkage, ends_of(target.way), motor))
     except FieldError:

@@ -20,7 +20,6 @@ from linkage_atlas.drive_design.question import (
     DriveRequest,
     Reader,
     RotaryRequest,
-    check_sizes,
 )
 from linkage_atlas.drive_design.records import Drives, Refusal
 from linkage_atlas.drive_design.rotary import find_rotary
@@ -134,7 +133,6 @@ def drives(
         load = {**load, "parts": False, "masses": [*own, *operation.masses_of_parts(length_unit)]}
     reader = Reader(operation.machine, operation.radian, millimetres_in(length_unit))
     question = reader.question(load, drives, springs, hand_point)
-    check_sizes(question, operation.machine.extent)
     found = _answer(operation, question, top, watch)
     if not question.load.speed and any(isinstance(mass, Mapping) and mass.get("inertia") for mass in own):
         found.notes.append("load.masses: inertia has an effect only at a speed; set load.speed")
@@ -191,7 +189,7 @@ def check_request(request: Fields, radian: float) -> None:
     errors = []
     for machine in machines:
         try:
-            _read(Reader(machine, radian, 1.0), request)
+            _read(Reader(machine, radian, is_example=True), request)
             return
         except FieldError as error:
             errors.append(error)
@@ -214,9 +212,7 @@ def driven_solution(
     """
     try:
         operation = Operation.of(linkage, travel, radian)
-        question, deciding = _read(Reader(operation.machine, radian, 1.0), request)
-        requests = (*question.drives, *([] if deciding is None else [deciding]))
-        check_sizes(question._replace(drives=requests), operation.machine.extent)
+        question, deciding = _read(Reader(operation.machine, radian), request)
     except FieldError as error:
         refused = [Refusal("any", "linkage", None, error.message)]
         return {

@@ -23,6 +23,7 @@ from linkage_atlas.arguments import (
     number,
     one_of,
     pair,
+    positive,
     sequence,
     whole_number,
 )
@@ -188,10 +189,15 @@ class Reader:
         Radians in the user's unit of angle.
     millimetres : float
         Millimetres in the user's unit of length.
+    is_example : bool
+        The linkage is only an example, so that lengths need not be in proportion to it.
     """
 
-    def __init__(self, machine: LinkMotions, radian: float, millimetres: float) -> None:
+    def __init__(
+        self, machine: LinkMotions, radian: float, millimetres: float = 1.0, is_example: bool = False
+    ) -> None:
         self.machine, self.radian, self.millimetres = machine, radian, millimetres
+        self.extent = None if is_example else machine.extent
 
     def question(
         self,
@@ -387,23 +393,37 @@ class Reader:
 
     def _value(self, at: str, name: str, value: object) -> object:
         match name:
-            case (
-                "retracted" | "stroke" | "reach_max" | "pin_radius" | "time_ratio" | "pressure" | "rod" | "stiffness"
-                | "pivot_distance_min" | "hand_force_max"
-            ):  # fmt: skip
-                check_above_zero(**{at: value})
-                return bounded(at, value, MAX_LENGTH)
+            case "retracted" | "stroke" | "reach_max" | "pin_radius" | "rod" | "pivot_distance_min":
+                return self._length(at, positive(at, value, "number"))
             case "arm_min" | "dead_length":
-                return number(at, value, 0.0)
+                return self._length(at, number(at, value, 0.0))
+            case "time_ratio" | "pressure" | "stiffness" | "hand_force_max":
+                return bounded(at, positive(at, value, "number"), MAX_LENGTH)
             case "transmission_angle_min":
                 return number(at, value, 0.0) * self.radian
             case "ground_box" | "motor_box" | "pin_box":
-                return box(at, value, flat=True)
+                sides = box(at, value, flat=True)
+                self._check_near(at, max(map(abs, sides)))
+                return sides
             case "ground_point" | "motor" | "pin" | "pin_on_link":
-                return pair(at, value, MAX_LENGTH)
+                point = pair(at, value, MAX_LENGTH)
+                self._check_near(at, abs(point))
+                return point
             case "count":
                 return whole_number(at, value, 1, MAX_COUNT)
         return value
+
+    def _length(self, at: str, value: float) -> float:
+        """Return a length that is in proportion to the linkage, if the linkage is known."""
+        extent = self.extent
+        if extent is not None and value and not extent / SIZE_RATIO <= value <= extent * SIZE_RATIO:
+            size = f"{SIZE_RATIO:g} times the linkage's size"
+            raise FieldError(f"/{at}", f"must be a length between {extent:.4g} / {size} and {extent:.4g} * {size}")
+        return bounded(at, value, MAX_LENGTH)
+
+    def _check_near(self, at: str, distance: float) -> None:
+        if self.extent is not None and distance > self.extent * SIZE_RATIO:
+            raise FieldError(f"/{at}", f"lies farther than {SIZE_RATIO:g} times the linkage's size from the origin")
 
 
 def _check_given_ends(at: str, request: ActuatorRequest | MotorRequest, end: str, searched: Sequence[str]) -> None:
@@ -425,38 +445,6 @@ def _check_given_ends(at: str, request: ActuatorRequest | MotorRequest, end: str
     for name in searched:
         if getattr(request, name) is not None:
             raise FieldError(f"/{at}/{name}", "applies only to a search, but both ends are given; remove this field")
-
-
-def check_sizes(question: DriveQuestion, extent: float) -> None:
-    """Raise FieldError for lengths and positions that are out of proportion to the linkage."""
-    lengths = (
-        "retracted",
-        "stroke",
-        "reach_max",
-        "pin_radius",
-        "dead_length",
-        "pivot_distance_min",
-        "arm_min",
-        "rod",
-    )
-    entries: list[tuple[str, int, DriveRequest | SpringRequest]] = [
-        ("drives", k, entry) for k, entry in enumerate(question.drives)
-    ]
-    entries += [("springs", k, entry) for k, entry in enumerate(question.springs)]
-    for group, k, entry in entries:
-        for item in fields(entry):
-            value, at = getattr(entry, item.name), f"/{group}/{k}/{item.name}"
-            size = f"{SIZE_RATIO:g} times the linkage's size"
-            if item.name in lengths and value and not extent / SIZE_RATIO <= value <= extent * SIZE_RATIO:
-                raise FieldError(at, f"must be a length between {extent:.4g} / {size} and {extent:.4g} * {size}")
-            if (
-                item.name in ("ground_box", "motor_box", "pin_box")
-                and value
-                and max(map(abs, value)) > extent * SIZE_RATIO
-            ):
-                raise FieldError(at, f"lies farther than {size} from the origin")
-            if isinstance(value, complex) and abs(value) > extent * SIZE_RATIO:
-                raise FieldError(at, f"lies farther than {size} from the origin")
 
 
 def _list(name: str, value: object, max_entries: int) -> Sequence[Fields]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -24,11 +24,9 @@ _BODY_WIDTH = 0.08
 """Width of an actuator's body in a drawing, as a fraction of its retracted length."""
 
 
-@dataclass(frozen=True)
-class Attached:
-    """A drive that is attached to a linkage."""
+class DriveEnds(NamedTuple):
+    """Ends and lengths of a drive."""
 
-    machine: LinkMotions
     kind: str
     """``rotary``, ``actuator`` or ``dyad``."""
     link: str
@@ -41,17 +39,24 @@ class Attached:
     """Pin in the frame of its link."""
     sizes: tuple[float, float]
     """Retracted length and stroke, or motor crank and rod."""
-    extends: bool = True
+
+
+@dataclass(frozen=True)
+class Attached:
+    """A drive that is attached to a linkage."""
+
+    machine: LinkMotions
+    drive: DriveEnds
     six_bar: SixBar | None = None
     """Six-bar of a motor that swings the linkage."""
 
     def ends(self) -> tuple[Complexes, Complexes]:
         """Return the paths (n,) of the other end and of the pin."""
-        for name in (self.link, self.on):
+        for name in (self.drive.link, self.drive.on):
             if name not in (*self.machine.links, GROUND):
                 raise FieldError("/drive/link", f"this linkage has no {name}")
-        ground = self.machine.end(self.on, self.machine.point_on(self.on, self.ground))
-        return ground, ground if self.kind == "rotary" else self.machine.end(self.link, self.pin)
+        ground = self.machine.end(self.drive.on, self.machine.point_on(self.drive.on, self.drive.ground))
+        return ground, ground if self.drive.kind == "rotary" else self.machine.end(self.drive.link, self.drive.pin)
 
     def knees(self) -> Complexes | None:
         """Return the path (n,) of the joint of motor crank and rod in the forward stroke; None for other drives."""
@@ -61,9 +66,9 @@ class Attached:
         """Return columns of a table over the machine's positions: length, arm, and the coordinates of the joints."""
         ground, pin = self.ends()
         columns: dict[str, Any] = {}
-        if self.kind != "rotary":
-            link = self.machine.seen(self.link, self.on)
-            columns["drive_length"], columns["drive_arm"] = link.leverage(self.ground, self.pin)
+        if self.drive.kind != "rotary":
+            link = self.machine.seen(self.drive.link, self.drive.on)
+            columns["drive_length"], columns["drive_arm"] = link.leverage(self.drive.ground, self.drive.pin)
         knees = self.knees()
         points = {"ground": ground, "pin": pin} | ({} if knees is None else {"knee": knees})
         for name, positions in points.items():
@@ -80,7 +85,7 @@ class Attached:
             Points of each line, and whether it is closed.
         """
         ground, pin = (complex(path[0]) for path in self.ends())
-        if self.kind == "rotary":
+        if self.drive.kind == "rotary":
             return [ground], [], []
         knees = self.knees()
         if knees is not None:
@@ -92,7 +97,7 @@ class Attached:
                 [(np.array([ground, knee, pin]), False), (circle, True)],
             )
         along = (pin - ground) / abs(pin - ground)
-        body, half = 0.85 * self.sizes[0], 0.5 * _BODY_WIDTH * self.sizes[0]
+        body, half = 0.85 * self.drive.sizes[0], 0.5 * _BODY_WIDTH * self.drive.sizes[0]
         corners = np.array([1j * half, body + 1j * half, body - 1j * half, -1j * half])
         rod = np.array([ground + along * body, pin])
         return [ground], [pin], [(ground + along * corners, True), (rod, False)]
@@ -100,8 +105,8 @@ class Attached:
     def arms(self) -> list[Complexes]:
         """Return lines, at the first position, from the joints of each link that carries an end of the drive to that end."""
         lines = []
-        for name, end in ((self.on, self.ends()[0][0]), (self.link, self.ends()[1][0])):
-            if name == GROUND or self.kind == "rotary":
+        for name, end in ((self.drive.on, self.ends()[0][0]), (self.drive.link, self.ends()[1][0])):
+            if name == GROUND or self.drive.kind == "rotary":
                 continue
             joints = [complex(self.machine.link(name).origin[0])]
             if name in self.machine.middles:

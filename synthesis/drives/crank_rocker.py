@@ -10,7 +10,6 @@ and zeta is chosen for the largest minimum transmission angle.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -30,16 +29,12 @@ class CrankRockerOptions:
 
     zetas: int = 2000
     """Number of values of zeta that are evaluated before the best is refined."""
-    refinements: int = 90
-    """Number of golden-section steps around the best value."""
     rod: float = 3.0
     """Rod divided by pin radius for equal times, for which any rod works: at most 1.7 degrees worse than an infinite rod."""
     more_rods: tuple[float, ...] = (2.5, 2.0, 1.6, 1.3, 1.1, 0.9, 4.0, 6.0)
     """Further rods that are tried if the region of the motor is limited."""
     equal_time_tolerance: float = 1e-6
     """Difference from 1 below which a time ratio counts as equal times."""
-    directions: int = 360
-    """Number of directions of the pin about the pivot that are tried."""
     radius_factors: tuple[float, ...] = (1, 0.8, 1.25, 0.6, 1.6, 0.4, 2.2, 0.25, 3, 0.15)
     """Factors of the pin's default radius that are tried."""
 
@@ -81,6 +76,8 @@ def proportions(
         Length of the rod divided by the pin's radius, for equal times only.
     options : CrankRockerOptions
     """
+    from scipy.optimize import minimize_scalar
+
     if not 0 < swing < np.pi:
         return None
     if time_ratio == 1.0:
@@ -104,15 +101,11 @@ def proportions(
     side, k = divmod(int(np.argmax(angles)), zetas.size)
     if angles[side, k] <= 0:
         return None
-    low, high = (zetas[min(max(k + step, 0), zetas.size - 1)] for step in (-1, 1))
-    ratio = (np.sqrt(5) - 1) / 2
-    for _ in range(options.refinements):
-        left, right = high - ratio * (high - low), low + ratio * (high - low)
-        left_angle, right_angle = evaluate(np.array([left, right]))[0][side]
-        low, high = (low, right) if left_angle >= right_angle else (left, high)
-    zeta = (low + high) / 2
-    if evaluate(np.array([zeta]))[0][side, 0] < angles[side, k]:
-        zeta = zetas[k]
+    ends = zetas[[max(k - 1, 0), min(k + 1, zetas.size - 1)]]
+    refined = minimize_scalar(
+        lambda zeta: -evaluate(np.array([zeta]))[0][side, 0], bounds=ends, method="bounded", options={"xatol": 1e-12}
+    )
+    zeta = zetas[k] if -refined.fun < angles[side, k] else float(refined.x)
     angles, motors, crank, rods = evaluate(np.array([zeta]))
     motor = complex(motors[side, 0])
     return Proportions(float(crank[0]), float(rods[0]), abs(motor), motor, float(angles[side, 0]), float(zeta))
@@ -198,19 +191,19 @@ def place_motor_about_pivot(
     if not shapes:
         return f"no crank-rocker swings by {np.rad2deg(swing):.6g} degrees with a time ratio of {ratio:.6g}"
     rising = float(np.sign(turned[-1] - turned[0]))
-    around = np.linspace(0.0, TURN, options.directions, endpoint=False)
-    directions = sorted(around.tolist(), key=lambda angle: min(angle, TURN - angle))
     radii = [radius] if radius_is_fixed else [radius * factor for factor in options.radius_factors]
     radii = radii[:1] + [size for size in radii[1:] if size <= reach]
     bisector = link.direction[0] * np.exp(0.5j * rising * swing)
     for shape in shapes:
         # the shape extends counter-clockwise; its mirror image serves the other direction or the other sense
-        extends_options = (True, False) if rising > 0 else (False, True)
-        motors = [bisector * motor for motor in (shape.motor, shape.motor.conjugate())]
-        for pin in _pins(radii, directions, pivot, motors, box):
+        offsets = (bisector * shape.motor, bisector * shape.motor.conjugate())
+        for size in radii if box is None else [*radii, *_size_in_box(radii, pivot, shape.ground, box)]:
             cycles = []
-            for extends, offset in zip(extends_options, motors):
-                motor, size = complex(pivot + pin * offset), abs(pin)
+            for extends, offset in zip((True, False) if rising > 0 else (False, True), offsets):
+                pin = complex(size)
+                if box is not None:
+                    pin *= np.exp(1j * (direction_into_box(pivot, size * shape.ground, box) - np.angle(offset)))
+                motor = complex(pivot + pin * offset)
                 if box is None or _is_inside(motor, box, pivot):
                     cycles.append(
                         evaluate_motor(link, torque, motor, pin, size * shape.crank, size * shape.rod, extends)
@@ -221,22 +214,12 @@ def place_motor_about_pivot(
     return "no position of the pin puts the motor into motor_box"
 
 
-def _pins(
-    radii: list[float], directions: list[float], pivot: complex, motors: list[complex], box: Box | None
-) -> Iterator[complex]:
-    """Yield the pins of a grid, and for each motor the pin that puts it on the middle of an arc in its box."""
-    yield from (complex(size * np.exp(1j * angle)) for size in radii for angle in directions)
-    if box is None:
-        return
+def _size_in_box(radii: list[float], pivot: complex, ground: float, box: Box) -> list[float]:
+    """Return a radius of the pin, between the smallest and the largest, for which the motor can lie in its box, if any."""
     nearest = complex(min(max(pivot.real, box[0]), box[2]), min(max(pivot.imag, box[1]), box[3]))
     farthest = max(abs(complex(x, y) - pivot) for x in box[::2] for y in box[1::2])
-    distance = abs(motors[0])
-    low, high = max(abs(nearest - pivot) / distance, min(radii)), min(farthest / distance, max(radii))
-    if low <= high:
-        size = radii[0] if low <= radii[0] <= high else (low + high) / 2
-        for motor in motors:
-            direction = direction_into_box(pivot, size * distance, box)
-            yield complex(size * np.exp(1j * (direction - np.angle(motor))))
+    low, high = max(abs(nearest - pivot) / ground, min(radii)), min(farthest / ground, max(radii))
+    return [(low + high) / 2] if low <= high else []
 
 
 def _is_inside(motor: complex, box: Box, pivot: complex) -> bool:

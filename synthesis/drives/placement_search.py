@@ -14,8 +14,7 @@ import numpy as np
 
 from synthesis.arrays import Complexes, Flags, Floats, Ints, rows_at, rows_of_all
 from synthesis.drives.descent import DescentOptions
-from synthesis.drives.placements import TOLERANCE, Actuator, Placement, PlacementLimits, PlacementTask, Refusal, Sizes
-from synthesis.link_motion import LinkMotion
+from synthesis.drives.placements import TOLERANCE, Actuator, Placement, PlacementTask, Refusal, Sizes
 from synthesis.mechanism import Box, outside
 from synthesis.work import Work
 
@@ -47,8 +46,6 @@ class PlacementOptions:
 
 
 OPTIONS = PlacementOptions()
-GRID = 60
-"""Number of grid points in each direction for an actuator of fixed sizes."""
 COARSE_GRID = 30
 """Number of grid points in each direction for a catalogue or free sizes, which gain more from many actuators."""
 _NEIGHBOURS = np.array([complex(x, y) for x in (-1, 0, 1) for y in (-1, 0, 1) if x or y])
@@ -83,29 +80,9 @@ class GridPlacements(NamedTuple):
 
 
 class PlacementSearch(PlacementTask):
-    """Search for placements on one link, for actuators of several sizes.
+    """Search for placements on one link, for actuators of several sizes; for the parameters see `PlacementTask`."""
 
-    Parameters
-    ----------
-    link, at, torque, limits, torque_integral
-        See `PlacementTask`.
-    grid_size : int
-        Number of grid points in each direction.
-    options : PlacementOptions
-    """
-
-    def __init__(
-        self,
-        link: LinkMotion,
-        at: Floats,
-        torque: Floats,
-        limits: PlacementLimits,
-        grid_size: int = GRID,
-        torque_integral: float | None = None,
-        options: PlacementOptions = OPTIONS,
-    ) -> None:
-        super().__init__(link, at, torque, limits, torque_integral)
-        self.options, self.grid_size = options, grid_size
+    options = OPTIONS
 
     # -- entry points -------------------------------------------------------------------------------------------------
 

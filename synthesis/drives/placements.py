@@ -21,6 +21,9 @@ from synthesis.mechanism import Box, outside
 TOLERANCE = 1e-7
 """Allowed violation of the limits of a placement by rounding, as a fraction of its size."""
 
+GRID = 60
+"""Number of grid points in each direction for an actuator of fixed sizes."""
+
 
 class Actuator(NamedTuple):
     """Sizes of an actuator: its retracted length and its stroke."""
@@ -102,6 +105,8 @@ class PlacementTask:
     torque : ndarray, shape (n,)
         Torque that the drive must give. If it is zero everywhere, the search maximizes the minimum arm.
     limits : PlacementLimits
+    grid_size : int
+        Number of grid points of a search in each direction.
     torque_integral : float, optional
         Integral of ``|torque|`` over the interval; by default from the n positions.
     """
@@ -112,8 +117,10 @@ class PlacementTask:
         at: Floats,
         torque: Floats,
         limits: PlacementLimits,
+        grid_size: int = GRID,
         torque_integral: float | None = None,
     ) -> None:
+        self.grid_size = grid_size
         self.link, self.at, self.torque, self.limits = link, at, torque, limits
         self.loaded = bool(np.any(torque))
         burden = np.abs(torque) if self.loaded else np.ones(at.size)

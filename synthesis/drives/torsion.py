@@ -36,52 +36,40 @@ class TorsionRow(NamedTuple):
 
 
 @dataclass(frozen=True)
-class JointAngle:
-    """Continuous angle of a link from another link over a motion, (n,) at travels ``at`` of the drive."""
-
-    between: Between
-    at: Floats
-    angle: Floats
-
-    @classmethod
-    def over(cls, machine: LinkMotions, between: Between) -> JointAngle:
-        """Follow the angle over a motion from its first position to its last."""
-        return cls(between, machine.at, np.unwrap(_difference(machine, between)))
-
-    def turned(self, machine: LinkMotions) -> Floats:
-        """Return the rotation since the first position, at any positions of the motion."""
-        order = np.argsort(self.at)
-        expected = np.interp(machine.at, self.at[order], self.angle[order])
-        angle = _difference(machine, self.between)
-        return np.asarray(angle + TURN * np.round((expected - angle) / TURN) - self.angle[0])
-
-    def rate(self, machine: LinkMotions) -> Floats:
-        """Return its derivative by the drive."""
-        first, second = self.between
-        rate = machine.links[second].rate
-        return rate if first == GROUND else rate - machine.links[first].rate
-
-
-def _difference(machine: LinkMotions, between: Between) -> Floats:
-    first, second = between
-    angle = machine.links[second].angle
-    return angle if first == GROUND else angle - machine.links[first].angle
-
-
-@dataclass(frozen=True)
 class TorsionSpring:
     """A torsion spring in a joint of two links."""
 
     row: TorsionRow
-    joint: JointAngle
-    mounted: float
+    between: Between
+    reference: LinkMotions
+    """Motion along which the angle of the joint is continuous."""
+    mounted: float = 0.0
     """Twist at the first position, in radians."""
-    direction: int
+    direction: int = 1
     """1 if the twist grows with the angle of the second link from the first, else -1."""
+
+    @property
+    def name(self) -> str:
+        """Name of the row of the catalogue."""
+        return self.row.name
+
+    def turned(self, machine: LinkMotions) -> Floats:
+        """Return the rotation in the joint since the first position, at any positions of the motion, (n,)."""
+        known = np.unwrap(_difference(self.reference, self.between))
+        order = np.argsort(self.reference.at)
+        expected = np.interp(machine.at, self.reference.at[order], known[order])
+        angle = _difference(machine, self.between)
+        return np.asarray(angle + TURN * np.round((expected - angle) / TURN) - known[0])
+
+    def rate(self, machine: LinkMotions) -> Floats:
+        """Return the derivative of this rotation by the drive, (n,)."""
+        first, second = self.between
+        rate = machine.links[second].rate
+        return rate if first == GROUND else rate - machine.links[first].rate
 
     def twist(self, machine: LinkMotions) -> Floats:
         """Return the twist over the motion, (n,)."""
-        return self.mounted + self.direction * self.joint.turned(machine)
+        return self.mounted + self.direction * self.turned(machine)
 
     def moment(self, twist: Floats) -> Floats:
         """Return the moment at some twists."""
@@ -89,7 +77,7 @@ class TorsionSpring:
 
     def torque(self, machine: LinkMotions) -> Floats:
         """Return the torque that the drive gives because of the spring, (n,)."""
-        return self.direction * self.moment(self.twist(machine)) * self.joint.rate(machine)
+        return self.direction * self.moment(self.twist(machine)) * self.rate(machine)
 
     def excess(self, machine: LinkMotions) -> Floats:
         """Return by which fraction of the largest twist the twist leaves its range, (n,); negative inside."""
@@ -102,15 +90,11 @@ class TorsionSpring:
         nowhere = np.zeros(machine.at.size, dtype=complex)
         return [Pull(name, nowhere, nowhere, sign * couple) for name, sign in zip(self.between, (1.0, -1.0))]
 
-    @property
-    def between(self) -> Between:
-        """The links of the joint."""
-        return self.joint.between
 
-    @property
-    def name(self) -> str:
-        """Name of the row of the catalogue."""
-        return self.row.name
+def _difference(machine: LinkMotions, between: Between) -> Floats:
+    first, second = between
+    angle = machine.links[second].angle
+    return angle if first == GROUND else angle - machine.links[first].angle
 
 
 def joint_of(machine: LinkMotions, between: Between) -> complex | None:
@@ -163,8 +147,7 @@ def best_torsion_spring(
     best: tuple[tuple[float, float], TorsionSpring] | None = None
     swing = np.inf
     for pair in pairs:
-        joint = JointAngle.over(machine, pair)
-        turned = joint.turned(machine)
+        turned = TorsionSpring(rows[0], pair, machine).turned(machine)
         swing = min(swing, float(np.ptp(turned)))
         for row in rows:
             for direction in (1, -1):
@@ -172,7 +155,9 @@ def best_torsion_spring(
                 low, high = -float(change.min()), row.angle_max - float(change.max())
                 if low > high:
                     continue
-                spring = _mounted(machine, torque, TorsionSpring(row, joint, 0.0, direction), (low, high), behaviour)
+                spring = _mounted(
+                    machine, torque, TorsionSpring(row, pair, machine, 0.0, direction), (low, high), behaviour
+                )
                 left = torque + spring.torque(machine)
                 lack = 0.0 if behaviour is None else float(behaviour.violation(left))
                 rank = lack, rms_of(left)
@@ -192,7 +177,7 @@ def _mounted(
 ) -> TorsionSpring:
     """Return a spring with the best mounting twist within its limits."""
     base = torque + spring.torque(machine)
-    slope = spring.direction * spring.row.rate * spring.joint.rate(machine)
+    slope = spring.direction * spring.row.rate * spring.rate(machine)
     low, high = limits
     square = float(slope @ slope)
     best = -float(base @ slope) / square if square > 0 else low
