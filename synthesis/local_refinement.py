@@ -515,9 +515,9 @@ def refine_function(
     for start in (linkage, turning_fully(linkage, limits.limits.family)):
         if found:
             break
-        ratios = np.log(np.array(start.links[:3]) / start.links[3])
         branch = np.array([float(start.branch)])
-        unknowns = run.with_best_offset(np.array([[*ratios, start.start, 0.0]]), branch)
+        unknowns = FOUR_BAR.unknowns_of(np.array([start.links]), np.array([start.start]))
+        unknowns = run.with_best_offset(unknowns, branch)
         if offset is not None and target.offset is None:
             unknowns[:, 4] = offset + whole_turns(unknowns[:, 4] - offset)
         as_it_is = [answer for answer in answers_within(run.problem, unknowns, branch) if answer is not None]

@@ -23,7 +23,7 @@ from synthesis.defects import faults_of, verdict
 from synthesis.function.answers import Generator, turning_back
 from synthesis.function.laws import LENGTH, FunctionLimits
 from synthesis.function.search import refit
-from synthesis.limits import Limits
+from synthesis.limits import LINKS, Limits
 from synthesis.linkage import Linkage as Plain
 from synthesis.linkage import as_lengths, with_links
 from synthesis.studies.determination import determinations
@@ -48,8 +48,28 @@ def described(
     question: FunctionQuestion, generator: Generator, rank: int, sensitivity: bool, curves: bool
 ) -> FunctionSolution | TravelSolution:
     """Describe a generator in the units of the user."""
+    plain, law, scales = built(question, generator), generator.law, question.scales
+    common = _common(question, generator, plain, rank, curves)
+    if plain.is_four_bar:
+        return _four_bar(question, generator, plain, common, sensitivity)
+    lengths = zip(law.lengths, question.limits.in_user_units(law, generator.lengths).tolist())
+    used = Interval(float(question.travel.min()), float(question.travel.max()))
+    return TravelSolution(
+        **common,
+        kind=plain.kind.value,
+        driver=plain.driver.value,
+        lengths={name: value / question.radian if name == "angle" else value for name, value in lengths},
+        guides=guides_of(plain, question.radian, used),
+        start=common["linkage"].start,
+        input_zero=generator.zero / scales.input,
+    )
+
+
+def _common(
+    question: FunctionQuestion, generator: Generator, plain: Plain, rank: int, curves: bool
+) -> dict[str, Any]:
+    """Return the fields of solutions of all kinds."""
     function, scales, radian = question.function, question.scales, question.radian
-    plain = built(question, generator)
     linkage = Linkage.of(plain, radian, question.target)
     passed = verdict(plain, plain.start + question.travel, timed=True)
     positive, turn = np.array(generator.law.positive), generator.transmission_angle_min_turn
@@ -63,7 +83,7 @@ def described(
     if curves:
         shown = np.linspace(0.0, float(function.crank[-1]), _SHOWN)
         curve = ErrorCurve(shown / scales.input, (generator.output(shown) - function.curve(shown)) / scales.output)
-    common: dict[str, Any] = {
+    return {
         "rank": rank,
         "branch": 1 if plain.branch > 0 else -1,
         "output_offset": generator.offset / scales.output,
@@ -73,19 +93,6 @@ def described(
         "error_curve": curve,
         "linkage": linkage,
     }
-    if plain.is_four_bar:
-        return _four_bar(question, generator, plain, common, sensitivity)
-    lengths = zip(generator.law.lengths, question.limits.in_user_units(generator.law, generator.lengths).tolist())
-    used = Interval(float(question.travel.min()), float(question.travel.max()))
-    return TravelSolution(
-        **common,
-        kind=plain.kind.value,
-        driver=plain.driver.value,
-        lengths={name: value / radian if name == "angle" else value for name, value in lengths},
-        guides=guides_of(plain, radian, used),
-        start=linkage.start,
-        input_zero=generator.zero / scales.input,
-    )
 
 
 def built(question: FunctionQuestion, generator: Generator) -> Plain:
@@ -98,31 +105,24 @@ def built(question: FunctionQuestion, generator: Generator) -> Plain:
 def _four_bar(
     question: FunctionQuestion, generator: Generator, plain: Plain, common: dict[str, Any], sensitivity: bool
 ) -> FunctionSolution:
-    """Describe a four-bar; ``common``: fields of solutions of all kinds."""
-    target, radian, linkage = question.function.target, question.radian, common["linkage"]
+    target, radian, links = question.function.target, question.radian, question.limits.limits.links
     # how a rocker's angle changes with the lengths is how the coupler's does with coupler and rocker exchanged
-    crank, coupler, rocker, ground = plain.links
     exchanged = dataclasses.replace(
-        with_links(plain, (crank, rocker, coupler, ground)), branch=-plain.branch, body_offset=None
+        with_links(plain, as_lengths(plain.links[k] for k in _EXCHANGED)), branch=-plain.branch, body_offset=None
     )
-    given = zip(("crank", "rocker", "coupler", "ground"), question.limits.limits.links)
-    held = [name for name, length in given if length is not None]
-    resolution = max(generator.errors.objective, question.tolerance)
-    (determined,) = determinations(target, [exchanged], [resolution], held)
+    held = [name for name, k in zip(LINKS, _EXCHANGED) if links[k] is not None]
+    (determined,) = determinations(target, [exchanged], [max(generator.errors.objective, question.tolerance)], held)
     by_length: Floats | None = None
     if sensitivity:
         by_length = np.array([change.rotation for change in changes(exchanged, target, radian)])[_EXCHANGED]
-    turn = generator.transmission_angle_min_turn
-    assert plain.family is not None
+    turn, uncertainty = generator.transmission_angle_min_turn, determined.length_uncertainty[_EXCHANGED]
     return FunctionSolution(
         **common,
         links=Links(*plain.links),
-        start_angle=linkage.start_angle,
-        family=plain.family.value,
+        start_angle=common["linkage"].start_angle,
+        family=str(generator.linkage.family),
         transmission_angle_min_turn=None if turn is None else turn / radian,
-        determination=Determination(
-            determined.ill_posed, determined.resolution, (), determined.length_uncertainty[_EXCHANGED]
-        ),
+        determination=Determination(determined.ill_posed, determined.resolution, (), uncertainty),
         sensitivity=by_length,
         rounded=None,
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -78,7 +79,7 @@ class Generator:
         """Return numbers that differ by less than 1 for linkages whose pictures look the same."""
         return self.law.looks(self.linkage, self.lengths)
 
-    @property
+    @cached_property
     def transmission_angle_min_turn(self) -> float | None:
         """Minimum over the whole turn of a four-bar; None if the crank does not turn fully."""
         if self.linkage.family not in FULL_CRANK:
@@ -189,17 +190,17 @@ def finished(problem: FunctionProblem, unknowns: Floats, branch: Floats) -> list
         unknowns = problem.with_offset(unknowns, branch, target.crank, root)
     residual = problem.gap(unknowns, branch, target.crank)
     law, lengths, sides = problem.law.plain(unknowns, branch)
+    shapes = np.zeros((len(branch), 3))
+    shapes[:, : law.size] = law.unknowns(lengths)
+    plain = np.column_stack([shapes, unknowns[:, 3:]])
+    own = law.at(plain, sides, np.zeros((len(branch), 1)), derivatives=False).value[:, 0]
+    own = own - whole_turns(own) if law.output == ANGLE else own
+    offsets = (target.output[0] - residual[:, 0] - own).tolist()
     columns = lengths, sides.astype(int).tolist(), unknowns[:, 3].tolist()
     linkages = [law.linkage(*row) for row in zip(*columns)]
     angles = np.nan_to_num(law.transmission(linkages, target.interval)).tolist()
     errors = _errors_of(problem, unknowns, branch, residual)
-    rows = zip(*columns, errors, linkages, angles, residual[:, 0].tolist())
-    found = []
-    for shape, side, zero, error, linkage, angle, gap in rows:
-        generator = Generator(law, shape, side, zero, 0.0, error, linkage, angle)
-        own = float(generator.output(np.zeros(1))[0])
-        found.append(replace(generator, offset=float(target.output[0]) - gap - own))
-    return found
+    return [Generator(law, *row) for row in zip(*columns, offsets, errors, linkages, angles)]
 
 
 def within_limits(problem: FunctionProblem, unknowns: Floats, branch: Floats) -> list[Generator | None]:
@@ -246,8 +247,7 @@ def generators_of(
     target: TargetFunction, limits: FunctionLimits, lengths: Floats, branch: Floats, start: Floats
 ) -> list[Generator]:
     """Return four-bars of lengths (n, 4) that make a function by least squares, with their errors."""
-    unknowns = np.column_stack([np.log(lengths[:, :3] / lengths[:, 3:]), start, np.zeros(len(lengths))])
-    return finished(FunctionProblem(target, FOUR_BAR, limits, False), unknowns, branch)
+    return finished(FunctionProblem(target, FOUR_BAR, limits, False), FOUR_BAR.unknowns_of(lengths, start), branch)
 
 
 class Generators(FourBar):

@@ -7,9 +7,9 @@ Freudenstein's equation is linear in three ratios of the lengths::
     K3 = (crank^2 - coupler^2 + rocker^2 + 1) / (2 crank rocker)
 
 (F. Freudenstein, Approximate synthesis of four-bar linkages, Trans. ASME 77 (1955) 853-861). So the zeros of both dials are free
-numbers of the family, and every pair fixes one ratio; two pairs leave one ratio free as well. Four pairs leave one zero free, and
-five leave a few four-bars (`dial_zeros`). The improvement moves the free numbers, and never has to trade exactness for anything
-else.
+numbers of the family, and every pair fixes one ratio; two pairs leave one ratio free as well. Four pairs leave one zero free,
+and five leave a few four-bars: random members of the family of three of these pairs are led to them by Newton's method. The
+improvement moves the free numbers, and never has to trade exactness for anything else.
 """
 
 from __future__ import annotations
@@ -24,7 +24,6 @@ from synthesis.arrays import Flags, Floats, rows_at, rows_of_all
 from synthesis.constraints import Constraints
 from synthesis.exact_family import ImprovementOptions, improved
 from synthesis.four_bar import close_loop, transmission_angle_over
-from synthesis.function.dial_zeros import zeros_of_five_pairs, zeros_of_four_pairs
 from synthesis.function.target_function import TargetFunction
 from synthesis.limits import Limits, in_family
 from synthesis.mechanism import Placed
@@ -45,8 +44,14 @@ class FewPairsOptions(ImprovementOptions):
 
     samples: int = 16_000
     """Random members of the family."""
-    samples_on_curve: int = 1440
-    """Number of samples for four pairs, whose zeros lie on a curve."""
+    samples_on_curve: int = 960
+    """Number of samples for four pairs, whose zeros lie on a curve, and for five."""
+    newton_steps: int = 12
+    """Number of Newton steps to the equations of four and five pairs."""
+    damping: float = 1e-15
+    """Damping of these steps, over the trace of their matrix."""
+    solved: float = 1e-10
+    """Residual of the equations above which a sample is discarded."""
     examined: int = 1000
     regions: int = 20
     region_size: float = 0.12
@@ -134,45 +139,15 @@ class ExactFamily:
     def sample(self) -> Parameters:
         """Draw members of the family evenly over its free numbers."""
         options, target = self.options, self.function
-        if self.pairs > 3:
-            return self._sample_on_curve()
         ratio_is_free = self.pairs == 2 and self._held is None
-        count = options.samples if ratio_is_free or target.start is None or target.offset is None else 1
+        several = ratio_is_free or target.start is None or target.offset is None
+        count = (options.samples if self.pairs < 4 else options.samples_on_curve) if several else 1
         start, offset = (
             self.random.uniform(-np.pi, np.pi, count) if zero is None else np.full(count, zero)
             for zero in (target.start, target.offset)
         )
         ratio = self.random.uniform(-options.farthest, options.farthest, count)
         return Parameters(start, offset, ratio if self._held is None else np.full(count, np.log(self._held)))
-
-    def _sample_on_curve(self) -> Parameters:
-        """Return both roots for zeros all around, or for the given zero; the few four-bars of five pairs."""
-        options, target = self.options, self.function
-        if self.pairs == 5:
-            start, offset = zeros_of_five_pairs(target.crank, target.output)
-            return Parameters(start, offset, np.zeros_like(start))
-        prescribed = [zero for zero in (target.start, target.offset) if zero is not None]
-        zeros = np.array(prescribed or np.arange(options.samples_on_curve) * (np.pi / options.samples_on_curve))
-        pairs = np.repeat(zeros, 2), self._other_zeros(zeros).ravel()
-        start, offset = pairs if target.offset is None else pairs[::-1]
-        return Parameters(start, offset, np.zeros_like(start))
-
-    def _other_zeros(self, zeros: Floats) -> Floats:
-        """Return the two offsets for starts (n,), or the two starts for given offsets, of four pairs, (n, 2)."""
-        crank, output = self.function.crank, self.function.output
-        if self.function.offset is None:
-            return zeros_of_four_pairs(zeros[:, None] + crank, output)
-        return -zeros_of_four_pairs(output - zeros[:, None], crank)
-
-    def _on_curve(self, parameters: Parameters) -> Parameters:
-        """Return parameters of four pairs with the nearest zero for which the equations are dependent."""
-        free = "offset" if self.function.offset is None else "start"
-        initial = getattr(parameters, free)
-        roots = self._other_zeros(parameters.start if free == "offset" else parameters.offset)
-        away = roots - initial[:, None]
-        away -= np.pi * np.round(away / np.pi)
-        nearest = np.argmin(np.abs(np.nan_to_num(away, nan=np.inf)), axis=1)
-        return parameters._replace(**{free: initial + away[np.arange(initial.size), nearest]})
 
     def moved(self, parameters: Parameters, step: float) -> Parameters:
         """Return random neighbours of parameters, by changes of very different sizes."""
@@ -193,34 +168,53 @@ class ExactFamily:
         A negative length is a positive length whose link points in the opposite direction, which a dial without a given zero
         allows.
         """
-        if self.pairs == 4:
-            parameters = self._on_curve(parameters)
         pairs = np.unique(np.linspace(0, self.pairs - 1, 3).round().astype(int))
-        crank = parameters.start[:, None] + self.function.crank[pairs]
-        rocker = self.function.output[pairs] - parameters.offset[:, None]
-        columns = [np.cos(rocker), -np.cos(crank), np.ones_like(crank)]
-        right = np.cos(crank - rocker)
+        rows, right = self._equations(parameters.start, parameters.offset, pairs)
+        columns = list(np.moveaxis(rows, 2, 0))
         ratio = np.exp(-parameters.ratio)
         if self.pairs == 2:
             right = right - columns.pop(0 if self._by_crank else 1) * ratio[:, None]
-        matrix = np.stack(columns, axis=2)
         # a pair of dials at which the equations are dependent has no neighbour that is exact in rounded numbers
         with np.errstate(all="ignore"):
-            found = _solved(matrix, right)
+            found = _solved(columns, right)
             if self.pairs == 2:
                 found = np.insert(found, 0 if self._by_crank else 1, ratio, axis=1)
-            first, second, third = found.T
-            start = parameters.start + np.where((first < 0) & (self.function.start is None), np.pi, 0.0)
-            offset = parameters.offset - np.where((second < 0) & (self.function.offset is None), np.pi, 0.0)
-            third = third * np.where(self.function.start is None, np.sign(first), 1.0)
-            third = third * np.where(self.function.offset is None, np.sign(second), 1.0)
-            first = np.abs(first) if self.function.start is None else first
-            second = np.abs(second) if self.function.offset is None else second
-            l1, l3 = 1 / first, 1 / second
-            l2 = np.sqrt(l1 * l1 + l3 * l3 + 1 - 2 * l1 * l3 * third)
+            unknowns = np.column_stack([found, parameters.start, parameters.offset])
+            first, second, third, start, offset = (self._corrected(unknowns) if self.pairs > 3 else unknowns).T
+            turned = (first < 0) & (self.function.start is None), (second < 0) & (self.function.offset is None)
+            start, offset = start + np.where(turned[0], np.pi, 0.0), offset - np.where(turned[1], np.pi, 0.0)
+            l1, l3 = (1 / np.where(turns, -value, value) for turns, value in zip(turned, (first, second)))
+            l2 = np.sqrt(l1 * l1 + l3 * l3 + 1 - 2 * l1 * l3 * np.where(turned[0] != turned[1], -third, third))
         lengths = np.stack([l1, l2, l3, np.ones_like(l1)], axis=1)
         lengths[~np.all(lengths > 0, axis=1)] = np.nan
         return Parameters(start, offset, parameters.ratio), lengths
+
+    def _equations(self, start: Floats, offset: Floats, pairs: Any = slice(None)) -> tuple[Floats, Floats]:
+        """Return Freudenstein's equations of pairs for the three ratios: matrices (n, N, 3) and right sides (n, N)."""
+        crank, rocker = start[:, None] + self.function.crank[pairs], self.function.output[pairs] - offset[:, None]
+        return np.stack([np.cos(rocker), -np.cos(crank), np.ones_like(crank)], axis=2), np.cos(crank - rocker)
+
+    def _corrected(self, unknowns: Floats) -> Floats:
+        """Return ratios and zeros (n, 5) after Newton steps to the equations of four or five pairs; NaN if they fail."""
+        target, finite = self.function, np.isfinite(unknowns).all(axis=1)
+        free = np.flatnonzero([True, True, True, target.start is None, target.offset is None])
+        found, residual = unknowns[finite], np.empty(0)
+        for _ in range(self.options.newton_steps):
+            first, second, _, start, offset = found.T[:, :, None]
+            rows, right = self._equations(start[:, 0], offset[:, 0])
+            crank, rocker = start + target.crank, target.output - offset
+            turned = np.sin(crank - rocker)
+            zeros = np.stack([second * np.sin(crank) + turned, first * np.sin(rocker) + turned], axis=2)
+            slope = np.concatenate([rows, zeros], axis=2)[:, :, free]
+            residual = (rows @ found[:, :3, None])[:, :, 0] - right
+            square = slope @ slope.transpose(0, 2, 1)
+            damping = self.options.damping * np.trace(square, axis1=1, axis2=2)
+            multipliers = np.linalg.solve(square + damping[:, None, None] * np.eye(self.pairs), residual[:, :, None])
+            found[:, free] -= (slope.transpose(0, 2, 1) @ multipliers)[:, :, 0]
+        found[~(np.abs(residual).max(axis=1, initial=0.0) < self.options.solved)] = np.nan
+        out = np.full_like(unknowns, np.nan)
+        out[finite] = found
+        return out
 
     def parallelograms(self) -> Candidates:
         """Return the parallelograms that turn the output as far as the input, for which the equations are dependent."""
@@ -305,9 +299,11 @@ def function_merit(lengths: Floats, transmission: Floats, sized: bool) -> Floats
     return merit(size, transmission, np.zeros_like(longest), longest / lengths.min(axis=1))
 
 
-def _solved(matrix: Floats, right: Floats) -> Floats:
-    """Return the solutions of two or three equations (n, k, k) by Cramer's rule; not finite if they are dependent."""
-    columns = list(np.moveaxis(matrix, 2, 0))
+def _solved(columns: list[Floats], right: Floats) -> Floats:
+    """Return the solutions (n, k) of two or three equations by Cramer's rule; not finite if they are dependent.
+
+    ``columns``: k columns (n, k) of the matrices.
+    """
 
     def determinant(parts: list[Floats]) -> Floats:
         if len(parts) == 2:

@@ -23,7 +23,7 @@ from synthesis.fourbar.mechanism import AnyChart
 from synthesis.function.target_function import TargetFunction
 from synthesis.guides import Driver, Kind
 from synthesis.kernels import codes
-from synthesis.limits import Limits
+from synthesis.limits import LINKS, Limits
 from synthesis.linkage import Linkage, as_lengths, four_bar
 from synthesis.mechanism import Placed
 from synthesis.solution import looks_of
@@ -78,7 +78,7 @@ class FunctionLimits:
     @classmethod
     def of_four_bar(cls, limits: Limits) -> FunctionLimits:
         """Return the limits of a four-bar, whose ground is 1 if it is not prescribed."""
-        links = zip(FOUR_BAR.lengths, limits.links)
+        links = zip(LINKS[:3], limits.links)
         return cls(limits, {name: length for name, length in links if length is not None}, limits.links[3] or 1.0)
 
     @cached_property
@@ -153,34 +153,39 @@ class Law:
 
 
 class FourBarLaw(Law):
-    """Angle of the rocker of a four-bar with the ground 1."""
+    """Angle of the rocker of a four-bar with the ground 1.
 
-    def shape(self, unknowns: Floats) -> tuple[Floats, Floats]:
-        """Return the lengths (n, 4) of unknowns (n, 5), and their derivatives by the first four unknowns, (n, 4, 4)."""
-        lengths = np.concatenate([np.exp(unknowns[:, :3]), np.ones((len(unknowns), 1))], axis=1)
-        slopes = np.zeros((len(unknowns), 4, 4))
-        slopes[:, range(3), range(3)] = lengths[:, :3]
-        return lengths, slopes
+    It is the angle of the coupler if coupler and rocker are exchanged, plus half a turn; so the unknowns are those of the
+    chart of all four-bars, in which the rocker comes before the coupler.
+    """
+
+    def logarithms(self, unknowns: Floats) -> tuple[Floats, Floats | None]:
+        """Return the logarithms of the lengths (n, 3), and their derivatives by the first four unknowns, (n, 3, 4).
+
+        The derivatives are None if these logarithms are the unknowns.
+        """
+        return unknowns[:, :3], None
 
     def at(self, unknowns: Floats, branch: Floats, travel: Floats, derivatives: bool = True) -> OutputCurve:
-        """Return the rocker angle, which is that of the coupler if coupler and rocker are exchanged, plus half a turn."""
-        lengths, slopes = self.shape(unknowns)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            chart = np.log(lengths[:, [0, 2, 1]] / lengths[:, 3:])
-        possible: Flags = np.all(np.isfinite(chart), axis=1)
-        found = AnyChart().at(
-            np.where(possible[:, None], chart, 0.0), unknowns[:, 3:4] + travel, -branch, derivatives
-        )
+        """Return the rocker angle at crank angles (n, M) from the first sample."""
+        logarithms, by = self.logarithms(unknowns)
+        possible = np.isfinite(logarithms).all(axis=1, keepdims=True)
+        found = AnyChart().at(np.where(possible, logarithms, 0.0), unknowns[:, 3:4] + travel, -branch, derivatives)
         slope = found.slope
-        if derivatives:
-            by_log = slopes[:, [0, 2, 1]] / np.where(possible[:, None], lengths[:, [0, 2, 1]], 1.0)[:, :, None]
-            slope = by_log.transpose(0, 2, 1) @ found.slope[:, :3]
+        if derivatives and by is not None:
+            slope = by.transpose(0, 2, 1) @ found.slope[:, :3]
             slope[:, 3] += found.slope[:, 3]
-        return OutputCurve(found.angle + np.pi, slope, (found.closes & possible)[:, None])
+        return OutputCurve(found.angle + np.pi, slope, found.closes[:, None] & possible)
 
     def linkage(self, lengths: Floats, branch: int, zero: float, scale: float = 1.0) -> Linkage:
         """Return the linkage with its crank at the zero, and the ground ``scale``."""
-        return four_bar(as_lengths([*lengths, scale]), branch, zero)
+        crank, rocker, coupler = lengths
+        return four_bar(as_lengths((crank, coupler, rocker, scale)), branch, zero)
+
+    def unknowns_of(self, links: Floats, start: Floats) -> Floats:
+        """Return unknowns (n, 5) of four-bars of lengths (n, 4) and crank angles at the first sample (n,), with the offset 0."""
+        ratios = np.log(links[:, [0, 2, 1]] / links[:, 3:])
+        return np.column_stack([ratios, start, np.zeros(len(links))])
 
     def bounds(self, limits: Limits, largest: bool) -> tuple[float, float]:
         """Return the smallest and the largest length over the ground."""
@@ -194,11 +199,13 @@ class FourBarLaw(Law):
         constraints = Constraints(replace(without, transmission_angle_min=smallest_angle), smooth=True)
 
         def evaluate(unknowns: Floats) -> tuple[Floats, Floats]:
-            lengths, by_unknown = self.shape(unknowns)
+            logarithms, by = self.logarithms(unknowns)
+            lengths = np.column_stack([np.exp(logarithms), np.ones(len(unknowns))])
             used = target.interval.after(unknowns[:, 3])
             found = constraints(Placed(lengths, np.ones(len(lengths)), used))
+            by_logarithm = found.slopes[:, :, :3] * lengths[:, None, :3]
             slopes = np.zeros((*found.values.shape, 5))
-            slopes[:, :, :4] = found.slopes[:, :, :4] @ by_unknown
+            slopes[:, :, : 3 if by is None else 4] = by_logarithm if by is None else by_logarithm @ by
             slopes[:, :, 3] += found.slopes[:, :, codes.BY_FIRST] + found.slopes[:, :, codes.BY_LAST]
             margin = OPTIONS.margin * np.array([name != "link_ratio_max" for name in found.names])
             return found.values - margin, slopes
@@ -230,4 +237,4 @@ class FourBarLaw(Law):
         return looks_of(linkage)
 
 
-FOUR_BAR = FourBarLaw(Kind.FOUR_BAR, Driver.CRANK, ANGLE, ("crank", "coupler", "rocker"), (1, -1))
+FOUR_BAR = FourBarLaw(Kind.FOUR_BAR, Driver.CRANK, ANGLE, ("crank", "rocker", "coupler"), (1, -1))

@@ -26,11 +26,12 @@ from synthesis.constraints import keeps
 from synthesis.four_bar import close_loop, transmission_angle_over
 from synthesis.function.answers import Generator, generators_of, within_limits
 from synthesis.function.few_pairs import function_merit
-from synthesis.function.laws import ANGLE, FOUR_BAR, FunctionLimits
-from synthesis.function.problem import AnyLaw, FunctionProblem
+from synthesis.function.laws import ANGLE, FunctionLimits
+from synthesis.function.problem import FunctionProblem
 from synthesis.function.target_function import TargetFunction
 from synthesis.function.travel_laws import LAWS
 from synthesis.guides import Kind
+from synthesis.limits import LINKS
 from synthesis.mechanism import Placed
 from synthesis.ranking import distinct_rows, merit
 from synthesis.target import TURN, Interval
@@ -162,7 +163,7 @@ def slider_crank_answers(target: TargetFunction, alpha: float, limits: FunctionL
     law = next(law for law in LAWS if (law.kind, law.input) == (Kind.SLIDER_CRANK, ANGLE))
     if "offset" in limits.prescribed:
         limits = replace(limits, prescribed={**limits.prescribed, "offset": -abs(limits.prescribed["offset"])})
-    family = all_slider_cranks(alpha, _prescribed(limits, law))
+    family = all_slider_cranks(alpha, _prescribed(limits, law.lengths))
     crank, rod, _ = family.lengths.T
     transmission = slider_crank_transmission(family)
     merits = merit(rod, transmission, np.zeros_like(rod), rod / crank)
@@ -206,7 +207,7 @@ def crank_rocker_answers(target: TargetFunction, alpha: float, limits: FunctionL
     """Return distinct crank-rockers within limits, the most practical first."""
     family = "crank_rocker" if limits.limits.family == "any" else limits.limits.family
     limits = replace(limits, limits=replace(limits.limits, family=family))
-    lengths, branch, start = exact_crank_rockers(target, alpha, _prescribed(limits, FOUR_BAR))
+    lengths, branch, start = exact_crank_rockers(target, alpha, _prescribed(limits, LINKS[:3]))
     used = Interval(start, start + TURN)
     inside = keeps(target.target, limits.relative, Placed(lengths, branch, used), OPTIONS.rounding)
     lengths, branch, start = lengths[inside], branch[inside], start[inside]
@@ -216,9 +217,10 @@ def crank_rocker_answers(target: TargetFunction, alpha: float, limits: FunctionL
     return generators_of(target, limits, lengths[order], branch[order], start[order])
 
 
-def _prescribed(limits: FunctionLimits, law: AnyLaw) -> list[tuple[int, float]]:
-    lengths = limits.prescribed_in(law)[: law.size]
-    return [(index, float(lengths[index])) for index in np.flatnonzero(~np.isnan(lengths)).tolist()]
+def _prescribed(limits: FunctionLimits, names: Sequence[str]) -> list[tuple[int, float]]:
+    """Return the indices and values over the scale of the prescribed lengths among those of some names."""
+    given = limits.prescribed
+    return [(index, given[name] / limits.scale) for index, name in enumerate(names) if name in given]
 
 
 def _between(count: int) -> Floats:

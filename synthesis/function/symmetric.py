@@ -39,13 +39,14 @@ class SymmetricLaw(FourBarLaw):
     first: float = 0.0
     """Input at the first sample, from the symmetric position."""
 
-    def shape(self, unknowns: Floats) -> tuple[Floats, Floats]:
-        """Return the lengths (n, 4) of unknowns (n, 5), and their derivatives by the first four unknowns, (n, 4, 4)."""
-        arm, angle, one = np.exp(unknowns[:, 0]), unknowns[:, 3] - self.first, np.ones(len(unknowns))
-        lengths, slopes = np.stack([arm, 1 - 2 * arm * np.cos(angle), arm, one], axis=1), np.zeros((len(arm), 4, 4))
-        slopes[:, 0, 0] = slopes[:, 2, 0] = arm
-        slopes[:, 1, 0], slopes[:, 1, 3] = -2 * arm * np.cos(angle), 2 * arm * np.sin(angle)
-        return lengths, slopes
+    def logarithms(self, unknowns: Floats) -> tuple[Floats, Floats]:
+        """Return the logarithms of the lengths (n, 3), and their derivatives by the first four unknowns, (n, 3, 4)."""
+        arm, angle = np.exp(unknowns[:, 0]), unknowns[:, 3] - self.first
+        slopes, coupler = np.zeros((len(arm), 3, 4)), 1 - 2 * arm * np.cos(angle)
+        slopes[:, 0, 0] = slopes[:, 1, 0] = 1.0
+        with np.errstate(invalid="ignore", divide="ignore"):
+            slopes[:, 2, 0], slopes[:, 2, 3] = (coupler - 1) / coupler, 2 * arm * np.sin(angle) / coupler
+            return np.column_stack([unknowns[:, 0], unknowns[:, 0], np.log(coupler)]), slopes
 
     def side(self, unknowns: Floats) -> Floats:
         """Return the branches (n,) of trapezoids, which are not crossed."""
@@ -60,7 +61,7 @@ class SymmetricLaw(FourBarLaw):
 
     def plain(self, unknowns: Floats, branch: Floats) -> tuple[FourBarLaw, Floats, Floats]:
         """Return the lengths (n, 3) and branches (n,) of four-bars."""
-        return FOUR_BAR, self.shape(unknowns)[0][:, :3], self.side(unknowns)
+        return FOUR_BAR, np.exp(self.logarithms(unknowns)[0]), self.side(unknowns)
 
     def bounds(self, limits: Limits, largest: bool) -> tuple[float, float]:
         """Return the shortest and the longest arm over the ground."""
