@@ -67,7 +67,7 @@ class Grid:
     def __init__(self, perimeter: int, starts: int) -> None:
         self.name = f"perimeter {perimeter}, step {360 // starts} deg"
         lengths = product.enumerate_types(product.TypeRule(perimeter, 1, product.OrderRule.FULL_CRANK)).astype(float)
-        self.scan = product.ErrorTable(product.FOURBAR, lengths, starts, 64, 1e-3, (8, 20))
+        self.scan = product.ErrorTable(lengths, starts, 64, 1e-3, (8, 20))
         self.unknowns = product.FullCrankChart().unknowns(self.scan.lengths)
 
     def rows(self, target: product.Target) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -324,7 +324,7 @@ def measure(cases: Annotated[int, "of each class"] = 30) -> Iterator[dict[str, A
     baselines.need()
     begin = time.perf_counter()
     grids = [Grid(perimeter, starts) for perimeter in PERIMETERS for starts in STARTS]
-    fast = partial(fast_methods, product.SeedTables(product.FOURBAR), product.scan_of(product.TypeRule()))
+    fast = partial(fast_methods, product.SeedTables(), product.scan_of(product.TypeRule()))
     warm = product.target_of(make_case("plain", 999).request)
     list(fast(grids[:1], warm)), list(slow_methods(warm, 0))
     runs: dict[str, Any] = {}

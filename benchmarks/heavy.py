@@ -39,7 +39,7 @@ def heavy_within(
         found = problem.descended(seeds.timed.take(chosen), STAGES)
         found, _ = problem.moved_onto(found.timed)
         found = found.take(np.isfinite(found.cost))
-        linkages = problem.linkages(product.FOURBAR, found)
+        linkages = problem.linkages(found)
         within = product.FOURBAR.within(target, limits, product.FOURBAR.assess(target, linkages))
         smallest = min([smallest, *(linkage.errors.objective for linkage in within)])
     return float(smallest) if np.isfinite(smallest) else None

@@ -101,7 +101,7 @@ class General:
         """Return J of the linkage at a point; infinite outside the limits."""
         at = point[None] * np.concatenate([[family], np.ones(point.size - 1)])
         pool = self.problem.measured(self.timed(at, np.array([branch])), posed=not self.posed)
-        linkages = self.problem.linkages(product.FOURBAR, pool)
+        linkages = self.problem.linkages(pool)
         found = product.FOURBAR.within(self.target, self.limits, product.FOURBAR.assess(self.target, linkages))
         return found[0].errors.objective if found else np.inf
 
@@ -155,7 +155,7 @@ def evolution(target: product.Target, limits: product.Limits) -> float:
 
 def measure_kind(kind: str, cases: int) -> list[dict[str, Any]]:
     """Return the rows of a kind: fraction near the best known J and times of each method."""
-    tables = product.SeedTables(product.FOURBAR)
+    tables = product.SeedTables()
     tables.windows("full_crank")
     methods: dict[str, tuple[list[float], Times]] = {}
     first: list[float] = []

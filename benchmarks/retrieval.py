@@ -24,7 +24,6 @@ from threadpoolctl import threadpool_limits
 import linkage_atlas as la
 from benchmarks import report
 from benchmarks.scan_times import CLASSES, request
-from synthesis.fourbar.mechanism import FOURBAR
 from synthesis.search.error_table import ErrorTable
 
 LARGE_SAMPLES = 128
@@ -45,7 +44,7 @@ def measure_plain(lengths: Any) -> list[float]:
     """Return the milliseconds of a plain matrix product over all windows, for each class, from a part of the types."""
     chosen = np.sort(np.random.default_rng(1).permutation(len(lengths))[:PLAIN_TYPES])
     parts = [
-        ErrorTable(FOURBAR, lengths[part].astype(float), 360, 256, 3e-7, (5, 8, 12, 16, 24, 32, 64), positions=False)
+        ErrorTable(lengths[part].astype(float), 360, 256, 3e-7, (5, 8, 12, 16, 24, 32, 64), positions=False)
         for part in np.array_split(chosen, max(1, chosen.size // PLAIN_AT_ONCE))
     ]
     times = []

@@ -15,7 +15,7 @@ from linkage_atlas.motions import Motion
 from linkage_atlas.preferences import accuracy_goal, arranged, balanced, improved
 from linkage_atlas.ranking import Ranking, group_of
 from linkage_atlas.studies import Studies
-from linkage_atlas.task import Fair, Task, screen, seed_tables
+from linkage_atlas.task import Fair, Task, seed_tables
 from linkage_atlas.warm_start import FOR_STARTS, Start, pointing_to_start
 from synthesis.atlas.scan import Scan
 from synthesis.four_bar import Family, wrap
@@ -297,9 +297,7 @@ def search_four_bars(
 
     def search_within(limits: Limits) -> tuple[list[Solution], SearchReport]:
         if isinstance(samples, Poses):
-            return search_free(
-                samples, limits, max_results, tolerance, work, screen, source.windows, rounds, obstacles
-            )
+            return search_free(samples, limits, max_results, tolerance, work, rounds, obstacles)
         return search(source, samples, limits, max_results, tolerance, work)
 
     found, report = search_within(limits)

@@ -26,10 +26,8 @@ from linkage_atlas.warm_start import Start, StartingLinkage, check_refine_only, 
 from synthesis.assembly.sizes import default_widths
 from synthesis.atlas.scan import Scan
 from synthesis.errors import FieldError
-from synthesis.fourbar.mechanism import FOURBAR
 from synthesis.free.few_poses import Obstacles
-from synthesis.free.screen import PathScreen
-from synthesis.free.search import path_screen
+from synthesis.free.screen import path_screen
 from synthesis.limits import Limits, Reach
 from synthesis.ranking import FAIR_PROPORTION, PROPORTION
 from synthesis.search.seeds import SeedTables
@@ -60,13 +58,7 @@ class SearchOptions:
 @cache
 def seed_tables() -> SeedTables:
     """Return the coarse tables of the search, which the first call makes."""
-    return SeedTables(FOURBAR)
-
-
-@cache
-def screen(family: str) -> PathScreen:
-    """Return the screen for paths with free crank angles, which the first call makes."""
-    return path_screen(family)
+    return SeedTables()
 
 
 def prepare() -> None:
@@ -78,7 +70,7 @@ def prepare() -> None:
     >>> la.prepare()
     """
     seed_tables()
-    screen("full_crank")
+    path_screen("full_crank")
 
 
 class Fair(NamedTuple):

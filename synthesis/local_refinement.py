@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 from synthesis.arrays import Floats
 from synthesis.descents import Pool, Stage, Timed
 from synthesis.four_bar import grashof_excesses, wrap
-from synthesis.fourbar.mechanism import FOURBAR, AnyChart, FullCrankChart, mounted
+from synthesis.fourbar.mechanism import FOURBAR, AnyChart, Bounded, FullCrankChart, mounted
 from synthesis.free.dyads import chart_of
 from synthesis.free.joint import JointProblem
 from synthesis.free.limited import limited_problem, refined_within
@@ -45,7 +45,6 @@ from synthesis.function.search import FunctionSearch
 from synthesis.function.target_function import TargetFunction
 from synthesis.limits import Limits, in_family
 from synthesis.linkage import Linkage, with_links
-from synthesis.mechanism import Bounded
 from synthesis.pose import whole_turns
 from synthesis.poses import Poses
 from synthesis.ranking import Answer, Status
@@ -278,7 +277,7 @@ class _Descents:
         problem = GivenProblem(self.target, chart)
         starts = candidates_of(self.target, chart, linkages, np.array([[linkage.start] for linkage in linkages]))
         found = problem.descended(starts, OPTIONS.free_stages, 0.0, self.work)
-        ends = problem.linkages(FOURBAR, found.take(np.isfinite(found.cost)))
+        ends = problem.linkages(found.take(np.isfinite(found.cost)))
         self.found += self.within_limits(assess(self.target, ends))
 
     def lead_within(
@@ -294,7 +293,7 @@ class _Descents:
         found, _ = problem.moved_onto(found.timed)
         if not np.isfinite(found.cost).all():
             return []
-        linkages = problem.linkages(FOURBAR, found)
+        linkages = problem.linkages(found)
         self.found += self.within_limits(self.assessed(linkages))
         return linkages
 

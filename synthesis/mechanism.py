@@ -1,28 +1,24 @@
-"""Interface of a mechanism to the scan and the search; the package of each mechanism implements it.
+"""Shapes of four-bars in charts, and four-bars placed within limits.
 
-A mechanism here is planar and driven by a crank. Its *body* is attached to the crank pin and turns by a single angle. The crank
-turns by theta1, the body by theta2, and a point P of the body moves as::
+The crank turns by theta1, the coupler, which is the *body*, by theta2, and a point P of the body moves as::
 
     P = A + z1 e^{i theta1} + z2 e^{i theta2}
 
-with A the fixed pivot of the crank, so that pose and body point are linear (see `pose`) and everything else is common to all
-mechanisms. Lengths are rows whose first entry is the crank; all lengths scale together. A *shape* is a set of lengths up to
-scale, and a *chart* describes shapes by unknowns without bounds. A *candidate* consists of the unknowns of a shape, theta1 at the
-first sample, and a branch.
+with A the fixed pivot of the crank, so that pose and body point are linear (see `pose`). All lengths scale together. A *shape* is
+a set of lengths up to scale, and a *chart* describes shapes by unknowns without bounds. A *candidate* consists of the unknowns of
+a shape, theta1 at the first sample, and a branch.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from synthesis.arrays import Complexes, Flags, Floats
 from synthesis.kernels import crank_loops
-from synthesis.linkage import Linkage
-from synthesis.target import Interval, Target
+from synthesis.target import Interval
 
 Box = tuple[float, float, float, float]
 """xmin, ymin, xmax, ymax"""
@@ -62,7 +58,7 @@ class Chart:
     """Coordinates of shapes for a search: unknowns (n, k) that the compiled kernel makes lengths of."""
 
     kind: int
-    """Code of the mechanism in the kernel."""
+    """Code of the chart in the kernel."""
     sheet: int = 0
     """-1: only linkages with L1 < L4; +1: only L1 > L4; 0: both."""
     cell: Floats
@@ -138,20 +134,6 @@ class Constrained(NamedTuple):
         return np.where(self.equal, np.abs(self.values), np.maximum(-self.values, 0.0))
 
 
-class Constraints(Protocol):
-    """The limits of a request in a unit of length."""
-
-    @property
-    def any(self) -> bool:
-        """True if there are constraints."""
-
-    def __call__(self, placed: Placed, derivatives: bool = True) -> Constrained:
-        """Evaluate the constraints at linkages in this unit, with derivatives if required."""
-
-    def compiled(self, posed: bool) -> Any:
-        """Return them as limits of `synthesis.kernels.four_bar_limits`, for linkages with a pose or for their shapes only."""
-
-
 class Boxes(NamedTuple):
     """Positions that the limits allow for the pivots, as required for seeds; lengths over l, positions from the mean position."""
 
@@ -178,87 +160,3 @@ class Boxes(NamedTuple):
 
 def _clipped(point: Complexes, box: Box) -> Complexes:
     return np.clip(point.real, box[0], box[2]) + 1j * np.clip(point.imag, box[1], box[3])
-
-
-class Bounded(NamedTuple):
-    """One way to look for the best linkages of a target within limits."""
-
-    chart: Chart
-    constraints: Constraints
-    on_shape: Constraints
-    """Limits that concern only shape and start."""
-    boxes: Boxes | None
-    """Boxes if limits concern the pose or actual lengths; otherwise the best pose of a shape is used."""
-    types: Floats = np.empty((0, 4))
-    """Initial lengths (T, 4) if no coarse type is close to the given lengths."""
-
-
-class Limits(Protocol):
-    """Limits of the solutions."""
-
-    @property
-    def family(self) -> str:
-        """Name of the requested family."""
-
-    @property
-    def only_family(self) -> bool:
-        """True if only the family is limited."""
-
-    def mirrored(self) -> Any:
-        """Return the limits for a mirrored target."""
-
-
-class Mechanism(Protocol):
-    """A kind of mechanism as a search needs it: rotation of the body, types, charts, limits, and linkages."""
-
-    @property
-    def branches(self) -> tuple[int, ...]:
-        """Ways to assemble it. Law: if there is a -1, theta2 there at -theta1 is minus theta2 of +1, up to a constant."""
-
-    @property
-    def coarse_types(self) -> Floats:
-        """Lengths (T, d) of types whose crank turns fully: where the search takes its first seeds from."""
-
-    def winding(self, lengths: Floats) -> NDArray[np.integer[Any]]:
-        """Return the turns of the body during a turn of the crank, (T,)."""
-
-    def body_angle(self, lengths: Floats, branch: ArrayLike, crank: Floats) -> Floats:
-        """Return continuous theta2 at crank angles (n, N) or (N,), shape (n, N).
-
-        NaN if the loop does not close, and for a branch that is equal to another branch.
-        """
-
-    def in_family(self, family: str, lengths: Floats) -> Flags:
-        """Return flags (T,) of the types of a table that belong to a family."""
-
-    def charts(self, family: str) -> Sequence[Chart]:
-        """Return the charts in which linkages of a family are searched, in order; the coarse types are of the first chart."""
-
-    def bounded(self, target: Target, limits: Any) -> Sequence[Bounded]:
-        """Return the search spaces of a target within limits, in the order of the search; empty if they are unknown."""
-
-    def bounded_types(self, family: str) -> Floats:
-        """Lengths (T, d) of coarse types of a family for that, those next to its bounds among them."""
-
-    def keeps(self, target: Target, limits: Any, placed: Placed) -> Flags:
-        """Return flags (n,) of linkages in the user's unit that satisfy limits."""
-
-    def within(self, target: Target, limits: Any, solutions: list[Any]) -> list[Any]:
-        """Return the solutions that satisfy limits, checked with their own dimensions."""
-
-    def mounted(self, target: Target, lengths: Floats, branch: ArrayLike, start: Floats) -> list[Any]:
-        """Linkages with actual lengths in their best pose, of shapes that close at every sample."""
-
-    def posed(
-        self,
-        lengths: Floats,
-        branch: Floats,
-        start: Floats,
-        pose: tuple[Complexes, Floats, Complexes] | None,
-    ) -> list[Any]:
-        """Build linkages with actual lengths in a given pose: pivot A, ground angle, and z2; None if nothing is mounted."""
-
-    def assess(
-        self, target: Target, linkages: Sequence[Linkage], /, *, rows: Sequence[int] | None = None
-    ) -> list[Any]:
-        """Return the linkages with their errors, recomputed from their own numbers: each is a `ranking.Answer`."""

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,7 +23,7 @@ from synthesis.fourbar.dimension_types import OrderRule, TypeRule, enumerate_typ
 from synthesis.kernels import codes
 from synthesis.limits import PIVOTS, Limits, in_family
 from synthesis.linkage import Linkage, as_lengths, four_bar
-from synthesis.mechanism import Bounded, Box, Boxes, Chart
+from synthesis.mechanism import Box, Boxes, Chart
 from synthesis.pose import fit_positions
 from synthesis.solution import assess
 from synthesis.target import TURN, Samples, Target
@@ -152,6 +152,19 @@ _FREE = (0.05, 4.0), (1, 40, 12)
 _EVERYWHERE: Box = (-np.inf, -np.inf, np.inf, np.inf)
 
 
+class Bounded(NamedTuple):
+    """One way to look for the best linkages of a target within limits."""
+
+    chart: Chart
+    constraints: Constraints
+    on_shape: Constraints
+    """Limits that concern only shape and start."""
+    boxes: Boxes | None
+    """Boxes if limits concern the pose or actual lengths; otherwise the best pose of a shape is used."""
+    types: Floats = np.empty((0, 4))
+    """Initial lengths (T, 4) if no coarse type is close to the given lengths."""
+
+
 def search_spaces(target: Samples, limits: Limits, posed: bool | None = None) -> list[Bounded]:
     """Return the search spaces of four-bars within limits: full cranks, and then all four-bars if any family is allowed.
 
@@ -259,7 +272,7 @@ def mounted(target: Target, lengths: ArrayLike, branch: ArrayLike, start: ArrayL
 
 
 class FourBar:
-    """The four-bar whose coupler is the body; lengths are crank, coupler, rocker, ground. See `synthesis.mechanism.Mechanism`."""
+    """The four-bar whose coupler is the body; lengths are crank, coupler, rocker, ground."""
 
     kind = "four_bar"
     branches = (1, -1)

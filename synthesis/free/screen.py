@@ -11,13 +11,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
 from synthesis.arrays import Floats
 from synthesis.descents import Timed
-from synthesis.mechanism import Chart, Mechanism
+from synthesis.fourbar.dimension_types import OrderRule, TypeRule, enumerate_types
+from synthesis.fourbar.mechanism import FOURBAR, FullCrankChart
+from synthesis.limits import in_family
+from synthesis.mechanism import Chart
 from synthesis.poses import Poses
+from synthesis.search.seeds import first_in_cells
 from synthesis.target import TURN
 
 
@@ -25,6 +30,8 @@ from synthesis.target import TURN
 class ScreenOptions:
     """Options of the screen of paths."""
 
+    perimeter: int = 28
+    """Sum of the lengths of a type."""
     starts: int = 18
     """Number of starts of each type."""
     samples: int = 64
@@ -59,23 +66,22 @@ Missing = Callable[[Floats, Floats, Floats], Floats]
 
 
 class PathScreen:
-    """Types of a mechanism with their series, prepared once.
+    """Types of four-bars whose crank turns fully, with their series, prepared once.
 
     Parameters
     ----------
-    mechanism : Mechanism
-    lengths : ndarray, shape (T, d)
-        Types whose crank turns fully.
-    spread : Chart
-        Chart whose cells distinguish seeds.
+    family : str
+        Family of `limits.FAMILIES`.
     """
 
-    def __init__(self, mechanism: Mechanism, lengths: Floats, spread: Chart) -> None:
+    def __init__(self, family: str) -> None:
+        lengths = enumerate_types(TypeRule(OPTIONS.perimeter, 1, OrderRule.FULL_CRANK)).astype(float)
+        lengths, spread = lengths[in_family(family, lengths)], FullCrankChart()
         self.lengths = lengths
         self.cells = spread.unknowns(lengths) / spread.cell[:-1]
         self.start_cell = float(spread.cell[-1])
         crank = np.linspace(0.0, TURN, OPTIONS.samples, endpoint=False)
-        phasor = np.exp(1j * mechanism.body_angle(lengths, np.ones(len(lengths)), crank))
+        phasor = np.exp(1j * FOURBAR.body_angle(lengths, np.ones(len(lengths)), crank))
         spectrum = np.fft.fft(phasor, axis=1) / OPTIONS.samples
         self.harmonics = np.arange(-OPTIONS.harmonics, OPTIONS.harmonics + 1)
         series = spectrum[:, self.harmonics]
@@ -158,10 +164,7 @@ class PathScreen:
         kind, side = np.divmod(window, 2)
         start, span = self.start[best[guess, kind, side]], guesses[guess, -1]
         coordinates = np.column_stack([self.cells[kind], start / self.start_cell, span / OPTIONS.span_cell, side])
-        cells = np.floor(coordinates).astype(np.int64)
-        # a single number for each cell: many times faster to sort than rows
-        _, first = np.unique((cells + 64) @ (1 << 8 * np.arange(cells.shape[1])), return_index=True)
-        pick = np.sort(first)[: OPTIONS.seeds]
+        pick = first_in_cells(coordinates)[: OPTIONS.seeds]
         return Timed(
             chart.unknowns(self.lengths[kind[pick]]),
             np.zeros((pick.size, 3), dtype=complex),
@@ -187,6 +190,12 @@ class PathScreen:
             ),
             widest,
         )
+
+
+@cache
+def path_screen(family: str) -> PathScreen:
+    """Return the screen of a family, which the first call makes."""
+    return PathScreen(family)
 
 
 def _within(crank: Floats, widest: float) -> Floats:

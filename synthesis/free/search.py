@@ -16,7 +16,7 @@ lost requests, because in long curved valleys the cost of the right seed is not 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, islice
 from typing import Any, NamedTuple
@@ -29,14 +29,13 @@ from synthesis.constraints import keeps
 from synthesis.descents import Pool, Stage, Timed
 from synthesis.errors import FieldError
 from synthesis.four_bar import coupler_angle, transmission_angle_over, wrap
-from synthesis.fourbar.dimension_types import OrderRule, TypeRule, enumerate_types
-from synthesis.fourbar.mechanism import FOURBAR, AnyChart, FullCrankChart, search_spaces
+from synthesis.fourbar.mechanism import FOURBAR, AnyChart, search_spaces
 from synthesis.free.dyads import FEW, chart_of, exact_motion, near_motion
 from synthesis.free.few_poses import NONE_CLEAR, Candidates, Obstacles, exact_four_bars, is_few
 from synthesis.free.free_timing import FreeTiming, FreeTimingOptions, free_timing
 from synthesis.free.limited import guessed_windows, placed_within
-from synthesis.free.screen import PathScreen
-from synthesis.limits import Limits, in_family
+from synthesis.free.screen import path_screen
+from synthesis.limits import Limits
 from synthesis.linkage import Linkage
 from synthesis.mechanism import Chart, Placed
 from synthesis.poses import Poses
@@ -47,7 +46,7 @@ from synthesis.search.options import Schedule, SearchOptions
 from synthesis.search.prescribed_timing import in_portions
 from synthesis.search.report import SearchReport, StoppedBy
 from synthesis.search.search import DEFAULT_TOLERANCE
-from synthesis.search.seeds import Windows
+from synthesis.search.seeds import Windows, windows_of
 from synthesis.solution import Solution, assess
 from synthesis.target import TURN, Interval, Target
 from synthesis.work import Work
@@ -245,26 +244,12 @@ class FreeSearchOptions:
 
 
 OPTIONS = FreeSearchOptions()
-_PERIMETER = 28
 
 
 # -- the search ----------------------------------------------------------------------------------------------------
 
 
-def bounded_windows(family: str) -> Windows:
-    """Return the windows that a search within limits begins with."""
-    return Windows(FOURBAR, FOURBAR.bounded_types(family))
-
-
-Screen = Callable[[str], PathScreen]
-"""Gives the screen of a family, which the caller stores."""
 Run = MultiStart[FreeTiming]
-
-
-def path_screen(family: str) -> PathScreen:
-    """Return the screen for paths, of the types of a family whose crank turns fully."""
-    lengths = enumerate_types(TypeRule(_PERIMETER, 1, OrderRule.FULL_CRANK)).astype(float)
-    return PathScreen(FOURBAR, lengths[in_family(family, lengths)], FullCrankChart())
 
 
 def search_free(
@@ -273,8 +258,6 @@ def search_free(
     top: int,
     tolerance: float = DEFAULT_TOLERANCE,
     work: Work | None = None,
-    screen: Screen = path_screen,
-    windows: Callable[[str], Windows] = bounded_windows,
     rounds: int | None = None,
     obstacles: Obstacles | None = None,
 ) -> tuple[list[Solution], SearchReport]:
@@ -290,8 +273,6 @@ def search_free(
         Objective below which the search ends.
     work : Work, optional
         When it has expired, the best solutions so far are returned.
-    screen, windows : callable
-        Tables for paths and for limits, by family; the caller builds them once.
     rounds : int, optional
         Largest number of rounds of descents within the limits; default: until they gain nothing.
     obstacles : Obstacles, optional
@@ -325,7 +306,7 @@ def search_free(
             trace = [(work.elapsed, min(solution.errors.objective for solution in exact))]
             return exact, SearchReport(StoppedBy.TOLERANCE, trace, 0.0, candidates.merit.size, notes=notes)
     found = Incumbents(tolerance, note)
-    search = FreeSearch(poses, limits, found, work, screen, windows, rounds)
+    search = FreeSearch(poses, limits, found, work, rounds)
     ended = search.run()
     solutions: list[Solution] = []
     for chart, pool in found.pools.items():
@@ -351,8 +332,6 @@ class FreeSearch:
         limits: Limits,
         incumbents: Incumbents,
         work: Work,
-        screen: Screen,
-        windows: Callable[[str], Windows],
         rounds: int | None,
         options: FreeSearchOptions = OPTIONS,
     ) -> None:
@@ -360,7 +339,6 @@ class FreeSearch:
         self._within: dict[str, Run] = {}
         """Searches within the limits, by family."""
         self.max_rounds = np.inf if rounds is None else rounds
-        self.screen, self.windows = screen, windows
         self.seeds = 0
         self.has_dyads = FEW < poses.full.size == poses.samples
         if not poses.ordered and poses.full.size < min(options.full_samples, poses.samples):
@@ -459,7 +437,7 @@ class FreeSearch:
             sight = self.options.exact_in_sight_within
 
         def windows() -> Iterator[Timed]:
-            seeds = problem.search.facing(self.screen(family).seeds(problem.thin, problem.chart))
+            seeds = problem.search.facing(path_screen(family).seeds(problem.thin, problem.chart))
             stops = np.cumsum(options.windows)
             yield from (seeds.take(slice(stop - count, stop)) for count, stop in zip(options.windows, stops))
 
@@ -472,9 +450,9 @@ class FreeSearch:
     def _guesses(self, run: Run, family: str) -> Iterator[Timed]:
         """Yield windows at guessed crank angles, in poses within the limits; the best are offered as answers."""
         limits, problem = self.limits, run.problem
-        tables = [self.windows(family)] if family == "any" else []
+        tables = [windows_of(family)] if family == "any" else []
         if None not in limits.links:  # no table contains the linkage with the given lengths
-            tables.append(Windows(FOURBAR, np.array([limits.links], dtype=float)))
+            tables.append(Windows(np.array([limits.links], dtype=float)))
         within = replace(limits, family=family)
         for guess in zip(*(guessed_windows(self.poses, within, table) for table in tables)):
             for seeds in guess:
@@ -489,7 +467,7 @@ class FreeSearch:
                 smallest = transmission_angle_over(lengths, Interval(first, last))
                 return np.maximum(limits.transmission_angle_min - np.nan_to_num(smallest), 0.0)
 
-        screen, search = self.screen(family), problem.search
+        screen, search = path_screen(family), problem.search
         boxes = search_spaces(problem.thin, limits, posed=True)[0].boxes if search.limited else None
         count = self.options.first_answers
 

@@ -5,20 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from synthesis.arrays import Floats
 from synthesis.four_bar import FULL_CRANK, transmission_angle_over
-from synthesis.fourbar.mechanism import FourBar
 from synthesis.function.laws import ANGLE, FOUR_BAR, FunctionLimits
 from synthesis.function.problem import AnyLaw, FunctionProblem
 from synthesis.function.target_function import TargetFunction
-from synthesis.limits import Limits, in_family
+from synthesis.limits import in_family
 from synthesis.linkage import Linkage
 from synthesis.pose import whole_turns
-from synthesis.target import TURN, Interval, Samples, Target
+from synthesis.target import TURN, Interval
 
 
 @dataclass(frozen=True)
@@ -250,28 +249,17 @@ def generators_of(
     return finished(FunctionProblem(target, FOUR_BAR, limits, False), FOUR_BAR.unknowns_of(lengths, start), branch)
 
 
-class Generators(FourBar):
-    """The four-bar as the search for motions sees it, whose answers are function generators.
+def exchanged_back(target: TargetFunction, limits: FunctionLimits, linkages: Sequence[Linkage]) -> list[Generator]:
+    """Return four-bars whose couplers make a motion as generators whose rockers make it, with coupler and rocker exchanged.
 
-    The search is for linkages with coupler and rocker exchanged.
+    Only generators of the family that close over the interval are returned.
     """
-
-    def __init__(self, target: TargetFunction, limits: FunctionLimits) -> None:
-        self.function, self.limits = target, limits
-
-    def assess(
-        self, target: Target, linkages: Sequence[Linkage], /, *, rows: Sequence[int] | None = None
-    ) -> list[Any]:
-        """Return the linkages exchanged back, as generators with the errors of their rockers."""
-        columns = np.array([(*linkage.links, linkage.branch, linkage.start) for linkage in linkages]).reshape(-1, 6)
-        lengths, branch, start = columns[:, [0, 2, 1, 3]], -columns[:, 4], columns[:, 5]
-        return generators_of(self.function, self.limits, lengths, branch, start)
-
-    def within(self, samples: Samples, limits: Limits, solutions: Sequence[Any]) -> list[Any]:
-        """Return the solutions of the family that close over the interval."""
-        links = np.array([solution.linkage.links for solution in solutions]).reshape(-1, 4)
-        accepted = zip(solutions, in_family(limits.family, links))
-        return [solution for solution, keep in accepted if keep and solution.transmission_angle_min > 0]
+    columns = np.array([(*linkage.links, linkage.branch, linkage.start) for linkage in linkages]).reshape(-1, 6)
+    lengths, branch, start = columns[:, [0, 2, 1, 3]], -columns[:, 4], columns[:, 5]
+    found = generators_of(target, limits, lengths, branch, start)
+    links = np.array([generator.linkage.links for generator in found]).reshape(-1, 4)
+    accepted = zip(found, in_family(limits.limits.family, links))
+    return [generator for generator, keep in accepted if keep and generator.transmission_angle_min > 0]
 
 
 def turning_back(target: TargetFunction, generator: Generator) -> tuple[float, float] | None:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from synthesis.four_bar import Family
-from synthesis.function.answers import Generator, Generators, fraction_back, generators_of
+from synthesis.function.answers import Generator, exchanged_back, fraction_back, generators_of
 from synthesis.function.few_pairs import HARDLY_BACK, MOST_PAIRS, exact_functions, function_merit, is_few
 from synthesis.function.laws import FOUR_BAR, FunctionLimits
 from synthesis.function.problem import AnyLaw
@@ -159,8 +160,8 @@ def _generate_any(
     """Search for ``many`` four-bars for any number of pairs; see `generate`."""
     if largest or not limits.relative.only_family or target.one_way:
         return _searched(FOUR_BAR, target, limits, largest, many, tolerance, work)
-    mechanism, family = Generators(target, limits), Limits(family=limits.limits.family)
-    found, report = search(tables, target.target, family, many, tolerance, work, mechanism)
+    family, answers = Limits(family=limits.limits.family), partial(exchanged_back, target, limits)
+    found, report = search(tables, target.target, family, many, tolerance, work, answers)
     prescribed = target.start is not None or target.offset is not None
     lopsided = _is_lopsided(found, tolerance)
     missed = prescribed and Status.of(found, tolerance) is not Status.REACHED

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from synthesis.arrays import Complexes, Floats, Ints
-from synthesis.mechanism import Mechanism
+from synthesis.fourbar.mechanism import FOURBAR
 from synthesis.pose import fixed_columns
 from synthesis.target import TURN, Mean, Target
 
@@ -75,12 +75,11 @@ def _group(rows: Ints, winding: int, spectrum: Complexes, harmonics: int, positi
 
 
 class ErrorTable:
-    """Types of a mechanism as short series, prepared once.
+    """Types of four-bars as short series, prepared once.
 
     Parameters
     ----------
-    mechanism : Mechanism
-    lengths : ndarray, shape (T, d)
+    lengths : ndarray, shape (T, 4)
         Types whose crank turns fully.
     starts : int
         Starts over the turn, evenly spaced from 0.
@@ -96,7 +95,6 @@ class ErrorTable:
 
     def __init__(
         self,
-        mechanism: Mechanism,
         lengths: Floats,
         starts: int,
         samples: int,
@@ -104,10 +102,10 @@ class ErrorTable:
         harmonics: tuple[int, ...],
         positions: bool = True,
     ) -> None:
-        self.mechanism, self.lengths, self.starts = mechanism, lengths, starts
+        self.lengths, self.starts = lengths, starts
         crank = np.arange(samples, dtype=float) * (TURN / samples)
-        winding = mechanism.winding(lengths).astype(int)
-        periodic = mechanism.body_angle(lengths, np.ones(len(lengths)), crank) - winding[:, None] * crank
+        winding = FOURBAR.winding(lengths).astype(int)
+        periodic = FOURBAR.body_angle(lengths, np.ones(len(lengths)), crank) - winding[:, None] * crank
         spectrum = np.fft.rfft(periodic, axis=1) / samples
         spectrum[:, [0, -1]] = 0  # the best offset takes up any constant; the highest harmonic has no phase
         tails = np.cumsum(2 * np.abs(spectrum[:, ::-1]), axis=1)[:, ::-1]
@@ -122,30 +120,24 @@ class ErrorTable:
             if (rows := np.flatnonzero((choice == index) & (winding == turns))).size
         ]
 
-    @property
-    def nbytes(self) -> int:
-        """Memory of the series in bytes."""
-        return sum(value.nbytes for group in self._groups for value in group if isinstance(value, np.ndarray))
-
     def squared(self, target: Target) -> Floats:
         """Return the approximate squared error of every window, (types, branches, starts), branch +1 first."""
-        branches = len(self.mechanism.branches)
-        result = np.zeros((len(self.lengths), branches * self.starts))
+        result = np.zeros((len(self.lengths), 2 * self.starts))
         highest = 2 * max((max(g.harmonics, g.phasors.shape[1] // 2) for g in self._groups), default=0)
-        matrices = _Matrices(target, highest, self.starts, branches)
+        matrices = _Matrices(target, highest, self.starts)
         for group in self._groups:
             if target.rotation is not None:
                 result[group.rows] += matrices.rotation(group)
             if target.position is not None:
                 result[group.rows] += matrices.position(group)
-        return np.maximum(result, 0.0).reshape(-1, branches, self.starts)
+        return np.maximum(result, 0.0).reshape(-1, 2, self.starts)
 
 
 class _Matrices:
     """Matrices of a request, one row a window: branch +1 at all starts, then branch -1."""
 
-    def __init__(self, target: Target, highest: int, starts: int, branches: int) -> None:
-        self._target, self._branches = target, branches
+    def __init__(self, target: Target, highest: int, starts: int) -> None:
+        self._target = target
         harmonics = np.arange(highest + 1)
         self._phases = np.exp(1j * np.outer(np.arange(starts) * (TURN / starts), harmonics))
         self._waves = np.exp(1j * np.outer(target.crank, harmonics))
@@ -155,7 +147,7 @@ class _Matrices:
         return mean.weighted(values) @ self._waves / mean.total
 
     def _both(self, shifted: Complexes, sign: int = 1) -> Complexes:
-        return np.concatenate([shifted, sign * np.conj(shifted)][: self._branches])
+        return np.concatenate([shifted, sign * np.conj(shifted)])
 
     def _average(self, mean: Mean, harmonics: int) -> Floats:
         means = self._means(np.ones(self._target.samples), mean)[1 : harmonics + 1]

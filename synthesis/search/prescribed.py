@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
 from synthesis.arrays import Complexes, Floats
+from synthesis.constraints import Constraints
 from synthesis.descents import Pool, Problem, Timed
+from synthesis.fourbar.mechanism import FOURBAR, Bounded
 from synthesis.linkage import Linkage
-from synthesis.mechanism import Bounded, Chart, Constraints, Mechanism
+from synthesis.mechanism import Chart
 from synthesis.pose import DEGENERATE
 from synthesis.target import Samples, Target
 
@@ -49,15 +50,15 @@ class GivenProblem(Problem):
         offset = self.target.offset
         return samples.rotation - (samples.rotation_mean(samples.rotation) if offset is None else offset)
 
-    def linkages(self, mechanism: Mechanism, pool: Pool) -> list[Any]:
+    def linkages(self, pool: Pool) -> list[Linkage]:
         """Return candidates as linkages: in their own pose if limits concern it, otherwise in their best pose."""
         timed, target = pool.timed, self.target
         lengths, start = self.chart.shape(timed.shape).lengths, timed.angles[:, 0]
         if not self.posed:
-            return mechanism.mounted(target, lengths, timed.branch, start)
+            return FOURBAR.mounted(target, lengths, timed.branch, start)
         (a, z1, z2), scale = timed.pose.T, target.length_scale
         lengths = lengths * (scale * np.abs(z1) / lengths[:, 0])[:, None]
-        return mechanism.posed(lengths, timed.branch, start, (target.middle + scale * a, np.angle(z1), scale * z2))
+        return FOURBAR.posed(lengths, timed.branch, start, (target.middle + scale * a, np.angle(z1), scale * z2))
 
 
 def problem_of(target: Target, space: Bounded) -> GivenProblem:

@@ -9,7 +9,7 @@ import numpy as np
 
 from synthesis.arrays import Floats
 from synthesis.descents import Pool, Timed
-from synthesis.mechanism import Bounded
+from synthesis.fourbar.mechanism import Bounded
 from synthesis.search.crank_driven import CrankDriven, Refinements
 from synthesis.search.multistart import Incumbents, MultiStart
 from synthesis.search.options import SearchOptions

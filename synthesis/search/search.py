@@ -27,14 +27,19 @@ import numpy as np
 
 from synthesis.arrays import Floats
 from synthesis.descents import Pool, Stage, Timed
-from synthesis.mechanism import Chart, Limits, Mechanism
+from synthesis.fourbar.mechanism import FOURBAR
+from synthesis.limits import Limits
+from synthesis.linkage import Linkage
+from synthesis.mechanism import Chart
 from synthesis.ranking import APART, Status, distinct
 from synthesis.search.multistart import Incumbents
 from synthesis.search.prescribed import GivenProblem, candidates_at
 from synthesis.search.prescribed_timing import PrescribedTiming, prescribed_timing
 from synthesis.search.report import SearchReport, stopped_by
-from synthesis.search.seeds import FINER, SeedTables, Windows, thinned
+from synthesis.search.seeds import FINER, SeedTables, Windows, thinned, windows_of
+from synthesis.solution import assess
 from synthesis.target import Target
+from synthesis.violations import within
 from synthesis.work import Work
 
 # -- rounds --------------------------------------------------------------------------------------------------------
@@ -103,9 +108,9 @@ class _Search:
         limits: Limits,
         tolerance: float,
         work: Work,
-        mechanism: Mechanism | None = None,
+        answers: Callable[[Sequence[Linkage]], list[Any]] | None = None,
     ) -> None:
-        self.tables, self.mechanism = tables, mechanism or tables.mechanism
+        self.tables, self.answers = tables, answers or self._assessed
         self.target, self.limits, self.tolerance, self.work = target, limits, tolerance, work
         self.thin_target = target.thinned(SEARCH_SAMPLES)
         self.trace: list[tuple[float, float]] = []
@@ -113,7 +118,7 @@ class _Search:
         self.screen_seconds = 0.0
         self.screened: Pool | None = None
         self.taken = 0
-        self.use(self.mechanism.charts(limits.family)[0])
+        self.use(FOURBAR.charts(limits.family)[0])
 
     def use(self, chart: Chart) -> None:
         """Continue in another chart, with an empty pool."""
@@ -134,7 +139,7 @@ class _Search:
             self.screened = self.tables.best_starts(self.thin_target, self.limits.family)
             self.screen_seconds += self.work.elapsed - begin
         table, before, self.taken = self.screened.timed, self.taken, plan.fresh
-        fresh = [np.flatnonzero(table.branch == branch)[before : plan.fresh] for branch in self.mechanism.branches]
+        fresh = [np.flatnonzero(table.branch == branch)[before : plan.fresh] for branch in FOURBAR.branches]
         return table.take(np.concatenate(fresh)).joined(starts)
 
     def free_search(self, *rounds: Round) -> None:
@@ -180,8 +185,11 @@ class _Search:
             return []
         problem = self.problem if self.thin_target is self.target else GivenProblem(self.target, self.chart)
         found = problem.descended(best, [Stage(iterations)], 0.0, self.work, steps_after_first=np.inf)
-        linkages = problem.linkages(self.mechanism, found)
-        return self.mechanism.within(self.target, self.limits, self.mechanism.assess(self.target, linkages))
+        return self.answers(problem.linkages(found))
+
+    def _assessed(self, linkages: Sequence[Linkage]) -> list[Any]:
+        """Return linkages within the limits with their errors."""
+        return within(self.target, self.limits, assess(self.target, linkages))
 
     # -- within limits, or if no linkage is exact ---------------------------------------------------------------------
 
@@ -203,9 +211,9 @@ class _Search:
             OPTIONS.polish_steps if is_close and not self.reached else OPTIONS.alternative_steps,
         )
 
-    def bounded_search(self, windows: Callable[[str], Windows], solutions: list[Any], top: int) -> list[Any]:
+    def bounded_search(self, solutions: list[Any], top: int) -> list[Any]:
         """Continue within the limits, in each chart in turn; return new solutions and the better ones of the given solutions."""
-        charts, spaces = self.mechanism.charts(self.limits.family), self.mechanism.bounded(self.target, self.limits)
+        charts, spaces = FOURBAR.charts(self.limits.family), FOURBAR.bounded(self.target, self.limits)
         if self.target.start is not None or self.target.offset is not None:
             spaces = []  # these spaces treat the start and the offset as unknowns
         is_tested = self.limits.only_family
@@ -220,11 +228,11 @@ class _Search:
             family = "full_crank" if self.limits.family == "any" and space is spaces[0] else self.limits.family
             run = prescribed_timing(self.target, space, found, self.work)
             problem = run.problem
-            seeds = problem.seeds(windows(family), run)
+            seeds = problem.seeds(windows_of(family), run)
             late = self.work.expired() and space.chart in found.pools
             begin = [] if late else list(islice(seeds, 1))
             if not (begin or late) and len(space.types):
-                seeds = problem.seeds(Windows(self.mechanism, space.types, FINER), run)
+                seeds = problem.seeds(Windows(space.types, FINER), run)
                 begin = list(islice(seeds, 1))
             max_error = 0.0 if late else np.inf
             if not (is_tested or late):  # a single round shows if an exact answer satisfies the limits
@@ -255,8 +263,7 @@ class _Search:
 
     def _finished(self, problem: PrescribedTiming, pool: Pool, chart: Chart, top: int) -> list[Any]:
         """Return the solutions of a pool; near an exact answer also in the chart without bounds."""
-        chosen = problem.within.linkages(self.mechanism, pool.take(slice(0, 8 * top + 20)))
-        solutions = self.mechanism.within(self.target, self.limits, self.mechanism.assess(self.target, chosen))
+        solutions = self.answers(problem.within.linkages(pool.take(slice(0, 8 * top + 20))))
         close = pool.take(pool.cost < OPTIONS.close**2)
         if close.cost.size:
             self.use(chart)
@@ -286,14 +293,13 @@ def search(
     top: int,
     tolerance: float = DEFAULT_TOLERANCE,
     work: Work | None = None,
-    mechanism: Mechanism | None = None,
+    answers: Callable[[Sequence[Linkage]], list[Any]] | None = None,
 ) -> tuple[list[Any], SearchReport]:
     """Find the best linkages for a motion.
 
     Parameters
     ----------
     tables : SeedTables
-        Tables of the requested mechanism.
     target : Target
     limits : Limits
     top : int
@@ -302,26 +308,25 @@ def search(
         Objective below which the search ends.
     work : Work, optional
         When it expires, the best solutions found are returned.
-    mechanism : Mechanism, optional
-        Mechanism that moves as the mechanism of the tables but builds other solutions. Default: the mechanism of the
-        tables.
+    answers : callable, optional
+        Makes answers of linkages and omits those outside the limits. Default: their errors, and all limits.
 
     Returns
     -------
     solutions : list
-        Solutions of the mechanism within the limits. A mirrored target gives the mirrored linkages.
+        Answers within the limits. A mirrored target gives the mirrored linkages.
     report : SearchReport
     """
     clockwise = target.clockwise
     if clockwise:  # the same search serves both mirror images
         target, limits = target.mirrored(), limits.mirrored()
-    run = _Search(tables, target, limits, tolerance, work or Work(), mechanism)
+    run = _Search(tables, target, limits, tolerance, work or Work(), answers)
     solutions: list[Any] = []
     if limits.only_family:
         solutions = run.try_without_limits(FIRST_ROUNDS, top)
     run.note(np.array([s.errors.objective for s in solutions]) ** 2)
     if not (run.done(solutions) or (solutions and run.reached)):
-        solutions = run.bounded_search(tables.windows, solutions, top)
+        solutions = run.bounded_search(solutions, top)
     solutions = distinct(solutions, top, APART, exact=tolerance)
     report = run.report(solutions)
     return [s.mirrored() for s in solutions] if clockwise else solutions, report

@@ -14,14 +14,17 @@ coordinate descent to the best pair within them.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.arrays import Complexes, Floats, Singles, rows_at
+from synthesis.constraints import Constraints
 from synthesis.descents import Pool, Timed
-from synthesis.mechanism import Boxes, Chart, Constraints, Mechanism, Placed
+from synthesis.fourbar.mechanism import FOURBAR
+from synthesis.mechanism import Boxes, Chart, Placed
 from synthesis.search.error_table import ErrorTable
 from synthesis.search.prescribed import GivenProblem, candidates_at
 from synthesis.target import TURN, Mean, Target
@@ -70,16 +73,16 @@ FINER = 4
 
 
 class Windows:
-    """The windows of a mechanism's coarse types, their angles prepared once (2 MB).
+    """The windows of coarse types, their angles prepared once (2 MB).
 
     Single precision is finer than the table, and halves the time of a screen. ``finer``: times the usual starts and steps.
     """
 
-    def __init__(self, mechanism: Mechanism, lengths: Floats, finer: int = 1) -> None:
-        self.mechanism, self.lengths = mechanism, lengths
+    def __init__(self, lengths: Floats, finer: int = 1) -> None:
+        self.lengths = lengths
         self.starts, self.steps = STARTS * finer, OPTIONS.steps * finer
         grid = np.linspace(0, TURN, self.steps + 1)
-        tables = np.stack([mechanism.body_angle(lengths, side, grid) for side in mechanism.branches])
+        tables = np.stack([FOURBAR.body_angle(lengths, side, grid) for side in FOURBAR.branches])
         self.wound = np.nan_to_num(tables[:, :, -1] - tables[:, :, 0]).astype(np.float32)
         self.tables = tables.astype(np.float32)
 
@@ -123,7 +126,7 @@ class Windows:
             reach = np.repeat(shortest, starts), np.repeat(largest, starts)
             miss = np.where(reach[0] > OPTIONS.spare * reach[1], np.inf, miss)
         windows, sides, angles = [], [], []
-        for side, sign in enumerate(self.mechanism.branches):
+        for side, sign in enumerate(FOURBAR.branches):
             close = np.flatnonzero(miss < OPTIONS.missing_max)
             angle = self.angles(side, target.crank, close)
             closed = np.isfinite(angle).all(axis=1)
@@ -159,10 +162,15 @@ class Windows:
         coordinates = np.hstack(
             [problem.chart.shape_coordinates(timed.shape), timed.angles / 0.6, timed.branch[:, None]]
         )
-        cells = np.floor(coordinates[order]).astype(np.int64)
-        # a single number for each cell: many times faster to sort than rows
-        _, first = np.unique((cells + 64) @ (1 << 8 * np.arange(cells.shape[1])), return_index=True)
-        return timed.take(order[np.sort(first)])
+        return timed.take(order[first_in_cells(coordinates[order])])
+
+
+def first_in_cells(coordinates: Floats) -> NDArray[np.intp]:
+    """Return the indices of the first point (n, m) in each unit cell, in their order."""
+    cells = np.floor(coordinates).astype(np.int64)
+    # a single number for each cell: many times faster to sort than rows
+    _, first = np.unique((cells + 64) @ (1 << 8 * np.arange(cells.shape[1])), return_index=True)
+    return np.sort(first)
 
 
 def _smallest(merit: Floats, count: int) -> NDArray[np.intp]:
@@ -291,77 +299,48 @@ def thinned(pool: Pool, count: int, cell: float = 0.05) -> Pool:
     return best.take(np.sort(first)[:count])
 
 
-class SeedTable(NamedTuple):
-    """A coarse table of types, prepared for seeds."""
+class SeedTables:
+    """The coarse types of four-bars, prepared once: a table for the first rounds, windows for a search within limits."""
 
-    errors_of: ErrorTable
-    chart: Chart
-    """The mechanism's first,"""
-    unknowns: Floats
-    """and the types in it."""
+    def __init__(self) -> None:
+        self.lengths = FOURBAR.coarse_types
+        self.errors_of = ErrorTable(
+            self.lengths, OPTIONS.starts, OPTIONS.table_samples, OPTIONS.series_error, OPTIONS.harmonics
+        )
+        self.chart: Chart = FOURBAR.charts("full_crank")[0]
+        self.shapes = self.chart.unknowns(self.lengths)
 
     def errors(self, target: Target) -> tuple[Floats, Floats]:
-        """Squared errors (T, branches, starts) where offset or start are given, at a few samples; and the starts."""
-        mechanism, chart = self.errors_of.mechanism, self.chart
+        """Return squared errors (types, branches, starts), and the starts; at a few samples if start or offset is given."""
         starts: Floats = np.linspace(0.0, TURN, self.errors_of.starts, endpoint=False)
+        if target.start is None and target.offset is None:
+            return self.errors_of.squared(target), starts
         if target.start is not None:
             starts = np.array([target.start % TURN])
-        problem = GivenProblem(target.thinned(OPTIONS.given_samples), chart)
-        shapes, start = np.repeat(self.unknowns, starts.size, axis=0), np.tile(starts, len(self.unknowns))
-        each = (candidates_at(shapes, np.full(start.size, float(branch)), start) for branch in mechanism.branches)
+        problem = GivenProblem(target.thinned(OPTIONS.given_samples), self.chart)
+        shapes, start = np.repeat(self.shapes, starts.size, axis=0), np.tile(starts, len(self.shapes))
+        each = (candidates_at(shapes, np.full(start.size, float(branch)), start) for branch in FOURBAR.branches)
         cost = [problem.measured(timed).cost.reshape(-1, starts.size) for timed in each]
         return np.stack(cost, axis=1), starts
 
-
-class SeedTables:
-    """The coarse types of a mechanism, prepared once: a table for the first rounds, windows for a search within limits."""
-
-    def __init__(self, mechanism: Mechanism) -> None:
-        self.mechanism = mechanism
-        self._windows: dict[str, Windows] = {}
-        lengths = mechanism.coarse_types
-        chart = mechanism.charts("full_crank")[0]
-        self.table = SeedTable(
-            ErrorTable(
-                mechanism, lengths, OPTIONS.starts, OPTIONS.table_samples, OPTIONS.series_error, OPTIONS.harmonics
-            ),
-            chart,
-            chart.unknowns(lengths),
-        )
-
-    def windows(self, family: str) -> Windows:
-        """The windows of a family's types for a search within limits; made by the first that asks."""
-        if family not in self._windows:
-            self._windows[family] = Windows(self.mechanism, self.mechanism.bounded_types(family))
-        return self._windows[family]
-
-    @property
-    def nbytes(self) -> int:
-        """Memory of the table."""
-        return self.table.errors_of.nbytes + self.table.unknowns.nbytes
-
     def best_starts(self, target: Target, family: str) -> Pool:
         """Best start of each type and branch of the table for a target, thinned out over cells of the chart, best first."""
-        table = self.table
-        coarse, shapes = table.errors_of, table.unknowns
-        if target.start is None and target.offset is None:
-            error, starts = coarse.squared(target), np.arange(coarse.starts) * (TURN / coarse.starts)
-        else:
-            error, starts = table.errors(target)
-        error[~self.mechanism.in_family(family, coarse.lengths)] = np.inf
+        error, starts = self.errors(target)
+        error[~FOURBAR.in_family(family, self.lengths)] = np.inf
         best = error.argmin(axis=2)
         cost = np.take_along_axis(error, best[:, :, None], 2)[:, :, 0]
-        chart, parts = self.mechanism.charts(family)[0], []
-        for side, branch in enumerate(self.mechanism.branches):
+        parts = []
+        for side, branch in enumerate(FOURBAR.branches):
             start = starts[best[:, side]]
-            parts.append(Pool(candidates_at(shapes, np.full(len(start), float(branch)), start), cost[:, side]))
-        pool = Pool(
-            parts[0].timed.joined(*(part.timed for part in parts[1:])), np.concatenate([part.cost for part in parts])
-        )
+            parts.append(Pool(candidates_at(self.shapes, np.full(len(start), float(branch)), start), cost[:, side]))
+        pool = parts[0].joined(*parts[1:])
         pool = pool.take(np.isfinite(pool.cost))
         pool = pool.take(np.argsort(pool.cost, kind="stable"))
-        coordinates = np.hstack([pool.timed.shape, pool.timed.angles]) / chart.cell
-        cells = np.column_stack([np.floor(coordinates), pool.timed.branch]).astype(np.int64)
-        # a single number for each cell: many times faster to sort than rows
-        _, first = np.unique((cells + 64) @ (1 << 8 * np.arange(cells.shape[1])), return_index=True)
-        return pool.take(np.sort(first))
+        coordinates = np.hstack([pool.timed.shape, pool.timed.angles]) / self.chart.cell
+        return pool.take(first_in_cells(np.column_stack([coordinates, pool.timed.branch])))
+
+
+@cache
+def windows_of(family: str) -> Windows:
+    """Return the windows of a family's types for a search within limits, which the first call makes."""
+    return Windows(FOURBAR.bounded_types(family))

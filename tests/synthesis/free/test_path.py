@@ -4,13 +4,12 @@ A screen that drops the right window, or a longer search that is worse, would sh
 """
 
 import itertools
-from functools import cache
 
 import numpy as np
 import pytest
 
 from synthesis.four_bar import coupler_angle
-from synthesis.free.search import path_screen, search_free
+from synthesis.free.search import search_free
 from synthesis.limits import Limits, practical_limits
 from synthesis.poses import Poses
 from synthesis.solution import Solution
@@ -19,11 +18,6 @@ from tests.oracles.four_bar_joints import joints_at
 
 ROCKER, DOUBLE = (0.15, 0.3, 0.25, 0.3), (0.4, 0.25, 0.28, 0.07)
 CASES = [(ROCKER, 8, 250), (ROCKER, 15, 300), (DOUBLE, 10, 200), (DOUBLE, 40, 320)]
-
-
-@pytest.fixture(scope="module")
-def screen():
-    return cache(path_screen)
 
 
 def request(lengths: tuple[float, ...], samples: int, span: float) -> Poses:
@@ -47,16 +41,16 @@ def recomputed(poses: Poses, solution: Solution) -> float:
 
 
 @pytest.mark.parametrize(("lengths", "samples", "span"), CASES)
-def test_exact_paths_are_reached(lengths: tuple[float, ...], samples: int, span: float, screen) -> None:
+def test_exact_paths_are_reached(lengths: tuple[float, ...], samples: int, span: float) -> None:
     poses = request(lengths, samples, span)
-    found, report = search_free(poses, Limits(), 3, screen=screen)
+    found, report = search_free(poses, Limits(), 3)
     assert recomputed(poses, found[0]) < 1e-9
     seconds, best = zip(*report.trace)
     # those below the tolerance are ranked by other merits
     assert list(seconds) == sorted(seconds) and best[-1] == min(solution.errors.objective for solution in found)
 
 
-def test_more_time_is_never_worse(screen) -> None:
+def test_more_time_is_never_worse() -> None:
     # a wave: once 0.06 after 50 to 300 ms, nothing after 500 to 1,500, and 3.8 mm after 2,000
     position = 200 * np.arange(24) / 23 + 40j * np.sin(3.1 * np.arange(24) / 23)
     poses = Poses(None, position, length_scale=float(np.max(np.abs(position - position.mean()))))
@@ -64,7 +58,7 @@ def test_more_time_is_never_worse(screen) -> None:
     smallest = np.inf
     # readings of the clock represent time: the same on any machine
     for looks in (1, 10, 30, 150, 800):
-        found, _ = search_free(poses, limits, 3, work=counted(looks), screen=screen)
+        found, _ = search_free(poses, limits, 3, work=counted(looks))
         assert found
         assert found[0].errors.objective <= smallest * 1.01
         smallest = min(smallest, found[0].errors.objective)

@@ -11,7 +11,6 @@ import pytest
 
 import linkage_atlas as la
 from synthesis.four_bar import close_loop
-from synthesis.fourbar.mechanism import FOURBAR
 from synthesis.limits import Limits
 from synthesis.linkage import Linkage, with_links
 from synthesis.ranking import SAME
@@ -34,7 +33,7 @@ FEW = 12
 
 @pytest.fixture(scope="module")
 def tables() -> SeedTables:
-    return SeedTables(FOURBAR)
+    return SeedTables()
 
 
 def ask(request: dict[str, Any]) -> dict[str, Any]:
