@@ -17,8 +17,9 @@ from synthesis.arrays import Floats
 from synthesis.errors import FieldError
 from synthesis.four_bar import wrap
 from synthesis.guides import Driver
+from synthesis.limits import LINKS
 from synthesis.linkage import Linkage as Plain
-from synthesis.target import MAX_LENGTH, MIN_LENGTH, TURN, Samples, Target
+from synthesis.target import TURN, Target
 
 MAX_STARTS = 10
 """Maximum number of linkages in `start_from`."""
@@ -150,59 +151,31 @@ def _check_kind(start: Start, motion: Motion, kinds: Kinds) -> None:
 def _check_start(start: Start, motion: Motion) -> None:
     """Raise FieldError for a linkage that no search for this motion can begin with."""
     linkage, samples = start.linkage, motion.requested
-    if not linkage.is_four_bar:
-        _check_guides(start, samples)
-        return
+    if not linkage.is_four_bar and samples.position is None:
+        raise FieldError(f"/{start.field}", "has a rail or slot, so that the motion needs `position`")
     if motion.free and not linkage.mounted:
         raise FieldError(
             f"/{start.field}/mount", "is required, with its coupler point, because the crank angles are free"
         )
-    if samples.position is not None and linkage.mounted:
-        _check_mount(linkage, samples, start.field)
-
-
-def _check_guides(start: Start, samples: Samples) -> None:
-    """Raise FieldError for a linkage with rails or slots without positions, or out of proportion to them."""
-    if samples.position is None:
-        raise FieldError(f"/{start.field}", "has a rail or slot, so that the motion needs `position`")
-    limit, middle = MAX_RATIO * samples.length_scale, complex(samples.position_mean(samples.position))
-    for index, guide in enumerate(start.linkage.guides):
+    if samples.position is None or not linkage.mounted:
+        return
+    scale, middle = samples.length_scale, complex(samples.position_mean(samples.position))
+    for index, guide in enumerate(linkage.guides):
         farthest = max(abs(guide[0] - middle), abs(guide.body_point), getattr(guide, "radius", 0.0))
-        if farthest > limit:
-            message = f"is larger, or lies farther away, than {MAX_RATIO:g} times the motion's extent"
-            raise FieldError(f"/{start.field}/guides/{index}", message)
+        if farthest > MAX_RATIO * scale or linkage.reach * MAX_RATIO < scale:
+            field = "mount" if linkage.is_four_bar else f"guides/{index}"
+            message = f"differs in size, or lies farther away, by more than {MAX_RATIO:g} times the motion's extent"
+            raise FieldError(f"/{start.field}/{field}", message)
 
 
 def _checked(view: Linkage, field: str) -> Start:
-    """Return a linkage; the lengths of a four-bar are in the allowed range and its angles within a turn."""
+    """Return a linkage; the lengths of a four-bar are in proportion and its angles within a turn."""
     linkage = view.plain
     if not linkage.is_four_bar:
         return Start(linkage, field=field)
-    for name, length in zip(("crank", "coupler", "rocker", "ground"), linkage.links):
-        path = f"/{field}/links/{name}"
-        if not MIN_LENGTH <= length <= MAX_LENGTH:
-            raise FieldError(path, f"must be a length from {MIN_LENGTH:g} to {MAX_LENGTH:g}; it is {length:g}")
+    for name, length in zip(LINKS, linkage.links):
         if length * MAX_RATIO < max(linkage.links):
-            raise FieldError(
-                path, f"must have links of which none is more than {MAX_RATIO:g} times as long as another"
-            )
-    point = linkage.coupler_point_polar
-    for name, angles in (("start_angle", linkage.start), ("mount/ground_angle", linkage.ground_angle)):
-        number(f"{field}/{name}", angles)
-    if point is not None and not (np.isfinite(point).all() and point[0] >= 0):
-        raise FieldError(f"/{field}/mount/coupler_point_polar", "must be a radius of at least 0 and an angle")
+            message = f"must have links of which none is more than {MAX_RATIO:g} times as long as another"
+            raise FieldError(f"/{field}/links/{name}", message)
     turned = replace(linkage, start=linkage.start % TURN, ground_angle=wrap(linkage.ground_angle))
     return Start(turned, field=field)
-
-
-def _check_mount(linkage: Plain, samples: Samples, field: str) -> None:
-    """Raise FieldError for a linkage that is too far from the positions, too large or too small for them."""
-    assert samples.position is not None and linkage.coupler_point_polar is not None
-    scale = samples.length_scale
-    if abs(linkage.pivot_a - complex(samples.position_mean(samples.position))) > MAX_RATIO * scale:
-        message = f"lies farther than {MAX_RATIO:g} times the motion's extent from it"
-        raise FieldError(f"/{field}/mount/pivot_a", message)
-    longest, shortest = max(linkage.coupler_point_polar[0], *linkage.links), min(linkage.links)
-    if longest > MAX_RATIO * scale or shortest * MAX_RATIO < scale:
-        message = f"must be lengths that differ from the motion's extent by at most a factor of {MAX_RATIO:g}"
-        raise FieldError(f"/{field}/links", message)

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Protocol
 
@@ -57,7 +57,7 @@ SHORTEST_CHORD = 0.05
 
 
 @dataclass(frozen=True)
-class Passage:
+class Verdict:
     """Passage of a drive through N samples; an array (N - 1,) has a flag for each pair of neighbours k and k + 1."""
 
     closes: Flags
@@ -71,6 +71,11 @@ class Passage:
     """The path must lead from the last sample to the first, and the drive does not turn fully."""
     uncertain: bool
     """The linkage is nearer to a change point than `NEAR_CHANGE_POINT`."""
+    driver: str | None = None
+    """The drive if it passes all samples in order while it moves in one direction (order, branch and circuit are true);
+    otherwise another suitable drive of the guides; None if there is none."""
+    reasons: tuple[str, ...] = ()
+    """A sentence for each defect; samples count from 1."""
 
     @cached_property
     def order(self) -> bool:
@@ -137,35 +142,6 @@ class Circuits:
         return steps % len(self._cuts) != 0 if self._angle and self._cuts else steps != 0
 
 
-@dataclass(frozen=True)
-class Verdict:
-    """Defects of a linkage that passes the samples of its motion.
-
-    Attributes
-    ----------
-    order : bool
-        A drive that moves in one direction passes the samples in the requested order.
-    branch : bool
-        All samples lie on a single branch.
-    circuit : bool
-        All samples, and the motion between them, lie on a single circuit.
-    driver : str or None
-        The drive if it passes all samples in order while it moves in one direction (order, branch and circuit are
-        true); otherwise another suitable drive of the guides; None if there is none.
-    uncertain : bool
-        The linkage is nearer to a change point than `NEAR_CHANGE_POINT`.
-    reasons : tuple of str
-        A sentence for each defect; samples count from 1.
-    """
-
-    order: bool
-    branch: bool
-    circuit: bool
-    driver: str | None
-    uncertain: bool
-    reasons: tuple[str, ...]
-
-
 def one_way(steps: Floats) -> tuple[Floats, Floats]:
     """Return steps (n, m) modulo a turn, all in the same direction, and the directions, +1 or -1, shape (n, 1).
 
@@ -187,8 +163,8 @@ def passage(
     ordered: bool = True,
     closed: bool = False,
     timed: bool = False,
-) -> Passage:
-    """Return how the drive of a linkage passes samples.
+) -> Verdict:
+    """Return how the drive of a linkage passes samples, without a suitable drive and reasons.
 
     A drive that turns fully passes them in order if the steps from sample to sample, all taken forwards or all
     backwards, add up to at most a turn; any other drive, if its coordinates rise or fall monotonically.
@@ -237,7 +213,7 @@ def passage(
         out_of_order = (falls if rises.sum() >= falls.sum() else rises) | elsewhere
     else:
         out_of_order = elsewhere
-    return Passage(
+    return Verdict(
         closes,
         other_branch,
         other_circuit,
@@ -288,7 +264,7 @@ def verdict(
     reasons: tuple[str, ...] = ()
     if passed.uncertain or not passed.driven:
         reasons = _reasons_of(passed, driver, drive, list(alternatives), linkage.driver.turns)
-    return Verdict(passed.order, passed.branch, passed.circuit, driver, passed.uncertain, reasons)
+    return replace(passed, driver=driver, reasons=reasons)
 
 
 def other_drives(linkage: Linkage) -> dict[str, tuple[int, Driver]]:
@@ -304,7 +280,7 @@ def other_drives(linkage: Linkage) -> dict[str, tuple[int, Driver]]:
 
 
 def _reasons_of(
-    passed: Passage, driver: str | None, drive: str, alternatives: Sequence[str], turns: bool = True
+    passed: Verdict, driver: str | None, drive: str, alternatives: Sequence[str], turns: bool = True
 ) -> tuple[str, ...]:
     """Return a sentence for each defect of a passage by ``drive``.
 
@@ -461,15 +437,15 @@ def faults_of(
     arm : float
         Largest distance of the body point from a joint of the body, which is bounded like a link.
     """
-    faults = []
-    smallest = limits.transmission_angle_min or TRANSMISSION_ANGLE
-    rows = [(angles[0], smallest, "over the used interval")]
-    if angles[1] is not None:
-        rows.append((angles[1], limits.transmission_angle_min_turn or TRANSMISSION_ANGLE_TURN, "over the whole turn"))
-    for found, required, where in rows:
-        if found < required - _ROUNDED:
-            degrees = np.rad2deg([found, required])
-            faults.append(f"transmission angle {degrees[0]:.3g} degrees {where}, below {degrees[1]:.3g}")
+    rows = [
+        (angles[0], limits.transmission_angle_min or TRANSMISSION_ANGLE, "over the used interval"),
+        (angles[1], limits.transmission_angle_min_turn or TRANSMISSION_ANGLE_TURN, "over the whole turn"),
+    ]
+    faults = [
+        f"transmission angle {np.rad2deg(found):.3g} degrees {where}, below {np.rad2deg(required):.3g}"
+        for found, required, where in rows
+        if found is not None and found < required - _ROUNDED
+    ]
     longest, shortest, largest_ratio = (
         max(links, default=0.0),
         min(links, default=0.0),

@@ -265,11 +265,6 @@ class Limits:
         }
         return replace(self, **changed)
 
-    def exchanged(self) -> Limits:
-        """Return the limits for linkages with coupler and rocker exchanged."""
-        crank, coupler, rocker, ground = self.links
-        return replace(self, links=(crank, rocker, coupler, ground))
-
     def over(self, ground: float) -> Limits:
         """Return the limits of shape and lengths for a ground of length 1, with all lengths divided by ``ground``."""
         links = [None if length is None else length / ground for length in self.links[:3]]

@@ -162,24 +162,16 @@ class Samples:
     def error_at_rest(self, modulo_turn: bool) -> float:
         """Return the objective of a body at rest in its best pose.
 
-        ``modulo_turn``: whether rotations count modulo a turn, as they do if the crank angles are free. The best angle is then
-        the mean of the sorted angles with a turn added to the first k, for the best k.
+        ``modulo_turn``: whether rotations count modulo a turn, as they do if the crank angles are free; each then counts within
+        half a turn of their mean direction.
         """
-        square = 0.0
-        if self.position is not None:
-            square = float(self.position_mean.spread(self.position / self.length_scale)) ** 2
+        moved = 0.0 if self.position is None else self.position_mean.spread(self.position / self.length_scale)
         if self.rotation is None:
-            return float(np.sqrt(square))
-        if not modulo_turn:
-            return float(np.sqrt(square + self.rotation_mean.spread(self.rotation) ** 2))
-        angles = self.rotation % TURN
-        order = np.argsort(angles)
-        angles, weights = angles[order], self.rotation_mean.weighted(np.ones(self.samples))[order]
-        weights = weights / self.rotation_mean.total
-        raised = np.concatenate([[0.0], np.cumsum(weights)[:-1]]) * TURN
-        moment = np.concatenate([[0.0], np.cumsum(weights * (2 * angles + TURN))[:-1]]) * TURN
-        variance = weights @ angles**2 + moment - (weights @ angles + raised) ** 2
-        return float(np.sqrt(square + max(0.0, variance.min())))
+            return float(moved)
+        turned = self.rotation
+        if modulo_turn and (middle := self.rotation_mean(np.exp(1j * turned))):
+            turned = np.angle(np.exp(1j * turned) / middle)
+        return float(np.hypot(moved, self.rotation_mean.spread(turned)))
 
     @cached_property
     def scaled(self) -> Complexes:
