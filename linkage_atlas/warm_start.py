@@ -161,9 +161,11 @@ def _check_start(start: Start, motion: Motion) -> None:
         return
     scale, middle = samples.length_scale, complex(samples.position_mean(samples.position))
     for index, guide in enumerate(linkage.guides):
-        farthest = max(abs(guide[0] - middle), abs(guide.body_point), getattr(guide, "radius", 0.0))
-        if farthest > MAX_RATIO * scale or linkage.reach * MAX_RATIO < scale:
-            field = "mount" if linkage.is_four_bar else f"guides/{index}"
+        distance, size = abs(guide[0] - middle), max(abs(guide.body_point), linkage.reach)
+        if max(distance, size) > MAX_RATIO * scale or linkage.reach * MAX_RATIO < scale:
+            field = f"guides/{index}"
+            if linkage.is_four_bar:
+                field = "mount/pivot_a" if distance > size else "links"
             message = f"differs in size, or lies farther away, by more than {MAX_RATIO:g} times the motion's extent"
             raise FieldError(f"/{start.field}/{field}", message)
 
