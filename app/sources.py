@@ -88,31 +88,12 @@ def read_source(
     rank: int = 1,
     length_unit: str | None = None,
 ) -> Source:
-    """Read the request in a file and set fields in it.
+    """Read the request in a file, and set fields in it given as pairs of path and value.
 
-    Parameters
-    ----------
-    target : Target
-        Query for which the file is read.
-    text : bytes
-        Content of the file.
-    settings : sequence
-        Fields to set, as pairs of path and value.
-    say : callable
-        Called with a description of the file, unless the file is a request for this query.
-    unwrap : bool
-        Shift each angle of a table to within half a turn of the previous angle.
-    columns : mapping, optional
-        Headings of the columns of a table.
-    rank : int
-        Rank of the solution that is read from a reply.
-    length_unit : str, optional
-        Value for the field ``length_unit`` of the request; default: the unit in the headings of a table.
-
-    Raises
-    ------
-    FieldError
-        The file is not a valid request.
+    ``say`` is called with a description of the file, unless the file is a request for this query. ``unwrap`` shifts each angle of
+    a table to within half a turn of the previous angle, and ``columns`` are headings of its columns. ``rank`` selects a solution
+    of a reply. ``length_unit`` is the unit of lengths of the request; by default it is that of the table. Raise `FieldError` if
+    the file is not a valid request.
     """
     settings = [(target.full_path(path), value) for path, value in settings]
     # Windows PowerShell writes UTF-16

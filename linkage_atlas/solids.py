@@ -117,10 +117,9 @@ class SolidParts(Record):
     thinnest_wall: Wall
     solids: Solids = field(metadata=PYTHON_ONLY, repr=False)
     request: AskedSolids = field(metadata=PYTHON_ONLY, repr=False)
-    kerf: float = field(default=0.0, metadata=PYTHON_ONLY, repr=False)
-    """Width of the cut of plates, in millimetres."""
-    driven_hinge: str = field(default="", metadata=PYTHON_ONLY, repr=False)
-    """Link with a drive in its hinge, which has no parts of its own; empty without such a drive."""
+    assembly: Assembly = field(metadata=PYTHON_ONLY, repr=False)
+    unit: float = field(metadata=PYTHON_ONLY, repr=False)
+    """Millimetres in the unit of the linkage."""
 
     def file(self, kind: str) -> bytes:
         """Return the content of a file: step, 3mf, stl (a zip file), parts (CSV) or plates (DXF of all flat parts).
@@ -132,11 +131,11 @@ class SolidParts(Record):
         if kind == "plates":
             from synthesis.solids.plates import to_plates
 
-            return to_plates(solids, self.kerf).encode()
+            return to_plates(solids, self.assembly.settings.kerf * self.unit).encode()
         if kind == "parts":
             columns = parts_list(solids, self.request.fit)
-            if self.driven_hinge:
-                row = {"name": "drive", "kind": "rotary drive", "link": self.driven_hinge}
+            if self.assembly.driven_hinge:
+                row = {"name": "drive", "kind": "rotary drive", "link": self.assembly.driven_hinge}
                 columns = {name: [*column, row.get(name)] for name, column in columns.items()}
             return csv_text(columns).encode()
         from synthesis.solids.mesh import on_bed, to_3mf, to_stl_zip
@@ -180,33 +179,31 @@ def solids_in(assembly: Assembly, request: AskedSolids, length_unit: str) -> Sol
 
     Raises `FieldError` if parts collide, unless the request sets ``allow_collisions``.
     """
-    unit, settings, scale = millimetres_in(length_unit), assembly.settings, assembly.settings.scale
+    unit, settings, fit = millimetres_in(length_unit), assembly.settings, request.fit
+    built = unit * settings.scale
     if assembly.status == "blocked" and not request.allow_collisions:
         why = "; ".join(list(dict.fromkeys(assembly.reasons))[:3])
         raise FieldError(
             "/assembly", f"parts would collide: {why}. Set `allow_collisions` in `solids` to write them anyway"
         )
-    machine = assembly.machine
-    sizes = (machine.hole * unit * scale, (machine.size + machine.width) * unit * scale)
-    if not (LEAST_MM <= sizes[0] and sizes[1] <= LARGEST_MM):
+    machine, stack = assembly.machine, assembly.arrangement.stack
+    pin, plate = machine.hole * built, (machine.size + machine.width) * built
+    if not (LEAST_MM <= pin and plate <= LARGEST_MM):
         raise FieldError(
             "/length_unit",
             f"must give pins of at least {LEAST_MM:g} mm and plates of at most {LARGEST_MM:g} mm, "
-            f"found {sizes[0]:g} and {sizes[1]:g}",
+            f"found {pin:g} and {plate:g}",
         )
     # defaults are at least what a fit needs
     thickness, washer = assembly.sizes.thickness, assembly.sizes.washer
     heights = Heights(
-        thickness if settings.thickness is not None else max(thickness, request.fit.plate / (unit * scale)),
-        washer if settings.washer is not None else max(washer, request.fit.washer / (unit * scale)),
+        thickness if settings.thickness is not None else max(thickness, fit.plate / built),
+        washer if settings.washer is not None else max(washer, fit.washer / built),
     )
-    materials = Manufacture(request.fit, request.material, request.pins, heights, scale)
-    solids = solids_of(machine, assembly.arrangement.stack, materials, unit)
-    full = (
-        solids if scale == 1 else solids_of(machine, assembly.arrangement.stack, materials._replace(scale=1.0), unit)
-    )
-    wall, part = solids.thinnest_wall
-    masses = [
+    materials = Manufacture(fit, request.material, request.pins, heights)
+    solids = solids_of(machine, stack, materials, built)
+    full = solids if settings.scale == 1 else solids_of(machine, stack, materials, unit)
+    parts = [
         SolidPart(
             part.name,
             part.kind,
@@ -219,14 +216,14 @@ def solids_in(assembly: Assembly, request: AskedSolids, length_unit: str) -> Sol
         for part in solids.parts
     ]
     return SolidParts(
-        request.fit.name,
-        scale,
-        masses,
-        sum(part.mass for part in masses),
+        fit.name,
+        settings.scale,
+        parts,
+        sum(part.mass for part in parts),
         [Weight(part.link, part.mass, (part.at.real, part.at.imag), part.inertia) for part in masses_of_links(full)],
-        Wall(wall, part),
+        Wall(*solids.thinnest_wall),
         solids,
         request,
-        settings.kerf * unit,
-        assembly.driven_hinge,
+        assembly,
+        unit,
     )

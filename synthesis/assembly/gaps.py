@@ -53,7 +53,7 @@ class GapOptions:
     """Number of nodes of each refinement."""
     few_corners: int = 8
     """Number of pairs of corners up to which a rough proof compares them directly instead of the discs around them."""
-    root_steps: int = 40
+    root_steps: int = 24
     """Number of bisections for an end of a collision, which lies between two of the smallest cells."""
     rough_root_steps: int = 12
     """Number of these bisections in a rough proof."""
@@ -319,67 +319,51 @@ class Gaps:
             found[number][label - 1].append(Run(float(start[k]), float(end[k])))
         return [Proof(tuple(hits), tuple(touches)) for hits, touches in found]
 
-    def minimum_gaps(self, pairs: Sequence[int], interval: Interval) -> dict[int, MinimumGap]:
+    def minimum_gaps(self, pairs: Sequence[int]) -> dict[int, MinimumGap]:
         """Return the smallest gaps of pairs that are free over the interval of the last proof.
 
         The gap is exact up to rounding; its crank angle is exact up to the square root of that, except at a corner of the gap.
         """
-        if not pairs:
-            return {}
         mask = np.zeros(len(self._pairs), dtype=bool)
         mask[list(pairs)] = True
         cells = self._cells.select(mask[self._cells.pair])
-        ends = np.tile([min(interval), max(interval)], len(pairs))
-        numbers = np.repeat(np.array(pairs), 2)
         best = np.full(len(self._pairs), np.inf)
-        at_ends = self.at(numbers, ends)[0]
-        np.minimum.at(best, numbers, at_ends)
-        found: dict[int, MinimumGap] = {}
-        for pair, gap, at in zip(numbers.tolist(), at_ends.tolist(), ends.tolist()):
-            if pair not in found or gap < found[pair].gap:
-                found[pair] = MinimumGap(gap, at)
-        np.minimum.at(best, cells.pair, cells.gap)
-        finished: list[_Cells] = []
+        finished = [cells.select(np.zeros(0, dtype=int))]
         while cells.pair.size:
-            low = cells.gap - cells.bound
-            cells = cells.select(low < best[cells.pair])
-            rough = (cells.gap - cells.bound < best[cells.pair] - OPTIONS.gap_resolution * self.size) & (
+            np.minimum.at(best, cells.pair, cells.gap)
+            cells = cells.select(cells.gap - cells.bound <= best[cells.pair])
+            coarse = (cells.gap - cells.bound < best[cells.pair] - OPTIONS.gap_resolution * self.size) & (
                 cells.half > 1e-12 * self._extent
             )
-            rough &= (np.bincount(cells.pair[rough], minlength=best.size) < OPTIONS.max_cells)[cells.pair]
-            finished.append(cells.select(~rough))
-            halves = cells.select(rough).halved()
-            if not halves[0].size:
+            coarse &= (np.bincount(cells.pair[coarse], minlength=best.size) < OPTIONS.max_cells)[cells.pair]
+            finished.append(cells.select(~coarse))
+            pair, middle, half = cells.select(coarse).halved()
+            if not pair.size:
                 break
-            numbers, middle, half = halves
-            cells = _Cells(numbers, middle, half, *self.at(numbers, middle, half))
-            np.minimum.at(best, cells.pair, cells.gap)
+            cells = _Cells(pair, middle, half, *self.at(pair, middle, half))
         remaining = _Cells.concatenate(finished)
-        remaining = remaining.select(remaining.gap - remaining.bound < best[remaining.pair])
-        return self._lowest(remaining, found) if remaining.pair.size else found
+        return self._lowest(remaining.select(remaining.gap - remaining.bound <= best[remaining.pair]))
 
-    def _lowest(self, cells: _Cells, found: dict[int, MinimumGap]) -> dict[int, MinimumGap]:
-        """Refine the smallest gaps in ranges of cells, and compare them with the gaps at the ends of the interval."""
-        order = np.lexsort([cells.middle, cells.pair])
-        cells = cells.select(order)
+    def _lowest(self, cells: _Cells) -> dict[int, MinimumGap]:
+        """Refine the smallest gaps in ranges of neighbouring cells, and return the smallest of each pair."""
+        cells = cells.select(np.lexsort([cells.middle, cells.pair]))
         gapped = cells.middle[1:] - cells.half[1:] > (cells.middle[:-1] + cells.half[:-1]) + 1e-3 * cells.half[1:]
-        starts = np.flatnonzero(np.r_[True, (np.diff(cells.pair) != 0) | gapped])
-        ends = np.r_[starts[1:], cells.pair.size] - 1
+        starts = np.flatnonzero(np.r_[True, (np.diff(cells.pair) != 0) | gapped][: cells.pair.size])
+        ends = np.r_[starts[1:], cells.pair.size][: starts.size] - 1
         pair = cells.pair[starts]
-        low, high = cells.middle[starts] - cells.half[starts], cells.middle[ends] + cells.half[ends]
-        start, end = low, high
+        start, end = cells.middle[starts] - cells.half[starts], cells.middle[ends] + cells.half[ends]
+        low, high = start, end
         best, at = np.full(pair.size, np.inf), low.copy()
-        for _ in range(OPTIONS.refinements):
+        for _ in range(OPTIONS.refinements if pair.size else 0):
             nodes = low[:, None] + (high - low)[:, None] * np.linspace(0.0, 1.0, OPTIONS.nodes)
             gap = self.at(np.repeat(pair, OPTIONS.nodes), nodes.ravel())[0].reshape(nodes.shape)
-            lowest = np.argmin(gap, axis=-1)
-            value = np.take_along_axis(gap, lowest[:, None], axis=-1)[:, 0]
-            position = np.take_along_axis(nodes, lowest[:, None], axis=-1)[:, 0]
-            better = value < best
-            best, at = np.where(better, value, best), np.where(better, position, at)
+            lowest = np.argmin(gap, axis=-1)[:, None]
+            value, position = (np.take_along_axis(of, lowest, axis=-1)[:, 0] for of in (gap, nodes))
+            at, best = np.where(value < best, position, at), np.minimum(value, best)
             step = (high - low) / (OPTIONS.nodes - 1)
             low, high = np.maximum(start, at - step), np.minimum(end, at + step)
+        found: dict[int, MinimumGap] = {}
         for number, value, position in zip(pair.tolist(), best.tolist(), at.tolist()):
-            if value < found[number].gap:
+            if number not in found or value < found[number].gap:
                 found[number] = MinimumGap(value, position)
         return found

@@ -372,9 +372,8 @@ class StackSearch:
         """Return the best free stack by pins held on both sides, length of pins and smallest gap."""
         best_rank = min((-stack.pins_held_twice, stack.pin_length) for stack in free)
         equal = [stack for stack in free if (-stack.pins_held_twice, stack.pin_length) == best_rank]
-        min_gaps = self.gaps.minimum_gaps(
-            sorted({pair for stack in equal for pair in stack.pairs if self.proofs[pair].free}), self.machine.used
-        )
+        met = {pair for stack in equal for pair in stack.pairs if self.proofs[pair].free}
+        min_gaps = self.gaps.minimum_gaps(sorted(met))
 
         def smallest(stack: Stack) -> tuple[Pair, MinimumGap] | None:
             gaps = [(self.pairs[pair], min_gaps[pair]) for pair in stack.pairs if pair in min_gaps]

@@ -90,8 +90,6 @@ class Manufacture(NamedTuple):
     material: str
     pins: str
     heights: Heights
-    scale: float = 1.0
-    """Scale of a model."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,7 +157,7 @@ class Solids(NamedTuple):
         return min((part.prism.thinnest_wall, part.name) for part in self.parts)
 
 
-def solids_of(machine: Machine, stack: Stack, manufacture: Manufacture, unit_mm: float) -> Solids:
+def solids_of(machine: Machine, stack: Stack, manufacture: Manufacture, unit: float) -> Solids:
     """Build the parts of a stack as solids, which do not overlap anywhere in the used interval if the stack is free.
 
     A pin is held by its first body and turns in the others. Each turning plate has a washer on either side. A washer between two
@@ -168,15 +166,15 @@ def solids_of(machine: Machine, stack: Stack, manufacture: Manufacture, unit_mm:
 
     Parameters
     ----------
-    unit_mm : float
-        Millimetres per unit of the machine's lengths.
+    unit : float
+        Millimetres per unit of the machine's lengths, as built.
 
     Raises
     ------
     FieldError
         If a hole leaves no material.
     """
-    unit, play = unit_mm * manufacture.scale, manufacture.fit.turning
+    play = manufacture.fit.turning
     if not machine.hole * unit > play:
         raise FieldError(
             "/assembly/hole",
