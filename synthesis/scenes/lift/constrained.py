@@ -4,8 +4,8 @@ The problem of the source is such a search with a collinear start and an upper b
 
 The search variables are l2, gamma, l3 and the closed length; b follows from the cylinder length at the start. With
 the collinear start, l3 and b follow from (31) and (32). Every design therefore meets the stroke exactly. The best of
-a set of evenly distributed designs are the starting points of a sequential quadratic program with at most four
-variables, whose linear constraints are the slacks in all poses. All starting points are processed at once.
+a set of evenly distributed designs are the starting points of a least-squares descent with at most four variables
+(`synthesis.function.descent`), whose conditions are the slacks in all poses. All starting points are processed at once.
 
 Numbers in parentheses are equations of the source named in `synthesis.scenes.lift.pose`.
 """
@@ -14,13 +14,13 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from synthesis.errors import FieldError
+from synthesis.function.descent import Linear, descend
 from synthesis.one_variable import Flags, Floats
-from synthesis.quadratic import minimise_quadratics
 from synthesis.scenes.lift.constraints import (
     OPTIONS,
     OWN_UNIT,
@@ -126,39 +126,17 @@ class DesignSpace:
         return StrokeDesign(design, gamma, turn, np.broadcast_to(closed_length, l2.shape))
 
 
-class _LinearModel(NamedTuple):
-    """Objective and constraints of n points, linearised in the k search variables."""
-
-    value: Floats
-    """Logarithm of the objective, shape (n,)."""
-    gradient: Floats
-    """Derivatives of the value, shape (n, k)."""
-    slack: Floats
-    """Slacks minus their margins, shape (n, m)."""
-    jacobian: Floats
-    """Derivatives of the slacks, shape (n, m, k)."""
-
-    def select(self, rows: Any) -> _LinearModel:
-        """Return the model of some of the points."""
-        return _LinearModel(*(array[rows] for array in self))
-
-    def lagrangian_gradient(self, multipliers: Floats) -> Floats:
-        """Return the gradient of the Lagrangian, shape (n, k)."""
-        return self.gradient - np.einsum("nmk,nm->nk", self.jacobian, multipliers)
-
-
 class _Search:
-    """Multistart of sequential quadratic programs, run for all starting points at once."""
+    """Multistart of descents, run for all starting points at once."""
 
     def __init__(self, task: Task, limits: Constraints, work: Work) -> None:
         self.space, self.limits, self.work = DesignSpace(task, limits), limits, work
         self.evaluator = Evaluator(task, work)
-        self.penalty = OPTIONS.penalties[0]
+        self.scale = 1.0
 
     def objective(self, candidates: StrokeDesign) -> Floats:
-        """Return the logarithm of the objective; infinite if a design does not lift."""
-        value = self.evaluator.moments(candidates.design, candidates.gamma, candidates.closed_length)[0]
-        return np.log(np.where(value > 0, value, np.inf))
+        """Return the objective; infinite if a design does not lift."""
+        return np.asarray(self.evaluator.moments(candidates.design, candidates.gamma, candidates.closed_length)[0])
 
     def reduced_slacks(self, candidates: StrokeDesign, nodes: int) -> Floats:
         """Return all slacks of each design minus a margin, shape (n, m); -10 if a design cannot be assembled.
@@ -189,7 +167,11 @@ class _Search:
             [np.where(np.isfinite(slack), np.clip(-slack, 0.0, 1.0), 1.0) for slack in by_name.values()], axis=0
         )
         ranked = np.argsort(violation, kind="stable")[: OPTIONS.ranked_designs]
-        value = self.objective(candidates.select(ranked)) + self.penalty * violation[ranked] / 10
+        value = self.objective(candidates.select(ranked))
+        self.scale = float(np.sqrt(np.min(value, where=value > 0, initial=np.inf)))
+        self.scale = self.scale if np.isfinite(self.scale) else 1.0
+        with np.errstate(divide="ignore"):
+            value = np.log(value) + OPTIONS.rank_penalty * violation[ranked]
         chosen: list[int] = []
         for index in ranked[np.argsort(value, kind="stable")]:
             is_distant = (
@@ -215,124 +197,38 @@ class _Search:
         sides = (1.0, -1.0) if self.space.limits.start == "any" else (1.0,)
         return np.tile(points, (len(sides), 1)), np.repeat(sides, OPTIONS.spread_designs)
 
-    def linearise(self, points: Floats, side: Floats, nodes: int) -> _LinearModel:
-        """Evaluate objective and constraints with their derivatives, by central differences within the ranges."""
+    def linearise(self, points: Floats, side: Floats, nodes: int) -> Linear:
+        """Linearise the speed's deviations and the slacks, by central differences within the ranges."""
         n, k = points.shape
         step = OPTIONS.difference_step
         steps = step * np.eye(k)
         stencil = np.concatenate([points[:, None], points[:, None] + steps, points[:, None] - steps], axis=1)
         candidates = self.space.designs(stencil.reshape(-1, k), np.repeat(side, 2 * k + 1))
-        value = self.objective(candidates).reshape(n, 2 * k + 1)
-        reduced = self.reduced_slacks(candidates, nodes).reshape(n, 2 * k + 1, -1)
-        with np.errstate(invalid="ignore"):
-            gradient = (value[:, 1 : k + 1] - value[:, k + 1 :]) / (2 * step)
-            jacobian = (reduced[:, 1 : k + 1] - reduced[:, k + 1 :]).transpose(0, 2, 1) / (2 * step)
-        return _LinearModel(value[:, 0], np.where(np.isfinite(gradient), gradient, 0.0), reduced[:, 0], jacobian)
+        model = []
+        for values in (self.evaluator.errors(candidates) / self.scale, self.reduced_slacks(candidates, nodes)):
+            values = values.reshape(n, 2 * k + 1, -1)
+            with np.errstate(invalid="ignore"):
+                slope = (values[:, 1 : k + 1] - values[:, k + 1 :]).transpose(0, 2, 1) / (2 * step)
+            model += [values[:, 0].copy(), np.where(np.isfinite(slope), slope, 0.0)]
+        return Linear(*model)
 
     def descend(
         self, points: Floats, side: Floats, nodes: int, iterations: int, first_radius: float
     ) -> tuple[Floats, Floats]:
-        """Run the sequential quadratic programs.
-
-        Parameters
-        ----------
-        points : ndarray, shape (n, k)
-            Starting points, which are replaced by the points with the smallest merit function.
-        side : ndarray, shape (n,)
-            Side of each starting point; see `DesignSpace.designs`.
-        nodes : int
-            Number of poses at which the constraints are evaluated.
-        iterations : int
-            Largest number of iterations.
-        first_radius : float
-            Initial trust-region radius.
-
-        Returns
-        -------
-        points : ndarray, shape (n, k)
-        merit : ndarray, shape (n,)
-        """
-        n, k = points.shape
-        radii, hessian = np.full(n, first_radius), np.tile(np.eye(k), (n, 1, 1))
-        model = self.linearise(points, side, nodes)
-        merit = self.merit(model)
-        for _ in range(iterations):
-            running = np.nonzero((radii > OPTIONS.min_radius) & np.isfinite(merit))[0]
-            if not running.size:
-                break
-            self.work.go_on()
-            local, radius = model.select(running), radii[running]
-            step, multipliers = _quadratic_step(local, hessian[running], points[running], radius, self.penalty)
-            trial_points = np.clip(
-                points[running] + step, 2 * OPTIONS.difference_step, 1 - 2 * OPTIONS.difference_step
-            )
-            trial = self.linearise(trial_points, side[running], nodes)
-            trial_merit = self.merit(trial)
-            better = trial_merit < merit[running] - 1e-13
-            step_size = np.abs(step).max(axis=1)
-            enlarged = np.where(step_size > 0.9 * radius, 2 * radius, radius)
-            radii[running] = np.where(
-                better, np.minimum(enlarged, OPTIONS.max_radius), 0.3 * np.minimum(step_size, radius)
-            )
-            step_taken = trial_points - points[running]
-            change = trial.lagrangian_gradient(multipliers) - local.lagrangian_gradient(multipliers)
-            finite = np.isfinite(trial_merit)
-            updated = running[finite]
-            hessian[updated] = _damped_bfgs(hessian[updated], step_taken[finite], change[finite])
-            accepted = running[better]
-            points[accepted], merit[accepted] = trial_points[better], trial_merit[better]
-            for array, values in zip(model, trial):
-                array[accepted] = values[better]
-        return points, merit
-
-    def merit(self, model: _LinearModel) -> Floats:
-        """Return the merit function: the logarithm of the objective plus the penalty of the largest violation."""
-        return np.asarray(model.value + self.penalty * np.maximum(0.0, -model.slack.min(axis=1)))
-
-
-def _quadratic_step(
-    model: _LinearModel, hessian: Floats, points: Floats, radius: Floats, penalty: float
-) -> tuple[Floats, Floats]:
-    """Return the step within the trust region that minimises the quadratic model, and the multipliers.
-
-    An additional unknown is the largest violation, with the same penalty as in the merit function.
-    """
-    n, k = points.shape
-    m = model.slack.shape[1]
-    program_hessian = np.zeros((n, k + 1, k + 1))
-    program_hessian[:, :k, :k] = hessian
-    program_hessian[:, k, k] = 1e-6
-    unit = np.tile(np.eye(k), (n, 1, 1))
-    matrix = np.zeros((n, m + 2 * k + 1, k + 1))
-    matrix[:, :m, :k], matrix[:, :m, k], matrix[:, m, k] = model.jacobian, 1.0, 1.0
-    matrix[:, m + 1 : m + 1 + k, :k], matrix[:, m + 1 + k :, :k] = unit, -unit
-    # up to the ends of the ranges minus the difference step, with room for an interior point
-    edge, room = 2 * OPTIONS.difference_step, 1e-3 * OPTIONS.difference_step
-    low = np.minimum(radius[:, None], np.maximum(points - edge, room))
-    high = np.minimum(radius[:, None], np.maximum(1 - edge - points, room))
-    bound = np.concatenate([model.slack, np.zeros((n, 1)), low, high], axis=1)
-    inside = np.zeros((n, k + 1))
-    inside[:, k] = np.maximum(0.0, -model.slack.min(axis=1)) + 0.1
-    gradient = np.concatenate([model.gradient, np.full((n, 1), penalty)], axis=1)
-    solution, multipliers = minimise_quadratics(program_hessian, gradient, matrix, bound, inside, 1e-10)
-    return solution[:, :k], multipliers[:, :m]
-
-
-def _damped_bfgs(hessian: Floats, step: Floats, change: Floats) -> Floats:
-    """Return Powell's damped BFGS update of positive definite matrices (Nocedal and Wright, procedure 18.2)."""
-    hessian_step = np.einsum("nij,nj->ni", hessian, step)
-    model_curvature, curvature = np.einsum("ni,ni->n", step, hessian_step), np.einsum("ni,ni->n", step, change)
-    with np.errstate(all="ignore"):
-        theta = np.where(
-            curvature >= 0.2 * model_curvature, 1.0, 0.8 * model_curvature / (model_curvature - curvature)
-        )[:, None]
-        damped = theta * change + (1 - theta) * hessian_step
-        updated = hessian - hessian_step[:, :, None] * hessian_step[:, None, :] / model_curvature[:, None, None]
-        denominator = np.einsum("ni,ni->n", step, damped)[:, None, None]
-        updated = updated + damped[:, :, None] * damped[:, None, :] / denominator
-    finite = np.isfinite(updated).all(axis=(1, 2))
-    usable = finite & (model_curvature > 1e-24) & (np.abs(updated).max(axis=(1, 2)) < 1e8)
-    return np.where(usable[:, None, None], updated, hessian)
+        """Refine points, shape (n, k), with constraints at a number of poses; return them and their merit, shape (n,)."""
+        count = points.shape[1]
+        found = descend(
+            lambda unknowns, which: self.linearise(unknowns, side[which], nodes),
+            np.asarray(points, dtype=float),
+            np.arange(count),
+            (np.full(count, 2 * OPTIONS.difference_step), np.full(count, 1 - 2 * OPTIONS.difference_step)),
+            largest=False,
+            steps=iterations,
+            gain=OPTIONS.gain,
+            work=self.work,
+            radius=first_radius,
+        )
+        return found.unknowns, found.merit
 
 
 def source_limits(task: Task) -> Constraints:
@@ -366,7 +262,7 @@ def optimize(task: Task, limits: Constraints, work: Work | None = None) -> Optim
     search = _Search(task, limits, work or Work())
     # the last attempt ignores the ranges of l2 and l3, so that the error names them if they cannot be satisfied
     free = replace(limits, lengths=dict.fromkeys(("l2", "l3"), (None, task.upper_bound)))
-    for search.penalty, ranges in zip((*OPTIONS.penalties, OPTIONS.penalties[1]), (limits, limits, free)):
+    for ranges in (limits, free):
         search.space = DesignSpace(task, ranges)
         candidates, merit = _local_optima(search)
         slacks_by_name = minimum_slacks(slacks(candidates, task, limits, 2 * OPTIONS.fine_nodes))

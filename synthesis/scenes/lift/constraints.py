@@ -57,13 +57,10 @@ class LiftSearchOptions:
     """Initial trust-region radius."""
     fine_radius: float = 0.02
     """Initial trust-region radius for a finalist."""
-    max_radius: float = 0.5
-    """Largest trust-region radius."""
-    min_radius: float = 1e-8
-    """Trust-region radius at which the local search ends."""
-    penalties: tuple[float, float] = (30.0, 300.0)
-    """Penalty factors of the largest violation, relative to the logarithm of the objective. The second factor is used
-    if the first factor leads to no admissible design."""
+    gain: float = 1e-8
+    """Relative decrease of the objective predicted by a step below which the local search ends."""
+    rank_penalty: float = 3.0
+    """Penalty factor of the violations of an initial design, relative to the logarithm of the objective."""
     margin: float = 5e-5
     """Margin by which a design stays within a limit that is checked at nodes, so that it also holds between the
     nodes."""

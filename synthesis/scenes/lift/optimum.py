@@ -10,6 +10,7 @@ Numbers in parentheses are the equations of the source named in `synthesis.scene
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -238,11 +239,24 @@ class Evaluator:
         """
         gamma = triangle_angle(design.l2, design.l3, design.l4)[2] if gamma is None else gamma
         closed = self.task.cylinder.length if closed is None else closed
-        return evaluate_in_blocks(
-            self._moments, max(1, OPTIONS.poses_per_block // self._weights.size), *design.as_tuple(), gamma, closed
-        )
 
-    def _moments(self, *fields: Floats) -> Floats:
+        def moments(*fields: Floats) -> Floats:
+            errors, mean = self._errors(*fields)
+            return np.stack([np.sum(errors * errors, axis=1), mean])
+
+        return self._in_blocks(moments, design, gamma, closed)
+
+    def errors(self, candidates: StrokeDesign) -> Floats:
+        """Return weighted deviations of the speed from its mean, whose squares add up to the objective, shape (n, samples)."""
+        fields = candidates.design, candidates.gamma, candidates.closed_length
+        return np.asarray(self._in_blocks(lambda *fields: self._errors(*fields)[0].T, *fields)).T
+
+    def _in_blocks(self, function: Callable[..., Floats], design: Design, gamma: Any, closed: Any) -> Any:
+        size = max(1, OPTIONS.poses_per_block // self._weights.size)
+        return evaluate_in_blocks(function, size, *design.as_tuple(), gamma, closed)
+
+    def _errors(self, *fields: Floats) -> tuple[Floats, Floats]:
+        """Return the weighted deviations, shape (n, samples), and the mean speeds, shape (n,), for columns of shape (n,)."""
         self.work.go_on()
         task = self.task
         *lengths, gamma, closed = (field[:, None] for field in fields)
@@ -256,14 +270,14 @@ class Evaluator:
             pose = pose_at_turn(design, start_turn * self._fractions, constants)
             weights = -weights * start_turn * pose.height_1
         v = velocity(pose, driven_speed(pose, replace(task.cylinder, length=closed)))
-        lifts = np.all((v >= 0) & np.isfinite(v), axis=1) & (top_lever(design, constants)[:, 0] > 0)
-        v = np.where(lifts[:, None], v, 1.0)
-        total = np.where(lifts[:, None], np.sum(weights, axis=-1, keepdims=True), 1.0)
-        mean = np.sum(weights * v, axis=1, keepdims=True) / total
-        variance = np.sum(weights * (v - mean) ** 2, axis=1, keepdims=True) / total
-        if task.objective.kind == "normalized":
-            variance = np.divide(variance, mean * mean, out=np.full(mean.shape, np.inf), where=mean > 0)
-        return np.stack([np.where(lifts, variance[:, 0], np.inf), mean[:, 0]])
+        lifts = (np.all((v >= 0) & np.isfinite(v), axis=1) & (top_lever(design, constants)[:, 0] > 0))[:, None]
+        v = np.where(lifts, v, 1.0)
+        weights = np.where(lifts, weights, 1.0)
+        weights = weights / np.sum(weights, axis=1, keepdims=True)
+        mean = np.sum(weights * v, axis=1, keepdims=True)
+        unit = mean if task.objective.kind == "normalized" else np.ones_like(mean)
+        deviation = np.divide(v - mean, unit, out=np.full(v.shape, np.inf), where=lifts & (unit > 0))
+        return np.where(np.isfinite(deviation), np.sqrt(weights) * deviation, np.inf), mean[:, 0]
 
 
 def check_task(task: Task) -> None:
