@@ -152,26 +152,23 @@ def read_springs(field: str, value: object, kind: str, millimetres: float) -> li
     scale = millimetres if _is_bundled(value) else 1.0  # a stiffness is a force per length
     springs = []
     for at, name, row in rows:
-        price, free = row.get("price"), row.get("free_length", 0.0)
+        free, stiffness = row.get("free_length", 0.0), row.get("stiffness", 0.0) * scale
         if kind == "gas":
             force, extended, stroke = (row[size] for size in ("force", "extended", "stroke"))
             if stroke >= extended:
                 raise FieldError(f"/{at}/stroke", "must be less than the extended length")
             rate = force * (row.get("progression", 1.0) - 1) / stroke
-            springs.append(SpringRow(name, rate, extended, -force, extended - stroke, extended, price))
-            continue
-        stiffness = row["stiffness"] * scale
-        if kind == "compression":
+            numbers = rate, extended, -force, extended - stroke, extended
+        elif kind == "compression":
             if row["load_max"] >= stiffness * free:
                 message = f"must be less than stiffness times free length, {stiffness * free:g}"
                 raise FieldError(f"/{at}/load_max", message)
-            springs.append(SpringRow(name, stiffness, free, 0.0, free - row["load_max"] / stiffness, free, price))
-            continue
-        longest = row["longest"]
-        if longest <= free:
-            raise FieldError(f"/{at}/longest", "must be more than the free length")
-        ends = row.get("shortest", free), longest
-        springs.append(SpringRow(name, stiffness, free, row.get("preload", 0.0), *ends, price))
+            numbers = stiffness, free, 0.0, free - row["load_max"] / stiffness, free
+        else:
+            if row["longest"] <= free:
+                raise FieldError(f"/{at}/longest", "must be more than the free length")
+            numbers = stiffness, free, row.get("preload", 0.0), row.get("shortest", free), row["longest"]
+        springs.append(SpringRow(name, *numbers, row.get("price")))
     return springs
 
 

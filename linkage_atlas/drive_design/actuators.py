@@ -208,12 +208,12 @@ class ActuatorSearch:
             envelope=envelope(ground, pin),
             pin_forces=task.pin_peaks(task.fine, self._pulls(placement)),
             curve=ActuatorCurve(
-                task.operation.curve_at,
-                placement.length,
-                placement.arm,
-                task.if_loaded(placement.force),
-                plane(ground),
-                plane(pin),
+                crank_angle=task.operation.curve_at,
+                length=placement.length,
+                arm=placement.arm,
+                force=task.if_loaded(placement.force),
+                ground=plane(ground),
+                pin=plane(pin),
             ),
         )
         rank = (placement.worst,) if row is None else (*_cost(row), placement.worst)

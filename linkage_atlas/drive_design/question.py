@@ -307,48 +307,42 @@ class Reader:
         """Check an entry of ``springs``."""
         kind = one_of(f"{at}/kind", entry.get("kind") if isinstance(entry, Mapping) else None, SPRING_KINDS)
         values = self._fields(at, entry, SpringRequest)
-        names = (GROUND, *self.machine.links)
+        links = (GROUND, *self.machine.links)
         if "between" in values:
             both = sequence(values["between"])
-            if len(both) != 2 or both[0] == both[1] or any(name not in names for name in both):
-                raise FieldError(f"/{at}/between", f"must be two different links of {', '.join(names)}")
+            if len(both) != 2 or both[0] == both[1] or any(name not in links for name in both):
+                raise FieldError(f"/{at}/between", f"must be two different links of {', '.join(links)}")
             values["between"] = (both[1], both[0]) if both[1] == GROUND else (both[0], both[1])
         is_real = kind != "tension" or "catalogue" in values
-        for name in ("holds", "hand_force_max", "target"):
-            if name in values and not is_real:
-                raise FieldError(
-                    f"/{at}/{name}",
-                    "needs springs of a `catalogue`: with ideal springs the linkage stays at every position",
-                )
-        for name in ("ground_box", "reach_max", "pivot_distance_min"):
-            if name in values and not is_real:
-                raise FieldError(
-                    f"/{at}/{name}",
-                    "applies only to springs of a `catalogue`: the balance fixes the ends of ideal springs",
-                )
+        behaviour, ends = ("holds", "hand_force_max", "target"), ("ground_box", "reach_max", "pivot_distance_min")
+        for names, is_refused, message in (
+            (
+                behaviour,
+                not is_real,
+                "needs springs of a `catalogue`: with ideal springs the linkage stays at every position",
+            ),
+            (
+                ends,
+                not is_real,
+                "applies only to springs of a `catalogue`: the balance fixes the ends of ideal springs",
+            ),
+            (ends, kind == "torsion", "applies only to springs with two ends; a torsion spring sits in a joint"),
+            (("stiffness",), is_real, "applies only to ideal springs; remove this field or the catalogue"),
+        ):
+            for name in names:
+                if is_refused and name in values:
+                    raise FieldError(f"/{at}/{name}", message)
         if "holds" in values:
             values["holds"] = self._holding(f"{at}/holds", values["holds"])
         if "target" in values:
             values["target"] = self._curve(f"{at}/target", values["target"])
         if "hand_force_max" in values:
             self._check_hand(f"{at}/hand_force_max")
-        catalogue = f"{at}/catalogue"
+        catalogue = f"{at}/catalogue", values.get("catalogue")
         if kind == "torsion":
-            for name in ("ground_box", "reach_max", "pivot_distance_min"):
-                if name in values:
-                    raise FieldError(
-                        f"/{at}/{name}", "applies only to springs with two ends; a torsion spring sits in a joint"
-                    )
-            values["torsion_rows"] = read_torsion_springs(
-                catalogue, values.get("catalogue"), self.millimetres, self.radian
-            )
+            values["torsion_rows"] = read_torsion_springs(*catalogue, self.millimetres, self.radian)
         elif is_real:
-            values["rows"] = read_springs(catalogue, values.get("catalogue"), kind, self.millimetres)
-        if is_real:
-            if "stiffness" in values:
-                raise FieldError(
-                    f"/{at}/stiffness", "applies only to ideal springs; remove this field or the catalogue"
-                )
+            values["rows"] = read_springs(*catalogue, kind, self.millimetres)
         return build(SpringRequest, {"kind": kind, **values})
 
     def _check_hand(self, at: str) -> None:

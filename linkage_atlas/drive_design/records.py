@@ -23,46 +23,50 @@ NAMES = {"rotary": "rotary drive", "actuator": "actuator", "dyad": "motor with a
 # -- curves over the motion -------------------------------------------------------------------------------------------
 
 
-class RotaryCurve(NamedTuple):
-    """A rotary drive over the motion."""
+@dataclass(frozen=True, kw_only=True)
+class _Curve(Record):
+    """A drive or a spring over the motion."""
 
     crank_angle: Floats
     """At even steps from the first sample on; the travel of a linkage that a slider or cylinder drives."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RotaryCurve(_Curve):
+    """A rotary drive over the motion."""
+
     torque: Values | None
     """Null without a load."""
 
 
-class ActuatorCurve(NamedTuple):
+@dataclass(frozen=True, kw_only=True)
+class _PinCurve(_Curve):
+    """A drive between two ends over the motion."""
+
+    length: Values
+    """Distance from the other end, or from the motor, to the pin."""
+    force: Values | None
+    """Compression is positive. Null without a load."""
+    ground: Vectors
+    """Position of the end on the ground or on the other link, or of the motor."""
+    pin: Vectors
+    """Position of the pin."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ActuatorCurve(_PinCurve):
     """An actuator over the motion."""
 
-    crank_angle: Floats
-    """At even steps from the first sample on; the travel of a linkage that a slider or cylinder drives."""
-    length: Values
     arm: Values
     """Moment arm: change of length per radian of the crank."""
-    force: Values | None
-    """Pushing is positive. Null without a load."""
-    ground: Vectors
-    """Position of the end on the ground, or on the other link."""
-    pin: Vectors
-    """Position of the pin."""
 
 
-class MotorCurve(NamedTuple):
+@dataclass(frozen=True, kw_only=True)
+class MotorCurve(_PinCurve):
     """A motor and its rod over the motion, forwards."""
 
-    crank_angle: Floats
-    """At even steps from the first sample on; the travel of a linkage that a slider or cylinder drives."""
-    length: Values
-    """Distance from the motor to the pin."""
-    force: Values | None
-    """Compression of the rod. Null without a load."""
     torque: Values | None
     """Torque of the motor. Null without a load."""
-    ground: Vectors
-    """Position of the motor."""
-    pin: Vectors
-    """Position of the pin."""
     knee: Vectors
     """End of the motor's crank."""
 
@@ -271,19 +275,33 @@ class BeforeAfter(NamedTuple):
     after: TorqueSize
 
 
-class SpringCurve(NamedTuple):
-    """A spring over the motion."""
+@dataclass(frozen=True, kw_only=True)
+class _EffectCurve(_Curve):
+    """Effect of springs over the motion."""
 
-    crank_angle: Floats
-    length: Values
-    force: Values
-    """Pull; that of a gas spring is negative."""
     torque: Values
     """Torque that the drive gives with all springs of the set."""
     hand_force: Values | None
     """With `hand`: force of a hand along the path of this point; positive towards the last position."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpringCurve(_EffectCurve):
+    """A spring over the motion."""
+
+    length: Values
+    force: Values
+    """Pull; that of a gas spring is negative."""
     ends: Annotated[Floats, list[tuple[Point, Point]]]
     """(n, 2, 2): positions of its ends."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TorsionCurve(_EffectCurve):
+    """A torsion spring over the motion."""
+
+    twist: Values
+    moment: Values
 
 
 class Holds(NamedTuple):
@@ -330,18 +348,6 @@ class _SpringEffect(Record):
     @property
     def _size(self) -> str:
         raise NotImplementedError
-
-
-class TorsionCurve(NamedTuple):
-    """A torsion spring over the motion."""
-
-    crank_angle: Floats
-    twist: Values
-    moment: Values
-    torque: Values
-    """Torque that the drive gives with the springs of the set."""
-    hand_force: Values | None
-    """With `hand`: force of a hand along the path of this point; positive towards the last position."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -39,7 +39,7 @@ def find_rotary(task: DriveTask, request: RotaryRequest) -> None:
             peak_torque=peak,
             holding=task.if_loaded(both_ends(torque)),
             transmission_angle_min=None if angle is None else angle / operation.radian,
-            curve=RotaryCurve(operation.curve_at, task.if_loaded(torque)),
+            curve=RotaryCurve(crank_angle=operation.curve_at, torque=task.if_loaded(torque)),
             pin_forces=task.pin_peaks(
                 task.machine, [Pull(name, link.origin, 0 * link.origin, torque)] * (name == "rocker")
             ),

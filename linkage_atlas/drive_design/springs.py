@@ -303,21 +303,20 @@ def _add(goal: Goal, set_number: int, springs: Set) -> None:
     }
     if request.kind == "compression" and BUCKLING not in task.findings.notes:
         task.findings.notes.append(BUCKLING)
+    curve = {"crank_angle": task.operation.curve_at, "torque": torque, "hand_force": hand}
     fine = task.fine
     remaining = np.abs(goal.torque(fine, springs)).max()
     exact = not (request.rows or request.torsion_rows) and bool(remaining <= EXACT * np.abs(goal.torque(fine)).max())
     for spring in springs:
         own_fields = {"name": spring.name, "between": spring.between, **effect}
         if isinstance(spring, LinearSpring):
-            task.findings.springs.append(_linear_record(goal, spring, exact, torque, hand, own_fields))
+            task.findings.springs.append(_linear_record(goal, spring, exact, curve, own_fields))
         elif isinstance(spring, MountedTorsion):
-            task.findings.springs.append(_torsion_record(goal, spring, torque, hand, own_fields))
+            task.findings.springs.append(_torsion_record(goal, spring, curve, own_fields))
 
 
-def _linear_record(
-    goal: Goal, spring: LinearSpring, exact: bool, torque: Floats, hand: Floats | None, effect: Fields
-) -> Spring:
-    task, machine, count, row = goal.task, goal.task.machine, goal.request.count, spring.row
+def _linear_record(goal: Goal, spring: LinearSpring, exact: bool, curve: Fields, effect: Fields) -> Spring:
+    machine, count, row = goal.task.machine, goal.request.count, spring.row
     ends, length = plane(np.stack(spring.ends(machine), axis=1)), spring.length(machine)
     own = {
         "kind": goal.request.kind,
@@ -328,14 +327,12 @@ def _linear_record(
         "preload": row.preload / count,
         "length": (-_largest(goal, lambda machine: -spring.length(machine)), _largest(goal, spring.length)),
         "exact": exact,
-        "curve": SpringCurve(task.operation.curve_at, length, row.force(length) / count, torque, hand, ends),
+        "curve": build(SpringCurve, {**curve, "length": length, "force": row.force(length) / count, "ends": ends}),
     }
     return build(Spring, {**own, **effect})
 
 
-def _torsion_record(
-    goal: Goal, spring: MountedTorsion, torque: Floats, hand: Floats | None, effect: Fields
-) -> TorsionSpring:
+def _torsion_record(goal: Goal, spring: MountedTorsion, curve: Fields, effect: Fields) -> TorsionSpring:
     task, machine, count = goal.task, goal.task.machine, goal.request.count
     radian, twist, joint = task.operation.radian, spring.twist(machine), joint_of(machine, spring.between)
     assert joint is not None
@@ -346,7 +343,7 @@ def _torsion_record(
         "preload": spring.row.preload / count,
         "direction": 1 if spring.direction > 0 else -1,
         "twist": (float(extremes.min()) / radian, float(extremes.max()) / radian),
-        "curve": TorsionCurve(task.operation.curve_at, twist / radian, spring.moment(twist) / count, torque, hand),
+        "curve": build(TorsionCurve, {**curve, "twist": twist / radian, "moment": spring.moment(twist) / count}),
     }
     return build(TorsionSpring, {**own, **effect})
 

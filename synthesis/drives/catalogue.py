@@ -14,17 +14,6 @@ from synthesis.work import Work
 
 
 @dataclass(frozen=True)
-class CatalogueOptions:
-    """Effort that is spent on each row of a catalogue."""
-
-    max_descents: int = 3
-    """Number of descents for a row."""
-
-
-OPTIONS = CatalogueOptions()
-
-
-@dataclass(frozen=True)
 class CatalogueRow:
     """An actuator of a catalogue."""
 
@@ -61,7 +50,7 @@ def choose_rows(
     rows: list[CatalogueRow],
     max_results: int,
     work: Work | None = None,
-    options: CatalogueOptions = OPTIONS,
+    max_descents: int = 3,
 ) -> tuple[list[FittingRow], list[UnfitRow]]:
     """Return the cheapest rows of a catalogue that fit, and why others do not.
 
@@ -76,7 +65,8 @@ def choose_rows(
     max_results : int
         Largest number of fitting rows.
     work : Work, optional
-    options : CatalogueOptions
+    max_descents : int
+        Number of descents for a row.
 
     Returns
     -------
@@ -92,7 +82,7 @@ def choose_rows(
 
     @cache  # rows of equal sizes share their placements
     def screened(actuator: Actuator) -> GridPlacements | Refusal:
-        return search.screen([actuator], options.max_descents)
+        return search.screen([actuator], max_descents)
 
     @cache
     def placed(actuator: Actuator) -> Placement | Refusal:

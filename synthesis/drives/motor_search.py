@@ -1,13 +1,11 @@
 """Search for the motor and rod with the largest minimum transmission angle on a link of any motion.
 
-A coarse grid of motors and pins yields starting points. Short descents over a few positions find the promising basins; long
-descents over all positions finish the best of them.
+A coarse grid of motors and pins yields starting points, and descents over all positions end at the optima.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -44,21 +42,14 @@ class MotorSearchOptions:
     arc_points: int = 16
     """Number of motors on each half of a circle of equal time ratio."""
     starts_per_direction: int = 4
-    """Number of short descents of each direction."""
+    """Number of descents of each direction."""
     spacing: float = 0.3
     """Smallest distance of their starting points, as a fraction of the size."""
-    duplicate_distance: float = 0.01
-    """Distance below which two end points are the same, as a fraction of the size."""
     stroke_min: float = 0.1
     """Smallest stroke, twice the motor's crank, as a fraction of the longest displacement of a pin of the link."""
     speed_min: float = 0.5
     """Smallest speed of the pin, as a fraction of the mean speed for this stroke: no rod can move a pin at rest."""
-    short: DescentOptions = field(default_factory=lambda: DescentOptions(tolerance=1e-10, max_steps=8))
-    """Options of a short descent."""
-    long: DescentOptions = field(default_factory=lambda: DescentOptions(tolerance=1e-10, max_steps=40))
-    """Options of a long descent."""
-    long_descents: int = 3
-    """Number of long descents."""
+    descent: DescentOptions = field(default_factory=lambda: DescentOptions(tolerance=1e-10, max_steps=40))
 
 
 OPTIONS = MotorSearchOptions()
@@ -98,38 +89,17 @@ def place_motor(
     starts = coarse.starts(options.grid) or replace(coarse, angle=None).starts(options.finer_grid)
     if not starts:
         return "no point of the link has a distance from any point of motor_box that grows or shrinks all the way"
-    ends: list[tuple[float, _Ends]] = []
-    for start in starts:
-        if work is not None and work.expired() and ends:
-            break
-        end = coarse.improve(start, options.short)
-        ends.append((task.merit(end), end))
     best: MotorCycle | None = None
-    seen: list[_Ends] = []
-    for _, start in sorted(ends, key=lambda row: -row[0]):
-        if best is not None and (len(seen) >= options.long_descents or (work is not None and work.expired())):
+    for extends, points in starts:
+        if best is not None and work is not None and work.expired():
             break
-        if any(earlier.is_near(start, options.duplicate_distance * task.size) for earlier in seen):
-            continue
-        seen.append(start)
-        cycle = task.finish(task.improve(start, options.long), torque)
+        cycle = task.descend(points, extends, torque)
         if cycle is not None and (best is None or cycle.transmission_angle_min > best.transmission_angle_min):
             best = cycle
     if best is None:
         condition = "" if time_ratio is None else f" with a time ratio of {time_ratio:g}"
         return f"no motor in motor_box was found whose rod drives the link both ways{condition}"
     return best
-
-
-class _Ends(NamedTuple):
-    """Motor and pin, (2,), and the sign of the change of their distance."""
-
-    points: Complexes
-    extends: bool
-
-    def is_near(self, other: _Ends, length: float) -> bool:
-        """Check whether two pairs of points probably belong to the same basin."""
-        return self.extends == other.extends and bool(np.abs(self.points - other.points).sum() < length)
 
 
 @dataclass(frozen=True)
@@ -187,7 +157,7 @@ class _Task:
         room = reach / size
         return MaxMinProblem(evaluate, size, [(left, right), (bottom, top), (-room, room), (-room, room)])
 
-    def starts(self, grid: PinGrid) -> list[_Ends]:
+    def starts(self, grid: PinGrid) -> list[tuple[bool, Complexes]]:
         """Return motors and pins of a grid that drive the link, the best of each direction that lie apart from each other."""
         directions = np.exp(2j * np.pi * np.arange(grid.directions) / grid.directions)
         pins = np.concatenate([[0j], *(self.reach * radius * directions for radius in grid.radii)])
@@ -202,7 +172,7 @@ class _Task:
             grows = ((arms if extends else -arms) > 0).all(axis=1)
             value = np.where(grows & (limits[:, -1] >= 0), levels.min(axis=1), -np.inf)
             room, count = self.options.spacing * self.size, self.options.starts_per_direction
-            found += [_Ends(points[k], extends) for k in separate(value, points, room, count)]
+            found += [(extends, points[k]) for k in separate(value, points, room, count)]
         return found
 
     def _timed(self, pins: Complexes, angle: float) -> Complexes:
@@ -216,18 +186,10 @@ class _Task:
         points = np.stack(np.broadcast_arrays(motors, pins[:, None]), axis=-1)
         return np.asarray(points[outside(motors, self.box) <= 0])
 
-    def improve(self, start: _Ends, options: DescentOptions) -> _Ends:
-        """Return the end point of a descent."""
-        return start._replace(points=self.problem(start.extends).solve(start.points, options))
-
-    def merit(self, ends: _Ends) -> float:
-        """Return the smallest sine at a point less the violation of the time ratio."""
-        functions = self.problem(ends.extends).evaluate(ends.points[None])
-        return float(functions.levels.min() - np.abs(functions.equalities).sum())
-
-    def finish(self, ends: _Ends, torque: Floats) -> MotorCycle | None:
-        """Move ends exactly into the reach and onto the time ratio; None if they do not drive the link."""
-        (motor, pin), problem = ends.points, self.problem(ends.extends)
+    def descend(self, start: Complexes, extends: bool, torque: Floats) -> MotorCycle | None:
+        """Return the end of a descent, exactly in the reach and on the time ratio; None if it does not drive the link."""
+        problem = self.problem(extends)
+        motor, pin = problem.solve(start, self.options.descent)
         points = np.array([motor, pin * min(1.0, self.reach / max(abs(pin), 1e-300))])
         if np.abs(problem.evaluate(points[None]).equalities).max(initial=0.0) > 1e-3:
             return None
@@ -236,4 +198,4 @@ class _Task:
         motor, pin = points.tolist()
         first, last = np.abs(self.link.position(pin)[[0, -1]] - motor).tolist()
         crank, rod = abs(last - first) / 2, (first + last) / 2
-        return evaluate_motor(self.link, torque, motor, pin, crank, rod, ends.extends)
+        return evaluate_motor(self.link, torque, motor, pin, crank, rod, extends)

@@ -35,10 +35,6 @@ class PlacementOptions:
     """Ratio of successive initial retracted lengths if the retracted length is free."""
     refinements: int = 4
     """Number of times that the grid is refined around its best placements if none satisfies the limits."""
-    max_restarts: int = 6
-    """Number of restarts from the best end point."""
-    restart_gain: float = 1e-8
-    """Relative improvement that a restart must bring for another restart."""
     arm_fraction: float = 0.7
     """Fraction of the required moment arm at which a descent is started although no grid placement reaches it."""
     descent: DescentOptions = field(default_factory=lambda: DescentOptions(fraction=0.999))
@@ -100,35 +96,16 @@ class PlacementSearch(PlacementTask):
         """Return the best end point of the descents from the grid placements of `screen`; return a refusal as it is."""
         if isinstance(starts, Refusal):
             return starts
-        found = self.descents(starts, sizes, work)
-        return self.restart_from(found[0], sizes) if found else starts.shortfall or Refusal("arm", 0.0)
-
-    def descents(self, starts: GridPlacements, sizes: Sizes, work: Work | None) -> list[Placement]:
-        """Return the end points of the descents from grid placements, the best first."""
-        found: list[Placement | None] = []
+        found: list[Placement] = []
         for ground, pin, extends, actuator in zip(starts.grounds, starts.pins, starts.extends, starts.actuators):
             if work is None or not work.expired():
                 own_sizes = replace(sizes, start=Actuator(*actuator.tolist()))
-                found.append(self._descend_from(own_sizes, np.array([ground, pin]), bool(extends)))
+                end = self._descend_from(own_sizes, np.array([ground, pin]), bool(extends))
+                found += [] if end is None else [end]
         if starts.shortfall is None:  # the best grid placement competes, in case that no descent ended well
             found.append(self.evaluate(complex(starts.grounds[0]), complex(starts.pins[0])))
-        return sorted((end for end in found if end is not None), key=lambda placement: placement.worst)
-
-    def restart_from(self, best: Placement, sizes: Sizes) -> Placement:
-        """Improve a placement by descents with a new curvature matrix: a descent can end early along a narrow ridge."""
-        for _ in range(self.options.max_restarts):
-            low, high = sorted(best.length[[0, -1]].tolist())
-            start = Actuator(
-                low if sizes.retracted_free else sizes.start.retracted,
-                high - low if sizes.stroke_free else sizes.start.stroke,
-            )
-            end = self._descend_from(replace(sizes, start=start), np.array([best.ground, best.pin]), best.extends)
-            gain = 0.0 if end is None else 1 - end.worst / best.worst
-            if end is not None and gain > 0:
-                best = end
-            if gain < self.options.restart_gain:
-                break
-        return best
+        best = min(found, key=lambda placement: placement.worst, default=None)
+        return best or starts.shortfall or Refusal("arm", 0.0)
 
     def _descend_from(self, sizes: Sizes, start: Complexes, extends: bool) -> Placement | None:
         """Return the local optimum, or None if the descent leaves the limits."""
