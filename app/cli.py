@@ -249,6 +249,7 @@ _FIELDS = {
     "limits.link_max": "--link-max",
     "limits.transmission_angle_min": "--transmission",
     "limits.preset=none": "--no-preset",
+    "refine_only=true": "--refine-only",
     "solids.fit": "--fit",
     "solids.material": "--material",
     "solids.allow_collisions=true": "--allow-collisions",
@@ -293,7 +294,8 @@ def _add_request(parser: argparse.ArgumentParser, target: Any, query: Any, verb:
     fields = dict(_fields(target.model)) | dict(_fields(target.motion) if target.motion else ())
     for assignment, option in _FIELDS.items():
         path, _, value = assignment.partition("=")
-        is_used = "solids" in fields or (path.startswith("limits.") and target.command != "drive")
+        is_used = "solids" in fields or not path.startswith("assembly.")
+        is_used = is_used and not (path.startswith("limits.") and target.command == "drive")
         if path in fields and is_used:
             action = {"action": "append_const", "const": setting(assignment)} if value else {"action": "append"}
             metavar = "XMIN,YMIN,XMAX,YMAX" if option.endswith("box") else "VALUE"
@@ -305,14 +307,6 @@ def _add_request(parser: argparse.ArgumentParser, target: Any, query: Any, verb:
         option = "--linkage" if target.linkage else "--start-from"
         text = "linkage" if target.linkage else "linkage from which the search starts"
         add_file(parser, option, dest="linkage", help=f"{text}: a saved solution or a reply (--set {name}=@FILE)")
-    if "refine_only" in fields:
-        parser.add_argument(
-            "--refine-only",
-            dest="set",
-            action="append_const",
-            const=setting("refine_only=true"),
-            help="only refine the linkage of --start-from (--set refine_only=true)",
-        )
     if target.table:
         parser.add_argument(
             "--columns",

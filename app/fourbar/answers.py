@@ -81,6 +81,7 @@ def answer_synthesize(request: SynthesizeRequest, resources: Resources) -> la.Re
 MOTION = tuple(name for name in signature(la.Motion).parameters if name in SynthesizeRequest.model_fields)
 """Fields of a request that describe its motion."""
 PLACES = {
+    "solution": "/linkage",
     "crank_angle": "/linkage/crank_angle",
     "travel": "/linkage/travel",
     "motion": "/request",

@@ -48,8 +48,8 @@ def test_the_request_in_a_file_is_solved(kind, run, files) -> None:
     code, out, err = run("synthesize", files[kind], "--set", "top=1", "--json")
     assert code == Exit.OK and err.startswith(f"read {files[kind]}: a ") and "request is used" in err
     assert json.loads(out)["request"]["position"] == EXAMPLE["position"]
-    code, _, err = run("match", files[kind], "--set", "curve=none")
-    assert code == Exit.USAGE and "without position" in err and "curve: must be one of coupler, rocker" in err
+    code, _, err = run("match", files[kind], "--set", "top=0")
+    assert code == Exit.USAGE and "without position" in err and "top: must be at least 1" in err
 
 
 @pytest.mark.parametrize(
