@@ -21,18 +21,16 @@ def queries_named(word: str) -> tuple[Query, ...]:
     """Return the query with a command, or all queries of a scene."""
     if word in SCENES:
         return queries_of(word)
-    return tuple(query for query in _linkage_queries() if query.command == word)
-
-
-def _linkage_queries() -> tuple[Query, ...]:
     from app.fourbar.answers import QUERIES
 
-    return QUERIES
+    return tuple(query for query in QUERIES if query.command == word)
 
 
 def all_queries() -> tuple[Query, ...]:
     """Return the queries about linkages and those of all scenes."""
-    return (*_linkage_queries(), *scene_queries())
+    from app.fourbar.answers import QUERIES
+
+    return (*QUERIES, *scene_queries())
 
 
 class Example(NamedTuple):

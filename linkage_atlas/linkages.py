@@ -471,7 +471,7 @@ class Linkage:
             otherwise in its unit of length per second.
         load : mapping, optional
             ``force`` [fx, fy] at the body point and ``torque`` on the body, in directions that do not turn with it; ``masses``, a
-            list of ``link`` (body, or a name as in a reply: crank, coupler, rocker), ``mass`` in kg, centre ``at`` [x, y] and
+            list of ``link`` (body, or a name as in a reply: crank, coupler, rocker), ``mass`` in kg, ``centre`` [x, y] and
             ``inertia`` in the link's frame; ``parts``, true to add the masses of `solids` with default options; ``gravity``
             [gx, gy] in m/s^2 ([0, -9.81]). With masses, forces are in newtons.
         travel : array_like, shape (n,), optional

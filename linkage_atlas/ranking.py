@@ -181,10 +181,7 @@ class Ranking:
             apart += distinct(alike, top, APART, order=lambda _: 0, exact=self.tolerance)
         apart.sort(key=lambda solution: rank[id(solution)])
         first = {group_of(solution): solution for solution in reversed(apart)}
-        shown = sorted(first.values(), key=lambda solution: rank[id(solution)])[:top]
-        shown += [solution for solution in apart if all(solution is not chosen for chosen in shown)][
-            : top - len(shown)
-        ]
+        shown = sorted(apart, key=lambda solution: solution is not first[group_of(solution)])[:top]
         return self._with_smallest_error(sorted(shown, key=lambda solution: rank[id(solution)]), found, top)
 
     def smallest_error(self, found: Sequence[Solution]) -> Solution | None:
