@@ -453,7 +453,7 @@ class Linkage:
         q = np.atleast_1d(np.asarray(coordinate, dtype=float))
         found = self._poses(q, self.branch)
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-            turning = self._rates_by_hinge(q) if self.driver is Driver.HINGE else self._rates_by_pin(q, found)
+            turning = self._rates(q, found)
             if not self._in_place:
                 along, arm = np.exp(1j * self.ground_angle), np.exp(1j * found.rotation) * self.arm
                 first, second = turning.rotation, turning.rotation_second
@@ -463,71 +463,42 @@ class Linkage:
                 )
         return BodyRates(*(np.where(np.isfinite(rate), rate, np.nan) for rate in turning))
 
-    def _rates_by_pin(self, q: Floats, found: BodyPoses) -> BodyRates:
-        """Differentiate the closure g(gamma, q) = 0 twice; the factor of the unknown is the signed arm."""
-        driven, second_guide = self.local_guides
-        turned = np.exp(1j * found.rotation)
-        pin, pin_second, on_body = 0j * q, 0j * q, 0j
+    def _rates(self, q: Floats, found: BodyPoses) -> BodyRates:
+        """Differentiate the conditions of both guides twice, in the own frames.
+
+        With the drive locked, the body can still turn about the pin, or slide along the slot of a hinge; the other guide decides
+        how much it does, divided by the signed arm of its push.
+        """
+        driven, other = self.local_guides
+        turned, still, hinge = np.exp(1j * found.rotation), 0j * q, self.driver is Driver.HINGE
+        held = driven.contact(found.position, turned) - found.position
+        contact = other.contact(found.position, turned) - found.position
+        push = other.push(found.position, turned)
+        pin, pin_second, along = still, still, still
         if isinstance(driven, Circle):
             spoke = driven.radius * np.exp(1j * q)
             pin, pin_second = 1j * spoke, -spoke
         elif isinstance(driven, Rail):
-            pin = pin + np.exp(1j * driven.direction)
+            pin = still + np.exp(1j * driven.direction)
         else:
-            on_body = complex(np.exp(1j * driven.body_direction))
-        lever = np.copysign(found.arm, found.sine)
+            along = turned * np.exp(1j * driven.body_direction)
+        if hinge:
+            begin, turn, moves, turns, lever = -1j * held, 1.0, -along, 0.0, -found.sine
+        else:
+            begin, turn, moves, turns = pin - along, 0.0, -1j * held, 1.0
+            lever = np.copysign(found.arm, found.sine)
         lever = np.where(lever != 0, lever, np.nan)
-        spread, arm = self._spread.at(q), turned * self._arm.at(q)
-        sliding = -turned * on_body  # derivatives of the arm, which turns with the body
-        if isinstance(second_guide, Slot):
-            slot = turned * np.exp(1j * second_guide.body_direction)
-            rotation = -(cross(slot, pin) + cross(slot, sliding)) / lever
-            second = -cross(slot, pin_second + 2j * rotation * -pin + rotation**2 * spread) / lever
-        else:
-            if isinstance(second_guide, Circle):
-                normal = (arm - spread) / second_guide.radius
-            else:
-                normal = np.full(q.shape, 1j * np.exp(1j * second_guide.direction))
-            rotation = -dot(normal, pin + sliding) / lever
-            velocity = pin + sliding + 1j * rotation * arm
-            pulled = pin_second + 2j * rotation * sliding - rotation**2 * arm
-            curved = np.abs(velocity) ** 2 / second_guide.radius if isinstance(second_guide, Circle) else 0.0
-            second = -(dot(normal, pulled) + curved) / lever
-        point = turned * driven.body_at(q)
-        along = turned * on_body
-        position = pin - along - 1j * rotation * point
-        position_second = pin_second - 2j * rotation * along - 1j * second * point + rotation**2 * point
-        return BodyRates(position, rotation, position_second, second)
-
-    def _rates_by_hinge(self, q: Floats) -> BodyRates:
-        driven, second_guide = self.local_guides
-        assert isinstance(driven, Slot)
-        extension, sine, _ = self._extension(q, self.branch)
-        along = np.exp(1j * q)
-        unity, none = np.ones(q.shape), np.zeros(q.shape)
-        turned = along * np.exp(-1j * driven.body_direction)
-        arm = turned * (second_guide.body_point - driven.body_point)
-        if isinstance(second_guide, Slot):
-            between = np.conj(along) * (driven.pin - second_guide.pin)
-            tilt = second_guide.body_direction - driven.body_direction
-            across = between * np.exp(-1j * tilt) / -math.sin(tilt)
-            first, second = np.imag(-1j * across), np.imag(-across)
-        else:
-            if isinstance(second_guide, Circle):
-                normal = (driven.pin + arm - extension * along - second_guide.pivot) / second_guide.radius
-            else:
-                normal = np.full(q.shape, 1j * np.exp(1j * second_guide.direction))
-            reach = arm - extension * along  # from the fixed pin to the other body point
-            push = np.where(sine != 0, sine, np.nan)
-            first = dot(normal, 1j * reach) / push
-            velocity = 1j * reach - first * along
-            curved = np.abs(velocity) ** 2 / second_guide.radius if isinstance(second_guide, Circle) else none
-            second = (dot(normal, -reach - 2j * first * along) + curved) / push
-        body_point = turned * driven.body_point + extension * along
-        velocity = -1j * body_point - first * along
-        change = body_point - 2j * first * along - second * along
-        known = np.isfinite(sine)
-        return BodyRates(velocity, np.where(known, unity, np.nan), change, np.where(known, none, np.nan))
+        free = -dot(push, begin + 1j * turn * contact) / lever
+        position, rotation = begin + free * moves, turn + turns * free
+        second = pin_second + rotation**2 * held - 2j * rotation * along * (free if hinge else 1.0)
+        arm = turned * other.body_point
+        velocity, curved = position + 1j * rotation * arm, 0.0 * q
+        if isinstance(other, Circle):
+            curved = np.abs(velocity) ** 2 / other.radius
+        elif isinstance(other, Slot):
+            curved = -2 * rotation * dot(-1j * push, velocity)
+        change = -(dot(push, second - rotation**2 * arm) + curved) / lever
+        return BodyRates(position, rotation, second + change * moves, turns * change)
 
     def motions(self, travel: ArrayLike) -> tuple[LinkMotion, ...]:
         """Return the motions of the three moving links, in the order of `link_names`.
