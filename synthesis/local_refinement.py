@@ -95,6 +95,12 @@ class LocalOptions:
     """Number of refinement steps from the grid to crank angles in between."""
     gap: float = 1e-4
     """Distance in radians to which coinciding crank angles are separated."""
+    nearby_stages: tuple[Stage, ...] = (Stage(30, 0.05, 30.0), Stage(30, 0.05, 300.0))
+    """Stages of `nearby_motion` and `nearby_poses`.
+
+    Each ends with the first step that lowers the squared error by less than a twentieth."""
+    nearby_damping: float = 0.1
+    """Damping of their first step: much larger than in a descent to an optimum, so that no step goes far along a flat valley."""
 
 
 OPTIONS = LocalOptions()
@@ -141,16 +147,6 @@ def report_of(
     return SearchReport(stopped_by(found, tolerance, work), trace, 0.0, 1)
 
 
-@dataclass(frozen=True)
-class NearbyOptions:
-    """Options of `nearby_motion` and `nearby_poses`."""
-
-    stages: tuple[Stage, ...] = (Stage(30, 0.05, 30.0), Stage(30, 0.05, 300.0))
-    """Stages of the descent; each ends with the first step that lowers the squared error by less than a twentieth."""
-    damping: float = 0.1
-    """Damping of the first step: much larger than in a descent to an optimum, so that no step goes far along a flat valley."""
-
-
 # -- crank angles given --------------------------------------------------------------------------------------------
 
 
@@ -192,14 +188,7 @@ def refine_motion(
     return found, report_of(found, begin, seconds, tolerance, work)
 
 
-def nearby_motion(
-    target: Target,
-    limits: Limits,
-    linkage: Linkage,
-    tolerance: float,
-    work: Work,
-    options: NearbyOptions | None = None,
-) -> list[Solution]:
+def nearby_motion(target: Target, limits: Limits, linkage: Linkage, tolerance: float, work: Work) -> list[Solution]:
     """Return a linkage moved no farther than needed; for the parameters and the law see `refine_motion`.
 
     Returns
@@ -208,16 +197,15 @@ def nearby_motion(
         A single linkage within the limits; empty if the descent does not lead into them.
     """
     if target.clockwise:
-        moved = nearby_motion(target.mirrored(), limits.mirrored(), linkage.mirrored(), tolerance, work, options)
+        moved = nearby_motion(target.mirrored(), limits.mirrored(), linkage.mirrored(), tolerance, work)
         return [solution.mirrored() for solution in moved]
-    options = options or NearbyOptions()
     run = _Descents(target, limits, tolerance, work)
     linkage = _of_family(linkage, limits)
     closing = run.assessed([linkage])
     run.found = run.within_limits(closing)
     if closing and not run.done:
         space = FOURBAR.bounded(target, limits)[-1 if limits.family == "any" else 0]
-        run.lead_within(space, linkage, options.stages, options.damping)
+        run.lead_within(space, linkage, OPTIONS.nearby_stages, OPTIONS.nearby_damping)
     return run.best[:1]
 
 
@@ -353,10 +341,8 @@ def nearby_poses(
     crank: Floats | None,
     tolerance: float,
     work: Work,
-    options: NearbyOptions | None = None,
 ) -> list[Solution]:
     """Return a linkage moved no farther than needed; see `refine_poses` for the parameters."""
-    options = options or NearbyOptions()
     timed = _candidates_of(poses, limits, _of_family(linkage, limits), crank)
     if timed is None:
         return []
@@ -365,7 +351,7 @@ def nearby_poses(
     if unmoved.min_error < tolerance and (accurate := solutions_of(poses, unmoved, chart, limits, 1, tolerance)):
         return accurate
     problem = limited_problem(poses, chart, limits)
-    moved = problem.descended(timed, options.stages, tolerance, work, options.damping)
+    moved = problem.descended(timed, OPTIONS.nearby_stages, tolerance, work, OPTIONS.nearby_damping)
     pool, _ = problem.moved_onto(moved.timed)
     return solutions_of(poses, pool.joined(unmoved), chart, limits, 1, tolerance)
 
