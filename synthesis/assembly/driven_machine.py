@@ -121,25 +121,17 @@ def motor_driven(
 
 @dataclass(frozen=True)
 class Strut:
-    """A cylinder between the ground, or a link, and a pin of another link.
-
-    Attributes
-    ----------
-    link, on : str
-        The link with the pin, and what carries the other end.
-    pin : complex
-        In the frame of ``link``.
-    end : complex
-        The other end in the plane at the first sample.
-    sizes : tuple of float
-        Retracted length and stroke.
-    """
+    """A cylinder between the ground, or a link, and a pin of another link."""
 
     link: str
     on: str
+    """What carries the other end."""
     pin: complex
+    """Pin in the frame of ``link``."""
     end: complex
+    """Other end in the plane at the first sample."""
     sizes: tuple[float, float]
+    """Retracted length and stroke."""
 
 
 CYLINDER, PISTON_ROD = "cylinder", "piston_rod"
@@ -193,16 +185,7 @@ def strut_driven(
 class _Placed:
     """Place of two further plates between a foot, on the ground or on a link, and the pin Q of a link.
 
-    Parameters
-    ----------
-    plain : Machine
-        The linkage without its drive.
-    link, on : str
-        The link with the pin, and what carries the foot.
-    pin : complex
-        In the frame of ``link``.
-    foot : complex
-        In the plane at the first sample.
+    ``pin`` is given in the frame of ``link``, and ``foot``, which ``on`` carries, in the plane at the first sample.
     """
 
     def __init__(self, plain: Machine, link: str, on: str, pin: complex, foot: complex) -> None:

@@ -177,20 +177,7 @@ class Gaps:
         self._work = Work()
 
     def at(self, pair: Ints, travel: Floats, half: Floats | float = 0.0) -> tuple[Floats, Floats]:
-        """Return gaps and the bounds of their change.
-
-        Parameters
-        ----------
-        pair : ndarray of int, shape (m,)
-        travel : ndarray, shape (m,)
-            Crank angles.
-        half : ndarray, shape (m,), or float
-            Half widths of the cells.
-
-        Returns
-        -------
-        gap, bound : ndarray, shape (m,)
-        """
+        """Return gaps and the bounds of their change, (m,), of pairs at crank angles, over cells of half widths."""
         times, index = np.unique(travel, return_inverse=True)
         if np.ndim(half):
             # in a proof, cells with the same middle have the same width; otherwise the widest counts
@@ -235,18 +222,9 @@ class Gaps:
         return gap, bound
 
     def prove(self, interval: Interval, work: Work) -> list[Proof]:
-        """Return the ranges of an interval in which each pair collides, with ends that are exact up to rounding.
+        """Return the ranges of an interval of crank angles in which each pair collides, with ends that are exact up to rounding.
 
-        Parameters
-        ----------
-        interval : Interval
-            Crank angles.
-        work : Work
-
-        Raises
-        ------
-        OutOfTime
-            If the time of ``work`` is up.
+        Raise `OutOfTime` if the time of ``work`` is up.
         """
         self._work = work
         first, last = min(interval), max(interval)

@@ -113,16 +113,9 @@ class GuidedBody:
 
 
 def _turn_over(own: float, opposite: float, r: Floats, e: Floats) -> Floats:
-    """Return the largest rotation of a side of a triangle.
+    """Return the largest rotation of a side of a triangle, with the length ``opposite`` opposite to the corner at which it turns.
 
-    Parameters
-    ----------
-    own, opposite : float
-        Length of the side, and of the side opposite to the corner at which it turns.
-    r : ndarray
-        Length of the third side.
-    e : ndarray
-        Largest change of the third side's length and of its ends' distance.
+    The third side has the length r; its length and the distance of its ends change by at most e.
     """
     low, high = np.maximum(r - e, abs(own - opposite)), np.minimum(r + e, own + opposite)
     known = (e < r) & (low <= high)

@@ -118,8 +118,8 @@ def as_plates(
     if linkage.is_four_bar:
         pins.sort(key=lambda pin: not pin.grounded)
     if point is not None:
-        outline = tuple(complex(point + np.exp(1j * body_turn(linkage)) * z) for z in body)
-        post = post_in(outline, point, [made.core for made in holes], hole, width) if outline else point
+        outline = tuple(complex(point + np.exp(1j * _body_turn(linkage)) * z) for z in body)
+        post = _post_in(outline, point, [made.core for made in holes], hole, width) if outline else point
         if outline:
             corners.append(post)
             plates.append(Plate("body", carrier, Shape(outline, 0.0), (Hole((post,), "P"),)))
@@ -209,14 +209,8 @@ def _slit_end(
 ) -> tuple[float, int] | None:
     """Return the travel at which a slide first leaves its slit, and the guide; None if it does not.
 
-    Parameters
-    ----------
-    linkage : Linkage
-    start, end : float
-        Coordinates of the drive between which the end is sought, in steps of at most a degree or a 360th of the distance.
-    spans : mapping
-        Used range of each guide that is a rail or a slot.
-    size : float
+    The end is sought between two coordinates of the drive, in steps of at most a degree or a 360th of the distance. ``spans`` are
+    the used ranges of the guides that are rails or slots.
     """
     found: tuple[float, int] | None = None
     steps = int(np.ceil(abs(end - start) / np.deg2rad(1.0))) if linkage.driver.turns else _STEPS
@@ -242,28 +236,13 @@ def _slit_end(
     return found
 
 
-def post_in(
+def _post_in(
     corners: Sequence[complex], point: complex, obstacles: Sequence[tuple[complex, ...]], hole: float, width: float
 ) -> complex:
-    """Return the place of the post of a body, at the body point or near it.
+    """Return the place of the post of a body with an outline, at the body point or near it, in the frame of its link.
 
-    Around its hole the outline, the link's holes and the slits leave as much material as a plate of the width does, or at least
-    a half or a quarter of that.
-
-    Parameters
-    ----------
-    corners : sequence of complex
-        Outline of the body in the frame of the link that carries it.
-    point : complex
-        Body point in the same frame.
-    obstacles : sequence of tuples of complex
-        Cores of the holes and slits of the link.
-    hole, width : float
-
-    Raises
-    ------
-    FieldError
-        If there is no room for the post.
+    Around its hole the outline and the link's holes and slits, with cores as obstacles, leave as much material as a plate of the
+    width does, or at least a half or a quarter of that. Raise `FieldError` if there is no room.
     """
     for fraction in (1.0, 0.5, 0.25):
         rim = fraction * (width - hole) / 2
@@ -273,7 +252,7 @@ def post_in(
     raise FieldError("/body", f"must leave room for a post with a hole of {hole:g} that joins it to the coupler")
 
 
-def body_turn(linkage: Linkage) -> float:
+def _body_turn(linkage: Linkage) -> float:
     """Return the angle of the body's axes in the coupler's frame.
 
     If the rotation of the body is unknown, its axes are parallel to the user's at the first sample.

@@ -127,27 +127,11 @@ def nearest_on(corners: Sequence[complex], point: complex) -> complex:
 def nearest_room(
     corners: Sequence[complex], obstacles: Sequence[Sequence[complex]], rim: float, distance: float, point: complex
 ) -> complex | None:
-    """Return the point inside a polygon, nearest to a given point, with room for a hole.
+    """Return the point inside a polygon that is nearest to a given point, up to `ROOM`, with room for a hole; None without one.
 
-    Squares are searched in the order of their distance. Room changes by at most the distance between two points, so a square
-    without any room is discarded as a whole.
-
-    Parameters
-    ----------
-    corners : sequence of complex
-        Polygon.
-    obstacles : sequence of sequences of complex
-        Lines that must stay clear.
-    rim : float
-        Smallest distance from the polygon's outline.
-    distance : float
-        Smallest distance from the obstacles.
-    point : complex
-
-    Returns
-    -------
-    complex or None
-        The nearest point, up to `ROOM`; None if there is none.
+    It keeps the distance ``rim`` from the polygon's outline and ``distance`` from the obstacles, which are lines. Squares are
+    searched in the order of their distance. Room changes by at most the distance between two points, so a square without any room
+    is discarded as a whole.
     """
     sides = np.asarray(corners, dtype=complex)[None]
 
