@@ -457,7 +457,7 @@ def _add_example(parser: argparse.ArgumentParser, name: str) -> None:
 
 def _example(options: argparse.Namespace) -> int:
     from app.registry import all_examples
-    from app.terminal import left_table
+    from app.terminal import table
 
     if options.name is None:
         rows, before = [], ""
@@ -465,7 +465,7 @@ def _example(options: argparse.Namespace) -> int:
             if not name.startswith("synthesize-"):
                 rows.append((name, by, '"' if about == before else about))
                 before = about
-        print(left_table(("name", "command", "description"), rows))
+        print(table(("name", "command", "description"), rows, left=True))
         return Exit.OK
     example = all_examples()[options.name]
     print(_pretty(example.request))

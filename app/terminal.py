@@ -105,12 +105,13 @@ class Units:
 DEGREES = Units()
 
 
-def table(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
-    """Lay out right-aligned columns under their heads."""
+def table(head: Sequence[str], rows: Sequence[Sequence[Any]], left: bool = False) -> str:
+    """Lay out right-aligned or left-aligned columns under their heads."""
     cells = [[str(value) for value in row] for row in (head, *rows)]
     widths = [max(len(row[k]) for row in cells) for k in range(len(head))]
-    lines = ["  ".join(value.rjust(width) for value, width in zip(row, widths)) for row in cells]
-    return "\n".join([lines[0], "  ".join("-" * width for width in widths), *lines[1:]])
+    cells.insert(1, ["-" * width for width in widths])
+    align = str.ljust if left else str.rjust
+    return "\n".join("  ".join(map(align, row, widths)).rstrip() for row in cells)
 
 
 def columns(items: Iterable[Any], *shown: tuple[str, str, str | Callable[[Any], Any]]) -> str:
@@ -132,11 +133,3 @@ def columns(items: Iterable[Any], *shown: tuple[str, str, str | Callable[[Any], 
 def number(value: float | None, digits: int = 6) -> str:
     """Format a number in as few characters as it needs; a dash for None."""
     return "-" if value is None else f"{value:.{digits}g}"
-
-
-def left_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Lay out left-aligned columns of words under their heads; the last column is not padded."""
-    widths = [max(len(row[k]) for row in (head, *rows)) for k in range(len(head) - 1)]
-    rule = ["-" * width for width in widths] + ["-" * len(head[-1])]
-    lines = [[cell.ljust(width) for cell, width in zip(row, widths)] + [row[-1]] for row in (head, rule, *rows)]
-    return "\n".join("  ".join(line) for line in lines)

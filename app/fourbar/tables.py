@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 import linkage_atlas as la
-from app.terminal import DEGREES, Units, columns, left_table, number
+from app.terminal import DEGREES, Units, columns, number, table
 from linkage_atlas import Matches, Result, Solution
 from linkage_atlas.drive_design.records import ActuatorDrive, Drive, MotorDrive, TorsionSpring
 from linkage_atlas.geometry import guide_in_words
@@ -276,7 +276,12 @@ def assembly_table(reply: la.Assembly, units: Units = DEGREES) -> str:
         pins = [pin.name for pin in reply.pins if pin.layers[0] <= layer <= pin.layers[1]]
         if names or layer not in ends:
             rows.append((str(layer), ", ".join(names) or "-", " ".join(pins)))
-    lines = [f"{reply.status}: {counted(reply.count, 'layer')}", "", left_table(("layer", "parts", "pins"), rows), ""]
+    lines = [
+        f"{reply.status}: {counted(reply.count, 'layer')}",
+        "",
+        table(("layer", "parts", "pins"), rows, left=True),
+        "",
+    ]
     if reply.smallest_gap is not None:
         gap = reply.smallest_gap
         position = f"at {number(gap.crank_angle)}{units.behind(units.angle)}"
