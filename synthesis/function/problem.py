@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from synthesis.arrays import Floats, Ints
-from synthesis.function.descent import Linear, Linearise
+from synthesis.arrays import Floats, rows_at
 from synthesis.function.laws import ANGLE, FourBarLaw, FunctionLimits
 from synthesis.function.target_function import TargetFunction
 from synthesis.function.travel_laws import TravelLaw
@@ -35,6 +34,40 @@ class ProblemOptions:
 
 
 OPTIONS = ProblemOptions()
+
+
+class Inputs(NamedTuple):
+    """Inputs at which candidates are compared with the function."""
+
+    branch: Floats
+    """(n,): branches of the candidates."""
+    crank: Floats
+    """(n, M): inputs from the first sample."""
+    root: Floats
+    """(n, M): factors of the errors."""
+    wanted: Floats
+    """(n, M): outputs of the function."""
+
+    def take(self, indices: Any) -> Inputs:
+        """Select candidates."""
+        return rows_at(self, indices)
+
+
+class Linear(NamedTuple):
+    """Errors and conditions of candidates with their derivatives by the k free unknowns."""
+
+    error: Floats
+    """(n, M): weighted; infinite if a candidate is impossible."""
+    slope: Floats
+    """(n, M, k)"""
+    condition: Floats
+    """(n, m)"""
+    condition_slope: Floats
+    """(n, m, k)"""
+
+    def take(self, indices: Any) -> Linear:
+        """Select candidates."""
+        return rows_at(self, indices)
 
 
 class FunctionProblem:
@@ -128,22 +161,22 @@ class FunctionProblem:
             by[:, :, k] = (rate(unknowns + step) - rate(unknowns - step)) / (2 * OPTIONS.difference)
         return rate(unknowns) - smallest, by
 
-    def linear(self, branch: Floats, crank: Floats, root: Floats) -> Linearise:
-        """Return the linearized errors at inputs (n, M), times ``root`` (n, M), and conditions for `descent.descend`."""
-        curve = self.function.curve(crank)
+    def inputs(self, branch: Floats, crank: Floats, root: Floats) -> Inputs:
+        """Return the inputs of candidates (n,), each (M,) or (n, M), with the factors of their errors."""
+        shape = branch.size, crank.shape[-1]
+        crank = np.broadcast_to(crank, shape)
+        return Inputs(branch, crank, np.broadcast_to(root, shape), self.function.curve(crank))
 
-        def evaluate(unknowns: Floats, which: Ints) -> Linear:
-            scale = root[which]
-            found = self.law.at(unknowns, branch[which], crank[which])
-            error = self.wrapped_error(curve[which] - unknowns[:, 4:] - found.value) * scale
-            error[~found.possible.all(axis=1)] = np.inf
-            slope = np.empty((*error.shape, 5))
-            slope[:, :, :4] = -found.slope.transpose(0, 2, 1) * scale[:, :, None]
-            slope[:, :, 4] = -scale
-            condition, by = self.conditions(unknowns)
-            if self.function.one_way:
-                rate, by_rate = self._rates(unknowns, branch[which])
-                condition, by = np.concatenate([condition, rate], axis=1), np.concatenate([by, by_rate], axis=1)
-            return Linear(error, np.clip(slope, -1e9, 1e9)[:, :, self.free], condition, by[:, :, self.free])
-
-        return evaluate
+    def linearised(self, unknowns: Floats, inputs: Inputs) -> Linear:
+        """Return the errors and conditions of candidates at unknowns (n, 5), linearized."""
+        found = self.law.at(unknowns, inputs.branch, inputs.crank)
+        error = self.wrapped_error(inputs.wanted - unknowns[:, 4:] - found.value) * inputs.root
+        error[~found.possible.all(axis=1)] = np.inf
+        slope = np.empty((*error.shape, 5))
+        slope[:, :, :4] = -found.slope.transpose(0, 2, 1) * inputs.root[:, :, None]
+        slope[:, :, 4] = -inputs.root
+        condition, by = self.conditions(unknowns)
+        if self.function.one_way:
+            rate, by_rate = self._rates(unknowns, inputs.branch)
+            condition, by = np.concatenate([condition, rate], axis=1), np.concatenate([by, by_rate], axis=1)
+        return Linear(error, np.clip(slope, -1e9, 1e9)[:, :, self.free], condition, by[:, :, self.free])

@@ -20,7 +20,7 @@ from synthesis.arrays import Floats, Ints, rows_at, rows_of_all
 from synthesis.function.answers import OPTIONS as ANSWERS
 from synthesis.function.answers import Generator, extremes, look, within_limits
 from synthesis.function.descent import OPTIONS as STEPS
-from synthesis.function.descent import Descended, descend
+from synthesis.function.descent import descend
 from synthesis.function.laws import ANGLE, FunctionLimits
 from synthesis.function.problem import AnyLaw, FunctionProblem
 from synthesis.function.target_function import TargetFunction
@@ -191,8 +191,8 @@ class FunctionSearch(SearchProblem):
         for stage in stages:
             if not branch.size or self.work.expired():
                 return candidates.take([])
-            crank, root = (np.broadcast_to(row, (branch.size, row.size)) for row in self.error_samples(stage.inputs))
-            done = self.stepped(unknowns, branch, crank, root, stage.steps, stage.gain, radii)
+            inputs = self.problem.inputs(branch, *self.error_samples(stage.inputs))
+            done = descend(self.problem, unknowns, inputs, stage.steps, stage.gain, self.work, radii)
             cells = np.round(
                 np.column_stack([self.basin_coordinates(done.unknowns), branch]) / self.options.pool_distance
             )
@@ -277,15 +277,13 @@ class FunctionSearch(SearchProblem):
         """Minimize squared errors with the limits and the box as penalties; return the candidates and their costs."""
         problem, free = self.problem, self.problem.free
         crank, root = self.error_samples(count)
-        root = root / np.sqrt(np.sum(root * root))
-        low, high = problem.box
-        each = np.broadcast_to(crank, (len(unknowns), crank.size)), np.broadcast_to(root, (len(unknowns), crank.size))
+        inputs, (low, high) = problem.inputs(branch, crank, root / np.sqrt(np.sum(root * root))), problem.box
 
         def evaluate(moving: Floats, which: Floats) -> Evaluation:
             chosen = which.astype(np.intp)
             full = unknowns[chosen]
             full[:, free] = moving
-            model = problem.linear(branch, *each)(full, chosen)
+            model = problem.linearised(full, inputs.take(chosen))
             out = np.where(full < low, full - low, np.where(full > high, full - high, 0.0))[:, free]
             beyond = self.options.soft * np.eye(len(free)) * (out != 0)[:, None, :]
             broken = np.minimum(model.condition, 0.0)
@@ -305,29 +303,6 @@ class FunctionSearch(SearchProblem):
         out = unknowns.copy()
         out[:, free] = found.unknowns
         return out, found.cost
-
-    def stepped(
-        self,
-        unknowns: Floats,
-        branch: Floats,
-        crank: Floats,
-        root: Floats,
-        steps: int,
-        gain: float,
-        radius: Floats | float = STEPS.first_radius,
-    ) -> Descended:
-        """Take sequential quadratic steps over inputs (n, M)."""
-        return descend(
-            self.problem.linear(branch, crank, root),
-            unknowns,
-            self.problem.free,
-            self.problem.box,
-            largest=self.largest,
-            steps=steps,
-            gain=gain,
-            work=self.work,
-            radius=radius,
-        )
 
     def run(self) -> list[Generator]:
         """Return the best distinct answers of a search from everywhere."""
@@ -360,11 +335,8 @@ class FunctionSearch(SearchProblem):
     def levelled(self, unknowns: Floats, branch: Floats, radii: Floats) -> Floats:
         """Take steps over the extremes of the error curves, which are located again after every few steps."""
         if not self.largest:
-            crank, root = (
-                np.broadcast_to(values, (len(branch), values.size))
-                for values in self.error_samples(self.function.crank.size)
-            )
-            done = self.stepped(unknowns, branch, crank, root, 40, 1e-5, radii)
+            inputs = self.problem.inputs(branch, *self.error_samples(self.function.crank.size))
+            done = descend(self.problem, unknowns, inputs, 40, 1e-5, self.work, radii)
             self.settled = bool(done.ended[np.argmin(done.merit)])
             return done.unknowns
         best, smallest = unknowns.copy(), np.full(len(branch), np.inf)
@@ -388,21 +360,12 @@ class FunctionSearch(SearchProblem):
                 rows, peaks, found = rows[keep], peaks[keep], type(found)(*(values[keep] for values in found))
             if not rows.size or self.work.expired():
                 break
-            angles = np.sort(
-                np.concatenate(
-                    [found.crank, peaks[:, -ANSWERS.peaks :], np.broadcast_to(coarse, (len(rows), coarse.size))], 1
-                )
-            )
-            peaks = found.crank
-            done = self.stepped(
-                best[rows],
-                branch[rows],
-                angles,
-                self.function.weight(angles),
-                self.options.exchange_steps,
-                self.options.level,
-                radii[rows],
-            )
+            fixed = np.broadcast_to(coarse, (len(rows), coarse.size))
+            angles = np.sort(np.concatenate([found.crank, peaks[:, -ANSWERS.peaks :], fixed], axis=1))
+            peaks, options = found.crank, self.options
+            inputs = self.problem.inputs(branch[rows], angles, self.function.weight(angles))
+            steps, gain = options.exchange_steps, options.level
+            done = descend(self.problem, best[rows], inputs, steps, gain, self.work, radii[rows])
             unknowns[rows], radii[rows] = done.unknowns, np.maximum(2 * done.radius, self.options.radius_min)
         return best
 
