@@ -59,13 +59,12 @@ class Solution:
 
         The start does not count.
         """
-        linkage = self.linkage
-        return _four_bar_identity(linkage) if linkage.is_four_bar else _identity(linkage)
+        return identity_of(self.linkage)
 
     @cached_property
     def looks(self) -> Floats:
         """Numbers that differ by less than 1 if two linkages look alike in a picture."""
-        return looks_of(self.linkage) if self.linkage.is_four_bar else self.identity / ALIKE
+        return looks_of(self.linkage)
 
     def mirrored(self) -> Solution:
         """Return the linkage in a mirror, for the mirrored request; its errors are the same."""
@@ -75,13 +74,19 @@ class Solution:
         return replace(mirrored, travel=-self.travel, interval=Interval(-self.interval.last, -self.interval.first))
 
 
-def looks_of(linkage: Linkage) -> Floats:
-    """Return the logarithms of the lengths of a four-bar to the base 1 + `ALIKE`, its branch and its family, (6,).
+def identity_of(linkage: Linkage) -> Floats:
+    """Return numbers, relative to its size, that distinguish a linkage from others of its kind and drive, for any start."""
+    return _four_bar_identity(linkage) if linkage.is_four_bar else _identity(linkage)
 
-    Law: the numbers of two linkages differ by less than 1 exactly if branch and family are the same and all lengths agree to
-    within `ALIKE`.
+
+def looks_of(linkage: Linkage) -> Floats:
+    """Return numbers that differ by less than 1 for linkages whose pictures look alike.
+
+    For a four-bar they are the logarithms of its lengths to the base 1 + `ALIKE`, its branch and its family, so that they differ
+    by less than 1 exactly if branch and family are the same and all lengths agree to within `ALIKE`.
     """
-    assert linkage.family is not None
+    if linkage.family is None:
+        return identity_of(linkage) / ALIKE
     return np.array([*(np.log(linkage.links) / np.log1p(ALIKE)), linkage.branch, list(Family).index(linkage.family)])
 
 

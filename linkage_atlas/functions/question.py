@@ -47,8 +47,6 @@ _LIMITS = ("transmission_angle_min", "link_min", "link_max", "link_ratio_max", "
 _LINKS = {"crank": "crank", "coupler": "rod", "ground": "ground"}
 """Names of limits' links, and of the lengths that they are."""
 _UNIT_HINT = "; set `input_unit` or `output_unit` to 'length' for a travel"
-_RATIO = 500.0
-"""Largest ratio of the travel of two sliders."""
 _STILL = 1e-12
 """Largest change of an output, in radians, that counts as rest."""
 _CALLED = {
@@ -147,20 +145,12 @@ class Scales(NamedTuple):
     @classmethod
     def of(cls, dial: Dial, degrees: bool, input_span: float, output_span: float) -> Scales:
         """Return the scales for spans of input and output in the unit of the user."""
-        radian = radians_in(degrees)
         spans = [abs(span) for what, span in zip(dial, (input_span, output_span)) if what == LENGTH]
-        length = max(spans)
         if not min(spans) > 0:
             raise FieldError("/output", "must vary, but the travel is the same everywhere")
-        if not length <= MAX_LENGTH:
+        if not max(spans) <= MAX_LENGTH:
             raise FieldError("/output", f"must have values of at most {MAX_LENGTH:g}")
-        if length > _RATIO * min(spans):
-            raise FieldError(
-                "/output",
-                f"the travel of the input and of the output must not differ by a factor of more than {_RATIO:g}",
-            )
-        sizes = (radian if what == ANGLE else 1 / length for what in dial)
-        return cls(length, *sizes)
+        return cls(max(spans), *(radians_in(degrees) if what == ANGLE else 1 / max(spans) for what in dial))
 
 
 @contextmanager
@@ -185,18 +175,6 @@ def _finite(name: str, samples: object) -> Floats:
     if values.ndim != 1 or values.size < 2 or not np.isfinite(values).all():
         raise FieldError(f"/{name}", f"must have at least {MIN_PAIRS} finite numbers")
     return values
-
-
-def _check_one_way(target: TargetFunction, where: str) -> None:
-    steps = np.diff(target.output)
-    back = steps * np.sign(target.output[-1] - target.output[0]) <= 0
-    if back.any():
-        index = int(np.argmax(back)) + 1
-        at = f"{where}/{index}" if where == "/output" else where
-        raise FieldError(
-            at,
-            f"the rocker must not reverse, but sample {index + 1} of the output continues in the other direction",
-        )
 
 
 @dataclass(frozen=True)
@@ -395,8 +373,13 @@ class FunctionFields:
         field = "/output" if self.function is None else "/function"
         if not dial.travels and np.ptp(target.output) <= _STILL:
             raise FieldError(field, "must vary, but the output is the same everywhere")
-        if self.one_way:
-            _check_one_way(target, field)
+        back = np.diff(target.output) * (target.output[-1] - target.output[0]) <= 0
+        if self.one_way and back.any():
+            index = int(np.argmax(back)) + 1
+            raise FieldError(
+                f"{field}/{index}" if self.function is None else field,
+                f"the rocker must not reverse, but sample {index + 1} of the output continues in the other direction",
+            )
         return replace(target, one_way=self.one_way), dials, scales
 
     def _scales(self, dial: Dial, span: float | None) -> Scales:

@@ -17,6 +17,7 @@ from synthesis.function.target_function import TargetFunction
 from synthesis.limits import in_family
 from synthesis.linkage import Linkage
 from synthesis.pose import whole_turns
+from synthesis.solution import identity_of, looks_of
 from synthesis.target import TURN, Interval
 
 
@@ -71,12 +72,12 @@ class Generator:
     @property
     def identity(self) -> Floats:
         """Return numbers that distinguish linkages."""
-        return self.law.identity(self.linkage, self.lengths)
+        return identity_of(self.linkage)
 
     @property
     def looks(self) -> Floats:
         """Return numbers that differ by less than 1 for linkages whose pictures look the same."""
-        return self.law.looks(self.linkage, self.lengths)
+        return looks_of(self.linkage)
 
     @cached_property
     def transmission_angle_min_turn(self) -> float | None:

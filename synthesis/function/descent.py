@@ -15,13 +15,12 @@ prediction (Madsen and Schjaer-Jacobsen, Linearly constrained minimax optimizati
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.arrays import Flags, Floats
-from synthesis.function.problem import FunctionProblem, Inputs, Linear
 from synthesis.quadratic import minimise_quadratics
 from synthesis.work import Work
 
@@ -45,6 +44,26 @@ class DescentOptions:
 OPTIONS = DescentOptions()
 
 
+class Linear(NamedTuple):
+    """Errors and conditions of candidates with their derivatives by the k free unknowns."""
+
+    error: Floats
+    """(n, M): weighted; infinite if a candidate is impossible."""
+    slope: Floats
+    """(n, M, k)"""
+    condition: Floats
+    """(n, m)"""
+    condition_slope: Floats
+    """(n, m, k)"""
+
+
+class Linearise(Protocol):
+    """Linearization of a problem."""
+
+    def __call__(self, unknowns: Floats, which: Ints) -> Linear:
+        """Return errors and conditions of the candidates ``which`` at unknowns (n, 5)."""
+
+
 class Descended(NamedTuple):
     """Candidates after their descent."""
 
@@ -65,21 +84,30 @@ class Descended(NamedTuple):
 
 
 def descend(
-    problem: FunctionProblem,
+    linear: Linearise,
     unknowns: Floats,
-    inputs: Inputs,
+    free: NDArray[np.intp],
+    box: tuple[Floats, Floats],
+    *,
+    largest: bool,
     steps: int,
     gain: float,
     work: Work,
     radius: Floats | float = OPTIONS.first_radius,
 ) -> Descended:
-    """Minimize the errors of candidates (n, 5) at their inputs, all at once.
+    """Minimize the error of candidates (n, 5), all at once.
 
     Parameters
     ----------
-    problem : FunctionProblem
+    linear : callable
+        ``linear(unknowns, which)`` linearizes the candidates ``which`` at unknowns.
     unknowns : ndarray, shape (n, 5)
-    inputs : Inputs
+    free : ndarray of int, shape (k,)
+        Unknowns that move.
+    box : tuple of ndarray, shape (5,)
+        Lower and upper bounds of the unknowns.
+    largest : bool
+        Minimize the largest error; otherwise the squared errors.
     steps : int
         Maximum number of steps.
     gain : float
@@ -93,11 +121,10 @@ def descend(
     Descended
         Law: size + penalty * violation of a candidate never exceeds its initial value.
     """
-    free, box, largest = problem.free, problem.box, problem.largest
     unknowns = np.clip(unknowns, *box)
     count = len(unknowns)
     accuracy = min(1e-3, 0.1 * gain)
-    here = problem.linearised(unknowns, inputs)
+    here = linear(unknowns, np.arange(count))
     merit = _merit(here, largest)
     radii = np.full(count, radius, dtype=float)
     ended = np.full(count, not free.size)
@@ -105,23 +132,23 @@ def descend(
     for _ in range(steps):
         if not active.size or work.expired():
             break
-        active_model = here.take(active)
+        active_model = Linear(*(values[active] for values in here))
         low, high = (edge[free] - unknowns[active][:, free] for edge in box)
         step, predicted = _program(active_model, radii[active], low, high, largest, accuracy)
         trial = _moved(unknowns[active], free, step, box)
-        there = problem.linearised(trial, inputs.take(active))
+        there = linear(trial, active)
         new = _merit(there, largest)
         # in a curved basin the step leaves the floor: correct it by the error of the first step (Fletcher, Practical
         # Methods of Optimization, 14.4)
         repeated = np.flatnonzero((merit[active] - new < 0.5 * (merit[active] - predicted)) & np.isfinite(new))
         if repeated.size:
-            part = active_model.take(repeated)
+            part = Linear(*(values[repeated] for values in active_model))
             missed = there.error[repeated] - (part.slope @ step[repeated][:, :, None])[:, :, 0]
             broke = there.condition[repeated] - (part.condition_slope @ step[repeated][:, :, None])[:, :, 0]
             part = part._replace(error=missed, condition=broke)
             back = _program(part, radii[active[repeated]], low[repeated], high[repeated], largest, accuracy)[0]
             corrected = _moved(unknowns[active[repeated]], free, back, box)
-            corrected_model = problem.linearised(corrected, inputs.take(active[repeated]))
+            corrected_model = linear(corrected, active[repeated])
             value = _merit(corrected_model, largest)
             helped = value < new[repeated]
             rows = repeated[helped]

@@ -26,7 +26,6 @@ from synthesis.kernels import codes
 from synthesis.limits import LINKS, Limits
 from synthesis.linkage import Linkage, as_lengths, four_bar
 from synthesis.mechanism import Placed
-from synthesis.solution import looks_of
 from synthesis.target import TURN, Interval
 
 ANGLE, LENGTH = "angle", "length"
@@ -227,14 +226,6 @@ class FourBarLaw(Law):
         """Spread logarithms of ratios (n, 3) over the useful range within bounds (n, 3)."""
         reach = OPTIONS.begin_ratio
         return random.uniform(np.maximum(low, np.minimum(high, -reach)), np.minimum(high, np.maximum(low, reach)))
-
-    def identity(self, linkage: Linkage, lengths: Floats) -> Floats:
-        """Return numbers that distinguish four-bars."""
-        return np.array([*np.divide(linkage.links, max(linkage.links)), linkage.branch])
-
-    def looks(self, linkage: Linkage, lengths: Floats) -> Floats:
-        """Return numbers of which two linkages that look alike in a drawing differ by less than 1."""
-        return looks_of(linkage)
 
 
 FOUR_BAR = FourBarLaw(Kind.FOUR_BAR, Driver.CRANK, ANGLE, ("crank", "rocker", "coupler"), (1, -1))

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.arrays import Floats, rows_at
+from synthesis.function.descent import Linear
 from synthesis.function.laws import ANGLE, FourBarLaw, FunctionLimits
 from synthesis.function.target_function import TargetFunction
 from synthesis.function.travel_laws import TravelLaw
@@ -49,23 +50,6 @@ class Inputs(NamedTuple):
     """(n, M): outputs of the function."""
 
     def take(self, indices: Any) -> Inputs:
-        """Select candidates."""
-        return rows_at(self, indices)
-
-
-class Linear(NamedTuple):
-    """Errors and conditions of candidates with their derivatives by the k free unknowns."""
-
-    error: Floats
-    """(n, M): weighted; infinite if a candidate is impossible."""
-    slope: Floats
-    """(n, M, k)"""
-    condition: Floats
-    """(n, m)"""
-    condition_slope: Floats
-    """(n, m, k)"""
-
-    def take(self, indices: Any) -> Linear:
         """Select candidates."""
         return rows_at(self, indices)
 

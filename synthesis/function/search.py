@@ -20,9 +20,9 @@ from synthesis.arrays import Floats, Ints, rows_at, rows_of_all
 from synthesis.function.answers import OPTIONS as ANSWERS
 from synthesis.function.answers import Generator, extremes, look, within_limits
 from synthesis.function.descent import OPTIONS as STEPS
-from synthesis.function.descent import descend
+from synthesis.function.descent import Descended, descend
 from synthesis.function.laws import ANGLE, FunctionLimits
-from synthesis.function.problem import AnyLaw, FunctionProblem
+from synthesis.function.problem import AnyLaw, FunctionProblem, Inputs
 from synthesis.function.target_function import TargetFunction
 from synthesis.least_squares import Evaluation, minimise
 from synthesis.ranking import APART, distinct
@@ -192,7 +192,7 @@ class FunctionSearch(SearchProblem):
             if not branch.size or self.work.expired():
                 return candidates.take([])
             inputs = self.problem.inputs(branch, *self.error_samples(stage.inputs))
-            done = descend(self.problem, unknowns, inputs, stage.steps, stage.gain, self.work, radii)
+            done = self._descended(unknowns, inputs, stage.steps, stage.gain, radii)
             cells = np.round(
                 np.column_stack([self.basin_coordinates(done.unknowns), branch]) / self.options.pool_distance
             )
@@ -304,6 +304,21 @@ class FunctionSearch(SearchProblem):
         out[:, free] = found.unknowns
         return out, found.cost
 
+    def _descended(self, unknowns: Floats, inputs: Inputs, steps: int, gain: float, radius: Floats) -> Descended:
+        """Take sequential quadratic steps."""
+        problem = self.problem
+        return descend(
+            lambda points, which: problem.linearised(points, inputs.take(which)),
+            unknowns,
+            problem.free,
+            problem.box,
+            largest=self.largest,
+            steps=steps,
+            gain=gain,
+            work=self.work,
+            radius=radius,
+        )
+
     def run(self) -> list[Generator]:
         """Return the best distinct answers of a search from everywhere."""
         before = self.work.elapsed
@@ -336,7 +351,7 @@ class FunctionSearch(SearchProblem):
         """Take steps over the extremes of the error curves, which are located again after every few steps."""
         if not self.largest:
             inputs = self.problem.inputs(branch, *self.error_samples(self.function.crank.size))
-            done = descend(self.problem, unknowns, inputs, 40, 1e-5, self.work, radii)
+            done = self._descended(unknowns, inputs, 40, 1e-5, radii)
             self.settled = bool(done.ended[np.argmin(done.merit)])
             return done.unknowns
         best, smallest = unknowns.copy(), np.full(len(branch), np.inf)
@@ -365,7 +380,7 @@ class FunctionSearch(SearchProblem):
             peaks, options = found.crank, self.options
             inputs = self.problem.inputs(branch[rows], angles, self.function.weight(angles))
             steps, gain = options.exchange_steps, options.level
-            done = descend(self.problem, best[rows], inputs, steps, gain, self.work, radii[rows])
+            done = self._descended(best[rows], inputs, steps, gain, radii[rows])
             unknowns[rows], radii[rows] = done.unknowns, np.maximum(2 * done.radius, self.options.radius_min)
         return best
 

@@ -173,7 +173,7 @@ class TravelLaw(Law):
                 reach = size[:, 0] + size[:, 1]
                 out[:, k] = reach * np.where(random.random(count) < 0.2, 0.0, random.uniform(-0.8, 0.8, count))
             elif name == "angle":
-                out[:, k] = random.uniform(-np.pi, np.pi, count)
+                out[:, k] = random.uniform(0, np.pi, count)  # the mirror image makes the same function
             elif name == "slot_offset":
                 out[:, k] = out[:, 0] * random.uniform(-1.2, 1.2, count) * (random.random(count) > 0.3)
         return out
@@ -188,19 +188,6 @@ class TravelLaw(Law):
             reach = lengths[:, 0] / np.maximum(np.abs(np.sin(lengths[:, 1])), 0.1)
         zeros = 1.2 * reach * random.uniform(-1, 1, count) - random.uniform(0, 1, count) * last
         return np.abs(zeros) if self.driver is Driver.CYLINDER else zeros
-
-    def identity(self, linkage: Linkage, lengths: Floats) -> Floats:
-        """Return numbers that differ between linkages."""
-        angle = np.array(self.lengths) == "angle"
-        size = np.abs(lengths[~angle]).max()
-        # two sliders make the same function in a mirror
-        shape = np.where(angle, np.abs(lengths), lengths / size)
-        missing = np.zeros(3 - self.size)
-        return np.array([*shape, *missing, np.log(size), linkage.branch, LAWS.index(self)])
-
-    def looks(self, linkage: Linkage, lengths: Floats) -> Floats:
-        """Return numbers that differ by less than 1 for linkages whose pictures look the same."""
-        return self.identity(linkage, lengths) / 0.02
 
 
 def _columns(lengths: Floats) -> tuple[Floats, Floats, Floats]:
