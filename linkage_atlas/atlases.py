@@ -27,24 +27,22 @@ class Atlas:
 
     Parameters
     ----------
-    rule : synthesis.atlas.table.AtlasRule
-        Rule that enumerates the dimension types.
-    stored : synthesis.atlas.file.StoredAtlas, optional
-        Contents of a file; default: everything is computed from the rule when it is first needed.
-    path : Path, optional
+    stored : synthesis.atlas.file.StoredAtlas
+        Contents of the file.
+    path : Path
         The file.
 
     Examples
     --------
-    >>> from synthesis.atlas.table import AtlasRule
-    >>> atlas = Atlas(AtlasRule.of(40))
+    >>> import tempfile, linkage_atlas as la
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     atlas = la.build_atlas(f"{folder}/small.h5", perimeter=40, samples=16, jobs=1)
     >>> len(atlas), atlas[1].lengths, sum(dimension_type.lengths[0] == 2 for dimension_type in atlas)
     (38, [2, 5, 16, 17], 14)
     """
 
-    def __init__(self, rule: AtlasRule, stored: StoredAtlas | None = None, path: Path | None = None) -> None:
-        self.rule, self._stored, self._path = rule, stored, path
-        self.lengths = rule.lengths() if stored is None else stored.lengths
+    def __init__(self, stored: StoredAtlas, path: Path) -> None:
+        self.rule, self.lengths, self._stored, self._path = stored.rule, stored.lengths, stored, path
 
     def __len__(self) -> int:
         return len(self.lengths)
@@ -61,32 +59,26 @@ class Atlas:
     @cached_property
     def scan(self) -> Scan:
         """Scan of the types."""
-        return Scan(self.lengths, self._stored.tree if self._stored else None)
+        return Scan(self.lengths, self._stored.tree)
 
     def type_of(self, row: int) -> AtlasType:
         """Return the type of a row, counted from 0."""
         return AtlasType(row + 1, self.lengths[row].tolist())
 
-    @property
-    def content_sha256(self) -> str | None:
-        """Hash of the rule and the features; None if no file holds them."""
-        return self._stored.content_sha256 if self._stored else None
-
     def check(self) -> None:
         """Check all contents of its file, and compute some types again. Raises `AtlasError`."""
-        if self._stored and self._path:
-            from synthesis.atlas.file import check_contents
+        from synthesis.atlas.file import check_contents
 
-            check_contents(self._path, self._stored)
+        check_contents(self._path, self._stored)
 
     def describe(self) -> dict[str, object]:
         """Describe its contents as plain values."""
         return {
             "types": len(self),
             "schema_version": SCHEMA,
-            "content_sha256": self.content_sha256,
+            "content_sha256": self._stored.content_sha256,
             "parameters": self.rule.as_json(),
-            "generator": self._stored.generator if self._stored else {},
+            "generator": self._stored.generator,
         }
 
     def __repr__(self) -> str:
@@ -126,7 +118,7 @@ def load_atlas(path: str | Path | None = None, max_bytes: int | None = None, max
 
     path = find_atlas(jobs=1) if path is None else Path(path)
     stored = file.load_atlas(path, max_bytes, file.MAX_TYPES if max_types is None else max_types)
-    return Atlas(stored.rule, stored, path)
+    return Atlas(stored, path)
 
 
 @lru_cache(maxsize=2)
