@@ -91,7 +91,7 @@ export function rowsOf(drive, how) {
     { force, torque, point } = wordsOf(how),
     number = (value, digits = 5) => text(value, digits),
     { kind, count, retracted, stroke, dead, arm_min: arm, peak_force: push, peak_force_ratio: ratio } = drive,
-    { peak_torque: moment, buckling, six_bar: bars, lock } = drive;
+    { peak_torque: moment, buckling, six_bar: bars } = drive;
   const side = count > 1 ? `, ${count} side by side` : "",
     moves = drive.extends ? "extends" : "retracts",
     bound = ratio ? `, ${number(ratio, 4)} × the smallest possible` : "",
@@ -112,8 +112,6 @@ export function rowsOf(drive, how) {
     bars && ["crank and rod", `${number(bars.crank)}, ${number(bars.coupler)} ${unit}`],
     bars && ["time ratio", number(bars.time_ratio, 4)],
     bars && ["transmission of the rod", `${number(bars.transmission_angle_min, 4)}° or more`],
-    lock && ["handle and strut", `${number(lock.handle)}, ${number(lock.strut)} ${unit}`],
-    lock && ["over centre", `${number(lock.over_centre, 3)}° at the ${lock.locked_at} pose`],
     ["stops", drive.stops],
     ["without power", drive.holds],
   ];

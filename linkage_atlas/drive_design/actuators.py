@@ -15,8 +15,8 @@ from linkage_atlas.records import plane, xy
 from synthesis.arrays import Complexes, Floats
 from synthesis.drives.catalogue import CatalogueRow, UnfitRow, choose_rows
 from synthesis.drives.links import LinkMotions, largest
-from synthesis.drives.placement_search import COARSE_GRID, PlacementSearch
-from synthesis.drives.placements import GRID, Actuator, Placement, PlacementLimits, Refusal, Sizes
+from synthesis.drives.placement_search import COARSE_GRID, GRID, PlacementSearch
+from synthesis.drives.placements import Actuator, Placement, PlacementLimits, Refusal, Sizes
 from synthesis.studies.forces import Pull
 
 STEEL = 210_000.0

@@ -14,7 +14,7 @@ from synthesis.drives.crank_rocker import place_motor_about_pivot
 from synthesis.drives.links import GROUND
 from synthesis.drives.motor import MotorCycle, evaluate_motor
 from synthesis.drives.motor_search import place_motor
-from synthesis.drives.six_bar import MOTOR_CRANK, ROD, Joint, Motor, joints_of
+from synthesis.drives.six_bar import MOTOR_CRANK, ROD, Motor
 from synthesis.drives.six_bar import SixBar as Swung
 from synthesis.studies.forces import Pull
 from synthesis.target import TURN, Interval
@@ -110,10 +110,10 @@ def _six_bar(task: DriveTask, six: Swung, cycle: MotorCycle) -> SixBar:
     machine, rod, knee = six.machine(even), six.rod(even) / motor.rod, six.knee(even)
     force = machine.torque(task.question.load) / dot(rod, machine.links[motor.link].speed(motor.pin))
     (forwards, backwards), dwell = six.turn, six.dwell(DWELL_SHARE)
-    joints = _joints(task, six)
-    points = {joint.name: xy(joint.position[0]) for joint in joints}
+    joints = six.joints(operation.plain)
+    points = {joint.name: xy(joint.position) for joint in joints}
     names = {
-        link: [joint.name for joint in joints if link in (joint.first, joint.second)]
+        link: [joint.name for joint in joints if link in joint.links]
         for link in (GROUND, *machine.links, MOTOR_CRANK, ROD)
     }
     if operation.plain is not None and machine.body is not None:
@@ -137,13 +137,3 @@ def _six_bar(task: DriveTask, six: Swung, cycle: MotorCycle) -> SixBar:
         joints=points,
         links=[SixBarLink(link, on_link) for link, on_link in names.items()],
     )
-
-
-def _joints(task: DriveTask, six: Swung) -> list[Joint]:
-    """Return the joints at the first sample, forwards; on a hinged link B is its pivot."""
-    turned = six.forwards(np.zeros(1))
-    machine = six.machine(turned)
-    if task.operation.plain is not None:
-        return joints_of(task.operation.plain, machine) + six.rod_joints(turned)
-    pivot = Joint("B", GROUND, six.motor.link, machine.links[six.motor.link].origin)
-    return [pivot, *six.rod_joints(turned)]

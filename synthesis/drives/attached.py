@@ -11,7 +11,6 @@ import numpy as np
 from synthesis.arrays import Complexes
 from synthesis.drives.links import GROUND, LinkMotions
 from synthesis.drives.six_bar import SixBar
-from synthesis.errors import FieldError
 from synthesis.sheet import Extra, Sheet
 from synthesis.target import TURN
 
@@ -52,9 +51,6 @@ class Attached:
 
     def ends(self) -> tuple[Complexes, Complexes]:
         """Return the paths (n,) of the other end and of the pin."""
-        for name in (self.drive.link, self.drive.on):
-            if name not in (*self.machine.links, GROUND):
-                raise FieldError("/drive/link", f"this linkage has no {name}")
         ground = self.machine.end(self.drive.on, self.machine.point_on(self.drive.on, self.drive.ground))
         return ground, ground if self.drive.kind == "rotary" else self.machine.end(self.drive.link, self.drive.pin)
 
@@ -91,11 +87,7 @@ class Attached:
         if knees is not None:
             knee = complex(knees[0])
             circle = ground + abs(knee - ground) * np.exp(1j * np.linspace(0.0, TURN, 73))
-            return (
-                [ground],
-                [pin, knee],
-                [(np.array([ground, knee, pin]), False), (circle, True)],
-            )
+            return [ground], [pin, knee], [(np.array([ground, knee, pin]), False), (circle, True)]
         along = (pin - ground) / abs(pin - ground)
         body, half = 0.85 * self.drive.sizes[0], 0.5 * _BODY_WIDTH * self.drive.sizes[0]
         corners = np.array([1j * half, body + 1j * half, body - 1j * half, -1j * half])

@@ -13,8 +13,9 @@ from typing import NamedTuple
 import numpy as np
 
 from synthesis.arrays import Complexes, Flags, Floats, Ints, rows_at, rows_of_all
-from synthesis.drives.descent import DescentOptions
-from synthesis.drives.placements import TOLERANCE, Actuator, Placement, PlacementTask, Refusal, Sizes
+from synthesis.drives.descent import DescentOptions, Functions, MaxMinProblem
+from synthesis.drives.placements import TOLERANCE, Actuator, Placement, PlacementLimits, Refusal, Sizes
+from synthesis.link_motion import LinkMotion
 from synthesis.mechanism import Box, outside
 from synthesis.work import Work
 
@@ -42,6 +43,8 @@ class PlacementOptions:
 
 
 OPTIONS = PlacementOptions()
+GRID = 60
+"""Number of grid points in each direction for an actuator of fixed sizes."""
 COARSE_GRID = 30
 """Number of grid points in each direction for a catalogue or free sizes, which gain more from many actuators."""
 _NEIGHBOURS = np.array([complex(x, y) for x in (-1, 0, 1) for y in (-1, 0, 1) if x or y])
@@ -75,10 +78,102 @@ class GridPlacements(NamedTuple):
         return None if self.best_value > 0 else Refusal("arm", float(self.arm_min[0]))
 
 
-class PlacementSearch(PlacementTask):
-    """Search for placements on one link, for actuators of several sizes; for the parameters see `PlacementTask`."""
+class PlacementSearch:
+    """Search for placements on one link, for actuators of several sizes.
 
-    options = OPTIONS
+    Parameters
+    ----------
+    link : LinkMotion
+        Motion of the link relative to the link, or ground, that carries the other end.
+    at : ndarray, shape (n,)
+        Drive parameter at each position.
+    torque : ndarray, shape (n,)
+        Torque that the drive must give. If it is zero everywhere, the search maximizes the minimum arm.
+    limits : PlacementLimits
+    grid_size : int
+        Number of grid points of a search in each direction.
+    torque_integral : float, optional
+        Integral of ``|torque|`` over the interval; by default from the n positions.
+    """
+
+    def __init__(
+        self,
+        link: LinkMotion,
+        at: Floats,
+        torque: Floats,
+        limits: PlacementLimits,
+        grid_size: int = GRID,
+        torque_integral: float | None = None,
+    ) -> None:
+        self.grid_size, self.options = grid_size, OPTIONS
+        self.link, self.at, self.torque, self.limits = link, at, torque, limits
+        self.loaded = bool(np.any(torque))
+        burden = np.abs(torque) if self.loaded else np.ones(at.size)
+        self.torque_scale = float(burden.max()) if self.loaded else 1.0
+        self.burden = burden / burden.max()
+        self.sense = 1.0 if at[-1] >= at[0] else -1.0
+        self.burden_integral = float(np.trapezoid(self.burden, at) * self.sense)
+        self.torque_integral = (
+            torque_integral if self.loaded and torque_integral else self.burden_integral * self.torque_scale
+        )
+        left, bottom, right, top = limits.box
+        self.directions = (True, False) if limits.extends is None else (limits.extends,)
+        self.size = max(right - left, top - bottom, limits.reach)
+
+    def force_bound(self, stroke: float) -> float:
+        """Return a lower bound of the peak force of all placements with a stroke."""
+        return self.torque_integral / stroke
+
+    def evaluate(self, ground: complex, pin: complex) -> Placement:
+        """Return the placement with these ends."""
+        length, arm = self.link.leverage(ground, pin)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            force = self.torque / arm
+            worst = float(np.max(self.burden / np.abs(arm))) * self.torque_scale
+        return Placement(ground, pin, bool(length[-1] > length[0]), length, arm, force, worst)
+
+    def problem(self, sizes: Sizes, extends: bool) -> MaxMinProblem:
+        """Return the problem of the largest u with ``arm >= u burden`` within the limits, for one direction of the actuator.
+
+        Its points are the ground point and the pin. Fixed sizes are equations; this formulation stays regular if the circles
+        about both ends of the pin's path only touch, as they do at many optima.
+        """
+        limits = self.limits
+        sign = self.sense * (1.0 if extends else -1.0)
+        short_end, long_end = (0, -1) if extends else (-1, 0)
+        # u in units of its upper bound, so that all unknowns have similar magnitudes
+        unit = sizes.start.stroke / max(self.burden_integral, 1e-300)
+
+        def evaluate(points: Complexes) -> Functions:
+            ground, pin = points[:, :1], points[:, 1:]
+            length, arm = self.link.leverage(ground, pin)
+            arm *= sign / unit
+            short, long = length[:, [short_end]], length[:, [long_end]]
+            inside = (1 - np.abs(pin) / limits.reach) * (1 + np.abs(pin) / limits.reach)
+            rows = [arm - limits.arm / unit, inside]
+            if sizes.retracted_free or sizes.stroke_free:
+                rows.append((2 * short - long - sizes.dead_length) / self.size)
+            fixed = [] if sizes.retracted_free else [short - sizes.start.retracted]
+            fixed += [] if sizes.stroke_free else [long - short - sizes.start.stroke]
+            return Functions(arm, np.hstack(rows), np.hstack([points.real[:, :0], *fixed]) / self.size)
+
+        reach = limits.reach
+        corners = (*limits.box, *(limits.pin_box or (-reach, -reach, reach, reach)))
+        low, high = (np.array([corners[k] for k in ks]) / self.size for ks in ((0, 1, 4, 5), (2, 3, 6, 7)))
+        return MaxMinProblem(evaluate, self.size, list(zip(low.tolist(), high.tolist())), self.burden)
+
+    def satisfies_limits(self, placement: Placement) -> bool:
+        """Check the limits of a placement up to rounding."""
+        room = TOLERANCE * self.size
+        signed = placement.arm * self.sense * (1.0 if placement.extends else -1.0)
+        return bool(
+            outside(placement.ground, self.limits.box) <= room
+            and abs(placement.pin) <= self.limits.reach + room
+            and (self.limits.pin_box is None or outside(placement.pin, self.limits.pin_box) <= room)
+            and np.all(np.isfinite(signed))
+            and signed.min() >= self.limits.arm - room
+            and signed.min() > 0
+        )
 
     # -- entry points -------------------------------------------------------------------------------------------------
 

@@ -61,12 +61,11 @@ class Motor(NamedTuple):
 
 
 class Joint(NamedTuple):
-    """A joint of two links at n positions."""
+    """A joint of two links at the first sample."""
 
     name: str
-    first: str
-    second: str
-    position: Complexes
+    links: tuple[str, str]
+    position: complex
 
 
 @dataclass(frozen=True)
@@ -243,32 +242,32 @@ class SixBar:
         """Return the vector (n,) along the rod, from the motor's crank to the pin on the link."""
         return self.machine(turned).links[self.motor.link].position(self.motor.pin) - self.knee(turned)
 
-    def rod_joints(self, turned: Floats) -> list[Joint]:
-        """Return the joints M, the motor's shaft, K of its crank and the rod, and Q of the rod and the link."""
-        knee = self.knee(turned)
-        return [
-            Joint("M", GROUND, MOTOR_CRANK, np.full(knee.shape, self.motor.at)),
-            Joint("K", MOTOR_CRANK, ROD, knee),
-            Joint("Q", ROD, self.motor.link, knee + self.rod(turned)),
-        ]
+    def joints(self, linkage: Linkage | None) -> list[Joint]:
+        """Return the joints of all six links at the first sample, in the forward stroke.
 
+        They are A, D, C and B of the linkage, M, the motor's shaft, K of its crank and the rod, and Q of rod and link. The
+        slide of a rail and the pin of a slot's block are A or B too; the slide of a slot in the body is D or C. A link on a
+        hinge has only B.
 
-def joints_of(linkage: Linkage, machine: LinkMotions) -> list[Joint]:
-    """Return the joints A, D, C and B of a linkage.
-
-    The slide of a rail and the pin of a slot's block are A or B too; the slide of a slot in the body is D or C.
-
-    Parameters
-    ----------
-    linkage : Linkage
-    machine : LinkMotions
-        Its motion.
-    """
-    links, body, found = machine.links, machine.links["coupler"], []
-    for (name, guide), fixed, moving in zip(linkage.by_coupler.named_guides, "AB", "DC"):
-        pin = guide.contact(body.origin, body.direction)
-        ground = Joint(fixed, GROUND, name, pin if guide.slides else links[name].origin)
-        found += [ground, Joint(moving, name, "coupler", pin)]
-    if linkage.is_four_bar:  # in the order of the loop
-        found[2:] = found[:1:-1]
-    return found
+        Parameters
+        ----------
+        linkage : Linkage or None
+            None for a link on a hinge.
+        """
+        turned, motor = self.forwards(np.zeros(1)), self.motor
+        links = self.machine(turned).links
+        joints = []
+        if linkage is None:
+            joints.append(("B", (GROUND, motor.link), links[motor.link].origin))
+        else:
+            body = links["coupler"]
+            for (name, guide), fixed, moving in zip(linkage.by_coupler.named_guides, "AB", "DC"):
+                pin = guide.contact(body.origin, body.direction)
+                ground = fixed, (GROUND, name), pin if guide.slides else links[name].origin
+                joints += [ground, (moving, (name, "coupler"), pin)]
+            if linkage.is_four_bar:  # in the order of the loop
+                joints[2:] = joints[:1:-1]
+        joints.append(("M", (GROUND, MOTOR_CRANK), np.array([motor.at])))
+        joints.append(("K", (MOTOR_CRANK, ROD), self.knee(turned)))
+        joints.append(("Q", (ROD, motor.link), links[motor.link].position(motor.pin)))
+        return [Joint(name, pair, complex(position[0])) for name, pair, position in joints]
