@@ -13,8 +13,7 @@ from typing import NamedTuple
 from linkage_atlas.arguments import Fields, check_names, check_required, number, sequence
 from synthesis.drives.catalogue import CatalogueRow
 from synthesis.drives.placements import Actuator
-from synthesis.drives.springs import SpringRow
-from synthesis.drives.torsion import TorsionRow
+from synthesis.drives.springs import SpringRow, TorsionRow
 from synthesis.errors import FieldError
 
 MOST_ROWS = 400

@@ -33,8 +33,7 @@ from synthesis.arrays import Floats
 from synthesis.drives.catalogue import CatalogueRow
 from synthesis.drives.crank_rocker import MAX_TIME_RATIO
 from synthesis.drives.links import GROUND, LinkMotions
-from synthesis.drives.springs import SpringRow
-from synthesis.drives.torsion import TorsionRow
+from synthesis.drives.springs import SpringRow, TorsionRow
 from synthesis.errors import FieldError
 from synthesis.mechanism import Box
 from synthesis.studies.forces import Load, PointForce

@@ -30,7 +30,7 @@ from synthesis.drives.links import GROUND, LinkMotions, largest
 from synthesis.drives.spring_search import SpringSearch
 from synthesis.drives.springs import Behaviour, MountedSpring, SpringRegion, pairs_of, rms_of, torque_of
 from synthesis.drives.springs import Spring as LinearSpring
-from synthesis.drives.torsion import TorsionSpring as MountedTorsion
+from synthesis.drives.springs import TorsionSpring as MountedTorsion
 from synthesis.drives.torsion import best_torsion_spring, joint_of
 
 HELP_SHARE = 0.5
@@ -55,7 +55,7 @@ MAX_ROUNDS = 4
 """Largest number of searches until limits hold over the whole motion."""
 
 
-Set = Sequence[MountedSpring]
+SpringSet = Sequence[MountedSpring]
 """Springs that work together."""
 
 
@@ -100,11 +100,11 @@ class Goal:
             self.target(machine),
         )
 
-    def torque(self, machine: LinkMotions, springs: Set = ()) -> Floats:
+    def torque(self, machine: LinkMotions, springs: SpringSet = ()) -> Floats:
         """Return the torque of the drive without springs or with them."""
         return machine.torque(self.task.question.load) + torque_of(springs, machine)
 
-    def difference(self, machine: LinkMotions, springs: Set = ()) -> Floats:
+    def difference(self, machine: LinkMotions, springs: SpringSet = ()) -> Floats:
         """Return the torque of the drive less the wanted torque."""
         return self.torque(machine, springs) - self.target(machine)
 
@@ -113,7 +113,7 @@ class Goal:
         """Root mean square of the difference without springs."""
         return rms_of(self.difference(self.task.machine))
 
-    def violation(self, machine: LinkMotions, springs: Set) -> float:
+    def violation(self, machine: LinkMotions, springs: SpringSet) -> float:
         """Return the torque by which springs violate the limits; 0 up to rounding."""
         behaviour = self.behaviour(machine)
         if behaviour is None:
@@ -121,17 +121,17 @@ class Goal:
         torque = float(behaviour.violation(self.difference(machine, springs)))
         return torque if torque > ROUNDING * max(self.peak, *behaviour.margins) else 0.0
 
-    def rank(self, springs: Set) -> tuple[float, float]:
+    def rank(self, springs: SpringSet) -> tuple[float, float]:
         """Return the violation of limits, then the rms difference from the wanted torque; smaller is better."""
         machine = self.task.machine
         return self.violation(machine, springs), rms_of(self.difference(machine, springs))
 
-    def suffices(self, springs: Set, share: float) -> bool:
+    def suffices(self, springs: SpringSet, share: float) -> bool:
         """Check that springs satisfy the limits, or without limits leave at most a fraction of the difference."""
         violation, left = self.rank(springs)
         return violation == 0 if self.is_limited else left <= share * self.size
 
-    def violated_at(self, springs: Set) -> list[float]:
+    def violated_at(self, springs: SpringSet) -> list[float]:
         """Return travels of the drive between the positions of a search at which a promise is violated."""
         fine = self.task.fine
         excess = np.max([spring.excess(fine) for spring in springs], axis=0)
@@ -141,7 +141,7 @@ class Goal:
             found.append(float(fine.at[np.argmax(np.abs(self.torque(fine, springs)) - behaviour.torque_max)]))
         return found
 
-    def reason(self, springs: Set) -> str:
+    def reason(self, springs: SpringSet) -> str:
         """Explain what the best springs lack."""
         machine = self.task.machine
         behaviour = self.behaviour(machine)
@@ -165,7 +165,7 @@ class Goal:
         return "rms torque" if self.request.target is None else "rms difference from the wanted curve"
 
 
-def _words(springs: Set) -> str:
+def _words(springs: SpringSet) -> str:
     """Name springs and the links that they join."""
     parts = []
     for spring in springs:
@@ -184,7 +184,7 @@ def find_springs(task: DriveTask, request: SpringRequest, set_number: int) -> No
         task.findings.refuse(request.kind, links, "there is no load to balance")
         return
     goal = Goal(task, request)
-    found: Set | str
+    found: SpringSet | str
     if request.rows or request.torsion_rows:
         found = _over_whole_motion(goal)
         if not isinstance(found, str) and not goal.suffices(found, HELP_SHARE):
@@ -197,7 +197,7 @@ def find_springs(task: DriveTask, request: SpringRequest, set_number: int) -> No
         _add(goal, set_number, found)
 
 
-def _over_whole_motion(goal: Goal) -> Set | str:
+def _over_whole_motion(goal: Goal) -> SpringSet | str:
     """Search at more positions until lengths, twists and forces keep their limits over the whole motion."""
     task, machine = goal.task, goal.task.machine
     for _ in range(MAX_ROUNDS):
@@ -215,14 +215,14 @@ def _over_whole_motion(goal: Goal) -> Set | str:
     return reason
 
 
-def _torsion(goal: Goal, machine: LinkMotions) -> Set | str:
+def _torsion(goal: Goal, machine: LinkMotions) -> SpringSet | str:
     count, between = goal.request.count, goal.request.between
     rows = [row._replace(rate=count * row.rate, preload=count * row.preload) for row in goal.request.torsion_rows]
     found = best_torsion_spring(machine, goal.difference(machine), between, rows, goal.behaviour(machine))
     return found if isinstance(found, str) else [found]
 
 
-def _from_catalogue(goal: Goal, machine: LinkMotions) -> Set | str:
+def _from_catalogue(goal: Goal, machine: LinkMotions) -> SpringSet | str:
     """Find a spring, or two on the links with fixed pivots if these are clearly better."""
     task, request, extent, count = goal.task, goal.request, machine.extent, goal.request.count
     room = SpringRegion(
@@ -245,7 +245,7 @@ def _from_catalogue(goal: Goal, machine: LinkMotions) -> Set | str:
     return found
 
 
-def _ideal(task: DriveTask, request: SpringRequest) -> Set | str:
+def _ideal(task: DriveTask, request: SpringRequest) -> SpringSet | str:
     """Find springs of zero free length that balance every position, or return the reason why there are none."""
     plain, load, between = task.operation.plain, task.question.load, request.between
     if load.torque or load.speed:
@@ -266,7 +266,7 @@ def _ideal(task: DriveTask, request: SpringRequest) -> Set | str:
 # -- records ----------------------------------------------------------------------------------------------------------
 
 
-def _add(goal: Goal, set_number: int, springs: Set) -> None:
+def _add(goal: Goal, set_number: int, springs: SpringSet) -> None:
     task, request, machine = goal.task, goal.request, goal.task.machine
     torque, own = goal.torque(machine, springs), torque_of(springs, machine)
     before, after = _size(goal, goal.torque), _size(goal, lambda machine: goal.torque(machine, springs))
@@ -311,7 +311,7 @@ def _add(goal: Goal, set_number: int, springs: Set) -> None:
         own_fields = {"name": spring.name, "between": spring.between, **effect}
         if isinstance(spring, LinearSpring):
             task.findings.springs.append(_linear_record(goal, spring, exact, curve, own_fields))
-        elif isinstance(spring, MountedTorsion):
+        else:
             task.findings.springs.append(_torsion_record(goal, spring, curve, own_fields))
 
 

@@ -8,93 +8,18 @@ twist t0, so the best t0 within the range of twists, and within the limits of a 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import NamedTuple
+from dataclasses import replace
 
 import numpy as np
 
 from synthesis.arrays import Floats
 from synthesis.drives.links import GROUND, LinkMotions
-from synthesis.drives.springs import Behaviour, Between, pairs_of, rms_of
-from synthesis.studies.forces import Pull
-from synthesis.target import TURN
+from synthesis.drives.springs import Behaviour, Between, TorsionRow, TorsionSpring, pairs_of, rms_of
 
 JOINT_TOLERANCE = 1e-9
 """Largest distance of two points of a joint, as a fraction of the linkage's size."""
 TWIST_STEPS = 257
 """Mounting twists that are compared if none satisfies the limits."""
-
-
-class TorsionRow(NamedTuple):
-    """A torsion spring of a catalogue: moment ``preload + rate twist`` for twists from 0 to ``angle_max``, in radians."""
-
-    name: str
-    rate: float
-    preload: float
-    angle_max: float
-    price: float | None = None
-
-
-@dataclass(frozen=True)
-class TorsionSpring:
-    """A torsion spring in a joint of two links."""
-
-    row: TorsionRow
-    between: Between
-    reference: LinkMotions
-    """Motion along which the angle of the joint is continuous."""
-    mounted: float = 0.0
-    """Twist at the first position, in radians."""
-    direction: int = 1
-    """1 if the twist grows with the angle of the second link from the first, else -1."""
-
-    @property
-    def name(self) -> str:
-        """Name of the row of the catalogue."""
-        return self.row.name
-
-    def turned(self, machine: LinkMotions) -> Floats:
-        """Return the rotation in the joint since the first position, at any positions of the motion, (n,)."""
-        known = np.unwrap(_difference(self.reference, self.between))
-        order = np.argsort(self.reference.at)
-        expected = np.interp(machine.at, self.reference.at[order], known[order])
-        angle = _difference(machine, self.between)
-        return np.asarray(angle + TURN * np.round((expected - angle) / TURN) - known[0])
-
-    def rate(self, machine: LinkMotions) -> Floats:
-        """Return the derivative of this rotation by the drive, (n,)."""
-        first, second = self.between
-        rate = machine.links[second].rate
-        return rate if first == GROUND else rate - machine.links[first].rate
-
-    def twist(self, machine: LinkMotions) -> Floats:
-        """Return the twist over the motion, (n,)."""
-        return self.mounted + self.direction * self.turned(machine)
-
-    def moment(self, twist: Floats) -> Floats:
-        """Return the moment at some twists."""
-        return self.row.preload + self.row.rate * twist
-
-    def torque(self, machine: LinkMotions) -> Floats:
-        """Return the torque that the drive gives because of the spring, (n,)."""
-        return self.direction * self.moment(self.twist(machine)) * self.rate(machine)
-
-    def excess(self, machine: LinkMotions) -> Floats:
-        """Return by which fraction of the largest twist the twist leaves its range, (n,); negative inside."""
-        twist, angle_max = self.twist(machine), self.row.angle_max
-        return np.maximum(-twist, twist - angle_max) / angle_max
-
-    def pulls(self, machine: LinkMotions) -> list[Pull]:
-        """Return the couples on both links."""
-        couple = self.direction * self.moment(self.twist(machine))
-        nowhere = np.zeros(machine.at.size, dtype=complex)
-        return [Pull(name, nowhere, nowhere, sign * couple) for name, sign in zip(self.between, (1.0, -1.0))]
-
-
-def _difference(machine: LinkMotions, between: Between) -> Floats:
-    first, second = between
-    angle = machine.links[second].angle
-    return angle if first == GROUND else angle - machine.links[first].angle
 
 
 def joint_of(machine: LinkMotions, between: Between) -> complex | None:
