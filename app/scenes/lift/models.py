@@ -98,26 +98,6 @@ class MotionRequest(RequestModel):
     angle_unit: AngleUnit = "deg"
 
 
-class Angles(ReplyModel):
-    """Direction of each link over time."""
-
-    theta1: Column
-    theta2: Column
-    theta3: Column
-    theta4: Column
-    theta5: Column
-
-
-class AngularRates(ReplyModel):
-    """Angular velocity or acceleration of each link, in `angle_unit` per second or per second squared."""
-
-    link1: Column
-    link2: Column
-    link3: Column
-    link4: Column
-    link5: Column
-
-
 class Points(ReplyModel):
     """Positions of the joints, [x, y] at each time; O = (0, 0)."""
 
@@ -163,9 +143,15 @@ class MotionReply(ReplyModel):
     acceleration: Column
     cylinder_length: Column
     cylinder_speed: Column
-    angles: Angles | None = None
-    angular_velocities: AngularRates | None = None
-    angular_accelerations: AngularRates | None = None
+    angles: dict[str, Column] | None = Field(
+        None, description="Directions `theta1` to `theta5` of the links over time."
+    )
+    angular_velocities: dict[str, Column] | None = Field(
+        None, description="Angular velocities `link1` to `link5`, in `angle_unit` per second."
+    )
+    angular_accelerations: dict[str, Column] | None = Field(
+        None, description="Angular accelerations `link1` to `link5`, in `angle_unit` per second squared."
+    )
     points: Points | None = None
     forces: ForcesReply | None = None
 

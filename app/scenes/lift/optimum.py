@@ -35,7 +35,7 @@ from synthesis.scenes.lift.optimum import (
     Task,
     optimum_motion,
 )
-from synthesis.scenes.lift.pose import Design
+from synthesis.scenes.lift.pose import LENGTHS, Design
 
 MIN_SIDE = 0.1
 """Default of the smallest length with constraints, as a fraction of the top height."""
@@ -82,7 +82,7 @@ def _constraints(request: OptimizeRequest, model: ConstraintsModel) -> Constrain
     closed = model.closed_length or (request.cylinder.length, bound)
     left, bottom, right, top = model.envelope
     return Constraints(
-        lengths={name: ranged(name, getattr(model, name), shortest) for name in ("l2", "l3", "l4", "l5", "b")},
+        lengths={name: ranged(name, getattr(model, name), shortest) for name in LENGTHS},
         closed_length=(closed[0] or MIN_MAGNITUDE, bound if closed[1] is None else closed[1]),
         extension_max=model.extension_max,
         dead_point_min=model.dead_point_min,
@@ -171,9 +171,6 @@ def optimum_csv(request: OptimizeRequest, resources: Resources) -> bytes:
 def _optimal(request: OptimizeRequest, resources: Resources) -> tuple[Design, float]:
     built = _optimum(request, resources)[0].stroke_design
     return built.design, float(built.turn)
-
-
-LENGTHS = ("l2", "l3", "l4", "l5", "b")
 
 
 def optimize_table(reply: OptimizeReply) -> str:

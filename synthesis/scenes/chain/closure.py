@@ -137,22 +137,15 @@ def closing_links(track: Track, pitch: float, work: Work | None = None) -> int:
     """Return the smallest number of links with which the chain is not stretched at any phase."""
     work = work or Work()
 
-    def margin(links: int) -> float:
+    def closes(links: int) -> bool:
         work.go_on()
-        return Chain(track, pitch, links).smallest_overrun().value + STRETCH_TOLERANCE * pitch
+        return Chain(track, pitch, links).smallest_overrun().value >= -STRETCH_TOLERANCE * pitch
 
-    # each link covers between 1 and pi/2 pitches of the track, so this number of links is enough
-    links = int(np.ceil(track.total / pitch))
-    while (slack := margin(links)) < 0:
+    links = int(track.total / pitch)  # each link covers at least a pitch of the track
+    while not closes(links):
         links += 1
-    while links > 1:
-        removable = max(1, int(slack / (pitch * np.pi / 2)))
-        reduced = margin(links - removable)
-        if reduced < 0 and removable > 1:
-            removable, reduced = 1, margin(links - 1)
-        if reduced < 0:
-            break
-        links, slack = links - removable, reduced
+    while links > 1 and closes(links - 1):
+        links -= 1
     return links
 
 

@@ -194,12 +194,9 @@ class Needle:
 
     def smallest_whole_degree(self) -> int | None:
         """Return the smallest whole number of degrees at which the clearance is positive, or None."""
-        free = self.free_range()
-        if free is None:
-            return None
-        low, high = (float(np.degrees(end)) for end in free)
-        candidates = range(max(-89, int(np.floor(low))), min(89, int(np.ceil(high))) + 1)
-        return next((degree for degree in candidates if self.clearance(np.radians(degree)) > 0), None)
+        low, high = np.degrees(self.free_range() or (np.nan, np.nan))
+        first = np.floor(low) + 1
+        return int(first) if first < high else None
 
     def d5(self, alpha2: Floats | float) -> Any:
         """Return the length ``d5`` at which the rope is laid on the disc (eq 5)."""

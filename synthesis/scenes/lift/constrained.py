@@ -43,9 +43,9 @@ from synthesis.scenes.lift.optimum import (
 )
 from synthesis.scenes.lift.pose import (
     Design,
-    angle_or_flat,
     dead_point,
     third_side,
+    triangle_angle,
 )
 from synthesis.work import Work
 
@@ -112,7 +112,7 @@ class DesignSpace:
                 # if l3 were below half of the stroke, A could not go down to the start
                 l3 = next_length("l3", OPTIONS.l3_factor * 0.5 * (high - low), 0.5 * high)
                 gamma, closed_length = np.pi * angle_fraction, next_closed_length()
-                turn = angle_or_flat(low, l3, high - l3)
+                turn = triangle_angle(low, l3, high - l3, may_be_flat=True)
                 across, y = l2 * np.sin(turn - gamma), low - l2 * np.cos(turn - gamma)
                 x_squared = (closed_length - y) * (closed_length + y)
                 b = across + side * np.sqrt(np.where(x_squared > 0, x_squared, np.nan))

@@ -266,7 +266,7 @@ def _check_lengths(design: Design, cylinder_length: float) -> None:
         field = "/cylinder/length" if is_cylinder else f"/design/{longest_name}"
         raise constraint_error("proportion", field, longest_length - allowed, message)
     longest, *shorter = sorted(("l2", "l3", "l4"), key=lambda name: -lengths[name])
-    if np.isnan(triangle_angle(*(lengths[name] for name in ("l2", "l3", "l4")))[2]):
+    if np.isnan(triangle_angle(design.l2, design.l3, design.l4)):
         shorter.sort()
         excess = (lengths[longest] - lengths[shorter[0]]) - lengths[shorter[1]]
         message = (

@@ -22,7 +22,6 @@ from synthesis.scenes.lift.pose import (
     Cylinder,
     Design,
     Pose,
-    angle_or_flat,
     dead_point,
     design_constants,
     evaluate_in_blocks,
@@ -237,7 +236,7 @@ class Evaluator:
         closed : float or ndarray, optional
             Cylinder length at the start, if it differs from the task's.
         """
-        gamma = triangle_angle(design.l2, design.l3, design.l4)[2] if gamma is None else gamma
+        gamma = triangle_angle(design.l2, design.l3, design.l4) if gamma is None else gamma
         closed = self.task.cylinder.length if closed is None else closed
 
         def moments(*fields: Floats) -> Floats:
@@ -266,7 +265,7 @@ class Evaluator:
         if task.objective.kind == "discrete":
             pose = pose_at_height(design, self._heights, constants, clip=True)
         else:
-            start_turn = angle_or_flat(task.low, design.l3, design.l5)  # the turn at the start
+            start_turn = triangle_angle(task.low, design.l3, design.l5, may_be_flat=True)  # the turn at the start
             pose = pose_at_turn(design, start_turn * self._fractions, constants)
             weights = -weights * start_turn * pose.height_1
         v = velocity(pose, driven_speed(pose, replace(task.cylinder, length=closed)))

@@ -89,30 +89,17 @@ def half_angle_squares(side_1: Any, side_2: Any, opposite: Any) -> tuple[Any, An
     return sine_term, (side_1 + side_2 + opposite) * ((side_1 - opposite) + side_2)
 
 
-def triangle_angle(side_1: Any, side_2: Any, opposite: Any) -> tuple[Floats, Floats, Floats]:
-    """Return cosine, sine and size of the angle between two sides of a triangle, given the third side.
+def triangle_angle(side_1: Any, side_2: Any, opposite: Any, may_be_flat: bool = False) -> Any:
+    """Return the angle between two sides of a triangle, given the third side.
 
-    They are NaN if the strict triangle inequality (34) is violated. The three angles of a triangle add up to pi.
+    It is NaN if the strict triangle inequality (34) is violated; if the triangle may be flat, a rounding error past flat
+    counts as flat.
     """
-    side_1, side_2, opposite = (np.asarray(value, dtype=float) for value in (side_1, side_2, opposite))
-    sine_term, cosine_term = half_angle_squares(side_1, side_2, opposite)
-    proper = (sine_term > 0) & (cosine_term > 0)
-    sine_term, cosine_term = np.where(proper, sine_term, np.nan), np.where(proper, cosine_term, np.nan)
-    product = 4 * side_1 * side_2
-    return (
-        (cosine_term - sine_term) / product,
-        2 * np.sqrt(sine_term) * np.sqrt(cosine_term) / product,
-        2 * np.arctan2(np.sqrt(sine_term), np.sqrt(cosine_term)),
+    sine_term, cosine_term = (
+        np.where((term > 0) | may_be_flat, np.maximum(term, 0.0), np.nan)
+        for term in half_angle_squares(side_1, side_2, opposite)
     )
-
-
-def angle_or_flat(side_1: Any, side_2: Any, opposite: Any) -> Any:
-    """Return the angle between two sides of a triangle that may be flat.
-
-    A rounding error past flat counts as flat.
-    """
-    sine_term, cosine_term = half_angle_squares(side_1, side_2, opposite)
-    return 2 * np.arctan2(np.sqrt(np.maximum(sine_term, 0.0)), np.sqrt(np.maximum(cosine_term, 0.0)))
+    return 2 * np.arctan2(np.sqrt(sine_term), np.sqrt(cosine_term))
 
 
 def third_side(side_1: Any, side_2: Any, angle: Any) -> Any:
@@ -139,12 +126,9 @@ def design_constants(design: Design, gamma: Any | None = None) -> DesignConstant
 
     ``gamma`` is the triangle's angle at A, if it is known more accurately than it follows from the three sides.
     """
-    if gamma is None:
-        cos_gamma, sin_gamma, gamma = triangle_angle(design.l2, design.l3, design.l4)
-    else:
-        cos_gamma, sin_gamma = np.cos(gamma), np.sin(gamma)
+    gamma = triangle_angle(design.l2, design.l3, design.l4) if gamma is None else gamma
     k_squared = (np.asarray(design.l5, dtype=float) - design.l3) * (np.asarray(design.l5, dtype=float) + design.l3)
-    return DesignConstants(cos_gamma, sin_gamma, gamma, np.where(k_squared > 0, k_squared, np.nan))
+    return DesignConstants(np.cos(gamma), np.sin(gamma), gamma, np.where(k_squared > 0, k_squared, np.nan))
 
 
 @dataclass(frozen=True)
