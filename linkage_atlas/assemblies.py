@@ -422,7 +422,7 @@ def _described(request: AskedAssembly, found: Arrangement, reasons: list[str], w
             for name, span in stack.pins.items()
         ],
         pivot_supports={
-            name: ThroughShaft(shaft.both_sides, words.passing(name, shaft)) for name, shaft in found.shaft.items()
+            name: ThroughShaft(not passes, words.passing(name, passes)) for name, passes in found.passes.items()
         },
         fewer_layers={str(count): None if stop is None else collision(stop) for count, stop in found.fewer.items()},
         other_arrangements=found.alternatives,
@@ -489,15 +489,15 @@ class _Words(NamedTuple):
         what = "leaves the envelope" if wall == ENVELOPE else f"enters {wall.replace('_', '-')}"
         return f"{self.part(plate)} {what} {self.between(*collision[1:])}"
 
-    def passing(self, pin: str, shaft: stacks.Shaft) -> str | None:
+    def passing(self, pin: str, passes: Sequence[stacks.Collision]) -> str | None:
         """Return which parts pass over a pivot; None if it can be held from both sides."""
         passages = [
             f"the {name} passes over {pin} {self.between(first, last)}"
-            for pair, first, last in shaft.passes
+            for pair, first, last in passes
             for name in pair
             if name != pin
         ]
-        return None if shaft.both_sides else "; ".join(passages)
+        return "; ".join(passages) or None
 
     def reasons(self, found: Arrangement) -> list[str]:
         """Return what was found, why there are not fewer layers, and what ends the motion."""
@@ -511,9 +511,9 @@ class _Words(NamedTuple):
         for count, stops in found.fewer.items():
             if stops is not None:
                 reasons.append(f"not in {counted(count, 'layer')}: there {self.collide(stops)}")
-        for name, shaft in found.shaft.items():
-            if not shaft.both_sides:
-                reasons.append(f"{name} is held from one side: {self.passing(name, shaft)}")
+        for name, passes in found.passes.items():
+            if passes:
+                reasons.append(f"{name} is held from one side: {self.passing(name, passes)}")
         slits = {end.pair for end in self.machine.slit_ends if end is not None}
         if found.status != "blocked":
             for which, stop in (("lower", found.low), ("upper", found.high)):

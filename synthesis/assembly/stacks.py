@@ -14,7 +14,7 @@ Layers are numbered from 1; board 0 lies below them, board N + 1 above. An arran
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cache
 from itertools import combinations, product
 from typing import NamedTuple
@@ -60,16 +60,6 @@ class Stack:
     pairs: tuple[int, ...] = ()
     """Indices of the pairs that meet in a layer."""
 
-    @property
-    def pins_held_twice(self) -> int:
-        """Number of pins that are held on both sides."""
-        return sum(mount == BOTH for mount in self.mounts.values())
-
-    @property
-    def pin_length(self) -> int:
-        """Total length of all pins, in layers."""
-        return sum(high - low for low, high in self.pins.values())
-
 
 class Collision(NamedTuple):
     """Two parts and the crank angles over which they collide; beyond the end of a whole turn if the range contains the seam."""
@@ -77,14 +67,6 @@ class Collision(NamedTuple):
     pair: Pair
     first: float
     last: float
-
-
-@dataclass(frozen=True)
-class Shaft:
-    """Whether a shaft may pass through all layers at a fixed pivot, and the plates that pass over it."""
-
-    both_sides: bool
-    passes: tuple[Collision, ...]
 
 
 @dataclass(frozen=True)
@@ -107,7 +89,8 @@ class Arrangement:
     alternatives: int
     """Number of further free stacks with the same number of layers."""
     tried: int
-    shaft: dict[str, Shaft] = field(default_factory=dict)
+    passes: dict[str, tuple[Collision, ...]]
+    """Collisions of plates with a shaft through all layers at each fixed pivot; empty if both sides can hold it."""
     exhaustive: bool = True
     """True if all arrangements with this number of layers, and for a blocked stack with all allowed numbers, were searched."""
     best_known: bool = True
@@ -140,7 +123,6 @@ class StackSearch:
     def __init__(self, machine: Machine, request: StackRequest, work: Work) -> None:
         self.machine, self.request, self.work = machine, request, work
         self.plates = [part.name for part in machine.plates]
-        self.pins = [part.name for part in machine.pins]
         self.joined = {pin.name: frozenset(pin.joins) for pin in machine.pins}
         # a pin that slides in a plate may meet the others of that plate
         self.sliding = {
@@ -370,8 +352,12 @@ class StackSearch:
 
     def _best(self, free: Sequence[Stack]) -> tuple[Stack, tuple[Pair, MinimumGap] | None]:
         """Return the best free stack by pins held on both sides, length of pins and smallest gap."""
-        best_rank = min((-stack.pins_held_twice, stack.pin_length) for stack in free)
-        equal = [stack for stack in free if (-stack.pins_held_twice, stack.pin_length) == best_rank]
+        ranks = [
+            (-[*stack.mounts.values()].count(BOTH), sum(high - low for low, high in stack.pins.values()))
+            for stack in free
+        ]
+        best_rank = min(ranks)
+        equal = [stack for stack, rank in zip(free, ranks) if rank == best_rank]
         met = {pair for stack in equal for pair in stack.pairs if self.proofs[pair].free}
         min_gaps = self.gaps.minimum_gaps(sorted(met))
 
@@ -411,7 +397,7 @@ class StackSearch:
             fewer,
             alternatives,
             tried,
-            {pin.name: self._shaft(pin.name) for pin in self.machine.pins if pin.grounded},
+            {pin.name: self._passes(pin.name) for pin in self.machine.pins if pin.grounded},
             exhaustive,
         )
 
@@ -432,10 +418,9 @@ class StackSearch:
         found = () if best is None else self._collisions(best.pairs, "hits")
         return max(found, key=lambda collision: collision.last - collision.first, default=None)
 
-    def _shaft(self, pin: str) -> Shaft:
+    def _passes(self, pin: str) -> tuple[Collision, ...]:
         plates = [plate for plate in self.plates if plate not in self.joined[pin]]
-        passes = self._collisions([self.pair(plate, pin) for plate in plates], "hits")
-        return Shaft(not passes, passes)
+        return self._collisions([self.pair(plate, pin) for plate in plates], "hits")
 
     def _stops(self, stack: Stack, free: Interval | None) -> tuple[Stop | None, Stop | None]:
         """Return the ends of the motion below and above an interval over which the stack is free."""

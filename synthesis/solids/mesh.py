@@ -8,8 +8,8 @@ from __future__ import annotations
 import io
 import zipfile
 from collections.abc import Mapping, Sequence
+from html import escape
 from typing import NamedTuple
-from xml.sax.saxutils import escape as _escape
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,11 +25,6 @@ _LEAST_SAGITTA, _MOST_SAGITTA = 1e-4, 0.02
 _GOLDEN = np.pi * (3 - np.sqrt(5))
 _GAP = 5.0
 """Gap between parts on the bed in millimetres."""
-
-
-def escape(words: str) -> str:
-    """Escape text for an XML attribute or element."""
-    return _escape(words, {'"': "&quot;"})
 
 
 class Mesh(NamedTuple):
