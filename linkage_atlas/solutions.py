@@ -451,9 +451,7 @@ def _rounded(solution: Solution, studies: Studies, solutions: int, work: Work) -
     crank_angle, travel = _travel(samples, refitted, radian)
     return replace(
         rounded,
-        lengths=dict(zip(LINKS, refitted.linkage.links))
-        if refitted.linkage.is_four_bar
-        else refitted.linkage.lengths,
+        lengths=refitted.linkage.lengths,
         **{name: value for name, value in dimensions._asdict().items() if name not in ("kind", "driver")},
         crank_angle=crank_angle,
         travel=travel,

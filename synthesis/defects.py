@@ -399,7 +399,7 @@ def practical_faults(
     turn = solution.transmission_angle_min_turn if linkage.driver is Driver.CRANK else None
     pivots = {name: guide[0] for name, guide in zip(("pivot_a", "pivot_b"), linkage.guides) if guide.has_pin}
     arm = max((abs(guide.body_point) for guide in linkage.guides if guide.holds_point), default=0.0)
-    links = linkage.links if linkage.is_four_bar else [*linkage.lengths.values()]
+    links = [*linkage.lengths.values()]
     angles = solution.transmission_angle_min, turn
     faults = faults_of(angles, links, pivots, samples, limits, excursion, arm)
     if linkage.driver is Driver.CYLINDER:

@@ -191,7 +191,9 @@ class Linkage:
 
     @property
     def lengths(self) -> dict[str, float]:
-        """Lengths of cranks and rockers by name, and of the coupler if both guides hold a point of the body."""
+        """Lengths by name: cranks and rockers, the coupler if both guides hold a body point, and the ground of a four-bar."""
+        if self.is_four_bar:
+            return dict(zip(("crank", "coupler", "rocker", "ground"), self.links))
         names = self.link_names[::2]
         found = {name: guide.radius for name, guide in zip(names, self.local_guides) if isinstance(guide, Circle)}
         points = [guide.body_point for guide in self.local_guides if guide.holds_point]
@@ -214,8 +216,9 @@ class Linkage:
 
     @property
     def link_ratio(self) -> float:
-        """The longest link of a four-bar over the shortest."""
-        return float(max(self.links) / min(self.links))
+        """The longest length over the shortest; 1 without lengths."""
+        lengths = self.lengths.values()
+        return float(max(lengths) / min(lengths)) if lengths and min(lengths) > 0 else 1.0
 
     @cached_property
     def family(self) -> Family | None:

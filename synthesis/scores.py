@@ -55,19 +55,13 @@ def scores_of(
             transmission=solution.transmission_angle_min,
             size=relative_size(solution, samples),
             swing=swing_of(solution),
-            ratio=link_ratio(solution.linkage),
+            ratio=solution.linkage.link_ratio,
         )
         for solution, usable in zip(found, usable_solutions(found, samples, within_tolerances))
     ]
 
 
 # -- proportions ----------------------------------------------------------------------------------------------------------
-
-
-def link_ratio(linkage: Linkage) -> float:
-    """Return the longest link over the shortest; 1 without lengths."""
-    lengths = linkage.links if linkage.is_four_bar else [*linkage.lengths.values()]
-    return max(lengths) / min(lengths) if lengths and min(lengths) > 0 else 1.0
 
 
 def swing_of(solution: Solution) -> float:
@@ -78,7 +72,7 @@ def swing_of(solution: Solution) -> float:
 def relative_size(solution: Solution, samples: Samples) -> float:
     """Return the size over the motion's extent; without positions the ratio of the links."""
     size = size_of(solution.linkage, samples, solution.interval)
-    return link_ratio(solution.linkage) if size is None else size
+    return solution.linkage.link_ratio if size is None else size
 
 
 def size_of(linkage: Linkage, samples: Samples, interval: Interval | None = None) -> float | None:

@@ -152,11 +152,9 @@ def _by_travel(
 
 def _lengths(linkage: Linkage) -> dict[str, float]:
     """Return the lengths of all links by name; the ground is the distance of two pins of the ground."""
-    if linkage.is_four_bar:
-        return dict(zip(LINKS, linkage.links))
-    lengths = linkage.lengths
     pins = [guide[0] for guide in linkage.guides if guide.has_pin]
-    return lengths | ({"ground": abs(pins[1] - pins[0])} if len(pins) == 2 else {})
+    ground = {"ground": abs(pins[1] - pins[0])} if len(pins) == 2 else {}
+    return ground | linkage.lengths
 
 
 def _by_lengths(

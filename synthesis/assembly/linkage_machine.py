@@ -68,7 +68,6 @@ def as_plates(
     arm = abs(second.body_point - driven.body_point)
     lengths = [length for length in guided.lengths.values() if length > 0]
     lengths += [abs(high - low) for low, high in spans.values() if high > low]
-    lengths += [abs(second[0] - driven[0])] if linkage.is_four_bar else []
     hole, width = plate_sizes(lengths, sizes.hole, sizes.width, sizes.hole_factor)
     size = max([*lengths, arm])
     sliding = [name for name, guide in guided.named_guides if guide.slides]

@@ -20,7 +20,7 @@ from synthesis.arrays import Complexes, Floats, Ints
 from synthesis.errors import FieldError
 from synthesis.guides import Circle, Guide, Rail, Slot
 from synthesis.least_squares import Evaluation, minimise
-from synthesis.limits import LINKS, PIVOTS, Limits, in_family
+from synthesis.limits import PIVOTS, Limits, in_family
 from synthesis.linkage import Linkage, as_lengths, on_guides, with_links
 from synthesis.local_refinement import refine_motion, refine_poses
 from synthesis.poses import Poses
@@ -119,7 +119,7 @@ def round_lengths(
     solutions : int
         Number of solutions of the request that are rounded.
     """
-    own = _lengths_of(solution.linkage)
+    own = solution.linkage.lengths
     given = given_lengths(limits) if solution.linkage.is_four_bar else np.full(len(own), np.nan)
     choices = [
         _nearest(length, grid, stock) if np.isnan(fixed) else [fixed]
@@ -138,7 +138,7 @@ def round_lengths(
     if best is None:
         return Rounding(None, tried, count, exhaustive, NO_TIME if work.expired() else NONE_FITS)
     fit = _Fit(samples, best, limits, work)
-    finest = fit.fitted(np.array([*_lengths_of(best.linkage).values()]), fit.no_change, OPTIONS.steps)
+    finest = fit.fitted(np.array([*best.linkage.lengths.values()]), fit.no_change, OPTIONS.steps)
     if finest is not None and not violations_of(finest, samples, limits):
         best = _better(best, finest)
     return Rounding(best, tried, count, exhaustive)
@@ -180,10 +180,6 @@ def given_lengths(limits: Limits) -> Floats:
 def multiples(steps: Floats, grid: float) -> Floats:
     """Return whole numbers of steps of a grid as decimal numbers: three tenths are exactly 0.3."""
     return np.array([float(f"{length:.15g}") for length in (steps * grid).tolist()])
-
-
-def _lengths_of(linkage: Linkage) -> dict[str, float]:
-    return dict(zip(LINKS, linkage.links)) if linkage.is_four_bar else linkage.lengths
 
 
 def _allowed(links: Floats, linkage: Linkage, limits: Limits) -> Floats:
@@ -228,7 +224,7 @@ class _Fit:
 
     def in_order(self, links: Floats) -> tuple[Ints, Floats]:
         """Return the order of combinations of lengths (n, lengths) by their estimates, and the unknowns predicted for each."""
-        own = _lengths_of(self.linkage)
+        own = self.linkage.lengths
         lengths = np.array([*own.values()])
         residual = self._measured(self.linkage, self.travel).ravel()
         matrix = np.nan_to_num(self._derivatives(self.linkage, self.units, self.travel))
@@ -245,7 +241,7 @@ class _Fit:
 
     def fitted(self, links: Floats, start: Floats, steps: tuple[int, float]) -> Solution | None:
         """Return a linkage of given lengths, fitted without limits; None if the loop opens at a sample."""
-        travel, lengths = self.travel, dict(zip(_lengths_of(self.linkage), links.tolist()))
+        travel, lengths = self.travel, dict(zip(self.linkage.lengths, links.tolist()))
 
         def evaluate(unknowns: Floats, _: Floats) -> Evaluation:
             nonlocal travel
