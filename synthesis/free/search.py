@@ -19,12 +19,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, islice
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from synthesis.arrays import Complexes, Flags, Floats
+from synthesis.arrays import Flags, Floats
 from synthesis.constraints import keeps
 from synthesis.descents import Pool, Stage, Timed
 from synthesis.errors import FieldError
@@ -48,75 +48,32 @@ from synthesis.search.report import SearchReport, StoppedBy
 from synthesis.search.search import DEFAULT_TOLERANCE
 from synthesis.search.seeds import Windows, windows_of
 from synthesis.solution import Solution, assess
-from synthesis.target import TURN, Interval, Target
+from synthesis.target import TURN, Interval
 from synthesis.work import Work
 
 # -- answers -------------------------------------------------------------------------------------------------------
 
 
-class _Mounted(NamedTuple):
-    """Candidates in the user's unit of length."""
+def _placed(poses: Poses, timed: Timed, chart: Chart) -> Placed:
+    """Return candidates in the form used to evaluate limits, in the user's unit of length."""
+    a, z1, z2 = timed.pose.T
+    lengths, scale, start = chart.shape(timed.shape).lengths, poses.length_scale, timed.angles[:, 0]
+    links = lengths * (scale * np.abs(z1) / lengths[:, 0])[:, None]
+    used = poses.used(poses.whole(timed.angles - start[:, None])).interval.after(start)
+    return Placed(links, timed.branch, used, poses.middle + scale * a, np.angle(z1), scale * z2)
 
-    poses: Poses
-    cost: Floats
-    branch: Floats
-    links: Floats
-    pivot: Complexes
-    turn: Floats
-    """Ground angles."""
-    coupler: Complexes
-    start: Floats
-    crank: Floats
-    """(n, N): crank angles of all requested samples from the first sample."""
-    offset: Floats
 
-    @classmethod
-    def of(cls, poses: Poses, pool: Pool, chart: Chart) -> _Mounted:
-        """The candidates of a pool."""
-        timed = pool.timed
-        a, z1, z2 = timed.pose.T
-        lengths, scale = chart.shape(timed.shape).lengths, poses.length_scale
-        start = timed.angles[:, 0]
-        return cls(
-            poses,
-            pool.cost,
-            timed.branch,
-            lengths * (scale * np.abs(z1) / lengths[:, 0])[:, None],
-            poses.middle + scale * a,
-            np.angle(z1),
-            scale * z2,
-            start,
-            poses.whole(timed.angles - start[:, None]),
-            timed.offset,
-        )
-
-    def take(self, indices: Any) -> _Mounted:
-        """Select linkages."""
-        return _Mounted(self.poses, *(column[indices] for column in self[1:]))
-
-    @property
-    def pivots(self) -> list[Complexes]:
-        """Pivots A and B."""
-        return [self.pivot, self.pivot + self.links[:, 3] * np.exp(1j * self.turn)]
-
-    @property
-    def placed(self) -> Placed:
-        """Return the candidates in the form used to evaluate limits."""
-        used = self.poses.used(self.crank).interval.after(self.start)
-        return Placed(self.links, self.branch, used, self.pivot, self.turn, self.coupler)
-
-    @property
-    def target(self) -> Target:
-        """The request with the crank angles of each."""
-        rotation = None
-        if self.poses.rotation is not None:
-            rotation = coupler_angle(self.links, self.branch, self.start[:, None] + self.crank) + self.offset[:, None]
-        return self.poses.timed(self.crank, rotation)
-
-    def solutions(self) -> list[Solution]:
-        """Build the solutions and recompute their errors from their own dimensions."""
-        linkages = FOURBAR.posed(self.links, self.branch, self.start, (self.pivot, self.turn, self.coupler))
-        return [replace(solution, linkage=_offset_wrapped(solution)) for solution in assess(self.target, linkages)]
+def _assessed(poses: Poses, timed: Timed, chart: Chart) -> list[Solution]:
+    """Build the solutions of candidates and recompute their errors from their own dimensions."""
+    placed, start = _placed(poses, timed, chart), timed.angles[:, 0]
+    assert placed.pivot is not None and placed.turned is not None and placed.coupler is not None
+    crank, rotation = poses.whole(timed.angles - start[:, None]), None
+    if poses.rotation is not None:
+        turned = coupler_angle(placed.lengths, timed.branch, start[:, None] + crank)
+        rotation = turned + timed.offset[:, None]
+    linkages = FOURBAR.posed(placed.lengths, timed.branch, start, (placed.pivot, placed.turned, placed.coupler))
+    solutions = assess(poses.timed(crank, rotation), linkages)
+    return [replace(solution, linkage=_offset_wrapped(solution)) for solution in solutions]
 
 
 def _offset_wrapped(solution: Solution) -> Linkage:
@@ -148,14 +105,15 @@ def solutions_of(
     """
     if not pool.cost.size:
         return []
-    mounted_pool = _Mounted.of(poses, pool.take(np.isfinite(pool.cost)), chart)
-    accepted = keeps(poses, limits, mounted_pool.placed)
-    accepted &= np.all(np.isfinite(mounted_pool.links) & (mounted_pool.links > 0), axis=1)
+    timed = pool.timed.take(np.isfinite(pool.cost))
+    placed = _placed(poses, timed, chart)
+    accepted = keeps(poses, limits, placed)
+    accepted &= np.all(np.isfinite(placed.lengths) & (placed.lengths > 0), axis=1)
     if poses.ordered:
-        used = np.abs(pool.timed.angles[np.isfinite(pool.cost)][:, [0, -1]] @ [-1.0, 1.0])
+        used = np.abs(timed.angles[:, [0, -1]] @ [-1.0, 1.0])
         accepted &= used <= poses.span_max * (1 + 1e-9)
-    mounted_pool = mounted_pool.take(np.flatnonzero(accepted))
-    found = [solution for solution in mounted_pool.solutions() if np.isfinite(solution.errors.objective)]
+    solutions = _assessed(poses, timed.take(np.flatnonzero(accepted)), chart)
+    found = [solution for solution in solutions if np.isfinite(solution.errors.objective)]
     return _best(found, poses, top, tolerance)
 
 
@@ -165,16 +123,16 @@ def solutions_of_few(
     """Return the first candidates that are exact, satisfy the limits with their own dimensions, and differ from each other."""
     if not candidates.merit.size:
         return []
-    pool = Pool(candidates.timed, np.zeros(candidates.merit.size))
-    mounted = _Mounted.of(poses, pool, AnyChart())
-    found = mounted.take(np.flatnonzero(keeps(poses, limits, mounted.placed))).solutions()
+    timed, chart = candidates.timed, AnyChart()
+    accepted = np.flatnonzero(keeps(poses, limits, _placed(poses, timed, chart)))
+    found = _assessed(poses, timed.take(accepted), chart)
     exact = [solution for solution in found if solution.errors.objective < tolerance]
     return distinct(exact, top, APART, order=lambda _: 0)
 
 
 def within_limits(poses: Poses, limits: Limits, pool: Pool, chart: Chart) -> Flags:
     """Return flags (n,) of the candidates of a pool that satisfy the limits without a change."""
-    return keeps(poses, limits, _Mounted.of(poses, pool, chart).placed)
+    return keeps(poses, limits, _placed(poses, pool.timed, chart))
 
 
 def _best(found: Sequence[Solution], poses: Poses, top: int, tolerance: float) -> list[Solution]:
