@@ -40,7 +40,7 @@ def evolve(target: product.Target, generations: int, seed: int) -> float:
     1e-8 of their mean or less than the square of the tolerance. The polishing of scipy (L-BFGS-B) follows. If an
     error is within the tolerance, no second branch is tried. The crank must turn counter-clockwise.
     """
-    problem = product.GivenProblem(target, product.FullCrankChart())
+    problem = product.GivenProblem(target, product.GrashofChart())
     best, goal = np.inf, product.DEFAULT_TOLERANCE**2
     for branch in (1.0, -1.0):
 
@@ -64,7 +64,7 @@ def evolve_poses(position: np.ndarray, rotation: np.ndarray, generations: int, s
     There is a run for each branch and direction. Pose and offset are projected out; positive gaps preserve the
     order. A run ends as in `evolve`.
     """
-    problem = product.JointProblem(product.make_poses(rotation, position), product.FullCrankChart())
+    problem = product.JointProblem(product.make_poses(rotation, position), product.GrashofChart())
     bounds = [*_EVOLUTION_BOUNDS, (0.05, 0.999 * product.TURN)] + [(-_GAPS, _GAPS)] * (position.size - 1)
     best, goal = np.inf, product.DEFAULT_TOLERANCE**2
     for branch, direction in itertools.product((1.0, -1.0), (1.0, -1.0)):

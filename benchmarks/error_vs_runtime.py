@@ -68,7 +68,7 @@ class Grid:
         self.name = f"perimeter {perimeter}, step {360 // starts} deg"
         lengths = product.enumerate_types(product.TypeRule(perimeter, 1, product.OrderRule.FULL_CRANK)).astype(float)
         self.scan = product.ErrorTable(lengths, starts, 64, 1e-3, (8, 20))
-        self.unknowns = product.FullCrankChart().unknowns(self.scan.lengths)
+        self.unknowns = product.GrashofChart().unknowns(self.scan.lengths)
 
     def rows(self, target: product.Target) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return types, branches and starts: the best start of each type and branch, in order of the approximate error."""
@@ -100,7 +100,7 @@ def refined(
     grid: Grid, target: product.Target, row: np.ndarray, branch: np.ndarray, start: np.ndarray, seeds: int
 ) -> list[product.Solution]:
     """Refine the best seeds of each branch."""
-    chart = product.FullCrankChart()
+    chart = product.GrashofChart()
     unknowns = np.column_stack([grid.unknowns[row], start])
     sides = [np.flatnonzero(branch == side) for side in (1.0, -1.0)]
     seed = np.concatenate([side_rows[spread_out(unknowns[side_rows], seeds)] for side_rows in sides])

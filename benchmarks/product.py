@@ -25,7 +25,7 @@ from synthesis.descents import Pool, Stage, Timed
 from synthesis.errors import FieldError
 from synthesis.four_bar import close_loop, coupler_angle, family
 from synthesis.fourbar.dimension_types import MAX_PERIMETER, OrderRule, TypeRule, count_types, enumerate_types
-from synthesis.fourbar.mechanism import FOURBAR, AnyChart, FullCrankChart, GrashofChart, mounted
+from synthesis.fourbar.mechanism import FOURBAR, AnyChart, GrashofChart, mounted
 from synthesis.free.joint import JointProblem
 from synthesis.limits import Limits
 from synthesis.mechanism import Placed

@@ -103,7 +103,7 @@ def kinematics() -> Iterator[dict[str, Any]]:
         errors.append(theta2_error(simplex(random, is_crank_rocker), 1, crank))
     yield row("short-span-angle", 8 * len(errors), "{theta2:.1e} rad", {"theta2": max(errors)})
     random, count = np.random.default_rng(2), 400
-    problem = product.GivenProblem(product.target_of(make_case("any order", 3).request), product.FullCrankChart())
+    problem = product.GivenProblem(product.target_of(make_case("any order", 3).request), product.GrashofChart())
     unknowns = random.uniform((-5, -30, -12, 0), (5, 3, 12, 6.28), (count, 4))
     seeds = product.candidates_at(unknowns[:, :3], random.choice([-1.0, 1.0], count), unknowns[:, 3])
     seeds = problem.measured(seeds)

@@ -164,7 +164,6 @@ class Problem:
             limits,
             crank,
             fixed,
-            chart.sheet,
             shortest,
             closed,
         )

@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 from synthesis.arrays import Floats
 from synthesis.descents import Pool, Stage, Timed
 from synthesis.four_bar import grashof_excesses, wrap
-from synthesis.fourbar.mechanism import FOURBAR, AnyChart, Bounded, FullCrankChart, mounted
+from synthesis.fourbar.mechanism import FOURBAR, AnyChart, Bounded, GrashofChart, mounted
 from synthesis.free.dyads import chart_of
 from synthesis.free.joint import JointProblem
 from synthesis.free.limited import limited_problem, refined_within
@@ -251,14 +251,13 @@ class _Descents:
 
     def lead(self, linkage: Linkage, full_crank: bool = False) -> None:
         """Run descents from a linkage; a full crank closes at every sample."""
-        sheet = {"crank_rocker": -1, "double_crank": 1}.get(self.limits.family, 0)
-        chart = FullCrankChart(sheet) if full_crank else AnyChart()
+        chart = GrashofChart() if full_crank else AnyChart()
         space = FOURBAR.bounded(self.target, self.limits)[0 if full_crank else -1]
         self._freely(chart, [linkage])
         if not self.done:
             self._freely(chart, [end for plan in OPTIONS.stages for end in self.lead_within(space, linkage, plan)])
 
-    def _freely(self, chart: FullCrankChart | AnyChart, linkages: list[Linkage]) -> None:
+    def _freely(self, chart: GrashofChart | AnyChart, linkages: list[Linkage]) -> None:
         """Run descents without limits, and add the results that satisfy the limits."""
         if not linkages or self.work.expired():
             return

@@ -38,7 +38,7 @@ class BodyAngles(NamedTuple):
     slope: Floats
     """(n, k + 1, N): derivatives of theta2 by the unknowns and theta1; empty if derivatives are not required."""
     closes: Flags
-    """(n,): which candidates are of the sheet and close at every crank angle."""
+    """(n,): which candidates close at every crank angle."""
 
 
 class Shape(NamedTuple):
@@ -59,8 +59,6 @@ class Chart:
 
     kind: int
     """Code of the chart in the kernel."""
-    sheet: int = 0
-    """-1: only linkages with L1 < L4; +1: only L1 > L4; 0: both."""
     cell: Floats
     """Extent of unknowns and start within which two seeds are alike, (k + 1,)."""
     hop: Floats
@@ -91,8 +89,7 @@ class Chart:
         if derivatives:
             by_shape = np.matmul(shape.jacobian.transpose(0, 2, 1), slopes[:, :-1])
             slope = np.concatenate([by_shape, slopes[:, -1:]], axis=1)
-        longer = shape.lengths[:, 0] - shape.lengths[:, -1]
-        return BodyAngles(angle, slope, closes.all(axis=1) & ((self.sheet == 0) | (longer * self.sheet > 0)))
+        return BodyAngles(angle, slope, closes.all(axis=1))
 
 
 class Placed(NamedTuple):

@@ -30,56 +30,17 @@ from synthesis.target import TURN, Samples, Target
 from synthesis.violations import within
 
 
-class FourBarChart(Chart):
-    """Common base of the charts of the four-bar without bounds."""
+@dataclass(frozen=True)
+class AnyChart(Chart):
+    """All four-bars: the logarithms of L1 / L4, L2 / L4, L3 / L4. Most points close only over a fraction of the turn."""
 
     cell = np.array([0.7, 1.0, 1.0, 0.6])
     hop = np.array([0.7, 1.5, 1.5, 0.4])
+    kind = codes.ANY
 
     def shape_coordinates(self, unknowns: Floats) -> Floats:
         """Return logarithms of length ratios, (n, 3), in which distances of shapes are measured."""
-        lengths = self.shape(unknowns).lengths
-        return np.log(lengths[:, :3] / lengths[:, 3:]) / 0.7
-
-
-@dataclass(frozen=True)
-class FullCrankChart(FourBarChart):
-    """All four-bars whose crank turns fully, each once: R^3 less the plane p = 0, which only L1 = L4, L2 = L3 touches.
-
-    With L1 + L4 = 1: p = ln(L1 / L4), L2 + L3 = 1 + e^u, L2 - L3 = |L4 - L1| tanh w. Crank-rockers have p < 0, double-cranks
-    p > 0; change points lie at infinity. X0 = e^u (2 + e^u) and Y0 = (L4 - L1)^2 / cosh^2 w are positive everywhere.
-    Law: ``unknowns(shape(x).lengths) == x`` for moderate x.
-
-    Attributes
-    ----------
-    sheet : int
-        -1: only linkages with L1 < L4, crank-rockers; +1: only L1 > L4, double-cranks; 0: both.
-    """
-
-    sheet: int = 0
-
-    kind = codes.FULL_CRANK
-    LIMITS = np.array([16.0, 30.0, 17.0])
-    """Largest |p|, |u|, |w|: beyond, the lengths no longer change in double precision."""
-
-    def unknowns(self, lengths: ArrayLike) -> Floats:
-        """Return the unknowns (n, 3) of lengths (n, 4)."""
-        lengths = np.asarray(lengths, dtype=float)
-        l1, l4 = lengths[..., 0], lengths[..., 3]
-        a, b, c = grashof_excesses(lengths)
-        total = l1 + l4
-        with np.errstate(divide="ignore", invalid="ignore"):
-            x = np.stack([np.log(l1 / l4), np.log(c / total), 0.5 * np.log(np.abs(a / b))], axis=-1)
-        # (gap + d) / (gap - d) is a / b for crank-rockers and b / a for double-cranks
-        x[..., 2] *= np.where(l1 > l4, -1.0, 1.0)
-        return np.clip(np.nan_to_num(x), -self.LIMITS, self.LIMITS)
-
-
-@dataclass(frozen=True)
-class AnyChart(FourBarChart):
-    """All four-bars: the logarithms of L1 / L4, L2 / L4, L3 / L4. Most points close only over a fraction of the turn."""
-
-    kind = codes.ANY
+        return unknowns / 0.7
 
     def unknowns(self, lengths: ArrayLike) -> Floats:
         """Return the unknowns (n, 3) of lengths (n, 4)."""
@@ -101,7 +62,7 @@ class GrashofChart(Chart):
     LEAST = 1e-9
     """Smallest magnitude of an unknown: at change points the slope of theta2 has no limit."""
 
-    cell = np.append(np.full(4, 0.1), FourBarChart.cell[3])
+    cell = np.array([0.1, 0.1, 0.1, 0.1, 0.6])
     hop = np.array([0.4, 0.8, 0.8, 0.8, 0.3])
     """Standard deviations of perturbations: of the logarithms of the magnitudes, and of the start."""
     kind = codes.GRASHOF
@@ -305,9 +266,7 @@ class FourBar:
 
     def charts(self, family: str) -> list[Any]:
         """Return the chart of full cranks, and after it the chart of all four-bars if any family is allowed."""
-        if family == "any":
-            return [FullCrankChart(), AnyChart()]
-        return [FullCrankChart({"crank_rocker": -1, "double_crank": 1}.get(family, 0))]
+        return [GrashofChart(), AnyChart()] if family == "any" else [GrashofChart()]
 
     def posed(
         self, lengths: Floats, branch: Floats, start: Floats, pose: tuple[Complexes, Floats, Complexes] | None

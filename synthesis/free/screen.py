@@ -18,7 +18,7 @@ import numpy as np
 from synthesis.arrays import Floats
 from synthesis.descents import Timed
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule, enumerate_types
-from synthesis.fourbar.mechanism import FOURBAR, FullCrankChart
+from synthesis.fourbar.mechanism import FOURBAR, AnyChart
 from synthesis.limits import in_family
 from synthesis.mechanism import Chart
 from synthesis.poses import Poses
@@ -76,7 +76,7 @@ class PathScreen:
 
     def __init__(self, family: str) -> None:
         lengths = enumerate_types(TypeRule(OPTIONS.perimeter, 1, OrderRule.FULL_CRANK)).astype(float)
-        lengths, spread = lengths[in_family(family, lengths)], FullCrankChart()
+        lengths, spread = lengths[in_family(family, lengths)], AnyChart()
         self.lengths = lengths
         self.cells = spread.unknowns(lengths) / spread.cell[:-1]
         self.start_cell = float(spread.cell[-1])

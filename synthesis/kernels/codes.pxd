@@ -3,7 +3,6 @@
 cdef enum:
     GRASHOF = 0
     ANY = 1
-    FULL_CRANK = 2
     USED = 0
     OVER_TURN = 1
     LENGTH = 2

@@ -3,7 +3,6 @@
 # Charts: coordinates of shapes
 GRASHOF = 0
 ANY = 1
-FULL_CRANK = 2
 
 # Limits of a four-bar, with the numbers that follow the code in a row of the table
 USED = 0  # cosine of the smallest transmission angle over the used interval

@@ -109,8 +109,6 @@ class Descent:
         modulo a turn.
     fixed : tuple of bool
         Whether the start angle and the offset of the rotation are prescribed.
-    sheet : int
-        -1 restricts the search to L1 < L4, 1 to L1 > L4; 0 allows both.
     crank_min : float
         Smallest |z1| of a crank.
     closed : bool
@@ -133,7 +131,6 @@ class Descent:
     ordered: bint
     closed: bint
     span_max: double
-    sheet: cython.int
     crank_min: double
     shape: Shape
     limits: Limits
@@ -224,13 +221,12 @@ class Descent:
         limits=None,
         crank=None,
         fixed=(False, False),
-        sheet=0,
         crank_min=0.0,
         closed=False,
     ):
         samples = len(position if rotation is None else rotation)
         self.samples, self.ordered, self.span_max = samples, ordered, span_max
-        self.sheet, self.crank_min, self.penalty, self.closed = sheet, crank_min, 1.0, closed
+        self.crank_min, self.penalty, self.closed = crank_min, 1.0, closed
         self.has_rotation, self.has_position = rotation is not None, position is not None
         self.has_timing, (self.fixed_start, self.fixed_offset) = crank is not None, fixed
         rotation, crank = (
@@ -560,8 +556,6 @@ class Descent:
     def close_at_samples(self, s: cython.int, full: bint) -> bint:
         """Compute crank and coupler directions at all samples, with ``full`` also the derivatives of the body's angle."""
         loop, shape = self.shape.loop, self.shape
-        if self.sheet and not (loop.length[0] - loop.length[3]) * self.sheet > 0.0:
-            return False
         if self.has_timing and not self.closes_between(s):
             return False
         for i in range(self.samples):

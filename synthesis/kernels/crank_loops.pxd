@@ -30,4 +30,3 @@ cdef class Shape:
     cdef double[:, ::1] partials
     cdef evaluate(self, double q0, double q1, double q2, double q3, double side)
     cdef grashof(self, double q0, double x, double y, double z)
-    cdef full_crank(self, double p, double u, double w)

@@ -7,7 +7,7 @@ import cython
 import numpy as np
 from cython import bint, cclass, cfunc, declare, double, final, inline
 from cython.cimports.libc.math import atan2, copysign, cos, exp, fabs, sin, sqrt
-from cython.cimports.synthesis.kernels.codes import ANY, GRASHOF
+from cython.cimports.synthesis.kernels.codes import GRASHOF
 from cython.cimports.synthesis.kernels.plane import clip, cross, inner, times, vector
 
 PI = declare(double, 3.141592653589793)
@@ -16,9 +16,6 @@ TOGGLE_ROOT_MIN = declare(
     double, 1e-8
 )  # smallest sqrt(X Y) in derivatives: a toggle position then gives a large finite derivative
 LOG_RATIO_MAX = declare(double, 16.0)  # largest logarithm of a ratio of lengths
-FULL_CRANK_U_MAX = declare(double, 30.0)  # largest |u| of a full crank
-FULL_CRANK_W_MAX = declare(double, 17.0)  # largest |w| of a full crank: tanh is one beyond
-SERIES_MAX = declare(double, 1e-3)  # |x| below which tanh comes from its series, whose next term is below rounding
 
 
 @cfunc
@@ -109,15 +106,6 @@ class Loop:
         return angle if gap >= 0.0 else angle + theta1 - PI
 
 
-@cfunc
-def tanh_of(x: double) -> double:
-    """Return the hyperbolic tangent without cancellation near zero."""
-    if fabs(x) < SERIES_MAX:
-        return x * (1.0 - x * x * (1.0 / 3.0 - x * x * (2.0 / 15.0)))
-    e = exp(-2.0 * fabs(x))
-    return copysign((1.0 - e) / (1.0 + e), x)
-
-
 @final
 @cclass
 class Shape:
@@ -135,14 +123,12 @@ class Shape:
         self.loop.branch = side
         if self.chart == GRASHOF:
             self.grashof(q0, max(q1, 0.0), max(q2, 0.0), max(q3, 0.0))
-        elif self.chart == ANY:
+        else:
             self.loop.set_lengths(
                 exp(clip(q0, LOG_RATIO_MAX)), exp(clip(q1, LOG_RATIO_MAX)), exp(clip(q2, LOG_RATIO_MAX)), 1.0
             )
             for k in range(3):
                 self.partials[k, k] = self.loop.length[k]
-        else:
-            self.full_crank(clip(q0, LOG_RATIO_MAX), clip(q1, FULL_CRANK_U_MAX), clip(q2, FULL_CRANK_W_MAX))
 
     @cfunc
     def grashof(self, q0: double, x: double, y: double, z: double):
@@ -163,28 +149,6 @@ class Shape:
             self.partials[long, k] = 0.5
             self.partials[k - 1, 1] = 0.5
             self.partials[k - 1, k] = 0.5
-
-    @cfunc
-    def full_crank(self, p: double, u: double, w: double):
-        """Evaluate `fourbar.mechanism.FullCrankChart`."""
-        loop, ratio, excess = self.loop, exp(p), exp(u)
-        gap, share, e = fabs(tanh_of(0.5 * p)), tanh_of(w), exp(-2.0 * fabs(w))
-        fall = 4.0 * e / ((1.0 + e) * (1.0 + e))  # 1 / cosh^2 w
-        half, middle = 0.5 * gap * share, 0.5 + 0.5 * excess
-        loop.length[3] = 1.0 / (1.0 + ratio)
-        loop.length[0] = ratio * loop.length[3]
-        loop.length[1] = middle + half
-        loop.length[2] = middle - half
-        loop.x0 = excess * (2.0 + excess)
-        loop.y0 = gap * gap * fall
-        step = loop.length[0] * loop.length[3]
-        self.partials[0, 0] = step
-        self.partials[3, 0] = -step
-        for k in range(1, 3):
-            sign = 1.0 if k == 1 else -1.0
-            self.partials[k, 0] = sign * copysign(step, p) * share
-            self.partials[k, 1] = 0.5 * excess
-            self.partials[k, 2] = sign * 0.5 * gap * fall
 
 
 def shapes(chart: cython.int, unknowns: double[:, ::1]):

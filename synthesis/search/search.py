@@ -213,7 +213,7 @@ class _Search:
 
     def bounded_search(self, solutions: list[Any], top: int) -> list[Any]:
         """Continue within the limits, in each chart in turn; return new solutions and the better ones of the given solutions."""
-        charts, spaces = FOURBAR.charts(self.limits.family), FOURBAR.bounded(self.target, self.limits)
+        spaces = FOURBAR.bounded(self.target, self.limits)
         if self.target.start is not None or self.target.offset is not None:
             spaces = []  # these spaces treat the start and the offset as unknowns
         is_tested = self.limits.only_family
@@ -223,7 +223,7 @@ class _Search:
             return solutions + self.polished(OPTIONS.finished, OPTIONS.polish_steps)
         first, solutions = solutions, []
         found = Incumbents(self.tolerance, lambda objective: self.note(np.array([objective**2])))
-        for chart, space in zip(charts, spaces):
+        for space in spaces:
             # the first search space contains only full cranks, so that a larger family never gives a worse result
             family = "full_crank" if self.limits.family == "any" and space is spaces[0] else self.limits.family
             run = prescribed_timing(self.target, space, found, self.work)
@@ -250,7 +250,7 @@ class _Search:
                     if found.smallest < OPTIONS.exact_near or self.work.expired():
                         break
                 if space.chart in found.pools:
-                    solutions = solutions + self._finished(problem, found.pools[space.chart], chart, top)
+                    solutions = solutions + self._finished(problem, found.pools[space.chart], top)
                 smallest = min((solution.errors.objective for solution in solutions), default=np.inf)
                 # if J is so small, an exact answer may lie in another basin
                 if self.reached or self.work.expired() or not self.tolerance < smallest < OPTIONS.in_sight:
@@ -261,14 +261,13 @@ class _Search:
         reached = Status.of(first, self.tolerance) is Status.REACHED
         return solutions + [solution for solution in first if reached or solution.errors.objective < best]
 
-    def _finished(self, problem: PrescribedTiming, pool: Pool, chart: Chart, top: int) -> list[Any]:
-        """Return the solutions of a pool; near an exact answer also in the chart without bounds."""
+    def _finished(self, problem: PrescribedTiming, pool: Pool, top: int) -> list[Any]:
+        """Return the solutions of a pool; near an exact answer also without limits."""
         solutions = self.answers(problem.within.linkages(pool.take(slice(0, 8 * top + 20))))
         close = pool.take(pool.cost < OPTIONS.close**2)
         if close.cost.size:
-            self.use(chart)
-            shape = chart.unknowns(problem.chart.shape(close.timed.shape).lengths)
-            self.pool = close._replace(timed=close.timed._replace(shape=shape))
+            self.use(problem.chart)
+            self.pool = close
             solutions = solutions + self.polished(OPTIONS.finished, 100)
             if not self.reached and close.cost.min() < OPTIONS.nearer**2:
                 self.free_search(FINAL_ROUND)

@@ -13,7 +13,7 @@ import pytest
 from synthesis.constraints import Constraints
 from synthesis.descents import Problem, Stage, Timed
 from synthesis.four_bar import coupler_angle
-from synthesis.fourbar.mechanism import AnyChart, FullCrankChart, GrashofChart
+from synthesis.fourbar.mechanism import AnyChart, GrashofChart
 from synthesis.free.joint import JointProblem
 from synthesis.free.limited import limited_problem
 from synthesis.limits import Limits, Reach
@@ -23,8 +23,8 @@ from synthesis.search.prescribed import GivenProblem
 from synthesis.target import Interval, Samples, Target
 
 LENGTHS = np.array([[0.15, 0.3, 0.25, 0.3], [0.4, 0.25, 0.28, 0.07]])
-FOURBARS = [FullCrankChart(), AnyChart(), GrashofChart()]
-every_chart = pytest.mark.parametrize("chart", FOURBARS, ids=["full crank", "any", "grashof"])
+FOURBARS = [AnyChart(), GrashofChart()]
+every_chart = pytest.mark.parametrize("chart", FOURBARS, ids=["any", "grashof"])
 timings = pytest.mark.parametrize("timing", ["free", "given"])
 limited_timings = pytest.mark.parametrize(
     ("timing", "posed"),

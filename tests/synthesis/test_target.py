@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from synthesis.four_bar import coupler_angle
-from synthesis.fourbar.mechanism import FullCrankChart
+from synthesis.fourbar.mechanism import GrashofChart
 from synthesis.pose import objective
 from synthesis.search import prescribed
 from synthesis.search.prescribed import GivenProblem
@@ -50,9 +50,9 @@ def test_the_value_of_a_sample_of_weight_0_has_no_effect(weights, replacements) 
     angle = coupler_angle([19.0, 72, 144, 165], [[1], [-1]], [1 + plain.crank]).reshape(2, -1)
     assert objective(changed, angle) == pytest.approx(objective(plain, angle), rel=1e-13 * size)
     random = np.random.default_rng(1)
-    drawn = random.uniform(-1.5, 1.5, (20, 3)), random.choice([-1.0, 1.0], 20), random.uniform(-1.5, 1.5, 20)
+    drawn = random.uniform(0.1, 1.0, (20, 4)), random.choice([-1.0, 1.0], 20), random.uniform(-1.5, 1.5, 20)
     timed = prescribed.candidates_at(*drawn)
-    plain_problem, changed_problem = (GivenProblem(target, FullCrankChart()) for target in (plain, changed))
+    plain_problem, changed_problem = (GivenProblem(target, GrashofChart()) for target in (plain, changed))
     expected_cost = plain_problem.measured(timed).cost
     np.testing.assert_allclose(changed_problem.measured(timed).cost, expected_cost, rtol=1e-13 * size)
     systems = zip(changed_problem.linearised(timed, 1e-3), plain_problem.linearised(timed, 1e-3))

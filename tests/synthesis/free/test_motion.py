@@ -8,7 +8,7 @@ import pytest
 
 import linkage_atlas as la
 from synthesis.descents import Stage
-from synthesis.fourbar.mechanism import FullCrankChart
+from synthesis.fourbar.mechanism import GrashofChart
 from synthesis.free.dyads import Body, linear_dyads, polished
 from synthesis.free.joint import JointProblem
 from synthesis.poses import Poses, make_poses
@@ -125,7 +125,7 @@ def test_noisy_poses_are_fitted_no_worse_than_by_the_truth() -> None:
         noise *= 1e-3 * poses.length_scale / np.sqrt(2)
         rotation = case.rotation + 1e-3 * random.standard_normal(20)
         noisy = Poses(rotation, case.position + noise, length_scale=poses.length_scale)
-        problem = JointProblem(noisy, FullCrankChart())
+        problem = JointProblem(noisy, GrashofChart())
         truth = unposed(problem.chart.unknowns(case.lengths[None]), case.theta1[None], float(case.branch))
         polished_truth = problem.descended(problem.facing(truth), [Stage(200)])
         found = free(noisy.rotation, noisy.position, degrees=False, length_scale=poses.length_scale)
