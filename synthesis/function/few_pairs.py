@@ -27,6 +27,7 @@ from synthesis.four_bar import close_loop, transmission_angle_over
 from synthesis.function.target_function import TargetFunction
 from synthesis.limits import Limits, in_family
 from synthesis.mechanism import Placed
+from synthesis.pose import whole_turns
 from synthesis.ranking import PROPORTION, distinct_rows, merit
 from synthesis.work import Work
 
@@ -44,9 +45,9 @@ class FewPairsOptions(ImprovementOptions):
 
     samples: int = 16_000
     """Random members of the family."""
-    samples_on_curve: int = 960
+    samples_on_curve: int = 640
     """Number of samples for four pairs, whose zeros lie on a curve, and for five."""
-    newton_steps: int = 12
+    newton_steps: int = 7
     """Number of Newton steps to the equations of four and five pairs."""
     damping: float = 1e-15
     """Damping of these steps, over the trace of their matrix."""
@@ -211,6 +212,7 @@ class ExactFamily:
             damping = self.options.damping * np.trace(square, axis1=1, axis2=2)
             multipliers = np.linalg.solve(square + damping[:, None, None] * np.eye(self.pairs), residual[:, :, None])
             found[:, free] -= (slope.transpose(0, 2, 1) @ multipliers)[:, :, 0]
+        found[:, 3:] -= whole_turns(found[:, 3:])
         found[~(np.abs(residual).max(axis=1, initial=0.0) < self.options.solved)] = np.nan
         out = np.full_like(unknowns, np.nan)
         out[finite] = found

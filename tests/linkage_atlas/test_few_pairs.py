@@ -29,6 +29,7 @@ def rocker(links: Any, branch: int, crank: np.ndarray) -> tuple[np.ndarray, np.n
 def assert_exact(found: la.FunctionResult, travel: Any, output: Any, count: int = 10) -> None:
     assert found.status == "reached" and len(found) == count
     for solution in found:
+        assert abs(solution.start_angle) <= 360
         crank = np.deg2rad(solution.start_angle + np.array(travel) - travel[0])
         built = np.rad2deg(rocker(solution.links, solution.branch, crank)[0]) + solution.output_offset
         gap = built - output
