@@ -44,14 +44,8 @@ def content_of(
 ) -> bytes:
     """Return the content of a file; see `Linkage.file` for the arguments.
 
-    Parameters
-    ----------
-    length_unit : str or None
-        None if it is unknown: CSV and SVG do not mention it then, and other files take millimetres.
-    parts : callable, optional
-        Makes the `SolidParts` of the linkage, with an error if they collide, or with True in any case.
-    more : mapping, optional
-        Further columns of a CSV file.
+    Without ``length_unit`` CSV and SVG do not mention the unit, and other files take millimetres. ``parts`` makes the
+    `SolidParts` of the linkage, with an error if they collide, or with True in any case. ``more`` are further columns of CSV.
     """
     one_of("kind", kind, FORMATS)
     attached = drive_on(linkage, target, drive)

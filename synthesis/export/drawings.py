@@ -56,14 +56,13 @@ def to_svg(linkage: Linkage, target: Target, extra: Extra | None = None, length_
     layout = layout_of(linkage, target.interval)
     marks, turn = requested_positions(target), turn_path(linkage)
     rails, slots = layout.tracks(Rail), layout.tracks(Slot)
-    pins = [layout.links[1].position(guide.body_point) for guide in linkage.guides if guide.holds_point]
-    fixed, moving = [*layout.fixed.values()], [*layout.moving.values()]
-    points = [np.array(fixed, dtype=complex), *pins, *rails, *slots, marks]
+    names = layout.fixed | layout.moving
+    points = [layout.links[1].position(guide.body_point) for guide in linkage.guides if guide.holds_point]
+    points += [np.array([*names.values()]), *rails, *slots, marks]
     points += [curve for curve in (layout.path, turn) if curve is not None]
     sheet = Sheet(np.concatenate([*points, *([] if extra is None else [extra.points])]), 0.08, 1000, digits=7)
-    dots = [sheet.dot(point, 11, 'class="pivot"') for point in fixed]
-    dots += [sheet.dot(point, 8, 'class="pin"') for point in moving]
-    names = layout.fixed | layout.moving
+    dots = [sheet.dot(point, 11, 'class="pivot"') for point in layout.fixed.values()]
+    dots += [sheet.dot(point, 8, 'class="pin"') for point in layout.moving.values()]
     curves = ""
     if layout.path is not None:
         names["P"] = layout.body.origin[0]
@@ -71,7 +70,7 @@ def to_svg(linkage: Linkage, target: Target, extra: Extra | None = None, length_
         curves = ("" if turn is None else sheet.line(turn, "turn")) + sheet.line(layout.path, "path")
     curves += "".join(sheet.dot(mark, 5, 'class="pose"') for mark in marks)
     labels = [sheet.label(point, name) for name, point in names.items()]
-    for length, start, end in _members(layout):
+    for length, start, end in (*layout.bars, *([] if layout.ground is None else [layout.ground])):
         labels.append(sheet.label((start + end) / 2, f"{length:.5g}", 'class="size"'))
     ground = [] if layout.ground is None else [sheet.line(np.array(layout.ground[1:]), "ground")]
     ground += [sheet.line(rail, "rail") for rail in rails]
@@ -97,11 +96,6 @@ def to_svg(linkage: Linkage, target: Target, extra: Extra | None = None, length_
             sheet.unit_text(length_unit),
         ],
     )
-
-
-def _members(layout: Layout) -> list[tuple[float, complex, complex]]:
-    """Return length and ends of all bars and of the ground."""
-    return layout.bars + ([] if layout.ground is None else [layout.ground])
 
 
 def _title(linkage: Linkage, layout: Layout) -> str:

@@ -12,7 +12,7 @@ from synthesis.arrays import Complexes, Floats
 from synthesis.errors import FieldError
 from synthesis.guides import Kind, Rail, Slot
 from synthesis.link_motion import LinkMotion
-from synthesis.linkage import BODY, Linkage
+from synthesis.linkage import Linkage
 from synthesis.target import TURN, Interval, Target
 
 FARTHEST = 1e9
@@ -82,15 +82,9 @@ class Layout:
     @cached_property
     def bars(self) -> list[tuple[float, complex, complex]]:
         """Return length and ends of crank, coupler and rocker, without links that slide or carry a slot."""
-        lengths, names = self.linkage.lengths, self.linkage.link_names
-        bars = []
-        if "A" in self.fixed and "D" in self.moving:
-            bars.append((lengths[names[0]], self.fixed["A"], self.moving["D"]))
-        if len(self.moving) == 2:
-            bars.append((lengths[BODY], self.moving["D"], self.moving["C"]))
-        if "B" in self.fixed and "C" in self.moving:
-            bars.append((lengths[names[2]], self.moving["C"], self.fixed["B"]))
-        return bars
+        lengths, joints, names = self.linkage.lengths, self.fixed | self.moving, self.linkage.link_names
+        ends = zip(names, (("A", "D"), ("D", "C"), ("C", "B")))
+        return [(lengths[name], joints[a], joints[b]) for name, (a, b) in ends if a in joints and b in joints]
 
     def track(self, index: int) -> Complexes | None:
         """Return both ends of a rail, or of a slot at the first sample; None for a circle."""
