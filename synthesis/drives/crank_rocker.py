@@ -61,9 +61,7 @@ class Proportions(NamedTuple):
     """None for equal times."""
 
 
-def proportions(
-    swing: float, time_ratio: float = 1.0, rod: float | None = None, options: CrankRockerOptions = OPTIONS
-) -> Proportions | None:
+def proportions(swing: float, time_ratio: float = 1.0, rod: float | None = None) -> Proportions | None:
     """Return the crank-rocker with the largest minimum transmission angle for a swing; None if there is none.
 
     Parameters
@@ -74,14 +72,13 @@ def proportions(
         Ratio of the slower and the faster stroke, at least 1.
     rod : float, optional
         Length of the rod divided by the pin's radius, for equal times only.
-    options : CrankRockerOptions
     """
     from scipy.optimize import minimize_scalar
 
     if not 0 < swing < np.pi:
         return None
     if time_ratio == 1.0:
-        return _centric_proportions(swing, options.rod if rod is None else rod)
+        return _centric_proportions(swing, OPTIONS.rod if rod is None else rod)
     half = swing / 2
     chord = np.sin(half)
     e = return_angle(time_ratio)
@@ -96,7 +93,7 @@ def proportions(
         motors = np.cos(half) + np.stack([across, -across]) + 1j * down
         return _transmission_angles(crank, rod, motors, half), motors, crank, rod
 
-    zetas = np.linspace(0, np.pi / 2, options.zetas + 2)[1:-1]
+    zetas = np.linspace(0, np.pi / 2, OPTIONS.zetas + 2)[1:-1]
     angles, *_ = evaluate(zetas)
     side, k = divmod(int(np.argmax(angles)), zetas.size)
     if angles[side, k] <= 0:
@@ -149,7 +146,6 @@ def place_motor_about_pivot(
     box: Box | None,
     rod: float | None = None,
     reach: float = np.inf,
-    options: CrankRockerOptions = OPTIONS,
 ) -> MotorCycle | str:
     """Return the best motor and rod on a link that turns about a pivot, or a sentence with the reason why there is none.
 
@@ -173,7 +169,6 @@ def place_motor_about_pivot(
         Length of the rod for equal times.
     reach : float
         Largest distance of the pin from the pivot.
-    options : CrankRockerOptions
     """
     assert link.pivot is not None
     pivot = link.pivot
@@ -181,17 +176,17 @@ def place_motor_about_pivot(
     swing = abs(float(turned[-1] - turned[0]))
     if np.min(np.diff(turned) * np.sign(turned[-1] - turned[0])) <= 0:
         return "the link reverses within the motion, so that no motor drives it through"
-    has_equal_times = time_ratio is None or abs(time_ratio - 1) < options.equal_time_tolerance
+    has_equal_times = time_ratio is None or abs(time_ratio - 1) < OPTIONS.equal_time_tolerance
     ratio = 1.0 if time_ratio is None or has_equal_times else max(time_ratio, 1 / time_ratio)
     # for equal times any rod works: other rods are tried if the motor has a box
-    rods = [options.rod if rod is None else rod / radius]
+    rods = [OPTIONS.rod if rod is None else rod / radius]
     if rod is None and ratio == 1.0 and box is not None:
-        rods += options.more_rods
-    shapes = [shape for shape in (proportions(swing, ratio, length, options) for length in rods) if shape is not None]
+        rods += OPTIONS.more_rods
+    shapes = [shape for shape in (proportions(swing, ratio, length) for length in rods) if shape is not None]
     if not shapes:
         return f"no crank-rocker swings by {np.rad2deg(swing):.6g} degrees with a time ratio of {ratio:.6g}"
     rising = float(np.sign(turned[-1] - turned[0]))
-    radii = [radius] if radius_is_fixed else [radius * factor for factor in options.radius_factors]
+    radii = [radius] if radius_is_fixed else [radius * factor for factor in OPTIONS.radius_factors]
     radii = radii[:1] + [size for size in radii[1:] if size <= reach]
     bisector = link.direction[0] * np.exp(0.5j * rising * swing)
     for shape in shapes:

@@ -41,8 +41,6 @@ class SpringSearchOptions:
     """Number of descents for a row and a pair of links if a behaviour is required, which few placements show."""
     violation_cost: float = 1e3
     """Cost on the grid of a violated behaviour, per fraction of the rms torque without springs or of the longest length."""
-    rounds: int = 2
-    """Number of rounds in which springs are placed in turn before they are placed together."""
     descent: DescentOptions = field(default_factory=lambda: DescentOptions(tolerance=1e-12, max_steps=500))
     """Options of the descents."""
     range_slack: float = 0.2
@@ -144,24 +142,14 @@ class SpringSearch:
     def best_set(self, torque: Floats, betweens: Sequence[Between]) -> list[Spring] | str:
         """Find a spring on each of several pairs of links; the springs work together.
 
-        They are placed in turn, each with the other springs mounted, in some rounds; then all together.
+        They are placed in turn, each with the earlier springs mounted; then all together.
         """
-        placed: dict[Between, Spring] = {}
-        for _ in range(self.options.rounds):
-            for between in betweens:
-                others = [spring for spring in placed.values() if spring.between != between]
-                remaining = torque + torque_of(others, self.machine)
-                found = self.best(remaining, [between], keeps_behaviour=False)
-                if isinstance(found, str):
-                    return found
-                left, known = (
-                    torque + torque_of(springs, self.machine) for springs in ([*others, found], placed.values())
-                )
-                if between not in placed or rms_of(left) < rms_of(known):
-                    placed[between] = found
-            if self.work.expired():
-                break
-        springs = [placed[between] for between in betweens]
+        springs: list[Spring] = []
+        for between in betweens:
+            found = self.best(torque + torque_of(springs, self.machine), [between], keeps_behaviour=False)
+            if isinstance(found, str):
+                return found
+            springs.append(found)
         problem = _SpringProblem(self, [(spring.between, spring.row) for spring in springs], torque, self.behaviour)
         # the first end is an unknown in the plane at the first sample
         start = [(spring.ends(self.machine)[0][0], spring.points[1]) for spring in springs]
