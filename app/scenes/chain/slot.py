@@ -170,8 +170,9 @@ def render_csv(request: ChainSlotRequest, resources: Resources) -> bytes:
     path = slot.path(phases)
     columns = {f"theta1_{unit}": phases / view.unit, "x": path.real, "y": path.imag}
     columns |= {"depth": slot.depth(phases), "slack": slot.slack(phases)}
-    for name, wall in roller_walls(slot, phases, request.roller_radius).items():
-        columns |= {f"{name}_x": wall.real, f"{name}_y": wall.imag}
+    if request.roller_radius is not None:
+        for name, wall in roller_walls(slot, phases, request.roller_radius).items():
+            columns |= {f"{name}_x": wall.real, f"{name}_y": wall.imag}
     if "pins" in request.include:
         pins = pins_at(view.crescent, slot, phases)
         for pin, (points, theta) in enumerate(zip(pins.points.T, pins.theta.T), 1):

@@ -201,23 +201,14 @@ def _refuse_undercut(roller_radius: float, largest: float) -> None:
         )
 
 
-def roller_walls(slot: Slot, phases: Floats, roller_radius: float | None) -> dict[str, Points]:
-    """Return the walls of a slot for a roller: the ``left`` and the ``right`` parallel curve of the pin's path.
-
-    Parameters
-    ----------
-    slot : Slot
-    phases : ndarray, shape (n,)
-    roller_radius : float, optional
-        Radius of the rollers. Without it there are no walls.
+def roller_walls(slot: Slot, phases: Floats, roller_radius: float) -> dict[str, Points]:
+    """Return the ``left`` and the ``right`` wall of a slot for a roller, parallel to the pin's path, at phases, shape (n,).
 
     Raises
     ------
     FieldError
         The roller is too large for the curvature of the path.
     """
-    if roller_radius is None:
-        return {}
     _refuse_undercut(roller_radius, smallest_radius(slot))
     path, normals = slot.path(phases), slot.normals(phases)
     return {"left": path + roller_radius * normals, "right": path - roller_radius * normals}

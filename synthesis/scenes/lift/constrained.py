@@ -212,9 +212,7 @@ class _Search:
             model += [values[:, 0].copy(), np.where(np.isfinite(slope), slope, 0.0)]
         return Linear(*model)
 
-    def descend(
-        self, points: Floats, side: Floats, nodes: int, iterations: int, first_radius: float
-    ) -> tuple[Floats, Floats]:
+    def descend(self, points: Floats, side: Floats, nodes: int) -> tuple[Floats, Floats]:
         """Refine points, shape (n, k), with constraints at a number of poses; return them and their merit, shape (n,)."""
         count = points.shape[1]
         found = descend(
@@ -223,10 +221,10 @@ class _Search:
             np.arange(count),
             (np.full(count, 2 * OPTIONS.difference_step), np.full(count, 1 - 2 * OPTIONS.difference_step)),
             largest=False,
-            steps=iterations,
+            steps=OPTIONS.iterations,
             gain=OPTIONS.gain,
             work=self.work,
-            radius=first_radius,
+            radius=OPTIONS.first_radius,
         )
         return found.unknowns, found.merit
 
@@ -283,10 +281,10 @@ def optimize(task: Task, limits: Constraints, work: Work | None = None) -> Optim
 def _local_optima(search: _Search) -> tuple[StrokeDesign, Floats]:
     """Return the finalists of a multistart and their merit."""
     points, side = search.starting_points()
-    points, merit = search.descend(points, side, OPTIONS.search_nodes, OPTIONS.iterations, OPTIONS.first_radius)
+    points, merit = search.descend(points, side, OPTIONS.search_nodes)
     order = np.argsort(merit, kind="stable")[: OPTIONS.finalists]
     points, side = points[order], side[order]
-    points, merit = search.descend(points, side, OPTIONS.fine_nodes, OPTIONS.fine_iterations, OPTIONS.fine_radius)
+    points, merit = search.descend(points, side, OPTIONS.fine_nodes)
     return search.space.designs(points, side), merit
 
 

@@ -45,18 +45,14 @@ class LiftSearchOptions:
     """Number of starting points of the local search."""
     start_distance: float = 0.08
     """Smallest distance between two starting points."""
-    iterations: int = 30
-    """Largest number of iterations from each starting point."""
+    iterations: int = 15
+    """Largest number of iterations from each starting point, and again for each finalist."""
     finalists: int = 3
     """Number of local optima refined with `fine_nodes` poses."""
-    fine_iterations: int = 20
-    """Largest number of iterations for each finalist."""
     difference_step: float = 1e-6
     """Step of the central differences."""
     first_radius: float = 0.15
     """Initial trust-region radius."""
-    fine_radius: float = 0.02
-    """Initial trust-region radius for a finalist."""
     gain: float = 1e-8
     """Relative decrease of the objective predicted by a step below which the local search ends."""
     rank_penalty: float = 3.0

@@ -263,7 +263,7 @@ class Evaluator:
         constants = design_constants(design, gamma)
         weights = self._weights
         if task.objective.kind == "discrete":
-            pose = pose_at_height(design, self._heights, constants, clip=True)
+            pose = pose_at_height(design, self._heights, constants)
         else:
             start_turn = triangle_angle(task.low, design.l3, design.l5, may_be_flat=True)  # the turn at the start
             pose = pose_at_turn(design, start_turn * self._fractions, constants)

@@ -215,33 +215,19 @@ def pose_at_turn(design: Design, turn: Any, constants: DesignConstants | None = 
     return _pose(design, design_constants(design) if constants is None else constants, np.sin(turn), np.cos(turn))
 
 
-def pose_at_height(design: Design, height: Any, constants: DesignConstants | None = None, clip: bool = False) -> Pose:
+def pose_at_height(design: Design, height: Any, constants: DesignConstants | None = None) -> Pose:
     """Compute poses at heights of the platform above D in closed form, with C on the side of the cylinder (0 <= turn <= pi).
 
-    The turn is not computed by an inverse cosine, which would lose half of the digits near the top.
-
-    Parameters
-    ----------
-    design : Design
-    height : float or ndarray
-    constants : DesignConstants, optional
-        The `design_constants` of the design, if they are already known.
-    clip : bool
-        Replace a height outside l5 - l3 <= s <= l5 + l3 by the nearer end. By default such a pose is NaN.
+    The turn is not computed by an inverse cosine, which would lose half of the digits near the top. A height outside
+    l5 - l3 <= s <= l5 + l3 is replaced by the nearer end.
     """
     height = np.asarray(height, dtype=float)
     # the triangle ADC: sides s and l3 at A, opposite l5
-    sine_term, cosine_term = half_angle_squares(height, design.l3, design.l5)
-    if clip:
-        sine_term, cosine_term = np.maximum(sine_term, 0.0), np.maximum(cosine_term, 0.0)
-    reachable = (sine_term >= 0) & (cosine_term >= 0) & (height > 0)
-    product = np.where(reachable, 4 * design.l3 * height, np.nan)
-    sin_turn = 2 * np.sqrt(np.where(reachable, sine_term * cosine_term, np.nan)) / product
+    sine_term, cosine_term = (np.maximum(term, 0.0) for term in half_angle_squares(height, design.l3, design.l5))
+    product = 4 * design.l3 * np.where(height > 0, height, np.nan)
+    constants = design_constants(design) if constants is None else constants
     return _pose(
-        design,
-        design_constants(design) if constants is None else constants,
-        sin_turn,
-        (cosine_term - sine_term) / product,
+        design, constants, 2 * np.sqrt(sine_term * cosine_term) / product, (cosine_term - sine_term) / product
     )
 
 
