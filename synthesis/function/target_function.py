@@ -32,7 +32,7 @@ class TargetFunction:
         ``exact(crank) -> output`` anywhere in the interval. Default: a spline of degree five through the samples, of a lower
         degree for less than six samples.
     one_way : bool
-        True if the rocker must not turn back within the interval; see `answers.turns_back`.
+        True if the rocker must not turn back within the interval; see `answers.turning_back`.
     """
 
     crank: Floats

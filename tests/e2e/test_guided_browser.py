@@ -116,7 +116,7 @@ def test_links_of_any_kind_are_rounded_and_driven_by_their_names(shared) -> None
         r"Rounded links\s+crank \d+, coupler \d+ mm\s+Error when rounded\s+" + sentence[1], shared.text("numbers")
     )
     shared.choose_card(1)
-    assert "no combination of lengths that was tried closes" in shared.text("numbers")
+    assert "none of the lengths that were tried closes" in shared.text("numbers")
     shared.load_request({**request, "timing": "free", "mechanisms": ["swinging_block"]})
     shared.solve()
     assert "With rounded links: exact." in shared.text("status")

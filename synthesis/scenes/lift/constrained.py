@@ -303,10 +303,10 @@ def _reaches_top(candidates: StrokeDesign) -> Flags:
 
 
 def _no_design_error(slacks_by_name: dict[str, float]) -> FieldError:
-    """Build the error that lists the violations of the nearest design, the largest violation first."""
+    """Build the error that lists the violations of the nearest design, the largest first; ties in their order."""
     violations = {
         name: -slacks_by_name[name]
-        for name in sorted(slacks_by_name, key=slacks_by_name.__getitem__)
+        for name in sorted(slacks_by_name, key=lambda name: float(f"{slacks_by_name[name]:.3g}"))
         if not slacks_by_name[name] >= -OPTIONS.closed_tolerance
     }
     if not violations or not all(map(np.isfinite, violations.values())):

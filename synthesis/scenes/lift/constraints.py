@@ -266,7 +266,7 @@ def slacks(
     transmission: dict[str, Range] = {
         "transmission": (max(float(np.sin(limits.transmission_min or 0.0)), 1e-6), None)
     }
-    ranges = transmission | limits.ranges | transmission
+    ranges = limits.ranges | transmission
     if limits.closed_length[0] == limits.closed_length[1]:
         del ranges["closed_length"]
     result = {"l3<l5": ((design.l5 - design.l3) / high - OPTIONS.strict_margin)[:, None]}
