@@ -338,7 +338,9 @@ class PlacementSearch:
         if not (inside & (beyond <= 0)).any():
             return Refusal("pin_box", float(beyond[inside].min()))
         found = rows_at(found, inside & (beyond <= 0))
-        arm = link.leverage(found.grounds[:, None], found.pins[:, None])[1]
+        # in blocks that fit into the cache
+        blocks = zip(*(np.array_split(ends, 1 + ends.size // 500) for ends in (found.grounds, found.pins)))
+        arm = np.concatenate([link.leverage(grounds[:, None], pins[:, None])[1] for grounds, pins in blocks])
         arm *= (self.sense * np.where(found.extends, 1.0, -1.0))[:, None]
         arm_min = arm.min(axis=1)
         strong = (arm_min > 0) & (arm_min >= limits.arm)
