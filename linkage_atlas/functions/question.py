@@ -394,8 +394,10 @@ class FunctionFields:
         input_span = number(name, span) if self.input is None else np.diff(_finite("input", self.input)[[0, -1]])[0]
         if self.function is None:
             output_range = float(np.ptp(_finite("output", self.output)))
+        elif self.function.get("output_span") is None:
+            raise FieldError("/function/output_span", "is required: the travel of the output")
         else:
-            output_range = number("function/output_span", self.function.get("output_span"))
+            output_range = number("function/output_span", self.function["output_span"])
         return Scales.of(dial, self.degrees, float(input_span), output_range)
 
     def _in_radians(self, crank_span: float | None, scales: Scales) -> tuple[TargetFunction, Dials | None]:
