@@ -167,21 +167,17 @@ def _continued(out: Path, questions: Iterator[Question]) -> Iterator[bytes]:
                 if not (line.startswith(HEAD) or HEAD.startswith(line) or not line.strip(b"\0")):
                     raise FieldError("/out", f"{out} contains no replies: name another file, or delete this one")
                 break
-            _check(line, next(questions, None), out)
+            question, problem = next(questions, None), "contains lines that are not replies to these requests"
+            start = HEAD + b'%d, "key": "' % (question.line if question else 0)
+            if question and line.startswith(start):
+                where = f"line {question.line}, or comes from another version or command"
+                problem = (
+                    ""
+                    if line.startswith(start + question.key.encode())
+                    else f"has a reply to another request in {where}"
+                )
+            if problem:
+                raise FieldError("/out", f"{out} {problem}: name another file, or remove this one")
             complete += len(line)
             yield line[:-1]
     os.truncate(out, complete)
-
-
-def _check(line: bytes, question: Question | None, out: Path) -> None:
-    try:
-        found = json.loads(line)
-    except ValueError:
-        found = None
-    if question is None or not isinstance(found, dict) or found.get("line") != question.line:
-        problem = "contains lines that are not replies to these requests"
-    elif found.get("key") != question.key:
-        problem = f"has a reply to another request in line {question.line}, or comes from another version or command"
-    else:
-        return
-    raise FieldError("/out", f"{out} {problem}: name another file, or remove this one")
