@@ -211,35 +211,26 @@ def _add_query(parser: argparse.ArgumentParser, query: Any) -> None:
     parser.set_defaults(run=partial(run_question, query=query), examples=examples)
 
 
-def _add_export(parser: argparse.ArgumentParser, name: str) -> None:
-    from app.command import run_export
+def _add_writer(parser: argparse.ArgumentParser, name: str) -> None:
+    """Add the arguments of a command that writes a file of a solution: ``export`` or ``report``."""
+    from app.command import run_export, run_report
     from app.fourbar.answers import LINKAGE_FILES
     from app.fourbar.models import ExportRequest
     from app.sources import Target
 
-    (query,) = queries_named("synthesize")
-    examples = _add_request(parser, Target("export", ExportRequest), query, "export the linkage of")
-    parser.description = LINKAGE_FILES.summary
-    add_file(parser, "--out", help="output file (default: named after the example or the request)")
-    parser.add_argument(
-        "--format", choices=LINKAGE_FILES.formats, help="format (default: from the suffix of --out or the request)"
-    )
-    add_atlas(parser, "atlas file, if the request needs an atlas")
-    parser.set_defaults(run=run_export, examples=examples)
-
-
-def _add_report(parser: argparse.ArgumentParser, name: str) -> None:
-    from app.command import run_report
-    from app.sources import Target
-
-    (query,) = queries_named("synthesize")
-    examples = _add_request(parser, Target.of(query), query, "report on")
+    (query,), exports = queries_named("synthesize"), name == "export"
+    target = Target("export", ExportRequest) if exports else Target.of(query)
+    examples = _add_request(parser, target, query, "export the linkage of" if exports else "report on")
     parser.description = (
         "Write a page of HTML on a solution: drawing, dimensions, errors, verdict, drives and springs."
     )
     add_file(parser, "--out", help="output file (default: named after the example or the request)")
+    if exports:
+        parser.description, formats = LINKAGE_FILES.summary, LINKAGE_FILES.formats
+        words = "format (default: from the suffix of --out or the request)"
+        parser.add_argument("--format", choices=formats, help=words)
     add_atlas(parser, "atlas file, if the request needs an atlas")
-    parser.set_defaults(run=run_report, examples=examples)
+    parser.set_defaults(run=run_export if exports else run_report, examples=examples)
 
 
 _FIELDS = {
@@ -585,8 +576,8 @@ def _serve(options: argparse.Namespace) -> int:
 
 _COMMANDS: dict[str, tuple[str, Callable[[argparse.ArgumentParser, str], None]]] = {
     "synthesize": (QUESTIONS["synthesize"], _add_questions),
-    "export": ("Export a linkage for CAD, 3D printing, simulation or a workshop.", _add_export),
-    "report": ("Write a page about a solution, to print or pass on.", _add_report),
+    "export": ("Export a linkage for CAD, 3D printing, simulation or a workshop.", _add_writer),
+    "report": ("Write a page about a solution, to print or pass on.", _add_writer),
     "drive": (QUESTIONS["drive"], _add_questions),
     "assembly": (QUESTIONS["assembly"], _add_questions),
     "function": (QUESTIONS["function"], _add_questions),

@@ -185,41 +185,50 @@ class Mount(NamedTuple):
     """P = D + radius e^(i (angle + coupler angle + ground angle)), D the crank pin."""
 
 
-class Dimensions(NamedTuple):
-    """Dimensions of a linkage in a reply; links, start angle, body offset and mount are null unless it is a four-bar."""
+@dataclass(frozen=True, kw_only=True)
+class Dimensions(Record):
+    """Dimensions of a linkage in a reply; fields that its kind does not have are null."""
 
     kind: KindName
     driver: DriverName
+    """Drive of the first guide."""
     guides: list[AnyGuide] | None
-    """The driven guide first; null for a four-bar that is not mounted."""
+    """The driven guide first; body points and directions are in the body's frame. Null if nothing is mounted."""
     branch: Literal[-1, 1]
+    """For a four-bar +1 if the coupler pin lies to the left of the line from the crank pin to pivot B; otherwise the sign of the
+    sine of the transmission angle."""
     start: float
+    """The drive's coordinate at the first sample: direction of crank or slot in the plane, position along rail or slot."""
     links: Links | None
+    """Lengths of a four-bar."""
     start_angle: float | None
+    """Crank angle of a four-bar from the ground line at the first sample."""
     body_offset: float | None
+    """For a four-bar: rotation = coupler angle (in -180..180 degrees at the first sample, continuous) + ground angle + this."""
     mount: Mount | None
+    """Position of a four-bar in the plane; null if it is not mounted."""
 
 
 def dimensions_of(linkage: Plain, radian: float, used: Interval | None = None) -> Dimensions:
     """Return the dimensions of a linkage; ``used``: travel that the motion uses, if it is known."""
-    guides = guides_of(linkage, radian, used) if linkage.mounted else None
-    start = (linkage.start + linkage.ground_angle) / radian if linkage.driver.turns else linkage.start
-    branch: Literal[-1, 1] = 1 if linkage.branch > 0 else -1
-    found = Dimensions(linkage.kind.value, linkage.driver.value, guides, branch, start, None, None, None, None)
-    if not linkage.is_four_bar:
-        return found
-    mount, point = None, linkage.coupler_point_polar
-    if linkage.mounted or linkage.pivot_a or linkage.ground_angle:
+    mount, point, is_four_bar = None, None, linkage.is_four_bar
+    if is_four_bar and (linkage.mounted or linkage.pivot_a or linkage.ground_angle):
+        point = linkage.coupler_point_polar
         mount = Mount(
             ground_angle=linkage.ground_angle / radian,
             pivot_a=xy(linkage.pivot_a),
             pivot_b=xy(linkage.pivot_b),
             coupler_point_polar=None if point is None else CouplerPoint(point[0], point[1] / radian),
         )
-    offset = linkage.body_offset
-    return found._replace(
-        links=Links(*map(float, linkage.links)),
-        start_angle=linkage.start / radian,
+    offset = linkage.body_offset if is_four_bar else None
+    return Dimensions(
+        kind=linkage.kind.value,
+        driver=linkage.driver.value,
+        guides=guides_of(linkage, radian, used) if linkage.mounted else None,
+        branch=1 if linkage.branch > 0 else -1,
+        start=(linkage.start + linkage.ground_angle) / radian if linkage.driver.turns else linkage.start,
+        links=Links(*map(float, linkage.links)) if is_four_bar else None,
+        start_angle=linkage.start / radian if is_four_bar else None,
         body_offset=None if offset is None else offset / radian,
         mount=mount,
     )

@@ -14,7 +14,7 @@ from linkage_atlas.arguments import check_names
 from linkage_atlas.assemblies import AskedAssembly, Assembly, assembled
 from linkage_atlas.drive_design.design import driven_solution
 from linkage_atlas.drive_design.records import AnySpring, Drive, Refusal
-from linkage_atlas.geometry import AnyGuide, AtlasType, DriverName, KindName, Links, Mount, dimensions_of
+from linkage_atlas.geometry import AnyGuide, AtlasType, Dimensions, Links, Mount, dimensions_of
 from linkage_atlas.linkages import Linkage
 from linkage_atlas.motions import Motion
 from linkage_atlas.records import LAST, PYTHON_ONLY, Record, Values
@@ -142,7 +142,7 @@ class Rounded(Record):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Solution(Record):
+class Solution(Dimensions):
     """Linkage that answers a request, with its errors; fields that its kind does not have are null.
 
     Examples
@@ -161,24 +161,6 @@ class Solution(Record):
     """A row of the atlas as it is, or a result of a search."""
     type: AtlasType | None
     """The row of the atlas, for a row as it is."""
-    kind: KindName
-    driver: DriverName
-    """Drive of the first guide."""
-    guides: list[AnyGuide] | None
-    """The driven guide first; body points and directions are in the body's frame. Null if nothing is mounted."""
-    branch: Literal[-1, 1]
-    """For a four-bar +1 if the coupler pin lies to the left of the line from the crank pin to pivot B; otherwise the sign of the
-    sine of the transmission angle."""
-    start: float
-    """The drive's coordinate at the first sample: direction of crank or slot in the plane, position along rail or slot."""
-    links: Links | None
-    """Lengths of a four-bar."""
-    start_angle: float | None
-    """Crank angle of a four-bar from the ground line at the first sample."""
-    body_offset: float | None
-    """For a four-bar: rotation = coupler angle (in -180..180 degrees at the first sample, continuous) + ground angle + this."""
-    mount: Mount | None
-    """Position of a four-bar in the plane; null if it is not mounted."""
     crank_angle: Floats | None = None
     """With free timing: angle of a crank or hinge at each sample from the first; in one direction for order `given`, in [0, 360)
     degrees for `any`."""
@@ -324,7 +306,7 @@ def _described(
                 rank=0,
                 source="refined" if kind is None else "atlas",
                 type=kind,
-                **dimensions_of(linkage, radian, interval)._asdict(),
+                **vars(dimensions_of(linkage, radian, interval)),
                 crank_angle=crank_angle,
                 travel=travel,
                 errors=in_unit(candidate.errors, radian),
@@ -452,7 +434,7 @@ def _rounded(solution: Solution, studies: Studies, solutions: int, work: Work) -
     return replace(
         rounded,
         lengths=refitted.linkage.lengths,
-        **{name: value for name, value in dimensions._asdict().items() if name not in ("kind", "driver")},
+        **{name: value for name, value in vars(dimensions).items() if name not in ("kind", "driver")},
         crank_angle=crank_angle,
         travel=travel,
         errors=in_unit(refitted.errors, radian),
