@@ -53,7 +53,7 @@ class LiftSearchOptions:
     """Step of the central differences."""
     first_radius: float = 0.15
     """Initial trust-region radius."""
-    gain: float = 1e-8
+    gain: float = 1e-11
     """Relative decrease of the objective predicted by a step below which the local search ends."""
     rank_penalty: float = 3.0
     """Penalty factor of the violations of an initial design, relative to the logarithm of the objective."""
