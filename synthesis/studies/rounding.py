@@ -18,6 +18,7 @@ import numpy as np
 
 from synthesis.arrays import Complexes, Floats, Ints
 from synthesis.errors import FieldError
+from synthesis.four_bar import transmission_angle_over
 from synthesis.guides import Circle, Guide, Rail, Slot
 from synthesis.least_squares import Evaluation, minimise
 from synthesis.limits import PIVOTS, Limits, in_family
@@ -33,7 +34,7 @@ from synthesis.studies.sensitivity import (
     null_space,
     weighted,
 )
-from synthesis.target import TURN, Samples, Target
+from synthesis.target import TURN, Interval, Samples, Target
 from synthesis.violations import violations_of
 from synthesis.work import Work
 
@@ -47,7 +48,7 @@ class RoundingOptions:
 
     choices: int = 5
     """Largest number of available lengths, the nearest, that are combined for each link."""
-    tries: int = 120
+    tries: int = 72
     """Number of combinations that are fitted in all linkages of a request."""
     min_tries: int = 8
     """Minimum number of combinations for each linkage."""
@@ -59,6 +60,8 @@ class RoundingOptions:
     """Ratio of the objectives of available lengths and of the solution up to which no other lengths are tried."""
     exact: float = 1e-12
     """Objective that is only rounding."""
+    starts: int = 48
+    """Number of starts at which the transmission angles of combinations of a four-bar are compared with the limits."""
     descents: int = 4
     """Number of four-bars out of limits that are refined within them."""
     first_steps: tuple[int, float] = 8, 1e-3
@@ -126,14 +129,25 @@ def round_lengths(
         for length, fixed in zip(own.values(), given.tolist())
     ]
     count = None if stock is None else len(set(stock)) ** int(np.isnan(given).sum())
-    combinations = _allowed(np.array(list(itertools.product(*choices)), dtype=float), solution.linkage, limits)
+    combinations = _allowed(np.array(list(itertools.product(*choices)), dtype=float), solution, limits)
     tries = max(OPTIONS.min_tries, min(OPTIONS.max_tries, OPTIONS.tries // solutions))
     sufficient = max(OPTIONS.sufficient_ratio * solution.errors.objective, OPTIONS.exact)
-    best, tried = None, 0
-    for found in itertools.islice(_in_order(samples, solution, combinations, limits, work), tries):
-        best, tried = _better(best, found), tried + 1
+    best: Solution | None = None
+    outside: list[tuple[float, Floats, Solution]] = []
+    tried = 0
+    for lengths, found in itertools.islice(_in_order(samples, solution, combinations, limits, work), tries):
+        tried += 1
+        violations = {} if found is None else violations_of(found, samples, limits)
+        if found is not None and violations:
+            outside.append((max(violations.values()), lengths, found))
+        elif found is not None:
+            best = _better(best, found)
         if work.expired() or (best is not None and best.errors.objective <= sufficient):
             break
+    fit = _Fit(samples, best or solution, limits, work)
+    if best is None or best.errors.objective > sufficient:
+        for _, lengths, found in sorted(outside, key=lambda row: row[0])[: OPTIONS.descents]:
+            best = _better(best, fit.descended(found, lengths))
     exhaustive = None if count is None else tried == count
     if best is None:
         return Rounding(None, tried, count, exhaustive, NO_TIME if work.expired() else NONE_FITS)
@@ -146,22 +160,21 @@ def round_lengths(
 
 def _in_order(
     samples: Poses | Target, solution: Solution, combinations: Floats, limits: Limits, work: Work
-) -> Iterator[Solution | None]:
-    """Yield the fitted linkage of each combination of lengths, or None if it does not fit, in the order of their estimates."""
-    best, descents = None, OPTIONS.descents
+) -> Iterator[tuple[Floats, Solution | None]]:
+    """Yield combinations of lengths in the order of their estimates, each with its fitted linkage, or None if it opens."""
+    best = solution
     while len(combinations):
-        fit = _Fit(samples, best or solution, limits, work)
+        fit = _Fit(samples, best, limits, work)
         order, starts = fit.in_order(combinations)
         combinations = combinations[order]
+        fitted: Solution | None = None
         for lengths, start in zip(combinations[: OPTIONS.batch], starts):
             work.check()
             found = fit.fitted(lengths, start, OPTIONS.first_steps)
-            if found is not None and violations_of(found, samples, limits):
-                found = fit.descended(found, lengths) if descents > 0 else None
-                descents -= 1
-            best = _better(best, found)
-            yield found
-        combinations = combinations[OPTIONS.batch :]
+            yield lengths, found
+            if found is not None and not violations_of(found, samples, limits):
+                fitted = _better(fitted, found)
+        best, combinations = fitted or best, combinations[OPTIONS.batch :]
 
 
 def _better(first: Solution | None, second: Solution | None) -> Solution | None:
@@ -182,13 +195,19 @@ def multiples(steps: Floats, grid: float) -> Floats:
     return np.array([float(f"{length:.15g}") for length in (steps * grid).tolist()])
 
 
-def _allowed(links: Floats, linkage: Linkage, limits: Limits) -> Floats:
-    """Return the combinations of lengths (n, lengths) that the limits of lengths allow."""
+def _allowed(links: Floats, solution: Solution, limits: Limits) -> Floats:
+    """Return the combinations of lengths (n, lengths) that the limits of lengths and shape allow from some start."""
     low, high = limits.link_min or 0.0, limits.link_max or np.inf
     allowed = np.all((links >= low) & (links <= high), axis=1)
     if limits.link_ratio_max is not None and links.size:
         allowed &= links.max(axis=1) <= limits.link_ratio_max * links.min(axis=1)
-    return links[allowed & in_family(limits.family, links)] if linkage.is_four_bar else links[allowed]
+    if solution.linkage.is_four_bar:
+        start = np.linspace(0.0, TURN, OPTIONS.starts, endpoint=False)[:, None]
+        angle = np.nan_to_num(transmission_angle_over(links, solution.interval.after(start))).max(axis=0)
+        over_turn = transmission_angle_over(links, Interval(0.0, TURN))  # NaN if the crank does not turn fully
+        allowed &= in_family(limits.family, links) & (angle > 0) & (angle >= limits.transmission_angle_min)
+        allowed &= ~(over_turn < limits.transmission_angle_min_turn)
+    return links[allowed]
 
 
 def _nearest(length: float, grid: float | None, stock: Sequence[float] | None) -> list[float]:
