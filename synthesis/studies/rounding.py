@@ -62,8 +62,8 @@ class RoundingOptions:
     """Objective that is only rounding."""
     starts: int = 48
     """Number of starts at which the transmission angles of combinations of a four-bar are compared with the limits."""
-    descents: int = 4
-    """Number of four-bars out of limits that are refined within them."""
+    descents: int = 8
+    """Number of four-bars that are refined within the limits: half of the nearest lengths, half of the smallest violations."""
     first_steps: tuple[int, float] = 8, 1e-3
     """Largest number of steps of the least squares, and the relative decrease of the squared error that ends them."""
     steps: tuple[int, float] = 30, 1e-7
@@ -72,6 +72,8 @@ class RoundingOptions:
     """Weight of a length's own change beside the estimate: of lengths that the motion does not fix the nearest come first."""
     travel_steps: int = 30
     """Largest number of Newton steps towards the travel at which the body is nearest to a sample."""
+    few_travel_steps: int = 5
+    """The same in each step of the least squares, which begins with the travel of the step before."""
     arrived: float = 1e-7
     """Step, relative to the longest step, that is the last: the next step would be its square."""
     halvings: int = 20
@@ -146,6 +148,8 @@ def round_lengths(
             break
     fit = _Fit(samples, best or solution, limits, work)
     if best is None or best.errors.objective > sufficient:
+        change = np.sum(np.abs(np.log(combinations / [*own.values()])), axis=1)
+        outside += [(0.0, combinations[k], solution) for k in np.argsort(change)[: OPTIONS.descents // 2]]
         for _, lengths, found in sorted(outside, key=lambda row: row[0])[: OPTIONS.descents]:
             best = _better(best, fit.descended(found, lengths))
     exhaustive = None if count is None else tried == count
@@ -268,7 +272,7 @@ class _Fit:
             with np.errstate(all="ignore"):
                 closes = np.isfinite(linkage.body(linkage.start + travel).rotation).all()
                 if closes and not self.timed:
-                    travel = nearest_travel(self.samples, linkage, travel)
+                    travel = nearest_travel(self.samples, linkage, travel, OPTIONS.few_travel_steps)
                 residual = self._measured(linkage, travel).ravel()
                 rows = np.vstack([self._derivatives(linkage, units, travel), residual])
             known = closes and np.isfinite(rows).all()
@@ -294,10 +298,11 @@ class _Fit:
             held = replace(self.limits, links=links)
         except FieldError:  # the lengths themselves violate a limit
             return None
+        begin = with_links(found.linkage, links)
         if isinstance(self.samples, Target):
-            refined, _ = refine_motion(self.samples, held, found.linkage, 0.0, self.work)
+            refined, _ = refine_motion(self.samples, held, begin, 0.0, self.work)
         else:
-            refined, _ = refine_poses(self.samples, held, found.linkage, found.travel, 0.0, self.work)
+            refined, _ = refine_poses(self.samples, held, begin, found.travel, 0.0, self.work)
         for solution in refined:
             linkage = with_links(solution.linkage, links)
             exact = assess(target_of(self.samples, linkage, solution.travel), [linkage])[0]
@@ -388,17 +393,18 @@ class _Restored:
 # -- travel of the drive ----------------------------------------------------------------------------------------------
 
 
-def nearest_travel(samples: Samples, linkage: Linkage, begin: Floats) -> Floats:
+def nearest_travel(samples: Samples, linkage: Linkage, begin: Floats, steps: int = OPTIONS.travel_steps) -> Floats:
     """Return the travel from the linkage's start at which the body is nearest to each sample, by Newton's method.
 
-    ``samples``: rotations count modulo a turn. ``begin`` (N,): initial travel, at which the loop closes.
+    ``samples``: rotations count modulo a turn. ``begin`` (N,): initial travel, where the loop closes.
+    ``steps``: largest number of steps.
 
     Law: at every sample the derivative of the error by the travel is zero, unless the drive is at an end of its range.
     """
     travel = np.array(begin, dtype=float)
     square = squared_errors(samples, linkage, travel)
     weights = _weights(samples)
-    for _ in range(OPTIONS.travel_steps):
+    for _ in range(steps):
         first, second = _slopes(samples, linkage, travel, weights)
         # towards a minimum if the error is convex, otherwise along the first-order step
         step = np.nan_to_num(-first / np.where(second > 0, second, np.inf))
