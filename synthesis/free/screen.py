@@ -17,8 +17,9 @@ import numpy as np
 
 from synthesis.arrays import Floats
 from synthesis.descents import Timed
+from synthesis.four_bar import grashof_excesses
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule, enumerate_types
-from synthesis.fourbar.mechanism import FOURBAR, AnyChart
+from synthesis.fourbar.mechanism import FOURBAR
 from synthesis.limits import in_family
 from synthesis.mechanism import Chart
 from synthesis.poses import Poses
@@ -46,6 +47,10 @@ class ScreenOptions:
     """Number of guesses that are compared together: all products would take hundreds of megabytes."""
     missing_weight: float = 3.0
     """Weight of the squared transmission angle in radians that a window lacks, beside J squared."""
+    crank_cell: float = 0.7
+    """Difference of the logarithm of crank over ground above which two seeds differ."""
+    start_cell: float = 0.6
+    """Difference of start above which two seeds differ."""
     span_cell: float = 0.6
     """Difference of span above which two seeds differ."""
     span_fraction: float = 0.95
@@ -76,10 +81,8 @@ class PathScreen:
 
     def __init__(self, family: str) -> None:
         lengths = enumerate_types(TypeRule(OPTIONS.perimeter, 1, OrderRule.FULL_CRANK)).astype(float)
-        lengths, spread = lengths[in_family(family, lengths)], AnyChart()
-        self.lengths = lengths
-        self.cells = spread.unknowns(lengths) / spread.cell[:-1]
-        self.start_cell = float(spread.cell[-1])
+        self.lengths = lengths = lengths[in_family(family, lengths)]
+        self.cells = _coordinates(lengths)
         crank = np.linspace(0.0, TURN, OPTIONS.samples, endpoint=False)
         phasor = np.exp(1j * FOURBAR.body_angle(lengths, np.ones(len(lengths)), crank))
         spectrum = np.fft.fft(phasor, axis=1) / OPTIONS.samples
@@ -163,7 +166,7 @@ class PathScreen:
         guess, window = guess[rank], window[rank]
         kind, side = np.divmod(window, 2)
         start, span = self.start[best[guess, kind, side]], guesses[guess, -1]
-        coordinates = np.column_stack([self.cells[kind], start / self.start_cell, span / OPTIONS.span_cell, side])
+        coordinates = np.column_stack([self.cells[kind], start / OPTIONS.start_cell, span / OPTIONS.span_cell, side])
         pick = first_in_cells(coordinates)[: OPTIONS.seeds]
         return Timed(
             chart.unknowns(self.lengths[kind[pick]]),
@@ -190,6 +193,15 @@ class PathScreen:
             ),
             widest,
         )
+
+
+def _coordinates(lengths: Floats) -> Floats:
+    """Return coordinates (T, 3) of types; seeds in different unit cells differ."""
+    a, b, c = grashof_excesses(lengths)
+    crank, ground = lengths[:, 0], lengths[:, 3]
+    side = np.where(crank > ground, -0.5, 0.5)
+    logarithms = [np.log(crank / ground) / OPTIONS.crank_cell, np.log(c / (crank + ground)), side * np.log(a / b)]
+    return np.stack(logarithms, axis=1)
 
 
 @cache
