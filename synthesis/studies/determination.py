@@ -78,8 +78,8 @@ def _determination(target: Target, linkage: Linkage, resolution: float, held: Se
         lengths = lengths - lengths[3]
     lengths = np.pad(lengths, ((0, 0), (0, scale.size - len(units))))
     free = null_space(lengths[given])
-    _, singular, vectors = np.linalg.svd(matrix @ free)
-    singular = np.pad(singular, (0, len(vectors) - singular.size))
+    _, singular, vectors = np.linalg.svd(np.linalg.qr(matrix @ free, mode="r"))
+    singular = np.append(singular, np.zeros(len(vectors) - singular.size))
     shares = np.abs(lengths @ free @ vectors.T)
     open_directions = singular <= _FLOOR * np.max(singular, initial=0.0)
     known = np.where(open_directions, np.inf, singular)
