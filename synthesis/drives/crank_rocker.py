@@ -57,11 +57,9 @@ class Proportions(NamedTuple):
     motor: complex
     transmission_angle_min: float
     """Minimum over the whole turn of the motor, in radians."""
-    zeta: float | None
-    """None for equal times."""
 
 
-def proportions(swing: float, time_ratio: float = 1.0, rod: float | None = None) -> Proportions | None:
+def proportions(swing: float, time_ratio: float = 1.0, rod: float = OPTIONS.rod) -> Proportions | None:
     """Return the crank-rocker with the largest minimum transmission angle for a swing; None if there is none.
 
     Parameters
@@ -77,48 +75,35 @@ def proportions(swing: float, time_ratio: float = 1.0, rod: float | None = None)
 
     if not 0 < swing < np.pi:
         return None
-    if time_ratio == 1.0:
-        return _centric_proportions(swing, OPTIONS.rod if rod is None else rod)
-    half = swing / 2
+    half, e = swing / 2, return_angle(time_ratio)
     chord = np.sin(half)
-    e = return_angle(time_ratio)
 
     def evaluate(zeta: Floats) -> tuple[Floats, Complexes, Floats, Floats]:
         crank = chord * np.sin(zeta) / np.cos(e / 2)
-        rod = chord * np.cos(zeta) / np.sin(e / 2)
-        down = -crank * rod / chord
-        folded = rod - crank
+        rods = chord * np.cos(zeta) / np.sin(e / 2) if e > 0 else np.full(zeta.shape, rod)
         with np.errstate(invalid="ignore"):
-            across = np.sqrt((folded - down - chord) * (folded + down + chord))
-        motors = np.cos(half) + np.stack([across, -across]) + 1j * down
-        return _transmission_angles(crank, rod, motors, half), motors, crank, rod
+            across = np.sqrt((rods - chord) * (rods + chord) * (chord - crank) * (chord + crank)) / chord
+        motors = np.cos(half) + np.stack([across, -across]) - 1j * (crank / chord * rods)
+        return _transmission_angles(crank, rods, motors, half), motors, crank, rods
 
-    zetas = np.linspace(0, np.pi / 2, OPTIONS.zetas + 2)[1:-1]
-    angles, *_ = evaluate(zetas)
-    side, k = divmod(int(np.argmax(angles)), zetas.size)
-    if angles[side, k] <= 0:
-        return None
-    ends = zetas[[max(k - 1, 0), min(k + 1, zetas.size - 1)]]
-    refined = minimize_scalar(
-        lambda zeta: -evaluate(np.array([zeta]))[0][side, 0], bounds=ends, method="bounded", options={"xatol": 1e-12}
-    )
-    zeta = zetas[k] if -refined.fun < angles[side, k] else float(refined.x)
+    side, zeta = 0, np.pi / 2  # of equal times, for any rod
+    if e > 0:
+        zetas = np.linspace(0, np.pi / 2, OPTIONS.zetas + 2)[1:-1]
+        angles = evaluate(zetas)[0]
+        side, k = divmod(int(np.argmax(angles)), zetas.size)
+        ends = zetas[[max(k - 1, 0), min(k + 1, zetas.size - 1)]]
+        refined = minimize_scalar(
+            lambda zeta: -evaluate(np.array([zeta]))[0][side, 0],
+            bounds=ends,
+            method="bounded",
+            options={"xatol": 1e-12},
+        )
+        zeta = zetas[k] if -refined.fun < angles[side, k] else refined.x
     angles, motors, crank, rods = evaluate(np.array([zeta]))
-    motor = complex(motors[side, 0])
-    return Proportions(float(crank[0]), float(rods[0]), abs(motor), motor, float(angles[side, 0]), float(zeta))
-
-
-def _centric_proportions(swing: float, rod: float) -> Proportions | None:
-    """Return the crank-rocker with equal times and a given rod."""
-    half = swing / 2
-    chord = np.sin(half)
-    ground = np.sqrt(rod**2 + np.cos(half) ** 2)
-    lengths = np.array([chord, rod, 1.0, ground])
-    angle = transmission_angle_over(lengths, Interval(0.0, TURN))
-    if not np.isfinite(angle) or rod <= chord:
+    if angles[side, 0] <= 0:
         return None
-    # on the line through both ends of the pin's path, b - a from the nearer end
-    return Proportions(chord, rod, float(ground), complex(np.cos(half), -rod), float(angle), None)
+    motor = complex(motors[side, 0])
+    return Proportions(float(crank[0]), float(rods[0]), abs(motor), motor, float(angles[side, 0]))
 
 
 def _transmission_angles(crank: Floats, rod: Floats, motors: Complexes, half: float) -> Floats:
@@ -144,7 +129,6 @@ def place_motor_about_pivot(
     radius: float,
     radius_is_fixed: bool,
     box: Box | None,
-    rod: float | None = None,
     reach: float = np.inf,
 ) -> MotorCycle | str:
     """Return the best motor and rod on a link that turns about a pivot, or a sentence with the reason why there is none.
@@ -165,8 +149,6 @@ def place_motor_about_pivot(
     radius_is_fixed : bool
     box : Box or None
         Region of the motor.
-    rod : float, optional
-        Length of the rod for equal times.
     reach : float
         Largest distance of the pin from the pivot.
     """
@@ -176,12 +158,11 @@ def place_motor_about_pivot(
     swing = abs(float(turned[-1] - turned[0]))
     if np.min(np.diff(turned) * np.sign(turned[-1] - turned[0])) <= 0:
         return "the link reverses within the motion, so that no motor drives it through"
-    has_equal_times = time_ratio is None or abs(time_ratio - 1) < OPTIONS.equal_time_tolerance
-    ratio = 1.0 if time_ratio is None or has_equal_times else max(time_ratio, 1 / time_ratio)
+    ratio = 1.0 if time_ratio is None else max(time_ratio, 1 / time_ratio)
+    if ratio - 1 < OPTIONS.equal_time_tolerance:
+        ratio = 1.0
     # for equal times any rod works: other rods are tried if the motor has a box
-    rods = [OPTIONS.rod if rod is None else rod / radius]
-    if rod is None and ratio == 1.0 and box is not None:
-        rods += OPTIONS.more_rods
+    rods = [OPTIONS.rod, *(OPTIONS.more_rods if ratio == 1.0 and box is not None else ())]
     shapes = [shape for shape in (proportions(swing, ratio, length) for length in rods) if shape is not None]
     if not shapes:
         return f"no crank-rocker swings by {np.rad2deg(swing):.6g} degrees with a time ratio of {ratio:.6g}"
