@@ -304,7 +304,7 @@ def search_four_bars(
     smallest = min(found, key=lambda solution: solution.errors.objective, default=None)
     if not nested or smallest is None or usable_solutions([smallest], samples)[0]:
         return found, report
-    practical = within_practical(samples, limits, isinstance(samples, Poses) and samples.closed)
+    practical = within_practical(samples, limits, samples.closed)
     if practical is None:
         return found, report
     more, second = search_within(practical)

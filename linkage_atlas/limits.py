@@ -98,12 +98,12 @@ def read_limits(limits: Fields | None, motion: Motion) -> model.Limits:
     transmission angle over the whole turn is given: hinges, lids and flaps swing.
     """
     free = motion.free and motion.travel is None
-    turns = motion.requested.closed if isinstance(motion.requested, Poses) else not free
-    turns = turns or bool((limits or {}).get("transmission_angle_min_turn"))
+    closed = motion.samples.closed
+    turns = closed or not motion.free or bool((limits or {}).get("transmission_angle_min_turn"))
     default = {} if turns else {"family": "any"}
     checked = _read(limits, motion.samples, motion.radian, LIMITS, PRESETS[0] if free else PRESETS[1], default)
     checked.check_against(motion.samples)
-    return checked.over_whole_turn if isinstance(motion.samples, Poses) and motion.samples.closed else checked
+    return checked.over_whole_turn if closed else checked
 
 
 def read_function_limits(limits: Fields | None, samples: Samples, degrees: bool) -> model.Limits:

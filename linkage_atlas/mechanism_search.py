@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from linkage_atlas.mechanism_types import Kinds, as_poses, has_poses, is_closed, is_path
+from linkage_atlas.mechanism_types import Kinds, as_poses, has_poses, is_path
 from linkage_atlas.motions import Motion
 from synthesis.arrays import Floats
 from synthesis.guided.search import NOTHING_ROUND, search_guided
@@ -79,7 +79,7 @@ class KindSearch:
                 notes.append(NO_TIME if self.work.expired() else NO_LEAD)
             self._sliders(self._rotations(leads) if by_path else [None])
             nothing_round = any(note in NOTHING_ROUND.values() for report in self.reports for note in report.notes)
-            if is_closed(samples) and not nothing_round:
+            if samples.closed and not nothing_round:
                 notes.append(ROUND_AGAIN)
         if kinds.sliders and not with_sliders:
             notes.append(NO_ROTATION)
@@ -117,7 +117,7 @@ class KindSearch:
         for found, its_report in reversed(searches) if kinds.four_bars else ():
             self._add(found, SearchReport(report.stopped_by, its_report.trace))
         self._add([], report._replace(trace=[]))
-        if by_path and is_closed(self.motion.samples) and kinds.only_a_hinge_turns:
+        if by_path and self.motion.samples.closed and kinds.only_a_hinge_turns:
             # a hinge turns the body fully, as a double-crank does
             first, (leads, _) = [], search(replace(self.limits, family="double_crank"), part, self.rounds)
         return first + ([] if report.time_up else leads) if first else leads

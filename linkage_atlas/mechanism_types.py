@@ -80,13 +80,13 @@ def _check(kinds: Kinds, motion: Motion) -> None:
         drivers, needed = (Driver.SLIDER, Driver.CYLINDER), ", which `travel` drives; or give 'all'"
     elif not motion.free:
         drivers, needed = (Driver.CRANK,), ", but crank angles are given; give `travel`, or `timing` 'free'"
-    elif is_closed(samples):
+    elif samples.closed:
         drivers, needed = (Driver.CRANK, Driver.HINGE), " that turns fully, which a closed path requires"
     words = " or ".join(drivers)
     if driver is not None and driver not in drivers:
         raise FieldError("/driver", f"must be a {words}{needed}; it is a {driver}")
     # the hinge of a rail and a slot cannot pass the rail's direction
-    turning = set(kinds.kinds) - ({Kind.RAIL_SLOT} if is_closed(samples) else set())
+    turning = set(kinds.kinds) - ({Kind.RAIL_SLOT} if samples.closed else set())
     if not any(kind in _DRIVEN[known] for known in ((driver,) if driver else drivers) for kind in turning):
         field = "mechanisms" if driver is None else "driver"
         raise FieldError(f"/{field}", f"none of these kinds has a {driver or words}{needed}")
@@ -105,11 +105,6 @@ def check_no_slider_limits(limits: Limits) -> None:
         if form.concerns == "sliders" and getattr(limits, name) is not None:
             message = "applies to sliders, which four-bars do not have; choose other `mechanisms`"
             raise FieldError(f"/limits/{name}", message)
-
-
-def is_closed(samples: Samples) -> bool:
-    """Return whether the path leads from the last sample to the first."""
-    return isinstance(samples, Poses) and samples.closed
 
 
 def has_poses(samples: Samples) -> bool:

@@ -67,8 +67,10 @@ def test_cranks_need_not_turn_fully_unless_the_path_is_closed() -> None:
     assert {
         solution.family for solution in la.synthesize(**lid, limits={"transmission_angle_min_turn": 20})
     } <= swings
-    turn = np.linspace(0, 2 * np.pi, 12, endpoint=False)
-    oval = la.synthesize(
-        position=np.column_stack([60 * np.cos(turn), 20 * np.sin(turn)]), timing="free", closed=True, top=3
+    turn = np.linspace(0, 2 * np.pi, 13)  # the last sample repeats the first
+    eight = la.Motion(
+        position=np.column_stack([60 * np.cos(turn), 20 * np.sin(2 * turn)]), timing="free", closed=True
     )
-    assert {solution.family for solution in oval} <= swings
+    found, named = (la.synthesize(eight, {"preset": "none", **more}) for more in ({}, {"family": "full_crank"}))
+    assert {solution.family for solution in found} <= swings
+    assert [solution.errors for solution in found] == [solution.errors for solution in named]
