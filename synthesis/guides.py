@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from typing import NamedTuple, Self
+from typing import ClassVar, NamedTuple, Self
 
 import numpy as np
 
@@ -14,27 +14,29 @@ from synthesis.arrays import Complexes, Floats, dot
 from synthesis.target import TURN
 
 
-class Circle(NamedTuple):
-    """Circle for a body point: a crank or a rocker. Its coordinate is the direction from the pivot to the body point."""
+class _Guide:
+    """What a guide has and does."""
 
+    __slots__ = ()
+    has_pin: ClassVar[bool] = True
+    """True if it has a fixed pin."""
+    holds_point: ClassVar[bool] = True
+    """True if it holds a point of the body; otherwise a line of the body."""
+    slides: ClassVar[bool] = True
+    """True if the body slides along it, or it along its pin."""
+
+
+class _Circle(NamedTuple):
     pivot: complex
     radius: float
     body_point: complex
 
-    @property
-    def has_pin(self) -> bool:
-        """True: the pivot is a fixed pin."""
-        return True
 
-    @property
-    def holds_point(self) -> bool:
-        """True: it holds a point of the body."""
-        return True
+class Circle(_Circle, _Guide):
+    """Circle for a body point: a crank or a rocker. Its coordinate is the direction from the pivot to the body point."""
 
-    @property
-    def slides(self) -> bool:
-        """False: nothing slides on it."""
-        return False
+    __slots__ = ()
+    slides = False
 
     def ground_at(self, coordinate: Floats) -> Complexes:
         """Return the point of the ground at which the guide holds the body."""
@@ -62,27 +64,17 @@ class Circle(NamedTuple):
         return Round(-self.pivot, self.radius)
 
 
-class Rail(NamedTuple):
-    """Line of the ground for a body point, through ``point``; ``direction`` in radians. Its coordinate is along the line."""
-
+class _Rail(NamedTuple):
     point: complex
     direction: float
     body_point: complex
 
-    @property
-    def has_pin(self) -> bool:
-        """False: it has no fixed pin."""
-        return False
 
-    @property
-    def holds_point(self) -> bool:
-        """True: it holds a point of the body."""
-        return True
+class Rail(_Rail, _Guide):
+    """Line of the ground for a body point, through ``point``; ``direction`` in radians. Its coordinate is along the line."""
 
-    @property
-    def slides(self) -> bool:
-        """True: the body point slides along it."""
-        return True
+    __slots__ = ()
+    has_pin = False
 
     def ground_at(self, coordinate: Floats) -> Complexes:
         """Return the point of the ground at which the guide holds the body."""
@@ -109,30 +101,20 @@ class Rail(NamedTuple):
         return Straight(-self.point, self.direction)
 
 
-class Slot(NamedTuple):
+class _Slot(NamedTuple):
+    pin: complex
+    body_point: complex
+    body_direction: float
+
+
+class Slot(_Slot, _Guide):
     """Line of the body, through ``body_point`` with ``body_direction`` in radians, through a fixed pin.
 
     Its coordinate is the position of the pin along the line, from the body point.
     """
 
-    pin: complex
-    body_point: complex
-    body_direction: float
-
-    @property
-    def has_pin(self) -> bool:
-        """True: it has a fixed pin."""
-        return True
-
-    @property
-    def holds_point(self) -> bool:
-        """False: it holds a line of the body."""
-        return False
-
-    @property
-    def slides(self) -> bool:
-        """True: it slides along its pin."""
-        return True
+    __slots__ = ()
+    holds_point = False
 
     def ground_at(self, coordinate: Floats) -> Complexes:
         """Return the point of the ground at which the guide holds the body."""

@@ -63,16 +63,12 @@ class HasObjective(Protocol):
         """The number that a search minimizes."""
 
 
-class HasErrors(Protocol):
-    """Object with errors."""
+class Answer(Protocol):
+    """Linkage with its errors, of any mechanism."""
 
     @property
     def errors(self) -> HasObjective:
         """Errors of the linkage."""
-
-
-class Answer(HasErrors, Protocol):
-    """Linkage with its errors, of any mechanism."""
 
     @property
     def identity(self) -> Floats:
@@ -98,7 +94,7 @@ class Status(StrEnum):
     UNKNOWN = "unknown"
 
     @classmethod
-    def of(cls, answers: Sequence[HasErrors], tolerance: float) -> Status:
+    def of(cls, answers: Sequence[Answer], tolerance: float) -> Status:
         """Return the status of answers within the limits, best first: reached if the best objective is below the tolerance."""
         if not answers:
             return cls.INFEASIBLE
