@@ -9,59 +9,39 @@ import numpy as np
 from synthesis.arrays import Floats
 from synthesis.limits import FORMS, Limits, Reach
 
-LABELS = {
-    "family": "the family",
-    "transmission_angle_min": "the transmission angle in use",
-    "transmission_angle_min_turn": "the transmission angle over the whole turn",
-    "pivot_a": "the given pivot A",
-    "pivot_b": "the given pivot B",
-    "pivot_box": "the pivot box",
-    "pivot_a_box": "the box of pivot A",
-    "pivot_b_box": "the box of pivot B",
-    "pivot_reach": "the largest distance of the pivots",
-    "keep_out": "the keep-out boxes",
-    "link_ratio_max": "the ratio of longest to shortest link",
-    "link_min": "the smallest link length",
-    "link_max": "the largest link length",
-    "links": "the given lengths",
-    "coupler_radius_max": "the reach of the body point",
-    "body_reach": "the distance of the body point from its joints",
-    "envelope": "the envelope",
-    "stroke_max": "the longest stroke",
-    "rail_box": "the box of the rails",
-    "cylinder_dead_length": "the shortest cylinder",
-    "cylinder_extended_max": "the longest cylinder",
-    "arm_min": "the smallest moment arm",
+LIMIT_WORDS = {
+    "family": ("the family", ""),
+    "transmission_angle_min": ("the transmission angle in use", "a transmission angle of at least {}"),
+    "transmission_angle_min_turn": (
+        "the transmission angle over the whole turn",
+        "a transmission angle of at least {} over the whole turn",
+    ),
+    "pivot_a": ("the given pivot A", "pivot A at {}"),
+    "pivot_b": ("the given pivot B", "pivot B at {}"),
+    "pivot_box": ("the pivot box", "both fixed pivots in the box {}"),
+    "pivot_a_box": ("the box of pivot A", "pivot A in the box {}"),
+    "pivot_b_box": ("the box of pivot B", "pivot B in the box {}"),
+    "pivot_reach": ("the largest distance of the pivots", "fixed pivots within {} of the middle of the motion"),
+    "keep_out": ("the keep-out boxes", "the fixed pivots outside the keep-out boxes"),
+    "link_ratio_max": ("the ratio of longest to shortest link", "a longest link of at most {} times the shortest"),
+    "link_min": ("the smallest link length", "links of at least {}"),
+    "link_max": ("the largest link length", "links of at most {}"),
+    "links": ("the given lengths", "the given lengths"),
+    "coupler_radius_max": ("the reach of the body point", "the body point within {} of the crank pin"),
+    "body_reach": ("the distance of the body point from its joints", ""),
+    "envelope": ("the envelope", "all joints in the box {}"),
+    "stroke_max": ("the longest stroke", "a stroke of at most {}"),
+    "rail_box": ("the box of the rails", "the ends of every rail in the box {}"),
+    "cylinder_dead_length": ("the shortest cylinder", "a cylinder of at least {}"),
+    "cylinder_extended_max": ("the longest cylinder", "a cylinder of at most {}"),
+    "arm_min": ("the smallest moment arm", "a moment arm of at least {}"),
 }
-"""Name of each limit in a sentence; the page uses the same names."""
+"""Name of each limit in a sentence, and its condition, which follows "a linkage with"; the page uses the same names."""
 _FAMILIES = {
     "full_crank": "a crank that turns fully",
     "crank_rocker": "a crank-rocker",
     "double_crank": "a double-crank",
 }
-_CONDITIONS = {
-    "transmission_angle_min": "a transmission angle of at least {}",
-    "transmission_angle_min_turn": "a transmission angle of at least {} over the whole turn",
-    "pivot_a": "pivot A at {}",
-    "pivot_b": "pivot B at {}",
-    "pivot_box": "both fixed pivots in the box {}",
-    "pivot_a_box": "pivot A in the box {}",
-    "pivot_b_box": "pivot B in the box {}",
-    "pivot_reach": "fixed pivots within {} of the middle of the motion",
-    "keep_out": "the fixed pivots outside the keep-out boxes",
-    "link_ratio_max": "a longest link of at most {} times the shortest",
-    "link_min": "links of at least {}",
-    "link_max": "links of at most {}",
-    "links": "the given lengths",
-    "coupler_radius_max": "the body point within {} of the crank pin",
-    "envelope": "all joints in the box {}",
-    "stroke_max": "a stroke of at most {}",
-    "rail_box": "the ends of every rail in the box {}",
-    "cylinder_dead_length": "a cylinder of at least {}",
-    "cylinder_extended_max": "a cylinder of at most {}",
-    "arm_min": "a moment arm of at least {}",
-}
-"""Condition of each limit, to follow "a linkage with"."""
 
 
 def sentences(notes: Iterable[str]) -> list[str]:
@@ -96,7 +76,7 @@ def in_percent(changes: Floats) -> str:
 def limit_label(name: str) -> str:
     """Return the name of a limit in a sentence; ``links.crank`` is one of the given lengths."""
     limit, _, link = name.partition(".")
-    return f"the given {link} length" if link else LABELS[limit]
+    return f"the given {link} length" if link else LIMIT_WORDS[limit][0]
 
 
 def condition(limits: Limits, name: str, radian: float) -> str:
@@ -104,7 +84,7 @@ def condition(limits: Limits, name: str, radian: float) -> str:
     value = getattr(limits, name)
     if name == "family":
         return _FAMILIES[value]
-    return _CONDITIONS[name].format(_shown(value, FORMS[name].kind, radian))
+    return LIMIT_WORDS[name][1].format(_shown(value, FORMS[name].kind, radian))
 
 
 def _shown(value: object, kind: str, radian: float) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import linkage_atlas as la
-from linkage_atlas.notes import LABELS
+from linkage_atlas.notes import LIMIT_WORDS
 from synthesis.limits import FORMS
 from tests.conftest import ticking
 
@@ -145,7 +145,7 @@ def test_poses_that_limits_put_out_of_reach_are_not_called_exact(limits: dict[st
 
 
 def test_every_limit_has_its_words() -> None:
-    assert LABELS.keys() - {"body_reach"} == FORMS.keys()
+    assert LIMIT_WORDS.keys() - {"body_reach"} == FORMS.keys()
 
 
 def test_given_lengths_are_not_called_loosely_determined() -> None:

@@ -11,7 +11,7 @@ from app.query import Angles, AngleUnit, Number, PositiveNumber, ReplyModel, Req
 from app.terminal import Units
 from linkage_atlas import FieldError
 from synthesis.scenes.knotter import d_knotter
-from synthesis.scenes.knotter.conditions import STATUS_SENTENCES, ClearanceResult, EntryStatus
+from synthesis.scenes.knotter.conditions import STATUS_SENTENCES, Clearance, ClearanceResult, EntryStatus
 from synthesis.scenes.knotter.mechanism import Law, Linear, Mechanism, Table
 
 MAX_LENGTH = 1e9
@@ -267,7 +267,7 @@ def machine_of(request: MachineRequest, angles: Angles) -> tuple[Mechanism, dict
     options, windows = request.clearance, request.windows
     conditions = {
         "wrap": d_knotter.wrap(_range("/windows/wrap", windows.wrap, d_knotter.WRAP_WINDOW, angles)),
-        "clearance": d_knotter.clearance(
+        "clearance": Clearance(
             d_knotter.CLEARANCE_AT if options.bill_angle is None else angles.inward(options.bill_angle),
             _range("/clearance/angle_range", options.angle_range, d_knotter.CLEARANCE_OVER, angles, True),
             math.inf if options.disc_radius is None else options.disc_radius,

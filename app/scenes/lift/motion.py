@@ -7,11 +7,7 @@ from typing import Any
 import numpy as np
 
 from app.query import Angles as Unit
-from app.query import (
-    Numbers,
-    Query,
-    Resources,
-)
+from app.query import Numbers, Query, Resources
 from app.scenes.lift.files import drawings
 from app.scenes.lift.models import (
     DEFAULT_SAMPLES,

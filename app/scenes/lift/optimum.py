@@ -8,10 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 from app.query import Angles as Unit
-from app.query import (
-    Query,
-    Resources,
-)
+from app.query import Query, Resources
 from app.scenes.lift.files import drawings
 from app.scenes.lift.models import (
     MIN_MAGNITUDE,
@@ -25,16 +22,8 @@ from linkage_atlas import FieldError, Work
 from synthesis.scenes.lift.constrained import optimize, source_limits
 from synthesis.scenes.lift.constraints import ConstraintRow, Constraints, constraint_rows, measured_values
 from synthesis.scenes.lift.files import design_csv
-from synthesis.scenes.lift.motion import (
-    motion,
-)
-from synthesis.scenes.lift.optimum import (
-    Objective,
-    Optimum,
-    StrokeDesign,
-    Task,
-    optimum_motion,
-)
+from synthesis.scenes.lift.motion import motion
+from synthesis.scenes.lift.optimum import Objective, Optimum, StrokeDesign, Task, optimum_motion
 from synthesis.scenes.lift.pose import LENGTHS, Design
 
 MIN_SIDE = 0.1
@@ -84,15 +73,12 @@ def _constraints(request: OptimizeRequest, model: ConstraintsModel) -> Constrain
     return Constraints(
         lengths={name: ranged(name, getattr(model, name), shortest) for name in LENGTHS},
         closed_length=(closed[0] or MIN_MAGNITUDE, bound if closed[1] is None else closed[1]),
-        extension_max=model.extension_max,
-        dead_point_min=model.dead_point_min,
-        acceleration_max=model.acceleration_max,
-        jerk_max=model.jerk_max,
         rise_time=tuple(model.rise_time) if model.rise_time else (None, None),
         envelope=(left, bottom, right, top),
         transmission_min=min_transmission,
-        force_ratio_max=model.force_ratio_max,
-        start=model.start,
+        **model.arguments(
+            "extension_max", "dead_point_min", "acceleration_max", "jerk_max", "force_ratio_max", "start"
+        ),
     )
 
 

@@ -306,7 +306,8 @@ def _slot_at(chain: Chain, phase: float) -> Slot:
     """
     track, pitch, links = chain.track, chain.pitch, chain.links
     first, _ = chain.drive(np.array([phase]))
-    positions = track.advance(first.repeated(links + 1), pitch, np.arange(links + 1))
+    copies = first.select(np.zeros(links + 1, dtype=np.intp))
+    positions = track.advance(copies, pitch, np.arange(links + 1))
     middle = track.joints[UPPER_ARC] + 0.5 * track.length[UPPER_ARC]
     has_passed = track.arc_length(positions) - middle < OPTIONS.middle_tolerance * pitch
     free = int(np.clip(np.count_nonzero(has_passed), 2, links - 1))

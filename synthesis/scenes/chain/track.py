@@ -70,10 +70,6 @@ class TrackPosition(NamedTuple):
         """Return some of the positions."""
         return TrackPosition._make(column[index] for column in self)
 
-    def repeated(self, times: int) -> TrackPosition:
-        """Repeat a single position."""
-        return TrackPosition._make(np.repeat(column, times) for column in self)
-
 
 class PinMotion(NamedTuple):
     """Derivatives of the arc length of a position with respect to the phase of the chain."""

@@ -68,7 +68,7 @@ class Clearance:
     """Requirement that S10 stays on the free side of the disc's plane, or outside the disc and the space behind it.
 
     With a finite radius, the depth is minus the signed distance to the solid of all points on or behind the disc, a
-    half-infinite cylinder.
+    half-infinite cylinder. Eq 18 of the source checks this at a single angle.
     It never exceeds the depth beyond the plane, and approaches it as the radius grows.
     """
 

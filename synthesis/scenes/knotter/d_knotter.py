@@ -122,22 +122,9 @@ def bite(window: tuple[float, float] = BITE_WINDOW) -> SegmentEntersTriangle:
     return SegmentEntersTriangle("bite", ("S0", "S7"), ("O5", "S8", "S9"), {"u3", "u4", "u5"}, "u5", window, 1)
 
 
-def clearance(
-    at: float = CLEARANCE_AT,
-    over: tuple[float, float] = CLEARANCE_OVER,
-    radius: float = np.inf,
-    jaw_locked: bool = True,
-) -> Clearance:
-    """Return the condition that the jaw's point S10 passes the disc on its free side; see `Clearance`.
-
-    Eq 18 checks this at a single angle; here it is checked over a range.
-    """
-    return Clearance(at, over, radius, jaw_locked)
-
-
 def conditions() -> list[Condition]:
     """Return the three conditions of a knot with their default ranges: wrap, clearance and bite."""
-    return [wrap(), clearance(), bite()]
+    return [wrap(), Clearance(CLEARANCE_AT, CLEARANCE_OVER), bite()]
 
 
 @dataclass(frozen=True)

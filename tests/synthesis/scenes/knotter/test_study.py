@@ -102,7 +102,7 @@ def test_rope_that_never_enters_or_is_inside_from_the_start(name: str, cases) ->
 @pytest.mark.parametrize("seed", range(12))
 def test_worst_clearance_agrees_with_a_fine_scan(seed: int, radius: float, locked: bool) -> None:
     knotter = RandomKnotter(seed)
-    condition = d_knotter.clearance(radius=radius, jaw_locked=locked)
+    condition = Clearance(d_knotter.CLEARANCE_AT, d_knotter.CLEARANCE_OVER, radius, locked)
     found = condition.evaluate(mechanism_of(knotter), 1)
     alpha = np.linspace(*condition.over, 40_001)
 
