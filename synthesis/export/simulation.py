@@ -3,16 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple
 
 import numpy as np
 
-from synthesis.export.layout import (
-    SLIDER_LENGTH,
-    Layout,
-    layout_of,
-    name_of,
-)
+from synthesis.arrays import dot
+from synthesis.export.layout import SLIDER_LENGTH, Layout, layout_of, name_of
 from synthesis.guides import Circle, Driver, Rail, Slot
 from synthesis.link_motion import Mass
 from synthesis.linkage import BODY, Linkage
@@ -35,14 +30,6 @@ _GREY = "0.5 0.5 0.5 1"
 def xy0(point: complex) -> str:
     """Return a point of the plane as a position in a MuJoCo model."""
     return f"{float(point.real)!r} {float(point.imag)!r} 0"
-
-
-class _Branch(NamedTuple):
-    """A part of the tree of bodies of a model."""
-
-    text: str
-    speeds: list[float]
-    """Speeds of its joints, in radians or metres a unit of the drive's coordinate."""
 
 
 def to_mjcf(linkage: Linkage, target: Target, unit_mm: float = 1.0, masses: Mapping[str, Mass] | None = None) -> str:
@@ -85,9 +72,6 @@ class _Model:
         self.thick = 0.02 * self.size
         self.heaviest = 1.0 if masses is None else max(mass.mass for mass in masses.values())
         self.total = 1.0 if masses is None else sum(mass.mass for mass in masses.values())
-        # radians and metres of a joint for a radian or a metre of the drive
-        self.turning = 1.0 if self.linkage.driver.turns else 1 / metre
-        self.sliding = self.turning * metre
         self.pins = [pin * metre for pin in layout.pins]
         # the coupler's frame begins at the pin about which it turns or along whose slot it slides
         first, second = self.linkage.guides
@@ -125,7 +109,7 @@ class _Model:
         """Return a marked point of a body."""
         return f'<site name="{name}" pos="{xy0(point)}" size="{self.thick / 2!r}"/>'
 
-    def coupler(self) -> _Branch:
+    def coupler(self) -> str:
         """Return the body, carried by the driven link."""
         first, second = self.linkage.guides
         driven, body = self.layout.first[:2]
@@ -143,57 +127,54 @@ class _Model:
             mass = self.inertial(BODY, self.size / 2, (end + point) / 2)
         else:
             mass = self.inertial(BODY, abs(end))
-        joint, start, carrier = '<joint name="coupler"/>', 0j, float(driven.angle[0])
-        speed = float(body.rate[0] - driven.rate[0]) * self.turning
-        if isinstance(first, Circle):
-            start = complex(first.radius * self.metre)
-        elif isinstance(first, Rail):
-            carrier = 0.0
-        else:  # it slides in its block, against the slot's direction
-            axis = xy0(complex(-np.exp(1j * first.body_direction)))
-            joint, speed = f'<joint name="coupler" type="slide" axis="{axis}"/>', self.slot_speed(0)
+        # a slot slides in its block, against the slot's direction
+        joint = _joint(BODY, xy0(-np.exp(1j * first.body_direction)) if isinstance(first, Slot) else None)
+        start = driven.point_at(self.layout.pins[0]) * self.metre
         content = [joint, mass + parts[0], *filter(None, parts[1:])]
-        return _Branch(_body(BODY, start, self.direction - carrier, content, 6), [speed])
+        return _body(BODY, start, self.direction - float(driven.angle[0]), content, 6)
 
-    def slot_speed(self, index: int) -> float:
-        """Return the speed of a slot along its pin, in metres a unit of the drive's coordinate."""
-        return float(self.linkage.along_rate(index, np.zeros(1))[0]) * self.sliding
-
-    def guide(self, index: int, carried: _Branch) -> _Branch:
+    def guide(self, index: int, carried: str) -> str:
         """Return the link of a guide with the part that it carries."""
         guide, link = self.linkage.guides[index], self.layout.first[2 * index]
-        name, angle = link.name, float(link.angle[0])
-        joint, speed = f'<joint name="{name}"/>', float(link.rate[0]) * self.turning
         if isinstance(guide, Circle):
-            start, length = guide.pivot * self.metre, guide.radius * self.metre
-            colour = _COLOURS["crank" if index == 0 else "rocker"]
-            shape = self.inertial(name, length) + self.rod(f"{name}_rod", 0j, length + 0j, self.thick / 2, colour)
+            length, colour = guide.radius * self.metre, _COLOURS["crank" if index == 0 else "rocker"]
+            shape = self.inertial(link.name, length)
+            shape += self.rod(f"{link.name}_rod", 0j, length + 0j, self.thick / 2, colour)
         else:
-            start, turned = self.pins[index], 0.0
-            if isinstance(guide, Rail):
-                direction = np.exp(1j * guide.direction)
-                joint = f'<joint name="{name}" type="slide" axis="{xy0(complex(direction))}"/>'
-                speed = float(np.real(np.conj(direction) * link.velocity[0])) * self.sliding
-                angle, turned = 0.0, guide.direction
             half = SLIDER_LENGTH * self.size / 2
-            shape = self.inertial(name) + (
-                f'<geom name="{name}_box" type="box" size="{2 * half!r} {half!r} {self.thick!r}" euler="0 0 {turned!r}" '
-                'rgba="0.6 0.65 0.7 1"/>'
-            )
-        text = _body(name, start, angle, [joint, shape, carried.text], 4)
-        return _Branch(text, [speed, *carried.speeds])
+            box = f'type="box" size="{2 * half!r} {half!r} {self.thick!r}" rgba="0.6 0.65 0.7 1"'
+            shape = f'{self.inertial(link.name)}<geom name="{link.name}_box" {box}/>'
+        joint = _joint(link.name, "1 0 0" if isinstance(guide, Rail) else None)
+        content = [joint, shape, carried]
+        return _body(link.name, complex(link.origin[0]) * self.metre, float(link.angle[0]), content, 4)
 
-    def other(self) -> tuple[_Branch, str]:
+    def other(self) -> tuple[str, str]:
         """Return the link of the second guide, and the constraint that closes the loop."""
         guide, name = self.linkage.guides[1], f"loop_{self.layout.first[2].name}"
         if isinstance(guide, Slot):
-            joint = '<joint name="slide" type="slide" axis="-1 0 0"/>'
-            slide = _body("slide", 0j, 0.0, [joint, self.inertial("slide"), self.site(name, 0j)], 6)
-            weld = f'<weld name="loop" body1="slide" body2="{BODY}" {SOLVER}/>'
-            return self.guide(1, _Branch(slide, [self.slot_speed(1)])), weld
+            slide = _body(
+                "slide", 0j, 0.0, [_joint("slide", "-1 0 0"), self.inertial("slide"), self.site(name, 0j)], 6
+            )
+            return self.guide(1, slide), f'<weld name="loop" body1="slide" body2="{BODY}" {SOLVER}/>'
         end = complex(guide.radius * self.metre) if isinstance(guide, Circle) else 0j
         connect = f'<connect name="loop" site1="loop_coupler" site2="{name}" {SOLVER}/>'
-        return self.guide(1, _Branch(self.site(name, end), [])), connect
+        return self.guide(1, self.site(name, end)), connect
+
+    def speeds(self) -> list[float]:
+        """Return the speeds of the joints in their order, in radians or metres for a radian or a metre of the drive."""
+        driven, body, second = self.layout.first
+        turning = 1.0 if self.linkage.driver.turns else 1 / self.metre
+        sliding = turning * self.metre
+        speeds = []
+        for index, link in enumerate((driven, second)):
+            guide = self.linkage.guides[index]
+            along = dot(link.direction, link.velocity) * sliding
+            speeds.append(along if isinstance(guide, Rail) else link.rate * turning)
+            if isinstance(guide, Slot):
+                speeds.append(self.linkage.along_rate(index, np.zeros(1)) * sliding)
+            elif index == 0:
+                speeds.append((body.rate - driven.rate) * turning)
+        return [float(speed[0]) for speed in speeds]
 
     def text(self, target: Target) -> str:
         """Return the model."""
@@ -210,11 +191,11 @@ class _Model:
             self.rod(name, complex(start) * self.metre, complex(end) * self.metre, self.thick / 4, _GREY)
             for name, (start, end) in rails.items()
         ]
-        driven, (second, loop) = self.guide(0, self.coupler()), self.other()
+        second, loop = self.other()
         span = abs(float(target.interval.last) - float(target.interval.first)) * (1.0 if turns else self.metre)
         pace = SPEED if turns else span / SECONDS
         signed = -pace if target.clockwise else pace
-        speeds = [signed * value for value in (*driven.speeds, *second.speeds)]
+        speeds = [signed * value for value in self.speeds()]
         moving = f' qvel="{" ".join(map(repr, speeds))}"' if np.all(np.isfinite(speeds)) else ""
         # the drive gains its speed within tenths of a second: a harder start would pull the loop's constraint apart
         gain = self.total * (self.size**2 if turns else 1.0) / 0.2
@@ -230,8 +211,8 @@ class _Model:
   </default>
   <worldbody>
     <light pos="0 0 {4 * self.size!r}" dir="0 0 -1"/>
-    {"".join(geom + chr(10) + "    " for geom in world if geom)}{driven.text}
-    {second.text}
+    {"".join(geom + chr(10) + "    " for geom in world if geom)}{self.guide(0, self.coupler())}
+    {second}
   </worldbody>
   <equality>
     {loop}
@@ -244,6 +225,12 @@ class _Model:
   </keyframe>
 </mujoco>
 """
+
+
+def _joint(name: str, axis: str | None) -> str:
+    """Return a joint: a slide along an axis of its body, or a hinge."""
+    slide = "" if axis is None else f' type="slide" axis="{axis}"'
+    return f'<joint name="{name}"{slide}/>'
 
 
 def _body(name: str, start: complex, angle: float, content: list[str], indent: int) -> str:
