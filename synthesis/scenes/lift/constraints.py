@@ -8,16 +8,24 @@ source apply only if ``start`` is "collinear".
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
 
-from synthesis.one_variable import Floats, rising_root
+from synthesis.one_variable import Floats
 from synthesis.scenes.lift.motion import acceleration, constraint_error
 from synthesis.scenes.lift.optimum import StrokeDesign, Task, driven_speed
-from synthesis.scenes.lift.pose import LENGTHS, Pose, dead_point, design_constants, joints, pose_at_turn
+from synthesis.scenes.lift.pose import (
+    DEAD_POINT_NODES,
+    LENGTHS,
+    Pose,
+    dead_point,
+    design_constants,
+    joints,
+    pose_at_turn,
+)
 
 
 @dataclass(frozen=True)
@@ -33,8 +41,8 @@ class LiftSearchOptions:
     """Number of poses from start to top at which an initial design is checked."""
     fine_nodes: int = 257
     """Number of poses from start to top at which a finalist is checked."""
-    dead_point_nodes: int = 33
-    """Number of poses below the start between which the dead point is isolated."""
+    dead_point_nodes: int = 8
+    """Number of nodes in a quarter turn on which the dead points of designs are isolated in the search."""
     measured_nodes: int = 2001
     """Number of poses from start to top for the values that are reported."""
     spread_designs: int = 4096
@@ -161,35 +169,11 @@ def jerk(pose: Pose, cylinder_speed: Any, cylinder_acceleration: Any) -> Any:
     return cylinder_speed * (g3 * cylinder_speed * cylinder_speed + 3 * g2 * cylinder_acceleration)
 
 
-def dead_point_lengths(candidates: StrokeDesign) -> Floats:
-    """Return the cylinder length at the first dead point below the start, shape (n,).
-
-    The result is the length at the start if the start is past a dead point. Dead points are isolated on a grid of
-    turns; only `synthesis.scenes.lift.pose.dead_point` also finds a pair of dead points between neighbouring nodes.
-    """
-    built = candidates.select(np.s_[:, None])
-    fraction = np.linspace(0.0, 1.0, OPTIONS.dead_point_nodes) ** 1.5
-    turns = built.turn + (built.turn + 0.5) * fraction
-    rising = pose_at_turn(built.design, turns, design_constants(built.design, built.gamma)).half_square_1 > 0
-    node = np.maximum(np.argmax(rising, axis=1), 1)
-    rows = np.arange(len(turns))
-    constants = design_constants(candidates.design, candidates.gamma)
-
-    def rate(turn: Floats) -> tuple[Floats, Floats]:
-        pose = pose_at_turn(candidates.design, turn, constants)
-        return pose.half_square_1, pose.half_square_2
-
-    low, high = turns[rows, node - 1], turns[rows, node]
-    root = np.where(rising[rows, node], rising_root(rate, low, high, 0.5 * (low + high)), turns[:, -1])
-    lengths = pose_at_turn(candidates.design, root, constants).length
-    return np.where(rising[:, 0], candidates.closed_length, lengths)
-
-
 def quantities(
     candidates: StrokeDesign,
     task: Task,
     nodes: int,
-    dead_point_length: Callable[[StrokeDesign], Floats] | None = dead_point_lengths,
+    dead_point_nodes: int = OPTIONS.dead_point_nodes,
 ) -> dict[str, Floats]:
     """Compute the quantities that the constraints limit.
 
@@ -200,8 +184,8 @@ def quantities(
     task : Task
     nodes : int
         Number of poses from start to top, closely spaced near the start, where the rates change fastest.
-    dead_point_length : callable, optional
-        Function for the cylinder lengths at the dead points. Without it there is no ``dead_point``.
+    dead_point_nodes : int
+        See `synthesis.scenes.lift.pose.dead_point`; 0: without ``dead_point``.
 
     Returns
     -------
@@ -236,8 +220,10 @@ def quantities(
             "x_max": x.max(axis=0),
             "y_max": y.max(axis=0),
         }
-    if dead_point_length is not None:
-        result["dead_point"] = 1 - dead_point_length(candidates)[:, None] / built.closed_length
+    if dead_point_nodes:
+        design = candidates.design
+        lowest = np.asarray(pose_at_turn(design, dead_point(design, dead_point_nodes)).length)
+        result["dead_point"] = 1 - lowest[:, None] / built.closed_length
     return result
 
 
@@ -260,8 +246,8 @@ def slacks(
     dict of str to ndarray, shape (n, 1) or (n, nodes)
         Slack by the name of the constraint. A negative slack is a violation. NaN if a design cannot be assembled.
     """
-    searched = dead_point_lengths if limits.dead_point_min is not None else None
-    values, design, high = quantities(candidates, task, nodes, searched), candidates.design, task.high
+    dead_point_nodes = 0 if limits.dead_point_min is None else OPTIONS.dead_point_nodes
+    values, design, high = quantities(candidates, task, nodes, dead_point_nodes), candidates.design, task.high
     # the transmission angle is never 0, because the cylinder must lengthen
     transmission: dict[str, Range] = {
         "transmission": (max(float(np.sin(limits.transmission_min or 0.0)), 1e-6), None)
@@ -317,11 +303,7 @@ def measured_values(candidate: StrokeDesign, task: Task) -> dict[str, float]:
 
     The transmission angle is in radians, and the box contains all joints.
     """
-
-    def exact(built: StrokeDesign) -> Floats:
-        return np.asarray(pose_at_turn(built.design, dead_point(built.design)).length)
-
-    values = quantities(candidate.select(np.newaxis), task, OPTIONS.measured_nodes, exact)
+    values = quantities(candidate.select(np.newaxis), task, OPTIONS.measured_nodes, DEAD_POINT_NODES)
     fixed = {"x_min": -candidate.design.b, "y_min": 0.0, "x_max": 0.0, "y_max": task.high}
     result = {}
     for name, column in values.items():

@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Annotated, Any
 
 import numpy as np
@@ -31,8 +31,8 @@ from synthesis.one_variable import EPSILON, Floats, bisect, rising_root
 
 DEAD_POINT_NODES = 128
 """Number of nodes in a quarter turn of each of the two grids on which dead points are isolated."""
-DESIGNS_PER_BLOCK = 256
-"""Number of designs whose dead points are searched at a time."""
+NODES_PER_BLOCK = 1 << 15
+"""Number of designs times nodes in a quarter turn whose dead points are searched at a time."""
 
 
 Length = Annotated[Any, float]
@@ -299,31 +299,32 @@ def evaluate_in_blocks(function: Callable[..., Any], size: int, *fields: Any) ->
     return values.reshape((*values.shape[:-1], *arrays[0].shape))[()]
 
 
-def _dead_point_nodes(design: Design) -> Floats:
+def _dead_point_nodes(design: Design, count: int) -> Floats:
     """Return turns from 0 to 2 pi, shape (..., nodes), clustered at a quarter and three quarters of a turn.
 
     If l3 is close to l5, the height has a corner of width kappa = k / l3 there, and the spacing follows it.
     """
     kappa = (np.sqrt(design_constants(design).k_squared) / design.l3)[..., None]
-    even = np.linspace(-1.0, 1.0, 2 * DEAD_POINT_NODES + 1)
+    even = np.linspace(-1.0, 1.0, 2 * count + 1)
     cluster = kappa * np.sinh(even * np.arcsinh(0.5 * np.pi / kappa))
     flat = np.broadcast_to(0.5 * np.pi * even, cluster.shape)
     half = np.clip(np.sort(np.concatenate([cluster, flat], axis=-1), axis=-1), -0.5 * np.pi, 0.5 * np.pi)
     return np.concatenate([0.5 * np.pi + half, 1.5 * np.pi + half], axis=-1)
 
 
-def dead_point(design: Design) -> Any:
+def dead_point(design: Design, nodes: int = DEAD_POINT_NODES) -> Any:
     """Return the dead point below the top of each design, which is the end of the working branch.
 
     It is the first turn from the top at which dl1/dT = 0; the derivative is negative between the top and this turn. NaN
     if the design cannot be assembled, or if the cylinder would have to shorten to reach the top (`top_lever` <= 0).
+    ``nodes``: nodes in a quarter turn of each of the two grids on which dead points are isolated.
     """
-    return evaluate_in_blocks(_dead_points, DESIGNS_PER_BLOCK, *design.as_tuple())
+    return evaluate_in_blocks(partial(_dead_points, nodes), NODES_PER_BLOCK // nodes, *design.as_tuple())
 
 
-def _dead_points(*lengths: Floats) -> Floats:
+def _dead_points(count: int, *lengths: Floats) -> Floats:
     design = Design(*lengths)
-    nodes = _dead_point_nodes(design)
+    nodes = _dead_point_nodes(design, count)
     pose = pose_at_turn(Design(*(value[:, None] for value in lengths)), nodes)
     first, second = pose.half_square_1, pose.half_square_2
     lifts = first[:, 0] < 0
