@@ -194,7 +194,7 @@ def function(
     watch = work(budget)
     candidates, course = _searched(question, starts, refine_only, max(top, 2), watch)
     searched, found = watch.elapsed, candidates[:top]
-    solutions = [described(question, generator, rank, sensitivity, curves) for rank, generator in enumerate(found, 1)]
+    solutions = described(question, found, sensitivity, curves)
     if round_to is not None:
         for index, (solution, generator) in enumerate(zip(solutions, found)):
             assert isinstance(solution, FunctionSolution)

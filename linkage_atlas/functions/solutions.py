@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -18,15 +20,15 @@ from linkage_atlas.functions.results import (
 from linkage_atlas.geometry import Links, guides_of
 from linkage_atlas.linkages import Linkage
 from linkage_atlas.solutions import Determination, verdict_of
-from synthesis.arrays import Floats
 from synthesis.defects import faults_of, verdict
 from synthesis.function.answers import Generator, turning_back
-from synthesis.function.laws import LENGTH, FunctionLimits
+from synthesis.function.laws import FOUR_BAR, LENGTH, FunctionLimits
 from synthesis.function.search import refit
-from synthesis.limits import LINKS, Limits
+from synthesis.limits import Limits
 from synthesis.linkage import Linkage as Plain
 from synthesis.linkage import as_lengths, with_links
-from synthesis.studies.determination import determinations
+from synthesis.studies.determination import Determination as Determined
+from synthesis.studies.determination import uncertainties
 from synthesis.studies.sensitivity import changes
 from synthesis.target import Interval
 from synthesis.work import Work
@@ -45,13 +47,21 @@ def errors_of(question: FunctionQuestion, generator: Generator) -> FunctionError
 
 
 def described(
-    question: FunctionQuestion, generator: Generator, rank: int, sensitivity: bool, curves: bool
-) -> FunctionSolution | TravelSolution:
-    """Describe a generator in the units of the user."""
-    plain, law, scales = built(question, generator), generator.law, question.scales
-    common = _common(question, generator, plain, rank, curves)
-    if plain.is_four_bar:
-        return _four_bar(question, generator, plain, common, sensitivity)
+    question: FunctionQuestion, found: Sequence[Generator], sensitivity: bool, curves: bool
+) -> list[FunctionSolution | TravelSolution]:
+    """Describe generators in the units of the user, best first."""
+    plains = [built(question, generator) for generator in found]
+    commons = [_common(question, *row, curves) for row in zip(found, plains, itertools.count(1))]
+    if question.dial.travels:
+        return [_travelling(question, *row) for row in zip(found, plains, commons)]
+    fixed = _determinations(question, found)
+    return [_four_bar(question, *row, sensitivity) for row in zip(found, plains, commons, fixed)]
+
+
+def _travelling(
+    question: FunctionQuestion, generator: Generator, plain: Plain, common: dict[str, Any]
+) -> TravelSolution:
+    law, scales = generator.law, question.scales
     lengths = zip(law.lengths, question.limits.in_user_units(law, generator.lengths).tolist())
     used = Interval(float(question.travel.min()), float(question.travel.max()))
     return TravelSolution(
@@ -103,29 +113,49 @@ def built(question: FunctionQuestion, generator: Generator) -> Plain:
 
 
 def _four_bar(
-    question: FunctionQuestion, generator: Generator, plain: Plain, common: dict[str, Any], sensitivity: bool
+    question: FunctionQuestion,
+    generator: Generator,
+    plain: Plain,
+    common: dict[str, Any],
+    determination: Determination,
+    sensitivity: bool,
 ) -> FunctionSolution:
-    target, radian, links = question.function.target, question.radian, question.limits.limits.links
-    # how a rocker's angle changes with the lengths is how the coupler's does with coupler and rocker exchanged
-    exchanged = dataclasses.replace(
-        with_links(plain, as_lengths(plain.links[k] for k in _EXCHANGED)), branch=-plain.branch, body_offset=None
-    )
-    held = [name for name, k in zip(LINKS, _EXCHANGED) if links[k] is not None]
-    (determined,) = determinations(target, [exchanged], [max(generator.errors.objective, question.tolerance)], held)
-    by_length: Floats | None = None
+    radian, turn, by_length = question.radian, generator.transmission_angle_min_turn, None
     if sensitivity:
-        by_length = np.array([change.rotation for change in changes(exchanged, target, radian)])[_EXCHANGED]
-    turn, uncertainty = generator.transmission_angle_min_turn, determined.length_uncertainty[_EXCHANGED]
+        # how a rocker's angle changes with the lengths is how the coupler's does with coupler and rocker exchanged
+        exchanged = dataclasses.replace(
+            with_links(plain, as_lengths(plain.links[k] for k in _EXCHANGED)), branch=-plain.branch, body_offset=None
+        )
+        by_length = np.array([change.rotation for change in changes(exchanged, question.function.target, radian)])
+        by_length = by_length[_EXCHANGED]
     return FunctionSolution(
         **common,
         links=Links(*plain.links),
         start_angle=common["linkage"].start_angle,
         family=str(generator.linkage.family),
         transmission_angle_min_turn=None if turn is None else turn / radian,
-        determination=Determination(determined.ill_posed, determined.resolution, (), uncertainty),
+        determination=determination,
         sensitivity=by_length,
         rounded=None,
     )
+
+
+def _determinations(question: FunctionQuestion, found: Sequence[Generator]) -> list[Determination]:
+    """Return how well the function fixes the lengths of each four-bar; given lengths and zeros are held."""
+    target, limits = question.function, question.limits
+    columns = [(*FOUR_BAR.unknowns(each.lengths), each.zero, 0.0, each.branch) for each in found]
+    unknowns, crank = (
+        np.array(columns).reshape(-1, 6),
+        np.broadcast_to(target.crank, (len(columns), target.crank.size)),
+    )
+    slope = FOUR_BAR.at(unknowns[:, :5], unknowns[:, 5], crank).slope
+    by_offset = np.ones((len(columns), 1, target.crank.size))
+    matrix = np.nan_to_num(np.concatenate([slope, by_offset], axis=1) * target.mean.root).transpose(0, 2, 1)
+    free = [*np.isnan(limits.prescribed_in(FOUR_BAR)), target.start is None, target.offset is None]
+    lengths = np.eye(5)[[0, 2, 1, 3]] * [[1.0], [1.0], [1.0], [0.0]]  # the ground is the unit of length
+    resolutions = [max(generator.errors.objective, question.tolerance) for generator in found]
+    fixed = map(Determined, uncertainties(matrix[:, :, free], lengths[:, free], resolutions), resolutions)
+    return [Determination(each.ill_posed, each.resolution, (), each.length_uncertainty) for each in fixed]
 
 
 def rounded(question: FunctionQuestion, generator: Generator, grid: float, work: Work) -> RoundedFunction:

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from synthesis.arrays import Floats
-from synthesis.four_bar import FULL_CRANK, transmission_angle_over
 from synthesis.function.laws import ANGLE, FOUR_BAR, FunctionLimits
 from synthesis.function.problem import AnyLaw, FunctionProblem
 from synthesis.function.target_function import TargetFunction
@@ -68,6 +66,8 @@ class Generator:
     linkage: Linkage
     transmission_angle_min: float
     """Exact minimum over the used interval."""
+    transmission_angle_min_turn: float | None
+    """Minimum over the whole turn of a four-bar; None if the crank does not turn fully."""
 
     @property
     def identity(self) -> Floats:
@@ -78,13 +78,6 @@ class Generator:
     def looks(self) -> Floats:
         """Return numbers that differ by less than 1 for linkages whose pictures look the same."""
         return looks_of(self.linkage)
-
-    @cached_property
-    def transmission_angle_min_turn(self) -> float | None:
-        """Minimum over the whole turn of a four-bar; None if the crank does not turn fully."""
-        if self.linkage.family not in FULL_CRANK:
-            return None
-        return float(transmission_angle_over(self.linkage.links, Interval(0.0, TURN)))
 
     def mirrored(self) -> Generator:
         """Return the four-bar in a mirror, for the mirrored function."""
@@ -199,8 +192,13 @@ def finished(problem: FunctionProblem, unknowns: Floats, branch: Floats) -> list
     columns = lengths, sides.astype(int).tolist(), unknowns[:, 3].tolist()
     linkages = [law.linkage(*row) for row in zip(*columns)]
     angles = np.nan_to_num(law.transmission(linkages, target.interval)).tolist()
+    turns: list[float | None] = [None] * len(linkages)
+    if law is FOUR_BAR:
+        full = in_family("full_crank", np.array([linkage.links for linkage in linkages]).reshape(-1, 4))
+        over_turn = law.transmission(linkages, Interval(0.0, TURN)).tolist()
+        turns = [angle if turns_fully else None for angle, turns_fully in zip(over_turn, full)]
     errors = _errors_of(problem, unknowns, branch, residual)
-    return [Generator(law, *row) for row in zip(*columns, offsets, errors, linkages, angles)]
+    return [Generator(law, *row) for row in zip(*columns, offsets, errors, linkages, angles, turns)]
 
 
 def within_limits(problem: FunctionProblem, unknowns: Floats, branch: Floats) -> list[Generator | None]:

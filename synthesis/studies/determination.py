@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from synthesis.arrays import Floats
 from synthesis.limits import LINKS, PIVOTS
@@ -78,12 +79,23 @@ def _determination(target: Target, linkage: Linkage, resolution: float, held: Se
         lengths = lengths - lengths[3]
     lengths = np.pad(lengths, ((0, 0), (0, scale.size - len(units))))
     free = null_space(lengths[given])
-    _, singular, vectors = np.linalg.svd(np.linalg.qr(matrix @ free, mode="r"))
-    singular = np.append(singular, np.zeros(len(vectors) - singular.size))
-    shares = np.abs(lengths @ free @ vectors.T)
-    open_directions = singular <= _FLOOR * np.max(singular, initial=0.0)
-    known = np.where(open_directions, np.inf, singular)
-    uncertainty = resolution * np.sqrt(np.sum((shares / known) ** 2, axis=1))
-    uncertainty[np.any(shares[:, open_directions] > 1e-6, axis=1) | (uncertainty > _FREE)] = np.inf
-    uncertainty[given] = 0.0
-    return Determination(uncertainty, resolution)
+    lengths = lengths @ free
+    lengths[given] = 0.0
+    return Determination(uncertainties(matrix @ free, lengths, resolution), resolution)
+
+
+def uncertainties(matrix: Floats, lengths: Floats, resolution: ArrayLike) -> Floats:
+    """Return the relative uncertainties of lengths (..., 4) of which a motion is known up to errors ``resolution`` (...).
+
+    ``matrix`` (..., n, m): derivatives of the motion by the unknowns, in the objective's measure. ``lengths`` (4, m): relative
+    changes of the lengths by them; zeros if a length is given.
+    """
+    _, singular, vectors = np.linalg.svd(np.linalg.qr(matrix, mode="r"))
+    missing = vectors.shape[-1] - singular.shape[-1]
+    singular = np.pad(singular, [(0, 0)] * (singular.ndim - 1) + [(0, missing)])[..., None, :]
+    shares = np.abs(lengths @ np.swapaxes(vectors, -1, -2))
+    free = singular <= _FLOOR * np.max(singular, axis=-1, keepdims=True, initial=0.0)
+    known = np.where(free, np.inf, singular)
+    uncertainty = np.asarray(resolution)[..., None] * np.sqrt(np.sum((shares / known) ** 2, axis=-1))
+    lost = np.any(free & (shares > 1e-6), axis=-1)
+    return np.where(lost | (uncertainty > _FREE), np.inf, uncertainty)

@@ -158,3 +158,10 @@ def test_given_lengths_are_not_called_loosely_determined() -> None:
     assert fixed[[0, 2, 3]].tolist() == [0, 0, 0] and fixed[1] > 0
     shown = [note for note in found.report.notes if "ill-posed" in note]
     assert [f"{100 * fixed[1]:.2g} %" in note for note in shown] == [True] * int(fixed[1] > 1e-3)
+
+
+def test_a_given_zero_fixes_the_lengths_more_closely() -> None:
+    request: dict[str, Any] = {"input": [0, 15, 35, 60, 80], "output": [0, 12, 31, 62, 90], "top": 1}
+    free = la.function(**request).best
+    held = la.function(**request, input_zero=free.start_angle, start_from=[free], refine_only=True).best
+    assert np.all(held.determination.length_uncertainty[:3] < 0.95 * free.determination.length_uncertainty[:3])
