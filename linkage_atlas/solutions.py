@@ -298,7 +298,7 @@ def _described(
         linkage, turn = candidate.linkage, candidate.transmission_angle_min_turn
         own = motion.over(linkage, candidate.travel)
         interval = own.target.interval
-        faults = practical_faults(candidate, own.target, limits, candidate.interval, excursions[k]) + spins[k]
+        faults = practical_faults(candidate, own.target, limits, excursions[k]) + spins[k]
         kind = None if candidate.row is None or type_of is None else type_of(candidate.row)
         crank_angle, travel = _travel(samples, candidate, radian)
         solutions.append(

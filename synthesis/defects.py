@@ -17,7 +17,6 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -36,7 +35,8 @@ from synthesis.limits import (
     placed_by,
 )
 from synthesis.linkage import Linkage, through
-from synthesis.target import TURN, Interval, Samples, Target
+from synthesis.solution import Solution
+from synthesis.target import TURN, Samples, Target
 
 TIE = 1e-9
 """Largest difference, in radians, of drive angles that count as the same position, in order in both directions."""
@@ -380,21 +380,10 @@ def _listed(names: list[str]) -> str:
 # -- practical limits -------------------------------------------------------------------------------------------------
 
 
-class _Built(Protocol):
-    @property
-    def linkage(self) -> Linkage: ...
-
-    @property
-    def transmission_angle_min(self) -> float: ...
-
-    @property
-    def transmission_angle_min_turn(self) -> float | None: ...
-
-
 def practical_faults(
-    solution: _Built, samples: Samples, limits: Limits, interval: Interval, excursion: float | None = None
+    solution: Solution, samples: Samples, limits: Limits, excursion: float | None = None
 ) -> list[str]:
-    """Return `faults_of` a solution and of its cylinder; ``interval`` is the travel that the motion uses."""
+    """Return `faults_of` a solution and of its cylinder."""
     linkage = solution.linkage
     turn = solution.transmission_angle_min_turn if linkage.driver is Driver.CRANK else None
     pivots = {name: guide[0] for name, guide in zip(("pivot_a", "pivot_b"), linkage.guides) if guide.has_pin}
@@ -403,7 +392,7 @@ def practical_faults(
     angles = solution.transmission_angle_min, turn
     faults = faults_of(angles, links, pivots, samples, limits, excursion, arm)
     if linkage.driver is Driver.CYLINDER:
-        low, high = linkage.used(0, interval)
+        low, high = linkage.used(0, solution.interval)
         if low * high <= 0:
             faults.append("the length of its cylinder passes 0 during the motion, so that no cylinder fits")
     return faults
@@ -446,11 +435,8 @@ def faults_of(
         for found, required, where in rows
         if found is not None and found < required - _ROUNDED
     ]
-    longest, shortest, largest_ratio = (
-        max(links, default=0.0),
-        min(links, default=0.0),
-        limits.link_ratio_max or LINK_RATIO,
-    )
+    longest, shortest = max(links, default=0.0), min(links, default=0.0)
+    largest_ratio = limits.link_ratio_max or LINK_RATIO
     if longest > largest_ratio * shortest * (1 + _ROUNDED):
         ratio = longest / shortest if shortest > 0 else np.inf
         faults.append(f"longest link {ratio:.3g} times the shortest, above {largest_ratio:g}")
