@@ -156,7 +156,7 @@ def measure_large_radii() -> Iterator[dict[str, Any]]:
         u = arc_angle(v, r0, radius)
         there = 1j * crescent.eccentricity + radius * np.exp(1j * (np.pi + xi + u))
         position = track.locate(r0 * (np.pi + xi - v))
-        chords = {"arccos": there - here, "ours": track.points(track.step(position, L)) - track.points(position)}
+        chords = {"arccos": there - here, "ours": track.points(track.advance(position, L)) - track.points(position)}
         yield {"radius": radius} | {name: np.abs(np.abs(c) - L).max() for name, c in chords.items()}
 
 

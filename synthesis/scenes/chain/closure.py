@@ -117,7 +117,7 @@ class Chain:
         phase = float(self.track.arc_length(position)[0])
         if phase <= self.track.length[0]:
             return phase
-        return float(self.track.arc_length(self.track.step(position, self.pitch, -1))[0]) + self.period
+        return float(self.track.arc_length(self.track.advance(position, self.pitch, 1, -1))[0]) + self.period
 
     def overrun(self, phase: Floats) -> Floats:
         """Return the length by which the chain overruns P1 when it is laid on the bare track from P1 round to P1.

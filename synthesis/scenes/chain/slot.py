@@ -107,9 +107,9 @@ class Slot:
         first, _ = self.chain.drive(phase)
         ahead, behind = [first], [first]
         while len(ahead) < self.free - 1:
-            ahead.append(track.step(ahead[-1], pitch))
+            ahead.append(track.advance(ahead[-1], pitch))
         while len(behind) <= self.chain.links - self.free:
-            behind.append(track.step(behind[-1], pitch, -1))
+            behind.append(track.advance(behind[-1], pitch, 1, -1))
         free = TrackPosition(np.full(count, UPPER_ARC), np.zeros(count), np.zeros(count, np.int64))
         return TrackPosition._make(np.stack(columns, axis=1) for columns in zip(*ahead, free, *behind[:0:-1]))
 

@@ -187,12 +187,10 @@ class Track:
         fits = k * pitch <= 2
         return np.where(fits, 2 * np.arcsin(np.where(fits, 0.5 * k * pitch, 0.0)) / k, np.inf)
 
-    def step(self, position: TrackPosition, pitch: float, direction: int = 1) -> TrackPosition:
-        """Return the next pin of each pin: the first position ahead whose straight distance from it is one pitch."""
-        return self.advance(position, pitch, links=1, direction=direction)
-
-    def advance(self, position: TrackPosition, pitch: float, links: ArrayLike, direction: int = 1) -> TrackPosition:
-        """Return the pins ``links`` links ahead, which is equivalent to calling `step` ``links`` times.
+    def advance(
+        self, position: TrackPosition, pitch: float, links: ArrayLike = 1, direction: int = 1
+    ) -> TrackPosition:
+        """Return the pins some links ahead; the next pin is the first position whose straight distance is one pitch.
 
         The cost does not depend on the number of links on a segment, only on the number of joints passed.
 
@@ -212,9 +210,8 @@ class Track:
         FieldError
             A pin has no next pin; the error describes the first such pin.
         """
-        if direction < 0:
-            return self.reverse.mirror(self.reverse.advance(self.mirror(position), pitch, links))
-        return self._advanced(position, None, pitch, links)[0]
+        at_rest = PinMotion(np.zeros_like(position.along), np.zeros_like(position.along))
+        return self.carry(position, at_rest, pitch, links, direction)[0]
 
     def carry(
         self, position: TrackPosition, motion: PinMotion, pitch: float, links: ArrayLike, direction: int = 1
@@ -224,16 +221,10 @@ class Track:
             # the arc length of the reverse track decreases: both derivatives change sign, before and after the step
             reached, reached_motion = self.reverse.carry(self.mirror(position), motion.reversed(), pitch, links)
             return self.reverse.mirror(reached), reached_motion.reversed()
-        return self._advanced(position, motion, pitch, links)
-
-    def _advanced(
-        self, position: TrackPosition, motion: PinMotion | None, pitch: float, links: ArrayLike
-    ) -> tuple[TrackPosition, PinMotion]:
         lengths = self.link_lengths(pitch)
         remaining = np.broadcast_to(np.asarray(links, dtype=float), position.along.shape).copy()
         segment, along, lap = position.segment.copy(), position.along.copy(), position.lap.copy()
-        start_motion = PinMotion(np.ones_like(along), np.zeros_like(along)) if motion is None else motion
-        rate, acceleration = start_motion.rate.copy(), start_motion.acceleration.copy()
+        rate, acceleration = motion.rate.copy(), motion.acceleration.copy()
         while True:
             link_length = lengths[segment]
             links_inside = np.clip(np.floor((self.length[segment] - along) / link_length), 0, remaining)
@@ -246,10 +237,8 @@ class Track:
                 return TrackPosition(segment, along, lap), PinMotion(rate, acceleration)
             before = TrackPosition(segment[active], along[active], lap[active])
             after = self._step_to_later_segment(before, pitch)
-            if motion is not None:
-                rate[active], acceleration[active] = self._next_motion(
-                    before, after, PinMotion(rate[active], acceleration[active])
-                )
+            moving = PinMotion(rate[active], acceleration[active])
+            rate[active], acceleration[active] = self._next_motion(before, after, moving)
             segment[active], along[active], lap[active] = after
             remaining[active] -= 1
 

@@ -27,7 +27,7 @@ def test_600_steps_agree_with_bracketing_search(seed) -> None:
     ours, theirs = [], []
     direction = 1 if seed % 3 else -1
     for _ in range(600):
-        position = track.step(position, pitch, direction)
+        position = track.advance(position, pitch, 1, direction)
         s = path.next(s, pitch, direction, cells=4)
         ours.append(float(track.arc_length(position)[0]))
         theirs.append(s)

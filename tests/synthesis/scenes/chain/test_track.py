@@ -23,12 +23,12 @@ def tracks():
 @given(track=tracks(), share=st.floats(0, 1), direction=st.sampled_from([1, -1]))
 def test_next_pin_is_one_pitch_away_and_steps_back(track, share, direction) -> None:
     position = track.locate(share * track.total)
-    after = track.step(position, 1.0, direction)
+    after = track.advance(position, 1.0, 1, direction)
     chord = np.abs(track.points(after) - track.points(position))
     assert chord[0] == pytest.approx(1, abs=1e-12)
     advance = direction * float((track.arc_length(after) - track.arc_length(position))[0])
     assert 1 - 1e-12 <= advance <= math.pi / 2 + 1e-9
-    back = track.step(after, 1.0, -direction)
+    back = track.advance(after, 1.0, 1, -direction)
     assert track.arc_length(back)[0] == pytest.approx(track.arc_length(position)[0], abs=1e-10)
 
 
@@ -42,7 +42,7 @@ def test_motion_is_the_derivative(track, share, links, direction) -> None:
     # exclude cases in which a pin passes a joint within the five positions, because the acceleration jumps there
     pin, on_segment = position, np.ptp(position.segment) == 0
     for _ in range(links):
-        pin = track.step(pin, 1.0, direction)
+        pin = track.advance(pin, 1.0, 1, direction)
         on_segment = on_segment and np.ptp(pin.segment) == 0
     assume(on_segment)
     position = track.arc_length(after)
@@ -63,6 +63,6 @@ def test_large_radii_cost_no_digits(radius) -> None:
     track = Track([*halves, Arc(half, -top, bend, *caps), Arc(half, top, math.pi - bend, *arcs)])
     position = track.locate(np.linspace(0, track.total, 400))
     for pitch in (7.0, 50.0):
-        link = track.points(track.step(position, pitch)) - track.points(position)
+        link = track.points(track.advance(position, pitch)) - track.points(position)
         chord = np.hypot(link.real, link.imag)  # numpy's abs of a complex number is good to two units only
         assert np.abs(chord - pitch).max() < 2e-13
