@@ -35,10 +35,8 @@ class GapOptions:
     """Number of initial cells of each pair."""
     resolution: float = 1e-9
     """Bound below which the sign of the gap at its middle decides a cell, or the pair touches there."""
-    rough_resolution: float = 1e-5
-    """Resolution of a rough proof, and of the ends of its collisions."""
-    rough_collision: float = 1e-2
-    """Bound below which a rough proof decides a cell in whose middle the shapes collide."""
+    collision: float = 0.0
+    """Bound below which a cell in whose middle the shapes collide is decided, as overlapping sharp outlines have no depth."""
     rounding: float = 1e-12
     """Absolute gap that counts as zero."""
     max_cells: int = 6000
@@ -51,12 +49,8 @@ class GapOptions:
     """Number of final refinements of a smallest gap."""
     nodes: int = 65
     """Number of nodes of each refinement."""
-    few_corners: int = 8
-    """Number of pairs of corners up to which a rough proof compares them directly instead of the discs around them."""
     root_steps: int = 24
     """Number of bisections for an end of a collision, which lies between two of the smallest cells."""
-    rough_root_steps: int = 12
-    """Number of these bisections in a rough proof."""
 
 
 OPTIONS = GapOptions()
@@ -137,9 +131,7 @@ class Gaps:
     clearance : float
     size : float
         Length that characterizes the mechanism, to which tolerances are relative.
-    rough : bool
-        Compute the ends of collisions with `GapOptions.rough_resolution`, and compare shapes with many corners that are far apart
-        by the discs around them. Smallest gaps are then not available.
+    options : GapOptions, optional
     """
 
     def __init__(
@@ -148,9 +140,9 @@ class Gaps:
         pairs: Sequence[tuple[CarriedShape, CarriedShape]],
         clearance: float,
         size: float,
-        rough: bool = False,
+        options: GapOptions = OPTIONS,
     ) -> None:
-        self.movement, self.size, self._rough = movement, size, rough
+        self.movement, self.size, self._options = movement, size, options
         # of two shapes that with more corners first: fewer kinds of pairs
         ordered = [sorted(pair, key=lambda carried: -len(carried.shape.corners)) for pair in pairs]
         numbers = {
@@ -164,10 +156,6 @@ class Gaps:
         self._corners = np.zeros((len(shapes), max(counts, default=0)), dtype=complex)
         for row, carried in zip(self._corners, shapes):
             row[: len(carried.shape.corners)] = carried.shape.corners
-        self._middle = np.array([np.mean(carried.shape.corners) for carried in shapes])
-        self._around = np.array(
-            [np.abs(np.array(carried.shape.corners) - np.mean(carried.shape.corners)).max() for carried in shapes]
-        )
         radius = np.array([carried.shape.radius for carried in shapes])
         self._apart = radius[self._pairs].sum(axis=-1) + clearance
         kinds = [(counts[i], counts[j]) for i, j in self._pairs.tolist()]
@@ -190,7 +178,7 @@ class Gaps:
         kind = self._kind[pair]
         for number, counts in enumerate(self._kinds):
             members = np.flatnonzero(kind == number) if len(self._kinds) > 1 else np.arange(travel.size)
-            step = max(1, OPTIONS.batch // (counts[0] * counts[1]))
+            step = max(1, self._options.batch // (counts[0] * counts[1]))
             for first in range(0, members.size, step):
                 self._work.go_on()
                 rows = members[first : first + step]
@@ -199,27 +187,17 @@ class Gaps:
 
     def _evaluate(self, pair: Ints, time: Ints, counts: tuple[int, int], bodies: Bodies) -> tuple[Floats, Floats]:
         """Return gaps and bounds of pairs (m,) of shapes with these numbers of corners, at positions of the motion by index."""
-        ends, spread, middles = [], [], []
+        ends, spread = [], []
         for side, count in enumerate(counts):
             shape = self._pairs[pair, side]
             body = self._body[shape]
             corners = self._corners[shape, :count]
             ends.append(bodies.origin[body, time][:, None] + bodies.direction[body, time][:, None] * corners)
-            middles.append(bodies.origin[body, time] + bodies.direction[body, time] * self._middle[shape])
             turn = np.minimum(2.0, bodies.turn[body, time])
             spread.append(bodies.shift[body, time] + self._reach[shape] * turn)
         apart, bound = self._apart[pair], np.where(self._still[pair], 0.0, spread[0] + spread[1])
-        gap: Floats = np.empty(pair.size)
-        is_near = np.ones(pair.size, dtype=bool)
-        if self._rough and counts[0] * counts[1] > OPTIONS.few_corners:
-            between = np.abs(np.subtract(*middles)) - self._around[self._pairs[pair]].sum(axis=-1) - apart
-            is_near = between <= bound
-            gap = np.where(is_near, gap, between)
-        distance = distances(ends[0][is_near], ends[1][is_near]) if is_near.any() else np.zeros(0)
-        gap[is_near] = np.where(
-            distance > 0, distance - apart[is_near], -np.maximum(apart[is_near], OVERLAP * self.size)
-        )
-        return gap, bound
+        distance = distances(*ends)
+        return np.where(distance > 0, distance - apart, -np.maximum(apart, OVERLAP * self.size)), bound
 
     def prove(self, interval: Interval, work: Work) -> list[Proof]:
         """Return the ranges of an interval of crank angles in which each pair collides, with ends that are exact up to rounding.
@@ -229,9 +207,9 @@ class Gaps:
         self._work = work
         first, last = min(interval), max(interval)
         self._extent = max(abs(first), abs(last), last - first)
-        edges = np.linspace(first, last, OPTIONS.cells + 1)
+        edges = np.linspace(first, last, self._options.cells + 1)
         moving = np.flatnonzero(~self._still)
-        pair = np.repeat(moving, OPTIONS.cells)
+        pair = np.repeat(moving, self._options.cells)
         middle = np.tile((edges[1:] + edges[:-1]) / 2, moving.size)
         half = np.tile(np.diff(edges) / 2, moving.size)
         still = np.flatnonzero(self._still)
@@ -254,15 +232,12 @@ class Gaps:
         """Return the cells that must be halved, and the result of all others."""
         gap, bound = cells.gap, cells.bound
         free, hits = gap > bound, gap < -bound
-        if self._rough:  # overlapping sharp outlines have no depth: the position in the middle decides
-            hits |= (gap < 0) & (bound < OPTIONS.rough_collision * self.size)
+        hits |= (gap < 0) & (bound < self._options.collision * self.size)
         open_ = ~(free | hits)
-        small = (bound < (OPTIONS.rough_resolution if self._rough else OPTIONS.resolution) * self.size) | (
-            cells.half < 4e-16 * self._extent
-        )
-        many = np.bincount(cells.pair[open_], minlength=len(self._pairs)) > OPTIONS.max_cells
+        small = (bound < self._options.resolution * self.size) | (cells.half < 4e-16 * self._extent)
+        many = np.bincount(cells.pair[open_], minlength=len(self._pairs)) > self._options.max_cells
         small |= many[cells.pair]
-        touches = np.abs(gap) <= OPTIONS.rounding * self.size
+        touches = np.abs(gap) <= self._options.rounding * self.size
         kind = np.where(free, _FREE, np.where(hits, _HITS, np.where((gap < 0) & ~touches, _HITS, _TOUCHES)))
         return open_ & ~small, kind
 
@@ -281,7 +256,7 @@ class Gaps:
         inner = np.concatenate([middle[starts[left]], middle[ends[right]]])
         outer = np.concatenate([middle[starts[left] - 1], middle[ends[right] + 1]])
         ends_of = np.concatenate([run_pair[left], run_pair[right]])
-        steps = OPTIONS.rough_root_steps if self._rough else OPTIONS.root_steps
+        steps = self._options.root_steps
         roots = bisect(lambda at: self.at(ends_of, np.asarray(at, dtype=float))[0] < 0, inner, outer, steps)[0]
         start, end = middle[starts] - half[starts], middle[ends] + half[ends]
         start[left], end[right] = roots[: left.size], roots[left.size :]
@@ -310,10 +285,10 @@ class Gaps:
         while cells.pair.size:
             np.minimum.at(best, cells.pair, cells.gap)
             cells = cells.select(cells.gap - cells.bound <= best[cells.pair])
-            coarse = (cells.gap - cells.bound < best[cells.pair] - OPTIONS.gap_resolution * self.size) & (
+            coarse = (cells.gap - cells.bound < best[cells.pair] - self._options.gap_resolution * self.size) & (
                 cells.half > 1e-12 * self._extent
             )
-            coarse &= (np.bincount(cells.pair[coarse], minlength=best.size) < OPTIONS.max_cells)[cells.pair]
+            coarse &= (np.bincount(cells.pair[coarse], minlength=best.size) < self._options.max_cells)[cells.pair]
             finished.append(cells.select(~coarse))
             pair, middle, half = cells.select(coarse).halved()
             if not pair.size:
@@ -332,13 +307,13 @@ class Gaps:
         start, end = cells.middle[starts] - cells.half[starts], cells.middle[ends] + cells.half[ends]
         low, high = start, end
         best, at = np.full(pair.size, np.inf), low.copy()
-        for _ in range(OPTIONS.refinements if pair.size else 0):
-            nodes = low[:, None] + (high - low)[:, None] * np.linspace(0.0, 1.0, OPTIONS.nodes)
-            gap = self.at(np.repeat(pair, OPTIONS.nodes), nodes.ravel())[0].reshape(nodes.shape)
+        for _ in range(self._options.refinements if pair.size else 0):
+            nodes = low[:, None] + (high - low)[:, None] * np.linspace(0.0, 1.0, self._options.nodes)
+            gap = self.at(np.repeat(pair, self._options.nodes), nodes.ravel())[0].reshape(nodes.shape)
             lowest = np.argmin(gap, axis=-1)[:, None]
             value, position = (np.take_along_axis(of, lowest, axis=-1)[:, 0] for of in (gap, nodes))
             at, best = np.where(value < best, position, at), np.minimum(value, best)
-            step = (high - low) / (OPTIONS.nodes - 1)
+            step = (high - low) / (self._options.nodes - 1)
             low, high = np.maximum(start, at - step), np.minimum(end, at + step)
         found: dict[int, MinimumGap] = {}
         for number, value, position in zip(pair.tolist(), best.tolist(), at.tolist()):

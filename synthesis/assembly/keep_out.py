@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from synthesis.assembly.gaps import CarriedShape, Gaps
+from synthesis.assembly.gaps import CarriedShape, GapOptions, Gaps
 from synthesis.assembly.machine import Machine
 from synthesis.assembly.movement import GROUND
 from synthesis.assembly.shapes import Shape
@@ -13,6 +13,8 @@ from synthesis.mechanism import Box
 from synthesis.work import Work
 
 ENVELOPE = "envelope"
+ROUGH = GapOptions(resolution=1e-5, collision=1e-2, root_steps=12)
+"""Options of the proof, which is only as exact as an envelope needs to be."""
 
 
 def outside(machine: Machine, envelope: Box | None, keep_out: Sequence[Box], work: Work) -> list[Collision]:
@@ -50,7 +52,7 @@ def outside(machine: Machine, envelope: Box | None, keep_out: Sequence[Box], wor
         for plate in machine.plates
         for _, wall in walls
     ]
-    gaps = Gaps(machine.movement, pairs, machine.clearance, machine.size, rough=True)
+    gaps = Gaps(machine.movement, pairs, machine.clearance, machine.size, ROUGH)
     proofs = gaps.prove(machine.used, work)
     found = [Collision(pair, *run) for pair, proof in zip(names, proofs) for run in proof.hits]
     return sorted(found, key=lambda collision: (collision.first, collision.last, collision.pair))
