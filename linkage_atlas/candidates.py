@@ -15,20 +15,21 @@ from linkage_atlas.motions import Motion
 from linkage_atlas.preferences import accuracy_goal, arranged, balanced, improved
 from linkage_atlas.ranking import Ranking, group_of
 from linkage_atlas.studies import Studies
-from linkage_atlas.task import Fair, Task, seed_tables
+from linkage_atlas.task import Task, seed_tables
 from linkage_atlas.warm_start import FOR_STARTS, Start, pointing_to_start
 from synthesis.atlas.scan import Scan
 from synthesis.four_bar import Family, wrap
 from synthesis.free.few_poses import Obstacles, is_few
 from synthesis.free.search import search_free
 from synthesis.guided.local_refinement import refine_guided
-from synthesis.limits import Limits, within_practical
+from synthesis.limits import Limits
 from synthesis.linkages import body_motions
 from synthesis.local_refinement import nearby_motion, nearby_poses, refine_motion, refine_poses
 from synthesis.poses import Poses
 from synthesis.ranking import PROPORTION, Status, distinct
-from synthesis.scores import exact_below, proportion, size_of, usable_solutions
+from synthesis.scores import proportion, size_of
 from synthesis.search.atlas_rows import best_rows
+from synthesis.search.multistart import search_nested
 from synthesis.search.report import SearchReport, StoppedBy
 from synthesis.search.search import search
 from synthesis.search.seeds import SeedTables
@@ -116,14 +117,11 @@ class CandidateSearch:
             return list(four_bars), report
 
         def beside_sliders(limits: Limits, work: Work, rounds: int | None) -> tuple[list[Solution], SearchReport]:
-            nested = task.searches_usable and rounds is None
-            found, report = search_four_bars(
-                seed_tables(), motion, limits, task.top, goal, work, rounds, nested=nested
-            )
-            if not task.fair or limits is not task.limits:
-                return found, report
-            again = partial(search_four_bars, seed_tables(), motion, max_results=task.top, tolerance=goal, work=work)
-            return _with_fair(found, report, again, ranking_of(task), task.fair)
+            def within(limits: Limits) -> tuple[list[Solution], SearchReport]:
+                return search_four_bars(seed_tables(), motion, limits, task.top, goal, work, rounds)
+
+            is_request = motion is task.motion and limits is task.limits and rounds is None
+            return _search_nested(within, task, ranking_of(task)) if is_request else within(limits)
 
         return KindSearch(task.kinds, motion, limits, goal, beside_sliders, work, rounds, task.soon).run()
 
@@ -132,7 +130,7 @@ def find_candidates(task: Task, search: CandidateSearch) -> Candidates:
     """Search the linkages of a task and improve them by the preferred measure."""
     ranking = ranking_of(task)
     if task.refine_only:  # each linkage keeps fair proportions if it has them
-        results, report = _refine_all(task, task.motion, task.limits, task.tolerance, task.search_work(), task.fair)
+        results, report = _refine_all(task, task.motion, task.limits, task.tolerance, task.search_work())
         found, continued = _with_continued([], results, ranking, search.pool_size)
         return Candidates(found, report, task.studies, ranking, task.work.elapsed, continued)
     if task.kinds.only_four_bars:
@@ -142,7 +140,7 @@ def find_candidates(task: Task, search: CandidateSearch) -> Candidates:
 
 def ranking_of(task: Task) -> Ranking:
     """Return the order of the linkages of a task."""
-    return Ranking(task.motion, task.prefer, task.tolerance, task.fair.longest if task.fair else None)
+    return Ranking(task.motion, task.prefer, task.tolerance, task.fair)
 
 
 def _best_four_bars(task: Task, search: CandidateSearch, ranking: Ranking) -> Candidates:
@@ -154,19 +152,11 @@ def _best_four_bars(task: Task, search: CandidateSearch, ranking: Ranking) -> Ca
     continued: list[Solution | None] = [_continued(task, start, goal) for start in task.starts or ()]
     pool = size + _POOL if task.fair else size
     pool = max(pool, _BALANCED_POOL) if task.prefer == "balanced" else pool
-    four_bars, report = search_four_bars(
-        source,
-        task.motion,
-        task.limits,
-        pool,
-        goal,
-        first_work,
-        obstacles=task.obstacles,
-        nested=task.searches_usable,
-    )
-    if task.fair:
-        again = partial(search_four_bars, source, task.motion, max_results=size, tolerance=goal, work=first_work)
-        four_bars, report = _with_fair(four_bars, report, again, ranking, task.fair)
+
+    def within(limits: Limits) -> tuple[list[Solution], SearchReport]:
+        return search_four_bars(source, task.motion, limits, pool, goal, first_work, obstacles=task.obstacles)
+
+    four_bars, report = _search_nested(within, task, ranking)
     if isinstance(source, SeedTables):
         four_bars = [_drawn_near(solution, task.motion, task.limits) for solution in four_bars]
     found, studies, report = _preferred(list(four_bars), task, search, ranking, work, report)
@@ -214,16 +204,18 @@ def _continued(task: Task, start: Start, goal: float) -> Solution | None:
 
 
 def _refine_all(
-    task: Task, motion: Motion, limits: Limits, goal: float, work: Work, fair: Fair | None = None
+    task: Task, motion: Motion, limits: Limits, goal: float, work: Work
 ) -> tuple[list[Solution | None], SearchReport]:
     """Refine the linkages of `start_from` in turn; return their results, and how it went."""
     results: list[Solution | None] = []
     reports: list[SearchReport] = []
+    fair = task.fair if limits is task.limits else None
     for start in task.starts or ():
-        found, report = refine_start(start, motion, limits, goal, work)
-        if fair and start.linkage.is_four_bar and proportion(start.linkage, motion.samples) <= fair.longest:
-            again = partial(refine_start, start, motion, tolerance=goal, work=work)
-            found, report = _with_fair(found, report, again, ranking_of(task), fair)
+        refine = partial(refine_start, start, motion, tolerance=goal, work=work)
+        if fair and start.linkage.is_four_bar and proportion(start.linkage, motion.samples) <= fair:
+            found, report = _search_nested(refine, replace(task, narrower=task.narrower[-1:]), ranking_of(task))
+        else:
+            found, report = refine(limits)
         results.append(found[0] if found else None)
         reports.append(report)
     return results, SearchReport.joined(reports)
@@ -284,31 +276,13 @@ def search_four_bars(
     work: Work,
     rounds: int | None = None,
     obstacles: Obstacles | None = None,
-    nested: bool = False,
 ) -> tuple[list[Solution], SearchReport]:
-    """Find the best four-bars: in an atlas, or by the search with free or given crank angles.
-
-    ``nested``: if the linkage with the smallest error is unusable, the practical limits are searched too. So wider limits
-    give no worse usable linkage.
-    """
+    """Find the best four-bars: in an atlas, or by the search with free or given crank angles."""
     if isinstance(source, Scan):
         return _search_atlas(source, motion, limits, max_results, tolerance, work)
-    samples = motion.samples
-
-    def search_within(limits: Limits) -> tuple[list[Solution], SearchReport]:
-        if isinstance(samples, Poses):
-            return search_free(samples, limits, max_results, tolerance, work, rounds, obstacles)
-        return search(source, samples, limits, max_results, tolerance, work)
-
-    found, report = search_within(limits)
-    smallest = min(found, key=lambda solution: solution.errors.objective, default=None)
-    if not nested or smallest is None or usable_solutions([smallest], samples)[0]:
-        return found, report
-    practical = within_practical(samples, limits, samples.closed)
-    if practical is None:
-        return found, report
-    more, second = search_within(practical)
-    return [*found, *more], SearchReport.joined([report, second])
+    if isinstance(motion.samples, Poses):
+        return search_free(motion.samples, limits, max_results, tolerance, work, rounds, obstacles)
+    return search(source, motion.samples, limits, max_results, tolerance, work)
 
 
 def refine_start(
@@ -374,36 +348,32 @@ def _drawn_near(solution: Solution, motion: Motion, limits: Limits) -> Solution:
     return solution
 
 
-def _with_fair(
-    found: list[Solution],
-    report: SearchReport,
-    search_again: Callable[[Limits], tuple[list[Solution], SearchReport]],
-    ranking: Ranking,
-    fair: Fair,
+def _search_nested(
+    search: Callable[[Limits], tuple[list[Solution], SearchReport]], task: Task, ranking: Ranking
 ) -> tuple[list[Solution], SearchReport]:
-    """Search again for linkages of fair size if the best linkage is out of all proportion; return all and a note."""
-    if not found:
+    """Search within the limits of a task; if the smallest error belongs to an unwanted linkage, narrower limits too.
+
+    Unwanted is what cannot be used or is out of all proportion; a note explains the latter.
+    """
+    fair = np.inf if task.fair is None else task.fair
+
+    def smallest_fair(found: Sequence[Solution]) -> float:
+        return min((score.error for score in ranking.scores(found) if score.proportion <= fair), default=np.inf)
+
+    def suffice(found: Sequence[Solution]) -> bool:
+        best = ranking.smallest_score(found)
+        in_proportion = task.fair is None or best.proportion <= PROPORTION
+        return best.usable and (in_proportion or (best.error == 0 and smallest_fair(found) < np.inf))
+
+    found, report = search_nested(search, task.limits, task.narrower, suffice)
+    if task.fair is None or not found:
         return found, report
-    samples = ranking.motion.samples
-    exact = exact_below(samples, ranking.tolerance)
-    errors = [
-        (float(f"{candidate.errors.objective:.6g}"), proportion(candidate.linkage, samples)) for candidate in found
-    ]
-    (error, times), second = min(errors), report
-
-    def smallest_fair() -> float:
-        fair_ones = [candidate for candidate in found if proportion(candidate.linkage, samples) <= fair.longest]
-        return min((solution.errors.objective for solution in fair_ones), default=np.inf)
-
-    if times > PROPORTION and (error >= exact or smallest_fair() == np.inf):
-        more, second = search_again(fair.limits)
-        found = found + more
-    ordered, smallest, note = ranking.ordered(found), smallest_fair(), ""
-    first = proportion(ordered[0].linkage, samples)
-    if times > PROPORTION and first <= PROPORTION and error >= exact:
-        note = OUT_OF_PROPORTION.format(error=error, times=times, fair=fair.longest)
-        report = report._replace(stopped_by=second.stopped_by)
-    elif first > PROPORTION and smallest >= ranking.tolerance:
-        note = FIRST_OUT_OF_PROPORTION.format(which="exact" if error < exact else "best", times=times)
+    ordered, note = ranking.ordered(found), ""
+    best, first, smallest = ranking.smallest_score(found), ranking.smallest_score(ordered[:1]), smallest_fair(found)
+    if best.error > 0 and best.proportion > PROPORTION >= first.proportion:
+        note = OUT_OF_PROPORTION.format(error=best.error, times=best.proportion, fair=fair)
+    elif first.proportion > PROPORTION and smallest > 0:
+        which = "best" if best.error > 0 else "exact"
+        note = FIRST_OUT_OF_PROPORTION.format(which=which, times=best.proportion)
         note += FAIR_FOUND.format(smallest) if smallest < np.inf else NO_FAIR_FOUND
     return ordered, report._replace(notes=[*report.notes, note] if note else report.notes)

@@ -85,13 +85,17 @@ class Ranking:
         accurate = self._accurate(found, usable, within)
         scores = [replace(score, accurate=bool(flag)) for (_, score, _), flag in zip(facts, accurate)]
         if self.fair is not None:
-            best = min(((float(f"{score.error:.6g}"), score.proportion) for score in scores), default=(0.0, 0.0))
-            out = best[1] > PROPORTION
+            out = bool(found) and self.smallest_score(found).proportion > PROPORTION
             scores = [replace(score, longest=self.fair if out else PROPORTION) for score in scores]
         if not self.layers:
             return scores
         ranks = [self.layers.get(id(solution), UNRANKED) for solution in found]
         return [replace(score, layers=rank) for score, rank in zip(scores, ranks)]
+
+    def smallest_score(self, found: Sequence[Solution]) -> Score:
+        """Return the score of the linkage with the smallest error; of equal errors the smallest proportion decides."""
+        scores = (score for _, score, _ in self._examined(found))
+        return min(scores, key=lambda score: (float(f"{score.error:.6g}"), score.proportion))
 
     def usable(self, found: Sequence[Solution]) -> list[bool]:
         """Return which linkages can be used."""

@@ -8,7 +8,7 @@ from difflib import get_close_matches
 from functools import cache
 from inspect import signature
 from pathlib import Path
-from typing import Literal, NamedTuple, get_args
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -28,7 +28,7 @@ from synthesis.atlas.scan import Scan
 from synthesis.errors import FieldError
 from synthesis.free.few_poses import Obstacles
 from synthesis.free.screen import path_screen
-from synthesis.limits import Limits, Reach
+from synthesis.limits import Limits, Reach, within_practical
 from synthesis.ranking import FAIR_PROPORTION, PROPORTION
 from synthesis.search.seeds import SeedTables
 from synthesis.work import Work
@@ -73,14 +73,6 @@ def prepare() -> None:
     path_screen("full_crank")
 
 
-class Fair(NamedTuple):
-    """Limits within which linkages have a fair size."""
-
-    limits: Limits
-    longest: float
-    """Largest length of a part, in extents of the motion or in shortest links."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class Task:
     """A checked request in model units."""
@@ -103,8 +95,11 @@ class Task:
     studies: Studies
     soon: bool
     """Alternatives to an exact linkage are sought for a short time: one kind with rails or slots was requested, and no budget."""
-    fair: Fair | None
-    """Used if the request does not limit the proportions of linkages."""
+    narrower: Sequence[Limits]
+    """Limits that are searched too if the linkage with the smallest error cannot be used or is out of proportion, widest last."""
+    fair: float | None
+    """Largest length of a part of a linkage of fair size, in extents of the motion or in shortest links; None if the request
+    limits the proportions, or with free crank angles."""
     atlas: Atlas | None
     work: Work
 
@@ -112,11 +107,6 @@ class Task:
     def by_error(self) -> bool:
         """True if the smallest error is preferred."""
         return self.prefer == "error"
-
-    @property
-    def searches_usable(self) -> bool:
-        """False if only the error counts, because the request names the preset for given crank angles."""
-        return self.motion.free or self.fair is not None
 
     @property
     def obstacles(self) -> Obstacles | None:
@@ -183,7 +173,7 @@ def read_task(
     searches, only_error = isinstance(source, SeedTables) and not refine_only, studies.rounds or not limits.practical
     prefer = _preference(options.prefer, motion, searches, only_error)
     named_limits = frozenset(requested_limits or ())
-    fair = _fair_within(named_limits, motion, limits, source)
+    narrower, fair = _narrower(named_limits, motion, limits, source)
     if kinds.only_four_bars:
         check_no_slider_limits(limits)
         check_lengths(studies, limits)
@@ -202,6 +192,7 @@ def read_task(
         diverse=options.diverse and kinds.only_four_bars,
         studies=studies,
         soon=options.budget is None and len(kinds.kinds) == 1 and not kinds.only_four_bars,
+        narrower=narrower,
         fair=fair,
         work=watch,
     )
@@ -281,15 +272,20 @@ def _preference(prefer: str | None, motion: Motion, searches: bool, only_error: 
     return name
 
 
-def _fair_within(
+def _narrower(
     named_limits: frozenset[str], motion: Motion, limits: Limits, source: SeedTables | Scan
-) -> Fair | None:
-    """Return limits within which linkages have a fair size, for requests that do not mention the preset.
+) -> tuple[list[Limits], float | None]:
+    """Return narrower limits that may be searched too, and the fair size of linkages; see `Task`.
 
-    If a length or ratio of the request allows more, all linkages in proportion are fair.
+    With given crank angles there are none if the request names the preset, because only the error counts then.
+    If a length or ratio of the request allows more than a fair size, all linkages in proportion are fair.
     """
-    if motion.free or "preset" in named_limits or isinstance(source, Scan):
-        return None
+    if isinstance(source, Scan) or ("preset" in named_limits and not motion.free):
+        return [], None
+    practical = within_practical(motion.samples, limits, motion.samples.closed)
+    narrower = [] if practical is None else [practical]
+    if motion.free:
+        return narrower, None
     samples, units = motion.samples, {"link_ratio_max": 1.0}
     if samples.position is not None:
         units |= dict.fromkeys(("link_max", "coupler_radius_max"), samples.extent)
@@ -303,6 +299,6 @@ def _fair_within(
         distance = longest * samples.extent
         lengths["pivot_reach"] = Reach(complex(samples.position_mean(samples.position)), distance, distance)
     try:
-        return Fair(build(replace, lengths, limits), longest)
+        return [*narrower, build(replace, lengths, limits)], longest
     except FieldError:  # a limit of the request excludes them
-        return None
+        return [], None

@@ -9,13 +9,15 @@ The problem supplies seeds, refinement, perturbation and signature (`SearchProbl
 as kinds of linkages with their drives: each group has its own basins, incumbents and patience, and all share the rounds.
 
 Budget, cancellation and monotonicity belong to this module: incumbents only improve, no round depends on the time, and a
-refinement that the time cut short counts only if nothing is known yet. So more time never gives a worse answer.
+refinement that the time cut short counts only if nothing is known yet. So more time never gives a worse answer, and with
+`search_nested` neither do wider limits.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from itertools import chain
 from typing import Any, Generic, TypeVar
 
 import numpy as np
@@ -24,6 +26,7 @@ from synthesis.arrays import Flags, Floats, Ints
 from synthesis.kernels import distinct
 from synthesis.ranking import NEAR, PENALTY_FACTOR
 from synthesis.search.options import Schedule, SearchOptions
+from synthesis.search.report import SearchReport
 from synthesis.work import Work
 
 Candidates = Any
@@ -134,6 +137,22 @@ class Incumbents:
 
 
 P = TypeVar("P", bound=SearchProblem)
+L = TypeVar("L")
+A = TypeVar("A")
+
+
+def search_nested(
+    search: Callable[[L], tuple[list[A], SearchReport]],
+    limits: L,
+    narrower: Sequence[L],
+    suffice: Callable[[Sequence[A]], bool],
+) -> tuple[list[A], SearchReport]:
+    """Search within limits, and within narrower limits too if answers were found but do not suffice."""
+    found, report = search(limits)
+    if narrower and found and not suffice(found):
+        more, reports = zip(*map(search, narrower))
+        found, report = [*found, *chain(*more)], SearchReport.joined([report, *reports])
+    return found, report
 
 
 class MultiStart(Generic[P]):

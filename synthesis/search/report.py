@@ -63,8 +63,10 @@ class SearchReport(NamedTuple):
         for report in reports:
             trace = fallen(trace, report.trace)
         notes = list(dict.fromkeys(note for report in reports for note in report.notes))
+        stopped = StoppedBy.worst([report.stopped_by for report in reports])
+        screen_seconds = sum(report.screen_seconds for report in reports)
         seeds = sum(report.seeds for report in reports)
-        return cls(StoppedBy.worst([report.stopped_by for report in reports]), trace, seeds=seeds, notes=notes)
+        return cls(stopped, trace, screen_seconds, seeds, notes=notes)
 
 
 def smallest(trace: Sequence[tuple[float, float]]) -> float:
