@@ -87,6 +87,8 @@ class LocalOptions:
     The first does not leave the basin of a linkage within them, the second approaches distant limits slowly."""
     free_stages: tuple[Stage, ...] = (Stage(400),)
     """Stages of a descent without limits if the crank angles are prescribed."""
+    free_damping: float = 1.0
+    """Damping of its first step, so large that a flat valley is not left for its far end in a single step."""
     joint_stages: tuple[Stage, ...] = (Stage(1000),)
     """Stages of a descent without limits if the crank angles are free."""
     grid: int = 120
@@ -263,7 +265,7 @@ class _Descents:
             return
         problem = GivenProblem(self.target, chart)
         starts = candidates_of(self.target, chart, linkages, np.array([[linkage.start] for linkage in linkages]))
-        found = problem.descended(starts, OPTIONS.free_stages, 0.0, self.work)
+        found = problem.descended(starts, OPTIONS.free_stages, 0.0, self.work, OPTIONS.free_damping)
         ends = problem.linkages(found.take(np.isfinite(found.cost)))
         self.found += self.within_limits(assess(self.target, ends))
 
