@@ -41,7 +41,7 @@ class FourBarOptions:
     """Largest ratio of a length to the ground, and of the ground to a length, for the largest error if no limit is smaller."""
     wide_ratio_max: float = 1e6
     """The largest such ratio for least squares."""
-    begin_ratio: float = 2.2
+    begin_ratio: float = 2.6
     """Logarithm of the largest ratio from which a search starts."""
     transmission_min: float = 1e-4
     """Smallest transmission angle in radians: at a locked position the output has no derivative."""

@@ -73,11 +73,11 @@ class FunctionOptions(SearchOptions):
     """Number of shapes and zeros that are evaluated for each branch."""
     beginnings_within: int = 40_000
     """Number of shapes and zeros of which those within the limits are evaluated, if the first ones lead to no answer."""
-    seeds: int = 160
+    seeds: int = 130
     """Number of starting points that descend."""
     inputs: int = 9
     """Number of inputs at which starting points are evaluated."""
-    cell: float = 0.4
+    cell: float = 0.75
     """Size of the cells of which each gives a single starting point."""
     open_error: float = 1e3
     """Error of a linkage that does not close."""
