@@ -27,6 +27,8 @@ LINKAGE = "linkage"
 """Field that holds a solution of a reply; `start_from` is a list of such solutions."""
 SAVED = frozenset(("request", LINKAGE, "length_unit"))
 """Fields of a file with a linkage and the request that it answers."""
+REPLY, BARE, SAVED_REQUEST = "a reply", "a linkage", "a saved request"
+"""Contents of files, in words."""
 
 
 class Target(NamedTuple):
@@ -186,34 +188,31 @@ def _body_of(target: Target, content: Any, rank: int) -> tuple[dict[str, Any], s
     if not isinstance(content, dict):
         raise FieldError("", "this is JSON, but not an object with the fields of a request")
     content = _with_reply(content)
-    what = (
-        "a reply" if _is_reply(content) else "a linkage and its request" if _is_saved(content) else "a saved request"
-    )
-    inner = content.get("request")
+    what, inner = _kind_of(content), content.get("request")
     if target.motion is None:
         if not isinstance(inner, dict):
-            return _without_foreign(target, _with_motion(content))
+            if what in (REPLY, BARE):
+                raise FieldError("", f"this is {what} without its request; name the file of the request")
+            return _without_foreign(target, content)
         while isinstance(inner.get("request"), dict):
             inner = inner["request"]
         body, dropped = _without_foreign(target, inner)
         return body, f"{what}, whose request is used" + dropped.replace("a request ", ", ")
-    if _is_linkage(content):
-        return {LINKAGE: content}, "a linkage"
-    if not _is_reply(content):
+    if what == BARE:
+        return {LINKAGE: content}, what
+    if what != REPLY:
         if inner is None and content.keys() & {"rotation", "position"}:
             return {"request": content}, "a request, which is solved"
         body = {
             key: value for key, value in content.items() if key != "length_unit" or key in target.model.model_fields
         }
-        return body, what if _is_saved(content) else ""
+        return body, "" if what == SAVED_REQUEST else what
     body = {}
     if isinstance(inner, dict):
         nested = inner.keys() & {"request", LINKAGE}
-        body = _body_of(target, inner, rank)[0] if nested else {"request": inner}
-        load = inner.get("load") if target.command == "drive" else None
-        body = {key: value for key, value in body.items() if key in ("request", LINKAGE)}
-        if load is not None:
-            body["load"] = load
+        body = _body_of(target, inner, rank)[0] if nested else inner | {"request": inner}
+        kept = ("request", LINKAGE, "load") if target.command == "drive" else ("request", LINKAGE)
+        body = {name: value for name, value in body.items() if name in kept and value is not None}
     if content.get("solutions"):
         body[LINKAGE] = _ranked(content["solutions"], rank)
         what += f", of which solution {rank} is used"
@@ -230,27 +229,15 @@ def _with_reply(content: dict[str, Any]) -> dict[str, Any]:
     return {**reply, **{name: content[name] for name in ("request",) if name in content}} if reply else content
 
 
-def _is_reply(content: Mapping[str, Any]) -> bool:
-    return (
-        any(isinstance(content.get(name), list) for name in ("solutions", "matches", "refused"))
-        or "report" in content
-    )
-
-
-def _is_saved(content: Mapping[str, Any]) -> bool:
-    return LINKAGE in content and content.keys() <= SAVED
-
-
-def _is_linkage(content: Mapping[str, Any]) -> bool:
-    return "branch" in content and bool(content.keys() & {"links", "guides"})
-
-
-def _with_motion(content: dict[str, Any]) -> dict[str, Any]:
-    """Check that a file is a request."""
-    what = "a reply" if _is_reply(content) else "a linkage" if _is_linkage(content) else ""
-    if what:
-        raise FieldError("", f"this is {what} without its request; name the file of the request")
-    return content
+def _kind_of(content: Mapping[str, Any]) -> str:
+    """Return what a file contains."""
+    if "report" in content or any(
+        isinstance(content.get(name), list) for name in ("solutions", "matches", "refused")
+    ):
+        return REPLY
+    if "branch" in content and content.keys() & {"links", "guides"}:
+        return BARE
+    return "a linkage and its request" if LINKAGE in content and content.keys() <= SAVED else SAVED_REQUEST
 
 
 def _without_foreign(target: Target, body: dict[str, Any]) -> tuple[dict[str, Any], str]:
