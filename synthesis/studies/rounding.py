@@ -11,18 +11,19 @@ Combinations of available lengths are fitted in the order of this estimate, from
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from synthesis.arrays import Complexes, Floats, Ints
 from synthesis.errors import FieldError
-from synthesis.four_bar import transmission_angle_over
+from synthesis.four_bar import close_loop, transmission_angle_over, wrap
+from synthesis.fourbar.mechanism import mounted
 from synthesis.guides import Circle, Guide, Rail, Slot
 from synthesis.least_squares import Evaluation, minimise
 from synthesis.limits import PIVOTS, Limits, in_family
-from synthesis.linkage import Linkage, as_lengths, on_guides, with_links
+from synthesis.linkage import Linkage, as_lengths, four_bar, on_guides, with_links
 from synthesis.local_refinement import refine_motion, refine_poses
 from synthesis.poses import Poses
 from synthesis.solution import Solution, assess, target_of
@@ -46,15 +47,15 @@ NO_TIME = "the time was up before a linkage with available lengths was found"
 class RoundingOptions:
     """Options of `round_lengths`."""
 
-    choices: int = 5
+    choices: int = 6
     """Largest number of available lengths, the nearest, that are combined for each link."""
-    tries: int = 72
+    tries: int = 144
     """Number of combinations that are fitted in all linkages of a request."""
     min_tries: int = 8
     """Minimum number of combinations for each linkage."""
-    max_tries: int = 48
+    max_tries: int = 96
     """Maximum number of combinations for each linkage."""
-    batch: int = 12
+    batch: int = 32
     """Number of combinations that are fitted before the others are estimated again, from the best of these."""
     sufficient_ratio: float = 1.01
     """Ratio of the objectives of available lengths and of the solution up to which no other lengths are tried."""
@@ -63,9 +64,15 @@ class RoundingOptions:
     starts: int = 48
     """Number of starts at which the transmission angles of combinations of a four-bar are compared with the limits."""
     descents: int = 8
-    """Number of four-bars that are refined within the limits: half of the nearest lengths, half of the smallest violations."""
+    """Number of four-bars of the nearest lengths that are refined within the limits if no fit is within them."""
+    turned: int = 4
+    """Number of other starts, over the whole turn, from which a four-bar is fitted."""
+    other_kinds: int = 4
+    """Number of four-bars that are fitted in the time of a linkage of another kind."""
     first_steps: tuple[int, float] = 8, 1e-3
     """Largest number of steps of the least squares, and the relative decrease of the squared error that ends them."""
+    together_steps: tuple[int, float] = 12, 1e-2
+    """The same for four-bars, which are fitted together."""
     steps: tuple[int, float] = 30, 1e-7
     """The same for the best combination."""
     change_weight: float = 1e-2
@@ -133,25 +140,20 @@ def round_lengths(
     count = None if stock is None else len(set(stock)) ** int(np.isnan(given).sum())
     combinations = _allowed(np.array(list(itertools.product(*choices)), dtype=float), solution, limits)
     tries = max(OPTIONS.min_tries, min(OPTIONS.max_tries, OPTIONS.tries // solutions))
+    tries = tries if solution.linkage.is_four_bar else tries // OPTIONS.other_kinds
     sufficient = max(OPTIONS.sufficient_ratio * solution.errors.objective, OPTIONS.exact)
     best: Solution | None = None
-    outside: list[tuple[float, Floats, Solution]] = []
     tried = 0
-    for lengths, found in itertools.islice(_in_order(samples, solution, combinations, limits, work), tries):
+    for found in itertools.islice(_in_order(samples, solution, combinations, limits, work), tries):
         tried += 1
-        violations = {} if found is None else violations_of(found, samples, limits)
-        if found is not None and violations:
-            outside.append((max(violations.values()), lengths, found))
-        elif found is not None:
-            best = _better(best, found)
+        best = _better(best, found)
         if work.expired() or (best is not None and best.errors.objective <= sufficient):
             break
-    fit = _Fit(samples, best or solution, limits, work)
-    if best is None or best.errors.objective > sufficient:
+    if best is None:  # fits know no limits, descents do
+        fit = _Fit(samples, solution, limits, work)
         change = np.sum(np.abs(np.log(combinations / [*own.values()])), axis=1)
-        outside += [(0.0, combinations[k], solution) for k in np.argsort(change)[: OPTIONS.descents // 2]]
-        for _, lengths, found in sorted(outside, key=lambda row: row[0])[: OPTIONS.descents]:
-            best = _better(best, fit.descended(found, lengths))
+        for k in np.argsort(change)[: OPTIONS.descents]:
+            best = _better(best, fit.descended(solution, combinations[k]))
     exhaustive = None if count is None else tried == count
     if best is None:
         return Rounding(None, tried, count, exhaustive, NO_TIME if work.expired() else NONE_FITS)
@@ -164,21 +166,21 @@ def round_lengths(
 
 def _in_order(
     samples: Poses | Target, solution: Solution, combinations: Floats, limits: Limits, work: Work
-) -> Iterator[tuple[Floats, Solution | None]]:
-    """Yield combinations of lengths in the order of their estimates, each with its fitted linkage, or None if it opens."""
+) -> Iterator[Solution | None]:
+    """Yield the fitted linkages of lengths in the order of their estimates, or None if it opens or violates limits."""
     best = solution
+    batch = OPTIONS.batch // (1 if solution.linkage.is_four_bar else OPTIONS.other_kinds)
     while len(combinations):
         fit = _Fit(samples, best, limits, work)
         order, starts = fit.in_order(combinations)
         combinations = combinations[order]
         fitted: Solution | None = None
-        for lengths, start in zip(combinations[: OPTIONS.batch], starts):
+        for found in fit.fitted_each(combinations[:batch], starts):
             work.check()
-            found = fit.fitted(lengths, start, OPTIONS.first_steps)
-            yield lengths, found
-            if found is not None and not violations_of(found, samples, limits):
-                fitted = _better(fitted, found)
-        best, combinations = fitted or best, combinations[OPTIONS.batch :]
+            within = found if found is not None and not violations_of(found, samples, limits) else None
+            fitted = _better(fitted, within)
+            yield within
+        best, combinations = fitted or best, combinations[batch:]
 
 
 def _better(first: Solution | None, second: Solution | None) -> Solution | None:
@@ -238,6 +240,8 @@ class _Fit:
         self.linkage, self.size = solution.linkage, solution.linkage.reach
         self.timed = isinstance(samples, Target)
         self.travel = solution.travel if self.timed else solution.travel[: samples.samples]
+        self.held = limits.pivot_a is not None, limits.pivot_b is not None
+        self.target = target_of(samples, self.linkage, solution.travel)
         self.units = [
             pair
             for name, pair in guide_dimensions(self.linkage)
@@ -288,6 +292,46 @@ class _Fit:
         if not self.timed:
             travel = self._complete(linkage, nearest_travel(self.samples, linkage, travel))
         return assess(self.samples, [linkage], travel)[0]
+
+    def fitted_each(self, links: Floats, starts: Floats) -> Iterable[Solution | None]:
+        """Return linkages of lengths (n, lengths), fitted by a few steps; the travel of four-bars is right to first order."""
+        if not self.linkage.is_four_bar:
+            return (self.fitted(row, start, OPTIONS.first_steps) for row, start in zip(links, starts))
+        begun = [
+            [with_links(linkage, as_lengths(row)) for linkage in self._starts(row, start)]
+            for row, start in zip(links, starts)
+        ]
+        return self._together(_FourBars(self, list(itertools.chain(*begun))), len(begun))
+
+    def _starts(self, links: Floats, start: Floats) -> list[Linkage]:
+        """Return the linkage as predicted and unchanged, and in its best pose from other starts (unchanged if it opens)."""
+        lengths = dict(zip(self.linkage.lengths, links.tolist()))
+        near = [self._at(x, lengths)[0] for x in (start, self.no_change)]
+        if any(self.held):
+            return near
+        begin = self.linkage.start + np.linspace(0.0, TURN, OPTIONS.turned + 1, endpoint=False)[1:]
+        closes = np.all(close_loop(links, begin[:, None] + self.travel).closed, axis=1)
+        count = int(np.sum(closes))
+        found = iter(mounted(self.target, [links] * count, [self.linkage.branch] * count, begin[closes]))
+        return near + [next(found) if closed else self.linkage for closed in closes]
+
+    def _together(self, four_bars: _FourBars, count: int) -> list[Solution | None]:
+        """Return the best of the four-bars of each of several combinations, all fitted together; None if all open."""
+        numbers = np.arange(len(four_bars.begun), dtype=float)
+        steps, stall = OPTIONS.together_steps
+        found = minimise(four_bars.evaluate, four_bars.begin, numbers, steps, work=self.work, stall=stall).unknowns
+        cost = four_bars.evaluate(found, numbers).cost
+        closes = close_loop(four_bars.links, four_bars.crank + found[:, 2:3]).closed.all(axis=1)
+        cost = np.where(closes, cost, np.inf).reshape(count, -1)
+        best = np.argmin(cost, axis=1) + np.arange(0, cost.size, cost.shape[1])
+        closes = np.isfinite(cost.min(axis=1))
+        linkages, travels = [], []
+        for k in best[closes].tolist():
+            linkages.append(four_bars.linkage(k, found[k]))
+            travel = four_bars.crank[k] - four_bars.begun[k].start
+            travels.append(self.travel if self.timed else self._complete(linkages[-1], travel))
+        fitted = iter(assess(self.samples, linkages, np.array(travels)))
+        return [next(fitted) if closed else None for closed in closes.tolist()]
 
     def descended(self, found: Solution, lengths: Floats) -> Solution | None:
         """Return a four-bar of given lengths that a descent within the limits finds from a linkage out of them."""
@@ -359,14 +403,18 @@ class _Fit:
 
     def _measured(self, linkage: Linkage, travel: Floats) -> Floats:
         """Return weighted errors (rows, N)."""
-        samples, found = self.samples, linkage.body(linkage.start + travel)
-        turned, off = 0.0 * found.rotation, 0.0 * found.position
+        found = linkage.body(linkage.start + travel)
+        return self.misses(found.position, found.rotation)
+
+    def misses(self, position: Complexes, rotation: Floats) -> Floats:
+        """Return weighted errors (..., rows, N) of positions and rotations (..., N)."""
+        samples, turned, off = self.samples, 0.0 * rotation, 0.0 * position
         if samples.rotation is not None:
-            turned = found.rotation - samples.rotation
+            turned = rotation - samples.rotation
             # rotations count modulo a turn, or to a constant whole number of turns
-            turned = turned - TURN * np.round((turned[:1] if self.timed else turned) / TURN)
+            turned = turned - TURN * np.round((turned[..., :1] if self.timed else turned) / TURN)
         if samples.position is not None:
-            off = found.position - samples.position
+            off = position - samples.position
         return weighted(samples, turned, off)
 
     def _derivatives(self, linkage: Linkage, units: Sequence[Deviations], travel: Floats) -> Floats:
@@ -376,6 +424,59 @@ class _Fit:
         if self.timed:
             scale = np.append(scale, 1.0 if linkage.driver.turns else self.size)
         return (found * scale[:, None, None]).reshape(len(found), -1)
+
+
+class _FourBars:
+    """Least squares of many four-bars, each of its own lengths.
+
+    The unknowns are the ground's angle, the offset of the body, the start, the body point, and the pivot about which the ground
+    turns: B if only B is given, else A. If the drive is free, it takes a Newton step in each step of the least squares.
+    """
+
+    def __init__(self, fit: _Fit, begun: Sequence[Linkage]) -> None:
+        self.fit, self.begun, self.scale = fit, begun, fit.samples.length_scale
+        self.links = np.array([linkage.links for linkage in begun])
+        self.branch = np.array([linkage.branch for linkage in begun])
+        self.crank = np.array([linkage.start for linkage in begun])[:, None] + fit.travel
+        self.to_a = -self.links[:, 3:] if fit.held == (False, True) else np.zeros((len(begun), 1))
+        turns = np.array([(linkage.ground_angle, linkage.body_offset or 0.0, 0.0) for linkage in begun])
+        points = np.array([(linkage.arm, linkage.pivot_a) for linkage in begun])
+        points[:, 1:] -= self.to_a * np.exp(1j * turns[:, :1])
+        self.begin = np.hstack([turns, points.view(float) / self.scale])
+        self.varies = np.array([not all(fit.held), *[True] * 4, *[not any(fit.held)] * 2])
+
+    def linkage(self, k: int, unknowns: Floats) -> Linkage:
+        """Return the four-bar of number k."""
+        turn, offset, start, x, y, pivot_x, pivot_y = unknowns.tolist()
+        begun, point = self.begun[k], self.scale * complex(x, y)
+        pivot_a = complex(self.scale * complex(pivot_x, pivot_y) + self.to_a[k, 0] * np.exp(1j * turn))
+        polar = abs(point), float(np.angle(point))
+        return four_bar(begun.links, begun.branch, begun.start + start, pivot_a, wrap(turn), polar, offset)
+
+    def evaluate(self, unknowns: Floats, numbers: Floats) -> Evaluation:
+        """Return residuals and derivatives of the four-bars of some numbers."""
+        index, samples, scale = numbers.astype(int), self.fit.samples, self.scale
+        turn, offset, start, x, y, pivot_x, pivot_y = unknowns.T[:, :, None]
+        loop, branch = close_loop(self.links[index], self.crank[index] + start), self.branch[index]
+        coupler, rate = loop.coupler_angle(branch), loop.coupler_angle_gradient(branch)[..., 4]
+        pin = self.links[index, :1] * np.exp(1j * (loop.crank_angle + turn))
+        axis = scale * np.exp(1j * (coupler + turn))
+        arm = (x + 1j * y) * axis
+        around = self.to_a[index] * np.exp(1j * turn) + pin + arm
+        missed = self.fit.misses(scale * (pivot_x + 1j * pivot_y) + around, coupler + turn + offset)
+        still, one = np.zeros(coupler.shape), np.ones(coupler.shape)
+        moves = [1j * around, still, 1j * (pin + rate * arm), axis, 1j * axis, scale * one, 1j * scale * one]
+        rows = weighted(samples, np.stack([one, one, rate, *[still] * 4]), np.stack(moves))
+        drive = rows[2]
+        rows = np.concatenate([rows * self.varies[:, None, None, None], missed[None]])
+        if not self.fit.timed:
+            with np.errstate(all="ignore"):
+                share = np.sum(rows * drive, axis=-2) / np.sum(drive**2, axis=-2)
+            rows = rows - share[:, :, None] * drive
+            self.crank[index] -= np.nan_to_num(np.clip(share[-1], -0.3, 0.3))
+        rows = rows.reshape(len(rows), len(index), -1).swapaxes(0, 1)
+        known = np.isfinite(rows).all(axis=(1, 2))
+        return Evaluation(np.where(known, np.sum(rows[:, -1] ** 2, axis=1), np.inf), np.nan_to_num(rows))
 
 
 class _Restored:
