@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import replace
-from inspect import Parameter, Signature
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import wraps
 from itertools import combinations
+from typing import Literal, TypeVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from linkage_atlas.arguments import Fields, build, check_names, column, number, one_of, radians_in, sequence
 from linkage_atlas.motions import Motion
@@ -20,6 +22,7 @@ from synthesis.poses import Poses
 from synthesis.target import Samples
 from synthesis.work import OutOfTime, Work
 
+T = TypeVar("T")
 PRESETS = ("practical", "none")
 """Sets of limits by name; the default with free crank angles, and the default with given ones."""
 LIMITS = {name: form for name, form in FORMS.items() if form.kind != "reach"}
@@ -39,10 +42,26 @@ QUICK, QUICK_ROUNDS = 0.1, 2
 Search = Callable[[model.Limits, Work], tuple[Sequence[object], object]]
 
 
-class Limits(dict[str, object]):
-    """Limits on the linkages of a search, in the units of the motion: a mapping of the limits that are not None.
+def _with_checked_names(kind: type[T]) -> type[T]:
+    """Make a dataclass raise FieldError with similar names if a field is unknown."""
+    initialize = kind.__init__
 
-    `synthesize` checks the values against the motion. Everything that takes limits also takes another mapping of the same names.
+    @wraps(initialize)
+    def checked(self: T, **limits: object) -> None:
+        check_names("/limits", limits, (*LIMITS, "preset"), "limit")
+        initialize(self, **limits)
+
+    kind.__init__ = checked  # type: ignore[method-assign, assignment]
+    return kind
+
+
+@_with_checked_names
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Limits(Mapping[str, object]):
+    """Limits on the linkages of a search, in the units of the motion; a field that is None limits nothing.
+
+    `synthesize` checks the values against the motion. Everything that takes limits also takes a mapping with the same names,
+    and `Limits` is such a mapping of the fields that are set.
 
     Parameters
     ----------
@@ -60,9 +79,39 @@ class Limits(dict[str, object]):
     Limits(transmission_angle_min=40, pivot_box=[-50, -50, 250, 250])
     """
 
-    def __init__(self, **limits: object) -> None:
-        check_names("/limits", limits, (*LIMITS, "preset"), "limit")
-        super().__init__({name: value for name, value in limits.items() if value is not None})
+    family: Literal["full_crank", "crank_rocker", "double_crank", "any"] | None = None
+    transmission_angle_min: float | None = None
+    transmission_angle_min_turn: float | None = None
+    pivot_a: ArrayLike | None = None
+    pivot_b: ArrayLike | None = None
+    pivot_box: ArrayLike | None = None
+    pivot_a_box: ArrayLike | None = None
+    pivot_b_box: ArrayLike | None = None
+    keep_out: Sequence[ArrayLike] | None = None
+    link_ratio_max: float | None = None
+    link_min: float | None = None
+    link_max: float | None = None
+    links: Mapping[str, float | None] | None = None
+    coupler_radius_max: float | None = None
+    envelope: ArrayLike | None = None
+    stroke_max: float | None = None
+    rail_box: ArrayLike | None = None
+    cylinder_dead_length: float | None = None
+    cylinder_extended_max: float | None = None
+    arm_min: float | None = None
+    preset: Literal["practical", "none"] | None = None
+
+    def __getitem__(self, name: str) -> object:
+        value = getattr(self, name) if name in self.__dataclass_fields__ else None
+        if value is None:
+            raise KeyError(name)
+        return value
+
+    def __iter__(self) -> Iterator[str]:
+        return (name for name in self.__dataclass_fields__ if getattr(self, name) is not None)
+
+    def __len__(self) -> int:
+        return sum(1 for _ in self)
 
     def __repr__(self) -> str:
         return f"Limits({', '.join(f'{name}={value!r}' for name, value in self.items())})"
@@ -86,9 +135,6 @@ _ROWS = [
     for name, form in LIMITS.items()
 ]
 Limits.__doc__ = (Limits.__doc__ or "").replace("{parameters}", "\n    ".join([*_ROWS, _PRESET]))
-Limits.__signature__ = Signature(  # type: ignore[attr-defined]
-    [Parameter(name, Parameter.KEYWORD_ONLY, default=None) for name in (*LIMITS, "preset")]
-)
 
 
 def read_limits(limits: Fields | None, motion: Motion) -> model.Limits:

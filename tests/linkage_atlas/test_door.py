@@ -3,6 +3,7 @@
 An argument that is read differently, or an import that loads heavy libraries, would show here.
 """
 
+import dataclasses
 import doctest
 import importlib
 import json
@@ -319,7 +320,7 @@ def test_public_docstrings_are_complete(name) -> None:
 
 def test_the_fields_of_limits_are_described_and_checked_by_name() -> None:
     described = re.findall(r"^    (\w+) : ", la.Limits.__doc__ or "", re.MULTILINE)
-    assert described == [*LIMITS, "preset"]
+    assert described == [field.name for field in dataclasses.fields(la.Limits)] == [*LIMITS, "preset"]
     with pytest.raises(la.FieldError, match="near: link_max"):
         la.Limits(link_mx=200)
 
