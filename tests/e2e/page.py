@@ -264,8 +264,9 @@ class Page:
             file.unlink(missing_ok=True)
             self.press(button, device)
         while not (file.exists() and file.stat().st_size):
-            assert time.monotonic() < end, f"{name} was not saved"
-            time.sleep(0.01)
+            note = self.run("return document.getElementById('export-note')?.textContent")  # keeps the page awake too
+            assert time.monotonic() < end, f"{name} was not saved: {note}"
+            time.sleep(0.02)
         return file.read_bytes()
 
     def middle_of(self, element: Any) -> tuple[float, float]:
