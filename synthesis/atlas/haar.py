@@ -85,3 +85,29 @@ def curve_from_features(average: ArrayLike, details: ArrayLike) -> Floats:
         curve[..., step // 2 :: step] = curve[..., ::step] - half
         curve[..., ::step] += half
     return curve
+
+
+def resample(crank_angle: ArrayLike, curve: ArrayLike) -> tuple[Floats, Floats]:
+    """Return a curve at evenly spaced crank angles, whose number is the next power of two.
+
+    Parameters
+    ----------
+    crank_angle : array_like, shape (N,)
+        Strictly monotonic, N >= 3.
+    curve : array_like, shape (..., N)
+
+    Returns
+    -------
+    crank_angle, curve : ndarray, shape (2^j,) and (..., 2^j)
+        Both ends included, 2^j >= N. Unchanged if the samples are even and their number is a power of two, otherwise
+        a cubic spline through the samples (not-a-knot ends). Law: cubics are reproduced exactly.
+    """
+    angle, curve = np.asarray(crank_angle, dtype=float), np.asarray(curve, dtype=float)
+    samples = 1 << (angle.size - 1).bit_length()
+    even = np.linspace(angle[0], angle[-1], samples)
+    if samples == angle.size and np.allclose(even, angle, rtol=0, atol=1e-12 * abs(angle[-1] - angle[0])):
+        return angle, curve
+    from scipy.interpolate import CubicSpline
+
+    sign = 1.0 if angle[-1] > angle[0] else -1.0
+    return even, CubicSpline(sign * angle, curve, axis=-1)(sign * even)
