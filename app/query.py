@@ -34,7 +34,6 @@ import numpy as np
 from pydantic import (
     AllowInfNan,
     BaseModel,
-    BeforeValidator,
     ConfigDict,
     Field,
     PlainSerializer,
@@ -93,8 +92,6 @@ Column = Annotated[SkipValidation[list[float]], PlainSerializer(_listed, return_
 PointColumn = Annotated[
     SkipValidation[list[tuple[float, float]]], PlainSerializer(_paired, return_type=list[tuple[float, float]])
 ]
-FiniteOrNull = Annotated[float | None, BeforeValidator(lambda x: x if x is None or math.isfinite(x) else None)]
-"""Number that is null in a reply if the result is NaN or infinite."""
 AngleUnit = Literal["deg", "rad"]
 LengthUnit = Literal["um", "mm", "cm", "m", "in", "ft"]
 

@@ -60,8 +60,6 @@ def _pair_difference(a: Floats, b: Floats, c: Floats, d: Floats) -> Floats:
 
 _PAIRINGS = ((1, 2, 1), (3, 3, 2), (0, 0, 0), (2, 1, 3))
 """Links that are added, and links that are subtracted, in each of the three excesses."""
-EXCESSES = np.array([[-1.0, 1.0, -1.0, 1.0], [-1.0, -1.0, 1.0, 1.0], [-1.0, 1.0, 1.0, -1.0]])
-"""Derivatives of the three excesses by the lengths, as coefficients."""
 
 
 def grashof_excesses(lengths: ArrayLike) -> tuple[Floats, Floats, Floats]:

@@ -15,7 +15,7 @@ from synthesis.target import TURN
 
 
 class _Guide:
-    """What a guide has and does."""
+    """Properties and geometry of a guide."""
 
     __slots__ = ()
     has_pin: ClassVar[bool] = True

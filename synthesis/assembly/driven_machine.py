@@ -125,7 +125,7 @@ class Strut:
 
     link: str
     on: str
-    """What carries the other end."""
+    """Name of the link that carries the other end, or of the ground."""
     pin: complex
     """Pin in the frame of ``link``."""
     end: complex

@@ -86,18 +86,18 @@ def generate(
     if target.clockwise:
         found, report = generate(tables, target.mirrored(), limits, largest, top, tolerance, work)
         return [generator.mirrored() for generator in found], report
-    few, many = list[Generator](), max(top, OPTIONS.ranked)
+    few, max_results = list[Generator](), max(top, OPTIONS.ranked)
     if not largest and is_few(target, limits.relative):
-        few = exact_generators(target, limits, many, tolerance, work)
+        few = exact_generators(target, limits, max_results, tolerance, work)
         if few and few[0].transmission_angle_min > OPTIONS.usable and target.crank.size < MOST_PAIRS:
             trace = [(work.elapsed, few[0].errors.objective)]
             return few[:top], SearchReport(StoppedBy.TOLERANCE, trace, work.elapsed, len(few))
-    found, report = _generate_any(tables, target, limits, largest, many, tolerance, work)
-    found = distinct(few + found, many, APART) if few else found
+    found, report = _generate_any(tables, target, limits, largest, max_results, tolerance, work)
+    found = distinct(few + found, max_results, APART) if few else found
     if found and not is_usable(min(found, key=_error)) and not work.expired():
         within = replace(limits, limits=replace(limits.limits, transmission_angle_min=OPTIONS.usable))
-        more, _ = _generate_any(tables, target, within, largest, many, tolerance, work)
-        found = distinct(found + more, 2 * many, APART)
+        more, _ = _generate_any(tables, target, within, largest, max_results, tolerance, work)
+        found = distinct(found + more, 2 * max_results, APART)
     return best_built(target, found, top, tolerance, is_sized(limits)), report
 
 
@@ -137,12 +137,12 @@ def _searched(
     target: TargetFunction,
     limits: FunctionLimits,
     largest: bool,
-    many: int,
+    max_results: int,
     tolerance: float,
     work: Work,
 ) -> tuple[list[Generator], SearchReport]:
-    """Search for ``many`` linkages of a law."""
-    run = FunctionSearch(target, law, limits, largest, many, tolerance, work)
+    """Search for ``max_results`` linkages of a law."""
+    run = FunctionSearch(target, law, limits, largest, max_results, tolerance, work)
     found = run.run()
     stopped = stopped_by(found, tolerance, work)
     return found, SearchReport(stopped, run.trace, run.screened, run.seeds, run.settled or not found)
@@ -153,15 +153,15 @@ def _generate_any(
     target: TargetFunction,
     limits: FunctionLimits,
     largest: bool,
-    many: int,
+    max_results: int,
     tolerance: float,
     work: Work,
 ) -> tuple[list[Generator], SearchReport]:
-    """Search for ``many`` four-bars for any number of pairs; see `generate`."""
+    """Search for ``max_results`` four-bars for any number of pairs; see `generate`."""
     if largest or not limits.relative.only_family or target.one_way:
-        return _searched(FOUR_BAR, target, limits, largest, many, tolerance, work)
+        return _searched(FOUR_BAR, target, limits, largest, max_results, tolerance, work)
     family, answers = Limits(family=limits.limits.family), partial(exchanged_back, target, limits)
-    found, report = search(tables, target.target, family, many, tolerance, work, answers)
+    found, report = search(tables, target.target, family, max_results, tolerance, work, answers)
     prescribed = target.start is not None or target.offset is not None
     lopsided = _is_lopsided(found, tolerance)
     missed = prescribed and Status.of(found, tolerance) is not Status.REACHED
@@ -171,8 +171,10 @@ def _generate_any(
     # If its best linkage is out of proportion, as for the function of a parallelogram, others may be as good.
     even = replace(limits, limits=replace(limits.limits, link_ratio_max=OPTIONS.even_ratio_max))
     within = limits if missed else even
-    more, second = _searched(FOUR_BAR, target, within, False, many, tolerance, work)
-    found = best_built(target, distinct(found + more, 2 * many, APART), many, tolerance, is_sized(limits))
+    more, second = _searched(FOUR_BAR, target, within, False, max_results, tolerance, work)
+    found = best_built(
+        target, distinct(found + more, 2 * max_results, APART), max_results, tolerance, is_sized(limits)
+    )
     trace = fallen(report.trace, second.trace)
     return found, second._replace(
         stopped_by=stopped_by(found, tolerance, work),

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.arrays import Floats, rows_at
-from synthesis.function.descent import Linear
+from synthesis.constrained_descent import Linear
 from synthesis.function.laws import ANGLE, FourBarLaw, FunctionLimits
 from synthesis.function.target_function import TargetFunction
 from synthesis.function.travel_laws import TravelLaw

@@ -17,10 +17,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from synthesis.arrays import Floats, Ints, rows_at, rows_of_all
+from synthesis.constrained_descent import OPTIONS as STEPS
+from synthesis.constrained_descent import Descended, descend
 from synthesis.function.answers import OPTIONS as ANSWERS
 from synthesis.function.answers import Generator, extremes, look, within_limits
-from synthesis.function.descent import OPTIONS as STEPS
-from synthesis.function.descent import Descended, descend
 from synthesis.function.laws import ANGLE, FunctionLimits
 from synthesis.function.problem import AnyLaw, FunctionProblem, Inputs
 from synthesis.function.target_function import TargetFunction

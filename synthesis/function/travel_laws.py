@@ -396,7 +396,7 @@ LAWS = (
     ),
     TravelLaw(Kind.RAIL_SLOT, Driver.CYLINDER, LENGTH, _LEVER[:1], _BOTH, *_SLIDER_BY_CYLINDER, inverse=True),
 )
-"""Laws with travel; those of linkages that are built most often come first."""
+"""Laws with travel; the linkages that are built most often come first."""
 
 
 def laws_for(kinds: Sequence[str], input: str, output: str) -> list[TravelLaw]:

@@ -72,15 +72,15 @@ class RoundingOptions:
     first_steps: tuple[int, float] = 8, 1e-3
     """Largest number of steps of the least squares, and the relative decrease of the squared error that ends them."""
     together_steps: tuple[int, float] = 12, 1e-2
-    """The same for four-bars, which are fitted together."""
+    """Limits of the steps, as for `first_steps`, of four-bars, which are fitted together."""
     steps: tuple[int, float] = 30, 1e-7
-    """The same for the best combination."""
+    """Limits of the steps, as for `first_steps`, of the best combination."""
     change_weight: float = 1e-2
     """Weight of a length's own change beside the estimate: of lengths that the motion does not fix the nearest come first."""
     travel_steps: int = 30
     """Largest number of Newton steps towards the travel at which the body is nearest to a sample."""
     few_travel_steps: int = 5
-    """The same in each step of the least squares, which begins with the travel of the step before."""
+    """Largest number of these Newton steps in a step of the least squares, which begins with the travel of the step before."""
     arrived: float = 1e-7
     """Step, relative to the longest step, that is the last: the next step would be its square."""
     halvings: int = 20

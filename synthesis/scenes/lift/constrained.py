@@ -5,7 +5,7 @@ The problem of the source is such a search with a collinear start and an upper b
 The search variables are l2, gamma, l3 and the closed length; b follows from the cylinder length at the start. With
 the collinear start, l3 and b follow from (31) and (32). Every design therefore meets the stroke exactly. The best of
 a set of evenly distributed designs are the starting points of a least-squares descent with at most four variables
-(`synthesis.function.descent`), whose conditions are the slacks in all poses. All starting points are processed at once.
+(`synthesis.constrained_descent`), whose conditions are the slacks in all poses. All starting points are processed at once.
 
 Numbers in parentheses are equations of the source named in `synthesis.scenes.lift.pose`.
 """
@@ -18,8 +18,8 @@ from typing import Any
 
 import numpy as np
 
+from synthesis.constrained_descent import Linear, descend
 from synthesis.errors import FieldError
-from synthesis.function.descent import Linear, descend
 from synthesis.one_variable import Flags, Floats
 from synthesis.scenes.lift.constraints import (
     OPTIONS,

@@ -1,7 +1,7 @@
-"""Sequential quadratic steps for function generators within limits: least squares, or the minimax error.
+"""Sequential quadratic steps of many candidates within limits: least squares, or the minimax error.
 
-Unknowns of a candidate are x = (ln L1/L4, ln L2/L4, ln L3/L4, theta1', offset). With the weighted errors e and the
-conditions c of the limits linearized in a step d, a step is the solution of a convex program in (d, h, s)::
+With the weighted errors e and the conditions c of the limits at the unknowns x of a candidate, linearized in a step d, a step
+is the solution of a convex program in (d, h, s)::
 
     minimax error         minimise h + nu s              over |e + J d| <= h
     least squares         minimise |e + J d|^2 / (2 |e|) + nu s
@@ -18,13 +18,10 @@ from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-from synthesis.arrays import Flags, Floats
+from synthesis.arrays import Flags, Floats, Ints
 from synthesis.quadratic import minimise_quadratics
 from synthesis.work import Work
-
-Ints = NDArray[np.intp]
 
 
 @dataclass(frozen=True)
@@ -86,7 +83,7 @@ class Descended(NamedTuple):
 def descend(
     linear: Linearise,
     unknowns: Floats,
-    free: NDArray[np.intp],
+    free: Ints,
     box: tuple[Floats, Floats],
     *,
     largest: bool,
