@@ -42,6 +42,8 @@ IN_SIGHT = OPEN + (
     "e.scrollIntoView({block: 'center'}); return e"
 )
 """Script that returns an element in the open step, scrolled out from under the bar with Solve on other pages."""
+COUNT_CLICKS = "window.pressed = 0; arguments[0].addEventListener('click', () => window.pressed++, {once: true})"
+"""Script that counts the next click of an element."""
 SERIOUS = (
     "const rules = Object.fromEntries(axe._audit.rules.filter((one) => ['minor', 'moderate'].includes(one.impact))"
     ".map((one) => [one.id, {enabled: false}]));"
@@ -231,12 +233,17 @@ class Page:
         return element
 
     def press(self, selector: str, device: str = "mouse") -> None:
-        """Press a button by mouse, Enter or tap."""
+        """Press a button by mouse, Enter or tap; again if it moved away because something above it arrived."""
         element = self.pick(selector)
         if device == "keyboard":
             element.send_keys(Keys.ENTER)
-        else:
+            return
+        self.run(COUNT_CLICKS, element)
+        for _ in range(5):
             self.centre(element).click()
+            if self.run("return window.pressed"):
+                return
+        raise AssertionError(f"{selector} is never where it was a moment ago")
 
     def select(self, name: str, value: str) -> None:
         Select(self.find(name)).select_by_value(value)

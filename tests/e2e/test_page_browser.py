@@ -208,6 +208,9 @@ def test_parts_are_taken_away_and_stand_on_the_sheet(page) -> None:
     rows = list(csv.DictReader(io.StringIO(page.saved("linkage-1.parts.csv", "[data-format=parts]").decode())))
     assert {row["material"] for row in rows} == {"PLA"} and "board_above" in {row["name"] for row in rows}
     page.wait("document.querySelector('#stack rect.board') && document.querySelector('#parts svg path')")
+    edges = "return ['parts', 'export-note'].map((name) => document.getElementById(name).getBoundingClientRect().top)"
+    top, bottom = page.run(edges)
+    assert top > bottom, "no export button moves under the pointer when the preview of the parts arrives"
     page.run("window.print = () => dispatchEvent(new Event('beforeprint'))")
     page.find("print").click()
     assert "Layers from the side, and flat parts" in page.content("sheet") and page.count("#sheet .parts svg") == 2
