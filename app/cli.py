@@ -20,12 +20,7 @@ from app.fourbar import QUESTIONS
 from app.registry import queries_named
 from app.scenes import SCENES
 from app.terminal import EPILOG, Exit
-from linkage_atlas import (
-    AtlasError,
-    AtlasFault,
-    FieldError,
-    __version__,
-)
+from linkage_atlas import AtlasError, AtlasFault, FieldError, __version__
 
 DESCRIPTION = """Find planar linkages for a required motion.
 

@@ -123,10 +123,7 @@ def run_export(options: argparse.Namespace) -> int:
     if source.table is not None:
         print(*sentences([source.table.note]), file=sys.stderr)
     resources = _resources(options)
-    with (
-        waiting("computing", resources.max_budget_ms / 1000),
-        pointing(lambda field: field.removeprefix("/request")),
-    ):
+    with waiting("computing", resources.max_budget_ms / 1000), pointing(lambda field: field.removeprefix("/request")):
         content = LINKAGE_FILES.render(request, resources)
     file = None if options.example or options.file == "-" else Path(options.file)
     stem = options.example or ("linkage" if file is None else file.name.partition(".")[0])

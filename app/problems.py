@@ -94,10 +94,7 @@ def error_rows(errors: Sequence[Any]) -> list[dict[str, Any]]:
 
 
 def problem(
-    status: int,
-    detail: str,
-    errors: list[dict[str, Any]] | None = None,
-    headers: dict[str, str] | None = None,
+    status: int, detail: str, errors: list[dict[str, Any]] | None = None, headers: dict[str, str] | None = None
 ) -> Response:
     """Return a problem+json response.
 

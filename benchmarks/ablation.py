@@ -225,12 +225,7 @@ def heuristics() -> tuple[Heuristic, ...]:
                 FREE,
                 None,
             ),
-            (
-                "multipliers",
-                "Limits have Lagrange multipliers in addition to a growing penalty.",
-                APPROXIMATE,
-                None,
-            ),
+            ("multipliers", "Limits have Lagrange multipliers in addition to a growing penalty.", APPROXIMATE, None),
             (
                 "restoration",
                 "Newton steps move a candidate onto the limits that it still violates.",
@@ -261,30 +256,15 @@ def heuristics() -> tuple[Heuristic, ...]:
                 (*APPROXIMATE, "path"),
                 None,
             ),
-            (
-                "flipped branches",
-                "Some perturbations change the branch.",
-                (*APPROXIMATE, "path"),
-                None,
-            ),
-            (
-                "three widths",
-                "Perturbations are wide, medium and narrow in turn.",
-                APPROXIMATE,
-                None,
-            ),
+            ("flipped branches", "Some perturbations change the branch.", (*APPROXIMATE, "path"), None),
+            ("three widths", "Perturbations are wide, medium and narrow in turn.", APPROXIMATE, None),
             (
                 "heavy tails",
                 "Perturbations follow Student's distribution with 3 degrees of freedom.",
                 (*APPROXIMATE, "path", "change point"),
                 [(crank_driven, "np", Numpy())],
             ),
-            (
-                "later restarts",
-                "Every third round starts from new seeds.",
-                APPROXIMATE,
-                None,
-            ),
+            ("later restarts", "Every third round starts from new seeds.", APPROXIMATE, None),
             (
                 "straying candidates last",
                 "Candidates that leave the path between samples count with twice their error.",
@@ -309,12 +289,7 @@ def heuristics() -> tuple[Heuristic, ...]:
                 APPROXIMATE,
                 schedules(leading=0),
             ),
-            (
-                "last polish",
-                "The best four answers are refined once more at the end.",
-                APPROXIMATE,
-                None,
-            ),
+            ("last polish", "The best four answers are refined once more at the end.", APPROXIMATE, None),
             (
                 "fewer samples",
                 "Long requests are searched on a few samples and refined on all.",
@@ -375,18 +350,8 @@ def heuristics() -> tuple[Heuristic, ...]:
                 APPROXIMATE,
                 None,
             ),
-            (
-                "sliders: reuse penalty",
-                "The same penalty in the search for linkages with sliders.",
-                SLIDERS,
-                None,
-            ),
-            (
-                "sliders: one guide moves",
-                "In half of the perturbations one guide hardly moves.",
-                SLIDERS,
-                None,
-            ),
+            ("sliders: reuse penalty", "The same penalty in the search for linkages with sliders.", SLIDERS, None),
+            ("sliders: one guide moves", "In half of the perturbations one guide hardly moves.", SLIDERS, None),
             (
                 "sliders: relatives",
                 "A basin of one kind and drive is also a start for the others.",
@@ -424,12 +389,7 @@ def heuristics() -> tuple[Heuristic, ...]:
                 SLIDERS,
                 None,
             ),
-            (
-                "sliders: calibrated odds",
-                "The same estimate for linkages with sliders.",
-                SLIDERS,
-                None,
-            ),
+            ("sliders: calibrated odds", "The same estimate for linkages with sliders.", SLIDERS, None),
             (
                 "functions: restored candidates",
                 "Candidates that violate a limit slightly are moved back within it.",

@@ -219,7 +219,7 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
     worse = sum(row["pylinkage"] > row["error"] for row in free)
     return report.tables("function", {"functions": [row for row in functions if row["known"] is not None]}) | {
         "all": f"Of all {len(functions)} functions differential evolution's error is larger by more than 1 % in {beaten} and "
-        f"smaller by as much in {better}; of the {len(free)} without limits pylinkage's is larger in {worse}",
+        f"smaller by as much in {better}; of the {len(free)} without limits pylinkage's is larger in {worse}"
     }
 
 

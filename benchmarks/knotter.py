@@ -119,10 +119,7 @@ def agreement(computed: dict[str, bool], printed: dict[str, bool]) -> list[str]:
     comment = (
         f"different verdicts at {', '.join(wrong)}" if wrong else "the same pairs; the inputs are fitted to them"
     )
-    return [
-        f"{sum(printed.values())} of {len(printed)}",
-        f"{sum(computed.values())} of {len(computed)}, {comment}",
-    ]
+    return [f"{sum(printed.values())} of {len(printed)}", f"{sum(computed.values())} of {len(computed)}, {comment}"]
 
 
 def pair_names(pairs: list) -> str:
@@ -176,10 +173,7 @@ def blocks(results: dict) -> dict[str, str]:
 def measure() -> Iterator[dict[str, Any]]:
     """Measure everything."""
     found = figures()
-    yield {
-        "figures": found,
-        "predicates": list(predicate_errors()),
-    }
+    yield {"figures": found, "predicates": list(predicate_errors())}
 
 
 if __name__ == "__main__":

@@ -20,21 +20,8 @@ from benchmarks import report
 from benchmarks.lift_pictures import ARMS, CYLINDER, DESIGNS, POSES, REFERENCE, STROKE, on_constraints, task
 from benchmarks.report import Times, ends, percent, repeat
 from synthesis.scenes.lift.constrained import optimize, source_limits
-from synthesis.scenes.lift.motion import (
-    acceleration,
-    angular_velocities,
-    link_angles,
-    motion,
-    stroke,
-    velocity,
-)
-from synthesis.scenes.lift.optimum import (
-    Evaluator,
-    Objective,
-    Optimum,
-    Task,
-    optimum_motion,
-)
+from synthesis.scenes.lift.motion import acceleration, angular_velocities, link_angles, motion, stroke, velocity
+from synthesis.scenes.lift.optimum import Evaluator, Objective, Optimum, Task, optimum_motion
 from synthesis.scenes.lift.pose import (
     Cylinder,
     Design,
@@ -146,10 +133,7 @@ def integrate_adaptively(design: Design, method: str, tolerance: float) -> tuple
 
 def measure_integration() -> Iterator[dict[str, Any]]:
     """Measure error and run time of fixed and adaptive steps, and the run time of the closed form at the same times."""
-    fixed = {
-        "Euler": (euler_step, (1e-2, 1e-3, 1e-4)),
-        "RK4": (rk4_step, (1e-2, 5e-3, 2e-3, 1e-3, 1e-4)),
-    }
+    fixed = {"Euler": (euler_step, (1e-2, 1e-3, 1e-4)), "RK4": (rk4_step, (1e-2, 5e-3, 2e-3, 1e-3, 1e-4))}
     cases: list[tuple] = [
         (name, f"h = {h:g} s", integrate, CYLINDER, h, rule) for name, (rule, steps) in fixed.items() for h in steps
     ]
@@ -194,10 +178,7 @@ def measure_published() -> dict:
     designs = Design(*(value + spread[k] for k, value in enumerate(DESIGNS["published"].as_tuple())))
     values = Evaluator(task(Objective("discrete")))(designs)
     values = values[np.isfinite(values)]
-    tasks = {
-        "f": task(Objective("discrete")),
-        "f_as_printed": task(Objective("discrete", include_start=False)),
-    }
+    tasks = {"f": task(Objective("discrete")), "f_as_printed": task(Objective("discrete", include_start=False))}
     sums = {name: Evaluator(problem)(on_constraints(problem)) for name, problem in tasks.items()}
     initial = DESIGNS["initial"]
     theta = np.arctan2(initial.b, STROKE[0]) + float(design_constants(initial).gamma)

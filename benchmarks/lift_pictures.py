@@ -15,10 +15,7 @@ from synthesis.scenes.lift.pose import Cylinder, Design, pose_at_turn, turn_at_l
 from tests.oracles import lift as oracle
 
 REFERENCE = json.loads((ROOT / "tests/reference/lift_acceptance.json").read_text())
-DESIGNS = {
-    "initial": Design(*REFERENCE["designs"]["initial"]),
-    "published": Design(*REFERENCE["designs"]["optimum"]),
-}
+DESIGNS = {"initial": Design(*REFERENCE["designs"]["initial"]), "published": Design(*REFERENCE["designs"]["optimum"])}
 CYLINDER = Cylinder(220.0, 100.0)
 STROKE = (200.0, 510.0)
 """Heights of the published designs at the start and at the top, mm."""

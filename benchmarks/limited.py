@@ -225,8 +225,7 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
 
 
 def measure(
-    cases: Annotated[int, "of each kind"] = 60,
-    kept: Annotated[int, "exact cases that just keep their limits"] = 200,
+    cases: Annotated[int, "of each kind"] = 60, kept: Annotated[int, "exact cases that just keep their limits"] = 200
 ) -> Iterator[dict[str, Any]]:
     """Measure the exact cases, then the kinds in turn."""
     threadpool_limits(1, "blas")

@@ -30,10 +30,7 @@ def measure(
 ) -> Iterator[dict[str, Any]]:
     """Exact motions, and given drives."""
     rows = [_exact(kind, poses, cases) for kind in KINDS for poses in (4, 5, 6, 10, 30)]
-    yield {
-        "exact": [row for row in rows if row["cases"]],
-        "given": [_given_drive(kind, given) for kind in KINDS],
-    }
+    yield {"exact": [row for row in rows if row["cases"]], "given": [_given_drive(kind, given) for kind in KINDS]}
 
 
 def _exact(kind: str, poses: int, cases: int) -> dict[str, Any]:
@@ -66,9 +63,7 @@ def _given_drive(kind: str, cases: int) -> dict[str, Any]:
         exact += truth.incumbents.smallest < _EXACT
         off = 1e-3 * random.normal(size=(3, 12))
         noisy = make_poses(
-            rotation + off[0],
-            position + poses.length_scale * (off[1] + 1j * off[2]),
-            length_scale=poses.length_scale,
+            rotation + off[0], position + poses.length_scale * (off[1] + 1j * off[2]), length_scale=poses.length_scale
         )
         search = PairSearch(noisy, _ANY, drive_types, 1e-10, Work(), drive)
         search.run()
@@ -108,7 +103,7 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
     return report.tables("slider_search", {"exact": kinds}) | {
         "given": f"{exact:,} of {sum(row['cases'] for row in drives):,} below 1e-9; with noise of a thousandth {close:,} "
         "within 1 % of the descent from the linkage that made them, in "
-        f"{report.ends([row['median_processor_ms'] for row in drives])} ms at the median of each kind",
+        f"{report.ends([row['median_processor_ms'] for row in drives])} ms at the median of each kind"
     }
 
 

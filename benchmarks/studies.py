@@ -89,7 +89,7 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
     """The figures of docs/background/measurements.md."""
     forces = results["tables"]["forces"]
     return report.tables("studies", {"tolerances": results["tables"]["tolerances"]}) | {
-        "forces": report.power(max(row["worst"] for row in forces)),
+        "forces": report.power(max(row["worst"] for row in forces))
     }
 
 

@@ -72,13 +72,7 @@ def measure_load(
     return row
 
 
-def run(
-    workers: int,
-    times: int,
-    atlas: Path,
-    bodies: dict[str, list],
-    seconds: float,
-) -> dict[str, Any]:
+def run(workers: int, times: int, atlas: Path, bodies: dict[str, list], seconds: float) -> dict[str, Any]:
     """One arrangement: requests to each route from few and many clients."""
     with ExitStack() as stack:
         services = [

@@ -7,13 +7,7 @@ from docs.generated_pages import write_pages
 
 project = "linkage-atlas"
 version = release = linkage_atlas.__version__
-extensions = [
-    "myst_parser",
-    "numpydoc",
-    "sphinx.ext.autodoc",
-    "sphinx.ext.autosummary",
-    "sphinx_gallery.gen_gallery",
-]
+extensions = ["myst_parser", "numpydoc", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "sphinx_gallery.gen_gallery"]
 source_suffix = {".md": "markdown", ".rst": "restructuredtext"}
 exclude_patterns = ["_build", "generated", "examples/*", "*.ipynb", "_templates"]
 html_theme = "pydata_sphinx_theme"

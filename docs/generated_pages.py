@@ -11,12 +11,7 @@ from typing import Any
 from docs.messages import messages_page
 
 FOLDER = Path(__file__).parent / "generated"
-BOUNDS = {
-    "minimum": "at least",
-    "maximum": "at most",
-    "exclusiveMinimum": "above",
-    "exclusiveMaximum": "below",
-}
+BOUNDS = {"minimum": "at least", "maximum": "at most", "exclusiveMinimum": "above", "exclusiveMaximum": "below"}
 """Keys of JSON schema in words."""
 
 

@@ -249,6 +249,5 @@ def check_rows(solutions: int, interval: Interval | None) -> None:
     if rows > MOST_ROWS:
         max_solutions = MOST_ROWS * solutions // rows
         raise FieldError(
-            "/top",
-            f"must be at most {max_solutions} with `analysis` over this interval; it is {solutions}",
+            "/top", f"must be at most {max_solutions} with `analysis` over this interval; it is {solutions}"
         )

@@ -359,12 +359,7 @@ def _machine(linkage: Linkage, request: AskedAssembly, share: float, used: Inter
 
 
 def assembled(
-    linkage: Linkage,
-    request: AskedAssembly,
-    used: Interval,
-    radian: float,
-    work: Work,
-    where: str = "assembly/",
+    linkage: Linkage, request: AskedAssembly, used: Interval, radian: float, work: Work, where: str = "assembly/"
 ) -> Assembly:
     """Arrange the plates of a linkage over an interval of its drive's travel from the first sample, in the user's units.
 

@@ -28,10 +28,7 @@ FORMATS = {
 """Kinds of files; of two whose ending fits the first."""
 OF_PARTS = ("step", "3mf", "stl", "parts")
 """Kinds that are written from solid parts."""
-HELD = {
-    **dict.fromkeys(("assembly", "solids"), (*OF_PARTS, "plates", "mjcf")),
-    "drive": ("csv", "svg", "dxf"),
-}
+HELD = {**dict.fromkeys(("assembly", "solids"), (*OF_PARTS, "plates", "mjcf")), "drive": ("csv", "svg", "dxf")}
 """Kinds of files that can hold more than a linkage."""
 
 

@@ -161,12 +161,7 @@ def read_function_limits(limits: Fields | None, samples: Samples, degrees: bool)
 
 
 def _read(
-    limits: Fields | None,
-    samples: Samples,
-    radian: float,
-    forms: Mapping[str, Form],
-    preset: str,
-    default: Fields,
+    limits: Fields | None, samples: Samples, radian: float, forms: Mapping[str, Form], preset: str, default: Fields
 ) -> model.Limits:
     named = {**default, **{name: value for name, value in (limits or {}).items() if value is not None}}
     check_names("/limits", named, (*forms, "preset"), "limit")

@@ -10,14 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from linkage_atlas.analysis import Analysis, analysed, read_analysis
-from linkage_atlas.arguments import (
-    Fields,
-    column,
-    one_of,
-    pointing,
-    radians_in,
-    read_length_unit,
-)
+from linkage_atlas.arguments import Fields, column, one_of, pointing, radians_in, read_length_unit
 from linkage_atlas.assemblies import Assembly, assembled, read_assembly
 from linkage_atlas.files import check_held, content_of, with_drive
 from linkage_atlas.formats import FORMATS, kind_of

@@ -41,15 +41,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from pandas import DataFrame
 
-__all__ = [
-    "MAX_LENGTH",
-    "MAX_SAMPLES",
-    "MIN_LENGTH",
-    "MIN_POSES",
-    "MIN_SAMPLES",
-    "MOST_STOCK",
-    "Motion",
-]
+__all__ = ["MAX_LENGTH", "MAX_SAMPLES", "MIN_LENGTH", "MIN_POSES", "MIN_SAMPLES", "MOST_STOCK", "Motion"]
 
 _TURNS, _RADIANS = 2.0, 0.25
 """Largest range in turns, and smallest range in radians, of angles in degrees whose unit is questioned."""

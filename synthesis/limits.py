@@ -92,12 +92,7 @@ class Limits:
         float, Form("angle", "shape", "Smallest transmission angle over the used interval.")
     ] = 0.0
     transmission_angle_min_turn: Annotated[
-        float,
-        Form(
-            "angle",
-            "shape",
-            "Smallest transmission angle over the whole turn, where the crank turns fully.",
-        ),
+        float, Form("angle", "shape", "Smallest transmission angle over the whole turn, where the crank turns fully.")
     ] = 0.0
     pivot_a: Annotated[complex | None, Form("point", "position", "The crank's fixed pivot is given.")] = None
     pivot_b: Annotated[complex | None, Form("point", "position", "The rocker's fixed pivot is given.")] = None

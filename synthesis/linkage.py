@@ -244,9 +244,7 @@ class Linkage:
     def moved(self, turn: float, shift: complex) -> Linkage:
         """Return the linkage turned about the origin, then shifted; the frame of the body moves with it."""
         return replace(
-            self,
-            pivot_a=complex(self.pivot_a * np.exp(1j * turn) + shift),
-            ground_angle=self.ground_angle + turn,
+            self, pivot_a=complex(self.pivot_a * np.exp(1j * turn) + shift), ground_angle=self.ground_angle + turn
         )
 
     def mirrored(self) -> Linkage:

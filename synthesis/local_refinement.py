@@ -336,12 +336,7 @@ def crank_angles_at(poses: Poses, linkage: Linkage) -> Floats | None:
 
 
 def nearby_poses(
-    poses: Poses,
-    limits: Limits,
-    linkage: Linkage,
-    crank: Floats | None,
-    tolerance: float,
-    work: Work,
+    poses: Poses, limits: Limits, linkage: Linkage, crank: Floats | None, tolerance: float, work: Work
 ) -> list[Solution]:
     """Return a linkage moved no farther than needed; see `refine_poses` for the parameters."""
     timed = _candidates_of(poses, limits, _of_family(linkage, limits), crank)

@@ -202,8 +202,7 @@ def make_poses(
     """
     if position is None:
         raise FieldError(
-            "/position",
-            "is required with free crank angles, because rotations do not determine the linkage",
+            "/position", "is required with free crank angles, because rotations do not determine the linkage"
         )
     part, _ = read_samples(
         rotation, position, length_scale, rotation_weights, position_weights, min_samples=MIN_POSES

@@ -161,11 +161,7 @@ def distinct_rows(numbers: Floats, apart: float, maximum: int) -> NDArray[np.int
 
 
 def distinct(
-    answers: Sequence[A],
-    top: int,
-    apart: float = SAME,
-    order: Callable[[A], Any] = _objective,
-    exact: float = np.inf,
+    answers: Sequence[A], top: int, apart: float = SAME, order: Callable[[A], Any] = _objective, exact: float = np.inf
 ) -> list[A]:
     """Return the best linkages by objective that differ from each other; equal objectives preserve the order.
 

@@ -195,6 +195,5 @@ def _used(travel: Floats, closed: Flags) -> Interval:
     low, high = travel.min(axis=1), travel.max(axis=1)
     falls = travel[:, 0] >= high
     return Interval(
-        np.where(closed & falls, high, low),
-        np.where(closed, np.where(falls, high - TURN, low + TURN), high),
+        np.where(closed & falls, high, low), np.where(closed, np.where(falls, high - TURN, low + TURN), high)
     )

@@ -375,8 +375,7 @@ def make_target(
     if target.position is not None and _whole_turns(target.position_mean, target.crank):
         field = "/crank_span" if crank_angle is None else "/crank_angle"
         raise FieldError(
-            field,
-            "all positions have the same crank angle, up to whole turns; give different crank angles",
+            field, "all positions have the same crank angle, up to whole turns; give different crank angles"
         )
     return target
 

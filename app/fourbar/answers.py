@@ -13,24 +13,11 @@ from typing import Any, NamedTuple
 import linkage_atlas as la
 from app.fourbar import QUESTIONS, worked_example
 from app.fourbar.function_models import FunctionExportRequest, FunctionRequest
-from app.fourbar.models import (
-    AssemblyRequest,
-    DrivesRequest,
-    ExportRequest,
-    MatchRequest,
-    SynthesizeRequest,
-)
+from app.fourbar.models import AssemblyRequest, DrivesRequest, ExportRequest, MatchRequest, SynthesizeRequest
 from app.fourbar.motion import answer_motion, motion_table
 from app.fourbar.parts import GivenLinkage
 from app.fourbar.tables import assembly_table, drives_table, function_table, matches_table, synthesize_table
-from app.query import (
-    Files,
-    Query,
-    RequestModel,
-    Resources,
-    bundled_requests,
-    in_unit,
-)
+from app.query import Files, Query, RequestModel, Resources, bundled_requests, in_unit
 from linkage_atlas.arguments import pointing
 from linkage_atlas.assemblies import ASSEMBLY
 from linkage_atlas.formats import HELD, OF_PARTS
@@ -327,14 +314,7 @@ QUERIES = (
         files=LINKAGE_FILES,
         reads_atlas=True,
     ),
-    Query(
-        "function",
-        QUESTIONS["function"],
-        solve_function,
-        function_table,
-        is_long=is_long,
-        files=FUNCTION_FILES,
-    ),
+    Query("function", QUESTIONS["function"], solve_function, function_table, is_long=is_long, files=FUNCTION_FILES),
     Query("assembly", QUESTIONS["assembly"], answer_assembly, assembly_table, is_long=is_long, reads_atlas=True),
     Query("motion", QUESTIONS["motion"], answer_motion, motion_table, shows_units=False),
     Query(

@@ -6,25 +6,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from app.fourbar.fields import (
-    Above,
-    Angle,
-    Bounded,
-    Box,
-    LinkName,
-    LinkNames,
-    Pair,
-    PlacePair,
-    Size,
-    Words,
-)
-from app.query import (
-    Count,
-    Flag,
-    LengthUnit,
-    Number,
-    RequestModel,
-)
+from app.fourbar.fields import Above, Angle, Bounded, Box, LinkName, LinkNames, Pair, PlacePair, Size, Words
+from app.query import Count, Flag, LengthUnit, Number, RequestModel
 from linkage_atlas.analysis import MOST_LINK_MASSES
 from linkage_atlas.arguments import LARGEST
 from linkage_atlas.catalogues import ACTUATORS, MOST_ROWS, MOST_SPRING_ROWS, SPRINGS

@@ -7,12 +7,7 @@ from typing import Annotated, Any, Literal, get_args
 
 from pydantic import BeforeValidator, Field, WithJsonSchema, create_model
 
-from app.query import (
-    Count,
-    Number,
-    PositiveNumber,
-    RequestModel,
-)
+from app.query import Count, Number, PositiveNumber, RequestModel
 from linkage_atlas.arguments import LARGEST
 from linkage_atlas.functions.dials import MIN_PAIRS
 from linkage_atlas.geometry import KindName

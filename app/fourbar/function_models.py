@@ -8,15 +8,7 @@ from pydantic import Field
 
 from app.fourbar.fields import Length, Pairs, Tolerance, limits_request
 from app.fourbar.parts import GivenGenerator, GivenMaker
-from app.query import (
-    AngleUnit,
-    Count,
-    Flag,
-    LengthUnit,
-    Number,
-    PositiveNumber,
-    RequestModel,
-)
+from app.query import AngleUnit, Count, Flag, LengthUnit, Number, PositiveNumber, RequestModel
 from linkage_atlas.functions.dials import MIN_PAIRS
 from linkage_atlas.limits import FUNCTION_LIMITS
 from linkage_atlas.motions import MAX_SAMPLES, MIN_SAMPLES

@@ -34,15 +34,7 @@ from app.fourbar.fields import (
     limits_request,
 )
 from app.fourbar.parts import GivenDrive, GivenLinkage
-from app.query import (
-    AngleUnit,
-    Count,
-    Flag,
-    LengthUnit,
-    Number,
-    PositiveNumber,
-    RequestModel,
-)
+from app.query import AngleUnit, Count, Flag, LengthUnit, Number, PositiveNumber, RequestModel
 from linkage_atlas.assemblies import FIXED_PINS, LAYERS_MOST, MOST_CORNERS, MOST_LAYERS
 from linkage_atlas.geometry import DriverName
 from linkage_atlas.limits import LIMITS

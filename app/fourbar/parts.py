@@ -8,11 +8,7 @@ from pydantic import ConfigDict, Field
 
 import linkage_atlas as la
 from app.fourbar.fields import Angle, FarCoordinate, FarLength, FarPoint
-from app.query import (
-    Flag,
-    Number,
-    RequestModel,
-)
+from app.query import Flag, Number, RequestModel
 from linkage_atlas.geometry import DriverName
 from linkage_atlas.motions import MAX_SAMPLES, MIN_POSES
 

@@ -9,13 +9,7 @@ An actuator of 255 mm with 150 mm stroke is at hand: where do its two ends go so
 import linkage_atlas as la
 
 flap = {"pivot": [0, 0], "start": 0, "swing": 60, "length": 400}
-actuator = {
-    "kind": "actuator",
-    "retracted": 255,
-    "stroke": 150,
-    "ground_box": [-300, -400, 300, 0],
-    "reach_max": 300,
-}
+actuator = {"kind": "actuator", "retracted": 255, "stroke": 150, "ground_box": [-300, -400, 300, 0], "reach_max": 300}
 found = la.drives(rocker=flap, drives=[actuator], load={"force": [0, -100]}, length_unit="mm")
 print(found)
 

@@ -14,13 +14,7 @@ from linkage_atlas.arguments import Fields, check_above_zero, check_top, millime
 from linkage_atlas.drive_design.actuators import find_actuators
 from linkage_atlas.drive_design.motors import find_motors
 from linkage_atlas.drive_design.operation import Operation
-from linkage_atlas.drive_design.question import (
-    ActuatorRequest,
-    DriveQuestion,
-    DriveRequest,
-    Reader,
-    RotaryRequest,
-)
+from linkage_atlas.drive_design.question import ActuatorRequest, DriveQuestion, DriveRequest, Reader, RotaryRequest
 from linkage_atlas.drive_design.records import Drives, Refusal
 from linkage_atlas.drive_design.rotary import find_rotary
 from linkage_atlas.drive_design.springs import find_springs

@@ -199,11 +199,7 @@ class Reader:
         self.extent = None if is_example else machine.extent
 
     def question(
-        self,
-        load: object,
-        drives: object,
-        springs: object,
-        hand_point: ArrayLike | None = None,
+        self, load: object, drives: object, springs: object, hand_point: ArrayLike | None = None
     ) -> DriveQuestion:
         """Check a whole request; raise FieldError with the name of a field."""
         checked_hand = None if hand_point is None else pair("hand_point", hand_point, MAX_LENGTH)

@@ -10,14 +10,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkage_atlas.arguments import (
-    Fields,
-    check_names,
-    column,
-    number,
-    one_of,
-    radians_in,
-)
+from linkage_atlas.arguments import Fields, check_names, column, number, one_of, radians_in
 from synthesis.arrays import Floats
 from synthesis.errors import FieldError
 from synthesis.target import MAX_SAMPLES, MIN_SAMPLES
@@ -74,10 +67,7 @@ def read_dials(function: Fields, crank_span: float | None, degrees: bool) -> Dia
     if "table" in fields:
         for name in ("x", "exponent", "samples"):
             if name in fields:
-                raise FieldError(
-                    f"/function/{name}",
-                    "applies only to a function by `name`; remove it",
-                )
+                raise FieldError(f"/function/{name}", "applies only to a function by `name`; remove it")
         x, y = _table(fields["table"])
         of = None
     else:

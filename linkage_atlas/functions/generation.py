@@ -8,11 +8,7 @@ from typing import Literal
 
 from numpy.typing import ArrayLike
 
-from linkage_atlas.arguments import (
-    Fields,
-    check_above_zero,
-    check_top,
-)
+from linkage_atlas.arguments import Fields, check_above_zero, check_top
 from linkage_atlas.functions.dials import RealFunction
 from linkage_atlas.functions.notes import PRACTICAL_LIMITS_OFF, function_notes
 from linkage_atlas.functions.question import FunctionFields, FunctionQuestion

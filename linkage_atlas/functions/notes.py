@@ -8,13 +8,7 @@ import numpy as np
 
 from linkage_atlas.functions.question import FunctionQuestion
 from linkage_atlas.functions.results import AnyFunctionSolution, FunctionSolution
-from linkage_atlas.functions.special import (
-    CRANK_ROCKERS,
-    NO_CRANK_ROCKER,
-    SLIDER_CRANKS,
-    TOO_QUICK,
-    QuickReturn,
-)
+from linkage_atlas.functions.special import CRANK_ROCKERS, NO_CRANK_ROCKER, SLIDER_CRANKS, TOO_QUICK, QuickReturn
 from linkage_atlas.motions import unit_notes
 from linkage_atlas.notes import in_percent
 from linkage_atlas.result_notes import LOCAL, NUMERALS

@@ -24,13 +24,7 @@ from linkage_atlas.arguments import (
     radians_in,
 )
 from linkage_atlas.functions.dials import MIN_PAIRS, Dials, RealFunction, read_dials
-from linkage_atlas.functions.special import (
-    STEERING_NOTE,
-    QuickReturn,
-    read_quick_return,
-    read_steering,
-    with_ground,
-)
+from linkage_atlas.functions.special import STEERING_NOTE, QuickReturn, read_quick_return, read_steering, with_ground
 from linkage_atlas.limits import read_function_limits
 from linkage_atlas.motions import unwound
 from synthesis.arrays import Floats
@@ -427,11 +421,7 @@ class FunctionFields:
         weights = None if self.weights is None else column("weights", self.weights)
         with _naming("/function" if function is not None and "of" not in function else None):
             target = make_target(
-                rotation=values,
-                crank_span=span,
-                crank_angle=angles,
-                rotation_weights=weights,
-                min_samples=MIN_PAIRS,
+                rotation=values, crank_span=span, crank_angle=angles, rotation_weights=weights, min_samples=MIN_PAIRS
             )
         assert target.rotation is not None
         start = None if self.input_zero is None else number("input_zero", self.input_zero) * scales.input

@@ -10,15 +10,7 @@ import numpy as np
 from synthesis.arrays import Floats
 from synthesis.assembly.linkage_machine import as_plates
 from synthesis.assembly.machine import Hole, Machine, Pin, Plate, Sizes
-from synthesis.assembly.movement import (
-    GROUND,
-    Aimed,
-    Bodies,
-    BodyPoint,
-    Crank,
-    Movement,
-    Step,
-)
+from synthesis.assembly.movement import GROUND, Aimed, Bodies, BodyPoint, Crank, Movement, Step
 from synthesis.assembly.shapes import Shape, hull
 from synthesis.assembly.sizes import plate_sizes
 from synthesis.drives.six_bar import MOTOR_CRANK, ROD, Motor, SixBar
@@ -65,12 +57,7 @@ class SwungLinkage:
 
 
 def motor_driven(
-    linkage: Linkage,
-    used: Interval,
-    motor: Motor,
-    sizes: Sizes,
-    body: Sequence[complex] = (),
-    bar: bool = False,
+    linkage: Linkage, used: Interval, motor: Motor, sizes: Sizes, body: Sequence[complex] = (), bar: bool = False
 ) -> Machine:
     """Return a linkage that a motor moves from the start of an interval to its end and back.
 
@@ -98,11 +85,7 @@ def motor_driven(
     place = _Placed(plain, motor.link, plain.movement.names[GROUND], motor.pin, motor.at)
     first, second = place.numbers
     end = BodyPoint(first, complex(motor.crank))
-    steps = (
-        SwungLinkage(six, plain.movement),
-        Crank(first, place.foot, six.start),
-        Aimed(second, end, place.held),
-    )
+    steps = (SwungLinkage(six, plain.movement), Crank(first, place.foot, six.start), Aimed(second, end, place.held))
     crank, rod = ((0j, complex(length)) for length in (motor.crank, motor.rod))
     plates = (
         Plate(MOTOR_CRANK, first, Shape(crank, width / 2), (Hole(crank[:1], "M"), Hole(crank[1:], "K"))),
@@ -138,12 +121,7 @@ CYLINDER, PISTON_ROD = "cylinder", "piston_rod"
 
 
 def strut_driven(
-    linkage: Linkage,
-    used: Interval,
-    drive: Strut,
-    sizes: Sizes,
-    body: Sequence[complex] = (),
-    bar: bool = False,
+    linkage: Linkage, used: Interval, drive: Strut, sizes: Sizes, body: Sequence[complex] = (), bar: bool = False
 ) -> Machine:
     """Return a linkage with a cylinder over an interval of the linkage's own travel.
 

@@ -5,11 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from synthesis.assembly.movement import (
-    GROUND,
-    BodyPoint,
-    Movement,
-)
+from synthesis.assembly.movement import GROUND, BodyPoint, Movement
 from synthesis.assembly.shapes import Shape, nearest_on
 from synthesis.target import TURN, Interval
 

@@ -20,14 +20,7 @@ from synthesis.atlas.positions import PositionRequest
 from synthesis.atlas.request import STARTS, RotationRequest
 from synthesis.atlas.table import compute_series
 from synthesis.atlas.tree import WIDTH, Level, Tree, build_tree
-from synthesis.atlas.windows import (
-    FIRST_BATCH,
-    TIE,
-    BestWindows,
-    Numbering,
-    ScanReport,
-    Windows,
-)
+from synthesis.atlas.windows import FIRST_BATCH, TIE, BestWindows, Numbering, ScanReport, Windows
 from synthesis.fourbar.mechanism import FOURBAR
 from synthesis.pose import objective
 from synthesis.target import TURN, Target

@@ -29,17 +29,7 @@ from synthesis.descents import Timed
 from synthesis.exact_family import ImprovementOptions, improved
 from synthesis.four_bar import coupler_angle, transmission_angle_over
 from synthesis.fourbar.mechanism import AnyChart
-from synthesis.free.dyads import (
-    FEW,
-    Body,
-    Dyads,
-    Pairs,
-    centre_points,
-    circumcentre,
-    in_any_order,
-    in_order,
-    paired,
-)
+from synthesis.free.dyads import FEW, Body, Dyads, Pairs, centre_points, circumcentre, in_any_order, in_order, paired
 from synthesis.free.joint import JointProblem
 from synthesis.limits import Limits, in_family
 from synthesis.mechanism import Box, Placed

@@ -132,12 +132,7 @@ class PathScreen:
             error += 2 * np.maximum(1 - np.sqrt(aligned), 0.0)
         return error.reshape(count, len(self.lengths), 2, -1)
 
-    def seeds(
-        self,
-        poses: Poses,
-        chart: Chart,
-        missing: Missing | None = None,
-    ) -> Timed:
+    def seeds(self, poses: Poses, chart: Chart, missing: Missing | None = None) -> Timed:
         """Return starting points for a path, best first, at most one in each cell of shape, start, span and branch.
 
         For each type, branch and guess only the best start counts, and for each guess the best few types and branches,

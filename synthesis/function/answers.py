@@ -82,11 +82,7 @@ class Generator:
     def mirrored(self) -> Generator:
         """Return the four-bar in a mirror, for the mirrored function."""
         return replace(
-            self,
-            branch=-self.branch,
-            zero=-self.zero,
-            offset=-self.offset,
-            linkage=self.linkage.mirrored(),
+            self, branch=-self.branch, zero=-self.zero, offset=-self.offset, linkage=self.linkage.mirrored()
         )
 
     def output(self, travel: Floats) -> Floats:

@@ -110,10 +110,5 @@ class TargetFunction:
         """
         offset = None if self.offset is None else self.offset + np.pi
         return Target(
-            self.output,
-            None,
-            rotation_weights=self.weights,
-            crank=self.crank,
-            start=self.start,
-            offset=offset,
+            self.output, None, rotation_weights=self.weights, crank=self.crank, start=self.start, offset=offset
         )

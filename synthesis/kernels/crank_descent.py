@@ -12,14 +12,7 @@ import cython
 import numpy as np
 from cython import Py_ssize_t, bint, cclass, cfunc, declare, double, doublecomplex, final, inline
 from cython.cimports.libc.math import atan2, copysign, cos, fabs, floor, isfinite, rint, sin, sqrt
-from cython.cimports.synthesis.kernels.codes import (
-    BY_BODY,
-    BY_FIRST,
-    BY_LAST,
-    BY_PIVOT,
-    BY_TURNED,
-    GRASHOF,
-)
+from cython.cimports.synthesis.kernels.codes import BY_BODY, BY_FIRST, BY_LAST, BY_PIVOT, BY_TURNED, GRASHOF
 from cython.cimports.synthesis.kernels.crank_loops import Shape
 from cython.cimports.synthesis.kernels.four_bar_limits import Limits
 from cython.cimports.synthesis.kernels.plane import clip, cross, inner, times, vector

@@ -130,14 +130,7 @@ class Limits:
         return values, slopes
 
     @cfunc
-    def evaluate(
-        self,
-        first: double,
-        last: double,
-        pivot: doublecomplex,
-        turned: doublecomplex,
-        body: doublecomplex,
-    ):
+    def evaluate(self, first: double, last: double, pivot: doublecomplex, turned: doublecomplex, body: doublecomplex):
         """Fill ``values`` and ``slopes`` for the linkage in ``loop``, placed by the arguments."""
         self.first_angle = first
         self.last_angle = last

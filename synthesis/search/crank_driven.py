@@ -43,12 +43,7 @@ class CrankDriven(SearchProblem):
     """
 
     def __init__(
-        self,
-        refinements: Refinements,
-        on_all_samples: bool,
-        tolerance: float,
-        work: Work,
-        options: SearchOptions,
+        self, refinements: Refinements, on_all_samples: bool, tolerance: float, work: Work, options: SearchOptions
     ) -> None:
         self.refinements, self.on_all_samples, self.work, self.options = refinements, on_all_samples, work, options
         self.key = self.chart

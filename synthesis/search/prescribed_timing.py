@@ -54,12 +54,7 @@ class PrescribedTiming(CrankDriven):
     options: PrescribedTimingOptions
 
     def __init__(
-        self,
-        target: Target,
-        bounded: Bounded,
-        tolerance: float,
-        work: Work,
-        options: PrescribedTimingOptions,
+        self, target: Target, bounded: Bounded, tolerance: float, work: Work, options: PrescribedTimingOptions
     ) -> None:
         thin = target if target.samples <= options.max_samples else target.condensed(options.condensed_samples)
         self.within = problem_of(target, bounded)

@@ -160,9 +160,7 @@ class _Data:
         x: tuple[float, float, float] = _EAST,
         z: tuple[float, float, float] = _UP,
     ) -> str:
-        return self.add(
-            f"AXIS2_PLACEMENT_3D('',{self.point(position)},{self.direction(z)},{self.direction(x)})",
-        )
+        return self.add(f"AXIS2_PLACEMENT_3D('',{self.point(position)},{self.direction(z)},{self.direction(x)})")
 
     def vertex(self, position: complex, height: float) -> str:
         return self.add(f"VERTEX_POINT('',{self.point((position.real, position.imag, height))})")

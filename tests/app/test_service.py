@@ -202,11 +202,7 @@ def test_the_service_ends_in_time_with_a_search_under_way(name, small_bytes, tmp
 def test_workers_end_with_a_service_that_is_killed(tmp_path) -> None:
     with (
         pytest.raises(AssertionError),
-        started(tmp_path, "-m", "app.start", "serve", "--port", "0", "--no-atlas") as (
-            process,
-            _,
-            _,
-        ),
+        started(tmp_path, "-m", "app.start", "serve", "--port", "0", "--no-atlas") as (process, _, _),
     ):
         workers = children(process.pid)
         assert len(workers) >= 4, "two workers, the process that they are forked from, a tracker"

@@ -78,10 +78,7 @@ def test_a_study_has_its_bounds_and_says_so(client, monkeypatch) -> None:
 
 @pytest.mark.parametrize(
     ("kind", "names"),
-    [
-        ("json", "assembly solids drive"),
-        *((kind, "assembly solids") for kind in ("csv", "svg", "dxf")),
-    ],
+    [("json", "assembly solids drive"), *((kind, "assembly solids") for kind in ("csv", "svg", "dxf"))],
 )
 def test_what_a_file_does_not_hold_is_refused(kind, names, client) -> None:
     """Fields without effect used to be ignored."""

@@ -341,10 +341,7 @@ def test_tables_are_pasted_or_refused_with_a_reason(shared) -> None:
         )
         assert shown == wanted and shared.value("length-unit") == ("in" if "x in" in rows else "mm"), rows
     before = shared.table()
-    for rows, message in (
-        ("{", "JSON"),
-        ("x,y,phi\n1,2,3\n4,two,6", "Line 3, column 2 (y): 'two' is not a number."),
-    ):
+    for rows, message in (("{", "JSON"), ("x,y,phi\n1,2,3\n4,two,6", "Line 3, column 2 (y): 'two' is not a number.")):
         shared.paste(rows)
         assert message in shared.text("paste-error") and shared.table() == before, rows
         shared.click("paste-cancel")

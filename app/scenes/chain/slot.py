@@ -62,9 +62,7 @@ def slot_view(request: ChainSlotRequest, resources: Resources) -> SlotView:
         raise FieldError("/samples", message)
     start, dimensions = request.phase_start, request.arguments(exclude=NOT_DIMENSIONS)
     crescent, slot = crescent_slot(
-        **dimensions,
-        start=None if start is None else Angles(request.angle_unit).inward(start),
-        work=resources.work(),
+        **dimensions, start=None if start is None else Angles(request.angle_unit).inward(start), work=resources.work()
     )
     return SlotView(request, crescent, slot, slot.phases(request.samples))
 

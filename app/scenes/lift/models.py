@@ -183,20 +183,14 @@ Stroke = Annotated[
     list[Length], Field(min_length=2, max_length=2, json_schema_extra={"parts": ["start", "top"], "unit": "mm"})
 ]
 Range = Annotated[
-    list[Length | None],
-    Field(min_length=2, max_length=2, json_schema_extra={"parts": ["from", "to"], "unit": "mm"}),
+    list[Length | None], Field(min_length=2, max_length=2, json_schema_extra={"parts": ["from", "to"], "unit": "mm"})
 ]
 Times = Annotated[
-    list[Positive | None],
-    Field(min_length=2, max_length=2, json_schema_extra={"parts": ["from", "to"], "unit": "s"}),
+    list[Positive | None], Field(min_length=2, max_length=2, json_schema_extra={"parts": ["from", "to"], "unit": "s"})
 ]
 Box = Annotated[
     list[Coordinate | None],
-    Field(
-        min_length=4,
-        max_length=4,
-        json_schema_extra={"parts": ["left", "bottom", "right", "top"], "unit": "mm"},
-    ),
+    Field(min_length=4, max_length=4, json_schema_extra={"parts": ["left", "bottom", "right", "top"], "unit": "mm"}),
 ]
 
 
@@ -241,8 +235,7 @@ class ConstraintsModel(RequestModel):
         None, description="Largest ratio of cylinder force to load; null: no limit."
     )
     start: Literal["any", "collinear"] = Field(
-        "any",
-        description="collinear: A, B and O are collinear at the start (31), and l3 and l4 are at most l2 (35).",
+        "any", description="collinear: A, B and O are collinear at the start (31), and l3 and l4 are at most l2 (35)."
     )
 
 

@@ -9,13 +9,7 @@ import numpy as np
 from app.query import Angles as Unit
 from app.query import Numbers, Query, Resources
 from app.scenes.lift.files import drawings
-from app.scenes.lift.models import (
-    DEFAULT_SAMPLES,
-    ForcesReply,
-    MotionReply,
-    MotionRequest,
-    cylinder_of,
-)
+from app.scenes.lift.models import DEFAULT_SAMPLES, ForcesReply, MotionReply, MotionRequest, cylinder_of
 from linkage_atlas import FieldError, Work
 from synthesis.scenes.lift.files import joint_columns, motion_columns
 from synthesis.scenes.lift.motion import (

@@ -26,15 +26,7 @@ from synthesis.scenes.chain.closure import (
     find_minimum,
 )
 from synthesis.scenes.chain.crescent import LEFT_WHEEL, LOWER_ARC, RIGHT_WHEEL, UPPER_ARC, Crescent, crescent_for
-from synthesis.scenes.chain.track import (
-    PinMotion,
-    Points,
-    TrackPosition,
-    cross,
-    dot,
-    no_point_error,
-    pitch_error,
-)
+from synthesis.scenes.chain.track import PinMotion, Points, TrackPosition, cross, dot, no_point_error, pitch_error
 from synthesis.work import Work
 
 

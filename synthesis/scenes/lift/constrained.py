@@ -41,12 +41,7 @@ from synthesis.scenes.lift.optimum import (
     check_task,
     design_from_angle,
 )
-from synthesis.scenes.lift.pose import (
-    Design,
-    dead_point,
-    third_side,
-    triangle_angle,
-)
+from synthesis.scenes.lift.pose import Design, dead_point, third_side, triangle_angle
 from synthesis.work import Work
 
 

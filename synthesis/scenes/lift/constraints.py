@@ -170,10 +170,7 @@ def jerk(pose: Pose, cylinder_speed: Any, cylinder_acceleration: Any) -> Any:
 
 
 def quantities(
-    candidates: StrokeDesign,
-    task: Task,
-    nodes: int,
-    dead_point_nodes: int = OPTIONS.dead_point_nodes,
+    candidates: StrokeDesign, task: Task, nodes: int, dead_point_nodes: int = OPTIONS.dead_point_nodes
 ) -> dict[str, Floats]:
     """Compute the quantities that the constraints limit.
 

@@ -13,10 +13,7 @@ from app.scenes import scene_queries
 from app.study import without_times
 from synthesis.work import Cancelled, Work
 
-SLOW = {
-    "lift optimize-even",
-    "lift optimize-buildable",
-}
+SLOW = {"lift optimize-even", "lift optimize-buildable"}
 """Examples of queries with another example or their own test in test_knotter.py and test_lift.py."""
 EXAMPLES = [
     pytest.param(query, name, id=mark, marks=[pytest.mark.wide] * (mark in SLOW))

@@ -9,14 +9,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from synthesis.four_bar import (
-    FULL_CRANK,
-    Family,
-    close_loop,
-    family,
-    grashof_excesses,
-    transmission_angle_over,
-)
+from synthesis.four_bar import FULL_CRANK, Family, close_loop, family, grashof_excesses, transmission_angle_over
 from synthesis.target import TURN, Interval
 from tests.oracles import naive
 from tests.oracles.conditions import condition_of_closure

@@ -11,13 +11,7 @@ import pytest
 from synthesis.guides import Circle, Driver, Rail
 from synthesis.linkage import Linkage, four_bar, on_guides
 from synthesis.studies.sensitivity import Deviation, derivatives, dimensions_of
-from synthesis.studies.tolerance_analysis import (
-    SHARES,
-    Tolerances,
-    linear_quantiles,
-    manufactured,
-    simulate,
-)
+from synthesis.studies.tolerance_analysis import SHARES, Tolerances, linear_quantiles, manufactured, simulate
 from synthesis.work import Cancelled, Work
 from tests.oracles.guided_cases import DRIVES, NAMES, good_linkage
 

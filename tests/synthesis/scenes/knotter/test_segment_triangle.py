@@ -10,10 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from synthesis.scenes.knotter.segment_triangle import (
-    crosses_inside,
-    orientations,
-)
+from synthesis.scenes.knotter.segment_triangle import crosses_inside, orientations
 
 TRIANGLE = ((0.0, 16.0, -12.0), (0.0, 8.0, -28.0), (0.0, 0.0, 0.0))
 

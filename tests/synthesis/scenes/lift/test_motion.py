@@ -21,22 +21,8 @@ from hypothesis import strategies as st
 from synthesis.errors import FieldError
 from synthesis.scenes.lift import motion as lift_loops
 from synthesis.scenes.lift.files import design_csv, design_dxf, design_svg
-from synthesis.scenes.lift.motion import (
-    BAR,
-    Motion,
-    Pneumatics,
-    checked_stroke,
-    forces,
-    minimum_bore,
-    motion,
-)
-from synthesis.scenes.lift.pose import (
-    Cylinder,
-    Design,
-    dead_point,
-    pose_at_turn,
-    top_lever,
-)
+from synthesis.scenes.lift.motion import BAR, Motion, Pneumatics, checked_stroke, forces, minimum_bore, motion
+from synthesis.scenes.lift.pose import Cylinder, Design, dead_point, pose_at_turn, top_lever
 from tests.oracles import lift as oracle
 
 ROOT = Path(__file__).parents[4]
