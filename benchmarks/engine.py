@@ -31,7 +31,7 @@ from benchmarks import report
 from benchmarks.battery import CLOSED, OPEN, drawn
 from benchmarks.figures import BLUE, GREEN, ORANGE, PURPLE, figure
 from benchmarks.named_functions import ENDS, largest_error
-from synthesis.defects import LEAVES_SAMPLES
+from synthesis.excursions import LEAVES_SAMPLES
 from tests.oracles.classes import UNREACHABLE, make_case
 from tests.oracles.free_classes import free_case, free_request, recompute_free
 from tests.oracles.function_cases import CLASSES as FUNCTION_KINDS

@@ -20,7 +20,7 @@ import numpy as np
 from benchmarks import report
 from benchmarks.battery import BUDGETS, KINDS, Row, group_of, limited, rows
 from benchmarks.service import Service, running, serve_command
-from synthesis.defects import LEAVES_SAMPLES
+from synthesis.excursions import LEAVES_SAMPLES
 
 WORSE = 1.01
 """Largest ratio of an objective to the objective of a smaller budget or a smaller family."""

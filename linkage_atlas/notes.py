@@ -7,7 +7,8 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from synthesis.arrays import Floats
-from synthesis.limits import FORMS, Limits, Reach
+from synthesis.limits import FORMS, Limits, Reach, of_kind
+from synthesis.violations import Measure
 
 LIMIT_WORDS = {
     "family": ("the family", ""),
@@ -37,6 +38,17 @@ LIMIT_WORDS = {
     "arm_min": ("the smallest moment arm", "a moment arm of at least {}"),
 }
 """Name of each limit in a sentence, and its condition, which follows "a linkage with"; the page uses the same names."""
+FAULTS = {
+    "transmission_angle_min": "transmission angle {:.3g} degrees over the used interval, below {:.3g}",
+    "transmission_angle_min_turn": "transmission angle {:.3g} degrees over the whole turn, below {:.3g}",
+    "link_ratio_max": "longest link {:.3g} times the shortest, above {:g}",
+    "link_max": "longest link {:.3g} times the motion's extent, above {:.4g}",
+    "body_reach": "the body point lies {2:.4g} from a joint of its link, above {3:.4g}, the longest link",
+    "link_min": "shortest link {:.3g} times the motion's extent, below {:.3g}",
+    "pivot_reach": "a fixed pivot {:.3g} extents from the motion's middle, above {:.4g}",
+    "cylinder_dead_length": "the length of its cylinder passes 0 during the motion, so that no cylinder fits",
+}
+"""Sentence of a verdict on each practical limit, with the measure and its bound: in their unit and, from {2} on, as lengths."""
 _FAMILIES = {
     "full_crank": "a crank that turns fully",
     "crank_rocker": "a crank-rocker",
@@ -85,6 +97,14 @@ def condition(limits: Limits, name: str, radian: float) -> str:
     if name == "family":
         return _FAMILIES[value]
     return LIMIT_WORDS[name][1].format(_shown(value, FORMS[name].kind, radian))
+
+
+def fault(measure: Measure) -> str:
+    """Return what a verdict says of the measure of a practical limit that is violated."""
+    value, bound, unit = measure.value, measure.bound, measure.unit
+    if measure.limit in of_kind("angle"):
+        unit = np.deg2rad(1.0)
+    return FAULTS[measure.limit].format(value / unit, bound / unit, value, bound)
 
 
 def _shown(value: object, kind: str, radian: float) -> str:

@@ -17,15 +17,16 @@ from linkage_atlas.drive_design.records import AnySpring, Drive, Refusal
 from linkage_atlas.geometry import AnyGuide, AtlasType, Dimensions, Links, Mount, dimensions_of
 from linkage_atlas.linkages import Linkage
 from linkage_atlas.motions import Motion
+from linkage_atlas.notes import fault
 from linkage_atlas.records import LAST, PYTHON_ONLY, Record, Values
 from linkage_atlas.studies import STUDIES, Studies, read_studies
 from linkage_atlas.tolerance_study import ToleranceStudy, share_of, studied
 from synthesis import defects
 from synthesis import solution as model
 from synthesis.arrays import Floats
-from synthesis.defects import practical_faults, shared_positions
+from synthesis.defects import shared_positions
 from synthesis.errors import FieldError
-from synthesis.excursions import excursions_of
+from synthesis.excursions import excursion_faults, excursions_of
 from synthesis.free.search import in_turn
 from synthesis.limits import LINKS, PIVOTS, Limits
 from synthesis.linkage import Linkage as Plain
@@ -37,7 +38,7 @@ from synthesis.studies import determination
 from synthesis.studies.rounding import round_lengths
 from synthesis.studies.sensitivity import Change, changes
 from synthesis.target import Target
-from synthesis.violations import touched
+from synthesis.violations import practical_violations, touched
 from synthesis.work import OutOfTime, Work
 
 FINISHING = 0.1
@@ -298,7 +299,8 @@ def _described(
         linkage, turn = candidate.linkage, candidate.transmission_angle_min_turn
         own = motion.over(linkage, candidate.travel)
         interval = own.target.interval
-        faults = practical_faults(candidate, own.target, limits, excursions[k]) + spins[k]
+        faults = [fault(measure) for measure in practical_violations(candidate, own.target, limits)]
+        faults += [*excursion_faults(excursions[k]), *spins[k]]
         kind = None if candidate.row is None or type_of is None else type_of(candidate.row)
         crank_angle, travel = _travel(samples, candidate, radian)
         solutions.append(

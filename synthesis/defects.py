@@ -1,4 +1,4 @@
-"""Defects of linkages that reach every sample of a motion: order, branch and circuit, and violated practical limits.
+"""Defects of linkages that reach every sample of a motion: order, branch and circuit.
 
 A linkage that reaches every sample may still fail as a machine: the drive must reverse between two samples (order
 defect), pass a dead position (branch defect), or the linkage must be disassembled and assembled in another way
@@ -14,7 +14,7 @@ infinitely far away.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -24,19 +24,8 @@ from numpy.typing import ArrayLike
 from synthesis.arrays import Flags, Floats, Ints
 from synthesis.four_bar import grashof_excesses
 from synthesis.guides import DRIVERS, Driver, Rail
-from synthesis.limits import (
-    LINK_RATIO,
-    REACH,
-    ROOM,
-    SHORTEST,
-    TRANSMISSION_ANGLE,
-    TRANSMISSION_ANGLE_TURN,
-    Limits,
-    placed_by,
-)
 from synthesis.linkage import Linkage, through
-from synthesis.solution import Solution
-from synthesis.target import TURN, Samples, Target
+from synthesis.target import TURN, Target
 
 TIE = 1e-9
 """Largest difference, in radians, of drive angles that count as the same position, in order in both directions."""
@@ -46,14 +35,8 @@ NEAR_CHANGE_POINT = 1e-6
 """Relative distance from a change point below which manufacturing tolerances decide on which circuit a linkage is."""
 NAMED = 3
 """Number of samples, or pairs of neighbours, that a reason names; it counts the others."""
-_ROUNDED = 1e-9
-"""Relative violation of a limit that is rounding."""
 _ONE_POSITION, _ALIKE = 1e-5, 1e-3
 """Fraction of the travel within which drive positions are equal; difference of distinct samples, radians or extents."""
-LEAVES_SAMPLES = 2.5
-"""Excursion above which the curve leaves the samples in between."""
-SHORTEST_CHORD = 0.05
-"""Smallest distance of two samples in an excursion, as a fraction of the length scale."""
 
 
 @dataclass(frozen=True)
@@ -375,91 +358,3 @@ def _listed(names: list[str]) -> str:
     remaining = len(names) - NAMED
     named, last = (names[:NAMED], f"{remaining} more") if remaining > 0 else (names[:-1], names[-1])
     return f"samples {', '.join(named)} and {last}"
-
-
-# -- practical limits -------------------------------------------------------------------------------------------------
-
-
-def practical_faults(
-    solution: Solution, samples: Samples, limits: Limits, excursion: float | None = None
-) -> list[str]:
-    """Return `faults_of` a solution and of its cylinder."""
-    linkage = solution.linkage
-    turn = solution.transmission_angle_min_turn if linkage.driver is Driver.CRANK else None
-    pivots = {name: guide[0] for name, guide in zip(("pivot_a", "pivot_b"), linkage.guides) if guide.has_pin}
-    arm = max((abs(guide.body_point) for guide in linkage.guides if guide.holds_point), default=0.0)
-    links = [*linkage.lengths.values()]
-    angles = solution.transmission_angle_min, turn
-    faults = faults_of(angles, links, pivots, samples, limits, excursion, arm)
-    if linkage.driver is Driver.CYLINDER:
-        low, high = linkage.used(0, solution.interval)
-        if low * high <= 0:
-            faults.append("the length of its cylinder passes 0 during the motion, so that no cylinder fits")
-    return faults
-
-
-def faults_of(
-    angles: tuple[float, float | None],
-    links: Sequence[float],
-    pivots: Mapping[str, complex],
-    samples: Samples | None,
-    limits: Limits,
-    excursion: float | None = None,
-    arm: float = 0.0,
-) -> list[str]:
-    """Return a sentence for each practical limit that a linkage violates; a limit of the request replaces the practical limit.
-
-    Parameters
-    ----------
-    angles : tuple
-        Smallest transmission angles over the used interval, and over the turn if the request limits it.
-    links : sequence of float
-        Lengths of the links.
-    pivots : mapping
-        Fixed pivots by the names of their limits.
-    samples : Samples or None
-        The motion. Without positions lengths are ratios, and only the ratios are checked.
-    limits : Limits
-        Limits of the request.
-    excursion : float, optional
-        Excursion of the body point between samples, see `excursions`.
-    arm : float
-        Largest distance of the body point from a joint of the body, which is bounded like a link.
-    """
-    rows = [
-        (angles[0], limits.transmission_angle_min or TRANSMISSION_ANGLE, "over the used interval"),
-        (angles[1], limits.transmission_angle_min_turn or TRANSMISSION_ANGLE_TURN, "over the whole turn"),
-    ]
-    faults = [
-        f"transmission angle {np.rad2deg(found):.3g} degrees {where}, below {np.rad2deg(required):.3g}"
-        for found, required, where in rows
-        if found is not None and found < required - _ROUNDED
-    ]
-    longest, shortest = max(links, default=0.0), min(links, default=0.0)
-    largest_ratio = limits.link_ratio_max or LINK_RATIO
-    if longest > largest_ratio * shortest * (1 + _ROUNDED):
-        ratio = longest / shortest if shortest > 0 else np.inf
-        faults.append(f"longest link {ratio:.3g} times the shortest, above {largest_ratio:g}")
-    if samples is not None and samples.position is not None:
-        extent, middle = samples.extent, complex(samples.position_mean(samples.position))
-        reach = max(REACH, ROOM * (limits.link_min or 0.0) / extent)
-        if limits.link_max is None and longest > reach * extent:
-            faults.append(f"longest link {longest / extent:.3g} times the motion's extent, above {reach:.4g}")
-        arm_max = reach * extent if limits.link_max is None else limits.link_max
-        if limits.coupler_radius_max is None and arm > arm_max * (1 + _ROUNDED):
-            faults.append(
-                f"the body point lies {arm:.4g} from a joint of its link, above {arm_max:.4g}, the longest link"
-            )
-        link_min = SHORTEST * extent if limits.link_min is None else limits.link_min
-        if links and shortest < link_min * (1 - _ROUNDED):
-            faults.append(
-                f"shortest link {shortest / extent:.3g} times the motion's extent, below {link_min / extent:.3g}"
-            )
-        distances = [abs(pivot - middle) / extent for name, pivot in pivots.items() if not placed_by(limits, name)]
-        if distances and max(distances) > reach * (1 + _ROUNDED):
-            faults.append(f"a fixed pivot {max(distances):.3g} extents from the motion's middle, above {reach:.4g}")
-    if excursion is not None and excursion > LEAVES_SAMPLES:
-        faults.append(
-            f"the body point travels {excursion:.3g} times the distance of two samples between them, above {LEAVES_SAMPLES:g}"
-        )
-    return faults

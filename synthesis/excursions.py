@@ -10,11 +10,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from synthesis.defects import SHORTEST_CHORD
 from synthesis.linkages import body_motions
 from synthesis.poses import Poses
 from synthesis.solution import Solution
 
+LEAVES_SAMPLES = 2.5
+"""Excursion above which the curve leaves the samples in between."""
+SHORTEST_CHORD = 0.05
+"""Smallest distance of two samples in an excursion, as a fraction of the length scale."""
 CHORDS = 48
 """Chords of the curve between two samples, which are denser towards the samples."""
 
@@ -45,3 +48,11 @@ def excursions_of(solutions: Sequence[Solution], poses: Poses) -> list[float | N
         for k, value in zip(rows, largest.tolist()):
             found[k] = max(1.0, value) if math.isfinite(value) else None
     return found
+
+
+def excursion_faults(excursion: float | None) -> list[str]:
+    """Describe an excursion that leaves the samples."""
+    if excursion is None or excursion <= LEAVES_SAMPLES:
+        return []
+    found = f"the body point travels {excursion:.3g} times the distance of two samples between them"
+    return [f"{found}, above {LEAVES_SAMPLES:g}"]

@@ -339,8 +339,28 @@ def _flipped(box: Box) -> Box:
     return box[0], -box[3], box[2], -box[1]
 
 
+def _practical(samples: Samples | None, arguments: dict[str, Any]) -> dict[str, Any]:
+    """Return the practical limits beside other arguments of `Limits`; those of lengths need positions."""
+    practical: dict[str, Any] = {
+        "transmission_angle_min": TRANSMISSION_ANGLE,
+        "transmission_angle_min_turn": TRANSMISSION_ANGLE_TURN,
+        "link_ratio_max": LINK_RATIO,
+    }
+    if samples is not None and samples.position is not None:
+        reach = max(REACH * samples.extent, ROOM * arguments.get("link_min", 0.0))
+        body = None if "coupler_radius_max" in arguments else arguments.get("link_max", reach)
+        pivots = [
+            None if arguments.keys() & {name, f"{name}_box", "pivot_box", "envelope"} else reach for name in PIVOTS
+        ]
+        practical |= {"link_min": SHORTEST * samples.extent, "link_max": reach}
+        practical["pivot_reach"] = Reach(samples.middle, pivots[0], pivots[1], body)
+    return practical
+
+
 def practical_limits(samples: Samples, arguments: dict[str, Any]) -> dict[str, Any]:
-    """Complete the arguments of `Limits` with the practical limits; a limit of the request replaces the practical limit.
+    """Complete the arguments of `Limits` with the practical limits for a search.
+
+    A limit of the request replaces the practical limit, and its lengths are allowed.
 
     Parameters
     ----------
@@ -349,25 +369,30 @@ def practical_limits(samples: Samples, arguments: dict[str, Any]) -> dict[str, A
     arguments : dict
         Arguments of `Limits` in the request.
     """
-    practical: dict[str, Any] = {
-        "transmission_angle_min": TRANSMISSION_ANGLE,
-        "transmission_angle_min_turn": TRANSMISSION_ANGLE_TURN,
-        "link_ratio_max": LINK_RATIO,
-    }
-    if samples.position is not None:
-        reach, middle = REACH * samples.extent, complex(samples.position_mean(samples.position))
-        reach = max(reach, ROOM * arguments.get("link_min", 0.0))
-        practical["link_max"] = max(reach, *(length or 0.0 for length in arguments.get("links", ())), 0.0)
-        practical["link_min"] = min(SHORTEST * samples.extent, *_possible_lengths(arguments))
-        arm = None if "coupler_radius_max" in arguments else arguments.get("link_max", practical["link_max"])
-        distances = [
-            None if arguments.keys() & {name, f"{name}_box", "pivot_box", "envelope"} else reach for name in PIVOTS
-        ]
-        practical["pivot_reach"] = Reach(middle, distances[0], distances[1], arm)
+    practical = _practical(samples, arguments)
     lengths = [length for length in arguments.get("links", ()) if length is not None]
     if lengths:
         practical["link_ratio_max"] = max(LINK_RATIO, max(lengths) / min(lengths))
+    if samples.position is not None:
+        reach, longest = practical["pivot_reach"], max(practical["link_max"], *lengths, 0.0)
+        practical["link_max"] = longest
+        practical["link_min"] = min(practical["link_min"], *_possible_lengths(arguments))
+        if reach.body is not None:
+            practical["pivot_reach"] = reach._replace(body=arguments.get("link_max", longest))
     return practical | arguments
+
+
+def judged_limits(samples: Samples | None, limits: Limits) -> Limits:
+    """Return the practical limits that a verdict checks; a limit of the request replaces the practical limit.
+
+    Given lengths count like all others. Without ``samples`` or positions lengths are ratios.
+    """
+    own = {name: getattr(limits, name) for name in limits.active_names}
+    practical = _practical(samples, own)
+    own = {name: value for name, value in own.items() if name in practical and name != "pivot_reach"}
+    if "link_max" in own:
+        own["link_max"] = None  # the search satisfies it
+    return Limits("any", **practical | own)
 
 
 def within_practical(samples: Samples, limits: Limits, closed: bool) -> Limits | None:
@@ -397,8 +422,3 @@ def _possible_lengths(arguments: dict[str, Any]) -> list[float]:
         # half of the longest ground that the box allows leaves a search room
         found.append(max(float(np.hypot(right - left, high - low)) / 2, MIN_LENGTH))
     return found
-
-
-def placed_by(limits: Limits, pivot: str) -> bool:
-    """Return True if a limit restricts the position of a fixed pivot, ``pivot_a`` or ``pivot_b``."""
-    return any(getattr(limits, name) is not None for name in (pivot, f"{pivot}_box", "pivot_box", "envelope"))

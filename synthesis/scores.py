@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from synthesis.arrays import Flags, Floats
-from synthesis.defects import LEAVES_SAMPLES, shared_positions, verdict
-from synthesis.excursions import excursions_of
+from synthesis.defects import shared_positions, verdict
+from synthesis.excursions import LEAVES_SAMPLES, excursions_of
 from synthesis.guides import Circle
 from synthesis.linkage import Linkage
 from synthesis.linkages import body_motions

@@ -1,19 +1,21 @@
-"""Violations of limits by finished linkages of all kinds, measured from their own numbers.
+"""Limits as measures of finished linkages of all kinds: a number of the linkage, its bound, and its violation.
 
 A limit concerns the parts that a kind has: a rail has no pivot, and a linkage with a single crank has no rocker.
 Links are the cranks, the distance of two pins of the body (coupler) and the distance of two pins of the ground (ground).
-`family` concerns four-bars only. The searches for four-bars satisfy the same limits as functions, see `synthesis/constraints.py`.
+`family` concerns four-bars only. Compiled searches evaluate the same measures with derivatives (`synthesis/constraints.py` and
+`synthesis/kernels/pair_rows.py`), and tests compare both with these.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from synthesis.arrays import Complexes, Floats
-from synthesis.guides import Driver, Guide
-from synthesis.limits import LINKS, PIVOTS, REACH, Limits, in_family
+from synthesis.guides import Driver
+from synthesis.limits import FORMS, LINKS, PIVOTS, REACH, Limits, in_family, judged_limits
 from synthesis.linkage import Linkage
 from synthesis.mechanism import Box, outside
 from synthesis.one_variable import Floats as Numbers
@@ -22,10 +24,10 @@ from synthesis.pose import DEGENERATE
 from synthesis.solution import Solution
 from synthesis.target import Samples
 
-_EQUATION = 1e-12
+EQUATION = 1e-12
 """Largest violation of an equation by a four-bar, as a fraction of the largest number involved."""
 _ROUNDING = 1e-9
-"""Largest violation by other kinds that is rounding, as a fraction of the motion's extent or in radians."""
+"""Largest violation that is rounding, as a fraction of the motion's extent or in radians."""
 _TOUCHED = 1e-5
 """Distance from a bound, in the same unit, up to which a solution lies at it."""
 _FEW_POSITIONS, _MORE = 41, 0.3
@@ -36,8 +38,27 @@ _BY_ENDS = {"stroke_max", "rail_box", "pivot_reach", "link_max", "cylinder_dead_
 """Limits of the used parts of rails and slots."""
 Used = tuple[float, float] | None
 """Smallest and largest used coordinate of a rail or slot; None for a circle."""
-Violations = Iterator[tuple[str, float]]
-"""Names of limits, each with its violation: negative if it is satisfied."""
+
+
+class Measure(NamedTuple):
+    """Number of a linkage that a limit bounds."""
+
+    limit: str
+    value: float
+    bound: float
+    unit: float = 1.0
+    """Unit of the violation: the motion's extent (without positions the ground), a radian, or the shortest link for a ratio."""
+    sense: int = 1
+    """The value is at most (+1), at least (-1) or exactly (0) the bound."""
+
+    @property
+    def violation(self) -> float:
+        """Violation in its unit; negative if the limit is satisfied with room to spare."""
+        beyond = self.value - self.bound
+        return (self.sense * beyond if self.sense else abs(beyond)) / self.unit
+
+
+Measures = Iterator[Measure]
 
 
 def within(samples: Samples, limits: Limits, solutions: Sequence[Solution]) -> list[Solution]:
@@ -49,7 +70,6 @@ def within(samples: Samples, limits: Limits, solutions: Sequence[Solution]) -> l
 def violations_of(solution: Solution, samples: Samples, limits: Limits) -> dict[str, float]:
     """Return the violation of each limit that a solution does not satisfy over its interval, by name.
 
-    The values are fractions of the motion's extent (without positions, of the ground), radians, or for ratios relative.
     A four-bar violates an inequality by any number above 0, because its search has a margin; other kinds by more than rounding.
     """
     found = _violations(solution, samples, limits, _used(solution, False))
@@ -61,93 +81,202 @@ def touched(solution: Solution, samples: Samples, limits: Limits) -> tuple[str, 
     return tuple(_violations(solution, samples, limits, _used(solution, True), -_TOUCHED))
 
 
+def practical_violations(solution: Solution, samples: Samples, limits: Limits) -> list[Measure]:
+    """Return the worst measure of each practical limit that a solution violates; see `judged_limits`."""
+    found, linkage = _Measures(solution, samples, judged_limits(samples, limits)), solution.linkage
+    measures = [*found.angles(), *found.links(linkage.lengths), *found.body_point(), *found.pivots()]
+    if linkage.driver is Driver.CYLINDER:
+        measures += found.cylinder(linkage.used(0, solution.interval))
+    return _worst(measures)
+
+
+def violations_of_shape(
+    angles: tuple[float, float | None], lengths: Collection[float], limits: Limits
+) -> list[Measure]:
+    """Return the worst measure of each practical limit of shape that transmission angles and lengths violate.
+
+    ``angles``: smallest transmission angles over the used interval, and over the turn if there is one.
+    """
+    practical = judged_limits(None, limits)
+    return _worst([*_of_angles(*angles, practical), *_of_ratio(lengths, practical)])
+
+
+def _worst(measures: Iterable[Measure]) -> list[Measure]:
+    """Return the measure with the largest violation of each limit that is violated by more than rounding."""
+    found: dict[str, Measure] = {}
+    for measure in measures:
+        worst = found.get(measure.limit)
+        if measure.violation > (_ROUNDING if worst is None else worst.violation):
+            found[measure.limit] = measure
+    return list(found.values())
+
+
 def _violations(
     solution: Solution, samples: Samples, limits: Limits, ends: Sequence[Used], beyond: float = 0.0
 ) -> dict[str, float]:
     linkage, lengths = solution.linkage, _lengths(solution.linkage)
-    extent = lengths.get("ground", 1.0) if samples.position is None else samples.extent
+    measures = _Measures(solution, samples, limits)
     rounding = equation = _ROUNDING
     if linkage.is_four_bar:
         rounding = 0.0
-        equation = _EQUATION * max(*lengths.values(), extent + abs(samples.middle)) / extent
+        equation = EQUATION * max(*lengths.values(), measures.extent + abs(samples.middle)) / measures.extent
     found: dict[str, float] = {}
-    for spare, violations in (
-        (rounding, _by_angles(solution, limits)),
-        (rounding, _by_pivots(linkage, limits, extent)),
-        (rounding, _by_travel(solution, limits, samples, extent, ends)),
-        (rounding, _by_lengths(linkage, lengths, limits, extent, ends)),
-        (rounding, _by_envelope(solution, limits, extent)),
-        (equation, _by_equations(linkage, lengths, limits, extent)),
-    ):
-        for name, amount in violations:
-            if amount > spare + beyond:
-                found[name] = max(found.get(name, -np.inf), amount)
+    for measure in measures.over_interval(lengths, ends):
+        amount = measure.violation
+        if amount > (rounding if measure.sense else equation) + beyond:
+            found[measure.limit] = max(found.get(measure.limit, -np.inf), amount)
     return found
 
 
-def _by_equations(linkage: Linkage, lengths: dict[str, float], limits: Limits, extent: float) -> Violations:
-    for guide, name in zip(linkage.guides, PIVOTS):
-        if (pivot := getattr(limits, name)) is not None and guide.has_pin:
-            yield name, abs(guide[0] - pivot) / extent
-    for name, length in zip(LINKS, limits.links):
-        if length is not None and name in lengths:
-            yield f"links.{name}", abs(lengths[name] - length) / extent
+# -- measures ---------------------------------------------------------------------------------------------------------
 
 
-def _by_angles(solution: Solution, limits: Limits) -> Violations:
-    linkage = solution.linkage
-    yield "transmission_angle_min", limits.transmission_angle_min - solution.transmission_angle_min
-    if solution.transmission_angle_min == 0.0:
-        yield "transmission_angle_min", 1.0
-    turn = solution.transmission_angle_min_turn
-    if turn is not None and linkage.driver is Driver.CRANK and not limits.swings:
-        yield "transmission_angle_min_turn", limits.transmission_angle_min_turn - turn
-    if linkage.is_four_bar and not in_family(limits.family, np.array([linkage.links])).item():
-        yield "family", np.inf
+class _Measures:
+    """Measures of a finished linkage over its interval."""
+
+    def __init__(self, solution: Solution, samples: Samples, limits: Limits) -> None:
+        self.solution, self.linkage, self.limits, self.middle = solution, solution.linkage, limits, samples.middle
+        self.extent = _lengths(self.linkage).get("ground", 1.0) if samples.position is None else samples.extent
+
+    def over_interval(self, lengths: Mapping[str, float], ends: Sequence[Used]) -> Measures:
+        """Return all measures, for lengths of links by name and the used coordinates of both guides."""
+        yield from self.angles()
+        yield from self.family()
+        yield from self.pivots()
+        yield from self.travel(ends)
+        yield from self.links(lengths)
+        yield from self.body_point()
+        yield from self.points_of_body(ends)
+        yield from self.envelope()
+        yield from self.equations(lengths)
+
+    def angles(self) -> Measures:
+        """Measure the transmission angles over the interval and over the turn of a crank."""
+        solution = self.solution
+        turn = solution.transmission_angle_min_turn if self.linkage.driver is Driver.CRANK else None
+        return _of_angles(solution.transmission_angle_min, turn, self.limits)
+
+    def family(self) -> Measures:
+        """Compare the family of a four-bar."""
+        if self.linkage.is_four_bar and not in_family(self.limits.family, np.array([self.linkage.links])).item():
+            yield Measure("family", np.inf, 0.0)
+
+    def links(self, lengths: Mapping[str, float]) -> Measures:
+        """Measure the lengths of links that are not given, and the ratio of all."""
+        yield from _of_ratio(lengths.values(), self.limits)
+        for name, length in lengths.items():
+            if self.limits.links[LINKS.index(name)] is None:
+                yield from self.bounded("link_max", length)
+                yield from self.bounded("link_min", length)
+
+    def body_point(self) -> Measures:
+        """Measure the distances of the body point from the joints of the body."""
+        reach = self.limits.pivot_reach
+        if reach is not None and reach.body is not None:
+            for guide in self.linkage.guides:
+                if guide.holds_point:
+                    yield Measure("body_reach", abs(guide.body_point), reach.body, self.extent)
+
+    def points_of_body(self, ends: Sequence[Used]) -> Measures:
+        """Measure the crank pin, and the joints and used slots of a body that is no coupler."""
+        linkage, driven = self.linkage, self.linkage.guides[0]
+        if not linkage.mounted:
+            return
+        if linkage.is_four_bar:  # a linkage that has shrunk to a point is no answer
+            yield Measure("link_min", linkage.lengths["crank"], DEGENERATE * self.extent, self.extent, sense=-1)
+        else:
+            for guide, used in zip(linkage.guides, ends):
+                in_slot = used is not None and not guide.holds_point
+                for point in guide.body_at(np.array(used)).tolist() if in_slot else [guide.body_point]:
+                    yield from self.bounded("link_max", abs(point))
+        if driven.holds_point:
+            yield from self.bounded("coupler_radius_max", abs(driven.body_point))
+
+    def pivots(self) -> Measures:
+        """Measure the positions of fixed pivots and pins that are not given."""
+        limits, reach = self.limits, self.limits.pivot_reach
+        for guide, name in zip(self.linkage.guides, PIVOTS):
+            if not guide.has_pin or getattr(limits, name) is not None:
+                continue
+            pivot = guide[0]
+            for box_name in (f"{name}_box", "pivot_box"):
+                if (box := getattr(limits, box_name)) is not None:
+                    yield self.outside(box_name, pivot, box)
+            if reach is not None and (radius := getattr(reach, name)) is not None:
+                yield Measure("pivot_reach", abs(pivot - reach.middle), radius, self.extent)
+            for box in limits.keep_out:
+                yield self.outside("keep_out", pivot, box, sense=-1)
+
+    def bounded(self, limit: str, value: float) -> Measures:
+        """Compare a length with a limit that is set."""
+        if (bound := getattr(self.limits, limit)) is not None:
+            yield Measure(limit, value, bound, self.extent, -1 if FORMS[limit].minimum else 1)
+
+    def outside(self, limit: str, points: Any, box: Box, sense: int = 1) -> Measure:
+        """Measure the largest distance of points from a box, negative inside."""
+        return Measure(limit, float(np.max(outside(points, box))), 0.0, self.extent, sense)
+
+    def travel(self, ends: Sequence[Used]) -> Measures:
+        """Measure the used parts of rails, slots and cylinders, and the moment arm of a slot."""
+        limits, linkage = self.limits, self.linkage
+        for guide, used, name in zip(linkage.guides, ends, PIVOTS):
+            if used is None:
+                continue
+            yield from self.bounded("stroke_max", used[1] - used[0])
+            if not guide.has_pin:
+                ends_of_rail = guide.ground_at(np.array(used))
+                if (box := limits.rail_box_of(name)) is not None:
+                    yield self.outside("rail_box", ends_of_rail, box)
+                if limits.pivot_reach is not None:
+                    distance = float(np.abs(ends_of_rail - self.middle).max())
+                    yield Measure("pivot_reach", distance, REACH * self.extent, self.extent)
+        if linkage.driver is Driver.CYLINDER:
+            yield from self.cylinder(ends[0])
+        if limits.arm_min is not None and not linkage.guides[1].holds_point and linkage.driver is not Driver.HINGE:
+            arms = linkage.body(_coordinates(self.solution)).arm
+            yield from self.bounded("arm_min", float(np.nan_to_num(np.min(arms))))
+
+    def cylinder(self, used: Used) -> Measures:
+        """Measure the shortest and the longest length of a cylinder, negative if it would pass its own pin."""
+        assert used is not None
+        low, high = sorted(used, key=abs)
+        if self.limits.dead_length is not None:
+            length = low * float(np.sign(high))
+            yield Measure("cylinder_dead_length", length, self.limits.dead_length, self.extent, sense=-1)
+        yield from self.bounded("cylinder_extended_max", abs(high))
+
+    def envelope(self) -> Measures:
+        """Measure the joints over the interval."""
+        if (box := self.limits.envelope) is None:
+            return
+        for guide in self.linkage.guides:
+            if guide.has_pin:
+                yield self.outside("envelope", guide[0], box)
+        points = [0j, *(guide.body_point for guide in self.linkage.guides if guide.holds_point)]
+        farthest = _farthest_out(self.linkage, np.array(points), box, _coordinates(self.solution))
+        yield Measure("envelope", farthest, 0.0, self.extent)
+
+    def equations(self, lengths: Mapping[str, float]) -> Measures:
+        """Compare given pivots and lengths."""
+        for guide, name in zip(self.linkage.guides, PIVOTS):
+            if (pivot := getattr(self.limits, name)) is not None and guide.has_pin:
+                yield Measure(name, abs(guide[0] - pivot), 0.0, self.extent, sense=0)
+        for name, length in zip(LINKS, self.limits.links):
+            if length is not None and name in lengths:
+                yield Measure(f"links.{name}", lengths[name], length, self.extent, sense=0)
 
 
-def _by_pivots(linkage: Linkage, limits: Limits, extent: float) -> Violations:
-    reach = limits.pivot_reach
-    for guide, name in zip(linkage.guides, PIVOTS):
-        if not guide.has_pin or getattr(limits, name) is not None:
-            continue
-        pivot = guide[0]
-        for box_name in (f"{name}_box", "pivot_box"):
-            if (box := getattr(limits, box_name)) is not None:
-                yield box_name, float(outside(pivot, box)) / extent
-        if reach is not None and (radius := getattr(reach, name)) is not None:
-            yield "pivot_reach", (abs(pivot - reach.middle) - radius) / extent
-        for box in limits.keep_out:
-            yield "keep_out", -float(outside(pivot, box)) / extent
+def _of_angles(smallest: float, over_turn: float | None, limits: Limits) -> Measures:
+    required = limits.transmission_angle_min or float(smallest == 0.0)  # an angle of 0 is never enough
+    yield Measure("transmission_angle_min", smallest, required, sense=-1)
+    if over_turn is not None and not limits.swings:
+        yield Measure("transmission_angle_min_turn", over_turn, limits.transmission_angle_min_turn, sense=-1)
 
 
-def _by_travel(
-    solution: Solution, limits: Limits, samples: Samples, extent: float, ends: Sequence[Used]
-) -> Violations:
-    linkage = solution.linkage
-    for guide, used, name in zip(linkage.guides, ends, PIVOTS):
-        if used is None:
-            continue
-        if limits.stroke_max is not None:
-            yield "stroke_max", (used[1] - used[0] - limits.stroke_max) / extent
-        if not guide.has_pin:
-            ends_of_rail = guide.ground_at(np.array(used))
-            if (box := limits.rail_box_of(name)) is not None:
-                yield "rail_box", float(outside(ends_of_rail, box).max()) / extent
-            if limits.pivot_reach is not None:
-                yield "pivot_reach", float(np.abs(ends_of_rail - samples.middle).max()) / extent - REACH
-    if linkage.driver is Driver.CYLINDER:
-        assert ends[0] is not None
-        first, last = ends[0]
-        low, high = sorted((abs(first), abs(last)))
-        dead_length = limits.dead_length
-        yield "cylinder_dead_length", ((dead_length or 0.0) - low) / extent
-        if first * last < 0 and dead_length is not None:  # the cylinder would pass its own pin
-            yield "cylinder_dead_length", low / extent
-        yield "cylinder_extended_max", (high - (limits.cylinder_extended_max or np.inf)) / extent
-    if limits.arm_min is not None and not linkage.guides[1].holds_point and linkage.driver is not Driver.HINGE:
-        arms = linkage.body(_coordinates(solution)).arm
-        yield "arm_min", (limits.arm_min - float(np.nan_to_num(np.min(arms)))) / extent
+def _of_ratio(lengths: Collection[float], limits: Limits) -> Measures:
+    if limits.link_ratio_max is not None and len(lengths) > 1:
+        shortest = max(min(lengths), np.finfo(float).tiny)
+        yield Measure("link_ratio_max", max(lengths), limits.link_ratio_max * shortest, shortest)
 
 
 def _lengths(linkage: Linkage) -> dict[str, float]:
@@ -155,43 +284,6 @@ def _lengths(linkage: Linkage) -> dict[str, float]:
     pins = [guide[0] for guide in linkage.guides if guide.has_pin]
     ground = {"ground": abs(pins[1] - pins[0])} if len(pins) == 2 else {}
     return ground | linkage.lengths
-
-
-def _by_lengths(
-    linkage: Linkage, lengths: dict[str, float], limits: Limits, extent: float, ends: Sequence[Used]
-) -> Violations:
-    link_max = limits.link_max or np.inf
-    for name, length in lengths.items():
-        if limits.links[LINKS.index(name)] is None:
-            yield "link_max", (length - link_max) / extent
-            yield "link_min", ((limits.link_min or 0.0) - length) / extent
-    if limits.link_ratio_max is not None and len(lengths) > 1:
-        longest_allowed = limits.link_ratio_max * min(lengths.values())
-        yield "link_ratio_max", (max(lengths.values()) - longest_allowed) / longest_allowed
-    if not linkage.mounted:
-        return
-    arm_name, arm_max = "link_max", link_max
-    if linkage.is_four_bar:
-        reach = limits.pivot_reach
-        arm_name, arm_max = "body_reach", np.inf if reach is None or reach.body is None else reach.body
-        yield "link_min", DEGENERATE - lengths["crank"] / extent  # a linkage that has shrunk to a point is no answer
-    for guide, used in zip(linkage.guides, ends):
-        for point in _body_points(guide, used):
-            yield arm_name, (abs(point) - arm_max) / extent
-    driven = linkage.guides[0]
-    if limits.coupler_radius_max is not None and driven.holds_point:
-        yield "coupler_radius_max", (abs(driven.body_point) - limits.coupler_radius_max) / extent
-
-
-def _by_envelope(solution: Solution, limits: Limits, extent: float) -> Violations:
-    if limits.envelope is None:
-        return
-    linkage = solution.linkage
-    for guide in linkage.guides:
-        if guide.has_pin:
-            yield "envelope", float(outside(guide[0], limits.envelope)) / extent
-    points = [0j, *(guide.body_point for guide in linkage.guides if guide.holds_point)]
-    yield "envelope", _farthest_out(linkage, np.array(points), limits.envelope, _coordinates(solution)) / extent
 
 
 def _farthest_out(linkage: Linkage, points: Complexes, envelope: Box, coordinates: Floats) -> float:
@@ -214,11 +306,6 @@ def _farthest_out(linkage: Linkage, points: Complexes, envelope: Box, coordinate
 def _coordinates(solution: Solution) -> Floats:
     """Return coordinates of the drive over the used interval."""
     return solution.linkage.start + solution.linkage.travel_over(solution.interval)
-
-
-def _body_points(guide: Guide, used: Used) -> list[complex]:
-    """Return the guided point of the body, or both ends of the used part of a slot."""
-    return [guide.body_point] if used is None or guide.holds_point else guide.body_at(np.array(used)).tolist()
 
 
 def _used(solution: Solution, exactly: bool) -> list[Used]:

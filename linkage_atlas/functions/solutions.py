@@ -19,8 +19,9 @@ from linkage_atlas.functions.results import (
 )
 from linkage_atlas.geometry import Links, guides_of
 from linkage_atlas.linkages import Linkage
+from linkage_atlas.notes import fault
 from linkage_atlas.solutions import Determination, verdict_of
-from synthesis.defects import faults_of, verdict
+from synthesis.defects import verdict
 from synthesis.function.answers import Generator, turning_back
 from synthesis.function.laws import FOUR_BAR, LENGTH, FunctionLimits
 from synthesis.function.search import refit
@@ -31,6 +32,7 @@ from synthesis.studies.determination import Determination as Determined
 from synthesis.studies.determination import uncertainties
 from synthesis.studies.sensitivity import changes
 from synthesis.target import Interval
+from synthesis.violations import violations_of_shape
 from synthesis.work import Work
 
 _EXCHANGED = [0, 2, 1, 3]
@@ -84,7 +86,8 @@ def _common(
     passed = verdict(plain, plain.start + question.travel, timed=True)
     positive, turn = np.array(generator.law.positive), generator.transmission_angle_min_turn
     links = [*generator.lengths[positive].tolist(), *([1.0] if plain.is_four_bar else [])]
-    faults = faults_of((generator.transmission_angle_min, turn), links, {}, None, question.limits.limits)
+    violated = violations_of_shape((generator.transmission_angle_min, turn), links, question.limits.limits)
+    faults = [fault(measure) for measure in violated]
     back, curve = turning_back(function, generator), None
     sentences = []
     if back is not None:

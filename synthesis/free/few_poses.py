@@ -24,9 +24,9 @@ from numpy.typing import NDArray
 
 from synthesis.arrays import Complexes, Flags, Floats, rows_at, rows_of_all
 from synthesis.constraints import Constraints
-from synthesis.defects import LEAVES_SAMPLES, SHORTEST_CHORD
 from synthesis.descents import Timed
 from synthesis.exact_family import ImprovementOptions, improved
+from synthesis.excursions import LEAVES_SAMPLES, SHORTEST_CHORD
 from synthesis.four_bar import coupler_angle, transmission_angle_over
 from synthesis.fourbar.mechanism import AnyChart
 from synthesis.free.dyads import FEW, Body, Dyads, Pairs, centre_points, circumcentre, in_any_order, in_order, paired

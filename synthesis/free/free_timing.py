@@ -8,8 +8,8 @@ from math import radians
 import numpy as np
 
 from synthesis.arrays import Flags, Floats
-from synthesis.defects import LEAVES_SAMPLES, SHORTEST_CHORD
 from synthesis.descents import Pool, Timed
+from synthesis.excursions import LEAVES_SAMPLES, SHORTEST_CHORD
 from synthesis.free.joint import JointProblem
 from synthesis.free.limited import limited_problem
 from synthesis.free.screen import way_along

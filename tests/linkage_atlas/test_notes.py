@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 
 import linkage_atlas as la
-from linkage_atlas.notes import LIMIT_WORDS
-from synthesis.limits import FORMS
+from linkage_atlas.notes import FAULTS, LIMIT_WORDS
+from synthesis.limits import FORMS, practical_limits
+from synthesis.target import make_target
 from tests.conftest import ticking
 
 GIVEN_PIVOTS: dict[str, Any] = {
@@ -146,6 +147,8 @@ def test_poses_that_limits_put_out_of_reach_are_not_called_exact(limits: dict[st
 
 def test_every_limit_has_its_words() -> None:
     assert LIMIT_WORDS.keys() - {"body_reach"} == FORMS.keys()
+    practical = practical_limits(make_target(position=np.array([0, 1, 1j]), crank_span=1.0), {})
+    assert FAULTS.keys() - {"body_reach", "cylinder_dead_length"} == practical.keys()
 
 
 def test_given_lengths_are_not_called_loosely_determined() -> None:

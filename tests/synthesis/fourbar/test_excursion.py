@@ -8,8 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from synthesis.defects import LEAVES_SAMPLES
-from synthesis.excursions import excursions_of
+from synthesis.excursions import LEAVES_SAMPLES, excursions_of
 from synthesis.linkage import four_bar
 from synthesis.poses import make_poses
 from synthesis.solution import assess

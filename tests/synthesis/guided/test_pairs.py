@@ -1,6 +1,6 @@
-"""Derivatives of pairs of guides agree with differences, and huge circles keep their digits.
+"""Derivatives of pairs of guides agree with differences, their limits with finished linkages; huge circles keep their digits.
 
-A wrong derivative of an error or of a limit would show here.
+A wrong derivative of an error or of a limit, or a limit that a search measures otherwise than the check, would show here.
 """
 
 from collections.abc import Callable
@@ -9,11 +9,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from synthesis.guided.answers import as_guides, linkage_of
 from synthesis.guided.pairs import Chart, Guides, Looked, Pairs, Problem, Samples, Stage
+from synthesis.guides import Circle
 from synthesis.limits import Limits, Reach
 from synthesis.poses import Poses, make_poses
+from synthesis.violations import violations_of
 from synthesis.work import Work
 from tests.conftest import some_of
+from tests.oracles.guided_cases import DRIVES, good_linkage
 
 COUNT, SAMPLES, STEP = 36, 6, 1e-7
 NONE = Limits(family="any")
@@ -135,6 +139,34 @@ def test_slopes_of_errors_and_limits(name, driven):
 
         broken += slopes_agree(problem, chart, labels, x)
     assert broken > 2
+
+
+def poses_of(poses: Poses) -> np.ndarray:
+    """Return rotation and position in the units of the search, (N, 3)."""
+    scaled = (poses.position - poses.middle) / poses.length_scale
+    return np.stack([poses.rotation, scaled.real, scaled.imag], axis=1)
+
+
+@pytest.mark.parametrize("name", EACH)
+def test_a_search_avoids_what_a_finished_linkage_violates(name) -> None:
+    """The search measures limits at samples; these are dense, so that both differ little."""
+    random, violated, satisfied = np.random.default_rng(9), 0, 0
+    drives = [drive for drive in DRIVES if drive[::2] != (Circle, Circle)]
+    for drive, size in [(drive, size) for drive in drives for size in (1.0, 0.5, 0.2, 0.1)]:
+        linkage = good_linkage(random, drive, 0.0, 1.0, 0.3).scaled(size)
+        travel = np.linspace(0.0, 1.0 if linkage.driver.turns else size, 120)
+        body = linkage.body(linkage.start + travel)
+        poses = make_poses(body.rotation, body.position, ordered=False)
+        chart = Chart(Pairs(*(as_guides(guide, poses) for guide in linkage.guides), np.array([drive[1] == "hinge"])))
+        solution = linkage_of(chart.pairs.guides, drive[1], poses, poses_of(poses), None)
+        violation = max(violations_of(solution, poses, EACH[name]).values(), default=0.0)
+        problem = Problem(Samples.of(poses), EACH[name], poses, False)
+        branch = np.sign(problem.look(chart, np.zeros((1, 3)), 12).sines[0])
+        worst = problem.look(chart, np.array([[branch, 1.0, 1.0]]), 12).worst[0] * poses.length_scale / poses.extent
+        assert worst > 0 or violation < 0.02, (linkage, violation)
+        assert violation > 0 or worst < 0.02, (linkage, worst)
+        violated, satisfied = violated + (violation > 0.02), satisfied + (violation == 0)
+    assert satisfied > 3 and (violated > 3 or name == "order"), (satisfied, violated)
 
 
 @pytest.mark.parametrize("radius", [1e2, 1e4, 1e8])
