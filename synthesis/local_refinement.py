@@ -40,9 +40,8 @@ from synthesis.free.limited import limited_problem, refined_within
 from synthesis.free.search import solutions_of, within_limits
 from synthesis.function.answers import Generator
 from synthesis.function.answers import within_limits as answers_within
-from synthesis.function.laws import FOUR_BAR, FunctionLimits
-from synthesis.function.search import FunctionSearch
-from synthesis.function.target_function import TargetFunction
+from synthesis.function.laws import FOUR_BAR
+from synthesis.function.search import FunctionSearch, FunctionTask
 from synthesis.limits import Limits, in_family
 from synthesis.linkage import Linkage, with_links
 from synthesis.pose import whole_turns
@@ -458,29 +457,18 @@ def _one_way(costs: Floats, closes: NDArray[np.bool_], width: int) -> tuple[int,
 
 
 def refine_function(
-    target: TargetFunction,
-    limits: FunctionLimits,
-    largest: bool,
-    linkage: Linkage,
-    offset: float | None,
-    tolerance: float,
-    work: Work,
+    task: FunctionTask, linkage: Linkage, offset: float | None
 ) -> tuple[list[Generator], SearchReport]:
     """Refine a function generator by descents and return the best result.
 
     Parameters
     ----------
-    target : TargetFunction
-    limits : FunctionLimits
+    task : FunctionTask
         Given lengths and zeros replace the lengths and zeros of the linkage.
-    largest : bool
-        True to minimize the largest error, see `function.generators.generate`.
     linkage : Linkage
         A four-bar.
     offset : float or None
         output = theta3 + offset with theta3 in (-pi, pi] at the first sample; None: the offset with the smallest rms error.
-    tolerance : float
-    work : Work
 
     Returns
     -------
@@ -489,20 +477,20 @@ def refine_function(
         the result is not worse.
     report : SearchReport
     """
-    run = FunctionSearch(target, FOUR_BAR, limits, largest, 1, tolerance, work)
+    run = FunctionSearch(task, FOUR_BAR, 1)
     unchanged: list[Generator] = []
     found: list[Generator] = []
-    seconds = work.elapsed
-    for start in (linkage, turning_fully(linkage, limits.limits.family)):
+    seconds = task.work.elapsed
+    for start in (linkage, turning_fully(linkage, task.limits.limits.family)):
         if found:
             break
         branch = np.array([float(start.branch)])
         unknowns = FOUR_BAR.unknowns_of(np.array([start.links]), np.array([start.start]))
         unknowns = run.with_best_offset(unknowns, branch)
-        if offset is not None and target.offset is None:
+        if offset is not None and task.target.offset is None:
             unknowns[:, 4] = offset + whole_turns(unknowns[:, 4] - offset)
         as_it_is = [answer for answer in answers_within(run.problem, unknowns, branch) if answer is not None]
         if start is linkage:
-            unchanged, seconds = as_it_is, work.elapsed
+            unchanged, seconds = as_it_is, task.work.elapsed
         found = sorted(run.best_from(unknowns, branch) + as_it_is, key=lambda each: each.errors.objective)[:1]
-    return found, report_of(found, unchanged, seconds, tolerance, work)
+    return found, report_of(found, unchanged, seconds, task.tolerance, task.work)

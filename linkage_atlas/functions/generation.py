@@ -31,6 +31,7 @@ from synthesis.errors import FieldError
 from synthesis.function.answers import Generator
 from synthesis.function.generators import best_built, generate, generate_with, is_sized
 from synthesis.function.quick_return import crank_rocker_answers, slider_crank_answers
+from synthesis.function.search import FunctionTask
 from synthesis.function.symmetric import symmetric_question
 from synthesis.function.travel_laws import laws_for
 from synthesis.local_refinement import refine_function
@@ -231,41 +232,37 @@ def _searched(
     question: FunctionQuestion, starts: Sequence[Start], refine_only: bool, count: int, watch: Work
 ) -> tuple[list[Generator], SearchReport]:
     """Search for linkages by the method that the question allows."""
-    target, limits, largest, quick = question.function, question.limits, question.largest, question.quick
-    tolerance, work = question.tolerance, watch.extended(-FINISHING)
+    work, quick = watch.extended(-FINISHING), question.quick
+    task = question.task(work)
     if quick is not None:
         answers = slider_crank_answers if question.dial.travels else crank_rocker_answers
-        return _closed_form(answers(target, quick.alpha, limits, count), work)
+        return _closed_form(answers(task.target, quick.alpha, task.limits, count), work)
     if question.symmetric_from is not None:
-        target, law, limits = symmetric_question(target, question.symmetric_from, limits.limits)
-        return generate_with([law], target, limits, largest, count, tolerance, work)
+        target, law, limits = symmetric_question(task.target, question.symmetric_from, task.limits.limits)
+        return generate_with([law], task._replace(target=target, limits=limits), count)
     if question.dial.travels:
-        laws = laws_for(question.kinds, *question.dial)
-        return generate_with(laws, target, limits, largest, count, tolerance, work)
-    refined, course = _refined(question, starts, work if refine_only else work.part(FOR_STARTS * work.budget))
+        return generate_with(laws_for(question.kinds, *question.dial), task, count)
+    refined, course = _refined(question.task(work if refine_only else work.part(FOR_STARTS * work.budget)), starts)
     if refine_only:
         return refined, course
-    found, course = generate(seed_tables(), target, limits, largest, count, tolerance, work)
+    found, course = generate(seed_tables(), task, count)
     if starts:
         merged = distinct([*refined, *found], len(refined) + len(found), APART)
-        found = best_built(target, merged, count, tolerance, is_sized(limits))
+        found = best_built(task.target, merged, count, task.tolerance, is_sized(task.limits))
     return found, course
 
 
-def _refined(question: FunctionQuestion, starts: Sequence[Start], work: Work) -> tuple[list[Generator], SearchReport]:
+def _refined(task: FunctionTask, starts: Sequence[Start]) -> tuple[list[Generator], SearchReport]:
     """Refine given four-bars in turn; return their nearest optima, best first, and how it went."""
     found, reports = list[Generator](), list[SearchReport]()
-    target, limits, tolerance = question.function, question.limits, question.tolerance
     for start in starts:
         with pointing_to_start(start.field):
-            results, report = refine_function(
-                target, limits, question.largest, start.linkage, start.offset, tolerance, work
-            )
+            results, report = refine_function(task, start.linkage, start.offset)
         found += results
         reports.append(report)
     found = distinct(found, max(1, len(found)), APART)
     joined = SearchReport.joined(reports) if reports else SearchReport(StoppedBy.CONVERGED, [])
-    return found, joined._replace(stopped_by=stopped_by(found, tolerance, work))
+    return found, joined._replace(stopped_by=stopped_by(found, task.tolerance, task.work))
 
 
 def _closed_form(found: list[Generator], work: Work) -> tuple[list[Generator], SearchReport]:

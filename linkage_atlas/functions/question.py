@@ -30,10 +30,12 @@ from linkage_atlas.motions import unwound
 from synthesis.arrays import Floats
 from synthesis.errors import FieldError
 from synthesis.function.laws import ANGLE, LENGTH, FunctionLimits
+from synthesis.function.search import FunctionTask
 from synthesis.function.target_function import TargetFunction
 from synthesis.function.travel_laws import LAWS, TravelLaw, laws_for
 from synthesis.search.search import DEFAULT_TOLERANCE
 from synthesis.target import MAX_LENGTH, Target, make_target
+from synthesis.work import Work
 
 FOUR_BAR = "four_bar"
 UNITS = ("deg", "rad", LENGTH)
@@ -209,6 +211,10 @@ class FunctionQuestion:
     def target(self) -> Target:
         """The interval, for drawings."""
         return Target(None, None, crank=self.travel)
+
+    def task(self, work: Work) -> FunctionTask:
+        """Return what a search minimizes."""
+        return FunctionTask(self.function, self.limits, self.largest, self.tolerance, work)
 
 
 @dataclass(frozen=True, kw_only=True)

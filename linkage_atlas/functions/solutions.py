@@ -165,10 +165,10 @@ def rounded(question: FunctionQuestion, generator: Generator, grid: float, work:
     """Return a four-bar with its links on a grid."""
     links = np.maximum(np.round(np.array(built(question, generator).links) / grid), 1.0) * grid
     limits = FunctionLimits.of_four_bar(Limits("any", links=as_lengths(links)))
-    refitted = refit(question.function, generator, limits, question.largest, question.tolerance, work)
+    on_grid = dataclasses.replace(question, limits=limits)
+    refitted = refit(on_grid.task(work), generator)
     if refitted is None:
         return RoundedFunction(closes=False)
-    on_grid = dataclasses.replace(question, limits=limits)
     linkage = Linkage.of(built(on_grid, refitted), question.radian, question.target)
     return RoundedFunction(
         closes=True,

@@ -13,7 +13,7 @@ from synthesis.function.answers import Generator, exchanged_back, fraction_back,
 from synthesis.function.few_pairs import HARDLY_BACK, MOST_PAIRS, exact_functions, function_merit, is_few
 from synthesis.function.laws import FOUR_BAR, FunctionLimits
 from synthesis.function.problem import AnyLaw
-from synthesis.function.search import FunctionSearch
+from synthesis.function.search import FunctionSearch, FunctionTask
 from synthesis.function.target_function import TargetFunction
 from synthesis.limits import Limits
 from synthesis.ranking import APART, PROPORTION, Status, counted_error, distinct
@@ -47,33 +47,17 @@ class GeneratorOptions:
 OPTIONS = GeneratorOptions()
 
 
-def generate(
-    tables: SeedTables,
-    target: TargetFunction,
-    limits: FunctionLimits,
-    largest: bool,
-    top: int,
-    tolerance: float,
-    work: Work | None = None,
-) -> tuple[list[Generator], SearchReport]:
+def generate(tables: SeedTables, task: FunctionTask, top: int) -> tuple[list[Generator], SearchReport]:
     """Find the best four-bars for a function.
 
     Parameters
     ----------
     tables : SeedTables
         Tables of the four-bar.
-    target : TargetFunction
-        The function.
-    limits : FunctionLimits
-        Limits of four-bars.
-    largest : bool
-        Minimize the largest error over the interval; otherwise the root mean square error at the samples.
+    task : FunctionTask
+        The function, with limits of four-bars.
     top : int
         Maximum number of linkages.
-    tolerance : float
-        Stop the search when the objective is below this value.
-    work : Work, optional
-        When it expires, return the best linkages found.
 
     Returns
     -------
@@ -82,9 +66,9 @@ def generate(
     report : SearchReport
         How the search ended.
     """
-    work = work or Work()
+    target, limits, largest, tolerance, work = task
     if target.clockwise:
-        found, report = generate(tables, target.mirrored(), limits, largest, top, tolerance, work)
+        found, report = generate(tables, task._replace(target=target.mirrored()), top)
         return [generator.mirrored() for generator in found], report
     few, max_results = list[Generator](), max(top, OPTIONS.ranked)
     if not largest and is_few(target, limits.relative):
@@ -92,33 +76,25 @@ def generate(
         if few and few[0].transmission_angle_min > OPTIONS.usable and target.crank.size < MOST_PAIRS:
             trace = [(work.elapsed, few[0].errors.objective)]
             return few[:top], SearchReport(StoppedBy.TOLERANCE, trace, work.elapsed, len(few))
-    found, report = _generate_any(tables, target, limits, largest, max_results, tolerance, work)
+    found, report = _generate_any(tables, task, max_results)
     found = distinct(few + found, max_results, APART) if few else found
     if found and not is_usable(min(found, key=_error)) and not work.expired():
         within = replace(limits, limits=replace(limits.limits, transmission_angle_min=OPTIONS.usable))
-        more, _ = _generate_any(tables, target, within, largest, max_results, tolerance, work)
+        more, _ = _generate_any(tables, task._replace(limits=within), max_results)
         found = distinct(found + more, 2 * max_results, APART)
     return best_built(target, found, top, tolerance, is_sized(limits)), report
 
 
-def generate_with(
-    laws: Sequence[AnyLaw],
-    target: TargetFunction,
-    limits: FunctionLimits,
-    largest: bool,
-    top: int,
-    tolerance: float,
-    work: Work,
-) -> tuple[list[Generator], SearchReport]:
+def generate_with(laws: Sequence[AnyLaw], task: FunctionTask, top: int) -> tuple[list[Generator], SearchReport]:
     """Find the best distinct linkages of some laws for a function, best first, including the best of each law.
 
     Arguments and results are as in `generate`.
     """
-    of_each, reports = list[list[Generator]](), list[SearchReport]()
+    of_each, reports, tolerance, work = list[list[Generator]](), list[SearchReport](), task.tolerance, task.work
     for law in laws:
         if any(of_each) and work.expired():
             break
-        found, report = _searched(law, target, limits, largest, top + OPTIONS.spare, tolerance, work)
+        found, report = _searched(law, task, top + OPTIONS.spare)
         of_each.append(distinct(found, top, APART, exact=tolerance))
         reports.append(report)
     smallest = min((found[0].errors.objective for found in of_each if found), default=0.0)
@@ -132,34 +108,19 @@ def generate_with(
     return found, report._replace(screen_seconds=sum(report.screen_seconds for report in reports))
 
 
-def _searched(
-    law: AnyLaw,
-    target: TargetFunction,
-    limits: FunctionLimits,
-    largest: bool,
-    max_results: int,
-    tolerance: float,
-    work: Work,
-) -> tuple[list[Generator], SearchReport]:
+def _searched(law: AnyLaw, task: FunctionTask, max_results: int) -> tuple[list[Generator], SearchReport]:
     """Search for ``max_results`` linkages of a law."""
-    run = FunctionSearch(target, law, limits, largest, max_results, tolerance, work)
+    run = FunctionSearch(task, law, max_results)
     found = run.run()
-    stopped = stopped_by(found, tolerance, work)
+    stopped = stopped_by(found, task.tolerance, task.work)
     return found, SearchReport(stopped, run.trace, run.screened, run.seeds, run.settled or not found)
 
 
-def _generate_any(
-    tables: SeedTables,
-    target: TargetFunction,
-    limits: FunctionLimits,
-    largest: bool,
-    max_results: int,
-    tolerance: float,
-    work: Work,
-) -> tuple[list[Generator], SearchReport]:
+def _generate_any(tables: SeedTables, task: FunctionTask, max_results: int) -> tuple[list[Generator], SearchReport]:
     """Search for ``max_results`` four-bars for any number of pairs; see `generate`."""
+    target, limits, largest, tolerance, work = task
     if largest or not limits.relative.only_family or target.one_way:
-        return _searched(FOUR_BAR, target, limits, largest, max_results, tolerance, work)
+        return _searched(FOUR_BAR, task, max_results)
     family, answers = Limits(family=limits.limits.family), partial(exchanged_back, target, limits)
     found, report = search(tables, target.target, family, max_results, tolerance, work, answers)
     prescribed = target.start is not None or target.offset is not None
@@ -171,7 +132,7 @@ def _generate_any(
     # If its best linkage is out of proportion, as for the function of a parallelogram, others may be as good.
     even = replace(limits, limits=replace(limits.limits, link_ratio_max=OPTIONS.even_ratio_max))
     within = limits if missed else even
-    more, second = _searched(FOUR_BAR, target, within, False, max_results, tolerance, work)
+    more, second = _searched(FOUR_BAR, task._replace(limits=within), max_results)
     found = best_built(
         target, distinct(found + more, 2 * max_results, APART), max_results, tolerance, is_sized(limits)
     )

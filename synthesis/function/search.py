@@ -32,6 +32,19 @@ from synthesis.search.search import SEARCH_SAMPLES
 from synthesis.work import Work
 
 
+class FunctionTask(NamedTuple):
+    """A function that linkages make within limits, and the end of its search."""
+
+    target: TargetFunction
+    limits: FunctionLimits
+    largest: bool
+    """Minimize the largest error over the interval; otherwise the root mean square error at the samples."""
+    tolerance: float
+    """Objective below which the search ends."""
+    work: Work
+    """When it expires, the best linkages found are returned."""
+
+
 class Fit(NamedTuple):
     """A descent to least squares, with the limits as penalties."""
 
@@ -131,19 +144,10 @@ def first_of_cells(cells: Floats, cost: Floats, max_count: int) -> Ints:
 class FunctionSearch(SearchProblem):
     """A function that linkages of a law make within limits, as a problem of the multistart search."""
 
-    def __init__(
-        self,
-        target: TargetFunction,
-        law: AnyLaw,
-        limits: FunctionLimits,
-        largest: bool,
-        top: int,
-        tolerance: float,
-        work: Work,
-    ) -> None:
-        self.function, self.law, self.largest = target, law, largest
-        self.problem = FunctionProblem(target, law, limits, largest)
-        self.top, self.tolerance, self.work = top, tolerance, work
+    def __init__(self, task: FunctionTask, law: AnyLaw, top: int) -> None:
+        self.function, limits, self.largest, self.tolerance, self.work = task
+        self.problem = FunctionProblem(self.function, law, limits, self.largest)
+        self.law, self.top = law, top
         self.seeds, self.screened = 0, 0.0
         self.settled = False
         self.trace: list[tuple[float, float]] = []
@@ -154,8 +158,8 @@ class FunctionSearch(SearchProblem):
         self.options = replace(
             options, schedule=options.schedule._replace(finished=finished), max_pool=max(2 * top, finished)
         )
-        incumbents = Incumbents(tolerance, lambda error: self.trace.append((work.elapsed, error)))
-        self.multistart = MultiStart(self, incumbents, work, self.options)
+        incumbents = Incumbents(self.tolerance, lambda error: self.trace.append((self.work.elapsed, error)))
+        self.multistart = MultiStart(self, incumbents, self.work, self.options)
 
     # -- problem of the multistart search -----------------------------------------------------------------------------
 
@@ -395,15 +399,12 @@ class FunctionSearch(SearchProblem):
         return error
 
 
-def refit(
-    target: TargetFunction, generator: Generator, limits: FunctionLimits, largest: bool, tolerance: float, work: Work
-) -> Generator | None:
+def refit(task: FunctionTask, generator: Generator) -> Generator | None:
     """Return a four-bar of prescribed lengths near a generator, with zeros fitted again; None if it does not close."""
-    target = replace(target, one_way=False)
-    run = FunctionSearch(target, generator.law, limits, largest, 1, tolerance, work)
+    run = FunctionSearch(task._replace(target=replace(task.target, one_way=False)), generator.law, 1)
     start = generator.zero + np.array(run.options.nearby_starts)
-    if target.start is not None:
-        start = np.array([target.start])
+    if task.target.start is not None:
+        start = np.array([task.target.start])
     unknowns, branch = np.zeros((start.size, 5)), np.full(start.size, float(generator.branch))
     unknowns[:, 3] = start
     return next(iter(run.best_from(run.with_best_offset(unknowns, branch), branch)), None)
