@@ -18,7 +18,7 @@ from benchmarks import report as page
 from synthesis.errors import FieldError
 from synthesis.one_variable import bisect
 from synthesis.scenes.chain.closure import closing_links
-from synthesis.scenes.chain.crescent import Crescent, level_crescent
+from synthesis.scenes.chain.crescent import Crescent, Dimensions, level_crescent
 from synthesis.scenes.chain.slot import Slot, analyse_slot, chord_error, crescent_slot, wheel_conflict
 from synthesis.scenes.chain.track import Track
 from tests.oracles import chain as oracle
@@ -67,10 +67,10 @@ def pins_by_search(slot: Slot, phases: np.ndarray, following: Any, points: Any) 
 
 def measure_published(crescent: Crescent, slot: Slot) -> dict[str, Any]:
     facts, degrees = analyse_slot(slot, slot.phases(PHASES)), math.degrees
-    printed, printed_slot = crescent_slot(L, N, R1, **PRINTED)
+    printed, printed_slot = crescent_slot(Dimensions(L, N, R1, **PRINTED))
     conflict = degrees(crescent.link_angles(L)[0]) * wheel_conflict(slot)
     try:
-        crescent_slot(L, 14, R1)
+        crescent_slot(Dimensions(L, 14, R1))
     except FieldError as error:
         refusal = str(error)
     rows = [
@@ -133,7 +133,7 @@ def measure_speed(crescent: Crescent, slot: Slot) -> dict[str, Any]:
             row("all pins of one phase", "brentq", single, searched),
         ],
         "checked_ms": milliseconds(lambda: chord_error(slot, phases)),
-        "closure_ms": milliseconds(lambda: crescent_slot(L, N, R1), 5),
+        "closure_ms": milliseconds(lambda: crescent_slot(Dimensions(L, N, R1)), 5),
         "largest_difference": max(differences),
     }
 
@@ -177,14 +177,14 @@ def blocks(results: dict[str, Any]) -> dict[str, str]:
 
 def draw(results: dict[str, Any]) -> None:
     """Draw the pictures of docs/chain.md."""
-    crescent, slot = crescent_slot(L, N, R1)
+    crescent, slot = crescent_slot(Dimensions(L, N, R1))
     pictures.draw_track(crescent, slot)
     pictures.draw_defect(crescent, slot)
 
 
 def measure() -> Iterator[dict[str, Any]]:
     """Run all measurements."""
-    crescent, slot = crescent_slot(L, N, R1)
+    crescent, slot = crescent_slot(Dimensions(L, N, R1))
     yield {
         "published": measure_published(crescent, slot),
         "speed": measure_speed(crescent, slot),

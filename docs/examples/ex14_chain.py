@@ -9,9 +9,10 @@ The slot is computed so that all links keep their length at every phase.
 
 import matplotlib.pyplot as plt
 
+from synthesis.scenes.chain.crescent import Dimensions
 from synthesis.scenes.chain.slot import analyse_slot, crescent_slot
 
-crescent, slot = crescent_slot(pitch=131.0, links=16, upper_radius=181.78)
+crescent, slot = crescent_slot(Dimensions(pitch=131.0, links=16, upper_radius=181.78))
 phases = slot.phases(91)
 report = analyse_slot(slot, phases)
 print(f"depth of the slot {report.depth_max:.3f} mm, smallest radius {report.radius_min:.1f} mm")

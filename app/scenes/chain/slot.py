@@ -22,7 +22,7 @@ from app.scenes.chain.models import (
 from app.terminal import DEGREES, Units
 from linkage_atlas import FieldError
 from synthesis.scenes.chain.closure import STRETCH_TOLERANCE
-from synthesis.scenes.chain.crescent import Crescent
+from synthesis.scenes.chain.crescent import Crescent, Dimensions
 from synthesis.scenes.chain.groove import contours, roller_walls, to_dxf, to_svg
 from synthesis.scenes.chain.slot import Slot, analyse_slot, crescent_slot, pins_at, wheel_conflict
 from synthesis.sheet import csv_text
@@ -30,7 +30,7 @@ from synthesis.sheet import csv_text
 SEGMENT_NAMES = get_args(Segment)
 """Names of the segments of a crescent, in the order of travel."""
 NOT_DIMENSIONS = ("phase_start", "samples", "roller_radius", "include", "angle_unit")
-"""Fields of a request that are not arguments of `crescent_slot`."""
+"""Fields of a request that are not among `Dimensions`."""
 LONG_SAMPLES = 1000
 """Number of samples above which an answer takes more than a fraction of a second."""
 
@@ -60,10 +60,9 @@ def slot_view(request: ChainSlotRequest, resources: Resources) -> SlotView:
     if request.samples * request.links > MAX_PINS:
         message = f"must be at most {MAX_PINS // request.links} for a chain of {request.links} links"
         raise FieldError("/samples", message)
-    start, dimensions = request.phase_start, request.arguments(exclude=NOT_DIMENSIONS)
-    crescent, slot = crescent_slot(
-        **dimensions, start=None if start is None else Angles(request.angle_unit).inward(start), work=resources.work()
-    )
+    start, dimensions = request.phase_start, Dimensions(**request.arguments(exclude=NOT_DIMENSIONS))
+    angle = None if start is None else Angles(request.angle_unit).inward(start)
+    crescent, slot = crescent_slot(dimensions, angle, resources.work())
     return SlotView(request, crescent, slot, slot.phases(request.samples))
 
 

@@ -9,6 +9,7 @@ in radians.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -180,38 +181,33 @@ def critical_crescent(
     return level_crescent(wheel_radius, upper_radius, -float(rising_root(rising, -longest, -shortest, [guess])[0]))
 
 
-def crescent_for(
-    pitch: float,
-    links: int,
-    upper_radius: float,
-    wheel_radius: float | None = None,
-    lower_radius: float | None = None,
-    eccentricity: float | None = None,
-    work: Work | None = None,
-) -> Crescent:
-    """Return the crescent with given dimensions, and compute those that are missing.
+class Dimensions(NamedTuple):
+    """Dimensions of a chain and its crescent; missing dimensions follow from the others.
 
-    Parameters
-    ----------
-    pitch : float
-        Length of a link.
-    links : int
-        Number of links.
-    upper_radius : float
-        R1.
-    wheel_radius : float, optional
-        R0. By default pitch/sqrt(2), with four pins per turn.
-    lower_radius, eccentricity : float, optional
-        R2 and b. If both are given, the layout is used unchanged. If one is given, the other follows from wheel
-        centres level with the centre of the upper arc. If neither is given, both follow from the critical closure.
-    work : Work, optional
-        Called between the steps to check whether the result is still wanted.
-
-    Raises
-    ------
-    FieldError
-        There is no such crescent.
+    If lower radius and eccentricity are both given, the layout is used unchanged. If one is given, the other follows from wheel
+    centres level with the centre of the upper arc. If neither is given, both follow from the critical closure.
     """
+
+    pitch: float
+    """Length of a link."""
+    links: int
+    """Number of links."""
+    upper_radius: float
+    """R1."""
+    wheel_radius: float | None = None
+    """R0; None: pitch/sqrt(2), with four pins per turn."""
+    lower_radius: float | None = None
+    """R2."""
+    eccentricity: float | None = None
+    """b."""
+
+
+def crescent_for(dimensions: Dimensions, work: Work | None = None) -> Crescent:
+    """Return the crescent of some dimensions.
+
+    Raise a `FieldError` if there is none. ``work`` is called between the steps.
+    """
+    pitch, links, upper_radius, wheel_radius, lower_radius, eccentricity = dimensions
     wheel_radius = float(pitch / np.sqrt(2)) if wheel_radius is None else wheel_radius
     radii = {"upper_radius": upper_radius, "wheel_radius": wheel_radius, "lower_radius": lower_radius}
     for name, radius in radii.items():

@@ -25,7 +25,15 @@ from synthesis.scenes.chain.closure import (
     find_maximum,
     find_minimum,
 )
-from synthesis.scenes.chain.crescent import LEFT_WHEEL, LOWER_ARC, RIGHT_WHEEL, UPPER_ARC, Crescent, crescent_for
+from synthesis.scenes.chain.crescent import (
+    LEFT_WHEEL,
+    LOWER_ARC,
+    RIGHT_WHEEL,
+    UPPER_ARC,
+    Crescent,
+    Dimensions,
+    crescent_for,
+)
 from synthesis.scenes.chain.track import PinMotion, Points, TrackPosition, cross, dot, no_point_error, pitch_error
 from synthesis.work import Work
 
@@ -218,14 +226,7 @@ class Slot:
 
 
 def crescent_slot(
-    pitch: float,
-    links: int,
-    upper_radius: float,
-    wheel_radius: float | None = None,
-    lower_radius: float | None = None,
-    eccentricity: float | None = None,
-    start: float | None = None,
-    work: Work | None = None,
+    dimensions: Dimensions, start: float | None = None, work: Work | None = None
 ) -> tuple[Crescent, Slot]:
     """Compute the crescent and its slot, below the middle of the upper arc.
 
@@ -234,8 +235,7 @@ def crescent_slot(
 
     Parameters
     ----------
-    pitch, links, upper_radius, wheel_radius, lower_radius, eccentricity
-        See `synthesis.scenes.chain.crescent.crescent_for`.
+    dimensions : Dimensions
     start : float, optional
         Angle of P1 on the left wheel at the start of the window. By default, the phase with the smallest slack.
     work : Work, optional
@@ -247,8 +247,8 @@ def crescent_slot(
         There is no such crescent; the chain is too short at some phase, or has a link too many at every phase; a link
         does not fit on the track, or the chain does not run smoothly; or there is no slot.
     """
-    work = work or Work()
-    crescent = crescent_for(pitch, links, upper_radius, wheel_radius, lower_radius, eccentricity, work)
+    work, pitch, links = work or Work(), dimensions.pitch, dimensions.links
+    crescent = crescent_for(dimensions, work)
     chain = Chain(crescent.track, pitch, links)
     work.go_on()
     worst = chain.smallest_overrun()

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 
 from synthesis.errors import FieldError
 from synthesis.scenes.chain.closure import closing_links
+from synthesis.scenes.chain.crescent import Dimensions
 from synthesis.scenes.chain.slot import analyse_slot, crescent_slot, pins_at
 
 REFERENCE = json.loads((Path(__file__).parents[3] / "reference" / "chain.json").read_text())
@@ -25,13 +26,13 @@ R0 = L / math.sqrt(2)
 
 @pytest.fixture(scope="module")
 def canonical():
-    return crescent_slot(L, N, R1)
+    return crescent_slot(Dimensions(L, N, R1))
 
 
 @pytest.fixture(scope="module")
 def printed():
     radii = (PRINTED["wheel_radius"], PRINTED["lower_radius"], PRINTED["eccentricity"])
-    return crescent_slot(L, N, R1, *radii)
+    return crescent_slot(Dimensions(L, N, R1, *radii))
 
 
 # Published numbers
@@ -68,13 +69,13 @@ def test_p5_sixteen_links_close(canonical, printed) -> None:
 )
 def test_a_chain_closes_or_the_error_gives_the_number_of_links(upper, wheel, links, scale) -> None:
     try:
-        crescent, slot = crescent_slot(scale, links, upper * scale, wheel * scale)
+        crescent, slot = crescent_slot(Dimensions(scale, links, upper * scale, wheel * scale))
     except FieldError as error:
         assert error.field == "/links" and error.details["amount"] > 0
         missing = error.details["nearest_links"] > links
         assert ("missing_length" if missing else "excess_length") in error.details
         links = error.details["nearest_links"]
-        crescent, slot = crescent_slot(scale, links, upper * scale, wheel * scale)
+        crescent, slot = crescent_slot(Dimensions(scale, links, upper * scale, wheel * scale))
     facts = analyse_slot(slot, np.linspace(slot.start, slot.end, 31))
     assert closing_links(crescent.track, scale) == links
     assert facts.chord_error < 1e-12 * scale * max(1, crescent.lower_radius / scale)
@@ -82,7 +83,7 @@ def test_a_chain_closes_or_the_error_gives_the_number_of_links(upper, wheel, lin
     assert facts.end_step < 1e-8 * scale
     assert 0 <= slot.start < slot.chain.period
     # the results are proportional to the unit of length
-    _, unit = crescent_slot(1.0, links, upper, wheel)
+    _, unit = crescent_slot(Dimensions(1.0, links, upper, wheel))
     phases = np.linspace(0, 1, 7)
     here = slot.path(slot.start + phases * slot.chain.period) / scale
     # the phase of a minimum is known to the square root of the rounding error, but the slot does not move with it

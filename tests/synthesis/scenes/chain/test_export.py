@@ -10,6 +10,7 @@ import ezdxf
 import numpy as np
 import pytest
 
+from synthesis.scenes.chain.crescent import Dimensions
 from synthesis.scenes.chain.groove import to_dxf
 from synthesis.scenes.chain.slot import crescent_slot
 from tests.conftest import some_of
@@ -17,7 +18,7 @@ from tests.conftest import some_of
 
 @pytest.fixture(scope="module")
 def slot():
-    return crescent_slot(131.0, 16, 181.78)[1]
+    return crescent_slot(Dimensions(131.0, 16, 181.78))[1]
 
 
 @pytest.fixture(scope="module")
@@ -62,9 +63,9 @@ def polygon(rows, step: float = 0.02):
 
 STEPPED = {"wheel_radius": 92.63, "lower_radius": 381.5, "eccentricity": 90.22}
 CASES = {
-    "closed": (lambda: crescent_slot(131.0, 16, 181.78)[1], 25.0),
-    "slack: a step of 0.14 at the ends": (lambda: crescent_slot(131.0, 16, 181.78, **STEPPED)[1], 20.0),
-    "a step of 4.2": (lambda: crescent_slot(131.0, 16, 181.78, start=math.radians(75))[1], 20.0),
+    "closed": (lambda: crescent_slot(Dimensions(131.0, 16, 181.78))[1], 25.0),
+    "slack: a step of 0.14 at the ends": (lambda: crescent_slot(Dimensions(131.0, 16, 181.78, **STEPPED))[1], 20.0),
+    "a step of 4.2": (lambda: crescent_slot(Dimensions(131.0, 16, 181.78), math.radians(75))[1], 20.0),
 }
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from synthesis.scenes.chain.crescent import given_crescent
+from synthesis.scenes.chain.crescent import Dimensions, given_crescent
 from synthesis.scenes.chain.slot import analyse_slot, crescent_slot
 from tests.conftest import some_of
 from tests.oracles.chain import crescent, free_pin, smallest_overrun
@@ -42,7 +42,7 @@ UNSEEN += [(60.0, 21, 120.0, 55.0)]
 
 @pytest.mark.parametrize(("pitch", "links", "upper", "wheel"), some_of(UNSEEN, 2))
 def test_unseen_sizes_agree_with_bracketing_search(pitch, links, upper, wheel) -> None:
-    ours, slot = crescent_slot(pitch, links, upper, wheel)
+    ours, slot = crescent_slot(Dimensions(pitch, links, upper, wheel))
     wheel = ours.wheel_radius
     tolerance = 1e-6 * pitch
     period = wheel * 2 * math.asin(pitch / (2 * wheel))
