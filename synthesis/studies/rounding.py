@@ -13,6 +13,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -43,6 +44,15 @@ NONE_FITS = "none of the lengths that were tried closes at all crank angles of t
 NO_TIME = "the time was up before a linkage with available lengths was found"
 
 
+class Steps(NamedTuple):
+    """End of a least-squares fit."""
+
+    max_steps: int
+    """Largest number of steps."""
+    stall: float
+    """Relative decrease of the squared error below which the fit ends."""
+
+
 @dataclass(frozen=True)
 class RoundingOptions:
     """Options of `round_lengths`."""
@@ -69,12 +79,12 @@ class RoundingOptions:
     """Number of other starts, over the whole turn, from which a four-bar is fitted."""
     other_kinds: int = 4
     """Number of four-bars that are fitted in the time of a linkage of another kind."""
-    first_steps: tuple[int, float] = 8, 1e-3
-    """Largest number of steps of the least squares, and the relative decrease of the squared error that ends them."""
-    together_steps: tuple[int, float] = 12, 1e-2
-    """Limits of the steps, as for `first_steps`, of four-bars, which are fitted together."""
-    steps: tuple[int, float] = 30, 1e-7
-    """Limits of the steps, as for `first_steps`, of the best combination."""
+    first_steps: Steps = Steps(8, 1e-3)  # noqa: RUF009
+    """End of the fit of a combination."""
+    together_steps: Steps = Steps(12, 1e-2)  # noqa: RUF009
+    """End of the fit of combinations of four-bars, which are fitted together."""
+    steps: Steps = Steps(30, 1e-7)  # noqa: RUF009
+    """End of the fit of the best combination."""
     change_weight: float = 1e-2
     """Weight of a length's own change beside the estimate: of lengths that the motion does not fix the nearest come first."""
     travel_steps: int = 30
@@ -253,7 +263,7 @@ class _Fit:
         """Return the order of combinations of lengths (n, lengths) by their estimates, and the unknowns predicted for each."""
         own = self.linkage.lengths
         lengths = np.array([*own.values()])
-        residual = self._measured(self.linkage, self.travel).ravel()
+        residual = _misses_of(self.samples, self.linkage, self.travel).ravel()
         matrix = np.nan_to_num(self._derivatives(self.linkage, self.units, self.travel))
         by_length = length_changes(self.linkage, self.units)
         changes = np.array([by_length[name] for name in own]).reshape(len(own), len(self.units)) * self.size
@@ -266,7 +276,7 @@ class _Fit:
         order = np.argsort(estimate, kind="stable")
         return order, begin[order]
 
-    def fitted(self, links: Floats, start: Floats, steps: tuple[int, float]) -> Solution | None:
+    def fitted(self, links: Floats, start: Floats, steps: Steps) -> Solution | None:
         """Return a linkage of given lengths, fitted without limits; None if the loop opens at a sample."""
         travel, lengths = self.travel, dict(zip(self.linkage.lengths, links.tolist()))
 
@@ -277,13 +287,13 @@ class _Fit:
                 closes = np.isfinite(linkage.body(linkage.start + travel).rotation).all()
                 if closes and not self.timed:
                     travel = nearest_travel(self.samples, linkage, travel, OPTIONS.few_travel_steps)
-                residual = self._measured(linkage, travel).ravel()
+                residual = _misses_of(self.samples, linkage, travel).ravel()
                 rows = np.vstack([self._derivatives(linkage, units, travel), residual])
             known = closes and np.isfinite(rows).all()
             cost = np.sum(residual**2) if known else np.inf
             return Evaluation(np.array([cost]), np.nan_to_num(rows)[None])
 
-        found = minimise(evaluate, start[None], np.zeros(1), steps[0], work=self.work, stall=steps[1])
+        found = minimise(evaluate, start[None], np.zeros(1), steps.max_steps, work=self.work, stall=steps.stall)
         if not np.isfinite(found.cost[0]):
             return self.fitted(links, self.no_change, steps) if start.any() else None
         linkage = self._at(found.unknowns[0], lengths)[0]
@@ -401,22 +411,6 @@ class _Fit:
             return Rail(guide.point + fixed, guide.direction + turn, guide.body_point + point)
         return Slot(guide.pin + fixed, guide.body_point + point, guide.body_direction + turn)
 
-    def _measured(self, linkage: Linkage, travel: Floats) -> Floats:
-        """Return weighted errors (rows, N)."""
-        found = linkage.body(linkage.start + travel)
-        return self.misses(found.position, found.rotation)
-
-    def misses(self, position: Complexes, rotation: Floats) -> Floats:
-        """Return weighted errors (..., rows, N) of positions and rotations (..., N)."""
-        samples, turned, off = self.samples, 0.0 * rotation, 0.0 * position
-        if samples.rotation is not None:
-            turned = rotation - samples.rotation
-            # rotations count modulo a turn, or to a constant whole number of turns
-            turned = turned - TURN * np.round((turned[..., :1] if self.timed else turned) / TURN)
-        if samples.position is not None:
-            off = position - samples.position
-        return weighted(samples, turned, off)
-
     def _derivatives(self, linkage: Linkage, units: Sequence[Deviations], travel: Floats) -> Floats:
         """Return the derivatives of the weighted errors by all unknowns, (unknowns, rows N)."""
         found = motion_derivatives(self.samples, linkage, travel, units, free=not self.timed)
@@ -463,7 +457,7 @@ class _FourBars:
         axis = scale * np.exp(1j * (coupler + turn))
         arm = (x + 1j * y) * axis
         around = self.to_a[index] * np.exp(1j * turn) + pin + arm
-        missed = self.fit.misses(scale * (pivot_x + 1j * pivot_y) + around, coupler + turn + offset)
+        missed = _misses(samples, scale * (pivot_x + 1j * pivot_y) + around, coupler + turn + offset)
         still, one = np.zeros(coupler.shape), np.ones(coupler.shape)
         moves = [1j * around, still, 1j * (pin + rate * arm), axis, 1j * axis, scale * one, 1j * scale * one]
         rows = weighted(samples, np.stack([one, one, rate, *[still] * 4]), np.stack(moves))
@@ -504,9 +498,8 @@ def nearest_travel(samples: Samples, linkage: Linkage, begin: Floats, steps: int
     """
     travel = np.array(begin, dtype=float)
     square = squared_errors(samples, linkage, travel)
-    weights = _weights(samples)
     for _ in range(steps):
-        first, second = _slopes(samples, linkage, travel, weights)
+        first, second = _slopes(samples, linkage, travel)
         # towards a minimum if the error is convex, otherwise along the first-order step
         step = np.nan_to_num(-first / np.where(second > 0, second, np.inf))
         longest = 0.3 if linkage.driver.turns else 0.3 * samples.length_scale
@@ -528,45 +521,34 @@ def nearest_travel(samples: Samples, linkage: Linkage, begin: Floats, steps: int
     return travel
 
 
-def _weights(samples: Samples) -> tuple[Floats, Floats]:
-    """Return the weights of squared errors of rotation and of position at each sample, (N,)."""
-    # for a single sample only the ratio of both matters
-    turning: Floats = np.zeros(samples.samples)
-    placing = turning
+def _misses(samples: Samples, position: Complexes, rotation: Floats) -> Floats:
+    """Return weighted errors (..., rows, N) of positions and rotations (..., N)."""
+    turned, off = 0.0 * rotation, 0.0 * position
     if samples.rotation is not None:
-        turning = turning + samples.rotation_mean.root**2
+        turned = rotation - samples.rotation
+        # rotations count modulo a turn, or with given timing to a constant whole number of turns
+        turned = turned - TURN * np.round((turned[..., :1] if isinstance(samples, Target) else turned) / TURN)
     if samples.position is not None:
-        placing = placing + samples.position_mean.root**2 / samples.length_scale**2
-    return turning, placing
+        off = position - samples.position
+    return weighted(samples, turned, off)
 
 
-def _gaps(samples: Samples, linkage: Linkage, travel: Floats) -> tuple[Floats, Complexes]:
-    """Return errors of rotation (to the nearest whole turn) and position; zeros if the sample does not prescribe them."""
+def _misses_of(samples: Samples, linkage: Linkage, travel: Floats) -> Floats:
+    """Return the weighted errors (rows, N) of a linkage."""
     found = linkage.body(linkage.start + travel)
-    turned: Floats = np.zeros(travel.shape)
-    if samples.rotation is not None:
-        turned = found.rotation - samples.rotation
-        turned = turned - TURN * np.round(turned / TURN)
-    off = np.zeros(travel.shape, dtype=complex) if samples.position is None else found.position - samples.position
-    return turned, off
+    return _misses(samples, found.position, found.rotation)
 
 
 def squared_errors(samples: Samples, linkage: Linkage, travel: Floats) -> Floats:
     """Return the weighted squared error at each sample, (N,); infinite if the loop does not close."""
-    turning, placing = _weights(samples)
-    turned, off = _gaps(samples, linkage, travel)
-    square = turning * turned**2 + placing * np.abs(off) ** 2
+    square = np.sum(_misses_of(samples, linkage, travel) ** 2, axis=0)
     return np.where(np.isfinite(square), square, np.inf)
 
 
-def _slopes(
-    samples: Samples, linkage: Linkage, travel: Floats, weights: tuple[Floats, Floats]
-) -> tuple[Floats, Floats]:
+def _slopes(samples: Samples, linkage: Linkage, travel: Floats) -> tuple[Floats, Floats]:
     """Return first and second derivatives of half the squared error by the travel; the second has a lower bound."""
-    turning, placing = weights
-    turned, off = _gaps(samples, linkage, travel)
-    rates = linkage.rates(linkage.start + travel)
-    first = turning * turned * rates.rotation + placing * np.real(np.conj(off) * rates.position)
-    gauss = turning * rates.rotation**2 + placing * np.abs(rates.position) ** 2
-    curved = turning * turned * rates.rotation_second + placing * np.real(np.conj(off) * rates.position_second)
-    return first, np.where(gauss + curved > 0.1 * gauss, gauss + curved, gauss)
+    missed, rates = _misses_of(samples, linkage, travel), linkage.rates(linkage.start + travel)
+    drive = weighted(samples, rates.rotation, rates.position)
+    gauss = np.sum(drive**2, axis=0)
+    second = gauss + np.sum(missed * weighted(samples, rates.rotation_second, rates.position_second), axis=0)
+    return np.sum(missed * drive, axis=0), np.where(second > 0.1 * gauss, second, gauss)
