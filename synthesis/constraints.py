@@ -13,7 +13,7 @@ from synthesis.arrays import Flags
 from synthesis.four_bar import transmission_angle_over
 from synthesis.kernels import codes, four_bar_limits
 from synthesis.limits import LINKS, PIVOTS, Limits, in_family
-from synthesis.mechanism import Box, Constrained, Placed
+from synthesis.mechanism import Constrained, Placed
 from synthesis.pose import DEGENERATE
 from synthesis.target import Samples
 
@@ -46,7 +46,7 @@ class Constraints:
     def __init__(
         self, limits: Limits, middle: complex = 0j, scale: float = 1.0, exact: bool = True, smooth: bool = False
     ) -> None:
-        self.limits, self.middle, self.scale, self.exact, self.smooth = limits, middle, scale, exact, smooth
+        self.limits, self.exact, self.smooth = limits.relative(middle, scale), exact, smooth
         self._made: dict[bool, tuple[four_bar_limits.Limits, _Table]] = {}
 
     @property
@@ -83,7 +83,7 @@ class Constraints:
         return self._made[posed]
 
     def _table(self, posed: bool) -> _Table:
-        table, limits, scale = _Table(), self.limits, self.scale
+        table, limits = _Table(), self.limits
         smooth = self.smooth and limits.family != "any"
         if limits.transmission_angle_min:
             table.add("transmission_angle_min", codes.USED, np.cos(limits.transmission_angle_min))
@@ -95,12 +95,12 @@ class Constraints:
             if bound is not None:
                 for k, prescribed in enumerate(limits.links):
                     if prescribed is None:  # prescribed lengths are within the bound
-                        table.add(name, codes.LENGTH, k, sign, -sign * bound / scale)
+                        table.add(name, codes.LENGTH, k, sign, -sign * bound)
         if limits.link_ratio_max is not None:
             table.add("link_ratio_max", codes.RATIOS if self.smooth else codes.RATIO, limits.link_ratio_max)
         for k, length in enumerate(limits.links):
             if length is not None:
-                table.add(f"links.{LINKS[k]}", codes.LENGTH, k, 1.0, -length / scale, equal=True)
+                table.add(f"links.{LINKS[k]}", codes.LENGTH, k, 1.0, -length, equal=True)
         if posed:
             self._on_pose(table)
         return table
@@ -109,32 +109,29 @@ class Constraints:
         limits, reach = self.limits, self.limits.pivot_reach
         for point, name in enumerate(PIVOTS):
             if (pivot := getattr(limits, name)) is not None:
-                table.add(name, codes.AT, point, *self._point(pivot), equal=True)
+                table.add(name, codes.AT, point, *_xy(pivot), equal=True)
                 continue
             for box_name in (f"{name}_box", "pivot_box"):
                 if (box := getattr(limits, box_name)) is not None:
-                    table.add(box_name, codes.INSIDE, point, *self._box(box))
+                    table.add(box_name, codes.INSIDE, point, *box)
             if reach is not None and (radius := getattr(reach, name)) is not None:
-                table.add("pivot_reach", codes.NEAR, point, *self._point(reach.middle), radius / self.scale)
+                table.add("pivot_reach", codes.NEAR, point, *_xy(reach.middle), radius)
             for out in limits.keep_out:
-                table.add("keep_out", codes.OUTSIDE, point, *self._box(out))
+                table.add("keep_out", codes.OUTSIDE, point, *out)
         if limits.coupler_radius_max is not None:
-            table.add("coupler_radius_max", codes.NEAR, codes.BODY, 0.0, 0.0, limits.coupler_radius_max / self.scale)
+            table.add("coupler_radius_max", codes.NEAR, codes.BODY, 0.0, 0.0, limits.coupler_radius_max)
         if reach is not None and reach.body is not None:
             for point in (codes.BODY, codes.BODY_FROM_ROCKER):
-                table.add("body_reach", codes.NEAR, point, 0.0, 0.0, reach.body / self.scale)
+                table.add("body_reach", codes.NEAR, point, 0.0, 0.0, reach.body)
         if limits.envelope is not None:
             spare = 0.0 if self.exact else SPARE
-            x, y, right, upper = self._box(limits.envelope)
+            x, y, right, upper = limits.envelope
             box = x + spare, y + spare, right - spare, upper - spare
             table.add("envelope", codes.ENVELOPE, *box, *_TRACED[self.exact])
 
-    def _point(self, point: complex) -> tuple[float, float]:
-        moved = (point - self.middle) / self.scale
-        return moved.real, moved.imag
 
-    def _box(self, box: Box) -> Box:
-        return *self._point(complex(*box[:2])), *self._point(complex(*box[2:]))
+def _xy(point: complex) -> tuple[float, float]:
+    return point.real, point.imag
 
 
 class _Table:

@@ -245,30 +245,45 @@ class Limits:
         if self.links[3] not in (None, 1.0):
             raise FieldError("/limits/links/ground", "must be 1 without `position`, because the motion has no size")
 
+    def _mapped(self, move: Callable[[complex], complex], scale: float = 1.0) -> Limits:
+        """Return the limits for moved points, and with lengths over a scale; unchecked, as rounding may violate what holds."""
+
+        def over(length: float | None) -> float | None:
+            return None if length is None else length / scale
+
+        def box(sides: Box) -> Box:
+            first, last = move(complex(*sides[:2])), move(complex(*sides[2:]))
+            low, high = sorted((first.imag, last.imag))
+            return first.real, low, last.real, high
+
+        change: dict[str, Callable[[Any], Any]] = {
+            "length": over,
+            "links": lambda lengths: tuple(map(over, lengths)),
+            "point": move,
+            "box": box,
+            "boxes": lambda boxes: tuple(map(box, boxes)),
+            "reach": lambda reach: Reach(move(reach.middle), *map(over, reach[1:])),
+        }
+        mapped = object.__new__(Limits)
+        for name, form in FORMS.items():
+            value = getattr(self, name)
+            vars(mapped)[name] = value if value is None or form.kind not in change else change[form.kind](value)
+        return mapped
+
     def mirrored(self) -> Limits:
         """Return the limits for a target that is mirrored in the x axis."""
-        mirror: dict[str, Callable[[Any], Any]] = {
-            "point": lambda point: point.conjugate(),
-            "box": _flipped,
-            "boxes": lambda boxes: tuple(map(_flipped, boxes)),
-            "reach": lambda reach: reach._replace(middle=reach.middle.conjugate()),
-        }
-        changed: dict[str, Any] = {
-            name: value and mirror[FORMS[name].kind](value)
-            for name, value in vars(self).items()
-            if name in FORMS and FORMS[name].kind in mirror
-        }
-        return replace(self, **changed)
+        return self._mapped(complex.conjugate)
+
+    def relative(self, middle: complex, scale: float) -> Limits:
+        """Return the limits with positions measured from a middle, and all lengths over a scale."""
+        return self._mapped(lambda point: (point - middle) / scale, scale)
 
     def over(self, ground: float) -> Limits:
         """Return the limits of shape and lengths for a ground of length 1, with all lengths divided by ``ground``."""
-        links = [None if length is None else length / ground for length in self.links[:3]]
-        values: dict[str, Any] = {
-            name: value / ground if FORMS[name].kind == "length" else value
-            for name in self.active_names
-            if FORMS[name].concerns not in ("position", "sliders") and (value := getattr(self, name)) is not None
-        }
-        return Limits(**values | {"links": (*links, None)})
+        relative = self.relative(0j, ground)
+        names = [name for name, form in FORMS.items() if form.concerns in ("shape", "lengths")]
+        values = {name: getattr(relative, name) for name in names}
+        return Limits(**values | {"links": (*relative.links[:3], None)})
 
     @property
     def active_names(self) -> list[str]:
@@ -333,10 +348,6 @@ def _common(boxes: Sequence[Box | None]) -> Box | None:
     """Return the intersection of boxes, which may be empty; None without boxes."""
     present = [box for box in boxes if box is not None]
     return (*np.max(present, axis=0)[:2].tolist(), *np.min(present, axis=0)[2:].tolist()) if present else None
-
-
-def _flipped(box: Box) -> Box:
-    return box[0], -box[3], box[2], -box[1]
 
 
 def _practical(samples: Samples | None, arguments: dict[str, Any]) -> dict[str, Any]:

@@ -151,27 +151,26 @@ def search_spaces(target: Samples, limits: Limits, posed: bool | None = None) ->
 
 def _boxes(limits: Limits, middle: complex, scale: float) -> Boxes:
     """Return the boxes that the limits impose on pivots and lengths."""
-    boxes = []
+    own, boxes = limits.relative(middle, scale), []
     for name in PIVOTS:
-        box, point, reach = limits.box(f"{name}_box") or _EVERYWHERE, getattr(limits, name), limits.pivot_reach
+        box, point, reach = own.box(f"{name}_box") or _EVERYWHERE, getattr(own, name), own.pivot_reach
         if point is not None:
             box = (point.real, point.imag, point.real, point.imag)
         elif reach is not None and (distance := getattr(reach, name)) is not None:
             x, y = reach.middle.real, reach.middle.imag
-            low, high = (
-                np.maximum(box[:2], [x - distance, y - distance]),
-                np.minimum(box[2:], [x + distance, y + distance]),
+            box = (
+                max(box[0], x - distance),
+                max(box[1], y - distance),
+                min(box[2], x + distance),
+                min(box[3], y + distance),
             )
-            box = (*low.tolist(), *high.tolist())
-        corner = np.array([middle.real, middle.imag])
-        low, high = (np.array(box[:2]) - corner) / scale, (np.array(box[2:]) - corner) / scale
-        boxes.append((*low.tolist(), *high.tolist()))
-    shortest, longest = np.full(4, (limits.link_min or 0.0) / scale), np.full(4, (limits.link_max or np.inf) / scale)
-    for k, length in enumerate(limits.links):
+        boxes.append(box)
+    shortest, longest = np.full(4, own.link_min or 0.0), np.full(4, own.link_max or np.inf)
+    for k, length in enumerate(own.links):
         if length is not None:
-            shortest[k] = longest[k] = length / scale
-    if limits.pivot_a is not None and limits.pivot_b is not None:
-        shortest[3] = longest[3] = abs(limits.pivot_b - limits.pivot_a) / scale
+            shortest[k] = longest[k] = length
+    if own.pivot_a is not None and own.pivot_b is not None:
+        shortest[3] = longest[3] = abs(own.pivot_b - own.pivot_a)
     return Boxes(boxes[0], boxes[1], shortest, longest)
 
 

@@ -54,7 +54,7 @@ import numpy as np
 from synthesis.arrays import Complexes, Flags, Floats, rows_at, rows_of_all
 from synthesis.free.dyads import Body, Dyads
 from synthesis.kernels import pair_descent
-from synthesis.limits import REACH, Limits
+from synthesis.limits import REACH, Limits, Reach
 from synthesis.mechanism import Box
 from synthesis.poses import Poses
 from synthesis.work import Work
@@ -341,8 +341,8 @@ class Stage(NamedTuple):
     damping: float = 1e-2
 
 
-_LENGTHS = (
-    "arm_min", "stroke_max", "link_max", "link_min", "coupler_radius_max", "cylinder_dead_length", "cylinder_extended_max",
+_NUMBERS = (
+    "arm_min", "stroke_max", "link_max", "link_min", "link_ratio_max", "coupler_radius_max", "cylinder_extended_max",
 )  # fmt: skip
 
 
@@ -352,40 +352,31 @@ def numbers_of(limits: Limits, poses: Poses, timed: bool) -> dict[str, Any]:
     Lengths are divided by the length scale, positions are measured from the mean position. ``timed``: True if the drive, and with
     it the order, is given.
     """
-    scale, middle = poses.length_scale, poses.middle
-    none, reach = (np.nan, np.nan, np.nan, np.nan), limits.pivot_reach
-
-    def length(value: float | None) -> float | None:
-        return None if value is None else value / scale
+    own, nowhere = limits.relative(poses.middle, poses.length_scale), complex(np.nan, np.nan)
+    reach = own.pivot_reach or Reach(0j, None, None)
 
     def box(sides: Box | None) -> Floats:
-        x, y = middle.real, middle.imag
-        return (np.array(none if sides is None else sides) - (x, y, x, y)) / scale
+        return np.full(4, np.nan) if sides is None else np.array(sides)
 
-    def scaled(point: complex | None) -> tuple[float, float]:
-        off = complex(np.nan, np.nan) if point is None else (point - middle) / scale
-        return off.real, off.imag
-
-    crank, coupler, _, ground = limits.links
-    reaches = (None, None) if reach is None else (reach.pivot_a, reach.pivot_b)
+    pivots = [nowhere if pivot is None else pivot for pivot in (own.pivot_a, own.pivot_b)]
+    crank, coupler, _, ground = own.links
     return {
-        "transmission": limits.transmission_angle_min,
+        "transmission": own.transmission_angle_min,
         "ordered": poses.ordered and not timed,
         "span_max": poses.span_max,
-        "crank": length(crank),
-        "coupler": length(coupler),
-        "ground": length(ground),
-        "link_ratio_max": limits.link_ratio_max,
-        **{name: length(getattr(limits, name)) for name in _LENGTHS},
-        "cylinder_dead_length": length(limits.dead_length),
-        "pivots": np.array([scaled(limits.pivot_a), scaled(limits.pivot_b)]),
-        "pivot_boxes": np.stack([box(limits.box("pivot_a_box")), box(limits.box("pivot_b_box"))]),
-        "reach_middle": 0j if reach is None else complex(*scaled(reach.middle)),
-        "reaches": np.array([np.nan if reach is None else reach / scale for reach in reaches]),
-        "rail_boxes": np.stack([box(limits.rail_box_of("pivot_a")), box(limits.rail_box_of("pivot_b"))]),
-        "far": None if reach is None else REACH * poses.extent / scale,
-        "envelope": box(limits.envelope),
-        "keep_out": np.array([box(out) for out in limits.keep_out]).reshape(-1, 4),
+        "crank": crank,
+        "coupler": coupler,
+        "ground": ground,
+        **{name: getattr(own, name) for name in _NUMBERS},
+        "cylinder_dead_length": own.dead_length,
+        "pivots": np.array(pivots).view(float).reshape(2, 2),
+        "pivot_boxes": np.stack([box(own.box("pivot_a_box")), box(own.box("pivot_b_box"))]),
+        "reach_middle": reach.middle,
+        "reaches": np.array([np.nan if radius is None else radius for radius in (reach.pivot_a, reach.pivot_b)]),
+        "rail_boxes": np.stack([box(own.rail_box_of("pivot_a")), box(own.rail_box_of("pivot_b"))]),
+        "far": None if own.pivot_reach is None else REACH * poses.extent / poses.length_scale,
+        "envelope": box(own.envelope),
+        "keep_out": np.array([box(out) for out in own.keep_out]).reshape(-1, 4),
     }
 
 
