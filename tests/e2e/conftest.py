@@ -8,8 +8,8 @@ import pytest
 
 from app.main import create_app
 from app.settings import Settings
-from tests.conftest import PATIENCE, listening
-from tests.e2e.page import MotionPage
+from tests.conftest import listening
+from tests.e2e.page import PATIENCE, MotionPage
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 DRIVER = shutil.which("chromedriver")
@@ -18,6 +18,12 @@ OPTIONS = ("--headless=new", "--no-sandbox", "--no-first-run", "--hide-scrollbar
 OPTIONS += ("--disable-features=BackForwardCache",)  # it keeps every page that was left
 OPTIONS += ("--force-prefers-reduced-motion",)  # a linkage that runs takes a processor of its own
 OPTIONS += tuple(f"--disable-{name}" for name in WITHOUT)
+NO_FORM_FILLING = {
+    "autofill": {"profile_enabled": False, "credit_card_enabled": False},
+    "credentials_enable_service": False,
+    "profile": {"password_manager_enabled": False},
+}
+"""Preferences without which the browser examines all fields of a page for addresses and passwords."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -92,6 +98,7 @@ def browser(tmp_path_factory, downloads):
     options.page_load_strategy = "eager"  # tests wait for the elements that they use
     for option in (*OPTIONS, f"--user-data-dir={tmp_path_factory.mktemp('profile')}", "--window-size=1280,900"):
         options.add_argument(option)
+    options.add_experimental_option("prefs", NO_FORM_FILLING)
     options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
     driver = webdriver.Chrome(options=options, service=Service(DRIVER))
     driver.set_script_timeout(PATIENCE)

@@ -15,14 +15,16 @@ from selenium.common.exceptions import JavascriptException
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
-from selenium.webdriver.support.ui import Select
 
 import linkage_atlas as la
-from tests.conftest import PATIENCE
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = json.loads((ROOT / "app/static/examples.json").read_text())
 READY = "document.body?.dataset.ready"  # a page that has just come may have no body yet
+PATIENCE = 60.0
+"""Seconds until a condition of the page or a download is considered lost; searches take a few seconds."""
+TRIES = 50
+"""Number of times that a press is tried, a few hundredths of a second each."""
 IDLE = "document.getElementById('progress').hidden"
 CARDS = "document.querySelectorAll('#solutions li').length"
 WATCH = (
@@ -32,18 +34,44 @@ WATCH = (
 )
 """Script that polls a condition within the page for a second; a call of the browser per poll would take longer."""
 OPEN = (
-    "const e = document.querySelector(arguments[0]), step = e?.closest('.step');"
+    "const [at] = arguments, e = at.matches ? at : document.querySelector(at), step = e?.closest('.step');"
     "if (step?.hidden || (step && document.body.matches('.folded'))) document.getElementById(`tab-${step.id}`).click();"
 )
-"""Script that finds an element and opens the step of the panel that contains it."""
+"""Script that finds an element by a selector, and opens the step of the panel that contains it."""
 IN_SIGHT = OPEN + (
     "const b = document.querySelector('.scene .solve');"
     "if (e && b && !b.contains(e) && e.getBoundingClientRect().bottom > b.getBoundingClientRect().top)"
     "e.scrollIntoView({block: 'center'}); return e"
 )
 """Script that returns an element in the open step, scrolled out from under the bar with Solve on other pages."""
-COUNT_CLICKS = "window.pressed = 0; arguments[0].addEventListener('click', () => window.pressed++, {once: true})"
-"""Script that counts the next click of an element."""
+SPOT = OPEN + (
+    "if (!e?.getClientRects().length) return null;"
+    "const spot = () => { const f = e.getClientRects()[0]; return [f.x + f.width / 2, f.y + f.height / 2]; };"
+    "const hit = () => e.contains(document.elementFromPoint(...spot()));"
+    "if (!hit()) e.scrollIntoView({block: 'center'});"
+    "if (!hit()) return null;"
+    "window.pressed = 0; e.addEventListener('click', () => { window.pressed = 1; }, {once: true, capture: true});"
+    "return spot().map(Math.round)"
+)
+"""Script that notes the next click of an element, and returns the point where a pointer meets it if there is one."""
+STILL = (
+    "const [e, done] = arguments; let before = null; e.scrollIntoView({block: 'center'});"
+    "(function look() { const { x, y, width, height } = e.getBoundingClientRect(), now = `${[x, y, width, height]}`;"
+    "if (now === before) done(); else { before = now; requestAnimationFrame(look); } })()"
+)
+"""Script that scrolls an element to the middle and waits until it lies at the same place in two frames."""
+REPLACE = (
+    OPEN
+    + "e.closest('details')?.setAttribute('open', ''); e.scrollIntoView({block: 'center'}); e.focus(); e.select()"
+)
+"""Script that focuses a field in the open step and selects its text."""
+CHOOSE = OPEN + (
+    "const option = [...e.options].find((one) => one.value === arguments[1]);"
+    "if (!option || option.disabled || e.disabled || !e.checkVisibility()) return false;"
+    "e.focus(); if (!option.selected) { e.value = arguments[1];"
+    "for (const name of ['input', 'change']) e.dispatchEvent(new Event(name, {bubbles: true})); } return true"
+)
+"""Script that chooses an option by its value, as a user could, and returns true if it is offered."""
 SERIOUS = (
     "const rules = Object.fromEntries(axe._audit.rules.filter((one) => ['minor', 'moderate'].includes(one.impact))"
     ".map((one) => [one.id, {enabled: false}]));"
@@ -125,7 +153,7 @@ class Page:
                 if "unloaded" not in str(error):
                     raise
 
-    def pick(self, selector: str) -> Any:
+    def pick(self, selector: Any) -> Any:
         element = self.run(IN_SIGHT, selector)
         assert element is not None, f"there is no {selector}"
         return element
@@ -226,42 +254,52 @@ class Page:
         assert not wrong, wrong
 
     def click(self, name: str) -> None:
-        self.find(name).click()
+        self.press(f"#{name}")
 
     def centre(self, element: Any) -> Any:
-        self.run("arguments[0].scrollIntoView({block: 'center'})", element)
+        """Scroll an element to the middle, and wait until nothing moves it any more."""
+        self.run_async(STILL, element)
         return element
 
-    def press(self, selector: str, device: str = "mouse") -> None:
-        """Press a button by mouse, Enter or tap; again if it moved away because something above it arrived."""
-        element = self.pick(selector)
+    def press(self, selector: Any, device: str = "mouse") -> None:
+        """Press an element by mouse, Enter or tap; again if it was covered, or moved away because something arrived."""
         if device == "keyboard":
-            element.send_keys(Keys.ENTER)
+            self.pick(selector).send_keys(Keys.ENTER)
             return
-        self.run(COUNT_CLICKS, element)
-        for _ in range(5):
-            self.centre(element).click()
-            if self.run("return window.pressed"):
-                return
-        raise AssertionError(f"{selector} is never where it was a moment ago")
+        for _ in range(TRIES):
+            if spot := self.run(SPOT, selector):
+                pointer = self.actions(0)
+                pointer.w3c_actions.pointer_action.move_to_location(*spot)
+                pointer.click().perform()
+                if self.run("return window.pressed !== 0"):
+                    return
+            time.sleep(0.02)
+        raise AssertionError(f"{selector} is hidden, covered, or never where it was a moment ago")
 
     def select(self, name: str, value: str) -> None:
-        Select(self.find(name)).select_by_value(value)
+        assert self.run(CHOOSE, f"#{name}", value), f"{name} does not offer {value}"
 
     def unfold(self, *names: str) -> None:
         for name in names:
             self.run(f"{OPEN} e.open = true", f"#{name}")
 
     def type_into(self, name: str, entry: str) -> None:
-        """Focus a field, select its text and type."""
-        self.run("document.getElementById(arguments[0]).closest('details')?.setAttribute('open', '')", name)
-        self.find(name).send_keys(Keys.CONTROL, "a", Keys.NULL, entry)
+        self.enter(f"#{name}", entry)
+
+    def enter(self, selector: str, entry: str) -> None:
+        """Focus a field, replace its text at once, and press the keys from the first special key of the entry."""
+        text, keys = re.fullmatch("([^\t\ue000-\uf8ff]*)(.*)", entry).groups()
+        self.run(REPLACE, selector)
+        if text:
+            self.cdp("Input.insertText", {"text": text})
+        if keys:
+            self.actions(0).send_keys(keys.replace("\t", Keys.TAB)).perform()
 
     def actions(self, duration: int = 250) -> ActionChains:
         return ActionChains(self.browser, duration=duration)
 
     def drag(self, element: Any, dx: float, dy: float, begin: tuple[float, float] = (0, 0)) -> None:
-        chain = self.actions(50).move_to_element_with_offset(element, *begin)
+        chain = self.actions(50).move_to_element_with_offset(self.centre(element), *begin)
         chain.click_and_hold().move_by_offset(dx, dy).release().perform()
 
     def saved(self, name: str, button: str = "", device: str = "mouse") -> bytes:
@@ -371,7 +409,7 @@ class MotionPage(Page):
 
     def cell(self, name: str, *keys: str) -> None:
         """Type into a cell of the table."""
-        self.pick(f"#poses [aria-label='{name}']").send_keys(Keys.CONTROL, "a", Keys.NULL, *keys)
+        self.enter(f"#poses [aria-label='{name}']", "".join(keys))
 
     def paste(self, rows: str) -> None:
         self.run(

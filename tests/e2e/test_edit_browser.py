@@ -80,7 +80,7 @@ def test_a_refinement_that_leads_nowhere_says_so_and_keeps_the_linkage(edited) -
         "const body = await reply.json();"
         "return new Response(JSON.stringify({...body, status: 'unknown', solutions: []}), {status: 200}); }"
     )
-    edited.pick("#refine-here").click()
+    edited.press("#refine-here")
     edited.wait(f"{IDLE} && document.getElementById('status').classList.contains('bad')")
     assert "does not prove" in edited.text("status") and edited.card().startswith("By hand")
     body = edited.run("return window.requests")

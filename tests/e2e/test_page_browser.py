@@ -126,7 +126,7 @@ def test_formats_are_exported_and_a_pivot_box_is_kept_to(shared) -> None:
     for number, button in enumerate(shared.elements("#files-card [data-format]")):
         if number == 8:
             time.sleep(1.5)  # a browser takes at most ten files without a pause of a second
-        shared.centre(button).click()
+        shared.press(button)
         shared.wait("document.getElementById('export-note').textContent.startsWith('Saved')")
         shared.saved(shared.text("export-note").removeprefix("Saved ").removesuffix("."))
     whole = json.loads(shared.saved("linkage-1.json"))
@@ -212,7 +212,7 @@ def test_parts_are_taken_away_and_stand_on_the_sheet(page) -> None:
     top, bottom = page.run(edges)
     assert top > bottom, "no export button moves under the pointer when the preview of the parts arrives"
     page.run("window.print = () => dispatchEvent(new Event('beforeprint'))")
-    page.find("print").click()
+    page.click("print")
     assert "Layers from the side, and flat parts" in page.content("sheet") and page.count("#sheet .parts svg") == 2
     pages = page.cdp("Page.printToPDF", {"preferCSSPageSize": True})["data"]
     assert base64.b64decode(pages)
@@ -569,7 +569,7 @@ def test_a_path_is_solved_and_its_samples_are_passed(shared) -> None:
     shared.choose_card(3)
     details = shared.text("numbers")
     assert "different branches" in details and "dead position" in details
-    shared.pick("#numbers summary").click()
+    shared.press("#numbers summary")
     assert "-160°" in shared.text("numbers")
     assert "ample" not in shared.run("return document.querySelector('main').innerText"), (
         "a row has one name throughout"

@@ -214,7 +214,7 @@ def test_a_drawing_runs_smoothly_and_stops(at, scene) -> None:
     page = at(scene)
     button, part = page.element(".player button"), page.element(MOVING[scene])
     before = part.get_attribute("d")
-    button.click()
+    page.press(button)
     frames = page.run_async(
         """const [name, done] = arguments, path = document.querySelector(name);
         let frames = 0;
@@ -224,7 +224,7 @@ def test_a_drawing_runs_smoothly_and_stops(at, scene) -> None:
         MOVING[scene],
     )
     assert frames >= FRAMES and part.get_attribute("d") != before
-    button.click()
+    page.press(button)
     path_at_rest = part.get_attribute("d")
     time.sleep(0.2)
     assert part.get_attribute("d") == path_at_rest and button.get_attribute("aria-label") == "Play"

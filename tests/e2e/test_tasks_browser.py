@@ -65,13 +65,13 @@ def test_the_gallery_and_explained_terms(shared) -> None:
     machines = shared.elements("#machines button")
     assert len(machines) == 8 and all("off by at most" in one.text for one in machines)
     assert shared.faults("#gallery") == []
-    machines[4].click()
+    shared.press(machines[4])
     assert "Film advance" in shared.text("example-note") and not shared.shown("gallery")
     assert "off by" in shared.text("status") and "Searched beforehand" in shared.text("status")
     shared.renew()
     shared.unfold("limits")
     for button in shared.elements("#limits .explain"):
-        shared.centre(button).click()
+        shared.press(button)
         assert button.get_attribute("aria-expanded") == "true"
     assert all(element.is_displayed() for element in shared.elements("#limits .explanation"))
     assert shared.faults("#limits") == []
@@ -481,7 +481,7 @@ def test_no_linkage_is_said_without_a_claim_that_was_not_proved(shared) -> None:
             assert shared.text("status").endswith("; with links of at least 42.5 there is one.")
             button = shared.pick("#suggestions button")
             assert button.text == "Set the smallest link length to 42.5"
-            button.click()
+            shared.press(button)
             shared.wait(IDLE)
             assert shared.last_request()["limits"]["link_min"] == 42.5
 
