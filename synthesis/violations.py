@@ -84,7 +84,8 @@ def touched(solution: Solution, samples: Samples, limits: Limits) -> tuple[str, 
 def practical_violations(solution: Solution, samples: Samples, limits: Limits) -> list[Measure]:
     """Return the worst measure of each practical limit that a solution violates; see `judged_limits`."""
     found, linkage = _Measures(solution, samples, judged_limits(samples, limits)), solution.linkage
-    measures = [*found.angles(), *found.links(linkage.lengths), *found.body_point(), *found.pivots()]
+    measures = [*found.angles(), *_of_ratio(linkage.lengths.values(), found.limits), *found.links(linkage.lengths)]
+    measures += [*found.body_point(), *found.pivots()]
     if linkage.driver is Driver.CYLINDER:
         measures += found.cylinder(linkage.used(0, solution.interval))
     return _worst(measures)
@@ -145,6 +146,7 @@ class _Measures:
         yield from self.pivots()
         yield from self.travel(ends)
         yield from self.links(lengths)
+        yield from _of_ratio(lengths.values(), self.limits)
         yield from self.body_point()
         yield from self.points_of_body(ends)
         yield from self.envelope()
@@ -162,8 +164,7 @@ class _Measures:
             yield Measure("family", np.inf, 0.0)
 
     def links(self, lengths: Mapping[str, float]) -> Measures:
-        """Measure the lengths of links that are not given, and the ratio of all."""
-        yield from _of_ratio(lengths.values(), self.limits)
+        """Measure the lengths of links that are not given."""
         for name, length in lengths.items():
             if self.limits.links[LINKS.index(name)] is None:
                 yield from self.bounded("link_max", length)
