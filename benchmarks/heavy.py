@@ -23,7 +23,7 @@ def heavy_within(
     seeds, and half are random.
     """
     random, smallest = np.random.default_rng(seed), np.inf
-    for bounded in product.FOURBAR.bounded(target, limits):
+    for bounded in product.search_spaces(target, limits):
         problem = product.problem_of(target, bounded)
         families = FAMILIES[{"crank_rocker": -1, "double_crank": 1}.get(limits.family, 0)]
         lengths = random.dirichlet(np.ones(4), size=8 * draws)
@@ -40,6 +40,6 @@ def heavy_within(
         found, _ = problem.moved_onto(found.timed)
         found = found.take(np.isfinite(found.cost))
         linkages = problem.linkages(found)
-        within = product.FOURBAR.within(target, limits, product.FOURBAR.assess(target, linkages))
+        within = product.within(target, limits, product.assess(target, linkages))
         smallest = min([smallest, *(linkage.errors.objective for linkage in within)])
     return float(smallest) if np.isfinite(smallest) else None

@@ -35,7 +35,7 @@ class General:
 
     def __init__(self, target: product.Target, limits: product.Limits) -> None:
         self.target, self.limits = target, limits
-        bounded = product.FOURBAR.bounded(target, limits)[0]
+        bounded = product.search_spaces(target, limits)[0]
         self.problem, self.constraints = product.problem_of(target, bounded), bounded.constraints
         self.posed = bounded.boxes is not None
         size = 10 if self.posed else 5
@@ -102,7 +102,7 @@ class General:
         at = point[None] * np.concatenate([[family], np.ones(point.size - 1)])
         pool = self.problem.measured(self.timed(at, np.array([branch])), posed=not self.posed)
         linkages = self.problem.linkages(pool)
-        found = product.FOURBAR.within(self.target, self.limits, product.FOURBAR.assess(self.target, linkages))
+        found = product.within(self.target, self.limits, product.assess(self.target, linkages))
         return found[0].errors.objective if found else np.inf
 
 

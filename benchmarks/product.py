@@ -25,7 +25,7 @@ from synthesis.descents import Pool, Stage, Timed
 from synthesis.errors import FieldError
 from synthesis.four_bar import close_loop, coupler_angle, family
 from synthesis.fourbar.dimension_types import MAX_PERIMETER, OrderRule, TypeRule, count_types, enumerate_types
-from synthesis.fourbar.mechanism import FOURBAR, AnyChart, GrashofChart, mounted
+from synthesis.fourbar.mechanism import AnyChart, GrashofChart, mounted, search_spaces
 from synthesis.free.joint import JointProblem
 from synthesis.limits import Limits
 from synthesis.mechanism import Placed
@@ -38,6 +38,7 @@ from synthesis.search.search import DEFAULT_TOLERANCE, search
 from synthesis.search.seeds import SeedTables
 from synthesis.solution import Solution, assess
 from synthesis.target import MIN_SPAN, TURN, Target, make_target
+from synthesis.violations import within
 from synthesis.work import Work
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from linkage_atlas import atlases
-from synthesis.fourbar.mechanism import FOURBAR
+from synthesis.four_bar import coupler_angle
 from synthesis.target import Target, make_target
 
 TOP = 10
@@ -30,7 +30,7 @@ def request(samples: int, span: int, seed: int) -> Target:
     while lengths[0] < 0.005 or lengths[0] + lengths[3] >= lengths[1] + lengths[2]:
         lengths = np.sort(random.dirichlet(np.ones(4)))
     crank, start = np.linspace(0, np.deg2rad(span), samples), random.uniform(0, 2 * np.pi)
-    angle = FOURBAR.body_angle(lengths[None], random.choice([1.0, -1.0], 1), (start + crank)[None])[0]
+    angle = coupler_angle(lengths[None], random.choice([1.0, -1.0], 1), (start + crank)[None])[0]
     return make_target(angle, crank_angle=crank)
 
 

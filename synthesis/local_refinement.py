@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 from synthesis.arrays import Floats
 from synthesis.descents import Pool, Stage, Timed
 from synthesis.four_bar import grashof_excesses, wrap
-from synthesis.fourbar.mechanism import FOURBAR, AnyChart, Bounded, GrashofChart, mounted
+from synthesis.fourbar.mechanism import AnyChart, Bounded, GrashofChart, mounted, search_spaces
 from synthesis.free.dyads import chart_of
 from synthesis.free.joint import JointProblem
 from synthesis.free.limited import limited_problem, refined_within
@@ -205,7 +205,7 @@ def nearby_motion(target: Target, limits: Limits, linkage: Linkage, tolerance: f
     closing = run.assessed([linkage])
     run.found = run.within_limits(closing)
     if closing and not run.done:
-        space = FOURBAR.bounded(target, limits)[-1 if limits.family == "any" else 0]
+        space = search_spaces(target, limits)[-1 if limits.family == "any" else 0]
         run.lead_within(space, linkage, OPTIONS.nearby_stages, OPTIONS.nearby_damping)
     return run.best[:1]
 
@@ -253,7 +253,7 @@ class _Descents:
     def lead(self, linkage: Linkage, full_crank: bool = False) -> None:
         """Run descents from a linkage; a full crank closes at every sample."""
         chart = GrashofChart() if full_crank else AnyChart()
-        space = FOURBAR.bounded(self.target, self.limits)[0 if full_crank else -1]
+        space = search_spaces(self.target, self.limits)[0 if full_crank else -1]
         self._freely(chart, [linkage])
         if not self.done:
             self._freely(chart, [end for plan in OPTIONS.stages for end in self.lead_within(space, linkage, plan)])

@@ -21,7 +21,9 @@ from synthesis.atlas.request import STARTS, RotationRequest
 from synthesis.atlas.table import compute_series
 from synthesis.atlas.tree import WIDTH, Level, Tree, build_tree
 from synthesis.atlas.windows import FIRST_BATCH, TIE, BestWindows, Numbering, ScanReport, Windows
-from synthesis.fourbar.mechanism import FOURBAR
+from synthesis.four_bar import coupler_angle
+from synthesis.fourbar.mechanism import coupler_turns
+from synthesis.limits import in_family
 from synthesis.pose import objective
 from synthesis.target import TURN, Target
 from synthesis.work import Work
@@ -68,7 +70,7 @@ class Scan:
         Default: computed from the lengths.
     """
 
-    starts, mechanism = STARTS, FOURBAR
+    starts = STARTS
 
     def __init__(self, lengths: NDArray[Any], tree: Tree | None = None) -> None:
         self.lengths: Floats = np.asarray(lengths, dtype=np.float64)
@@ -95,7 +97,7 @@ class Scan:
     def has_family(self, family: str) -> bool:
         """Return whether any type is of a family; looked up once."""
         if family not in self._families:
-            self._families[family] = bool(self.mechanism.in_family(family, self.lengths).any())
+            self._families[family] = bool(in_family(family, self.lengths).any())
         return self._families[family]
 
     def start_angles(self, windows: Windows) -> Floats:
@@ -105,7 +107,7 @@ class Scan:
     def angles(self, target: Target, windows: Windows) -> Floats:
         """Return the body angle of windows at the samples of a target, (n, N), from the lengths."""
         crank = self.start_angles(windows)[:, None] + target.crank
-        return self.mechanism.body_angle(self.lengths[windows.row], windows.branch, crank)
+        return coupler_angle(self.lengths[windows.row], windows.branch, crank)
 
     def errors(self, target: Target, windows: Windows) -> Floats:
         """Return the exact error of windows, (n,): the objective of `pose.objective`, evaluated at the samples."""
@@ -335,7 +337,7 @@ class Scan:
         """Return the error of each type if it is the same from every start: all samples lie whole turns of the crank apart."""
         if target.rotation is None or target.position is not None or not target.repeats_one_crank_angle:
             return None
-        winding = self.mechanism.winding(self.lengths)
+        winding = coupler_turns(self.lengths)
         kinds, example = np.unique(winding, return_index=True)
         zeros = np.zeros(kinds.size, dtype=np.int64)
         error = self.errors(target, Windows(example, zeros, zeros + 1, np.zeros(kinds.size)))

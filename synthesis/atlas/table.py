@@ -14,8 +14,9 @@ from numpy.typing import ArrayLike, NDArray
 from synthesis.arrays import Floats
 from synthesis.atlas import haar
 from synthesis.errors import FieldError
+from synthesis.four_bar import coupler_angle
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule, count_types, enumerate_types
-from synthesis.fourbar.mechanism import FOURBAR
+from synthesis.fourbar.mechanism import coupler_turns
 from synthesis.target import TURN
 
 SCHEMA = 2
@@ -75,8 +76,8 @@ class Series(NamedTuple):
 def _periodic(lengths: Floats, samples: int) -> tuple[Floats, NDArray[np.int8]]:
     """Return the periodic part of theta2 at even samples over the turn, and the winding."""
     crank = np.arange(samples, dtype=float) * (TURN / samples)
-    winding: NDArray[Any] = FOURBAR.winding(lengths).astype(np.int8)
-    return FOURBAR.body_angle(lengths, np.ones(len(lengths)), crank) - winding[:, None] * crank, winding
+    winding: NDArray[Any] = coupler_turns(lengths)
+    return coupler_angle(lengths, np.ones(len(lengths)), crank) - winding[:, None] * crank, winding
 
 
 def _in_blocks(lengths: ArrayLike, compute: Callable[[Floats], tuple[Any, ...]]) -> list[NDArray[Any]]:

@@ -7,27 +7,24 @@ cancellation; `synthesis.kernels.crank_loops` computes both.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache
 from itertools import product
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from synthesis.arrays import Complexes, Floats
-from synthesis.constraints import Constraints, keeps
-from synthesis.four_bar import close_loop, coupler_angle, grashof_excesses, wrap
+from synthesis.constraints import Constraints
+from synthesis.four_bar import close_loop, grashof_excesses, wrap
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule, enumerate_types
 from synthesis.kernels import codes
 from synthesis.limits import PIVOTS, Limits, in_family
 from synthesis.linkage import Linkage, as_lengths, four_bar
 from synthesis.mechanism import Box, Boxes, Chart
 from synthesis.pose import fit_positions
-from synthesis.solution import assess
 from synthesis.target import TURN, Samples, Target
-from synthesis.violations import within
 
 
 @dataclass(frozen=True)
@@ -102,6 +99,7 @@ class GrashofChart(Chart):
         return np.hstack([2 * np.sign(unknowns[:, :1]), ratios / [0.7, 1.0, 1.0]])
 
 
+BRANCHES = (1, -1)
 _TABLE_PERIMETER = 40
 _PERIMETER = 32
 _EDGE = 1e-5
@@ -224,62 +222,33 @@ def mounted(target: Target, lengths: ArrayLike, branch: ArrayLike, start: ArrayL
     if not begin.size:
         return []
     if target.position is None:
-        return FOURBAR.posed(links / links[:, 3:], side, begin, None)
+        return placed_linkages(links / links[:, 3:], side, begin, None)
     fit = fit_positions(target, close_loop(links, begin[:, None] + target.crank).coupler_angle(side))
     links = links * (np.abs(fit.crank_vector) / links[:, 0])[:, None]
     turned = np.array([wrap(angle) for angle in np.angle(fit.crank_vector) - begin])
-    return FOURBAR.posed(links, side, begin, (fit.pivot, turned, fit.coupler_vector))
+    return placed_linkages(links, side, begin, (fit.pivot, turned, fit.coupler_vector))
 
 
-class FourBar:
-    """The four-bar whose coupler is the body; lengths are crank, coupler, rocker, ground."""
-
-    kind = "four_bar"
-    branches = (1, -1)
-    body_angle = staticmethod(coupler_angle)
-    bounded = staticmethod(search_spaces)
-    bounded_types = staticmethod(bounded_types)
-    keeps = staticmethod(keeps)
-    within = staticmethod(within)
-    mounted = staticmethod(mounted)
-
-    def assess(
-        self, target: Target, linkages: Sequence[Linkage], /, *, rows: Sequence[int] | None = None
-    ) -> list[Any]:
-        """Return the linkages with their errors."""
-        return assess(target, linkages, rows=rows)
-
-    @cached_property
-    def coarse_types(self) -> Floats:
-        """Return crank-rockers and double-cranks of integer lengths and a small perimeter."""
-        return enumerate_types(TypeRule(_TABLE_PERIMETER, 1, OrderRule.FULL_CRANK)).astype(float)
-
-    def winding(self, lengths: Floats) -> NDArray[np.int8]:
-        """Return 1 for double-cranks, whose coupler turns with the crank; for full cranks only."""
-        return (lengths[:, 0] > lengths[:, 3]).astype(np.int8)
-
-    def in_family(self, family: str, lengths: Floats) -> NDArray[np.bool_]:
-        """Return the mask of full-crank types that belong to a family of `limits.FAMILIES`."""
-        longer = lengths[:, 0] > lengths[:, 3]
-        return {"crank_rocker": ~longer, "double_crank": longer}.get(family, np.ones(len(lengths), dtype=bool))
-
-    def charts(self, family: str) -> list[Any]:
-        """Return the chart of full cranks, and after it the chart of all four-bars if any family is allowed."""
-        return [GrashofChart(), AnyChart()] if family == "any" else [GrashofChart()]
-
-    def posed(
-        self, lengths: Floats, branch: Floats, start: Floats, pose: tuple[Complexes, Floats, Complexes] | None
-    ) -> list[Linkage]:
-        """Return linkages in a given pose."""
-        columns = zip(lengths, branch, np.asarray(start) % TURN)
-        rows = [(as_lengths(row), int(side), float(at)) for row, side, at in columns]
-        if pose is None:
-            return [four_bar(*row) for row in rows]
-        return [
-            four_bar(*row, complex(a), wrap(turn), (float(abs(z)), wrap(float(np.angle(z)) - turn)))
-            for row, a, turn, z in zip(rows, *pose)
-        ]
+def placed_linkages(
+    lengths: Floats, branch: Floats, start: Floats, pose: tuple[Complexes, Floats, Complexes] | None
+) -> list[Linkage]:
+    """Return linkages in a given pose."""
+    columns = zip(lengths, branch, np.asarray(start) % TURN)
+    rows = [(as_lengths(row), int(side), float(at)) for row, side, at in columns]
+    if pose is None:
+        return [four_bar(*row) for row in rows]
+    return [
+        four_bar(*row, complex(a), wrap(turn), (float(abs(z)), wrap(float(np.angle(z)) - turn)))
+        for row, a, turn, z in zip(rows, *pose)
+    ]
 
 
-FOURBAR = FourBar()
-"""The mechanism of the atlas and of `synthesize`."""
+@cache
+def coarse_types() -> Floats:
+    """Return crank-rockers and double-cranks of integer lengths and a small perimeter, (T, 4)."""
+    return enumerate_types(TypeRule(_TABLE_PERIMETER, 1, OrderRule.FULL_CRANK)).astype(float)
+
+
+def coupler_turns(lengths: Floats) -> NDArray[np.int8]:
+    """Return the turns of the coupler in a turn of the crank, of full cranks: 1 for double-cranks, otherwise 0."""
+    return (lengths[:, 0] > lengths[:, 3]).astype(np.int8)

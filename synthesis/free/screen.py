@@ -17,9 +17,8 @@ import numpy as np
 
 from synthesis.arrays import Floats
 from synthesis.descents import Timed
-from synthesis.four_bar import grashof_excesses
+from synthesis.four_bar import coupler_angle, grashof_excesses
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule, enumerate_types
-from synthesis.fourbar.mechanism import FOURBAR
 from synthesis.limits import in_family
 from synthesis.mechanism import Chart
 from synthesis.poses import Poses
@@ -84,7 +83,7 @@ class PathScreen:
         self.lengths = lengths = lengths[in_family(family, lengths)]
         self.cells = _coordinates(lengths)
         crank = np.linspace(0.0, TURN, OPTIONS.samples, endpoint=False)
-        phasor = np.exp(1j * FOURBAR.body_angle(lengths, np.ones(len(lengths)), crank))
+        phasor = np.exp(1j * coupler_angle(lengths, np.ones(len(lengths)), crank))
         spectrum = np.fft.fft(phasor, axis=1) / OPTIONS.samples
         self.harmonics = np.arange(-OPTIONS.harmonics, OPTIONS.harmonics + 1)
         series = spectrum[:, self.harmonics]

@@ -29,7 +29,7 @@ from synthesis.constraints import keeps
 from synthesis.descents import Pool, Stage, Timed
 from synthesis.errors import FieldError
 from synthesis.four_bar import coupler_angle, transmission_angle_over, wrap
-from synthesis.fourbar.mechanism import FOURBAR, AnyChart, search_spaces
+from synthesis.fourbar.mechanism import AnyChart, placed_linkages, search_spaces
 from synthesis.free.dyads import FEW, chart_of, exact_motion, near_motion
 from synthesis.free.few_poses import NONE_CLEAR, Candidates, Obstacles, exact_four_bars, is_few
 from synthesis.free.free_timing import FreeTiming, FreeTimingOptions, free_timing
@@ -71,7 +71,7 @@ def _assessed(poses: Poses, timed: Timed, chart: Chart) -> list[Solution]:
     if poses.rotation is not None:
         turned = coupler_angle(placed.lengths, timed.branch, start[:, None] + crank)
         rotation = turned + timed.offset[:, None]
-    linkages = FOURBAR.posed(placed.lengths, timed.branch, start, (placed.pivot, placed.turned, placed.coupler))
+    linkages = placed_linkages(placed.lengths, timed.branch, start, (placed.pivot, placed.turned, placed.coupler))
     solutions = assess(poses.timed(crank, rotation), linkages)
     return [replace(solution, linkage=_offset_wrapped(solution)) for solution in solutions]
 

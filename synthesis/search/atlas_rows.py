@@ -8,11 +8,13 @@ from numpy.typing import NDArray
 from synthesis.arrays import Floats
 from synthesis.atlas.scan import Scan
 from synthesis.atlas.windows import ScanReport, Windows
+from synthesis.constraints import keeps
+from synthesis.fourbar.mechanism import mounted
 from synthesis.limits import Limits
 from synthesis.mechanism import Placed
 from synthesis.pose import fit_positions
 from synthesis.ranking import distinct
-from synthesis.solution import Solution
+from synthesis.solution import Solution, assess
 from synthesis.target import Target
 from synthesis.work import Work
 
@@ -50,8 +52,8 @@ def best_rows(
     while True:
         windows, report = scan.best(target, count, exact, max_windows, work, tolerance)
         chosen = windows.take(_first_of_each(target, windows))
-        linkages = scan.mechanism.mounted(target, scan.lengths[chosen.row], chosen.branch, scan.start_angles(chosen))
-        solutions = distinct(scan.mechanism.assess(target, linkages, rows=chosen.row.tolist()), top)
+        linkages = mounted(target, scan.lengths[chosen.row], chosen.branch, scan.start_angles(chosen))
+        solutions = distinct(assess(target, linkages, rows=chosen.row.tolist()), top)
         complete = len(windows.row) < count or not report.exhaustive
         if len(solutions) == top or complete:
             return solutions, report
@@ -77,4 +79,4 @@ def _within(scan: Scan, target: Target, limits: Limits, windows: Windows) -> NDA
         placed = placed._replace(
             lengths=lengths * scale[:, None], pivot=fit.pivot, turned=turned, coupler=fit.coupler_vector
         )
-    return scan.mechanism.keeps(target, limits, placed)
+    return keeps(target, limits, placed)

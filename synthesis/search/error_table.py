@@ -20,7 +20,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from synthesis.arrays import Complexes, Floats, Ints
-from synthesis.fourbar.mechanism import FOURBAR
+from synthesis.four_bar import coupler_angle
+from synthesis.fourbar.mechanism import coupler_turns
 from synthesis.pose import fixed_columns
 from synthesis.target import TURN, Mean, Target
 
@@ -104,8 +105,8 @@ class ErrorTable:
     ) -> None:
         self.lengths, self.starts = lengths, starts
         crank = np.arange(samples, dtype=float) * (TURN / samples)
-        winding = FOURBAR.winding(lengths).astype(int)
-        periodic = FOURBAR.body_angle(lengths, np.ones(len(lengths)), crank) - winding[:, None] * crank
+        winding = coupler_turns(lengths).astype(int)
+        periodic = coupler_angle(lengths, np.ones(len(lengths)), crank) - winding[:, None] * crank
         spectrum = np.fft.rfft(periodic, axis=1) / samples
         spectrum[:, [0, -1]] = 0  # the best offset takes up any constant; the highest harmonic has no phase
         tails = np.cumsum(2 * np.abs(spectrum[:, ::-1]), axis=1)[:, ::-1]

@@ -9,7 +9,7 @@ import numpy as np
 from synthesis.arrays import Complexes, Floats
 from synthesis.constraints import Constraints
 from synthesis.descents import Pool, Problem, Timed
-from synthesis.fourbar.mechanism import FOURBAR, Bounded
+from synthesis.fourbar.mechanism import Bounded, mounted, placed_linkages
 from synthesis.linkage import Linkage
 from synthesis.mechanism import Chart
 from synthesis.pose import DEGENERATE
@@ -55,10 +55,10 @@ class GivenProblem(Problem):
         timed, target = pool.timed, self.target
         lengths, start = self.chart.shape(timed.shape).lengths, timed.angles[:, 0]
         if not self.posed:
-            return FOURBAR.mounted(target, lengths, timed.branch, start)
+            return mounted(target, lengths, timed.branch, start)
         (a, z1, z2), scale = timed.pose.T, target.length_scale
         lengths = lengths * (scale * np.abs(z1) / lengths[:, 0])[:, None]
-        return FOURBAR.posed(lengths, timed.branch, start, (target.middle + scale * a, np.angle(z1), scale * z2))
+        return placed_linkages(lengths, timed.branch, start, (target.middle + scale * a, np.angle(z1), scale * z2))
 
 
 def problem_of(target: Target, space: Bounded) -> GivenProblem:

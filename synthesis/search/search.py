@@ -27,7 +27,7 @@ import numpy as np
 
 from synthesis.arrays import Floats
 from synthesis.descents import Pool, Stage, Timed
-from synthesis.fourbar.mechanism import FOURBAR
+from synthesis.fourbar.mechanism import BRANCHES, GrashofChart, search_spaces
 from synthesis.limits import Limits
 from synthesis.linkage import Linkage
 from synthesis.mechanism import Chart
@@ -118,7 +118,7 @@ class _Search:
         self.screen_seconds = 0.0
         self.screened: Pool | None = None
         self.taken = 0
-        self.use(FOURBAR.charts(limits.family)[0])
+        self.use(GrashofChart())
 
     def use(self, chart: Chart) -> None:
         """Continue in another chart, with an empty pool."""
@@ -139,7 +139,7 @@ class _Search:
             self.screened = self.tables.best_starts(self.thin_target, self.limits.family)
             self.screen_seconds += self.work.elapsed - begin
         table, before, self.taken = self.screened.timed, self.taken, plan.fresh
-        fresh = [np.flatnonzero(table.branch == branch)[before : plan.fresh] for branch in FOURBAR.branches]
+        fresh = [np.flatnonzero(table.branch == branch)[before : plan.fresh] for branch in BRANCHES]
         return table.take(np.concatenate(fresh)).joined(starts)
 
     def free_search(self, *rounds: Round) -> None:
@@ -213,7 +213,7 @@ class _Search:
 
     def bounded_search(self, solutions: list[Any], top: int) -> list[Any]:
         """Continue within the limits, in each chart in turn; return new solutions and the better ones of the given solutions."""
-        spaces = FOURBAR.bounded(self.target, self.limits)
+        spaces = search_spaces(self.target, self.limits)
         if self.target.start is not None or self.target.offset is not None:
             spaces = []  # these spaces treat the start and the offset as unknowns
         is_tested = self.limits.only_family

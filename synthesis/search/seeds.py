@@ -23,7 +23,9 @@ from numpy.typing import NDArray
 from synthesis.arrays import Complexes, Floats, Singles, rows_at
 from synthesis.constraints import Constraints
 from synthesis.descents import Pool, Timed
-from synthesis.fourbar.mechanism import FOURBAR
+from synthesis.four_bar import coupler_angle
+from synthesis.fourbar.mechanism import BRANCHES, GrashofChart, bounded_types, coarse_types
+from synthesis.limits import in_family
 from synthesis.mechanism import Boxes, Chart, Placed
 from synthesis.search.error_table import ErrorTable
 from synthesis.search.prescribed import GivenProblem, candidates_at
@@ -82,7 +84,7 @@ class Windows:
         self.lengths = lengths
         self.starts, self.steps = STARTS * finer, OPTIONS.steps * finer
         grid = np.linspace(0, TURN, self.steps + 1)
-        tables = np.stack([FOURBAR.body_angle(lengths, side, grid) for side in FOURBAR.branches])
+        tables = np.stack([coupler_angle(lengths, side, grid) for side in BRANCHES])
         self.wound = np.nan_to_num(tables[:, :, -1] - tables[:, :, 0]).astype(np.float32)
         self.tables = tables.astype(np.float32)
 
@@ -126,7 +128,7 @@ class Windows:
             reach = np.repeat(shortest, starts), np.repeat(largest, starts)
             miss = np.where(reach[0] > OPTIONS.spare * reach[1], np.inf, miss)
         windows, sides, angles = [], [], []
-        for side, sign in enumerate(FOURBAR.branches):
+        for side, sign in enumerate(BRANCHES):
             close = np.flatnonzero(miss < OPTIONS.missing_max)
             angle = self.angles(side, target.crank, close)
             closed = np.isfinite(angle).all(axis=1)
@@ -303,11 +305,11 @@ class SeedTables:
     """The coarse types of four-bars, prepared once: a table for the first rounds, windows for a search within limits."""
 
     def __init__(self) -> None:
-        self.lengths = FOURBAR.coarse_types
+        self.lengths = coarse_types()
         self.errors_of = ErrorTable(
             self.lengths, OPTIONS.starts, OPTIONS.table_samples, OPTIONS.series_error, OPTIONS.harmonics
         )
-        self.chart: Chart = FOURBAR.charts("full_crank")[0]
+        self.chart: Chart = GrashofChart()
         self.shapes = self.chart.unknowns(self.lengths)
 
     def errors(self, target: Target) -> tuple[Floats, Floats]:
@@ -319,18 +321,18 @@ class SeedTables:
             starts = np.array([target.start % TURN])
         problem = GivenProblem(target.thinned(OPTIONS.given_samples), self.chart)
         shapes, start = np.repeat(self.shapes, starts.size, axis=0), np.tile(starts, len(self.shapes))
-        each = (candidates_at(shapes, np.full(start.size, float(branch)), start) for branch in FOURBAR.branches)
+        each = (candidates_at(shapes, np.full(start.size, float(branch)), start) for branch in BRANCHES)
         cost = [problem.measured(timed).cost.reshape(-1, starts.size) for timed in each]
         return np.stack(cost, axis=1), starts
 
     def best_starts(self, target: Target, family: str) -> Pool:
         """Best start of each type and branch of the table for a target, thinned out over cells of the chart, best first."""
         error, starts = self.errors(target)
-        error[~FOURBAR.in_family(family, self.lengths)] = np.inf
+        error[~in_family(family, self.lengths)] = np.inf
         best = error.argmin(axis=2)
         cost = np.take_along_axis(error, best[:, :, None], 2)[:, :, 0]
         parts = []
-        for side, branch in enumerate(FOURBAR.branches):
+        for side, branch in enumerate(BRANCHES):
             start = starts[best[:, side]]
             parts.append(Pool(candidates_at(self.shapes, np.full(len(start), float(branch)), start), cost[:, side]))
         pool = parts[0].joined(*parts[1:])
@@ -343,4 +345,4 @@ class SeedTables:
 @cache
 def windows_of(family: str) -> Windows:
     """Return the windows of a family's types for a search within limits, which the first call makes."""
-    return Windows(FOURBAR.bounded_types(family))
+    return Windows(bounded_types(family))

@@ -9,7 +9,9 @@ import pytest
 from synthesis.atlas.scan import STARTS, Scan
 from synthesis.atlas.table import AtlasRule
 from synthesis.atlas.windows import TIE, Windows, best_of
+from synthesis.four_bar import coupler_angle
 from synthesis.fourbar.dimension_types import OrderRule, TypeRule
+from synthesis.fourbar.mechanism import BRANCHES
 from synthesis.pose import objective
 from synthesis.target import TURN, make_target
 from synthesis.work import Work
@@ -29,15 +31,13 @@ def scans() -> dict[str, Scan]:
 
 def every_window(scan: Scan, target) -> Windows:
     """All windows with their errors, from the lengths: the oracle."""
-    row, branch, start = np.meshgrid(
-        np.arange(scan.types), np.array(scan.mechanism.branches), np.arange(STARTS), indexing="ij"
-    )
+    row, branch, start = np.meshgrid(np.arange(scan.types), np.array(BRANCHES), np.arange(STARTS), indexing="ij")
     columns = [row.ravel(), start.ravel(), branch.ravel()]
     error = np.empty(row.size)
     for k in range(0, row.size, 4096):
         rows, starts, branches = (column[k : k + 4096] for column in columns)
         crank = (starts * (TURN / STARTS))[:, None] + target.crank
-        error[k : k + 4096] = objective(target, scan.mechanism.body_angle(scan.lengths[rows], branches, crank))
+        error[k : k + 4096] = objective(target, coupler_angle(scan.lengths[rows], branches, crank))
     windows = Windows(*columns, error)
     return windows.take(np.flatnonzero(np.isfinite(error)))
 
@@ -57,7 +57,7 @@ def random_request(scan: Scan, seed: int, positions: bool):
     )
     start = np.deg2rad(random.integers(360)) if kind == "row" else random.uniform(0, TURN)
     branch = random.choice([1.0, -1.0])
-    rotation = np.nan_to_num(scan.mechanism.body_angle(lengths[None], np.array([branch]), (start + crank)[None])[0])
+    rotation = np.nan_to_num(coupler_angle(lengths[None], np.array([branch]), (start + crank)[None])[0])
     if kind == "noisy":
         rotation = rotation + 10 ** random.uniform(-4, 0) * random.standard_normal(samples)
     if kind in ("wave", "huge"):
@@ -126,7 +126,7 @@ def test_a_scan_ends_with_the_time_or_with_an_answer_that_is_good_enough(scans) 
     target = make_target(np.random.default_rng(5).normal(size=30).cumsum(), crank_angle=np.linspace(0, 5, 30))
     found, report = scan.best(target, 10, work=Work(0.0))
     assert found.row.size and not report.exhaustive
-    row = scan.mechanism.body_angle(scan.lengths[[40]], np.ones(1), 1 + np.linspace(0, 2, 20)[None])[0]
+    row = coupler_angle(scan.lengths[[40]], np.ones(1), 1 + np.linspace(0, 2, 20)[None])[0]
     found, report = scan.best(make_target(row, crank_angle=np.linspace(0, 2, 20)), 10, enough=0.1)
     assert found.error[-1] <= 0.1 and not report.exhaustive
 
