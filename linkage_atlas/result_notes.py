@@ -32,7 +32,7 @@ from synthesis.work import Work
 
 NUMERALS = {2: "two", 3: "three", 4: "four"}
 PRACTICAL_LIMITS_OFF = (
-    "With given {drive} the practical limits apply only if they are switched on (`limits.preset`): "
+    "{case} the practical limits apply only if they are switched on (`limits.preset`): "
     "the verdict names the limits that the best linkage violates."
 )
 HOPELESS = (
@@ -43,7 +43,7 @@ IN_ANY_ORDER = (
     "meets them with {1} (`order`)."
 )
 ILL_POSED = (
-    "The problem is ill-posed: lengths that differ by {0} make this motion about equally well "
+    "The problem is ill-posed: lengths that differ by {0} make this {1} about equally well "
     "(see `determination` of each solution)."
 )
 FEW_POSES = (
@@ -145,7 +145,7 @@ def _determination_notes(task: Task, solutions: Sequence[Solution]) -> list[str]
     exact = best.errors.objective < max(task.tolerance, _EXACT)
     if isinstance(samples, Poses) and is_few(samples) and exact:
         return [FEW_POSES.format(NUMERALS[samples.samples]), *_single_hinge_notes(samples, task.limits)]
-    return [ILL_POSED.format(in_percent(determination.length_uncertainty))]
+    return [ILL_POSED.format(in_percent(determination.length_uncertainty), "motion")]
 
 
 def _single_hinge_notes(samples: Poses, limits: Limits) -> list[str]:
@@ -218,7 +218,7 @@ def _unasked_notes(task: Task, solutions: Sequence[Solution]) -> list[str]:
         return []
     if not solutions or solutions[0].verdict.practical:
         return []
-    return [PRACTICAL_LIMITS_OFF.format(drive="crank angles" if motion.travel is None else "travel")]
+    return [PRACTICAL_LIMITS_OFF.format(case=f"With given {'crank angles' if motion.travel is None else 'travel'}")]
 
 
 def _envelope_notes(motion: Motion, limits: Limits) -> list[str]:

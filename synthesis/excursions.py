@@ -54,5 +54,5 @@ def excursion_faults(excursion: float | None) -> list[str]:
     """Describe an excursion that leaves the samples."""
     if excursion is None or excursion <= LEAVES_SAMPLES:
         return []
-    found = f"the body point travels {excursion:.3g} times the distance of two samples between them"
+    found = f"the body point goes {excursion:.3g} times as far between two samples as they are apart"
     return [f"{found}, above {LEAVES_SAMPLES:g}"]

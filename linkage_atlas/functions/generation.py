@@ -10,12 +10,12 @@ from numpy.typing import ArrayLike
 
 from linkage_atlas.arguments import Fields, check_above_zero, check_top
 from linkage_atlas.functions.dials import RealFunction
-from linkage_atlas.functions.notes import PRACTICAL_LIMITS_OFF, function_notes
+from linkage_atlas.functions.notes import function_notes
 from linkage_atlas.functions.question import FunctionFields, FunctionQuestion
 from linkage_atlas.functions.results import FunctionResult, FunctionSolution
 from linkage_atlas.functions.solutions import described, rounded
 from linkage_atlas.notes import sentences
-from linkage_atlas.result_notes import NO_DESCENT_WITHIN_LIMITS, NOTHING_FOUND_IN_TIME
+from linkage_atlas.result_notes import NO_DESCENT_WITHIN_LIMITS, NOTHING_FOUND_IN_TIME, PRACTICAL_LIMITS_OFF
 from linkage_atlas.results import Report
 from linkage_atlas.solutions import FINISHING
 from linkage_atlas.task import seed_tables
@@ -198,7 +198,7 @@ def function(
             solutions[index] = replace(solution, rounded=rounded(question, generator, round_to, watch))
     notes = function_notes(question, candidates, solutions, course.settled, refine_only)
     if not question.has_preset and solutions and not solutions[0].verdict.practical:
-        notes.append(PRACTICAL_LIMITS_OFF)
+        notes.append(PRACTICAL_LIMITS_OFF.format(case="For functions"))
     status = Status.of(found, question.tolerance).value
     if not solutions and (refine_only or course.stopped_by == "budget"):
         status = "unknown"

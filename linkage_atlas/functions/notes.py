@@ -11,7 +11,7 @@ from linkage_atlas.functions.results import AnyFunctionSolution, FunctionSolutio
 from linkage_atlas.functions.special import CRANK_ROCKERS, NO_CRANK_ROCKER, SLIDER_CRANKS, TOO_QUICK, QuickReturn
 from linkage_atlas.motions import unit_notes
 from linkage_atlas.notes import in_percent
-from linkage_atlas.result_notes import LOCAL, NUMERALS
+from linkage_atlas.result_notes import ILL_POSED, LOCAL, NUMERALS
 from synthesis.function.answers import Generator
 from synthesis.function.laws import ANGLE
 from synthesis.function.quick_return import (
@@ -25,10 +25,6 @@ from synthesis.ranking import PROPORTION
 
 _STEEP = 8.0
 """Ratio of the slope of a step to the slope of any other step from which on it is called a jump."""
-PRACTICAL_LIMITS_OFF = (
-    "For functions the practical limits apply only if they are switched on (`limits.preset`): the verdict names those that "
-    "the best linkage violates."
-)
 OUT_OF_PROPORTION = (
     "The linkage with the smallest error (objective {error:.2g}) is out of all proportion: its longest link is {ratio:.2g} "
     "times the shortest. Linkages with a ratio of at most 100 come before it."
@@ -46,7 +42,6 @@ DOUBTFUL = (
     "Between the samples the requested curve is a spline that is uncertain by up to {0:.2g}: more samples would make the largest "
     "error more meaningful."
 )
-ILL_POSED = "The problem is ill-posed: lengths that differ by {0} make this function about equally well."
 FEW_PAIRS = (
     "Infinitely many linkages pass through {} pairs: the first of these transmit well and are compact. A further pair, or "
     "limits, narrow the choice."
@@ -91,7 +86,7 @@ def function_notes(
         if question.largest:
             notes.append("Between the pairs a straight line is requested.")
     elif isinstance(best, FunctionSolution) and best.determination.ill_posed:
-        notes.append(ILL_POSED.format(in_percent(best.determination.length_uncertainty)))
+        notes.append(ILL_POSED.format(in_percent(best.determination.length_uncertainty), "function"))
     return notes
 
 

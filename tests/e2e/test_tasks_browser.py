@@ -13,6 +13,7 @@ from selenium.webdriver.support.ui import Select
 
 import linkage_atlas as la
 from linkage_atlas.result_notes import ILL_POSED
+from synthesis.excursions import excursion_faults
 from tests.e2e.page import CARDS, EXAMPLES, GOOD, IDLE, ROOT, VERDICTS, path_request
 
 
@@ -404,10 +405,10 @@ def test_solve_is_near_and_the_status_in_view(page) -> None:
 def test_verdicts_and_texts_use_the_words_of_the_page(shared) -> None:
     note = shared.run_async(
         "const [note, done] = arguments; import('/static/verdict.js').then(v => done(v.plainNote(note)))",
-        ILL_POSED.format("2 %"),
+        ILL_POSED.format("2 %", "motion"),
     )
     assert note == "The problem is ill-posed: lengths that differ by 2 % make this motion about equally well."
-    reason = "the body point goes 2.94 times as far between two samples as they are apart, above 2.5"
+    (reason,) = excursion_faults(2.94)
     said = shared.run_async(
         "const [reasons, done] = arguments; import('/static/verdict.js').then(v => done("
         "[v.mark({order: true, branch: true, circuit: true, practical: false, reasons}, 'pose').text,"
