@@ -13,7 +13,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -372,32 +372,28 @@ class _Fit:
 
     def _at(self, x: Floats, lengths: dict[str, float]) -> tuple[Linkage, list[Deviations]]:
         """Return the linkage after changes x with its lengths restored, and its changes by each unknown."""
-        first, second = (self._changed(index, x, lengths) for index in (0, 1))
-        units = [(one._replace(radius=0.0), two._replace(radius=0.0)) for one, two in self.units]
-        if "coupler" in lengths:
-            restored = _Restored(second.body_point - first.body_point, lengths["coupler"])
-            second = second._replace(body_point=first.body_point + restored.vector)
-            units = [
-                (one, two._replace(body_point=one.body_point + restored.change(two.body_point - one.body_point)))
-                for one, two in units
-            ]
-        if "ground" in lengths:
-            restored = _Restored(second[0] - first[0], lengths["ground"])
-            if self.limits.pivot_b is None:
-                second = Circle(first[0] + restored.vector, *second[1:])
-                units = [
-                    (one, two._replace(fixed=one.fixed + restored.change(two.fixed - one.fixed)))
-                    for one, two in units
-                ]
-            else:
-                first = Circle(second[0] - restored.vector, *first[1:])
-                units = [
-                    (one._replace(fixed=two.fixed - restored.change(two.fixed - one.fixed)), two)
-                    for one, two in units
-                ]
+        guides = [self._changed(index, x, lengths) for index in (0, 1)]
+        units = [[unit._replace(radius=0.0) for unit in pair] for pair in self.units]
+        # the second guide moves, or the first if the pivot of the second is given
+        for name, field, moved in (
+            ("coupler", "body_point", 1),
+            ("ground", "fixed", int(self.limits.pivot_b is None)),
+        ):
+            if name not in lengths:
+                continue
+            points = [guide.body_point if name == "coupler" else guide[0] for guide in guides]
+            restored = _Restored(points[moved] - points[1 - moved], lengths[name])
+            end: dict[str, Any] = {
+                "body_point" if name == "coupler" else "pivot": points[1 - moved] + restored.vector
+            }
+            guides[moved] = guides[moved]._replace(**end)
+            for pair in units:
+                held, free = (getattr(pair[index], field) for index in (1 - moved, moved))
+                pair[moved] = pair[moved]._replace(**{field: held + restored.change(free - held)})
         unit = 1.0 if self.linkage.driver.turns else self.size
         start = self.linkage.start + self.linkage.ground_angle + (unit * float(x[-1]) if self.timed else 0.0)
-        return on_guides((first, second), self.linkage.driver, self.linkage.branch, start), units
+        linkage = on_guides((guides[0], guides[1]), self.linkage.driver, self.linkage.branch, start)
+        return linkage, [(first, second) for first, second in units]
 
     def _changed(self, index: int, x: Floats, lengths: dict[str, float]) -> Guide:
         """Return a guide after changes x."""
