@@ -21,7 +21,6 @@ from typing import (
     ClassVar,
     Literal,
     Protocol,
-    Self,
     TypeVar,
     Union,
     get_args,
@@ -31,17 +30,7 @@ from typing import (
 )
 
 import numpy as np
-from pydantic import (
-    AllowInfNan,
-    BaseModel,
-    ConfigDict,
-    Field,
-    PlainSerializer,
-    SkipValidation,
-    Strict,
-    ValidationError,
-    create_model,
-)
+from pydantic import AllowInfNan, BaseModel, ConfigDict, Field, SkipValidation, Strict, ValidationError, create_model
 from pydantic_core import to_json
 
 from app.sentences import sentence
@@ -64,34 +53,8 @@ Computed = SkipValidation
 """Long list that the service has computed; its items are not validated, which would take too long."""
 
 
-class Numbers(Sequence[Any]):
-    """Long list of numbers or points in a reply, stored as an array, which needs a quarter of the memory of a list.
-
-    A slice is a list of Python numbers; the slice of all items equals ``array.tolist()``.
-    """
-
-    def __init__(self, array: Any) -> None:
-        self._array = array
-
-    def __len__(self) -> int:
-        return len(self._array)
-
-    def __getitem__(self, index: Any) -> Any:
-        return self._array[index].tolist()
-
-
-def _listed(values: Sequence[Any]) -> Any:
-    return values[:]
-
-
-def _paired(values: Sequence[Any]) -> Any:
-    return [tuple(point) for point in values[:]]
-
-
-Column = Annotated[SkipValidation[list[float]], PlainSerializer(_listed, return_type=list[float])]
-PointColumn = Annotated[
-    SkipValidation[list[tuple[float, float]]], PlainSerializer(_paired, return_type=list[tuple[float, float]])
-]
+Column = Computed[list[float]]
+PointColumn = Computed[list[tuple[float, float]]]
 AngleUnit = Literal["deg", "rad"]
 LengthUnit = Literal["um", "mm", "cm", "m", "in", "ft"]
 
@@ -259,19 +222,10 @@ def models_in(annotation: Any) -> list[type[BaseModel]]:
     return [model for part in get_args(annotation) for model in models_in(part)]
 
 
-_NO_FIELDS: set[str] = set()
-"""Set of field names that all computed replies share, to save memory."""
-
-
 class ReplyModel(BaseModel):
     """Base of replies that are pydantic models, or are described by them. No number is NaN or infinite."""
 
     model_config = ConfigDict(ser_json_inf_nan="strings", frozen=True, defer_build=True, from_attributes=True)
-
-    @classmethod
-    def computed(cls, **values: Any) -> Self:
-        """Build a part of a reply without validation; the values must have the types of the fields."""
-        return cls.model_construct(_fields_set=_NO_FIELDS, **values)
 
 
 def derived_from(base: type[Base]) -> Iterator[type[Base]]:

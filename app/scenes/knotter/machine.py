@@ -303,7 +303,7 @@ def provenance(request: MachineRequest, searched: list[str]) -> dict[str, Any]:
 def condition_reply(condition: Any, result: Any, row: int, angles: Angles) -> EntryReply | ClearanceReply:
     """Return the reply to a condition of a row of its results."""
     if isinstance(result, ClearanceResult):
-        return ClearanceReply.computed(
+        return ClearanceReply(
             holds=bool(result.holds[row]),
             value=float(result.value[row]),
             worst=float(result.worst[row]),
@@ -312,7 +312,7 @@ def condition_reply(condition: Any, result: Any, row: int, angles: Angles) -> En
         )
     enters = result.windows[row] > 0
     entry = int(result.entered_by[row])
-    return EntryReply.computed(
+    return EntryReply(
         holds=bool(result.holds[row]),
         status=STATUS_SENTENCES[EntryStatus(int(result.status[row]))],
         angle=angles.outward(float(result.enter[row])) if enters else None,

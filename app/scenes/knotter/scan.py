@@ -134,7 +134,7 @@ def answer_scan(request: ScanRequest, resources: Resources) -> ScanReply:
             for name in conditions_to_check
         }
         rows.append(
-            PairReply.computed(
+            PairReply(
                 alpha1=values[0],
                 alpha3=values[1],
                 parameters=dict(list(zip(grid, values))[2:]) or None,

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from app.query import Angles as Unit
-from app.query import Numbers, Query, Resources
+from app.query import Query, Resources
 from app.scenes.lift.files import drawings
 from app.scenes.lift.models import DEFAULT_SAMPLES, ForcesReply, MotionReply, MotionRequest, cylinder_of
 from linkage_atlas import FieldError, Work
@@ -58,10 +58,14 @@ def answer_motion(request: MotionRequest, resources: Resources) -> MotionReply:
         dead_point_height=float(pose_at_turn(design, limits.turn_dead).height),
         length_top=float(limits.length_top),
         angle_unit=request.angle_unit,
-        **{name: Numbers(column) for name, column in motion_columns(moved).items()},
+        **{name: column.tolist() for name, column in motion_columns(moved).items()},
         **_extras(request, moved, work),
         forces=_forces(request, moved),
     )
+
+
+def _pairs(points: Any) -> list[tuple[float, float]]:
+    return [(x, y) for x, y in points.tolist()]
 
 
 def _forces(request: MotionRequest, moved: Motion) -> ForcesReply | None:
@@ -77,9 +81,9 @@ def _forces(request: MotionRequest, moved: Motion) -> ForcesReply | None:
     everywhere = forces(motion(moved.pose.design, cylinder_of(request.cylinder), times), drive)
     largest_pressure = float(everywhere.pressure.max())
     return ForcesReply(
-        **{name: Numbers(getattr(at_times, name)) for name in ("weight", "cylinder", "link", "slide", "pressure")},
-        pivot_O=Numbers(at_times.pivot_o),
-        pivot_D=Numbers(at_times.pivot_d),
+        **{name: getattr(at_times, name).tolist() for name in ("weight", "cylinder", "link", "slide", "pressure")},
+        pivot_O=_pairs(at_times.pivot_o),
+        pivot_D=_pairs(at_times.pivot_d),
         cylinder_max=float(everywhere.cylinder.max()),
         cylinder_min=float(everywhere.cylinder.min()),
         pressure_max=largest_pressure,
@@ -92,11 +96,11 @@ def _extras(request: MotionRequest, moved: Motion, work: Work) -> dict[str, Any]
     pose, speed, design = moved.pose, moved.cylinder_speed, moved.pose.design
     radian = Unit(request.angle_unit).radian
 
-    def per_link(prefix: str, angles: Any) -> dict[str, Numbers]:
-        return {f"{prefix}{k}": Numbers(column / radian) for k, column in enumerate(angles.T, 1)}
+    def per_link(prefix: str, angles: Any) -> dict[str, list[float]]:
+        return {f"{prefix}{k}": (column / radian).tolist() for k, column in enumerate(angles.T, 1)}
 
     def points() -> dict[str, Any]:
-        results = {name: Numbers(z.view(float).reshape(-1, 2)) for name, z in joints(pose).items() if name in "ABC"}
+        results = {name: _pairs(z.view(float).reshape(-1, 2)) for name, z in joints(pose).items() if name in "ABC"}
         return {**results, "D": (-design.b, 0.0)}
 
     extras = {
