@@ -99,26 +99,13 @@ def notes_of(task: Task, search: Search, candidates: Candidates, ranked: RankedS
 
 def report_of(task: Task, candidates: Candidates, ranked: RankedSolutions, notes: list[str]) -> Report:
     """Return the report of a result."""
-    report, samples, total = candidates.report, task.motion.samples, task.work.elapsed
-    refined = not isinstance(task.source, Scan)
+    samples = task.motion.samples
+    length_scale = None if samples.position is None else samples.length_scale
+    report = Report.of(candidates.report, candidates.seconds, task.work.elapsed, notes, length_scale)
+    if task.starts is None:
+        return report
     ranks = {id(solution.origin.found): solution.rank for solution in ranked.solutions}
-    seconds = {"screen": report.screen_seconds}
-    if refined:
-        seconds["refine"] = candidates.seconds - report.screen_seconds
-    seconds |= {"report": total - candidates.seconds, "total": total}
-    return Report(
-        elapsed_ms={name: 1000 * value for name, value in seconds.items()},
-        trace=[(1000 * value, objective) for value, objective in report.trace],
-        stopped_by=report.stopped_by.value,
-        length_scale=None if samples.position is None else samples.length_scale,
-        seeds=report.seeds if refined else None,
-        windows=report.windows,
-        exhaustive=report.exhaustive,
-        notes=notes,
-        start_from_ranks=None
-        if task.starts is None
-        else [ranks.get(id(linkage)) for linkage in candidates.continued],
-    )
+    return replace(report, start_from_ranks=[ranks.get(id(linkage)) for linkage in candidates.continued])
 
 
 def _empty_notes(task: Task, search: Search, candidates: Candidates, notes: Sequence[str]) -> list[str]:

@@ -15,6 +15,7 @@ from linkage_atlas.notes import counted
 from linkage_atlas.records import PYTHON_ONLY, Ranked, Record
 from linkage_atlas.solutions import Solution
 from synthesis.ranking import Status
+from synthesis.search.report import SearchReport
 
 StatusName = Annotated[str, Literal["reached", "closest", "infeasible", "unknown"]]
 StoppedBy = Annotated[str, Literal["tolerance", "converged", "budget"]]
@@ -41,6 +42,25 @@ class Report(Record):
     notes: list[str]
     start_from_ranks: list[int | None] | None = None
     """With `start_from`: the rank of the solution to which each of its linkages led, null if there is none."""
+
+    @classmethod
+    def of(
+        cls, search: SearchReport, searched: float, total: float, notes: list[str], length_scale: float | None = None
+    ) -> Report:
+        """Return the report on a search that took ``searched`` of ``total`` seconds."""
+        screened, is_refined = search.screen_seconds, search.windows is None
+        seconds = {"screen": screened, **({"refine": searched - screened} if is_refined else {})}
+        seconds |= {"report": total - searched, "total": total}
+        return cls(
+            elapsed_ms={name: 1000 * value for name, value in seconds.items()},
+            trace=[(1000 * value, objective) for value, objective in search.trace],
+            stopped_by=search.stopped_by.value,
+            length_scale=length_scale,
+            seeds=search.seeds if is_refined else None,
+            windows=search.windows,
+            exhaustive=search.exhaustive,
+            notes=notes,
+        )
 
 
 @dataclass(frozen=True)

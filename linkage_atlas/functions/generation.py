@@ -203,19 +203,7 @@ def function(
     if not solutions and (refine_only or course.stopped_by == "budget"):
         status = "unknown"
         notes.append(NO_DESCENT_WITHIN_LIMITS if refine_only else NOTHING_FOUND_IN_TIME)
-    total = watch.elapsed
-    stages = {"screen": course.screen_seconds, "refine": searched - course.screen_seconds}
-    stages |= {"report": total - searched, "total": total}
-    report = Report(
-        elapsed_ms={name: 1000 * seconds for name, seconds in stages.items()},
-        trace=[(1000 * seconds, value) for seconds, value in course.trace],
-        stopped_by=course.stopped_by.value,
-        length_scale=None,
-        seeds=course.seeds,
-        windows=None,
-        exhaustive=None,
-        notes=sentences(notes),
-    )
+    report = Report.of(course, searched, watch.elapsed, sentences(notes))
     return FunctionResult(
         status,
         solutions,
