@@ -75,9 +75,8 @@ def _with_keys(
         own = key(score, task.prefer)
         if task.rounds:
             rounded = key(replace(score, error=_rounded_error(solution)), task.prefer)
-            large = (
-                task.fair is not None and score.proportion > FAIR_PROPORTION
-            )  # rounding has little effect on large linkages
+            # rounding has little effect on large linkages
+            large = task.fair is not None and score.proportion > FAIR_PROPORTION
             own = (*rounded[:_CRITERIA], large, *rounded[_CRITERIA:-1], *own[-2:])
         keyed.append(((*own, order[id(solution.origin.found)]), solution))
     return sorted(keyed, key=lambda pair: pair[0])

@@ -230,10 +230,8 @@ class Linkage:
             None if the linkage was not found for N samples.
         """
         travel, samples = self.motion_travel, len(motion)
-        if travel is None or travel.size not in (
-            samples,
-            samples + 1,
-        ):  # a closed motion continues to its first sample
+        # a closed motion continues to its first sample
+        if travel is None or travel.size - samples not in (0, 1):
             return None
         return travel[:samples] / (motion.radian if self.plain.driver.turns else 1.0)
 

@@ -94,16 +94,14 @@ class PartSettings:
             hole = _down(hole * unit, HOLES) / unit
         if self.width is None:
             width = WIDTH_OF_HOLE * hole
-            width = (
-                math.ceil(width * unit - 1e-9) / unit if standard and width * unit >= 1 else width
-            )  # whole millimetres
-        thickness, washer = self.thickness, self.washer
-        if thickness is None:
-            thickness = THICKNESS * hole
-            thickness = _up(thickness * unit, SHEETS) / unit if standard else thickness
-        if washer is None:
-            washer = WASHER * thickness
-            washer = _up(washer * unit, WASHERS) / unit if standard else washer
+            if standard and width * unit >= 1:  # whole millimetres
+                width = math.ceil(width * unit - 1e-9) / unit
+
+        def bought(size: float, known: tuple[float, ...]) -> float:
+            return _up(size * unit, known) / unit if standard else size
+
+        thickness = bought(THICKNESS * hole, SHEETS) if self.thickness is None else self.thickness
+        washer = bought(WASHER * thickness, WASHERS) if self.washer is None else self.washer
         return PartSizes(hole, width, clearance, thickness, washer)
 
 

@@ -410,9 +410,8 @@ class _Reading:
             read = []
             for k, role in self.roles.items():
                 named, text = self.units[k], self.sheet.heads[k].text
-                beside = (
-                    f" in {named}" if named and not head_of(text).unit else ""
-                )  # of a row of units or of the cells
+                # a unit of a row of units or of the cells
+                beside = f" in {named}" if named and not head_of(text).unit else ""
                 converted = f" (converted to {unit_name})" if named in ANGLE_NAMES and named != unit_name[:3] else ""
                 if named in LENGTH_NAMES and self.length_unit not in (None, named):
                     converted = f" (converted to {self.length_unit})"

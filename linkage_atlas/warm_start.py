@@ -100,12 +100,10 @@ def starts_for(starts: Sequence[Start] | None, motion: Motion, kinds: Kinds) -> 
     """Return linkages after a check against the request, without crank angles for another number of samples."""
     if starts is None:
         return None
-    checked = []
+    checked, samples = [], motion.requested.samples
     for start in starts:
         _check_kind(start, motion, kinds)
-        if start.crank is not None and start.crank.shape != (
-            motion.requested.samples,
-        ):  # samples were added or removed
+        if start.crank is not None and start.crank.shape != (samples,):  # some were added or removed
             start = start._replace(crank=None)
         _check_start(start, motion)
         checked.append(start)

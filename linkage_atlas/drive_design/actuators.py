@@ -53,7 +53,7 @@ def find_actuators(task: DriveTask, request: ActuatorRequest) -> None:
 
 @dataclass(frozen=True)
 class ActuatorSearch:
-    """Search for an actuator on one link; it adds drives and refusals to the findings of the task."""
+    """Search for an actuator on one link; it adds drives and refusals to the task."""
 
     task: DriveTask
     request: ActuatorRequest
@@ -97,7 +97,7 @@ class ActuatorSearch:
         if len(unfit) > (0 if bought else 2):
             weak = sum(isinstance(row.why, float) for row in unfit)
             words = f"{weak} rows of the catalogue are too weak and {len(unfit) - weak} do not fit"
-            self.task.findings.notes.append(f"actuator on the {self.name}: {words}")
+            self.task.notes.append(f"actuator on the {self.name}: {words}")
 
     def find_sizes(self) -> None:
         """Place an actuator of given or free sizes."""
@@ -217,7 +217,7 @@ class ActuatorSearch:
             ),
         )
         rank = (placement.worst,) if row is None else (*_cost(row), placement.worst)
-        task.findings.ranked.append(((*rank, float(index)), drive))
+        task.ranked.append(((*rank, float(index)), drive))
 
     def _along(self, placement: Placement, at: Floats) -> tuple[Floats, Floats, Floats]:
         """Return length, moment arm and the force of each actuator at travels of the drive."""
@@ -254,7 +254,7 @@ class ActuatorSearch:
     # -- why there is none --------------------------------------------------------------------------------------------
 
     def _refuse(self, reason: str, row_name: str | None = None) -> None:
-        self.task.findings.refuse("actuator", self.name, reason, row_name)
+        self.task.refuse("actuator", self.name, reason, row_name)
 
     def _refuse_rows(self, question: PlacementSearch, unfit: list[UnfitRow]) -> None:
         """Refuse the rows that come nearest."""

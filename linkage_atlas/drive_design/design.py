@@ -142,7 +142,6 @@ def _unit_of(value: object) -> str | None:
 def _answer(operation: Operation, question: DriveQuestion, max_results: int, work: Work) -> Drives:
     """Search for the drives and springs of a question."""
     task = DriveTask(operation, question, max_results, work)
-    findings = task.findings
     task.note_missing_load(question.drives)
     with np.errstate(all="ignore"):
         for request in question.drives:
@@ -151,13 +150,13 @@ def _answer(operation: Operation, question: DriveQuestion, max_results: int, wor
             if work.expired():
                 break
             find_springs(task, spring, set_number)
-    ranked = [drive for _, drive in sorted(findings.ranked, key=lambda row: row[0])]
+    ranked = [drive for _, drive in sorted(task.ranked, key=lambda row: row[0])]
     best = [
         drive for kind in REPLY_ORDER for drive in [drive for drive in ranked if drive.kind == kind][:max_results]
     ]
     if work.expired():
-        findings.notes.append("the time was up before every position was examined")
-    return Drives(best, findings.refused, findings.springs, task.torque_curve, findings.notes, operation.machine)
+        task.notes.append("the time was up before every position was examined")
+    return Drives(best, task.refused, task.springs, task.torque_curve, task.notes, operation.machine)
 
 
 def _find(task: DriveTask, request: DriveRequest) -> None:

@@ -34,14 +34,12 @@ def find_motors(task: DriveTask, request: MotorRequest) -> None:
             return
         found = _placed(task, request, name)
         if isinstance(found, str):
-            task.findings.refuse("dyad", name, found)
+            task.refuse("dyad", name, found)
             continue
         link = task.fine.links[name]
         cycle = evaluate_motor(link, task.fine_torque, found.motor, found.pin, found.crank, found.rod, found.extends)
         if cycle is None:
-            task.findings.refuse(
-                "dyad", name, "the rod of the best motor reverses between the positions of the search"
-            )
+            task.refuse("dyad", name, "the rod of the best motor reverses between the positions of the search")
             continue
         words = "the best transmission angle is"
         if not task.too_flat("dyad", name, words, cycle.transmission_angle_min, request.transmission_angle_min):
@@ -99,7 +97,7 @@ def _add(task: DriveTask, name: str, cycle: MotorCycle) -> None:
         ),
         six_bar=bar,
     )
-    task.findings.ranked.append(((-bar.transmission_angle_min,), drive))
+    task.ranked.append(((-bar.transmission_angle_min,), drive))
 
 
 def _six_bar(task: DriveTask, six: Swung, cycle: MotorCycle) -> SixBar:

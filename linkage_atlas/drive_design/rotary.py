@@ -15,14 +15,14 @@ from synthesis.studies.forces import Pull
 
 def find_rotary(task: DriveTask, request: RotaryRequest) -> None:
     """Evaluate a rotary drive at each requested pivot."""
-    operation, findings = task.operation, task.findings
+    operation = task.operation
     for name in request.links:
         link, rates = task.machine.links[name], task.fine.links[name].rate
         if np.any(rates * rates[0] <= 0):
             k = int(np.argmax(rates * rates[0] <= 0))
             at = operation.words(task.fine.at[k])
             where = operation.poses_around(*task.fine.at[[max(k - 1, 0), k]])
-            findings.refuse("rotary", name, f"the {name} reverses at a dead point {where}at {at}")
+            task.refuse("rotary", name, f"the {name} reverses at a dead point {where}at {at}")
             continue
         angle = _transmission_angle(task, name)
         words = "its transmission angle falls to"
@@ -44,7 +44,7 @@ def find_rotary(task: DriveTask, request: RotaryRequest) -> None:
                 task.machine, [Pull(name, link.origin, 0 * link.origin, torque)] * (name == "rocker")
             ),
         )
-        findings.ranked.append(((peak or 0.0,), drive))
+        task.ranked.append(((peak or 0.0,), drive))
 
 
 def _peak_torque(task: DriveTask, name: str) -> float:

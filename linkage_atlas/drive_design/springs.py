@@ -181,7 +181,7 @@ def find_springs(task: DriveTask, request: SpringRequest, set_number: int) -> No
     """Find springs for one entry of a request."""
     links = "any two links" if request.between is None else "-".join(request.between)
     if not task.loaded and not request.has_goal:
-        task.findings.refuse(request.kind, links, "there is no load to balance")
+        task.refuse(request.kind, links, "there is no load to balance")
         return
     goal = Goal(task, request)
     found: SpringSet | str
@@ -192,7 +192,7 @@ def find_springs(task: DriveTask, request: SpringRequest, set_number: int) -> No
     else:
         found = _ideal(task, request)
     if isinstance(found, str):
-        task.findings.refuse(request.kind, links, found)
+        task.refuse(request.kind, links, found)
     else:
         _add(goal, set_number, found)
 
@@ -273,7 +273,7 @@ def _add(goal: Goal, set_number: int, springs: SpringSet) -> None:
     left = rms_of(goal.difference(machine, springs))
     if left > HELP_SHARE * goal.size > 0:
         what = goal.quantity + (" of the drive" if request.target is None else "")
-        task.findings.notes.append(
+        task.notes.append(
             f"springs of set {set_number} show the requested behaviour, but leave {100 * left / goal.size:.3g} % of the {what}"
         )
     uses_hand = (
@@ -301,8 +301,8 @@ def _add(goal: Goal, set_number: int, springs: SpringSet) -> None:
         "hand_force_max": hand_max,
         "deviation": deviation,
     }
-    if request.kind == "compression" and BUCKLING not in task.findings.notes:
-        task.findings.notes.append(BUCKLING)
+    if request.kind == "compression" and BUCKLING not in task.notes:
+        task.notes.append(BUCKLING)
     curve = {"crank_angle": task.operation.curve_at, "torque": torque, "hand_force": hand}
     fine = task.fine
     remaining = np.abs(goal.torque(fine, springs)).max()
@@ -310,9 +310,9 @@ def _add(goal: Goal, set_number: int, springs: SpringSet) -> None:
     for spring in springs:
         own_fields = {"name": spring.name, "between": spring.between, **effect}
         if isinstance(spring, LinearSpring):
-            task.findings.springs.append(_linear_record(goal, spring, exact, curve, own_fields))
+            task.springs.append(_linear_record(goal, spring, exact, curve, own_fields))
         else:
-            task.findings.springs.append(_torsion_record(goal, spring, curve, own_fields))
+            task.springs.append(_torsion_record(goal, spring, curve, own_fields))
 
 
 def _linear_record(goal: Goal, spring: LinearSpring, exact: bool, curve: Fields, effect: Fields) -> Spring:

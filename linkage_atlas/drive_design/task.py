@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TypeVar
 
@@ -21,23 +20,8 @@ from synthesis.work import Work
 Value = TypeVar("Value")
 
 
-@dataclass
-class Findings:
-    """Drives with their ranks, springs, and reasons for what is missing."""
-
-    ranked: list[tuple[tuple[float, ...], Drive]] = field(default_factory=list)
-    """The drive with the smallest rank is the best of its kind."""
-    springs: list[AnySpring] = field(default_factory=list)
-    refused: list[Refusal] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
-
-    def refuse(self, kind: str, link: str, reason: str, name: str | None = None) -> None:
-        """Add the reason why there is no drive of a kind on a link."""
-        self.refused.append(Refusal(kind, link, name, reason))
-
-
 class DriveTask:
-    """A linkage over its motion with its load, in model units.
+    """A linkage over its motion with its load, in model units, and what the searches found: drives, springs and refusals.
 
     Parameters
     ----------
@@ -53,7 +37,15 @@ class DriveTask:
         self.machine, self.fine = operation.machine, operation.fine
         self.torque, self.fine_torque = (machine.torque(question.load) for machine in (self.machine, self.fine))
         self.loaded = question.loaded and bool(np.any(self.torque))
-        self.findings = Findings()
+        self.ranked: list[tuple[tuple[float, ...], Drive]] = []
+        """Drives with their ranks; the drive with the smallest rank is the best of its kind."""
+        self.springs: list[AnySpring] = []
+        self.refused: list[Refusal] = []
+        self.notes: list[str] = []
+
+    def refuse(self, kind: str, link: str, reason: str, name: str | None = None) -> None:
+        """Add the reason why there is no drive of a kind on a link."""
+        self.refused.append(Refusal(kind, link, name, reason))
 
     @cached_property
     def torque_curve(self) -> TorqueCurve:
@@ -113,13 +105,13 @@ class DriveTask:
         """Check a transmission angle against its minimum and refuse the drive if it is smaller."""
         if angle is None or angle >= minimum:
             return False
-        self.findings.refuse(kind, link, f"{words} {np.rad2deg(angle):.4g}, below {np.rad2deg(minimum):.4g} degrees")
+        self.refuse(kind, link, f"{words} {np.rad2deg(angle):.4g}, below {np.rad2deg(minimum):.4g} degrees")
         return True
 
     def note_missing_load(self, drives: Sequence[DriveRequest]) -> None:
         """Explain the ranking of drives without a load."""
         if not self.loaded and any(not isinstance(request, RotaryRequest) for request in drives):
-            self.findings.notes.append(
+            self.notes.append(
                 "no load was given: each drive has the best leverage that was found, and its forces are unknown"
             )
 
