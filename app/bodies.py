@@ -24,7 +24,7 @@ def read_request(content: bytes, model: type[RequestModel]) -> RequestModel:
 
     Raises
     ------
-    problems.Malformed
+    problems.Problem
         For a body that is not JSON, or has an object with the same key twice.
     Invalid
         For JSON that violates the model.
@@ -33,7 +33,7 @@ def read_request(content: bytes, model: type[RequestModel]) -> RequestModel:
     try:
         values = json.loads(content, object_pairs_hook=_unique)
     except (ValueError, RecursionError):
-        raise problems.Malformed("the body is not valid JSON", "not valid JSON") from None
+        raise problems.malformed("the body is not valid JSON", "not valid JSON") from None
     try:
         return model.model_validate(values)
     except ValidationError as error:
@@ -51,13 +51,13 @@ def check_counts(content: bytes) -> None:
     }
     for name, (found, limit) in counts.items():
         if found > limit:
-            raise problems.Malformed(f"the body has more than {limit:,} {name}")
+            raise problems.malformed(f"the body has more than {limit:,} {name}")
 
 
 def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     values = dict(pairs)
     if len(values) < len(pairs):
-        raise problems.Malformed("an object of the body has a key twice")
+        raise problems.malformed("an object of the body has a key twice")
     return values
 
 

@@ -32,6 +32,7 @@ OVERTIME = 1.2
 """Factor of the longest budget after which a worker is replaced; it has at least a second more than the budget."""
 GRACE_SECONDS = 10.0
 """Time for a worker to end an answer that was cancelled."""
+DIED = "the process that computed this answer has ended unexpectedly; the log of the service has details"
 CHECK_SECONDS = 0.5
 """Interval between two checks that idle workers are alive."""
 
@@ -124,7 +125,7 @@ class Workers:
 
         Raises
         ------
-        problems.Overloaded, problems.Died, problems.Ending, OutOfTime, ClientDisconnect
+        problems.Problem, OutOfTime, ClientDisconnect
             The request cannot be answered.
         FieldError
             The request is invalid.
@@ -139,7 +140,7 @@ class Workers:
                 raise ClientDisconnect
             return answer.result()
         except asyncio.CancelledError:  # the server ends
-            raise problems.Ending from None
+            raise problems.later(5, "the service is shutting down; try again later") from None
         finally:
             answer.cancel()
             leaving.cancel()
@@ -153,16 +154,16 @@ class Workers:
         except TimeoutError:
             raise OutOfTime from None
         except BrokenProcessPool:
-            raise problems.Died from None
+            raise problems.later(1, DIED) from None
         finally:
             self._in_background(self._give_back(idle, reply, is_long))
 
     async def _wait_for_turn(self, is_long: bool) -> None:
-        """Wait until a worker is idle; raise `problems.Overloaded` if too many requests are waiting."""
+        """Wait until a worker is idle; raise `problems.Problem` if too many requests are waiting."""
         limit = self.settings.max_waiting
         if self._free.locked() or (is_long and self._long_free.locked()):
             if sum(self.waiting.values()) >= limit or (is_long and self.waiting[True] >= -(-limit // 2)):
-                raise problems.Overloaded
+                raise problems.later(1, "too many requests are waiting; try again later")
         self.waiting[is_long] += 1
         try:
             if is_long:

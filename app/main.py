@@ -102,7 +102,8 @@ def _add_question(app: FastAPI, question: Question, workers: Workers) -> None:
     async def answer(request: Request) -> Response:
         content = await request.body()
         if content and not says_json(request.headers):
-            raise problems.NotJson
+            detail = "the body must be JSON; send the header `Content-Type: application/json` and no Content-Encoding"
+            raise problems.Problem(415, detail)
         return await workers.answer(request, question, content)
 
     route = _QuestionRoute(question.path, answer, methods=["POST"], **question.described)

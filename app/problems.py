@@ -46,40 +46,28 @@ SCHEMA: dict[str, Any] = {
 """JSON schema of a problem, for the description of the API."""
 
 
-class Overloaded(Exception):
-    """Too many requests are waiting."""
+class Problem(Exception):
+    """A request that cannot be answered: status, description, rows of errors and headers of the response, see `problem`."""
 
-
-class Malformed(Exception):
-    """A body that cannot be read.
-
-    Parameters
-    ----------
-    detail : str
-        Description of the error.
-    row_detail : str, optional
-        Description for the row of the error, if it differs.
-    """
-
-    def __init__(self, detail: str, row_detail: str | None = None) -> None:
+    def __init__(
+        self,
+        status: int,
+        detail: str,
+        errors: list[dict[str, Any]] | None = None,
+        headers: dict[str, str] | None = None,
+    ) -> None:
         super().__init__(detail)
-        self.detail, self.row_detail = detail, row_detail or detail
+        self.reply = problem(status, detail, errors, headers)
 
 
-class NotJson(Exception):
-    """A body that is compressed, or not declared as JSON."""
+def malformed(detail: str, row_detail: str | None = None) -> Problem:
+    """Return the problem of a body that cannot be read; ``row_detail``: description in the row of the error, if it differs."""
+    return Problem(400, detail, [{"pointer": "#", "detail": row_detail or detail}])
 
 
-class Ending(Exception):
-    """The service is shutting down."""
-
-
-class Died(Exception):
-    """The process that computed an answer ended before the answer was complete."""
-
-
-class NotFound(Exception):
-    """The resource does not exist; the message lists existing resources."""
+def later(seconds: int, detail: str) -> Problem:
+    """Return the problem of a request that may be answered some seconds later."""
+    return Problem(503, detail, headers={"Retry-After": str(seconds)})
 
 
 def pointer(location: Iterable[str | int]) -> str:
@@ -149,29 +137,16 @@ def _invalid(error: Invalid) -> Response:
 
 
 def _atlas(error: AtlasError) -> Response:
-    later = None if error.fault is AtlasFault.NOT_WANTED else {"Retry-After": "5"}
-    return problem(503, str(error), headers=later)
+    return problem(503, str(error)) if error.fault is AtlasFault.NOT_WANTED else later(5, str(error)).reply
 
 
-def _later(seconds: int, detail: str) -> Callable[[Exception], Response]:
-    return lambda _: problem(503, detail, headers={"Retry-After": str(seconds)})
-
-
+TOO_LONG = "the answer took longer than `budget_ms` or the limit of the service; simplify the request"
 _REPLIES: dict[type[Exception], Callable[[Any], Response]] = {
+    Problem: lambda error: error.reply,
     Invalid: _invalid,
-    Malformed: lambda error: problem(400, error.detail, [{"pointer": "#", "detail": error.row_detail}]),
-    NotJson: lambda _: problem(
-        415, "the body must be JSON; send the header `Content-Type: application/json` and no Content-Encoding"
-    ),
     FieldError: field_problem,
     AtlasError: _atlas,
-    NotFound: lambda error: problem(404, str(error)),
-    Overloaded: _later(1, "too many requests are waiting; try again later"),
-    Ending: _later(5, "the service is shutting down; try again later"),
-    OutOfTime: _later(5, "the answer took longer than `budget_ms` or the limit of the service; simplify the request"),
-    Died: _later(
-        1, "the process that computed this answer has ended unexpectedly; the log of the service has details"
-    ),
+    OutOfTime: lambda _: later(5, TOO_LONG).reply,
     ClientDisconnect: lambda _: Response(status_code=499),  # 499: the client closed the connection
     Cancelled: lambda _: Response(status_code=499),
     HTTPException: http_problem,
