@@ -120,14 +120,12 @@ def _rows(
         yield _Row(at, str(row.get("name") or f"row {index + 1}"), values)
 
 
-def read_actuators(
-    field: str, value: object, millimetres: float, pressure: float
-) -> tuple[list[CatalogueRow], dict[str, float]]:
-    """Return the rows of a catalogue of actuators, and the rod diameters by the names of the rows.
+def read_actuators(field: str, value: object, millimetres: float, pressure: float) -> list[CatalogueRow]:
+    """Return the rows of a catalogue of actuators.
 
     A row with a bore and without a force pushes with ``pressure`` (bar) on the bore, and pulls on the bore without the rod.
     """
-    rows, rods = [], {}
+    rows = []
     for at, name, row in _rows(field, value, "actuator", ACTUATORS, MOST_ROWS, millimetres):
         push = row.get("force", math.inf)
         pull = row.get("pull", push)
@@ -136,10 +134,9 @@ def read_actuators(
             if taken >= area:
                 raise FieldError(f"/{at}/rod", "must be less than the bore")
             push, pull = (pressure * _NEWTONS_A_BAR * part for part in (area, area - taken))
-        rows.append(CatalogueRow(name, Actuator(row["retracted"], row["stroke"]), push, pull, row.get("price")))
-        if "rod" in row:
-            rods[name] = row["rod"]
-    return rows, rods
+        sizes = Actuator(row["retracted"], row["stroke"])
+        rows.append(CatalogueRow(name, sizes, push, pull, row.get("price"), row.get("rod")))
+    return rows
 
 
 def read_springs(field: str, value: object, kind: str, millimetres: float) -> list[SpringRow]:

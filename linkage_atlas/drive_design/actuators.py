@@ -177,7 +177,7 @@ class ActuatorSearch:
         if row is not None and task.loaded and (push > row.push or pull > row.pull):
             self._refuse(f"needs a force of {peak:.4g} between the positions of the search", row.name)
             return
-        rod = request.rod if row is None else request.rods.get(row.name, request.rod)
+        rod = request.rod if row is None or row.rod is None else row.rod
         ground, pin = self._ends(placement, task.machine)
         used = _used(placement).stroke
         bound = task.if_loaded(question.force_bound(used))

@@ -87,8 +87,6 @@ class ActuatorRequest:
     """Number of equal actuators side by side."""
     rows: list[CatalogueRow] = field(default_factory=list)
     """Rows of the catalogue."""
-    rods: dict[str, float] = field(default_factory=dict)
-    """Rod diameters by the names of the rows."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -289,8 +287,8 @@ class Reader:
                 if name in values:
                     raise FieldError(f"/{at}/{name}", "give either this or `catalogue`")
             pressure = PRESSURE if request.pressure is None else request.pressure
-            rows, rods = read_actuators(f"{at}/catalogue", request.catalogue, self.millimetres, pressure)
-            return replace(request, rows=rows, rods=rods)
+            rows = read_actuators(f"{at}/catalogue", request.catalogue, self.millimetres, pressure)
+            return replace(request, rows=rows)
         if request.pressure is not None:
             raise FieldError(
                 f"/{at}/pressure",
@@ -369,7 +367,7 @@ class Reader:
 
     def _fields(self, at: str, entry: object, request: type, links: Sequence[str] | None = None) -> dict[str, object]:
         """Return the fields of an entry after a check of numbers, boxes and links."""
-        names = [item.name for item in fields(request) if item.name not in ("kind", "rows", "rods", "torsion_rows")]
+        names = [item.name for item in fields(request) if item.name not in ("kind", "rows", "torsion_rows")]
         entry = known_fields(at, entry, ("kind", *names))
         values = {
             name: self._value(f"{at}/{name}", name, value)

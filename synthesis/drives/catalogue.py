@@ -24,6 +24,8 @@ class CatalogueRow:
     pull: float = np.inf
     """Largest pulling force."""
     price: float | None = None
+    rod: float | None = None
+    """Diameter of its rod."""
 
     def can_carry(self, placement: Placement) -> bool:
         """Check that a placement's forces do not exceed the actuator's."""
