@@ -16,7 +16,6 @@ from starlette.staticfiles import StaticFiles
 from app.problems import Problem
 from app.scenes import SCENES, queries_of
 
-SCENE_TITLES = {"lift": "Lift", "chain": "Chain slide", "knotter": "Knotter"}
 NO_SCENE = f"there is no such scene; the scenes are {', '.join(SCENES)}"
 PAGES = {"/": "index.html", "/favicon.ico": "icon.svg"}
 
@@ -43,7 +42,7 @@ def install(app: FastAPI) -> None:
 
     @app.get("/scenes", include_in_schema=False)
     def scenes() -> list[dict[str, str]]:
-        return [{"name": name, "title": _title(name)} for name in SCENES]
+        return [{"name": name, "title": title} for name, title in SCENES.items()]
 
     @app.get("/scenes/{name}", include_in_schema=False, response_class=Response)
     async def scene(name: str, request: Request) -> Response:
@@ -56,10 +55,6 @@ def install(app: FastAPI) -> None:
         if name not in SCENES:
             raise Problem(404, NO_SCENE)
         return scene_details(name)
-
-
-def _title(name: str) -> str:
-    return SCENE_TITLES.get(name, name.capitalize())
 
 
 @cache
@@ -76,4 +71,4 @@ def scene_details(name: str) -> dict[str, Any]:
         }
         for query in queries_of(name)
     ]
-    return {"name": name, "title": _title(name), "queries": queries}
+    return {"name": name, "title": SCENES[name], "queries": queries}

@@ -38,13 +38,17 @@ def is_long(request: Any) -> bool:
 
 def answer_match(request: MatchRequest, resources: Resources) -> la.Matches:
     """Find the rows of the atlas with the most similar rotation."""
-    return la.match(
+    return la.match(**_arguments(request, resources), atlas=resources.atlas)
+
+
+def _arguments(request: MatchRequest | FunctionRequest, resources: Resources) -> dict[str, Any]:
+    """Return the fields of a request as arguments, with the unit of angles and the time limit."""
+    return {
         **request.arguments(exclude=("angle_unit", "budget_ms")),
-        atlas=resources.atlas,
-        degrees=request.degrees,
-        budget=budget_of(request.budget_ms, resources),
-        work=resources.work,
-    )
+        "degrees": request.angle_unit == "deg",
+        "budget": budget_of(request.budget_ms, resources),
+        "work": resources.work,
+    }
 
 
 def budget_of(budget_ms: float | None, resources: Resources) -> float | None:
@@ -263,12 +267,7 @@ def answer_assembly(request: AssemblyRequest, resources: Resources) -> la.Assemb
 
 def solve_function(request: FunctionRequest, resources: Resources) -> la.FunctionResult:
     """Find linkages that generate a function."""
-    return la.function(
-        **request.arguments(exclude=("angle_unit", "budget_ms")),
-        budget=budget_of(request.budget_ms, resources),
-        degrees=request.angle_unit == "deg",
-        work=resources.work,
-    )
+    return la.function(**_arguments(request, resources))
 
 
 def _function_file(body: FunctionExportRequest, resources: Resources) -> bytes:

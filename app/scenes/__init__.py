@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from app.query import Query
 
-SCENES: tuple[str, ...] = ("lift", "chain", "knotter")
+SCENES = {"lift": "Lift", "chain": "Chain slide", "knotter": "Knotter"}
+"""Names and titles of the scenes."""
 
 
 def queries_of(scene: str) -> tuple[Query, ...]:

@@ -42,7 +42,7 @@ def test_root_is_the_page_with_a_strict_policy(client) -> None:
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.relative_to(STATIC).as_posix())
 def test_every_file_is_served_as_it_is_and_known_again(client, path) -> None:
     name = path.relative_to(STATIC).as_posix()
-    pages = {"index.html": "/", "scene.html": f"/scenes/{SCENES[0]}"}
+    pages = {"index.html": "/", "scene.html": f"/scenes/{next(iter(SCENES))}"}
     address = pages.get(name, f"/static/{name}")
     reply = client.get(address)
     assert reply.status_code == 200 and reply.content == path.read_bytes()
