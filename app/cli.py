@@ -109,11 +109,8 @@ class _Parser(argparse.ArgumentParser):
             word = unknown[0].partition("=")[0]
             similar = get_close_matches(word, self._option_string_actions, 1)
             hint = f"; did you mean {similar[0]}?" if similar else f"; see {self.prog} --help"
-            hint = (
-                "; separate the items of a list with commas, as in 0,0,200,100"
-                if re.match(r"-?[\d.]", word)
-                else hint
-            )
+            if re.match(r"-?[\d.]", word):
+                hint = "; separate the items of a list with commas, as in 0,0,200,100"
             self.error(f"unrecognized arguments: {' '.join(unknown)}{hint}")
         return options, unknown
 
@@ -141,15 +138,11 @@ def make_parser(named: str | None = None, all_commands: bool = False) -> argpars
 
 def whole_number(minimum: int, maximum: int | None = None) -> Callable[[str], int]:
     """Return a function that reads a whole number from ``minimum`` to ``maximum``, for the type of an argument."""
+    allowed = f"of at least {minimum}" if maximum is None else f"from {minimum} to {maximum}"
 
     def read(text: str) -> int:
-        allowed = (
-            f"a whole number of at least {minimum}"
-            if maximum is None
-            else f"a whole number from {minimum} to {maximum}"
-        )
         if not re.fullmatch(r"-?\d+", text) or int(text) < minimum or (maximum is not None and int(text) > maximum):
-            raise argparse.ArgumentTypeError(f"must be {allowed}, found {text}")
+            raise argparse.ArgumentTypeError(f"must be a whole number {allowed}, found {text}")
         return int(text)
 
     return read

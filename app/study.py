@@ -171,12 +171,8 @@ def _continued(out: Path, questions: Iterator[Question]) -> Iterator[bytes]:
             start = HEAD + b'%d, "key": "' % (question.line if question else 0)
             if question and line.startswith(start):
                 where = f"line {question.line}, or comes from another version or command"
-                problem = (
-                    ""
-                    if line.startswith(start + question.key.encode())
-                    else f"has a reply to another request in {where}"
-                )
-            if problem:
+                problem = f"has a reply to another request in {where}"
+            if not question or not line.startswith(start + question.key.encode()):
                 raise FieldError("/out", f"{out} {problem}: name another file, or remove this one")
             complete += len(line)
             yield line[:-1]

@@ -121,10 +121,10 @@ def columns(items: Iterable[Any], *shown: tuple[str, str, str | Callable[[Any], 
     """
 
     def cell(item: Any, spec: str, source: str | Callable[[Any], Any]) -> str:
-        names = source.split(".") if isinstance(source, str) else []
-        value = (
-            source(item) if callable(source) else reduce(lambda part, name: getattr(part, name, None), names, item)
-        )
+        if isinstance(source, str):
+            value = reduce(lambda part, name: getattr(part, name, None), source.split("."), item)
+        else:
+            value = source(item)
         return "-" if value is None else format(value, spec)
 
     return table([head for head, *_ in shown], [[cell(item, *column) for _, *column in shown] for item in items])

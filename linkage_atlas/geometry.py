@@ -299,12 +299,8 @@ def read_joints(
     pivot_a, crank_pin, coupler_pin, pivot_b = (
         pair(name, point, LARGEST) for name, point in zip("ADCB", (a, d, c, b))
     )
-    crank, coupler, rocker, ground = (
-        crank_pin - pivot_a,
-        coupler_pin - crank_pin,
-        pivot_b - coupler_pin,
-        pivot_b - pivot_a,
-    )
+    crank, coupler = crank_pin - pivot_a, coupler_pin - crank_pin
+    rocker, ground = pivot_b - coupler_pin, pivot_b - pivot_a
     for name, neighbour, link in (("D", "A", crank), ("C", "D", coupler), ("B", "C", rocker), ("B", "A", ground)):
         if not link:
             raise FieldError(f"/{name}", f"must differ from {neighbour}; the two points coincide")

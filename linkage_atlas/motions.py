@@ -232,10 +232,8 @@ class Motion:
     def __repr__(self) -> str:
         samples = self.requested
         parts = " and ".join(name for name in ("rotation", "position") if getattr(samples, name) is not None)
-        timed = (
-            "given travel" if self.travel is not None else "free crank angles" if self.free else "given crank angles"
-        )
-        return f"Motion({samples.samples} samples of {parts}, {timed})"
+        timing = "given travel" if self.travel is not None else f"{'free' if self.free else 'given'} crank angles"
+        return f"Motion({samples.samples} samples of {parts}, {timing})"
 
     @classmethod
     def of(

@@ -114,12 +114,10 @@ def _shown(value: object, kind: str, radian: float) -> str:
             return f"{max(distance for distance in value[1:] if distance is not None):.4g}"
         case complex():
             return f"({value.real:.4g}, {value.imag:.4g})"
+        case float() if kind == "angle":
+            return f"{value / radian:.3g} {'radians' if radian == 1 else 'degrees'}"
         case float():
-            return (
-                f"{value / radian:.3g} {'radians' if radian == 1 else 'degrees'}"
-                if kind == "angle"
-                else f"{value:.4g}"
-            )
+            return f"{value:.4g}"
         case tuple() if kind == "box":
             return f"[{', '.join(f'{number:.4g}' for number in value)}]"
     return ""

@@ -146,10 +146,8 @@ def read_task(
         If there is no argument of this name.
     """
     _check_options(options)
-    tolerance, refine_only = (
-        number("tolerance", options.tolerance, 0.0),
-        check_refine_only(options.refine_only, options.start_from),
-    )
+    tolerance = number("tolerance", options.tolerance, 0.0)
+    refine_only = check_refine_only(options.refine_only, options.start_from)
     motion, requested_limits, study_arguments = _read_motion(arguments, requested_limits, more)
     if options.effort == "atlas" and motion.free:
         raise FieldError(
@@ -200,13 +198,10 @@ def read_task(
 
 def _check_start_angle(options: SearchOptions, kinds: Kinds, studies: Fields) -> None:
     """Refuse options that do not keep the crank angle of the first sample."""
-    options_set = {"start_from": options.start_from, "round_to": studies.get("round_to")}
-    options_set |= {
-        "lengths_from": studies.get("lengths_from"),
-        "effort": "atlas" if options.effort == "atlas" else None,
-    }
-    options_set |= {"mechanisms": None if kinds.only_four_bars else options.mechanisms}
-    if foreign := [name for name, value in options_set.items() if value is not None]:
+    is_set = {"start_from": options.start_from is not None}
+    is_set |= {name: studies.get(name) is not None for name in ("round_to", "lengths_from")}
+    is_set |= {"effort": options.effort == "atlas", "mechanisms": not kinds.only_four_bars}
+    if foreign := [name for name, used in is_set.items() if used]:
         raise FieldError(f"/{foreign[0]}", "cannot be combined with `start_angle`, which applies only to four-bars")
 
 

@@ -415,12 +415,9 @@ class Refusal(Record):
     @property
     def sentence(self) -> str:
         """Name the missing drive or spring, its link or links, and the reason."""
-        is_spring = self.kind in SPRING_KINDS
-        subject = (
-            f"{self.kind} spring between {self.link.replace('-', ' and ')}"
-            if is_spring
-            else f"{self.kind} on the {self.link}"
-        )
+        subject = f"{self.kind} on the {self.link}"
+        if self.kind in SPRING_KINDS:
+            subject = f"{self.kind} spring between {self.link.replace('-', ' and ')}"
         return f"no {subject}{'' if self.name is None else f' ({self.name})'}: {self.reason}"
 
 

@@ -147,10 +147,8 @@ def _determinations(question: FunctionQuestion, found: Sequence[Generator]) -> l
     """Return how well the function fixes the lengths of each four-bar; given lengths and zeros are held."""
     target, limits = question.function, question.limits
     columns = [(*FOUR_BAR.unknowns(each.lengths), each.zero, 0.0, each.branch) for each in found]
-    unknowns, crank = (
-        np.array(columns).reshape(-1, 6),
-        np.broadcast_to(target.crank, (len(columns), target.crank.size)),
-    )
+    unknowns = np.array(columns).reshape(-1, 6)
+    crank = np.broadcast_to(target.crank, (len(columns), target.crank.size))
     slope = FOUR_BAR.at(unknowns[:, :5], unknowns[:, 5], crank).slope
     by_offset = np.ones((len(columns), 1, target.crank.size))
     matrix = np.nan_to_num(np.concatenate([slope, by_offset], axis=1) * target.mean.root).transpose(0, 2, 1)

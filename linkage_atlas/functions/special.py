@@ -99,10 +99,9 @@ def read_steering(value: object, degrees: bool) -> tuple[Floats, Floats, float]:
 
 def ackermann(left: Floats, ratio: float) -> Floats:
     """Return the angles of the right wheel for angles of the left wheel, in radians; ``ratio``: track over wheelbase."""
-    tangent = np.tan(left)
-    return (
-        np.arctan2(tangent, 1 + ratio * tangent) if np.all(np.abs(left) < np.pi / 2) else np.full_like(left, np.nan)
-    )
+    if np.any(np.abs(left) >= np.pi / 2):
+        return np.full_like(left, np.nan)
+    return np.arctan2(np.tan(left), 1 + ratio * np.tan(left))
 
 
 def with_ground(limits: Fields | None, track: float) -> dict[str, object]:
