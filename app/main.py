@@ -103,7 +103,7 @@ def _add_question(app: FastAPI, question: Question, workers: Workers) -> None:
         content = await request.body()
         if content and not says_json(request.headers):
             detail = "the body must be JSON; send the header `Content-Type: application/json` and no Content-Encoding"
-            raise problems.Problem(415, detail)
+            raise problems.Problem(problems.problem(415, detail))
         return await workers.answer(request, question, content)
 
     route = _QuestionRoute(question.path, answer, methods=["POST"], **question.described)

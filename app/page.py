@@ -13,7 +13,7 @@ from starlette.requests import Request
 from starlette.responses import RedirectResponse, Response
 from starlette.staticfiles import StaticFiles
 
-from app.problems import Problem
+from app.problems import Problem, problem
 from app.scenes import SCENES, queries_of
 
 NO_SCENE = f"there is no such scene; the scenes are {', '.join(SCENES)}"
@@ -47,13 +47,13 @@ def install(app: FastAPI) -> None:
     @app.get("/scenes/{name}", include_in_schema=False, response_class=Response)
     async def scene(name: str, request: Request) -> Response:
         if name not in SCENES:
-            raise Problem(404, NO_SCENE)
+            raise Problem(problem(404, NO_SCENE))
         return await page.get_response("scene.html", request.scope)
 
     @app.get("/scenes/{name}/queries", include_in_schema=False)
     def queries(name: str) -> dict[str, Any]:
         if name not in SCENES:
-            raise Problem(404, NO_SCENE)
+            raise Problem(problem(404, NO_SCENE))
         return scene_details(name)
 
 

@@ -47,27 +47,21 @@ SCHEMA: dict[str, Any] = {
 
 
 class Problem(Exception):
-    """A request that cannot be answered: status, description, rows of errors and headers of the response, see `problem`."""
+    """A request that cannot be answered, with the response that says why."""
 
-    def __init__(
-        self,
-        status: int,
-        detail: str,
-        errors: list[dict[str, Any]] | None = None,
-        headers: dict[str, str] | None = None,
-    ) -> None:
-        super().__init__(detail)
-        self.reply = problem(status, detail, errors, headers)
+    def __init__(self, reply: Response) -> None:
+        super().__init__()
+        self.reply = reply
 
 
 def malformed(detail: str, row_detail: str | None = None) -> Problem:
     """Return the problem of a body that cannot be read; ``row_detail``: description in the row of the error, if it differs."""
-    return Problem(400, detail, [{"pointer": "#", "detail": row_detail or detail}])
+    return Problem(problem(400, detail, [{"pointer": "#", "detail": row_detail or detail}]))
 
 
 def later(seconds: int, detail: str) -> Problem:
     """Return the problem of a request that may be answered some seconds later."""
-    return Problem(503, detail, headers={"Retry-After": str(seconds)})
+    return Problem(problem(503, detail, headers={"Retry-After": str(seconds)}))
 
 
 def pointer(location: Iterable[str | int]) -> str:

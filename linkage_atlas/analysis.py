@@ -114,7 +114,7 @@ class AskedAnalysis(NamedTuple):
         from linkage_atlas.solids import masses_of_parts
 
         found = masses_of_parts(linkage, used, self.length_unit)
-        own = tuple(Mass(part.link, part.mass, complex(*part.centre), part.inertia) for part in found)
+        own = tuple(weight.as_mass() for weight in found)
         return self._replace(load=self.load._replace(masses=self.load.masses + own), parts=False)
 
 

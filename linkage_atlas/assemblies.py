@@ -214,8 +214,8 @@ class AskedAssembly(NamedTuple):
     """Checked request for an assembly."""
 
     settings: PartSettings
-    body: tuple[complex, ...]
     arranged: StackRequest
+    body: tuple[complex, ...] = ()
     envelope: Box | None = None
     keep_out: tuple[Box, ...] = ()
     drive: Motor | Strut | str | None = None
@@ -237,21 +237,10 @@ def read_assembly(request: Fields | bool, where: str = "assembly/") -> AskedAsse
     if request is None or request is False:
         return None
     read = read_fields(where, {} if request is True else request, ASSEMBLY)
-    boards = read.get("boards", BELOW)
-    layers = StackRequest(
-        boards,
-        read.get("pin_heads", False),
-        read.get("layers_max", LAYERS_MOST),
-        _mounts(f"{where}mounts", read.get("mounts", {}), boards),
-    )
-    return AskedAssembly(
-        PartSettings(**{name: read[name] for name in PART_SETTINGS if name in read}),
-        read.get("body", ()),
-        layers,
-        read.get("envelope"),
-        read.get("keep_out", ()),
-        read.get("drive"),
-    )
+    settings = PartSettings(**{name: read.pop(name) for name in PART_SETTINGS if name in read})
+    boards, heads, layers_max = read.pop("boards", BELOW), read.pop("pin_heads", False), read.pop("layers_max", None)
+    mounts = _mounts(f"{where}mounts", read.pop("mounts", {}), boards)
+    return AskedAssembly(settings, StackRequest(boards, heads, layers_max or LAYERS_MOST, mounts), **read)
 
 
 def _arranged_drive(name: str, drive: object) -> Motor | Strut | str:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from linkage_atlas.mechanism_search import KindSearch, drive_of
+from linkage_atlas.mechanism_search import Found, KindSearch, drive_of
 from linkage_atlas.mechanism_types import as_poses
 from linkage_atlas.motions import Motion
 from linkage_atlas.preferences import accuracy_goal, arranged, balanced, improved
@@ -105,7 +105,7 @@ class CandidateSearch:
         work: Work,
         rounds: int | None = None,
         max_results: int | None = None,
-    ) -> tuple[list[Solution], SearchReport]:
+    ) -> Found:
         """Return linkages and how the search went; it may end once the objective is below ``goal``."""
         task = self.task
         if task.refine_only:
@@ -116,8 +116,8 @@ class CandidateSearch:
             four_bars, report = search_four_bars(task.source, motion, limits, size, goal, work, rounds)
             return list(four_bars), report
 
-        def beside_sliders(limits: Limits, work: Work, rounds: int | None) -> tuple[list[Solution], SearchReport]:
-            def within(limits: Limits) -> tuple[list[Solution], SearchReport]:
+        def beside_sliders(limits: Limits, work: Work, rounds: int | None) -> Found:
+            def within(limits: Limits) -> Found:
                 return search_four_bars(seed_tables(), motion, limits, task.top, goal, work, rounds)
 
             is_request = motion is task.motion and limits is task.limits and rounds is None
@@ -153,7 +153,7 @@ def _best_four_bars(task: Task, search: CandidateSearch, ranking: Ranking) -> Ca
     pool = size + _POOL if task.fair else size
     pool = max(pool, _BALANCED_POOL) if task.prefer == "balanced" else pool
 
-    def within(limits: Limits) -> tuple[list[Solution], SearchReport]:
+    def within(limits: Limits) -> Found:
         return search_four_bars(source, task.motion, limits, pool, goal, first_work, obstacles=task.obstacles)
 
     four_bars, report = _search_nested(within, task, ranking)
@@ -276,7 +276,7 @@ def search_four_bars(
     work: Work,
     rounds: int | None = None,
     obstacles: Obstacles | None = None,
-) -> tuple[list[Solution], SearchReport]:
+) -> Found:
     """Find the best four-bars: in an atlas, or by the search with free or given crank angles."""
     if isinstance(source, Scan):
         return _search_atlas(source, motion, limits, max_results, tolerance, work)
@@ -285,9 +285,7 @@ def search_four_bars(
     return search(source, motion.samples, limits, max_results, tolerance, work)
 
 
-def refine_start(
-    start: Start, motion: Motion, limits: Limits, tolerance: float, work: Work
-) -> tuple[list[Solution], SearchReport]:
+def refine_start(start: Start, motion: Motion, limits: Limits, tolerance: float, work: Work) -> Found:
     """Refine a given linkage to its nearest optimum; there is none if no descent leads within the limits."""
     samples = motion.samples
     with pointing_to_start(start.field):
@@ -312,7 +310,7 @@ def move_start(start: Start, motion: Motion, limits: Limits, goal: float, work: 
 
 def _search_atlas(
     scan: Scan, motion: Motion, limits: Limits, max_results: int, tolerance: float, work: Work
-) -> tuple[list[Solution], SearchReport]:
+) -> Found:
     """Find the best rows of an atlas."""
     found, scanned = best_rows(scan, motion.target, limits, max_results, work, tolerance)
     seconds = work.elapsed
@@ -348,9 +346,7 @@ def _drawn_near(solution: Solution, motion: Motion, limits: Limits) -> Solution:
     return solution
 
 
-def _search_nested(
-    search: Callable[[Limits], tuple[list[Solution], SearchReport]], task: Task, ranking: Ranking
-) -> tuple[list[Solution], SearchReport]:
+def _search_nested(search: Callable[[Limits], Found], task: Task, ranking: Ranking) -> Found:
     """Search within the limits of a task; if the smallest error belongs to an unwanted linkage, narrower limits too.
 
     Unwanted is what cannot be used or is out of all proportion; a note explains the latter.

@@ -17,7 +17,6 @@ from synthesis.errors import FieldError
 from synthesis.export.drawings import to_dxf, to_svg
 from synthesis.export.simulation import to_mjcf
 from synthesis.export.tables import to_csv
-from synthesis.link_motion import Mass
 from synthesis.linkage import Linkage
 from synthesis.sheet import More
 from synthesis.target import Target
@@ -67,9 +66,7 @@ def content_of(
         raise FieldError("/kind", f"there is no writer for {kind!r}")
     assert parts is not None
     try:
-        masses = {
-            mass.link: Mass(mass.link, mass.mass, complex(*mass.centre), mass.inertia) for mass in parts(True).masses
-        }
+        masses = {weight.link: weight.as_mass() for weight in parts(True).masses}
     except FieldError:
         masses = None  # no plates of these sizes: the file has a note
     return to_mjcf(linkage, target, unit_mm, masses).encode()

@@ -41,7 +41,9 @@ _MAX_LEADS = 3
 _OTHER_ROTATION = 1e-2
 """Smallest difference of two such rotation curves, in radians."""
 
-FourBarSearch = Callable[[Limits, Work, int | None], tuple[list[Solution], SearchReport]]
+Found = tuple[list[Solution], SearchReport]
+"""Linkages that were found, and how the search went."""
+FourBarSearch = Callable[[Limits, Work, int | None], Found]
 """The search among four-bars within limits, with a maximum number of rounds."""
 
 
@@ -62,7 +64,7 @@ class KindSearch:
     found: list[Solution] = field(default_factory=list)
     reports: list[SearchReport] = field(default_factory=list)
 
-    def run(self) -> tuple[list[Solution], SearchReport]:
+    def run(self) -> Found:
         """Return linkages, in no particular order, and the report of all stages."""
         kinds, samples, limits = self.kinds, self.motion.samples, self.limits
         by_path = bool(kinds.sliders) and is_path(self.motion)

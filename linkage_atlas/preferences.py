@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from linkage_atlas.assemblies import Assembly, assembled, read_assembly
+from linkage_atlas.mechanism_search import Found
 from linkage_atlas.motions import Motion
 from linkage_atlas.ranking import UNRANKED, LayerRank, Ranking, everyday_tolerances
 from linkage_atlas.studies import Studies
@@ -39,7 +40,7 @@ _GOAL = 0.35
 """Fraction of the tolerances at which a search ends: the largest error of a linkage is two to three times its mean."""
 
 
-Search = Callable[..., tuple[list[Solution], SearchReport]]
+Search = Callable[..., Found]
 """A search for candidates of a task within another motion and limits: `linkage_atlas.candidates.CandidateSearch`."""
 
 

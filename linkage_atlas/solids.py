@@ -14,6 +14,7 @@ from linkage_atlas.formats import OF_PARTS, kind_of
 from linkage_atlas.records import PYTHON_ONLY, Record
 from synthesis.assembly.parts import Heights
 from synthesis.errors import FieldError
+from synthesis.link_motion import Mass
 from synthesis.linkage import Linkage
 from synthesis.sheet import csv_text
 from synthesis.solids.solid import DENSITIES, FITS, Fit, Manufacture, Solids, masses_of_links, parts_list, solids_of
@@ -40,22 +41,16 @@ class AskedSolids(NamedTuple):
     fit: Fit
     material: str
     pins: str
-    layout: str | None
-    allow_collisions: bool
+    layout: str | None = None
+    allow_collisions: bool = False
 
 
 def read_solids(request: Fields | None, where: str = "solids/") -> AskedSolids:
     """Check a request for solids, a mapping with some of `SOLIDS`; ``where``: path of the fields in error messages."""
     read = read_fields(where, {} if request is None else request, SOLIDS)
-    fit = read.get("fit", "H7")
+    fit = read.pop("fit", "H7")
     plates, pins = MATERIALS[fit]
-    return AskedSolids(
-        FITS[fit],
-        read.get("material", plates),
-        read.get("pins", pins),
-        read.get("layout"),
-        read.get("allow_collisions", False),
-    )
+    return AskedSolids(FITS[fit], **{"material": plates, "pins": pins, **read})
 
 
 class Weight(NamedTuple):
@@ -68,6 +63,10 @@ class Weight(NamedTuple):
     """Centre of mass in the frame of the link, in the unit of the lengths."""
     inertia: float
     """Moment of inertia about the centre, in kilograms times the unit of length squared."""
+
+    def as_mass(self) -> Mass:
+        """Return the mass for the numerics."""
+        return Mass(self.link, self.mass, complex(*self.centre), self.inertia)
 
 
 class Wall(NamedTuple):

@@ -491,9 +491,6 @@ def errors_in_words(errors: Errors, degrees: bool) -> str:
 
 def in_unit(errors: Errors, radian: float) -> Errors:
     """Return errors with rotations in the user's unit of angle."""
-    rms, largest = errors.rotation_rms, errors.rotation_max
-    return replace(
-        errors,
-        rotation_rms=None if rms is None else rms / radian,
-        rotation_max=None if largest is None else largest / radian,
-    )
+    if errors.rotation_rms is None or errors.rotation_max is None:
+        return errors
+    return replace(errors, rotation_rms=errors.rotation_rms / radian, rotation_max=errors.rotation_max / radian)

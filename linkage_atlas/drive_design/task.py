@@ -51,12 +51,8 @@ class DriveTask:
     def torque_curve(self) -> TorqueCurve:
         """Torque that the load requires, with its integrals."""
         step = (self.fine.at[-1] - self.fine.at[0]) / (FINE - 1)
-        return TorqueCurve(
-            self.operation.curve_at,
-            self.torque,
-            _simpson(self.fine_torque) * step,
-            _simpson(np.abs(self.fine_torque)) * abs(step),
-        )
+        work, amount = _simpson(self.fine_torque) * step, _simpson(np.abs(self.fine_torque)) * abs(step)
+        return TorqueCurve(self.operation.curve_at, self.torque, work, amount)
 
     @cached_property
     def box(self) -> Box:

@@ -174,18 +174,8 @@ def curves_table(reply: CurvesReply, units: Units = DEGREES) -> str:
             rows.append(
                 [f"{alpha:g}", *("-" if point is None else " ".join(f"{x:.4f}" for x in point) for point in points)]
             )
-    return "\n".join(
-        [
-            *lines,
-            table(
-                [
-                    units.head("alpha", units.angle),
-                    *(units.head(name, units.length) for name in ("E1 in u4", "E2 in u5")),
-                ],
-                rows,
-            ),
-        ]
-    )
+    heads = [units.head("alpha", units.angle), *(units.head(name, units.length) for name in ("E1 in u4", "E2 in u5"))]
+    return "\n".join([*lines, table(heads, rows)])
 
 
 def curves_csv(reply: CurvesReply) -> bytes:
