@@ -38,19 +38,21 @@ def content_of(
     length_unit: str | None,
     analysis: Fields | None,
     drive: Fields | None,
-    parts: Callable[[bool], Any] | None = None,
-    more: Fields | None = None,
+    parts: Callable[[bool], Any],
 ) -> bytes:
     """Return the content of a file; see `Linkage.file` for the arguments.
 
     Without ``length_unit`` CSV and SVG do not mention the unit, and other files take millimetres. ``parts`` makes the
-    `SolidParts` of the linkage, with an error if they collide, or with True in any case. ``more`` are further columns of CSV.
+    `SolidParts` of the linkage, with an error if they collide, or with True in any case.
     """
     one_of("kind", kind, FORMATS)
     attached = drive_on(linkage, target, drive)
     layer = None if attached is None else More(LAYER, COLOUR, attached.draw)
     if kind == "csv":
-        more = _analysis_columns(linkage, target, radian, analysis) | dict(more or {})
+        more: dict[str, Any] = {}
+        if analysis is not None:
+            request = read_analysis(analysis, linkage.mounted)
+            more |= analysed(linkage, request, target.crank, radian).columns()
         more |= {} if attached is None else attached.columns()
         more |= {"length_unit": [length_unit] * target.samples} if length_unit else {}
         return to_csv(linkage, target, radian, more).encode()
@@ -58,25 +60,16 @@ def content_of(
         return to_svg(linkage, target, None if attached is None else attached.shown(), length_unit).encode()
     unit_mm = millimetres_in(length_unit or "mm")
     if kind in (*OF_PARTS, "plates"):
-        assert parts is not None
         return parts(False).file(kind)
     if kind == "dxf":
         return to_dxf(linkage, target, unit_mm, layer).encode()
     if kind != "mjcf":
         raise FieldError("/kind", f"there is no writer for {kind!r}")
-    assert parts is not None
     try:
         masses = {weight.link: weight.as_mass() for weight in parts(True).masses}
     except FieldError:
         masses = None  # no plates of these sizes: the file has a note
     return to_mjcf(linkage, target, unit_mm, masses).encode()
-
-
-def _analysis_columns(linkage: Linkage, target: Target, radian: float, analysis: Fields | None) -> dict[str, Any]:
-    if analysis is None:
-        return {}
-    request = read_analysis(analysis, linkage.mounted)
-    return dict(analysed(linkage, request, target.crank, radian).columns())
 
 
 def drive_on(linkage: Linkage, target: Target, drive: Fields | None) -> Attached | None:
