@@ -260,9 +260,9 @@ def _head_cells(line: str, separator: str, width: int, number: int) -> list[str]
     return cells
 
 
-def _trimmed(cells: list[str], minimum: int = 1) -> list[str]:
+def _trimmed(cells: list[str]) -> list[str]:
     """Drop empty cells at the end, as a separator at the end of a line makes."""
-    while len(cells) > minimum and not cells[-1]:
+    while len(cells) > 1 and not cells[-1]:
         cells = cells[:-1]
     return cells
 
