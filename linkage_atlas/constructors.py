@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkage_atlas.arguments import number, pair, radians_in
-from linkage_atlas.geometry import LARGEST, CircleGuide, RailGuide, read_four_bar
+from linkage_atlas.arguments import number, pair, pointing, radians_in
+from linkage_atlas.geometry import LARGEST, CircleGuide, CouplerPoint, Links, RailGuide, read_four_bar
 from linkage_atlas.linkages import Linkage
 from linkage_atlas.records import xy
 from synthesis.errors import FieldError
@@ -64,13 +64,17 @@ class FourBar(Linkage):
         body_offset: float | None = None,
         degrees: bool = True,
     ) -> None:
-        radian = radians_in(degrees)
-        lengths = {"crank": crank, "coupler": coupler, "rocker": rocker, "ground": ground}
-        self._linkage = read_four_bar(
-            lengths, branch, start_angle, pivot_a, ground_angle, coupler_point_polar, body_offset, radian
-        )
-        self._radian = radian
-        self._motion = None
+        point = None if coupler_point_polar is None else dict(zip(CouplerPoint._fields, coupler_point_polar))
+        values = {
+            "links": Links(crank, coupler, rocker, ground)._asdict(),
+            "branch": branch,
+            "start_angle": start_angle,
+            "body_offset": body_offset,
+            "mount": {"pivot_a": pivot_a, "ground_angle": ground_angle, "coupler_point_polar": point},
+        }
+        self._radian, self._motion = radians_in(degrees), None
+        with pointing(lambda field: field.removeprefix("/links").removeprefix("/mount")):
+            self._linkage = read_four_bar(values, self._radian)
 
 
 class SliderCrank(Linkage):

@@ -19,6 +19,7 @@ from linkage_atlas.arguments import (
     one_of,
     pair,
     pointing,
+    positive,
 )
 from linkage_atlas.records import Record, xy
 from synthesis.arrays import Floats, cross
@@ -257,38 +258,34 @@ def read_guide(field: str, guide: Fields | AnyGuide, radian: float) -> Guide:
     return Slot(point("pin"), body_point, amount("body_direction") * radian)
 
 
-def read_four_bar(
-    lengths: Mapping[str, float],
-    branch: int,
-    start_angle: float,
-    pivot_a: ArrayLike,
-    ground_angle: float,
-    coupler_point_polar: tuple[float, float] | None,
-    body_offset: float | None,
-    radian: float,
-) -> Plain:
-    """Check the dimensions of a four-bar, see `linkage_atlas.FourBar`; ``radian``: radians in the unit of its angles."""
-    for name, length in lengths.items():
-        if not number(name, length) > 0:
-            raise FieldError(f"/{name}", f"must be a length above 0; it is {length}")
+def read_four_bar(values: Fields, radian: float) -> Plain:
+    """Check ``links``, ``branch``, ``start_angle``, ``body_offset`` and ``mount`` of a four-bar, see `linkage_atlas.FourBar`."""
+    links, mount = mapping("links", values["links"]), mapping("mount", values.get("mount") or {})
+    check_required("links/", links, Links._fields)
+    check_required("", values, ("branch", "start_angle"))
+    lengths = {name: positive(f"links/{name}", links[name]) for name in Links._fields}
     longest = max(lengths, key=lambda name: lengths[name])
     shorter = [name for name in lengths if name != longest]
     if lengths[longest] > (together := sum(lengths[name] for name in shorter)) * (1 + 1e-12):
         raise FieldError(
-            f"/{longest}",
+            f"/links/{longest}",
             f"the linkage cannot be assembled; {longest} {lengths[longest]:g} is longer than {shorter[0]}, {shorter[1]} and "
             f"{shorter[2]} together, {together:g}",
         )
+    point, offset = mount.get("coupler_point_polar"), values.get("body_offset")
+    if point is not None:
+        polar = mapping("mount/coupler_point_polar", point)
+        radius, angle = (
+            number(f"mount/coupler_point_polar/{name}", polar.get(name)) for name in CouplerPoint._fields
+        )
     return four_bar(
         as_lengths(lengths.values()),
-        _read_branch(branch),
-        float(start_angle) * radian,
-        pair("pivot_a", pivot_a, np.inf),
-        float(ground_angle) * radian,
-        None
-        if coupler_point_polar is None
-        else (float(coupler_point_polar[0]), float(coupler_point_polar[1]) * radian),
-        None if body_offset is None else float(body_offset) * radian,
+        _read_branch(values["branch"]),
+        number("start_angle", values["start_angle"]) * radian,
+        pair("mount/pivot_a", mount.get("pivot_a", (0.0, 0.0)), np.inf),
+        number("mount/ground_angle", mount.get("ground_angle", 0.0)) * radian,
+        None if point is None else (radius, angle * radian),
+        None if offset is None else number("body_offset", offset) * radian,
     )
 
 
@@ -355,24 +352,7 @@ def read_linkage(values: Fields, radian: float) -> Plain:
         names = ("guides", "driver", "branch", "start")
         check_required("", values, names)
         return build(read_guides, {**{name: values[name] for name in names}, "radian": radian})
-    links, mount = mapping("links", values["links"]), mapping("mount", values.get("mount") or {})
-    check_required("links/", links, Links._fields)
-    check_required("", values, ("branch", "start_angle"))
-    point, offset = mount.get("coupler_point_polar"), values.get("body_offset")
-    if point is not None:
-        polar = mapping("mount/coupler_point_polar", point)
-        point = [number(f"mount/coupler_point_polar/{name}", polar.get(name)) for name in CouplerPoint._fields]
-    dimensions = {
-        "lengths": {name: links[name] for name in Links._fields},
-        "branch": values["branch"],
-        "start_angle": number("start_angle", values["start_angle"]),
-        "pivot_a": mount.get("pivot_a", (0.0, 0.0)),
-        "ground_angle": number("mount/ground_angle", mount.get("ground_angle", 0.0)),
-        "coupler_point_polar": point,
-        "body_offset": None if offset is None else number("body_offset", offset),
-    }
-    with pointing(lambda field: f"/links{field}" if field.lstrip("/") in Links._fields else field):
-        return build(read_four_bar, {**dimensions, "radian": radian})
+    return read_four_bar(values, radian)
 
 
 def _read_branch(branch: object) -> int:
