@@ -16,7 +16,7 @@ from linkage_atlas.preferences import accuracy_goal, arranged, balanced, improve
 from linkage_atlas.ranking import Ranking, group_of
 from linkage_atlas.studies import Studies
 from linkage_atlas.task import Task, seed_tables
-from linkage_atlas.warm_start import FOR_STARTS, Start, pointing_to_start
+from linkage_atlas.warm_start import FOR_STARTS, Start
 from synthesis.atlas.scan import Scan
 from synthesis.four_bar import Family, wrap
 from synthesis.free.few_poses import Obstacles, is_few
@@ -288,24 +288,20 @@ def search_four_bars(
 def refine_start(start: Start, motion: Motion, limits: Limits, tolerance: float, work: Work) -> Found:
     """Refine a given linkage to its nearest optimum; there is none if no descent leads within the limits."""
     samples = motion.samples
-    with pointing_to_start(start.field):
-        if not start.linkage.is_four_bar:
-            drive, _ = drive_of(motion, None)
-            return refine_guided(as_poses(samples), limits, start.linkage, tolerance, work, drive)
-        if isinstance(samples, Poses):
-            found, report = refine_poses(samples, limits, start.linkage, start.crank, tolerance, work)
-        else:
-            found, report = refine_motion(samples, limits, start.linkage, tolerance, work)
-    return found, report
+    if not start.linkage.is_four_bar:
+        drive, _ = drive_of(motion, None)
+        return refine_guided(as_poses(samples), limits, start.linkage, tolerance, work, drive)
+    if isinstance(samples, Poses):
+        return refine_poses(samples, limits, start.linkage, start.crank, tolerance, work)
+    return refine_motion(samples, limits, start.linkage, tolerance, work)
 
 
 def move_start(start: Start, motion: Motion, limits: Limits, goal: float, work: Work) -> list[Solution]:
     """Move a given four-bar no farther than needed; the objective need not fall below ``goal``."""
     samples = motion.samples
-    with pointing_to_start(start.field):
-        if isinstance(samples, Poses):
-            return nearby_poses(samples, limits, start.linkage, start.crank, goal, work)
-        return nearby_motion(samples, limits, start.linkage, goal, work)
+    if isinstance(samples, Poses):
+        return nearby_poses(samples, limits, start.linkage, start.crank, goal, work)
+    return nearby_motion(samples, limits, start.linkage, goal, work)
 
 
 def _search_atlas(

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from contextlib import AbstractContextManager
 from dataclasses import replace
 from typing import NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 
-from linkage_atlas.arguments import Fields, column, flag, number, pointing
+from linkage_atlas.arguments import Fields, column, flag, number, pointing, radians_in
 from linkage_atlas.linkages import Linkage
 from linkage_atlas.mechanism_types import Kinds
 from linkage_atlas.motions import Motion
@@ -52,16 +51,6 @@ class Start(NamedTuple):
     """For a function generator: the output minus the rocker angle."""
     field: str = "start_from"
     """The argument that holds the linkage."""
-
-
-def pointing_to_start(field: str) -> AbstractContextManager[None]:
-    """Make errors of the linkage's fields point into an argument."""
-
-    def within(name: str) -> str:
-        link = name.lstrip("/") in ("crank", "coupler", "rocker", "ground")
-        return f"/{field}{'/links' if link else ''}{name}"
-
-    return pointing(within)
 
 
 def check_refine_only(refine_only: object, start_from: object) -> bool:
@@ -111,19 +100,16 @@ def starts_for(starts: Sequence[Start] | None, motion: Motion, kinds: Kinds) -> 
 
 
 def _read(start: StartingLinkage, degrees: bool, field: str) -> Start:
-    if isinstance(start, Linkage):
-        return _checked(start, field)
+    linkage: object = start if isinstance(start, Linkage) else getattr(start, "linkage", None)
     if isinstance(start, Mapping):
-        with pointing_to_start(field):
+        with pointing(lambda name: f"/{field}{name}"):
             linkage = Linkage.from_dict(start, degrees)
         crank, offset = start.get("crank_angle"), start.get("output_offset")
     else:
-        found = getattr(start, "linkage", None)
         crank, offset = getattr(start, "crank_angle", None), getattr(start, "output_offset", None)
-        if not isinstance(found, Linkage):
-            raise FieldError(f"/{field}", "must be a linkage, a solution, or the plain values of either")
-        linkage = found
-    radian = np.pi / 180 if linkage.degrees else 1.0
+    if not isinstance(linkage, Linkage):
+        raise FieldError(f"/{field}", "must be a linkage, a solution, or the plain values of either")
+    radian = radians_in(linkage.degrees)
     angles = None
     if crank is not None and linkage.plain.is_four_bar:
         angles = column(f"{field}/crank_angle", crank) * radian

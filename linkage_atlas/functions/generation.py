@@ -19,14 +19,7 @@ from linkage_atlas.result_notes import NO_DESCENT_WITHIN_LIMITS, NOTHING_FOUND_I
 from linkage_atlas.results import Report
 from linkage_atlas.solutions import FINISHING
 from linkage_atlas.task import seed_tables
-from linkage_atlas.warm_start import (
-    FOR_STARTS,
-    Start,
-    StartingLinkage,
-    check_refine_only,
-    pointing_to_start,
-    read_starts,
-)
+from linkage_atlas.warm_start import FOR_STARTS, Start, StartingLinkage, check_refine_only, read_starts
 from synthesis.errors import FieldError
 from synthesis.function.answers import Generator
 from synthesis.function.generators import best_built, generate, generate_with, is_sized
@@ -244,8 +237,7 @@ def _refined(task: FunctionTask, starts: Sequence[Start]) -> tuple[list[Generato
     """Refine given four-bars in turn; return their nearest optima, best first, and how it went."""
     found, reports = list[Generator](), list[SearchReport]()
     for start in starts:
-        with pointing_to_start(start.field):
-            results, report = refine_function(task, start.linkage, start.offset)
+        results, report = refine_function(task, start.linkage, start.offset)
         found += results
         reports.append(report)
     found = distinct(found, max(1, len(found)), APART)
