@@ -112,8 +112,7 @@ def subject_of(
     motion = None if request is None else motion_of(request)
     source: Any = known
     if known is not None:
-        with pointing(lambda field: "/linkage" + field):
-            linkage = known.linkage(motion is None or motion.degrees)
+        linkage = known.linkage(motion is None or motion.degrees)
     elif request is None:
         raise la.FieldError(
             "/linkage", "is required: pass a solution of a reply, or give a `request`, which is then solved"
@@ -224,8 +223,7 @@ def find_drives(request: DrivesRequest, resources: Resources) -> la.Drives:
             raise la.FieldError("/crank_angle", message)
     linkage, crank = None, request.crank_angle
     if request.linkage is not None:
-        with pointing(lambda field: "/linkage" + field):
-            linkage = request.linkage.linkage(unit == "deg")
+        linkage = request.linkage.linkage(unit == "deg")
         crank = crank or request.linkage.crank_angle or request.linkage.travel
     return la.drives(
         linkage,
@@ -280,8 +278,7 @@ def _function_file(body: FunctionExportRequest, resources: Resources) -> bytes:
         unused = {"joints"} if solution.joints is None else None
         return as_json(request, solution.model_dump(mode="json", exclude=unused), unit)
     degrees = request.angle_unit == "deg"
-    with pointing(lambda field: "/linkage" + field):
-        generator = solution.linkage(degrees)
+    generator = solution.linkage(degrees)
     names = [field.name for field in fields(FunctionFields) if field.name in FunctionRequest.model_fields]
     with pointing(lambda field: "/request" + field):
         question = FunctionFields(**request.arguments(*names), degrees=degrees).question()

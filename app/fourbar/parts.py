@@ -9,6 +9,7 @@ from pydantic import ConfigDict, Field
 import linkage_atlas as la
 from app.fourbar.fields import Angle, FarCoordinate, FarLength, FarPoint
 from app.query import Flag, Number, RequestModel
+from linkage_atlas.arguments import pointing
 from linkage_atlas.geometry import DriverName
 from linkage_atlas.motions import MAX_SAMPLES, MIN_POSES
 
@@ -108,8 +109,9 @@ class GivenLinkage(_ReplyPart):
     drives: Annotated[list[GivenDrive], Field(max_length=400)] | None = None
 
     def linkage(self, degrees: bool) -> la.Linkage:
-        """Return the linkage; raise `FieldError` with the name of a missing field."""
-        return la.Linkage.from_dict(self.model_dump(exclude_none=True), degrees)
+        """Return the linkage; raise `FieldError` with the path of a missing field in a body with the field ``linkage``."""
+        with pointing(lambda field: "/linkage" + field):
+            return la.Linkage.from_dict(self.model_dump(exclude_none=True), degrees)
 
 
 class GivenGenerator(GivenLinkage):

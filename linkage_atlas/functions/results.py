@@ -18,9 +18,9 @@ from linkage_atlas.solutions import Determination, Verdict
 from synthesis.arrays import Floats
 from synthesis.errors import FieldError
 from synthesis.export.layout import closed_motions
-from synthesis.function.laws import ANGLE, LENGTH
+from synthesis.function.laws import LENGTH
 from synthesis.sheet import csv_text
-from synthesis.target import Interval, Target
+from synthesis.target import Interval
 
 
 @dataclass(frozen=True)
@@ -188,9 +188,9 @@ class FunctionResult(Record, Ranked[FunctionSolution | TravelSolution]):
 def render(question: FunctionQuestion, linkage: Linkage, output_offset: float, kind: str, length_unit: str) -> str:
     """Return a linkage that makes a function as the text of a file; ``output_offset`` in the unit of the output."""
     target, scales, plain, radian = question.function, question.scales, linkage.plain, question.radian
-    travel = target.crank * (1.0 if question.dial.input == ANGLE else scales.length)
+    travel = question.travel
     if kind != "csv":
-        shown = Linkage.of(plain, radian, Target(None, None, crank=travel))
+        shown = Linkage.of(plain, radian, question.target)
         return shown.render(kind, length_unit=None if kind == "svg" else length_unit)
     closed_motions(plain, Interval(0.0, float(travel[-1])))
     made = own_output(linkage, question.dial, np.concatenate([[0.0], travel]))[1:] + output_offset
