@@ -16,10 +16,10 @@ from linkage_atlas.arguments import (
     bounded,
     box,
     build,
-    check_above_zero,
     column,
     flag,
     known_fields,
+    mapping,
     number,
     one_of,
     pair,
@@ -216,25 +216,16 @@ class Reader:
     def _load(self, value: object) -> Load:
         machine = self.machine
         links, mounted = (*machine.links, "body"), machine.body is not None
-        load_fields: Fields = value if isinstance(value, Mapping) else {}
-        entries = _list("load/forces", load_fields.get("forces"), MAX_MASSES)
+        more, middles = ("speed", "forces"), machine.middles
+        load, parts = read_load("load", value, links, mounted, MAX_MASSES, *more, link="body", middles=middles)
+        values = mapping("load", value)
+        entries = _list("load/forces", values.get("forces"), MAX_MASSES)
         acting = tuple(self._point_force(f"load/forces/{k}", entry) for k, entry in enumerate(entries))
-        without_forces = {name: item for name, item in load_fields.items() if name != "forces"}
-        load, parts = read_load(
-            "load",
-            without_forces if isinstance(value, Mapping) else value,
-            links,
-            mounted,
-            MAX_MASSES,
-            "speed",
-            link="body",
-            middles=machine.middles,
-        )
         if parts:
             raise FieldError(
                 "/load/parts", "is available for a single linkage only: use /v2/drives, or `linkage_atlas.drives`"
             )
-        speed = bounded("load/speed", load_fields.get("speed") or 0.0) * (self.radian if machine.turns else 1.0)
+        speed = bounded("load/speed", values.get("speed") or 0.0) * (self.radian if machine.turns else 1.0)
         return load._replace(speed=speed, metre=self.millimetres / 1000, forces=acting)
 
     def _point_force(self, at: str, entry: object) -> PointForce:
@@ -305,23 +296,18 @@ class Reader:
             values["between"] = (both[1], both[0]) if both[1] == GROUND else (both[0], both[1])
         is_real = kind != "tension" or "catalogue" in values
         behaviour, ends = ("holds", "hand_force_max", "target"), ("ground_box", "reach_max", "pivot_distance_min")
-        for names, is_refused, message in (
-            (
-                behaviour,
-                not is_real,
-                "needs springs of a `catalogue`: with ideal springs the linkage stays at every position",
-            ),
-            (
-                ends,
-                not is_real,
-                "applies only to springs of a `catalogue`: the balance fixes the ends of ideal springs",
-            ),
-            (ends, kind == "torsion", "applies only to springs with two ends; a torsion spring sits in a joint"),
-            (("stiffness",), is_real, "applies only to ideal springs; remove this field or the catalogue"),
-        ):
-            for name in names:
-                if is_refused and name in values:
-                    raise FieldError(f"/{at}/{name}", message)
+        if is_real:
+            refused = {"stiffness": "applies only to ideal springs; remove this field or the catalogue"}
+        else:
+            ideal = "needs springs of a `catalogue`: with ideal springs the linkage stays at every position"
+            fixed = "applies only to springs of a `catalogue`: the balance fixes the ends of ideal springs"
+            refused = dict.fromkeys(behaviour, ideal) | dict.fromkeys(ends, fixed)
+        if kind == "torsion":
+            endless = "applies only to springs with two ends; a torsion spring sits in a joint"
+            refused = dict.fromkeys(ends, endless) | refused
+        for name in refused:
+            if name in values:
+                raise FieldError(f"/{at}/{name}", refused[name])
         if "holds" in values:
             values["holds"] = self._holding(f"{at}/holds", values["holds"])
         if "target" in values:
@@ -343,8 +329,7 @@ class Reader:
         entry, force = known_fields(at, entry, Holding._fields), None
         if entry.get("force_min") is not None:
             self._check_hand(f"{at}/force_min")
-            check_above_zero(**{f"{at}/force_min": entry["force_min"]})
-            force = bounded(f"{at}/force_min", entry["force_min"])
+            force = bounded(f"{at}/force_min", positive(f"{at}/force_min", entry["force_min"], "number"))
         return Holding(flag(f"{at}/closed", entry.get("closed")), flag(f"{at}/open", entry.get("open")), force)
 
     def _curve(self, at: str, entry: object) -> TargetCurve:

@@ -15,12 +15,12 @@ from linkage_atlas.arguments import (
     Fields,
     bounded,
     build,
-    check_above_zero,
     column,
     kinds_among,
     number,
     one_of,
     pointing,
+    positive,
     radians_in,
 )
 from linkage_atlas.functions.dials import MIN_PAIRS, Dials, RealFunction, read_dials
@@ -121,8 +121,7 @@ def read_travel_limits(
         if _LINKS.get(name) not in {known for law in laws for known in law.lengths}:
             kinds = ", ".join(dict.fromkeys(law.kind.value for law in laws))
             raise FieldError(f"/limits/links/{name}", f"does not exist in {kinds}; leave it out")
-        check_above_zero(**{f"limits/links/{name}": value})
-        lengths[_LINKS[name]] = number(f"limits/links/{name}", value)
+        lengths[_LINKS[name]] = positive(f"limits/links/{name}", value, "number")
     if "offset" in named:
         if not any("offset" in law.lengths for law in laws):
             raise FieldError("/limits/offset", "applies only to slider-cranks; leave it out")
