@@ -25,7 +25,7 @@ from linkage_atlas.arguments import (
 from linkage_atlas.attached_drives import read_attached
 from linkage_atlas.notes import counted
 from linkage_atlas.part_settings import PART_SETTINGS, PartSettings, PartSizes
-from linkage_atlas.records import PYTHON_ONLY, Record
+from linkage_atlas.records import PYTHON_ONLY, Record, xy
 from synthesis.assembly import stacks
 from synthesis.assembly.driven_machine import Strut, motor_driven, strut_driven
 from synthesis.assembly.keep_out import ENVELOPE, outside
@@ -418,12 +418,12 @@ def _described(request: AskedAssembly, found: Arrangement, reasons: list[str], w
                 part.name,
                 part.kind,
                 machine.movement.names[part.body],
-                [_xy(z) for z in part.shape.core],
+                [xy(z) for z in part.shape.core],
                 part.shape.radius,
-                [Hole(_xy(hole.core[0]), hole.pin) for hole in part.holes if len(hole.core) == 1],
+                [Hole(xy(hole.core[0]), hole.pin) for hole in part.holes if len(hole.core) == 1],
                 part.layers,
                 part.z,
-                [Slit(_xy(hole.core[0]), _xy(hole.core[1]), hole.pin) for hole in part.holes if len(hole.core) > 1],
+                [Slit(xy(hole.core[0]), xy(hole.core[1]), hole.pin) for hole in part.holes if len(hole.core) > 1],
             )
             for part in parts
         ],
@@ -433,10 +433,6 @@ def _described(request: AskedAssembly, found: Arrangement, reasons: list[str], w
         settings=request.settings,
         driven_hinge=request.drive if isinstance(request.drive, str) else "",
     )
-
-
-def _xy(point: complex) -> tuple[float, float]:
-    return point.real, point.imag
 
 
 class _Words(NamedTuple):

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 from linkage_atlas.arguments import Fields, check_names, flag, millimetres_in, one_of, read_fields
 from linkage_atlas.assemblies import ASSEMBLY, Assembly, assembled, read_assembly
 from linkage_atlas.formats import OF_PARTS, kind_of
-from linkage_atlas.records import PYTHON_ONLY, Record
+from linkage_atlas.records import PYTHON_ONLY, Record, xy
 from synthesis.assembly.parts import Heights
 from synthesis.errors import FieldError
 from synthesis.link_motion import Mass
@@ -167,10 +167,8 @@ def masses_of_parts(linkage: Linkage, used: Interval, length_unit: str) -> list[
 def split(request: Fields) -> tuple[dict[str, object], dict[str, object]]:
     """Split arguments between an assembly and its solids."""
     check_names("", request, (*ASSEMBLY, *SOLIDS))
-    return (
-        {name: value for name, value in request.items() if name in ASSEMBLY},
-        {name: value for name, value in request.items() if name in SOLIDS},
-    )
+    of_assembly = {name: value for name, value in request.items() if name in ASSEMBLY}
+    return of_assembly, {name: value for name, value in request.items() if name in SOLIDS}
 
 
 def solids_in(assembly: Assembly, request: AskedSolids, length_unit: str) -> SolidParts:
@@ -219,7 +217,7 @@ def solids_in(assembly: Assembly, request: AskedSolids, length_unit: str) -> Sol
         settings.scale,
         parts,
         sum(part.mass for part in parts),
-        [Weight(part.link, part.mass, (part.at.real, part.at.imag), part.inertia) for part in masses_of_links(full)],
+        [Weight(part.link, part.mass, xy(part.at), part.inertia) for part in masses_of_links(full)],
         Wall(*solids.thinnest_wall),
         solids,
         request,
