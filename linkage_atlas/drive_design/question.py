@@ -232,8 +232,8 @@ class Reader:
         entry = known_fields(at, entry, ("link", "point", "force"))
         names = [*self.machine.links, *(["body"] if self.machine.body is not None else [])]
         link = one_of(f"{at}/link", entry.get("link"), names)
-        given, middle = entry.get("point"), self.machine.middles.get(link, 0j)
-        point = middle if given is None else pair(f"{at}/point", given, MAX_LENGTH)
+        prescribed, middle = entry.get("point"), self.machine.middles.get(link, 0j)
+        point = middle if prescribed is None else pair(f"{at}/point", prescribed, MAX_LENGTH)
         return PointForce(link, point, pair(f"{at}/force", entry.get("force"), words="[fx, fy]"))
 
     def drive(self, at: str, entry: object) -> DriveRequest:
