@@ -8,11 +8,12 @@ because the condition number of the Jacobian exceeds 1e8 if the crank turns thro
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from synthesis.arrays import Floats
+from synthesis.kernels.damped_steps import damped_steps
 from synthesis.work import Work
 
 _MAX_STEP = 1.5
@@ -57,7 +58,7 @@ def minimise(
     unknowns : ndarray, shape (n, unknowns)
         Starting points, scaled to order one, because no unknown changes by more than 1.5 in a step.
         Unknowns after the first m, for which there are no derivatives, are not changed.
-    labels : ndarray, shape (n,)
+    labels : ndarray, shape (n, ...)
         Fixed data of each candidate, such as its branch.
     iterations : int
         Largest number of steps.
@@ -89,9 +90,9 @@ def minimise(
     current, labels, cost, rows = unknowns[index], labels[index], cost[index], rows[index]
     damped, growth = np.full(index.size, damping), np.full(index.size, 2.0)
     steps = 0
-    while size and steps < iterations and index.size and best_cost.min() > tolerance**2 and not work.expired():
+    while size and steps < iterations and index.size and best_cost.min() >= tolerance**2 and not work.expired():
         steps += 1
-        step, predicted = _damped_steps(rows, damped)
+        step, predicted = damped_steps(rows, damped, _MAX_STEP)
         trial = current.copy()
         trial[:, :size] += step
         trial_evaluation = evaluate(trial, labels)
@@ -111,22 +112,3 @@ def minimise(
             index, labels, damped, growth = index[active], labels[active], damped[active], growth[active]
             current, cost, rows = current[active], cost[active], rows[active]
     return Minima(best, best_cost)
-
-
-def _damped_steps(rows: Floats, damping: Floats) -> tuple[Floats, Floats]:
-    """Return steps with Marquardt's damping, shape (n, m), and the decrease of the cost that a linear model predicts."""
-    count, columns, residuals = rows.shape
-    size, diagonal = columns - 1, np.arange(columns - 1)
-    ridge = damping[:, None] * np.maximum(np.einsum("nij,nij->ni", rows, rows)[:, :size], 1e-24)
-    system = np.zeros((count, columns, residuals + size))
-    system[:, :, :residuals] = rows
-    system[:, diagonal, residuals + diagonal] = np.sqrt(ridge)
-    triangle: Any = np.linalg.qr(system.transpose(0, 2, 1), mode="r")
-    upper, right = triangle[:, :size, :size], triangle[:, :size, size:]
-    step = np.linalg.solve(upper, right)[:, :, 0]
-    fraction = np.minimum(1.0, _MAX_STEP / np.maximum(np.abs(step).max(axis=1), 1e-300))
-    step *= -fraction[:, None]
-    # |r|^2 - |r + J s|^2 with J^T r = R^T right, written as a sum of positive terms
-    decrease = fraction * (2 - fraction) * np.einsum("nij,nij->n", right, right)
-    decrease += np.einsum("ni,ni,ni->n", ridge, step, step)
-    return step, decrease

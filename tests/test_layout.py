@@ -18,11 +18,8 @@ PRODUCT = layout.sources(*layout.FLOORS)
 SOLE_IMPORTERS = {
     "cython": (
         "synthesis/atlas/tree_kernel.py",
-        *(
-            f"synthesis/kernels/{name}.py"
-            for name in ("crank_loops", "four_bar_limits", "crank_descent", "guide", "pair_rows", "pair_descent")
-        ),
-        *(f"synthesis/kernels/{name}.py" for name in ("quadratic_program", "distinct")),
+        *(f"synthesis/kernels/{name}.py" for name in ("crank_descent", "crank_loops", "damped_steps", "distinct")),
+        *(f"synthesis/kernels/{name}.py" for name in ("four_bar_limits", "guide", "pair_rows", "quadratic_program")),
     ),
     "h5py": ("synthesis/atlas/file.py",),
     "mapbox_earcut": ("synthesis/solids/mesh.py",),

@@ -23,7 +23,7 @@ the given poses, and an eleventh unknown is the drive at the first sample. If th
 pose that the guides allow is used, with a row for the missing part of the drive.
 
 Within limits c >= 0 the cost is J squared plus rho sum min(0, c)^2, whose weight rho increases from stage to stage. The limits
-are evaluated at the corrected poses with the derivatives above. `synthesis.kernels.pair_descent` computes both.
+are evaluated at the corrected poses with the derivatives above. `synthesis.kernels.pair_rows` computes both.
 
 *Guides* lead a body through its poses: points of the body that move on circles or rails, and lines of the body that pass through
 a pin.
@@ -53,7 +53,8 @@ import numpy as np
 
 from synthesis.arrays import Complexes, Flags, Floats, rows_at, rows_of_all
 from synthesis.free.dyads import Body, Dyads
-from synthesis.kernels import pair_descent
+from synthesis.kernels import pair_rows
+from synthesis.least_squares import Evaluation, minimise
 from synthesis.limits import REACH, Limits, Reach
 from synthesis.mechanism import Box
 from synthesis.poses import Poses
@@ -191,8 +192,6 @@ def as_circles(body: Body, dyads: Dyads) -> Guides:
 
 OWN = 5
 """Unknowns of a guide: m (2), b, s, k."""
-_BETWEEN_LOOKS = 2_000
-"""Steps times samples between two looks at the time: 2 to 4 ms."""
 _UNKNOWN = 1e10
 """Inverse weight of a missing component of a sample; its correction starts again at each step."""
 
@@ -347,7 +346,7 @@ _NUMBERS = (
 
 
 def numbers_of(limits: Limits, poses: Poses, timed: bool) -> dict[str, Any]:
-    """Return the limits of a request for `pair_descent.PairDescent`; each value is at least 0 if the limit is satisfied.
+    """Return the limits of a request for `pair_rows.PairRows`; each value is at least 0 if the limit is satisfied.
 
     Lengths are divided by the length scale, positions are measured from the mean position. ``timed``: True if the drive, and with
     it the order, is given.
@@ -387,7 +386,7 @@ class Problem:
         self.samples = samples
         columns = [samples.angle, samples.position.real, samples.position.imag, *samples[2:]]
         table = np.ascontiguousarray(np.stack(columns, axis=1), dtype=float)
-        self._kernel = pair_descent.PairDescent(table, numbers_of(limits, poses, driven), driven)
+        self._kernel = pair_rows.PairRows(table, numbers_of(limits, poses, driven), driven)
 
     def look(
         self, chart: Chart, labels: Floats, sweeps: int, start: Floats | None = None, bounded: bool = True
@@ -401,18 +400,25 @@ class Problem:
 
     def descended(
         self, chart: Chart, labels: Floats, stage: Stage, work: Work, start: Floats | None = None
-    ) -> tuple[Pairs, Floats, Floats]:
-        """Run a descent; return pairs, drive at the first sample (n,) and cost; unchanged candidates if the time is over.
+    ) -> tuple[Pairs, Floats]:
+        """Run a descent; return pairs and drive at the first sample (n,); unchanged candidates if the time is over.
 
         ``labels`` (n, 3): branch, direction of the drive, and direction along which the drive is measured.
         """
-        x = _with(chart, start)
-        cost = self._kernel.set_candidates(
-            x, _joined(chart, labels), stage.steps, stage.damping, stage.stall, stage.weight, stage.sweeps
+
+        def evaluate(unknowns: Floats, labels: Floats) -> Evaluation:
+            return Evaluation(*self._kernel.linearise(unknowns, labels, stage.weight, stage.sweeps))
+
+        found = minimise(
+            evaluate,
+            _with(chart, start),
+            _joined(chart, labels),
+            stage.steps,
+            work=work,
+            stall=stage.stall,
+            damping=stage.damping,
         )
-        while not self._kernel.run(max(1, _BETWEEN_LOOKS // self.samples.number)) and not work.expired():
-            pass
-        return chart.pairs_at(x), x[:, -1], cost
+        return chart.pairs_at(found.unknowns), found.unknowns[:, -1]
 
 
 def _with(chart: Chart, start: Floats | None) -> Floats:

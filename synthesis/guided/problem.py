@@ -230,7 +230,7 @@ class PairProblem(SearchProblem):
         for stage in stages:
             if not starts.cost.size or (self.work.expired() and np.isfinite(self.incumbents.smallest)):
                 break
-            pairs, _, _ = problem.descended(Chart(starts.pairs), labels(starts), stage, self.work)
+            pairs, _ = problem.descended(Chart(starts.pairs), labels(starts), stage, self.work)
             starts = starts._replace(pairs=pairs)
         return starts
 
@@ -341,7 +341,7 @@ class PairProblem(SearchProblem):
         if self.body.position.size <= FEW:
             pairs, drive = self._promising(pairs, drive)
         found = self.measured(pairs, drive, self.all)
-        pairs, _, _ = self.all.descended(Chart(found.pairs), labels(found), _EXACT, Work())
+        pairs, _ = self.all.descended(Chart(found.pairs), labels(found), _EXACT, Work())
         self.seeds += found.cost.size
         return self.measured(pairs, found.drive, self.all, 4)
 
@@ -516,7 +516,7 @@ class DrivenPairProblem(PairProblem):
         first, _ = self._timing(at, sign, self.samples.drive)
         for stage in stages:
             chart = Chart(starts.pairs)
-            pairs, first, _ = self.driven.descended(chart, labels(starts, sign=sign), stage, self.work, first)
+            pairs, first = self.driven.descended(chart, labels(starts, sign=sign), stage, self.work, first)
             starts = starts._replace(pairs=pairs)
         at = self.driven.look(Chart(starts.pairs), labels(starts, sign=sign), 12, first)
         return starts._replace(cost=np.where(at.closed, at.cost, np.inf), first=first)

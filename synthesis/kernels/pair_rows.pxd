@@ -1,6 +1,8 @@
+cimport cython
 from synthesis.kernels.guide cimport Guide
 
 
+@cython.final
 cdef class PairRows:
     cdef Py_ssize_t samples
     cdef double[:, ::1] targets
@@ -86,8 +88,6 @@ cdef class PairRows:
     cdef transmission_slopes(self, double[::1] out, double scale)
     cdef gap_slopes(self)
     cdef put_row(self, double[::1] row, double scale, double value)
-    cdef triangularise(self, double[:, ::1] m, int rows)
-    cdef double column_product(self, double[:, ::1] m, int a, int b, int rows) noexcept
     cdef fill_sample_rows(self, Py_ssize_t i)
     cdef fill_driven_rows(self, double v, double p, Py_ssize_t i)
     cdef bint register_limit(self, double value, double among, bint equal)

@@ -5,7 +5,7 @@ Angles are in radians, lengths are relative to the length scale, costs to its sq
 
 import cython
 import numpy as np
-from cython import Py_ssize_t, bint, cclass, cfunc, declare, double, doublecomplex, inline
+from cython import Py_ssize_t, bint, cclass, cfunc, declare, double, doublecomplex, final
 from cython.cimports.libc.math import atan2, copysign, cos, fabs, isfinite, rint, sin, sqrt
 from cython.cimports.synthesis.kernels.codes import (
     BY_ROTATION,
@@ -16,12 +16,14 @@ from cython.cimports.synthesis.kernels.codes import (
     PAIR_VALUE,
     PAIR_WIDTH,
 )
+from cython.cimports.synthesis.kernels.damped_steps import triangularise
 from cython.cimports.synthesis.kernels.guide import Guide
 from cython.cimports.synthesis.kernels.plane import cross, depth_inside, inner, times, vector
 
 PI = declare(double, 3.141592653589793)
 TURN = declare(double, 6.283185307179586)
 NAN = declare(double, float("nan"))
+INFINITE = declare(double, float("inf"))
 TINY = declare(double, 1e-300)  # keeps divisors away from zero
 MARGIN = declare(double, 1e-7)  # margin by which descents satisfy limits, so that rounding violates none
 POSE_STEP_MAX = declare(double, 0.7)  # longest correction of a pose, in radians and length scales
@@ -41,6 +43,7 @@ def room(number) -> double:
     return NAN if number is None else number
 
 
+@final
 @cclass
 class PairRows:
     """Residuals of a pair of guides at the samples of one motion and rows of its limits, with derivatives.
@@ -297,39 +300,8 @@ class PairRows:
         self.cost += value * value
         self.filled_rows += 1
         if self.filled_rows == BLOCK:
-            self.triangularise(self.rows, BLOCK)
+            triangularise(self.rows, self.size + 1, BLOCK)
             self.filled_rows = self.size + 1
-
-    @cfunc
-    def triangularise(self, m: double[:, ::1], rows: cython.int):
-        """Triangularise rows in place by Householder's method; the residual is the last column."""
-        for c in range(min(self.size + 1, rows)):
-            square = self.column_product(m, c, c, rows)
-            if square > 0.0:
-                norm = -copysign(sqrt(square), m[c, c])
-                head = m[c, c] - norm
-                m[c, c] = head
-                for k in range(c + 1, self.size + 1):
-                    product = self.column_product(m, c, k, rows) / (norm * head)
-                    for j in range(c, rows):
-                        m[k, j] += product * m[c, j]
-                m[c, c] = norm
-            for j in range(c + 1, rows):
-                m[c, j] = 0.0
-
-    @cfunc
-    @inline
-    @cython.exceptval(check=False)
-    def column_product(self, m: double[:, ::1], a: cython.int, b: cython.int, rows: cython.int) -> double:
-        """Return the inner product of two columns from the diagonal of the first, in two partial sums."""
-        even: double = 0.0
-        odd: double = 0.0
-        for j in range(a, rows - 1, 2):
-            even += m[a, j] * m[b, j]
-            odd += m[a, j + 1] * m[b, j + 1]
-        if (rows - a) % 2:
-            even += m[a, rows - 1] * m[b, rows - 1]
-        return even + odd
 
     @cfunc
     def fill_sample_rows(self, i: Py_ssize_t):
@@ -792,8 +764,76 @@ class PairRows:
             self.point_limits(self.first_guide)
             self.point_limits(self.second_guide)
         if full:
-            self.triangularise(self.rows, self.filled_rows)
+            triangularise(self.rows, self.size + 1, self.filled_rows)
             for c in range(self.size + 1):
                 for j in range(self.filled_rows, self.size + 1):
                     self.rows[c, j] = 0.0
         return isfinite(self.cost) and (self.is_valid or not bounded)
+
+    def evaluate_candidates(
+        self, unknowns: double[:, ::1], labels: double[:, ::1], sweeps: cython.int, bounded: bint
+    ):
+        """Evaluate candidates without derivatives.
+
+        Returns
+        -------
+        table : ndarray, shape (n, 8)
+            Cost (infinite if a limit has no value), whether all poses close, largest violation (without the order), sum over
+            the limits of their mean squared violations (at most 1 each), sum of squared violations, sum of the sines of the
+            transmission angles, travel of the drive from first to last sample, and signed mean length of a cylinder.
+        poses : ndarray, shape (n, N, 3)
+        drive : ndarray, shape (n, N)
+        """
+        count = unknowns.shape[0]
+        table, poses, drive = (
+            np.zeros((count, 8)),
+            np.zeros((count, self.samples, 3)),
+            np.zeros((count, self.samples)),
+        )
+        to: double[:, ::1] = table
+        pose_values: double[:, :, ::1] = poses
+        drives: double[:, ::1] = drive
+        self.sweeps, self.weight = sweeps, 0.0
+        for n in range(count):
+            self.load(unknowns[n], labels[n])
+            good: bint = self.evaluate(False, bounded)
+            to[n, 0] = self.cost if good else INFINITE
+            to[n, 1], to[n, 2], to[n, 3], to[n, 4] = self.closed, self.worst, self.merit, self.violation_squares
+            to[n, 5], to[n, 6], to[n, 7] = self.sine_sum, self.drive_travel, self.extension
+            for i in range(self.samples):
+                drives[n, i] = self.tracked[0, i, PAIR_VALUE]
+                for k in range(3):
+                    pose_values[n, i, k] = self.poses[i, k]
+        return table, poses, drive
+
+    def linearise(self, unknowns: double[:, ::1], labels: double[:, ::1], weight: double, sweeps: cython.int):
+        """Compute costs and derivatives of candidates.
+
+        Parameters
+        ----------
+        unknowns : ndarray, shape (n, m)
+        labels : ndarray, shape (n, 14)
+        weight : float
+            Weight of violated limits; 0 ignores them.
+        sweeps : int
+            Newton sweeps to a pose.
+
+        Returns
+        -------
+        costs : ndarray, shape (n,)
+            Infinite if a candidate does not close.
+        rows : ndarray, shape (n, m + 1, m + 1)
+            Triangular factor of the derivatives by column, and the reduced residuals in the last column.
+        """
+        columns = self.size + 1
+        costs, tables = np.full(len(unknowns), INFINITE), np.zeros((len(unknowns), columns, columns))
+        table: double[:, :, ::1] = tables
+        self.weight, self.sweeps = weight, sweeps
+        for n in range(unknowns.shape[0]):
+            self.load(unknowns[n], labels[n])
+            if self.evaluate(True, weight > 0.0):
+                costs[n] = self.cost
+                for c in range(columns):
+                    for j in range(columns):
+                        table[n, c, j] = self.rows[c, j]
+        return costs, tables

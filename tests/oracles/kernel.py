@@ -17,17 +17,17 @@ from synthesis.kernels import (
     codes,
     crank_descent,
     crank_loops,
+    damped_steps,
     distinct,
     four_bar_limits,
     guide,
-    pair_descent,
     pair_rows,
     plane,
     quadratic_program,
 )
 
 FOLDER = Path(kernels.__file__).parent
-COMPILED = (crank_loops, four_bar_limits, crank_descent, guide, pair_rows, pair_descent, quadratic_program, distinct)
+COMPILED = (crank_loops, four_bar_limits, crank_descent, damped_steps, guide, pair_rows, quadratic_program, distinct)
 """Each module after those that it uses."""
 C_FUNCTIONS = {
     **{

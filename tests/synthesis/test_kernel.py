@@ -212,9 +212,15 @@ def test_rows_that_are_apart() -> None:
     assert distinct.apart(rows, reach, (7, 9), 60, 100).tolist() == [7, 9]
 
 
+def test_damped_steps() -> None:
+    rows = np.random.default_rng(2).normal(size=(3, 5, 9))
+    rows[1, 2] = 0.0
+    same(lambda module: [*module.damped_steps(rows, np.array([1e-3, 1e-8, 10.0]), 1.5)])
+
+
 @pytest.mark.parametrize("driven", [False, True])
 def test_pairs_of_guides(driven: bool) -> None:
-    """Looked at, sloped, and descended a little: pairs of all sorts within limits of every kind."""
+    """Evaluated with and without derivatives: pairs of all sorts within limits of every kind."""
     random, count, number = np.random.default_rng(3), 9, 5
     along = np.linspace(0, 1, number)
     poses = make_poses(0.5 * along, along + 0.05 * random.normal(size=number) + 0.2j * along**2)
@@ -237,11 +243,7 @@ def test_pairs_of_guides(driven: bool) -> None:
     x = 0.7 * random.normal(size=(count, 11))[:, : 11 if driven else 10]
 
     def work(module: ModuleType) -> list[Any]:
-        kernel = module.PairDescent(samples, numbers, driven)
-        here = x.copy()
-        cost = kernel.set_candidates(here, labels, 2, 1e-2, 1e-9, 10.0, 3)
-        while not kernel.run(3):
-            pass
-        return [*kernel.evaluate_candidates(x, labels, 3, True), kernel.gradient(x[0], labels[0], 1.0, 3), here, cost]
+        kernel = module.PairRows(samples, numbers, driven)
+        return [*kernel.evaluate_candidates(x, labels, 3, True), *kernel.linearise(x, labels, 10.0, 3)]
 
     same(work, 1e-8)

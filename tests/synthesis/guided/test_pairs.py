@@ -76,7 +76,7 @@ def apart(built: Guides, k: int, angle: np.ndarray, position: np.ndarray) -> np.
 
 def reaching(problem: Problem, built: Pairs, labels: np.ndarray) -> np.ndarray:
     """Pairs refined without limits first, so that their poses are near."""
-    found, _, _ = problem.descended(Chart(built), labels, Stage(60, 0.0, 6, 0.0, 1e-2), Work())
+    found, _ = problem.descended(Chart(built), labels, Stage(60, 0.0, 6, 0.0, 1e-2), Work())
     return found
 
 
@@ -113,8 +113,10 @@ def slopes_agree(problem: Problem, chart: Chart, labels: np.ndarray, x: np.ndarr
 
     here = at(x)
     if here.closed[0]:
-        own = np.concatenate([chart.labels, labels], axis=1)[0]
-        found = problem._kernel.gradient(np.concatenate([chart.start[0], x[10:]]), own, weight, 12)
+        own = np.concatenate([chart.labels, labels], axis=1)
+        own_unknowns = np.concatenate([chart.start[0], x[10:]])[None]
+        _, rows = problem._kernel.linearise(own_unknowns, own, weight, 12)
+        found = 2 * rows[0, :-1] @ rows[0, -1]
         expected = differences(priced, x)
         assert np.allclose(found, expected, atol=2e-5 * max(1.0, np.abs(expected).max())), found - expected
     return bool(here.excess[0] > 1e-3)

@@ -1,0 +1,1 @@
+cdef triangularise(double[:, ::1] m, int columns, int rows)
