@@ -21,7 +21,7 @@ from synthesis.arrays import Complexes, Floats, Ints
 from synthesis.errors import FieldError
 from synthesis.four_bar import close_loop, transmission_angle_over, wrap
 from synthesis.fourbar.mechanism import mounted
-from synthesis.guides import Circle, Guide, Rail, Slot
+from synthesis.guides import Circle, Guide
 from synthesis.least_squares import Evaluation, minimise
 from synthesis.limits import PIVOTS, Limits, in_family
 from synthesis.linkage import Linkage, as_lengths, four_bar, on_guides, with_links
@@ -29,7 +29,9 @@ from synthesis.local_refinement import refine_motion, refine_poses
 from synthesis.poses import Poses
 from synthesis.solution import Solution, assess, target_of
 from synthesis.studies.sensitivity import (
+    Deviation,
     Deviations,
+    deviated,
     guide_dimensions,
     length_changes,
     motion_derivatives,
@@ -399,13 +401,9 @@ class _Fit:
         """Return a guide after changes x."""
         name, guide = self.linkage.named_guides[index]
         parts = zip(*(unit[index] for unit in self.units))
-        _, point, fixed, direction = (self.size * complex(np.dot(x[: len(self.units)], part)) for part in parts)
-        if isinstance(guide, Circle):
-            return Circle(guide.pivot + fixed, lengths.get(name, guide.radius), guide.body_point + point)
-        turn = direction.real / self.size
-        if isinstance(guide, Rail):
-            return Rail(guide.point + fixed, guide.direction + turn, guide.body_point + point)
-        return Slot(guide.pin + fixed, guide.body_point + point, guide.body_direction + turn)
+        _, point, fixed, turn = (complex(np.dot(x[: len(self.units)], part)) for part in parts)
+        changed = deviated(guide, Deviation(0.0, self.size * point, self.size * fixed, turn.real))
+        return changed._replace(radius=lengths.get(name, guide.radius)) if isinstance(guide, Circle) else changed
 
     def _derivatives(self, linkage: Linkage, units: Sequence[Deviations], travel: Floats) -> Floats:
         """Return the derivatives of the weighted errors by all unknowns, (unknowns, rows N)."""

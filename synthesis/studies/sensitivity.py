@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -28,6 +28,19 @@ class Deviation(NamedTuple):
 
 Deviations = tuple[Deviation, Deviation]
 """Changes of both guides."""
+
+
+def deviated(guide: Guide, change: Deviation) -> Any:
+    """Return a guide after a deviation; its numbers are arrays if the deviation has arrays."""
+    fixed: Any = guide[0] + change.fixed
+    point: Any = guide.body_point + change.body_point
+    length: Any = np.real(change.radius)
+    turn: Any = np.real(change.direction)
+    if isinstance(guide, Circle):
+        return Circle(fixed, guide.radius + length, point)
+    if isinstance(guide, Rail):
+        return Rail(fixed, guide.direction + turn, point)
+    return Slot(fixed, point, guide.body_direction + turn)
 
 
 class Change(NamedTuple):
@@ -202,9 +215,10 @@ def derivatives(linkage: Linkage, coordinate: Floats, changes: Sequence[Deviatio
             shift = shift - 1j * (pin - on_driven) * first.direction
         defect = second.radius + dot(push, second.fixed - turned * second.body_point) + slid * second.direction
         if linkage.driver is Driver.HINGE:
+            assert isinstance(driven, Slot)
             turn = -first.direction * np.ones(turned.shape)
             slide = dot(push, shift + 1j * turn * (contact - pin)) - defect
-            shift = shift - turned * np.exp(1j * direction_of(driven)) * slide / _clear(poses.sine)
+            shift = shift - turned * np.exp(1j * driven.body_direction) * slide / _clear(poses.sine)
         else:
             turn = (defect - dot(push, shift)) / _clear(np.copysign(poses.arm, poses.sine))
         return shift - 1j * turn * (pin - poses.position), turn
@@ -212,10 +226,3 @@ def derivatives(linkage: Linkage, coordinate: Floats, changes: Sequence[Deviatio
 
 def _clear(values: Floats) -> Floats:
     return np.where(values != 0, values, np.nan)
-
-
-def direction_of(guide: Guide) -> float:
-    """Return the direction of a rail, or of a slot in the body; 0 for a circle."""
-    if isinstance(guide, Circle):
-        return 0.0
-    return guide.direction if isinstance(guide, Rail) else guide.body_direction

@@ -15,10 +15,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from synthesis.arrays import Complexes, Floats, dot
-from synthesis.guides import Circle, Driver, Guide, Rail, Slot
+from synthesis.guides import Circle, Driver, Rail, Slot
 from synthesis.linkage import Linkage
 from synthesis.pose import whole_turns
-from synthesis.studies.sensitivity import Deviation, Deviations, derivatives, direction_of
+from synthesis.studies.sensitivity import Deviation, Deviations, derivatives, deviated
 from synthesis.target import TURN
 from synthesis.work import Work
 
@@ -257,17 +257,6 @@ def _variance(source: Source, tolerances: Tolerances) -> float:
 # -- poses of linkages as manufactured --------------------------------------------------------------------------------
 
 
-class _Guide:
-    """A guide of many linkages, (count, 1) each, in the plane."""
-
-    def __init__(self, guide: Guide, off: Deviation) -> None:
-        self.sort = type(guide)
-        self.fixed = guide[0] + np.atleast_2d(off.fixed)
-        self.body_point = guide.body_point + np.atleast_2d(off.body_point)
-        self.radius = (guide.radius if isinstance(guide, Circle) else 0.0) + np.real(np.atleast_2d(off.radius))
-        self.direction = direction_of(guide) + np.atleast_2d(off.direction)
-
-
 class _Locked(NamedTuple):
     """Poses of bodies that can still turn about a pin, or slide along a slot, with the drive locked."""
 
@@ -282,7 +271,7 @@ class _Locked(NamedTuple):
 def manufactured(
     linkage: Linkage, coordinate: Floats, first: Deviation, second: Deviation
 ) -> tuple[Complexes, Floats]:
-    """Return positions and rotations (count, n) of the bodies of linkages with deviations.
+    """Return positions and rotations (count, n) of the bodies of linkages with deviations (count, 1), or (n,) of one linkage.
 
     With the drive locked, the other guide is met by Newton's method from the pose as designed, for all linkages at once. NaN if
     the loop does not close on the branch of the linkage. Law: without deviations `Linkage.body`.
@@ -296,21 +285,19 @@ def manufactured(
     first, second : Deviation
         Changes of both guides.
     """
-    driven, other = _Guide(linkage.guides[0], first), _Guide(linkage.guides[1], second)
+    driven, other = deviated(linkage.guides[0], first), deviated(linkage.guides[1], second)
     with np.errstate(all="ignore"):
         nominal = linkage.body(coordinate)
         drive = coordinate + linkage.ground_angle if linkage.driver.turns else coordinate
-        along = np.exp(1j * (drive if linkage.driver is Driver.HINGE else driven.direction))
-        pin, held, size = driven.fixed + 0 * drive, driven.body_point + 0 * drive, 1.0
-        begin, side = nominal.rotation + 0 * np.real(pin), np.full(drive.shape, linkage.branch)
-        if driven.sort is Circle:
-            pin = pin + driven.radius * np.exp(1j * drive)
-        elif driven.sort is Rail:
-            pin = pin + drive * along
+        along = np.exp(1j * drive)
+        pin, held, size = driven[0] + 0 * drive, driven.body_point + 0 * drive, 1.0
+        if driven.holds_point:
+            pin = driven.ground_at(drive)
         elif linkage.driver is Driver.CYLINDER:
-            held = held + drive * along
-        else:
-            rotation, size, side = drive - driven.direction, linkage.reach, -np.sign(nominal.sine)
+            held = driven.body_at(drive)
+        begin, side = nominal.rotation + 0 * np.real(pin), np.full(drive.shape, linkage.branch)
+        if linkage.driver is Driver.HINGE:
+            rotation, size, side = drive - driven.body_direction, linkage.reach, -np.sign(nominal.sine)
             origin = pin - np.exp(1j * rotation) * held
             begin = dot(along, origin - nominal.position)
 
@@ -333,19 +320,15 @@ def manufactured(
         return np.where(good, pose.position, np.nan), np.where(good, pose.rotation, np.nan)
 
 
-def _gap(guide: _Guide, pose: _Locked) -> tuple[Floats, Floats]:
+def _gap(guide: Any, pose: _Locked) -> tuple[Floats, Floats]:
     """Return the distance of the bodies from a guide, and its derivative by the turn or slide."""
     turned = np.exp(1j * pose.rotation)
-    spoke = pose.position + turned * guide.body_point - guide.fixed
-    velocity = pose.moves + 1j * pose.turns * turned * guide.body_point
-    if guide.sort is Circle:
-        distance = np.abs(spoke)
-        return distance - guide.radius, dot(spoke, velocity) / distance
-    normal = 1j * np.exp(1j * guide.direction)
-    if guide.sort is Slot:  # a slot turns with the body
-        normal = normal * turned
+    arm, push = turned * guide.body_point, guide.push(pose.position, turned)
+    spoke, velocity = pose.position + arm - guide[0], pose.moves + 1j * pose.turns * arm
+    if isinstance(guide, Slot):  # a slot turns with the body
         velocity = velocity - 1j * pose.turns * spoke
-    return dot(normal, spoke), dot(normal, velocity)
+    radius = guide.radius if isinstance(guide, Circle) else 0.0
+    return dot(push, spoke) - radius, dot(push, velocity)
 
 
 # -- quantiles --------------------------------------------------------------------------------------------------------
