@@ -271,7 +271,7 @@ class _Locked(NamedTuple):
 def manufactured(
     linkage: Linkage, coordinate: Floats, first: Deviation, second: Deviation
 ) -> tuple[Complexes, Floats]:
-    """Return positions and rotations (count, n) of the bodies of linkages with deviations (count, 1), or (n,) if these are numbers.
+    """Return positions and rotations (count, n) of the bodies of linkages with deviations (count, 1), or (n,) for numbers.
 
     With the drive locked, the other guide is met by Newton's method from the pose as designed, for all linkages at once. NaN if
     the loop does not close on the branch of the linkage. Law: without deviations `Linkage.body`.
