@@ -194,11 +194,6 @@ class Problem:
         self._kernel.move_to_nearest_angles(steps)
         return pool.timed
 
-    def errors_at(self, timed: Timed, angles: Floats) -> Floats:
-        """Squared errors (n, N, G) of each sample with the crank at some angles (n, G); infinite where a loop is open."""
-        self._begin(timed._replace(angles=np.zeros((len(timed.branch), self._angles))))
-        return np.asarray(self._kernel.errors_at(np.array(angles, dtype=float, order="C")))
-
     def linearised(self, timed: Timed, damping: float, weight: float = 1.0) -> list[dict[str, Any]]:
         """Return the linearised problem of each candidate, see `crank_descent.Descent.linearised`."""
         self._begin(timed, weight)

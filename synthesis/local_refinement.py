@@ -379,8 +379,7 @@ def _candidates_of(poses: Poses, limits: Limits, linkage: Linkage, crank: Floats
         candidates = at(linkage.start + crank[: poses.samples])
         if np.isfinite(_as_it_is(problem, candidates).cost).all():
             return candidates
-    placed = problem if attached else JointProblem(replace(poses, rotation=None), problem.chart)
-    begins = [at(angles) for angles in _fitting(placed, own)]
+    begins = [at(angles) for angles in _fitting(poses if attached else replace(poses, rotation=None), linkage)]
     if not begins:
         return None
     joined = begins[0].joined(*begins[1:])
@@ -410,12 +409,19 @@ def _arcs(angles: Floats, span_max: float) -> Floats:
     return along[order[: max(1, np.count_nonzero(span <= span_max))]]
 
 
-def _fitting(problem: JointProblem, own: Timed) -> list[Floats]:
+def _fitting(poses: Poses, linkage: Linkage) -> list[Floats]:
     """Return crank angles (N,) at which a linkage is closest to the samples; for ordered samples in both directions."""
-    poses = problem.poses
     grid = np.linspace(0.0, TURN, OPTIONS.grid, endpoint=False)
-    costs = problem.errors_at(own, grid[None])[0]
+    body, costs = linkage.body(grid), np.zeros((poses.samples, grid.size))
+    if poses.rotation is not None:
+        turned = body.rotation - poses.rotation[:, None]
+        turned -= TURN * np.round(turned / TURN)
+        costs += np.reshape(poses.rotation_mean.root**2, (-1, 1)) * turned**2
+    if poses.position is not None:
+        off = (body.position - poses.position[:, None]) / poses.length_scale
+        costs += np.reshape(poses.position_mean.root**2, (-1, 1)) * np.abs(off) ** 2
     closes = np.isfinite(costs[0])
+    costs[:, ~closes] = np.inf
     if not closes.any():
         return []
     if not poses.ordered:

@@ -343,51 +343,6 @@ class Descent:
                 self.apply_step(0, 0)
             self.store(0, n)
 
-    def errors_at(self, angles: double[:, ::1]):
-        """Compute the squared errors of each sample at given crank angles of each candidate.
-
-        Parameters
-        ----------
-        angles : ndarray, shape (n, G)
-
-        Returns
-        -------
-        errors : ndarray, shape (n, N, G)
-            Infinite if the candidate does not close.
-        """
-        count, grid_size = angles.shape[0], angles.shape[1]
-        errors = np.full((count, self.samples, grid_size), np.inf)
-        error: double[:, :, ::1] = errors
-        loop = self.shape.loop
-        for n in range(count):
-            self.load(0, n)
-            self.update_shape(0)
-            a, z1, z2 = self.pose[0, 0], self.pose[0, 1], self.pose[0, 2]
-            back = vector(cos(self.offset[0]), -sin(self.offset[0]))
-            for g in range(grid_size):
-                if not loop.close_at(angles[n, g], False):
-                    continue
-                point = a + z1 * loop.e1 + z2 * loop.e2
-                for i in range(self.samples):
-                    error[n, i, g] = self.sample_error(i, point, back)
-        return errors
-
-    @cfunc
-    @inline
-    @cython.exceptval(check=False)
-    def sample_error(self, i: Py_ssize_t, point: doublecomplex, back: doublecomplex) -> double:
-        """Return the squared error of a sample for a body point and the current loop; ``back`` is e^{-i offset}."""
-        total = 0.0
-        if self.has_rotation:
-            target = self.target_direction[i] * back
-            e2 = self.shape.loop.e2
-            off = self.rotation_root[i] * atan2(cross(e2, target), inner(e2, target))
-            total += off * off
-        if self.has_position:
-            left = self.target_position[i] - times(self.position_root[i], point)
-            total += inner(left, left)
-        return total
-
     def linearised(self, n, damping):
         """Return the parts of a candidate's step for tests: rows, derivatives, damping and the step itself."""
         self.load(0, n)
