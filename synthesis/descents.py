@@ -36,7 +36,7 @@ from synthesis.arrays import Complexes, Floats, rows_at, rows_of_all
 from synthesis.kernels import crank_descent, four_bar_limits
 from synthesis.mechanism import Chart
 from synthesis.target import Samples
-from synthesis.work import Work
+from synthesis.work import UNLIMITED, Work
 
 _BETWEEN_LOOKS = 16_000
 """Steps times samples between two looks at the time: 2 to 4 ms."""
@@ -229,7 +229,7 @@ class Problem:
         timed: Timed,
         stages: Sequence[Stage],
         tolerance: float = 0.0,
-        work: Work | None = None,
+        work: Work = UNLIMITED,
         damping: float = 1e-3,
         steps_after_first: float = 1.0,
         between: Callable[[Pool], None] | None = None,
@@ -258,7 +258,6 @@ class Problem:
             Best point of each candidate in its last stage. Without limits no candidate is worse than its starting point with its
             best pose; the order of the angles does not change.
         """
-        work = work or Work()
         pool = self._begin(timed, stages[0].weight)
         max_steps = max(1, _BETWEEN_LOOKS // self.samples)
         self._kernel.evaluate_candidates(not self.limited, False)

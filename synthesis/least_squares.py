@@ -14,7 +14,7 @@ import numpy as np
 
 from synthesis.arrays import Floats
 from synthesis.kernels.damped_steps import damped_steps
-from synthesis.work import Work
+from synthesis.work import UNLIMITED, Work
 
 _MAX_STEP = 1.5
 """Largest change of any unknown in a step."""
@@ -45,7 +45,7 @@ def minimise(
     labels: Floats,
     iterations: int,
     tolerance: float = 0.0,
-    work: Work | None = None,
+    work: Work = UNLIMITED,
     stall: float = 1e-9,
     damping: float = 1e-3,
 ) -> Minima:
@@ -81,7 +81,6 @@ def minimise(
     The damping is controlled by Nielsen's rule (Madsen, Nielsen, Tingleff, Methods for non-linear least squares problems,
     section 3.2).
     """
-    work = work or Work()
     cost, rows = evaluate(unknowns, labels)
     size = rows.shape[1] - 1
     best, best_cost = unknowns.copy(), cost.copy()

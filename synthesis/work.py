@@ -115,3 +115,7 @@ class Work:
     def part(self, seconds: float) -> Work:
         """Return new work that starts now, with at most ``seconds`` and at most the rest of this budget."""
         return Work(max(0.0, min(seconds, self._budget - self.elapsed)), self._cancelled, self._clock)
+
+
+UNLIMITED = Work()
+"""Unlimited time, never cancelled."""

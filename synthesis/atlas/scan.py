@@ -26,7 +26,7 @@ from synthesis.fourbar.mechanism import coupler_turns
 from synthesis.limits import in_family
 from synthesis.pose import objective
 from synthesis.target import TURN, Target
-from synthesis.work import Work
+from synthesis.work import UNLIMITED, Work
 
 GROWTH = 1.5
 """Growth of the limit while too few of the windows below it are answers."""
@@ -239,7 +239,7 @@ class Scan:
         top: int,
         exact: Callable[[Windows], Floats] | None = None,
         max_windows: int | None = None,
-        work: Work | None = None,
+        work: Work = UNLIMITED,
         enough: float = -1.0,
     ) -> tuple[Windows, ScanReport]:
         """Return the best windows of the whole table, exactly as if every window had been evaluated.
@@ -268,7 +268,6 @@ class Scan:
         report : ScanReport
             Says whether the time, ``max_windows`` or ``enough`` cut the scan short.
         """
-        work = work or Work()
         evaluate = exact or (lambda windows: self.errors(target, windows))
         max_windows_checked = np.inf if max_windows is None else max(max_windows, 4 * top)
         at_once = max(FIRST_BATCH, _EXACT_SAMPLES // target.samples)

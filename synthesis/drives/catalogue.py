@@ -10,7 +10,7 @@ import numpy as np
 
 from synthesis.drives.placement_search import GridPlacements, PlacementSearch
 from synthesis.drives.placements import Actuator, Placement, Refusal, Sizes
-from synthesis.work import Work
+from synthesis.work import UNLIMITED, Work
 
 
 @dataclass(frozen=True)
@@ -48,11 +48,7 @@ class UnfitRow(NamedTuple):
 
 
 def choose_rows(
-    search: PlacementSearch,
-    rows: list[CatalogueRow],
-    max_results: int,
-    work: Work | None = None,
-    max_descents: int = 3,
+    search: PlacementSearch, rows: list[CatalogueRow], max_results: int, work: Work = UNLIMITED, max_descents: int = 3
 ) -> tuple[list[FittingRow], list[UnfitRow]]:
     """Return the cheapest rows of a catalogue that fit, and why others do not.
 
@@ -91,7 +87,7 @@ def choose_rows(
         return search.descend(screened(actuator), Sizes(actuator), work)
 
     def is_over() -> bool:
-        return len(found) >= max_results or (work is not None and work.expired())
+        return len(found) >= max_results or work.expired()
 
     for level in sorted({cost(row) for row in rows}):
         if is_over():

@@ -15,7 +15,7 @@ from synthesis.drives.motor import MotorCycle, evaluate_motor, return_angle
 from synthesis.drives.placement_search import grid_of, separate
 from synthesis.link_motion import LinkMotion
 from synthesis.mechanism import Box, outside
-from synthesis.work import Work
+from synthesis.work import UNLIMITED, Work
 
 
 @dataclass(frozen=True)
@@ -62,8 +62,7 @@ def place_motor(
     time_ratio: float | None,
     reach: float,
     box: Box,
-    work: Work | None = None,
-    options: MotorSearchOptions = OPTIONS,
+    work: Work = UNLIMITED,
 ) -> MotorCycle | str:
     """Return the motor and rod with the largest minimum transmission angle, or a sentence with the reason if none is found.
 
@@ -80,18 +79,17 @@ def place_motor(
     box : Box
         Region of the motor.
     work : Work, optional
-    options : MotorSearchOptions
     """
     angle = None if time_ratio is None else return_angle(time_ratio)
-    task = _Task(link, at, box, reach, angle, options)
-    few = np.unique(((at.size - 1) * np.sin(np.linspace(0, np.pi / 2, options.positions)) ** 2).round().astype(int))
+    task = _Task(link, at, box, reach, angle)
+    few = np.unique(((at.size - 1) * np.sin(np.linspace(0, np.pi / 2, OPTIONS.positions)) ** 2).round().astype(int))
     coarse = replace(task, link=link.at(few), at=at[few])
-    starts = coarse.starts(options.grid) or replace(coarse, angle=None).starts(options.finer_grid)
+    starts = coarse.starts(OPTIONS.grid) or replace(coarse, angle=None).starts(OPTIONS.finer_grid)
     if not starts:
         return "no point of the link has a distance from any point of motor_box that grows or shrinks all the way"
     best: MotorCycle | None = None
     for extends, points in starts:
-        if best is not None and work is not None and work.expired():
+        if best is not None and work.expired():
             break
         cycle = task.descend(points, extends, torque)
         if cycle is not None and (best is None or cycle.transmission_angle_min > best.transmission_angle_min):
@@ -112,7 +110,6 @@ class _Task:
     reach: float
     angle: float | None
     """Angle QaOQb for the time ratio; None for any."""
-    options: MotorSearchOptions
 
     @property
     def size(self) -> float:
@@ -129,8 +126,8 @@ class _Task:
         link, reach, size = self.link, self.reach, self.size
         sign = np.sign(self.at[-1] - self.at[0]) * (1.0 if extends else -1.0)
         # a rod on a pin that scarcely moves would have to carry too much
-        stroke_min = self.options.stroke_min * link.largest_shift(reach)
-        speed_min = max(self.options.speed_min * stroke_min / abs(float(self.at[-1] - self.at[0])), 1e-300)
+        stroke_min = OPTIONS.stroke_min * link.largest_shift(reach)
+        speed_min = max(OPTIONS.speed_min * stroke_min / abs(float(self.at[-1] - self.at[0])), 1e-300)
 
         def evaluate(points: Complexes) -> Functions:
             motor, pin = points[:, :1], points[:, 1:]
@@ -171,7 +168,7 @@ class _Task:
             arms = self.link.leverage(points[:, :1], points[:, 1:])[1] * (self.at[-1] - self.at[0])
             grows = ((arms if extends else -arms) > 0).all(axis=1)
             value = np.where(grows & (limits[:, -1] >= 0), levels.min(axis=1), -np.inf)
-            room, count = self.options.spacing * self.size, self.options.starts_per_direction
+            room, count = OPTIONS.spacing * self.size, OPTIONS.starts_per_direction
             found += [(extends, points[k]) for k in separate(value, points, room, count)]
         return found
 
@@ -180,7 +177,7 @@ class _Task:
         first, last = (self.link.position(pins[:, None])[:, [k]] for k in (0, -1))
         # a circle through both ends, for a chord from -1 to 1; its points are denser near the ends
         angle = max(angle, 1e-6)
-        around = (np.pi - angle) * (1 - np.geomspace(0.05 * np.sin(angle), 1, self.options.arc_points))
+        around = (np.pi - angle) * (1 - np.geomspace(0.05 * np.sin(angle), 1, OPTIONS.arc_points))
         arc = 1j * (1 / np.tan(angle) + np.exp(1j * np.concatenate([around, -around])) / np.sin(angle))
         motors = (first + last) / 2 + (last - first) / 2 * np.concatenate([arc, arc.conj()])
         points = np.stack(np.broadcast_arrays(motors, pins[:, None]), axis=-1)
@@ -189,7 +186,7 @@ class _Task:
     def descend(self, start: Complexes, extends: bool, torque: Floats) -> MotorCycle | None:
         """Return the end of a descent, exactly in the reach and on the time ratio; None if it does not drive the link."""
         problem = self.problem(extends)
-        motor, pin = problem.solve(start, self.options.descent)
+        motor, pin = problem.solve(start, OPTIONS.descent)
         points = np.array([motor, pin * min(1.0, self.reach / max(abs(pin), 1e-300))])
         if np.abs(problem.evaluate(points[None]).equalities).max(initial=0.0) > 1e-3:
             return None

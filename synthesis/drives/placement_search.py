@@ -17,7 +17,7 @@ from synthesis.drives.descent import DescentOptions, Functions, MaxMinProblem
 from synthesis.drives.placements import TOLERANCE, Actuator, Placement, PlacementLimits, Refusal, Sizes
 from synthesis.link_motion import LinkMotion
 from synthesis.mechanism import Box, outside
-from synthesis.work import Work
+from synthesis.work import UNLIMITED, Work
 
 
 @dataclass(frozen=True)
@@ -177,23 +177,23 @@ class PlacementSearch:
 
     # -- entry points -------------------------------------------------------------------------------------------------
 
-    def best(self, actuator: Actuator, work: Work | None = None) -> Placement | Refusal:
+    def best(self, actuator: Actuator, work: Work = UNLIMITED) -> Placement | Refusal:
         """Return the placement of an actuator with the smallest peak force, or why there is none."""
         return self.descend(self.screen([actuator], work=work), Sizes(actuator), work)
 
-    def best_of_sizes(self, sizes: Sizes, work: Work | None = None) -> Placement | Refusal:
+    def best_of_sizes(self, sizes: Sizes, work: Work = UNLIMITED) -> Placement | Refusal:
         """Return the best placement with free sizes, or why there is none."""
         return self.descend(self.screen_sizes(sizes, work), sizes, work)
 
     # -- descents -----------------------------------------------------------------------------------------------------
 
-    def descend(self, starts: GridPlacements | Refusal, sizes: Sizes, work: Work | None) -> Placement | Refusal:
+    def descend(self, starts: GridPlacements | Refusal, sizes: Sizes, work: Work) -> Placement | Refusal:
         """Return the best end point of the descents from the grid placements of `screen`; return a refusal as it is."""
         if isinstance(starts, Refusal):
             return starts
         found: list[Placement] = []
         for ground, pin, extends, actuator in zip(starts.grounds, starts.pins, starts.extends, starts.actuators):
-            if work is None or not work.expired():
+            if not work.expired():
                 own_sizes = replace(sizes, start=Actuator(*actuator.tolist()))
                 end = self._descend_from(own_sizes, np.array([ground, pin]), bool(extends))
                 found += [] if end is None else [end]
@@ -217,7 +217,7 @@ class PlacementSearch:
 
     # -- the grid -----------------------------------------------------------------------------------------------------
 
-    def screen_sizes(self, sizes: Sizes, work: Work | None = None) -> GridPlacements | Refusal:
+    def screen_sizes(self, sizes: Sizes, work: Work = UNLIMITED) -> GridPlacements | Refusal:
         """Return grid placements for free sizes, or why there are none.
 
         The initial retracted lengths are the shortest one and a geometric series that does not depend on the box or the dead
@@ -240,7 +240,7 @@ class PlacementSearch:
         return self.screen(found, work=work)
 
     def screen(
-        self, actuators: list[Actuator], max_results: int | None = None, work: Work | None = None
+        self, actuators: list[Actuator], max_results: int | None = None, work: Work = UNLIMITED
     ) -> GridPlacements | Refusal:
         """Return the best grid placements of some actuators, or why there are none.
 
@@ -257,7 +257,7 @@ class PlacementSearch:
         box = self.limits.pin_box or self.limits.box
         points, selected, refusals = grid_of(box, self.grid_size), [], []
         for k, actuator in enumerate(actuators):
-            if k and work is not None and work.expired():
+            if k and work.expired():
                 break
             placements = self._evaluate_grid(points, np.array([actuator]))
             if isinstance(placements, Refusal):

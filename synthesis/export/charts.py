@@ -31,6 +31,9 @@ class ChartOptions:
     """Approximate number of numbers along an axis."""
 
 
+OPTIONS = ChartOptions()
+
+
 def nice_ticks(low: float, high: float, count: int) -> Floats:
     """Return about ``count`` round numbers from ``low`` to ``high``: multiples of 1, 2 or 5 times a power of ten."""
     rough = (high - low) / count
@@ -40,9 +43,7 @@ def nice_ticks(low: float, high: float, count: int) -> Floats:
     return np.asarray(step * np.arange(first, last + 1), dtype=np.float64)
 
 
-def chart_svg(
-    panels: Mapping[str, Mapping[str, tuple[Floats, Floats]]], x_label: str, options: ChartOptions | None = None
-) -> str:
+def chart_svg(panels: Mapping[str, Mapping[str, tuple[Floats, Floats]]], x_label: str) -> str:
     """Draw panels with curves, one below the other.
 
     Parameters
@@ -52,29 +53,26 @@ def chart_svg(
         are not finite.
     x_label : str
         Label of the common horizontal axis.
-    options : ChartOptions, optional
-        Sizes of the chart.
 
     Returns
     -------
     str
         The text of the SVG file.
     """
-    options = options or ChartOptions()
     names = sorted({name for curves in panels.values() for name in curves})
     colour = {name: COLOURS[index % len(COLOURS)] for index, name in enumerate(names)}
     x_range = _range_of([x for curves in panels.values() for x, _ in curves.values()])
     parts = []
     for index, (label, curves) in enumerate(panels.items()):
-        parts += _panel(label, curves, colour, x_range, index * options.height, options)
-    below = len(panels) * options.height
-    parts.append(f'<text x="{options.width / 2:g}" y="{below + 14:g}" text-anchor="middle">{escape(x_label)}</text>')
+        parts += _panel(label, curves, colour, x_range, index * OPTIONS.height)
+    below = len(panels) * OPTIONS.height
+    parts.append(f'<text x="{OPTIONS.width / 2:g}" y="{below + 14:g}" text-anchor="middle">{escape(x_label)}</text>')
     for index, name in enumerate(names):
         y = below + 38 + 20 * index
-        parts.append(f'<path d="M{options.left:g},{y - 4:g}h28" stroke="{colour[name]}"/>')
-        parts.append(f'<text x="{options.left + 36:g}" y="{y:g}">{escape(name)}</text>')
+        parts.append(f'<path d="M{OPTIONS.left:g},{y - 4:g}h28" stroke="{colour[name]}"/>')
+        parts.append(f'<text x="{OPTIONS.left + 36:g}" y="{y:g}">{escape(name)}</text>')
     height = below + 34 + 20 * len(names)
-    head = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {options.width:g} {height:g}" font-family="sans-serif" '
+    head = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {OPTIONS.width:g} {height:g}" font-family="sans-serif" '
     return f'{head}font-size="12" fill="none" stroke-width="2">\n{_STYLE}\n' + "\n".join(parts) + "\n</svg>\n"
 
 
@@ -96,26 +94,25 @@ def _panel(
     colour: Mapping[str, str],
     x_range: tuple[float, float],
     top: float,
-    options: ChartOptions,
 ) -> list[str]:
     y_range = _range_of([y for _, y in curves.values()])
-    right, bottom = options.width - options.margin, top + options.height - options.margin
-    above = top + options.margin
+    right, bottom = OPTIONS.width - OPTIONS.margin, top + OPTIONS.height - OPTIONS.margin
+    above = top + OPTIONS.margin
 
     def across(x: Floats) -> Floats:
-        return options.left + (x - x_range[0]) / (x_range[1] - x_range[0]) * (right - options.left)
+        return OPTIONS.left + (x - x_range[0]) / (x_range[1] - x_range[0]) * (right - OPTIONS.left)
 
     def up(y: Floats) -> Floats:
         return bottom - (y - y_range[0]) / (y_range[1] - y_range[0]) * (bottom - above)
 
-    parts = [f'<text x="{options.left:g}" y="{above - 8:g}">{escape(label)}</text>']
-    x_ticks, y_ticks = (nice_ticks(*limits, options.ticks) for limits in (x_range, y_range))
+    parts = [f'<text x="{OPTIONS.left:g}" y="{above - 8:g}">{escape(label)}</text>']
+    x_ticks, y_ticks = (nice_ticks(*limits, OPTIONS.ticks) for limits in (x_range, y_range))
     for tick, x in zip(x_ticks, across(x_ticks)):
         parts.append(f'<path class="grid" d="M{x:.2f},{above:g}V{bottom:g}"/>')
         parts.append(f'<text x="{x:.2f}" y="{bottom + 15:g}" text-anchor="middle">{tick:.6g}</text>')
     for tick, y in zip(y_ticks, up(y_ticks)):
-        parts.append(f'<path class="grid" d="M{options.left:g},{y:.2f}H{right:g}"/>')
-        parts.append(f'<text x="{options.left - 6:g}" y="{y + 4:.2f}" text-anchor="end">{tick:.6g}</text>')
+        parts.append(f'<path class="grid" d="M{OPTIONS.left:g},{y:.2f}H{right:g}"/>')
+        parts.append(f'<text x="{OPTIONS.left - 6:g}" y="{y + 4:.2f}" text-anchor="end">{tick:.6g}</text>')
     for name, (x, y) in curves.items():
         finite = np.isfinite(x) & np.isfinite(y)
         pen, path = "M", ""

@@ -63,6 +63,9 @@ class CompactOptions:
     """Stages of a descent within the tightened limits."""
 
 
+OPTIONS = CompactOptions()
+
+
 def within_size(limits: Limits, samples: Samples, extents: float) -> Limits:
     """Return limits within which no length is above a multiple of the motion's extent.
 
@@ -92,7 +95,6 @@ def compacted(
     best_first: Callable[[Sequence[Solution]], list[tuple[float, Solution]]],
     tolerance: float,
     work: Work,
-    options: CompactOptions | None = None,
 ) -> list[Solution]:
     """Return further four-bars with a smaller merit.
 
@@ -108,29 +110,27 @@ def compacted(
     tolerance : float
         Objective below which a linkage is exact.
     work : Work
-    options : CompactOptions, optional
 
     Returns
     -------
     list of Solution
         Accurate four-bars; law: none if none is better than the best of ``found``.
     """
-    options = options or CompactOptions()
-    count = options.candidate_samples // poses.samples
-    count = min(options.candidates, max(options.min_candidates, count))
+    count = OPTIONS.candidate_samples // poses.samples
+    count = min(OPTIONS.candidates, max(OPTIONS.min_candidates, count))
     chart, known, further = chart_of(limits.family), best_first(found)[:count], list[Solution]()
     step = number = 0
-    while known and step < len(options.steps) and number < options.max_steps and not work.expired():
+    while known and step < len(OPTIONS.steps) and number < OPTIONS.max_steps and not work.expired():
         merit, best = known[0]
         number += 1
-        tightened = _tightened(limits, poses, best, options.steps[step])
+        tightened = _tightened(limits, poses, best, OPTIONS.steps[step])
         moved = (
             []
             if tightened is None
-            else _moved(poses, tightened, chart, [candidate for _, candidate in known], tolerance, work, options)
+            else _moved(poses, tightened, chart, [candidate for _, candidate in known], tolerance, work)
         )
         better = best_first(moved)
-        if better and better[0][0] < (1 - options.gain) * merit:
+        if better and better[0][0] < (1 - OPTIONS.gain) * merit:
             further += moved
             known, step = sorted([*better, *known], key=lambda pair: pair[0])[:count], 0
         else:
@@ -150,18 +150,12 @@ def _tightened(limits: Limits, poses: Poses, best: Solution, step: Step) -> Limi
 
 
 def _moved(
-    poses: Poses,
-    limits: Limits,
-    chart: Chart,
-    found: Sequence[Solution],
-    tolerance: float,
-    work: Work,
-    options: CompactOptions,
+    poses: Poses, limits: Limits, chart: Chart, found: Sequence[Solution], tolerance: float, work: Work
 ) -> list[Solution]:
     """Return four-bars refined within other limits."""
     problem = limited_problem(poses, chart, limits)
     angles = np.array([solution.linkage.start + solution.travel for solution in found])
     starts = candidates_of(poses, chart, [solution.linkage for solution in found], angles)
-    pool = problem.descended(starts, options.descent, 0.0, work, steps_after_first=np.inf)
+    pool = problem.descended(starts, OPTIONS.descent, 0.0, work, steps_after_first=np.inf)
     inside, _ = problem.moved_onto(pool.timed)
     return solutions_of(poses, inside, chart, limits, len(found), tolerance)

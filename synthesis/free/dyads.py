@@ -37,7 +37,7 @@ from synthesis.least_squares import Evaluation, minimise
 from synthesis.limits import in_family
 from synthesis.poses import Poses
 from synthesis.target import TURN
-from synthesis.work import Work
+from synthesis.work import UNLIMITED, Work
 
 # -- dyads ---------------------------------------------------------------------------------------------------------
 
@@ -200,7 +200,7 @@ def polished(
     dyads: Dyads,
     steps: int = OPTIONS.polish_steps,
     stall: float = OPTIONS.polish_stall,
-    work: Work | None = None,
+    work: Work = UNLIMITED,
 ) -> tuple[Dyads, Floats]:
     """Refine dyads by least-squares steps of their first-order errors within the time; return dyads and rms errors (n,)."""
     columns = [dyads.body.real, dyads.body.imag, dyads.fixed.real, dyads.fixed.imag, dyads.radius]
@@ -212,7 +212,7 @@ def polished(
     return Dyads(x[:, 0] + 1j * x[:, 1], x[:, 2] + 1j * x[:, 3], x[:, 4]), np.sqrt(done.cost)
 
 
-def landscape(body: Body, steps: int = 20, max_count: int = 36, work: Work | None = None) -> tuple[Dyads, Floats]:
+def landscape(body: Body, steps: int = 20, max_count: int = 36, work: Work = UNLIMITED) -> tuple[Dyads, Floats]:
     """Return the best dyads from starts all over the body, different from each other, and their errors; best first.
 
     A dyad has only two nonlinear unknowns, the coordinates of the point of the body. Centre and radius follow from a circle

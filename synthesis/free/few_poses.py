@@ -36,7 +36,7 @@ from synthesis.mechanism import Box, Placed
 from synthesis.poses import Poses
 from synthesis.ranking import distinct_rows, merit
 from synthesis.target import Interval
-from synthesis.work import Work
+from synthesis.work import UNLIMITED, Work
 
 
 @dataclass(frozen=True)
@@ -328,7 +328,7 @@ def is_few(poses: Poses) -> bool:
 def exact_four_bars(
     poses: Poses,
     limits: Limits,
-    work: Work | None = None,
+    work: Work = UNLIMITED,
     options: FewPosesOptions | None = None,
     obstacles: Obstacles | None = None,
 ) -> Candidates:
@@ -352,7 +352,7 @@ def exact_four_bars(
         Within the limits. First the best of each region by merit, then all others by merit; those that take a detour between
         poses come last. Empty if none was found.
     """
-    work, options = work or Work(), options or FewPosesOptions()
+    options = options or FewPosesOptions()
     family = ExactFamily(poses, limits, options, obstacles)
     sampled = family.evaluate(family.sample())
     if family.level and not sampled.merit.size:

@@ -49,7 +49,7 @@ from synthesis.search.search import DEFAULT_TOLERANCE
 from synthesis.search.seeds import Windows, windows_of
 from synthesis.solution import Solution, assess
 from synthesis.target import TURN, Interval
-from synthesis.work import Work
+from synthesis.work import UNLIMITED, Work
 
 # -- answers -------------------------------------------------------------------------------------------------------
 
@@ -215,7 +215,7 @@ def search_free(
     limits: Limits,
     top: int,
     tolerance: float = DEFAULT_TOLERANCE,
-    work: Work | None = None,
+    work: Work = UNLIMITED,
     rounds: int | None = None,
     obstacles: Obstacles | None = None,
 ) -> tuple[list[Solution], SearchReport]:
@@ -247,7 +247,6 @@ def search_free(
     FieldError
         If a path can be passed in any order.
     """
-    work = work or Work()
     trace: list[tuple[float, float]] = []
 
     def note(objective: float) -> None:

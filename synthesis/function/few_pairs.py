@@ -327,9 +327,7 @@ def is_few(target: TargetFunction, limits: Limits) -> bool:
     return pairs <= free or (free == 3 and pairs <= MOST_PAIRS and pairs <= free + zeros)
 
 
-def exact_functions(
-    target: TargetFunction, limits: Limits, sized: bool, work: Work, options: FewPairsOptions | None = None
-) -> tuple[Floats, Floats, Floats]:
+def exact_functions(target: TargetFunction, limits: Limits, sized: bool, work: Work) -> tuple[Floats, Floats, Floats]:
     """Search for good four-bars that meet two to five pairs exactly.
 
     Parameters
@@ -342,14 +340,13 @@ def exact_functions(
         See `function_merit`.
     work : Work
         The search ends once it has expired.
-    options : FewPairsOptions, optional
 
     Returns
     -------
     lengths, branch, start : ndarray, shape (n, 4), (n,) and (n,)
         First the best of each region by merit, then the others by merit; those whose rocker turns back come last.
     """
-    options = options or FewPairsOptions()
+    options = FewPairsOptions()
     family = ExactFamily(target, limits, sized, options)
     sampled = family.evaluate(family.sample()).joined(family.parallelograms())
     sampled = family.usable(sampled.take(np.lexsort(family.order(sampled))[: options.examined]))

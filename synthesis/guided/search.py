@@ -28,7 +28,7 @@ from synthesis.search.report import SearchReport, StoppedBy
 from synthesis.search.search import DEFAULT_TOLERANCE
 from synthesis.solution import Solution
 from synthesis.target import TURN
-from synthesis.work import Work
+from synthesis.work import UNLIMITED, Work
 
 ALTERNATIVES_TIME = 0.02
 """Minimum time in seconds for alternatives to an exact linkage, if the search may end soon."""
@@ -52,7 +52,7 @@ def search_guided(
     kinds: Sequence[Kind],
     driver: Driver | None = None,
     tolerance: float = DEFAULT_TOLERANCE,
-    work: Work | None = None,
+    work: Work = UNLIMITED,
     prescribed: Floats | None = None,
     turned: Floats | None = None,
     rounds: int | None = None,
@@ -90,7 +90,6 @@ def search_guided(
         smallest error increases.
     report : SearchReport
     """
-    work = work or Work()
     candidates_of_drives = drives(kinds, driver)
     if prescribed is not None and driver is None:
         candidates_of_drives = [drive for drive in candidates_of_drives if not drive.driver.turns]

@@ -16,7 +16,7 @@ from synthesis.pose import fit_positions
 from synthesis.ranking import distinct
 from synthesis.solution import Solution, assess
 from synthesis.target import Target
-from synthesis.work import Work
+from synthesis.work import UNLIMITED, Work
 
 MAX_LIMITED_WINDOWS = 1 << 18
 """Windows evaluated before a search within limits gives up; the report is then not exhaustive."""
@@ -25,7 +25,7 @@ MAX_LIMITED_SAMPLES = 1 << 22
 
 
 def best_rows(
-    scan: Scan, target: Target, limits: Limits, top: int, work: Work | None = None, tolerance: float = -1.0
+    scan: Scan, target: Target, limits: Limits, top: int, work: Work = UNLIMITED, tolerance: float = -1.0
 ) -> tuple[list[Solution], ScanReport]:
     """Return the best rows by the joint objective over rotation and position, mounted and within limits.
 

@@ -40,7 +40,7 @@ from synthesis.search.seeds import FINER, SeedTables, Windows, thinned, windows_
 from synthesis.solution import assess
 from synthesis.target import Target
 from synthesis.violations import within
-from synthesis.work import Work
+from synthesis.work import UNLIMITED, Work
 
 # -- rounds --------------------------------------------------------------------------------------------------------
 
@@ -291,7 +291,7 @@ def search(
     limits: Limits,
     top: int,
     tolerance: float = DEFAULT_TOLERANCE,
-    work: Work | None = None,
+    work: Work = UNLIMITED,
     answers: Callable[[Sequence[Linkage]], list[Any]] | None = None,
 ) -> tuple[list[Any], SearchReport]:
     """Find the best linkages for a motion.
@@ -319,7 +319,7 @@ def search(
     clockwise = target.clockwise
     if clockwise:  # the same search serves both mirror images
         target, limits = target.mirrored(), limits.mirrored()
-    run = _Search(tables, target, limits, tolerance, work or Work(), answers)
+    run = _Search(tables, target, limits, tolerance, work, answers)
     solutions: list[Any] = []
     if limits.only_family:
         solutions = run.try_without_limits(FIRST_ROUNDS, top)

@@ -15,7 +15,7 @@ import numpy as np
 from synthesis.errors import FieldError
 from synthesis.one_variable import Floats, closer_looks
 from synthesis.scenes.chain.track import PinMotion, Track, TrackPosition, no_point_error
-from synthesis.work import Work
+from synthesis.work import UNLIMITED, Work
 
 
 @dataclass(frozen=True)
@@ -133,9 +133,8 @@ class Chain:
         return find_minimum(self.overrun, 0.0, self.period)
 
 
-def closing_links(track: Track, pitch: float, work: Work | None = None) -> int:
+def closing_links(track: Track, pitch: float, work: Work = UNLIMITED) -> int:
     """Return the smallest number of links with which the chain is not stretched at any phase."""
-    work = work or Work()
 
     def closes(links: int) -> bool:
         work.go_on()

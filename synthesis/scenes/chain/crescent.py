@@ -17,7 +17,7 @@ from synthesis.errors import FieldError
 from synthesis.one_variable import rising_root, secant
 from synthesis.scenes.chain.closure import STRETCH_TOLERANCE, Chain, closing_links, closure_error
 from synthesis.scenes.chain.track import Arc, Track
-from synthesis.work import Work
+from synthesis.work import UNLIMITED, Work
 
 FLATTEST = 1e-6
 """Half sweep of the lower arc, in radians, of the flattest crescent in the search, whose lower run is almost
@@ -133,7 +133,7 @@ def given_crescent(wheel_radius: float, upper_radius: float, lower_radius: float
 
 
 def critical_crescent(
-    pitch: float, links: int, upper_radius: float, wheel_radius: float, work: Work | None = None
+    pitch: float, links: int, upper_radius: float, wheel_radius: float, work: Work = UNLIMITED
 ) -> Crescent:
     """Return the level crescent on which the chain just closes: it fits exactly at one phase and is never stretched.
 
@@ -157,7 +157,7 @@ def critical_crescent(
         The chain closes on no crescent with these radii. The error contains the nearest number of links and the
         missing or excess length.
     """
-    work, where = work or Work(), "on any lower radius"
+    where = "on any lower radius"
 
     def track(alpha: float) -> Track:
         return level_crescent(wheel_radius, upper_radius, alpha).track
@@ -202,7 +202,7 @@ class Dimensions(NamedTuple):
     """b."""
 
 
-def crescent_for(dimensions: Dimensions, work: Work | None = None) -> Crescent:
+def crescent_for(dimensions: Dimensions, work: Work = UNLIMITED) -> Crescent:
     """Return the crescent of some dimensions.
 
     Raise a `FieldError` if there is none. ``work`` is called between the steps.

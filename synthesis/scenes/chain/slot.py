@@ -35,7 +35,7 @@ from synthesis.scenes.chain.crescent import (
     crescent_for,
 )
 from synthesis.scenes.chain.track import PinMotion, Points, TrackPosition, cross, dot, no_point_error, pitch_error
-from synthesis.work import Work
+from synthesis.work import UNLIMITED, Work
 
 
 @dataclass(frozen=True)
@@ -226,7 +226,7 @@ class Slot:
 
 
 def crescent_slot(
-    dimensions: Dimensions, start: float | None = None, work: Work | None = None
+    dimensions: Dimensions, start: float | None = None, work: Work = UNLIMITED
 ) -> tuple[Crescent, Slot]:
     """Compute the crescent and its slot, below the middle of the upper arc.
 
@@ -247,7 +247,7 @@ def crescent_slot(
         There is no such crescent; the chain is too short at some phase, or has a link too many at every phase; a link
         does not fit on the track, or the chain does not run smoothly; or there is no slot.
     """
-    work, pitch, links = work or Work(), dimensions.pitch, dimensions.links
+    pitch, links = dimensions.pitch, dimensions.links
     crescent = crescent_for(dimensions, work)
     chain = Chain(crescent.track, pitch, links)
     work.go_on()
@@ -351,7 +351,7 @@ class SlotReport(NamedTuple):
     """Largest difference between a chord and the pitch, over all links."""
 
 
-def analyse_slot(slot: Slot, phases: Floats, work: Work | None = None) -> SlotReport:
+def analyse_slot(slot: Slot, phases: Floats, work: Work = UNLIMITED) -> SlotReport:
     """Compute the extremes of a slot over its window.
 
     Parameters
@@ -362,7 +362,7 @@ def analyse_slot(slot: Slot, phases: Floats, work: Work | None = None) -> SlotRe
     work : Work, optional
         Called between the steps to check whether the result is still wanted.
     """
-    track, work = slot.chain.track, work or Work()
+    track = slot.chain.track
     work.go_on()
     largest_slack = find_maximum(slot.slack, slot.start, slot.end)
 

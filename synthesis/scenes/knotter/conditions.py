@@ -32,7 +32,7 @@ from synthesis.scenes.knotter.segment_triangle import (
     segment_triangle_distance,
     subtract,
 )
-from synthesis.work import Work
+from synthesis.work import UNLIMITED, Work
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,7 @@ class Clearance:
         first, last = (self.at, self.at) if self.jaw_locked else self.over
         mechanism.require_laws(self.frames, min(self.at, first), max(self.at, last))
 
-    def evaluate(self, mechanism: Mechanism, items: int, work: Work | None = None) -> ClearanceResult:
+    def evaluate(self, mechanism: Mechanism, items: int, work: Work = UNLIMITED) -> ClearanceResult:
         """Return the verdict for each item; ``work`` may end the evaluation early."""
         if self.jaw_locked:
             mechanism = mechanism.with_locked_jaw(self.at)
@@ -215,7 +215,7 @@ class SegmentEntersTriangle:
         """Return the ends of the segment and the vertices of the triangle in the condition's frame."""
         return tuple(mechanism.position(name, self.frame, driver) for name in (*self.segment, *self.triangle))
 
-    def evaluate(self, mechanism: Mechanism, items: int, work: Work | None = None) -> EntryResult:
+    def evaluate(self, mechanism: Mechanism, items: int, work: Work = UNLIMITED) -> EntryResult:
         """Return the verdict for each item; ``work`` may end the evaluation early.
 
         Raises
@@ -315,14 +315,14 @@ def _in_chunks(
     items: int,
     condition: Condition,
     over: tuple[float, float],
-    work: Work | None,
+    work: Work,
 ) -> Any:
     """Evaluate a condition for a few items at a time and join the results.
 
     ``evaluate(mechanism, items, driver)`` has the samples of the range as its last argument.
     """
     driver = mechanism.samples(condition.frames, *over)
-    pieces_per_item, work = driver.size // machine.OPTIONS.steps_per_piece, work or Work()
+    pieces_per_item = driver.size // machine.OPTIONS.steps_per_piece
     if items * pieces_per_item > OPTIONS.max_pieces:
         raise FieldError(
             "",
@@ -430,10 +430,7 @@ class StudyResult(NamedTuple):
 
 
 def study(
-    mechanism: Mechanism,
-    grid: Mapping[str, Sequence[float]],
-    conditions: Sequence[Condition],
-    work: Work | None = None,
+    mechanism: Mechanism, grid: Mapping[str, Sequence[float]], conditions: Sequence[Condition], work: Work = UNLIMITED
 ) -> StudyResult:
     """Evaluate conditions for every combination of some parameters.
 

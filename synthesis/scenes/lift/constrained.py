@@ -42,7 +42,7 @@ from synthesis.scenes.lift.optimum import (
     design_from_angle,
 )
 from synthesis.scenes.lift.pose import Design, dead_point, third_side, triangle_angle
-from synthesis.work import Work
+from synthesis.work import UNLIMITED, Work
 
 
 @dataclass(frozen=True)
@@ -231,7 +231,7 @@ def source_limits(task: Task) -> Constraints:
     return Constraints(dict.fromkeys(("l2", "l5", "b"), (None, bound)), (closed, closed), start="collinear")
 
 
-def optimize(task: Task, limits: Constraints, work: Work | None = None) -> Optimum:
+def optimize(task: Task, limits: Constraints, work: Work = UNLIMITED) -> Optimum:
     """Find the best design of a task that satisfies constraints.
 
     The search is deterministic. It ignores the length of the task's cylinder, because the closed length is a
@@ -252,7 +252,7 @@ def optimize(task: Task, limits: Constraints, work: Work | None = None) -> Optim
     """
     check_task(task)
     check_constraints(limits, task.high)
-    search = _Search(task, limits, work or Work())
+    search = _Search(task, limits, work)
     # the last attempt ignores the ranges of l2 and l3, so that the error names them if they cannot be satisfied
     free = replace(limits, lengths=dict.fromkeys(("l2", "l3"), (None, task.upper_bound)))
     for ranges in (limits, free):

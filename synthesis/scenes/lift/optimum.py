@@ -32,7 +32,7 @@ from synthesis.scenes.lift.pose import (
     top_lever,
     triangle_angle,
 )
-from synthesis.work import Work
+from synthesis.work import UNLIMITED, Work
 
 Kind = Literal["discrete", "continuous", "normalized"]
 """Kind of objective; see `Objective`."""
@@ -208,9 +208,9 @@ class Evaluator:
         Called before each block of designs to check whether the result is still wanted.
     """
 
-    def __init__(self, task: Task, work: Work | None = None) -> None:
+    def __init__(self, task: Task, work: Work = UNLIMITED) -> None:
         self.task = task
-        self.work = work or Work()
+        self.work = work
         objective = task.objective
         if objective.kind == "discrete":
             steps = np.arange(0 if objective.include_start else 1, objective.n + 1) / objective.n
