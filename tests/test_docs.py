@@ -16,7 +16,6 @@ from pathlib import Path
 
 import ezdxf
 import pytest
-import yaml
 
 from app.cli import main, make_parser
 from app.openapi import FILE
@@ -308,6 +307,8 @@ def test_what_the_dockerfile_runs_is_a_command_with_these_options() -> None:
 
 
 def test_the_proxy_stands_in_front_with_read_timeouts() -> None:
+    import yaml  # here: every process of the tests reads this file
+
     services = yaml.safe_load((ROOT / "compose.yaml").read_text())["services"]
     assert "ports" not in services["atlas"], "only the proxy is reached from outside"
     proxy = services["proxy"]

@@ -11,8 +11,6 @@ import sys
 import zipfile
 from pathlib import Path
 
-import build_backend
-
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("app", "data_build", "linkage_atlas", "synthesis")
 USER = """
@@ -23,6 +21,8 @@ runpy.run_module("linkage_atlas.app.start", run_name="__main__")
 
 
 def test_a_user_may_have_modules_of_the_same_names(tmp_path: Path) -> None:
+    import build_backend  # here: every process of the tests reads this file
+
     wheel, installed = tmp_path / "some.whl", tmp_path / "installed"
     with zipfile.ZipFile(wheel, "w") as archive:
         for path in (path for name in PACKAGES for path in (ROOT / name).rglob("*")):

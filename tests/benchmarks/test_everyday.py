@@ -23,8 +23,9 @@ SHOWN += ["bucket", "walking foot"]
 
 
 @pytest.fixture(scope="module")
-def service() -> Iterator[Service]:
-    with running(serve_command) as running_service:
+def service(atlas_path: Path) -> Iterator[Service]:
+    """The service with its defaults; the default atlas is there already."""
+    with running(serve_command, atlas=atlas_path) as running_service:
         yield running_service
 
 

@@ -13,13 +13,18 @@ import pytest
 
 import linkage_atlas as la
 
-pandas = pytest.importorskip("pandas")
 CASEMENT = Path(__file__).parents[2] / "app" / "examples" / "casement.csv"
 POSITION = [[0, 0], [40, 8], [75, 30], [90, 60], [95, 90]]
 ROTATION = [0, 10, 25, 40, 50]
 
 
-def test_a_motion_is_read_from_a_path_a_buffer_and_a_pandas_table() -> None:
+@pytest.fixture
+def pandas():
+    """Imported here: every process of the tests reads this file."""
+    return pytest.importorskip("pandas")
+
+
+def test_a_motion_is_read_from_a_path_a_buffer_and_a_pandas_table(pandas) -> None:
     motion = la.Motion.from_table(CASEMENT)
     table = pandas.read_csv(CASEMENT, sep=";", decimal=",").rename(columns={"x": "TX", "y": "TY", "phi": "RZ"})
     buffers = (CASEMENT.open(), CASEMENT.open("rb"), io.StringIO(CASEMENT.read_text()))
@@ -31,7 +36,7 @@ def test_a_motion_is_read_from_a_path_a_buffer_and_a_pandas_table() -> None:
         buffer.close()
 
 
-def test_results_are_sequences_with_a_table() -> None:
+def test_results_are_sequences_with_a_table(pandas) -> None:
     motion = la.Motion(ROTATION, POSITION)
     result = la.synthesize(motion, top=3)
     drives = la.drives(result.linkage, [{"kind": "rotary"}], load={"torque": 10})
