@@ -82,9 +82,10 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_collection_finish() -> None:
-    """Freeze imported and collected objects: the garbage collector need not examine them again."""
+    """Freeze imported and collected objects: the garbage collector need not examine them again, nor run all the time."""
     gc.collect()
     gc.freeze()
+    gc.set_threshold(100_000)
 
 
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> LoadFileScheduling:

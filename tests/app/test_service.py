@@ -164,7 +164,8 @@ def test_an_idle_worker_that_is_killed_is_replaced_before_it_is_needed(idle) -> 
         assert [status for status, _ in pool.map(lambda _: idle.ask(*SHORT), range(2))] == [200, 200]
 
 
-def test_a_worker_that_does_not_end_is_replaced() -> None:
+def test_a_worker_that_does_not_end_is_replaced(monkeypatch) -> None:
+    monkeypatch.setattr("app.compute.GRACE_SECONDS", 1.0)
     with serving(max_budget_ms=10) as running:
         (stuck, second) = sorted(running.processes)
         for process in (stuck, second):

@@ -164,7 +164,18 @@ def test_choosing_only_shows_and_clicks_and_steps_back_ask_once(at) -> None:
 
 def test_what_is_wrong_is_said_at_its_field_and_earlier_answers_are_marked(at) -> None:
     page = at("lift")
-    fields = page.elements("#fields input")
+    page.wait(ANSWERED)
+    mark, length = "of an earlier request", page.element("#fields input")
+    assert mark not in page.text("facts-title")
+    length.send_keys(Keys.HOME, "x")
+    assert mark in page.text("picture-title") and mark in page.text("facts-title")
+    page.click("run")  # refused
+    page.wait("document.getElementById('status').classList.contains('bad')")
+    assert mark in page.text("facts-title")
+    length.send_keys(Keys.HOME, Keys.DELETE)
+    answered(page, lambda: page.click("run"))
+    assert mark not in page.text("facts-title")
+    fields, before = page.elements("#fields input"), length.get_attribute("value")
     fields[0].clear()
     fields[0].send_keys("abc")
     page.click("run")
@@ -179,25 +190,15 @@ def test_what_is_wrong_is_said_at_its_field_and_earlier_answers_are_marked(at) -
     fields[0].send_keys("1e20")
     page.click("run")
     assert "must be ≤ 1000000000000; it is 1e20" in page.text("status")
-    at("lift").wait(ANSWERED)
-    page = at("lift")
+    fields[0].clear()
+    fields[0].send_keys(before)
     refusal = {"errors": [{"pointer": "#/design/l3", "detail": "Field required"}]}
-    page.run(f"window.fetch = async () => new Response({json.dumps(json.dumps(refusal))}, {{status: 422}})")
+    refused = json.dumps(json.dumps(refusal))
+    page.run(f"window.own = fetch; window.fetch = async () => new Response({refused}, {{status: 422}})")
     page.click("run")
-    page.wait("document.getElementById('status').classList.contains('bad')")
+    page.wait("document.getElementById('status').textContent === 'Design l3: Field required.'")
     assert page.active == page.elements("#fields input")[1] and page.count("#fields .invalid") == 1
-    assert page.text("status") == "Design l3: Field required."
-    page = at("lift")
-    mark, length = "of an earlier request", page.element("#fields input")
-    assert mark not in page.text("facts-title")
-    length.send_keys(Keys.HOME, "x")
-    assert mark in page.text("picture-title") and mark in page.text("facts-title")
-    page.click("run")  # refused
-    page.wait("document.getElementById('status').classList.contains('bad')")
-    assert mark in page.text("facts-title")
-    length.send_keys(Keys.HOME, Keys.DELETE)
-    answered(page, lambda: page.click("run"))
-    assert mark not in page.text("facts-title")
+    page.run("window.fetch = window.own")
     page.select("query", "/v2/lift/optimize")
     answered(page, lambda: page.click("run"))
     page.element("#fields input").send_keys("0")
@@ -259,18 +260,17 @@ def test_the_chain_is_drawn_for_any_number_of_links_and_samples(at) -> None:
         assert page.element(f"{chain} .link.thin").get_attribute("d").count("L") == 15
     assert lowest[74.6] > lowest[29.6] + 20  # the free pin hangs deepest in the middle of the window
     assert "All lengths are in the unit of the pitch." in page.text("caption")
-    # a roller adds the groove's walls
-    page.select("example", "roller")
-    page.click("run")
-    page.wait("document.querySelectorAll('#picture .wall').length === 4")
-    assert "52.09" in page.text("facts")
-    page = at("chain")
     page.run("document.querySelector('#fields > details').open = true")
     field = page.find(field_of(page, "samples"))
     field.clear()
     field.send_keys("4000")
     answered(page, lambda: page.click("run"))
     assert page.count("#picture .stage") == 2 and page.count("#curves .chart") == 1
+    # a roller adds the groove's walls
+    page.select("example", "roller")
+    page.click("run")
+    page.wait("document.querySelectorAll('#picture .wall').length === 4")
+    assert "52.09" in page.text("facts")
     asking = {"query": "/v2/chain/slot", "request": CHAIN | {"samples": 4000, "include": ["outline"]}}
     page = at("chain", fragment="#j=" + base64.urlsafe_b64encode(json.dumps(asking).encode()).decode().rstrip("="))
     page.wait(ANSWERED)
@@ -309,19 +309,8 @@ def test_the_lift_is_saved_and_drawn_at_the_requested_times(at) -> None:
     saved = json.loads(page.saved("lift-motion.json", "#exports [data-format=json]"))
     assert len(saved["reply"]["time"]) == saved["request"]["samples"] == 51
     assert len(page.saved("lift-motion.csv", "#exports [data-format=csv]").splitlines()) == 52
-    page = at("lift")
     slide(page, 99)
     assert page.read(".player output").endswith("height 510 mm, 0 mm/s")
-    page = at("chain")
-    page.run("document.querySelector('#fields > details').open = true")
-    page.select(field_of(page, "angle unit"), '"rad"')
-    answered(page, lambda: page.click("run"))
-    assert page.read(".player output") == "θ1 0.5158rad"
-    page = at("lift")
-    Select(page.find("query")).select_by_index(1)
-    answered(page, lambda: page.click("run"))
-    assert "dead point at least, jerk at most" in page.text("facts")
-    page = at("lift")
     curve = page.element("#picture .curve.turn").get_attribute("d")
     samples = next(field for field in page.elements("#fields input") if field.get_attribute("value") == "51")
     samples.clear()
@@ -333,6 +322,14 @@ def test_the_lift_is_saved_and_drawn_at_the_requested_times(at) -> None:
         answered(page, lambda: page.click("run"))
         assert page.element("#picture .curve.turn").get_attribute("d") == curve
         assert "cylinder length\n" + ("682.2" if entry == "2" else "782.2, 582.2, 682.2") in page.text("facts")
+    Select(page.find("query")).select_by_index(1)
+    answered(page, lambda: page.click("run"))
+    assert "dead point at least, jerk at most" in page.text("facts")
+    page = at("chain")
+    page.run("document.querySelector('#fields > details').open = true")
+    page.select(field_of(page, "angle unit"), '"rad"')
+    answered(page, lambda: page.click("run"))
+    assert page.read(".player output") == "θ1 0.5158rad"
 
 
 def test_the_knotter_shows_entries_verdicts_and_ranges(at) -> None:
@@ -368,7 +365,6 @@ def test_the_knotter_shows_entries_verdicts_and_ranges(at) -> None:
     page.wait("document.querySelector('.verdicts-list li.no')")
     assert "through S5S3" in page.read(".verdicts-list")
     assert page.elements("circle.enter.wrong")
-    page = at("knotter")
     page.select("query", "/v2/knotter/scan")
     answered(page, lambda: page.click("run"))
     page.run("for (const fold of document.querySelectorAll('#fields details')) fold.open = true")

@@ -386,7 +386,7 @@ def test_solve_is_near_and_the_status_in_view(page) -> None:
     page.press("#solve", "keyboard")
     page.wait_for_results()
     assert page.focus == "solve"
-    page.load()
+    page.renew("casement")
     page.resize(1280, 800)
     page.run("document.getElementById('limits').open = true; scrollTo(0, 0)")
     box = page.run("const f=document.getElementById('status').getBoundingClientRect();return [f.top, f.bottom]")
