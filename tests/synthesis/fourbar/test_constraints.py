@@ -33,6 +33,7 @@ ALL_CASES = {
     "pivot_a_box": Limits(pivot_a_box=(-0.5, -0.4, 0.6, 0.5)),
     "pivot_b_box": Limits(pivot_b_box=(-0.5, -0.4, 0.6, 0.5)),
     "pivot_reach": Limits(pivot_reach=Reach(0.1 - 0.2j, 0.8, 1.1)),
+    "body_reach": Limits(pivot_reach=Reach(0j, None, None, 0.8)),
     "keep_out": Limits(keep_out=((-0.5, -0.4, 0.6, 0.5), (1.0, 0.0, 2.0, 1.0))),
     "coupler_radius_max": Limits(coupler_radius_max=0.6),
     "envelope": Limits(envelope=(-1.0, -0.9, 1.4, 1.1)),
@@ -97,6 +98,9 @@ def test_they_say_what_a_dense_look_says(seed, name) -> None:
         "pivot_reach": lambda: np.minimum(0.8 - abs(a - limits.pivot_reach[0]), 1.1 - abs(b - limits.pivot_reach[0]))[
             :, 0
         ],
+        "body_reach": lambda: (
+            0.8 - np.max([abs(linkages.coupler), abs(linkages.coupler - links[:, 1] * turned[:, 0])], axis=0)
+        ),
         "keep_out": lambda: -np.max([inside(p, box)[:, 0] for p in (a, b) for box in limits.keep_out], axis=0),
         "coupler_radius_max": lambda: 0.6 - abs(linkages.coupler),
         "envelope": lambda: inside(joints, limits.envelope).min(axis=1),
