@@ -16,14 +16,12 @@ from synthesis.limits import LINKS, PIVOTS, Limits, in_family
 from synthesis.mechanism import Constrained, Placed
 from synthesis.pose import DEGENERATE
 from synthesis.target import Samples
+from synthesis.violations import EQUATION
 
 _TRACED = {True: (257, 3), False: (25, 1)}
 """Number of crank angles at which joints are examined, and of refinements of their extremes: exactly, and in a search."""
 SPARE = 1e-4
 """Fraction of the length scale by which the envelope of a search is smaller."""
-_EXACT = 1e-12
-"""Largest violation of an equation, as a fraction of the largest number involved."""
-
 _SIGNS = {"crank_rocker": 1.0, "double_crank": -1.0}
 """Signs of the first two excesses of a family, see `four_bar.grashof_excesses`."""
 
@@ -183,7 +181,7 @@ def keeps(target: Samples, limits: Limits, placed: Placed, rounding: float = 0.0
         placed = placed.over(middle, scale)
     found = Constraints(limits, middle, scale)(placed)
     size = np.maximum(placed.lengths.max(axis=1, keepdims=True), 1 + abs(middle) / scale)
-    inside = np.where(found.equal, np.abs(found.values) <= _EXACT * size, found.values >= -rounding * size)
+    inside = np.where(found.equal, np.abs(found.values) <= EQUATION * size, found.values >= -rounding * size)
     if placed.pivot is not None:  # a linkage that has shrunk to a point satisfies many limits, but it is no answer
         inside = inside & (placed.lengths[:, :1] * scale > DEGENERATE * target.extent)
     return holds & np.all(inside, axis=1)
