@@ -27,9 +27,7 @@ INFINITE = declare(double, float("inf"))
 TINY = declare(double, 1e-300)  # keeps divisors away from zero
 MARGIN = declare(double, 1e-7)  # margin by which descents satisfy limits, so that rounding violates none
 POSE_STEP_MAX = declare(double, 0.7)  # longest correction of a pose, in radians and length scales
-INDEPENDENT_FRACTION_MIN = declare(
-    double, 1e-9
-)  # smallest independent fraction of two guides that push along one line
+INDEPENDENT_MIN = declare(double, 1e-9)  # smallest independent fraction of two guides that push along one line
 CLOSURE_GAP = declare(double, 1e-7)  # gap below which a pose with prescribed drive closes
 BRANCH_SINE_MIN = declare(double, 1e-3)  # smallest sine of the transmission angle: at a toggle position branches meet
 DRIVE_STEP_MIN = declare(double, 1e-3)  # smallest step of the drive between ordered samples
@@ -124,48 +122,41 @@ class PairRows:
     @cfunc
     def factorise_pose_system(self, i: Py_ssize_t, angle: double, position: doublecomplex):
         """Factorise S = B W^-1 B' at the current pose and solve L x = gaps towards a given pose."""
-        v, p, first_guide, second_guide = self.targets[i, 3], self.targets[i, 4], self.first_guide, self.second_guide
-        s11 = v * first_guide.rotation_slope * first_guide.rotation_slope + p * inner(
-            first_guide.position_slope, first_guide.position_slope
+        v, p, first, second = self.targets[i, 3], self.targets[i, 4], self.first_guide, self.second_guide
+        turn1, turn2, move1, move2 = (
+            first.rotation_slope,
+            second.rotation_slope,
+            first.position_slope,
+            second.position_slope,
         )
-        s12 = v * first_guide.rotation_slope * second_guide.rotation_slope + p * inner(
-            first_guide.position_slope, second_guide.position_slope
-        )
-        s22 = v * second_guide.rotation_slope * second_guide.rotation_slope + p * inner(
-            second_guide.position_slope, second_guide.position_slope
-        )
+        s11 = v * turn1 * turn1 + p * inner(move1, move1)
+        s12 = v * turn1 * turn2 + p * inner(move1, move2)
+        s22 = v * turn2 * turn2 + p * inner(move2, move2)
         # the determinant as a sum of squares (Cauchy-Binet)
-        differ = times(first_guide.rotation_slope, second_guide.position_slope) - times(
-            second_guide.rotation_slope, first_guide.position_slope
-        )
-        area = cross(first_guide.position_slope, second_guide.position_slope)
+        differ, area = times(turn1, move2) - times(turn2, move1), cross(move1, move2)
         minors = v * p * inner(differ, differ) + p * p * area * area
         self.l11 = sqrt(max(s11, TINY))
         self.l21 = s12 / self.l11
-        self.l22 = max(sqrt(minors) / self.l11, INDEPENDENT_FRACTION_MIN * sqrt(s22))
+        self.l22 = max(sqrt(minors) / self.l11, INDEPENDENT_MIN * sqrt(s22))
         back, away = angle - self.rotation, position - self.position
-        self.first_residual = (
-            first_guide.distance + first_guide.rotation_slope * back + inner(first_guide.position_slope, away)
-        ) / self.l11
-        low = second_guide.distance + second_guide.rotation_slope * back + inner(second_guide.position_slope, away)
+        self.first_residual = (first.distance + turn1 * back + inner(move1, away)) / self.l11
+        low = second.distance + turn2 * back + inner(move2, away)
         self.second_residual = (low - self.l21 * self.first_residual) / self.l22
 
     @cfunc
     def project_pose(self, i: Py_ssize_t, sweeps: cython.int):
         """Find the pose on both guides that is nearest to a sample."""
         angle, position = self.targets[i, 0], vector(self.targets[i, 1], self.targets[i, 2])
-        v, p = self.targets[i, 3], self.targets[i, 4]
+        v, p, first, second = self.targets[i, 3], self.targets[i, 4], self.first_guide, self.second_guide
         self.set_pose(angle, position)
         for sweep in range(sweeps):
             self.factorise_pose_system(i, angle, position)
             if sweep == sweeps - 1:
                 break
-            second = self.second_residual / self.l22
-            first = (self.first_residual - self.l21 * second) / self.l11
-            change = -v * (self.first_guide.rotation_slope * first + self.second_guide.rotation_slope * second)
-            shift = times(
-                -p, times(first, self.first_guide.position_slope) + times(second, self.second_guide.position_slope)
-            )
+            force2 = self.second_residual / self.l22
+            force1 = (self.first_residual - self.l21 * force2) / self.l11
+            change = -v * (first.rotation_slope * force1 + second.rotation_slope * force2)
+            shift = times(-p, times(force1, first.position_slope) + times(force2, second.position_slope))
             part = 1.0 / max(1.0, max(fabs(change), sqrt(inner(shift, shift))) / POSE_STEP_MAX)
             self.set_pose(angle + part * change, position + times(part, shift))
             # a missing coordinate restarts from its current value
@@ -177,18 +168,18 @@ class PairRows:
     @cfunc
     def solve_driven_pose(self, i: Py_ssize_t, sweeps: cython.int):
         """Find the pose of a prescribed drive. If the drive cannot reach it, take the nearest pose and record the gap."""
-        target = self.start + self.sign * self.targets[i, 7]
+        target, first, second = self.start + self.sign * self.targets[i, 7], self.first_guide, self.second_guide
         self.set_pose(self.targets[i, 0], vector(self.targets[i, 1], self.targets[i, 2]))
         for sweep in range(sweeps):
             self.invert_pose_system(target)
             if sweep == sweeps - 1:
                 break
-            turn = self.pose_change(0, self.first_guide.distance, self.second_guide.distance, self.drive_gap)
-            x = self.pose_change(1, self.first_guide.distance, self.second_guide.distance, self.drive_gap)
-            y = self.pose_change(2, self.first_guide.distance, self.second_guide.distance, self.drive_gap)
+            turn = self.pose_change(0, first.distance, second.distance, self.drive_gap)
+            x = self.pose_change(1, first.distance, second.distance, self.drive_gap)
+            y = self.pose_change(2, first.distance, second.distance, self.drive_gap)
             part = 1.0 / max(1.0, max(fabs(turn), sqrt(x * x + y * y)) / POSE_STEP_MAX)
             self.set_pose(self.rotation - part * turn, self.position - vector(part * x, part * y))
-        off = max(fabs(self.first_guide.distance), max(fabs(self.second_guide.distance), fabs(self.drive_gap)))
+        off = max(fabs(first.distance), max(fabs(second.distance), fabs(self.drive_gap)))
         self.is_open = not off <= CLOSURE_GAP
         if self.is_open:
             self.closed = False
@@ -202,16 +193,9 @@ class PairRows:
         self.drive_gap = self.drive - target
         if not self.is_slider:
             self.drive_gap -= TURN * rint(self.drive_gap / TURN)
-        a0, a1, a2 = (
-            self.first_guide.rotation_slope,
-            self.first_guide.position_slope.real,
-            self.first_guide.position_slope.imag,
-        )
-        b0, b1, b2 = (
-            self.second_guide.rotation_slope,
-            self.second_guide.position_slope.real,
-            self.second_guide.position_slope.imag,
-        )
+        first, second = self.first_guide, self.second_guide
+        a0, a1, a2 = first.rotation_slope, first.position_slope.real, first.position_slope.imag
+        b0, b1, b2 = second.rotation_slope, second.position_slope.real, second.position_slope.imag
         c0, c1, c2 = self.drive_row[BY_ROTATION], self.drive_row[BY_X], self.drive_row[BY_Y]
         to = self.pose_inverse
         to[0, 0], to[1, 0], to[2, 0] = b1 * c2 - b2 * c1, b2 * c0 - b0 * c2, b0 * c1 - b1 * c0
@@ -248,18 +232,11 @@ class PairRows:
     @cfunc
     def update_transmission(self):
         """Compute sine and cosine of the transmission angle between the follower's push and the direction of its point."""
-        push = (
-            self.first_guide.rotation * self.second_guide.normal
-            if self.second_guide.is_slot
-            else self.second_guide.normal
-        )
-        self.gap = self.second_guide.ground_point() - self.first_guide.ground_point()
+        first, second = self.first_guide, self.second_guide
+        push = first.rotation * second.normal if second.is_slot else second.normal
+        self.gap = second.ground_point() - first.ground_point()
         size = sqrt(inner(self.gap, self.gap))
-        to = (
-            self.first_guide.rotation * self.first_guide.normal
-            if self.is_hinge
-            else times(1.0 / size if size > 0.0 else 1.0, self.gap)
-        )
+        to = first.rotation * first.normal if self.is_hinge else times(1.0 / size if size > 0.0 else 1.0, self.gap)
         self.sine, self.cosine = cross(to, push), inner(to, push)
 
     @cfunc
@@ -315,20 +292,20 @@ class PairRows:
         if not self.with_rows:
             self.cost += self.first_residual * self.first_residual + self.second_residual * self.second_residual
             return
-        self.first_guide.distance_slopes(row)
-        self.second_guide.distance_slopes(second)
+        first_guide, second_guide = self.first_guide, self.second_guide
+        first_guide.distance_slopes(row)
+        second_guide.distance_slopes(second)
         upper, lower = 1.0 / self.l11, 1.0 / self.l22
         for c in range(self.size):
             row[c] *= upper
             second[c] = (second[c] - self.l21 * row[c]) * lower
-            low = second[c] * lower
-            first = (row[c] - self.l21 * low) * upper
+            force2 = second[c] * lower
+            force1 = (row[c] - self.l21 * force2) * upper
             self.rotation_slopes[c] = -v * (
-                self.first_guide.rotation_slope * first + self.second_guide.rotation_slope * low
+                first_guide.rotation_slope * force1 + second_guide.rotation_slope * force2
             )
-            self.position_slopes[c] = times(
-                -p, times(first, self.first_guide.position_slope) + times(low, self.second_guide.position_slope)
-            )
+            moved = times(force1, first_guide.position_slope) + times(force2, second_guide.position_slope)
+            self.position_slopes[c] = times(-p, moved)
         self.put_row(row, 1.0, self.first_residual)
         self.put_row(second, 1.0, self.second_residual)
 
@@ -349,9 +326,11 @@ class PairRows:
                 for c in range(self.size):
                     third = self.drive_row[c]
                     self.rotation_slopes[c] = -self.pose_change(0, row[c], second[c], third)
-                    self.position_slopes[c] = vector(
-                        -self.pose_change(1, row[c], second[c], third), -self.pose_change(2, row[c], second[c], third)
+                    x, y = (
+                        self.pose_change(1, row[c], second[c], third),
+                        self.pose_change(2, row[c], second[c], third),
                     )
+                    self.position_slopes[c] = vector(-x, -y)
             for c in range(self.size):
                 row[c] = self.rotation_slopes[c]
             self.put_row(row, -turn, turn * off)
@@ -392,9 +371,8 @@ class PairRows:
         """Add the contribution of the pose to the derivatives in a row."""
         turn, x, y = row[BY_ROTATION], row[BY_X], row[BY_Y]
         for c in range(self.size):
-            row[c] += (
-                turn * self.rotation_slopes[c] + x * self.position_slopes[c].real + y * self.position_slopes[c].imag
-            )
+            moved = self.position_slopes[c]
+            row[c] += turn * self.rotation_slopes[c] + x * moved.real + y * moved.imag
 
     @cfunc
     def project_slopes(self, to: doublecomplex, v: cython.int) -> double[::1]:
@@ -445,9 +423,8 @@ class PairRows:
         size = sqrt(inner(off, off))
         if self.register_limit(distance - size, among, False):
             self.put_slopes_of(what)
-            self.put_limit_row(
-                self.project_slopes(times(1.0 / max(size, 1e-12), off), 0), -1.0, distance - size, False
-            )
+            row = self.project_slopes(times(1.0 / max(size, 1e-12), off), 0)
+            self.put_limit_row(row, -1.0, distance - size, False)
 
     @cfunc
     def sample_limits(self):
@@ -581,12 +558,8 @@ class PairRows:
             out[2] = -inner(first_guide.inward_normal, away)
             return cross(first_guide.inward_normal, away)
         along = vector(-first_guide.inward_normal.imag, first_guide.inward_normal.real)
-        gap = (
-            second_guide.origin
-            + times(second_guide.offset, second_guide.inward_normal)
-            - first_guide.origin
-            - times(first_guide.offset, first_guide.inward_normal)
-        )
+        gap = second_guide.origin + times(second_guide.offset, second_guide.inward_normal)
+        gap = gap - first_guide.origin - times(first_guide.offset, first_guide.inward_normal)
         below = inner(second_guide.inward_normal, along)
         if not fabs(below) > 1e-12:
             below = 1e-12
@@ -649,10 +622,9 @@ class PairRows:
             second_guide.put_point_slopes(self.vectors[0], vector(1.0, 0.0))
             first_guide.put_point_slopes(self.vectors[0], vector(-1.0, 0.0))
             self.measure_distance(2, second_guide.point - first_guide.point)
-        pinned: bint = (first_guide.is_slot or not first_guide.is_straight) and (
-            second_guide.is_slot or not second_guide.is_straight
-        )
-        self.has_length[3] = pinned and not (first_guide.is_slot and second_guide.is_slot)
+        on_rail: bint = first_guide.is_straight and not first_guide.is_slot
+        on_second_rail: bint = second_guide.is_straight and not second_guide.is_slot
+        self.has_length[3] = not (on_rail or on_second_rail or (first_guide.is_slot and second_guide.is_slot))
         if self.has_length[3]:
             second_guide.pivot_slopes(self.vectors[0])
             first_guide.pivot_slopes(self.vectors[1])
@@ -752,11 +724,8 @@ class PairRows:
             if bounded:
                 self.sample_limits()
             self.track_drive(i)
-            self.poses[i, 0], self.poses[i, 1], self.poses[i, 2] = (
-                self.rotation,
-                self.position.real,
-                self.position.imag,
-            )
+            self.poses[i, 0] = self.rotation
+            self.poses[i, 1], self.poses[i, 2] = self.position.real, self.position.imag
         self.motion_limits()
         self.cylinder_limits()
         if bounded:
@@ -785,11 +754,8 @@ class PairRows:
         drive : ndarray, shape (n, N)
         """
         count = unknowns.shape[0]
-        table, poses, drive = (
-            np.zeros((count, 8)),
-            np.zeros((count, self.samples, 3)),
-            np.zeros((count, self.samples)),
-        )
+        table = np.zeros((count, 8))
+        poses, drive = np.zeros((count, self.samples, 3)), np.zeros((count, self.samples))
         to: double[:, ::1] = table
         pose_values: double[:, :, ::1] = poses
         drives: double[:, ::1] = drive
