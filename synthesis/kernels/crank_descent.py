@@ -21,41 +21,23 @@ PI = declare(double, 3.141592653589793)
 TURN = declare(double, 6.283185307179586)
 INFINITE = declare(double, float("inf"))
 TINY = declare(double, 1e-300)  # keeps divisors away from zero
-BOUND = declare(
-    double, 1e-9
-)  # smallest magnitude of an unknown of a Grashof chart: at change points theta2 has no derivative
+BOUND = declare(double, 1e-9)  # smallest unknown of a Grashof chart: at change points theta2 has no derivative
 AT_BOUND = declare(double, 1.01e-9)  # an unknown below this magnitude lies on its bound
 MARGIN = declare(double, 1e-7)  # margin by which descents satisfy limits, so that rounding violates none
 NEWTON_MARGIN = declare(double, 1.1e-7)  # margin at which Newton steps aim, so that they reach MARGIN
 SATISFIED = declare(double, 1e-15)  # violation of an equation below which no Newton step is needed
-NEWTON_DAMPING = declare(
-    double, 1e-12
-)  # relative damping of Newton steps, which selects the shortest step for dependent rows
+NEWTON_DAMPING = declare(double, 1e-12)  # relative damping that selects the shortest Newton step for dependent rows
 ANGLE_DAMPING = declare(double, 1e-2)  # damping of the crank angles relative to the damping of the shape
 LINEAR_DAMPING = declare(double, 1e-2)  # damping of pose and offset relative to the damping of the shape
-ANGLE_SQUARE_MIN = declare(
-    double, 1e-6
-)  # smallest squared derivative by a crank angle in the damping, relative to the mean
-FLAT = declare(
-    double, 1e-20
-)  # smallest damping of a crank angle relative to that mean, and of a column relative to its square
-NEAREST_SQUARE_MIN = declare(
-    double, 1e-12
-)  # smallest squared derivative, relative to the mean, when angles move to the nearest point
-NORMAL_EQUATIONS_DAMPING = declare(
-    double, 1e-9
-)  # damping above which normal equations suffice: the condition stays below 1e11
-ORTHOGONAL_FRACTION_MIN = declare(
-    double, 1e-6
-)  # smallest fraction of a column's square that remains after the linear columns
+ANGLE_SQUARE_MIN = declare(double, 1e-6)  # smallest squared derivative by a crank angle in its damping, over the mean
+FLAT = declare(double, 1e-20)  # smallest damping of a crank angle over that mean, and of a column over its square
+NEAREST_SQUARE_MIN = declare(double, 1e-12)  # the same minimum when angles move to the nearest point
+NORMAL_DAMPING_MIN = declare(double, 1e-9)  # damping above which normal equations suffice: condition below 1e11
+ORTHOGONAL_MIN = declare(double, 1e-6)  # smallest fraction of a column's square that the linear columns leave
 PIVOT_MIN = declare(double, 1e-14)  # smallest pivot of Cholesky's method for scaled columns
-COSINE_MAX = declare(
-    double, 0.999999999999
-)  # largest cosine between steps, so that an infinite cost is never accepted
+COSINE_MAX = declare(double, 1 - 1e-12)  # largest cosine between steps, so that an infinite cost is never accepted
 STEP_MAX = declare(double, 1.0)  # largest change of a shape unknown; most unknowns are logarithms
-GRASHOF_STEP_MAX = declare(
-    double, 0.35
-)  # largest change of an unknown of a Grashof chart, whose unknowns add up to one
+GRASHOF_STEP_MAX = declare(double, 0.35)  # the same for a Grashof chart, whose unknowns add up to one
 START_STEP_MAX = declare(double, 0.75)  # largest change of the start angle with prescribed timing
 ANGLE_STEP_MAX = declare(double, 0.6)  # largest change of a crank angle without a prescribed order
 GAP_FRACTION_MIN = declare(double, 0.2)  # fraction of a gap between samples that a step leaves at least
@@ -193,7 +175,6 @@ class Descent:
     iteration_factor: double
     best_cost: double
     lowest_cost: double
-    step_count: Py_ssize_t
     # candidates
     shapes: double[:, ::1]
     poses: doublecomplex[:, ::1]
@@ -251,14 +232,8 @@ class Descent:
         self.limit_sample = np.zeros((sets, rows), dtype=np.intp)
         self.e1, self.e2, self.lever = np.zeros((3, samples), dtype=complex)
         self.coupler_slopes, self.basis = np.zeros((5, samples)), np.zeros((3, samples), dtype=complex)
-        (
-            self.rotation_gap,
-            self.gap,
-            self.angle_squares,
-            self.elimination_factor,
-            self.angle_step,
-            self.angle_change,
-        ) = np.zeros((6, samples))
+        self.rotation_gap, self.gap, self.angle_squares, self.elimination_factor = np.zeros((4, samples))
+        self.angle_step, self.angle_change = np.zeros((2, samples))
         self.requested_angle, self.pooled_level, self.pooled_weight = np.zeros((3, samples))
         self.block_head = np.zeros(samples, dtype=np.intp)
         self.limit_slopes, self.column_squares, self.ridge, self.step = np.zeros((4, columns))
@@ -492,13 +467,8 @@ class Descent:
     @cfunc
     def update_shape(self, s: cython.int):
         """Evaluate the shape of a set."""
-        self.shape.evaluate(
-            self.shape_values[s, 0],
-            self.shape_values[s, 1],
-            self.shape_values[s, 2],
-            self.shape_values[s, 3],
-            self.branch[s],
-        )
+        values = self.shape_values
+        self.shape.evaluate(values[s, 0], values[s, 1], values[s, 2], values[s, 3], self.branch[s])
 
     @cfunc
     def close_at_samples(self, s: cython.int, full: bint) -> bint:
@@ -731,12 +701,10 @@ class Descent:
         own.x0 = scale * scale * loop.x0
         own.y0 = scale * scale * loop.y0
         self.find_end_samples(s)
+        first, last = self.crank_angle[s, self.first_sample], self.crank_angle[s, self.last_sample]
+        direction = times(1.0 / size if size > 0.0 else 0.0, z1)
         self.limits.evaluate(
-            self.crank_angle[s, self.first_sample],
-            self.crank_angle[s, self.first_sample] + TURN if self.closed else self.crank_angle[s, self.last_sample],
-            self.pose[s, 0],
-            times(1.0 / size if size > 0.0 else 0.0, z1),
-            self.pose[s, 2],
+            first, first + TURN if self.closed else last, self.pose[s, 0], direction, self.pose[s, 2]
         )
         return scale
 
@@ -831,10 +799,8 @@ class Descent:
         if self.shape.chart == GRASHOF:
             held: bint = False
             for k in range(4):
-                if (
-                    fabs(self.shape_values[s, k]) <= AT_BOUND
-                    and copysign(1.0, self.shape_values[s, k]) * self.step[self.linear_unknowns + k] < 0.0
-                ):
+                value, change = self.shape_values[s, k], self.step[self.linear_unknowns + k]
+                if fabs(value) <= AT_BOUND and copysign(1.0, value) * change < 0.0:
                     self.previous_step[k] = 1.0
                     held = True
             if held:
@@ -946,9 +912,9 @@ class Descent:
             end = self.block_head[top]
 
     @cfunc
-    def project_on_angles(self, s: cython.int, c: cython.int):
-        """Fill the inner products of a column with the derivatives by the crank angles."""
-        n = self.samples
+    def eliminate_column(self, s: cython.int, c: cython.int):
+        """Fill a column of ``reduced_rows`` and its inner products with the derivatives by the crank angles."""
+        n, flat = self.samples, self.sample_rows
         for i in range(n):
             self.angle_projection[c, i] = self.rows[s, c, i] * self.angle_slopes[s, i]
         for r in range(1, self.components):
@@ -956,15 +922,8 @@ class Descent:
             for i in range(n):
                 self.angle_projection[c, i] += self.rows[s, c, base + i] * self.angle_slopes[s, base + i]
         for k in range(self.active_rows[s]):
-            self.angle_projection[c, self.limit_sample[s, k]] += (
-                self.limit_angle_slopes[s, k] * self.rows[s, c, self.sample_rows + k]
-            )
-
-    @cfunc
-    def eliminate_column(self, s: cython.int, c: cython.int):
-        """Fill a column of ``reduced_rows`` and its inner products with the derivatives by the crank angles."""
-        n, flat = self.samples, self.sample_rows
-        self.project_on_angles(s, c)
+            i = self.limit_sample[s, k]
+            self.angle_projection[c, i] += self.limit_angle_slopes[s, k] * self.rows[s, c, flat + k]
         for r in range(self.components):
             base = r * n
             for i in range(n):
@@ -997,14 +956,11 @@ class Descent:
         for c in range(self.columns):
             self.ridge[c] = damping
             if self.column_squares[c] > 0.0:
+                own = LINEAR_DAMPING if c < self.linear_unknowns else 1.0
                 # linear unknowns in their best pose need no damping, unless limits restrict the pose
-                none: bint = self.has_timing and not self.has_pose
-                self.ridge[c] = (
-                    0.0
-                    if none
-                    else damping * (LINEAR_DAMPING if c < self.linear_unknowns else 1.0) * self.column_squares[c]
-                )
-        if not (damping > NORMAL_EQUATIONS_DAMPING and self.factorise_normal_matrix(damping)):
+                free: bint = self.has_timing and not self.has_pose
+                self.ridge[c] = 0.0 if free else damping * own * self.column_squares[c]
+        if not (damping > NORMAL_DAMPING_MIN and self.factorise_normal_matrix(damping)):
             self.factorise_orthogonally(damping)
 
     @cfunc
@@ -1047,7 +1003,7 @@ class Descent:
                     self.upper_triangle[c, k] = value / self.upper_triangle[c, c]
                     continue
                 if self.has_timing and c >= self.linear_unknowns and self.column_squares[c] > 0.0:
-                    if not value > ORTHOGONAL_FRACTION_MIN:
+                    if not value > ORTHOGONAL_MIN:
                         return False
                     self.ridge[c] = damping * value * self.column_squares[c]
                 value += self.ridge[c] / (self.scratch[c] * self.scratch[c])
@@ -1076,22 +1032,8 @@ class Descent:
                 x[c] = 0.0
 
     @cfunc
-    def back_substitute_angles(self, step: double[::1], turns: double[::1]):
-        """Compute the crank angles' part of a step; ``turns`` contains the residual's inner products on entry."""
-        n = self.samples
-        if self.has_timing:
-            for i in range(n):
-                turns[i] = step[self.columns - 1]
-            return
-        for c in range(self.columns):
-            for i in range(n):
-                turns[i] += step[c] * self.angle_projection[c, i]
-        for i in range(n):
-            turns[i] = -turns[i] / self.angle_squares[i]
-
-    @cfunc
     def compute_step(self, s: cython.int, damping: double) -> double:
-        """Compute the step from a set. Return the predicted decrease of the cost."""
+        """Compute the step from a set, and its crank angles. Return the predicted decrease of the cost."""
         total = 0.0
         self.eliminate_angles(s, damping)
         self.factorise(damping)
@@ -1102,8 +1044,13 @@ class Descent:
         for c in range(self.columns):
             total += self.ridge[c] * self.step[c] * self.step[c]
         for i in range(self.samples):
-            self.angle_step[i] = self.angle_projection[self.columns, i]
-        self.back_substitute_angles(self.step, self.angle_step)
+            if self.has_timing:
+                self.angle_step[i] = self.step[self.columns - 1]
+                continue
+            along = self.angle_projection[self.columns, i]
+            for c in range(self.columns):
+                along += self.step[c] * self.angle_projection[c, i]
+            self.angle_step[i] = -along / self.angle_squares[i]
         return total
 
     @cfunc
@@ -1120,9 +1067,8 @@ class Descent:
             self.apply_grashof_step(s, t)
         else:
             for k in range(self.shape_unknowns):
-                self.shape_values[t, k] = self.shape_values[s, k] + clip(
-                    self.step[self.linear_unknowns + k], STEP_MAX
-                )
+                change = clip(self.step[self.linear_unknowns + k], STEP_MAX)
+                self.shape_values[t, k] = self.shape_values[s, k] + change
         if self.has_timing:
             start = self.crank_angle[s, 0] + clip(self.step[self.columns - 1], START_STEP_MAX)
             for i in range(self.samples):
@@ -1139,10 +1085,8 @@ class Descent:
         sign = copysign(1.0, self.shape_values[s, 0])
         total: double = 0.0
         for k in range(4):
-            own = sign if k == 0 else 1.0
-            self.shape_values[t, k] = max(
-                own * (self.shape_values[s, k] + clip(self.step[self.linear_unknowns + k], GRASHOF_STEP_MAX)), TINY
-            )
+            own, change = sign if k == 0 else 1.0, clip(self.step[self.linear_unknowns + k], GRASHOF_STEP_MAX)
+            self.shape_values[t, k] = max(own * (self.shape_values[s, k] + change), TINY)
             total += self.shape_values[t, k]
         for k in range(4):
             self.shape_values[t, k] = max(self.shape_values[t, k] / total, BOUND)
@@ -1162,9 +1106,8 @@ class Descent:
         mean: double = 0.0
         direction = 1.0 if self.crank_angle[s, n - 1] >= self.crank_angle[s, 0] else -1.0
         for i in range(n):
-            self.requested_angle[i] = direction * (
-                self.angle_step[i] + (1.0 - GAP_FRACTION_MIN) * (self.crank_angle[s, i] - self.crank_angle[s, 0])
-            )
+            along = (1.0 - GAP_FRACTION_MIN) * (self.crank_angle[s, i] - self.crank_angle[s, 0])
+            self.requested_angle[i] = direction * (self.angle_step[i] + along)
         self.pool_adjacent_violators()
         for i in range(n - 1):
             gap = direction * (self.crank_angle[s, i + 1] - self.crank_angle[s, i])
@@ -1181,11 +1124,8 @@ class Descent:
             cut += direction * (max(self.gap[i] * factor, min(gap, GAP_MIN)) - gap)
             self.angle_change[i + 1] = cut
             # requested change minus the applied change
-            mean += (
-                direction * self.requested_angle[i + 1]
-                - (1.0 - GAP_FRACTION_MIN) * (self.crank_angle[s, i + 1] - self.crank_angle[s, 0])
-                - cut
-            )
+            along = (1.0 - GAP_FRACTION_MIN) * (self.crank_angle[s, i + 1] - self.crank_angle[s, 0])
+            mean += direction * self.requested_angle[i + 1] - along - cut
         mean = clip(mean / n, PI)
         for i in range(n):
             self.crank_angle[t, i] = self.crank_angle[s, i] + (self.angle_change[i] + mean)
@@ -1207,7 +1147,7 @@ class Descent:
         costs = np.empty(len(branches))
         self.shapes, self.poses, self.offsets, self.angles = shapes, poses.view(complex), offsets, angles
         self.branches, self.costs, self.penalty = branches, costs, penalty
-        self.candidate, self.started, self.lowest_cost, self.step_count = 0, False, INFINITE, 0
+        self.candidate, self.started, self.lowest_cost = 0, False, INFINITE
         return costs
 
     def configure(self, iterations, damping, stall, exact, iteration_factor, penalty):
@@ -1235,18 +1175,12 @@ class Descent:
                 ended = True
                 if self.iteration_factor == 0.0:
                     return True
-                self.iterations = cython.cast(
-                    cython.int, min(1.0 * self.iterations, self.iteration_factor * self.iteration)
-                )
+                remaining = min(1.0 * self.iterations, self.iteration_factor * self.iteration)
+                self.iterations = cython.cast(cython.int, remaining)
             if ended:
                 self.candidate += 1
                 self.started = False
         return True
-
-    @property
-    def steps(self):
-        """Number of accepted and rejected steps of all candidates."""
-        return self.step_count
 
     @cfunc
     def start_candidate(self) -> bint:
@@ -1255,12 +1189,8 @@ class Descent:
         if not self.evaluate_start(0):
             return False
         self.store(0, self.candidate)
-        self.started = True
-        self.current = 0
-        self.iteration = 0
-        self.damping = self.first_damping
-        self.growth = 2.0
-        self.best_cost = self.cost[0]
+        self.started, self.current, self.iteration = True, 0, 0
+        self.damping, self.growth, self.best_cost = self.first_damping, 2.0, self.cost[0]
         for k in range(5):
             self.previous_step[k] = 0.0
         return True
@@ -1273,14 +1203,11 @@ class Descent:
     @cfunc
     def advance(self) -> bint:
         """Take one step of the candidate. Return whether it has terminated."""
-        s, t, free = self.current, 1 - self.current, BEST_OFFSET
+        s, t = self.current, 1 - self.current
         before, predicted = self.cost[s], self.compute_step(s, self.damping)
         self.apply_step(s, t)
-        if not self.has_pose:
-            free = BEST
-        elif self.active_rows[s] == 0:
-            free = BEST_WITHIN
-        closes = self.evaluate(t, True, free, False)
+        pose = BEST if not self.has_pose else BEST_WITHIN if self.active_rows[s] == 0 else BEST_OFFSET
+        closes = self.evaluate(t, True, pose, False)
         decrease = before - self.cost[t]
         better: bint = closes and decrease > 0.0
         taken: bint = better or (closes and self.accepts_uphill(self.cost[t]))
@@ -1291,7 +1218,6 @@ class Descent:
         elif not taken:
             self.damping *= self.growth
         self.growth = 2.0 if taken else 2.0 * self.growth
-        self.step_count += 1
         if taken:
             self.current = t
             for k in range(self.nonlinear_unknowns):

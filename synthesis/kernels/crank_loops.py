@@ -12,9 +12,7 @@ from cython.cimports.synthesis.kernels.plane import clip, cross, inner, times, v
 
 PI = declare(double, 3.141592653589793)
 TINY = declare(double, 1e-300)  # keeps divisors away from zero
-TOGGLE_ROOT_MIN = declare(
-    double, 1e-8
-)  # smallest sqrt(X Y) in derivatives: a toggle position then gives a large finite derivative
+TOGGLE_ROOT_MIN = declare(double, 1e-8)  # smallest sqrt(X Y) in derivatives, which stay finite at toggle positions
 LOG_RATIO_MAX = declare(double, 16.0)  # largest logarithm of a ratio of lengths
 
 
