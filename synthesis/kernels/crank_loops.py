@@ -122,9 +122,8 @@ class Shape:
         if self.chart == GRASHOF:
             self.grashof(q0, max(q1, 0.0), max(q2, 0.0), max(q3, 0.0))
         else:
-            self.loop.set_lengths(
-                exp(clip(q0, LOG_RATIO_MAX)), exp(clip(q1, LOG_RATIO_MAX)), exp(clip(q2, LOG_RATIO_MAX)), 1.0
-            )
+            q0, q1, q2 = clip(q0, LOG_RATIO_MAX), clip(q1, LOG_RATIO_MAX), clip(q2, LOG_RATIO_MAX)
+            self.loop.set_lengths(exp(q0), exp(q1), exp(q2), 1.0)
             for k in range(3):
                 self.partials[k, k] = self.loop.length[k]
 

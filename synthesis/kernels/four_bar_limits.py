@@ -115,13 +115,8 @@ class Limits:
         for n in range(count):
             self.loop.branch = branch[n]
             self.loop.set_lengths(lengths[n, 0], lengths[n, 1], lengths[n, 2], lengths[n, 3])
-            self.evaluate(
-                first[n],
-                last[n],
-                vector(pivot[n, 0], pivot[n, 1]),
-                vector(cos(turned[n]), sin(turned[n])),
-                vector(body[n, 0], body[n, 1]),
-            )
+            at, arm = vector(pivot[n, 0], pivot[n, 1]), vector(body[n, 0], body[n, 1])
+            self.evaluate(first[n], last[n], at, vector(cos(turned[n]), sin(turned[n])), arm)
             for row in range(self.rows):
                 value[n, row] = self.values[row]
                 if derivatives:
@@ -193,9 +188,7 @@ class Limits:
         """Fill the rows at the shortest and the longest diagonal over a whole turn."""
         if not always:
             self.update_excesses()
-            always = self.excess[2] > 0.0 and (
-                (self.excess[0] > 0.0 and self.excess[1] > 0.0) or (self.excess[0] < 0.0 and self.excess[1] < 0.0)
-            )
+            always = self.excess[2] > 0.0 and self.excess[0] * self.excess[1] > 0.0
         for k in range(2):
             if always:
                 self.transmission_row(row + k, cosine_max, PI * k, 1.0 - 2.0 * k)
