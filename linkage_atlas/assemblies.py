@@ -229,13 +229,11 @@ class AskedAssembly(NamedTuple):
         )
 
 
-def read_assembly(request: Fields | bool, where: str = "assembly/") -> AskedAssembly | None:
-    """Check a request for an assembly: a mapping with some of `ASSEMBLY`, or True for the defaults; return None for False.
+def read_assembly(request: Fields | Literal[True], where: str = "assembly/") -> AskedAssembly:
+    """Check a request for an assembly: a mapping with some of `ASSEMBLY`, or True for the defaults.
 
     ``where``: path of the fields in error messages.
     """
-    if request is None or request is False:
-        return None
     read = read_fields(where, {} if request is True else request, ASSEMBLY)
     settings = PartSettings(**{name: read.pop(name) for name in PART_SETTINGS if name in read})
     boards, heads, layers_max = read.pop("boards", BELOW), read.pop("pin_heads", False), read.pop("layers_max", None)

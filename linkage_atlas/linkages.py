@@ -557,7 +557,6 @@ class Linkage:
 
     def _arranged(self, target: Target, request: Fields, work: Work, where: str, length_unit: str = "mm") -> Assembly:
         read = read_assembly(request, where)
-        assert read is not None
         read = read._replace(settings=read.settings.in_unit(length_unit))
         return assembled(self._linkage, read, target.interval, self._radian, work, where)
 

@@ -164,7 +164,6 @@ def arranged(
     Returns the studies with the assemblies that were made, and the report with a note if the time was up.
     """
     assembly = task.studies.assembly or read_assembly(True)
-    assert assembly is not None
     within, motion = assembly.within(task.limits.envelope, task.limits.keep_out), task.motion
     accurate = ranking.accurate(ranking.ordered(found))
     ranks: dict[int, LayerRank] = {id(solution): UNRANKED for solution in accurate}

@@ -157,11 +157,8 @@ class SolidParts(Record):
 
 def masses_of_parts(linkage: Linkage, used: Interval, length_unit: str) -> list[Weight]:
     """Return the masses of the moving links with parts of default sizes, even if parts collide."""
-    request = read_assembly({"length_unit": length_unit})
-    assert request is not None
-    assembly = assembled(linkage, request, used, 1.0, Work())
-    parts = solids_in(assembly, read_solids({"allow_collisions": True}), length_unit)
-    return parts.masses
+    assembly = assembled(linkage, read_assembly({"length_unit": length_unit}), used, 1.0, Work())
+    return solids_in(assembly, read_solids({"allow_collisions": True}), length_unit).masses
 
 
 def split(request: Fields) -> tuple[dict[str, object], dict[str, object]]:

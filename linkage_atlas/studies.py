@@ -68,7 +68,7 @@ def read_studies(request: Fields, motion: Motion) -> Studies:
         None if analysis is None else read_analysis(analysis, positions),
         None if values["tolerance_study"] is None else read_manufacture(values["tolerance_study"]),
         _drives(values),
-        None if values["assembly"] is None else read_assembly(values["assembly"]),
+        None if values["assembly"] in (None, False) else read_assembly(values["assembly"]),
     )
     if studies.assembly is not None and studies.assembly.body and not positions:
         raise FieldError("/assembly/body", "needs `position`, which fixes the position of the body")
