@@ -91,7 +91,7 @@ class CandidateSearch:
         task = self.task
         if not task.kinds.only_four_bars:
             return task.top
-        if task.refine_only and task.starts:
+        if task.refine_only:
             return min(task.top, len(task.starts))
         size = _VARIETY * task.top if task.diverse else task.top
         size = max(size, _MIN_ROUNDED) if task.rounds else size
@@ -149,7 +149,7 @@ def _best_four_bars(task: Task, search: CandidateSearch, ranking: Ranking) -> Ca
     if task.motion.tolerances is not None and not task.by_error:
         goal = accuracy_goal(task.motion, task.tolerance, 0.0)
     first_work = task.search_work(_FOR_LAYERS if task.prefer == "layers" else 0.0)
-    continued: list[Solution | None] = [_continued(task, start, goal) for start in task.starts or ()]
+    continued: list[Solution | None] = [_continued(task, start, goal) for start in task.starts]
     pool = size + _POOL if task.fair else size
     pool = max(pool, _BALANCED_POOL) if task.prefer == "balanced" else pool
 
@@ -210,7 +210,7 @@ def _refine_all(
     results: list[Solution | None] = []
     reports: list[SearchReport] = []
     fair = task.fair if limits is task.limits else None
-    for start in task.starts or ():
+    for start in task.starts:
         refine = partial(refine_start, start, motion, tolerance=goal, work=work)
         if fair and start.linkage.is_four_bar and proportion(start.linkage, motion.samples) <= fair:
             found, report = _search_nested(refine, replace(task, narrower=task.narrower[-1:]), ranking_of(task))
@@ -252,7 +252,7 @@ def _best_of_kinds(task: Task, search: CandidateSearch, ranking: Ranking) -> Can
     """Find the best linkages of several kinds, or of other kinds than four-bars."""
     work, layered = task.search_work(), task.prefer == "layers"
     first_work = task.search_work(_FOR_LAYERS if layered else 0.0)
-    continued: list[Solution | None] = [_continued(task, start, task.tolerance) for start in task.starts or ()]
+    continued: list[Solution | None] = [_continued(task, start, task.tolerance) for start in task.starts]
     found, report = search(task.motion, task.limits, task.tolerance, first_work)
     found = [*found, *(solution for solution in continued if solution is not None)]
     if layered:

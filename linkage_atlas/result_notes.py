@@ -102,7 +102,7 @@ def report_of(task: Task, candidates: Candidates, ranked: RankedSolutions, notes
     samples = task.motion.samples
     length_scale = None if samples.position is None else samples.length_scale
     report = Report.of(candidates.report, candidates.seconds, task.work.elapsed, notes, length_scale)
-    if task.starts is None:
+    if not task.starts:
         return report
     ranks = {id(solution.origin.found): solution.rank for solution in ranked.solutions}
     return replace(report, start_from_ranks=[ranks.get(id(linkage)) for linkage in candidates.continued])

@@ -22,7 +22,7 @@ from linkage_atlas.mechanism_types import Kinds, check_no_slider_limits, read_ki
 from linkage_atlas.motions import Motion
 from linkage_atlas.solutions import FINISHING
 from linkage_atlas.studies import STUDIES, Studies, check_lengths, read_studies
-from linkage_atlas.warm_start import Start, StartingLinkage, check_refine_only, kinds_of, read_starts, starts_for
+from linkage_atlas.warm_start import Start, StartingLinkage, check_refine_only, read_starts, starts_for
 from synthesis.assembly.sizes import default_widths
 from synthesis.atlas.scan import Scan
 from synthesis.errors import FieldError
@@ -84,7 +84,7 @@ class Task:
     kinds: Kinds
     source: SeedTables | Scan
     """Origin of four-bars: the tables of a search, or an atlas."""
-    starts: Sequence[Start] | None
+    starts: Sequence[Start]
     """The linkages of `start_from`."""
     refine_only: bool
     """Only the linkages of `start_from` are refined, without a search."""
@@ -154,7 +154,8 @@ def read_task(
             "/effort", "must be 'refine' with free crank angles, because the atlas holds curves over crank angles"
         )
     starts = read_starts(options.start_from, motion.degrees)
-    mechanisms = kinds_of(starts) if options.mechanisms is None else options.mechanisms
+    own_kinds = list(dict.fromkeys(start.linkage.kind.value for start in starts))
+    mechanisms = own_kinds or None if options.mechanisms is None else options.mechanisms
     kinds = read_kinds(mechanisms, options.driver, motion)
     if not motion.free and motion.target.start is not None:
         _check_start_angle(options, kinds, study_arguments)

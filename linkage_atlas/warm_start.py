@@ -61,8 +61,8 @@ def check_refine_only(refine_only: object, start_from: object) -> bool:
     return checked
 
 
-def read_starts(starts: Sequence[StartingLinkage] | None, degrees: bool) -> list[Start] | None:
-    """Read the linkages of ``start_from``; None if the request has none.
+def read_starts(starts: Sequence[StartingLinkage] | None, degrees: bool) -> list[Start]:
+    """Read the linkages of ``start_from``, if the request has any.
 
     Each is a `Linkage`, a solution, or the plain values of either in the request's unit of angle.
 
@@ -72,7 +72,7 @@ def read_starts(starts: Sequence[StartingLinkage] | None, degrees: bool) -> list
         If a linkage is wrong; the error names its field.
     """
     if starts is None:
-        return None
+        return []
     if not isinstance(starts, Sequence) or isinstance(starts, str):
         raise FieldError("/start_from", "must be a list of linkages")
     if not 1 <= len(starts) <= MAX_STARTS:
@@ -80,15 +80,8 @@ def read_starts(starts: Sequence[StartingLinkage] | None, degrees: bool) -> list
     return [_read(start, degrees, f"start_from/{k}") for k, start in enumerate(starts)]
 
 
-def kinds_of(starts: Sequence[Start] | None) -> list[str] | None:
-    """Return the kinds of the linkages to begin with, each once; None without such linkages."""
-    return None if starts is None else list(dict.fromkeys(start.linkage.kind.value for start in starts))
-
-
-def starts_for(starts: Sequence[Start] | None, motion: Motion, kinds: Kinds) -> list[Start] | None:
+def starts_for(starts: Sequence[Start], motion: Motion, kinds: Kinds) -> list[Start]:
     """Return linkages after a check against the request, without crank angles for another number of samples."""
-    if starts is None:
-        return None
     checked, samples = [], motion.requested.samples
     for start in starts:
         _check_kind(start, motion, kinds)

@@ -176,7 +176,7 @@ def function(
             raise FieldError(f"/{foreign[0]}", f"applies only to functions {kind}; leave it out")
     if round_to is not None and question.limits.limits.links[3] is None:
         raise FieldError("/round_to", "needs the length of the ground (`limits.links.ground`), which fixes the size")
-    starts = read_starts(start_from, degrees) or []
+    starts = read_starts(start_from, degrees)
     if foreign_start := next((start for start in starts if not start.linkage.is_four_bar), None):
         raise FieldError(
             f"/{foreign_start.field}", "must be a four-bar, because only four-bars make functions from angle to angle"
