@@ -6,7 +6,7 @@ A reply never repeats the input, so it cannot contain large values or values tha
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from http import HTTPStatus
 from typing import Any
 from urllib.parse import quote
@@ -70,11 +70,6 @@ def pointer(location: Iterable[str | int]) -> str:
     return "#" + "".join("/" + quote(part, safe="!$&'()*+,;=:@", errors="replace") for part in parts)
 
 
-def error_rows(errors: Sequence[Any]) -> list[dict[str, Any]]:
-    """Return errors as rows ``{"pointer", "detail"}``."""
-    return [{"pointer": pointer(error["loc"]), "detail": error["msg"]} for error in errors[:MAX_ERRORS]]
-
-
 def problem(
     status: int, detail: str, errors: list[dict[str, Any]] | None = None, headers: dict[str, str] | None = None
 ) -> Response:
@@ -91,14 +86,8 @@ def problem(
     headers : dict, optional
         Additional headers.
     """
-    body: dict[str, Any] = {
-        "type": "about:blank",
-        "title": HTTPStatus(status).phrase,
-        "status": status,
-        "detail": detail,
-    }
-    if errors:
-        body["errors"] = errors
+    body = {"type": "about:blank", "title": HTTPStatus(status).phrase, "status": status, "detail": detail}
+    body |= {"errors": errors} if errors else {}
     return Response(
         json.dumps(body, ensure_ascii=True, allow_nan=False),  # lone surrogates cannot be encoded as UTF-8
         status_code=status,
@@ -127,7 +116,8 @@ def http_problem(error: HTTPException) -> Response:
 
 
 def _invalid(error: Invalid) -> Response:
-    return problem(422, str(error).partition("\n")[0], error_rows(error.errors))
+    rows = [{"pointer": pointer(row["loc"]), "detail": row["msg"]} for row in error.errors[:MAX_ERRORS]]
+    return problem(422, str(error).partition("\n")[0], rows)
 
 
 def _atlas(error: AtlasError) -> Response:

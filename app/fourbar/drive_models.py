@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from app.fourbar.fields import Above, Angle, Bounded, Box, LinkName, LinkNames, Pair, PlacePair, Size, Words
+from app.fourbar.fields import Above, Angle, Bounded, Box, FarPoint, LinkName, LinkNames, Pair, Size, Words
 from app.query import Count, Flag, LengthUnit, Number, RequestModel
 from linkage_atlas.analysis import MOST_LINK_MASSES
 from linkage_atlas.arguments import LARGEST
@@ -23,7 +23,7 @@ class MassRequest(RequestModel):
     """Link, as in a reply: `crank`, `coupler`, `rocker`, `body`, .. Default for drives: `body`."""
     mass: Annotated[Number, Field(ge=0, le=LARGEST)]
     """Mass in kg."""
-    centre: PlacePair | None = None
+    centre: FarPoint | None = None
     """Centre of mass [x, y] in the frame of the link. The origin is its first joint (crank: pivot A, coupler: crank pin,
     rocker: pivot B) and the x axis points to the second; the frame of the body has its point as origin and its rotation.
     Default: the origin; for drives the midpoint of the link, or the body point."""
@@ -36,7 +36,7 @@ class PointForceRequest(RequestModel):
 
     link: LinkName
     """Link: `crank`, `coupler`, `rocker` or `body`."""
-    point: PlacePair | None = None
+    point: FarPoint | None = None
     """Point in the frame of the link. Default: the midpoint of the link."""
     force: Pair
     """Force [fx, fy]."""
@@ -150,13 +150,13 @@ class DriveRequest(RequestModel):
     """Largest distance of the pin from the origin of its link's frame."""
     pin_box: Box | None = None
     """Box for the pin of an actuator, in the frame of its link."""
-    ground_point: PlacePair | None = None
+    ground_point: FarPoint | None = None
     """Prescribed ground point of an actuator. With `pin` or `pin_on_link`, the actuator is evaluated without a search."""
-    motor: PlacePair | None = None
+    motor: FarPoint | None = None
     """Prescribed motor of a dyad. With `pin` or `pin_on_link`, the dyad is evaluated without a search."""
-    pin: PlacePair | None = None
+    pin: FarPoint | None = None
     """Prescribed pin, in the ground frame at the first position."""
-    pin_on_link: PlacePair | None = None
+    pin_on_link: FarPoint | None = None
     """Prescribed pin, in the frame of its link."""
     count: Annotated[Count, Field(ge=1, le=MAX_COUNT)] | None = None
     """Number of equal actuators side by side; forces are those of each."""
@@ -232,7 +232,7 @@ Springs = Annotated[list[SpringRequest], Field(max_length=MAX_SPRINGS)]
 class RockerRequest(RequestModel):
     """A link on a hinge, instead of a linkage: a flap, a wiper, a boom."""
 
-    pivot: PlacePair = Field(default_factory=lambda: [0.0, 0.0])
+    pivot: FarPoint = Field(default_factory=lambda: [0.0, 0.0])
     start: Angle = 0.0
     """Direction of the link at the first position."""
     swing: Angle

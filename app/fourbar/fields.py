@@ -116,9 +116,6 @@ LinkName = Annotated[str, Field(max_length=40)]
 LinkNames = Annotated[list[LinkName], Field(min_length=1, max_length=4)]
 
 
-PlacePair = Annotated[list[FarCoordinate], Field(min_length=2, max_length=2)]
-
-
 class LinksRequest(RequestModel):
     """Prescribed lengths of links."""
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, Field, Strict
+from pydantic import BeforeValidator, Field
 
 from app.fourbar.drive_models import (
     AnalysisRequest,
@@ -19,9 +19,9 @@ from app.fourbar.fields import (
     MAX_KEEP_OUT,
     Box,
     Curve,
+    FarPoint,
     Length,
     Mechanisms,
-    PlacePair,
     Point,
     SampledCurve,
     SampledPath,
@@ -197,7 +197,7 @@ class ExportRequest(RequestModel):
     """Request of /v2/synthesize; angles are in its unit."""
     linkage: GivenLinkage | None = None
     """One of the reply's solutions, or its like. Without it the request is solved."""
-    rank: Annotated[int, Strict(), Field(ge=1, le=100)] = 1
+    rank: Rank = 1
     """Rank of the solution, if no linkage is given."""
     format: Literal["json", "csv", "svg", "dxf", "plates", "mjcf", "step", "3mf", "stl", "parts"] = "json"
     """Format of the file. stl: a zip file with a file for each part. parts: a parts list (CSV)."""
@@ -233,7 +233,7 @@ class DrivesRequest(RequestModel):
         default_factory=lambda: [DriveRequest(kind=kind) for kind in ("rotary", "actuator", "dyad")]
     )
     springs: Springs = Field(default_factory=list)
-    hand_point: PlacePair | None = None
+    hand_point: FarPoint | None = None
     top: Annotated[Count, Field(ge=1, le=50)] = 5
     angle_unit: AngleUnit | None = None
     """Unit of every angle; default: the unit of `request`, or degrees."""

@@ -40,7 +40,7 @@ class GivenMount(_ReplyPart):
     """Mounting of a four-bar."""
 
     ground_angle: Angle
-    pivot_a: Annotated[list[FarCoordinate], Field(min_length=2, max_length=2)]
+    pivot_a: FarPoint
     coupler_point_polar: GivenCouplerPoint
 
 
