@@ -180,6 +180,7 @@ def _add_questions(parser: argparse.ArgumentParser, name: str) -> None:
 
 def _add_query(parser: argparse.ArgumentParser, query: Any) -> None:
     from app.command import run_question
+    from app.query import FILES
     from app.sources import Target
 
     target = Target.of(query)
@@ -187,11 +188,11 @@ def _add_query(parser: argparse.ArgumentParser, query: Any) -> None:
     parser.add_argument(
         "--json", action="store_true", help="print the reply as JSON" + (", with its request" if query.files else "")
     )
-    if query.endings:
-        endings = ", ".join((*query.endings, "json"))
+    if len(query.formats) > 1:
+        endings = ", ".join(FILES[kind].endings[0] for kind in query.formats)
         text = f"also write a file; its suffix selects the format: {endings}; may be repeated"
         add_file(parser, "--export", action="append", default=[], help=text)
-    if "svg" in query.endings:
+    if "svg" in query.formats:
         drawn = "curves" if query.command == "drive" else "linkage"
         parser.add_argument("--plot", action="store_true", help=f"also draw the {drawn} and open the drawing")
     if query.reads_atlas:

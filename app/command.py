@@ -94,7 +94,7 @@ def run_question(options: argparse.Namespace, query: Query) -> int:
         code = code or Exit.USAGE
     else:
         files = {
-            path: _file(query, request, reply, rank, name, length_unit, resources) for path, name in formats.items()
+            path: _file(query, request, reply, rank, kind, length_unit, resources) for path, kind in formats.items()
         }
         code = write(files) or code
         if options.plot:
@@ -165,10 +165,8 @@ def _kind_of(name: str) -> str:
 
 def format_of(query: Query, path: Path) -> str:
     """Return the format for the suffix of a file; the longest matching suffix applies: plates.dxf before dxf."""
-    formats = {name: name for name in (*query.endings, "json")}
-    for known in FILES.values():
-        if known.endings[0] in query.endings:
-            formats |= dict.fromkeys(known.endings, known.endings[0])
+    formats = {FILES[kind].endings[0]: kind for kind in query.formats}
+    formats |= {ending: kind for kind in query.formats for ending in FILES[kind].endings}
     ending = max((suffix for suffix in formats if path.name.lower().endswith(f".{suffix}")), key=len, default="")
     if not ending:
         raise FieldError("/export", f"the name must end in one of {', '.join(formats)}, found '{path.name}'")
@@ -176,15 +174,14 @@ def format_of(query: Query, path: Path) -> str:
 
 
 def _file(
-    query: Query, request: Any, reply: Any, rank: int, name: str, length_unit: str | None, resources: Resources
+    query: Query, request: Any, reply: Any, rank: int, kind: str, length_unit: str | None, resources: Resources
 ) -> bytes:
     """Return the content of the file of a solution, or of the whole reply if the query has no solutions."""
     if query.files is not None:
-        kind = next(kind for kind in query.files.formats if FILES[kind].endings[0] == name)
         body = {"request": request, "linkage": reply.solutions[rank - 1].to_dict(), "format": kind}
         body |= {"length_unit": length_unit} if length_unit else {}
         return query.files.render(query.files.request(**body), resources)
-    return json_of(reply, 2) if name == "json" else query.exports[name](request, resources)
+    return json_of(reply, 2) if kind == "json" else query.exports[kind](request, resources)
 
 
 def write(files: Mapping[Path, bytes]) -> Exit:

@@ -340,11 +340,10 @@ class Query:
         return get_type_hints(self.answer)["return"]
 
     @property
-    def endings(self) -> tuple[str, ...]:
-        """Suffixes of the files that the command writes, except json."""
-        if self.files is None:
-            return tuple(self.exports)
-        return tuple(FILES[kind].endings[0] for kind in self.files.formats if kind != "json")
+    def formats(self) -> tuple[str, ...]:
+        """Formats of the files that the command writes, json last."""
+        kinds = self.exports if self.files is None else self.files.formats
+        return (*(kind for kind in kinds if kind != "json"), "json")
 
 
 _NAMES = {

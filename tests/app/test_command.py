@@ -13,6 +13,7 @@ import pytest
 
 import linkage_atlas as la
 from app.fourbar.models import SynthesizeRequest
+from app.query import FILES
 from app.registry import all_examples, all_queries, worked_example
 from app.settings import Settings, atlas_of
 from app.terminal import Exit
@@ -119,13 +120,13 @@ def test_a_file_of_unknown_ending_is_refused_before_anything_is_computed(run, mo
 @pytest.mark.parametrize("command", ["synthesize", "function"])
 def test_every_format_of_a_solution_is_written_from_the_reply(command, run, tmp_path, client) -> None:
     query = QUERIES[command]
-    files = [tmp_path / f"one.{name}" for name in (*query.endings, "json")]
+    files = [tmp_path / f"one.{FILES[kind].endings[0]}" for kind in query.formats]
     name = {"synthesize": "worked_example", "function": "five_pairs"}[command]
     exports = [word for file in files for word in ("--export", file)]
     assert run(command, "--example", name, *exports)[0] == Exit.OK
     example = query.examples[name]
     body = {"request": example, "linkage": client.post(query.path, json=example).json()["solutions"][0]}
-    for kind, file in zip([kind for kind in query.files.formats if kind != "json"], files):
+    for kind, file in zip(query.formats[:-1], files):
         if file.suffix == ".dxf":  # which is stamped
             assert not ezdxf.readfile(file).audit().errors
         else:
