@@ -256,8 +256,6 @@ class Resources(Protocol):
 
 FILES = {**FORMATS, "json": Format("application/json", ("json",))}
 """File formats by name."""
-MEDIA_TYPES = {known.endings[0]: known.media_type for known in FILES.values()}
-"""Content types by the suffix of a route."""
 
 
 @cache
@@ -306,7 +304,7 @@ class Query:
     table: Callable[..., str]
     """``table(reply)``, or ``table(reply, units)`` if ``shows_units``: the reply as text for a terminal."""
     exports: Mapping[str, Callable[[Any, Resources], bytes]] = field(default_factory=dict)
-    """``render(request, resources)`` by suffix (a key of `MEDIA_TYPES`): the reply as a file. Over HTTP, the same body is posted
+    """``render(request, resources)`` by suffix (a key of `FILES`): the reply as a file. Over HTTP, the same body is posted
     to ``path.suffix``."""
     is_long: Callable[[Any], bool] = lambda _: False
     """``is_long(request)``: True if the answer may take long. Over HTTP, short requests do not wait for long requests."""

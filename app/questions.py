@@ -9,7 +9,7 @@ from typing import Any
 
 from starlette.responses import Response
 
-from app.query import FILES, MEDIA_TYPES, Files, Query, RequestModel, Resources, json_of, reply_model
+from app.query import FILES, Files, Query, RequestModel, Resources, json_of, reply_model
 from app.registry import all_queries
 
 
@@ -34,7 +34,6 @@ def all_questions() -> dict[str, Question]:
 
 PROBLEMS: dict[int, str] = {
     400: "The body is not JSON.",
-    404: "There is no such route.",
     413: "The body is too large.",
     415: "The body is not declared as JSON.",
     422: "The request is malformed or has no answer; `errors` points to the fields.",
@@ -55,14 +54,14 @@ def _questions_of(query: Query) -> Iterator[Question]:
         return Response(json_of(query.answer(body, resources)), media_type="application/json")
 
     def export(render: Callable[[Any, Resources], bytes], kind: str, body: Any, resources: Resources) -> Response:
-        return Response(render(body, resources), media_type=MEDIA_TYPES[kind])
+        return Response(render(body, resources), media_type=FILES[kind].media_type)
 
     described = _described(query, name, query.summary, query.examples)
     described |= {"response_model": reply_model(query.reply)}
     yield Question(query.path, query.request, reply, query.is_long, described)
     for kind, render in query.exports.items():
         summary = f"{query.summary} As {kind.upper()}."
-        described = _described(query, f"{name}_{kind}", summary, query.examples, MEDIA_TYPES[kind])
+        described = _described(query, f"{name}_{kind}", summary, query.examples, FILES[kind].media_type)
         answer = partial(export, render, kind)
         yield Question(f"{query.path}.{kind}", query.request, answer, query.is_long, described)
     if query.files is not None:
