@@ -43,9 +43,6 @@ from synthesis.work import OutOfTime, Work
 
 FINISHING = 0.1
 """Fraction of the budget by which a request may exceed it to finish the candidates of the search."""
-_AT_ONCE, _SAMPLES_AT_ONCE = 8, 2048
-"""Maximum number of four-bars, and of their samples, that are described between two checks of the time."""
-
 _HELD = 1e-8
 """Objective below which no limit holds a linkage."""
 
@@ -265,91 +262,64 @@ def finished(
     Once the time is up no further candidates are finished; the first is always finished.
     """
     solutions: list[Solution] = []
-    while len(solutions) < len(found) and not (solutions and work.expired()):
-        chunk = found[len(solutions) :][: _chunk(found[len(solutions)], motion, studies)]
-        for solution in _described(chunk, motion, limits, tolerance, type_of):
-            solutions.append(_studied(solution, studies, len(found), work))
+    for candidate in found:
+        if solutions and work.expired():
+            break
+        solution = _described(candidate, motion, limits, tolerance, type_of)
+        solutions.append(_studied(solution, studies, len(found), work))
     return solutions
-
-
-def _chunk(first: model.Solution, motion: Motion, studies: Studies) -> int:
-    """Return the number of candidates to describe before the time is checked."""
-    if studies.long or not first.linkage.is_four_bar:
-        return 1
-    return max(1, min(_AT_ONCE, _SAMPLES_AT_ONCE // motion.samples.samples))
 
 
 def _described(
-    found: Sequence[model.Solution], motion: Motion, limits: Limits, tolerance: float, type_of: TypeOf | None
-) -> list[Solution]:
-    """Describe candidates without studies."""
+    candidate: model.Solution, motion: Motion, limits: Limits, tolerance: float, type_of: TypeOf | None
+) -> Solution:
+    """Describe a candidate without studies."""
     samples, radian = motion.samples, motion.radian
-    determinations = _determinations(found, motion, limits, tolerance)
-    passages = [
-        defects.verdict(candidate.linkage, candidate.linkage.start + candidate.travel, **passing(samples))
-        for candidate in found
-    ]
-    excursions: Sequence[float | None] = [None] * len(found)
-    spins: Sequence[list[str]] = [[]] * len(found)
+    linkage, turn = candidate.linkage, candidate.transmission_angle_min_turn
+    own = motion.over(linkage, candidate.travel)
+    interval = own.target.interval
+    passage = defects.verdict(linkage, linkage.start + candidate.travel, **passing(samples))
+    faults = [fault(measure) for measure in practical_violations(candidate, own.target, limits)]
+    excursion: float | None = None
     if isinstance(samples, Poses):
-        excursions = excursions_of(found, samples)
-        spins = [spin_faults(samples, rotation) for rotation in rotations_of(found, samples)]
-    solutions = []
-    for k, candidate in enumerate(found):
-        linkage, turn = candidate.linkage, candidate.transmission_angle_min_turn
-        own = motion.over(linkage, candidate.travel)
-        interval = own.target.interval
-        faults = [fault(measure) for measure in practical_violations(candidate, own.target, limits)]
-        faults += [*excursion_faults(excursions[k]), *spins[k]]
-        kind = None if candidate.row is None or type_of is None else type_of(candidate.row)
-        crank_angle, travel = _travel(samples, candidate, radian)
-        solutions.append(
-            Solution(
-                rank=0,
-                source="refined" if kind is None else "atlas",
-                type=kind,
-                **vars(dimensions_of(linkage, radian, interval)),
-                crank_angle=crank_angle,
-                travel=travel,
-                errors=in_unit(candidate.errors, radian),
-                verdict=_judged(passages[k], own, linkage, faults),
-                excursion=excursions[k],
-                size=size_of(linkage, samples, candidate.interval),
-                family=None if linkage.family is None else linkage.family.value,
-                transmission_angle_min=candidate.transmission_angle_min / radian,
-                transmission_angle_min_turn=None if turn is None else turn / radian,
-                arm_min=linkage.arm_over(interval.after(linkage.start)),
-                determination=determinations[k],
-                linkage=Linkage.of(linkage, radian, own.target, own.length_unit),
-                origin=Origin(candidate, own, limits, samples),
-            )
-        )
-    return solutions
+        (excursion,), (rotation,) = excursions_of([candidate], samples), rotations_of([candidate], samples)
+        faults += [*excursion_faults(excursion), *spin_faults(samples, rotation)]
+    kind = None if candidate.row is None or type_of is None else type_of(candidate.row)
+    crank_angle, travel = _travel(samples, candidate, radian)
+    return Solution(
+        rank=0,
+        source="refined" if kind is None else "atlas",
+        type=kind,
+        **vars(dimensions_of(linkage, radian, interval)),
+        crank_angle=crank_angle,
+        travel=travel,
+        errors=in_unit(candidate.errors, radian),
+        verdict=_judged(passage, own, linkage, faults),
+        excursion=excursion,
+        size=size_of(linkage, samples, candidate.interval),
+        family=None if linkage.family is None else linkage.family.value,
+        transmission_angle_min=candidate.transmission_angle_min / radian,
+        transmission_angle_min_turn=None if turn is None else turn / radian,
+        arm_min=linkage.arm_over(interval.after(linkage.start)),
+        determination=_determination(candidate, motion, limits, tolerance) if linkage.is_four_bar else None,
+        linkage=Linkage.of(linkage, radian, own.target, own.length_unit),
+        origin=Origin(candidate, own, limits, samples),
+    )
 
 
-def _determinations(
-    found: Sequence[model.Solution], motion: Motion, limits: Limits, tolerance: float
-) -> list[Determination | None]:
-    """Return the determination of each four-bar; None for other kinds."""
-    determinations: list[Determination | None] = [None] * len(found)
-    rows = [k for k, candidate in enumerate(found) if candidate.linkage.is_four_bar]
-    if not rows:
-        return determinations
-    samples, allowed = motion.samples, motion.tolerances
-    linkages, errors = [found[k].linkage for k in rows], [found[k].errors.objective for k in rows]
-    target = model.targets_of(samples, linkages, np.array([found[k].travel for k in rows]))
+def _determination(candidate: model.Solution, motion: Motion, limits: Limits, tolerance: float) -> Determination:
+    """Return the determination of a four-bar."""
+    samples, allowed, error = motion.samples, motion.tolerances, candidate.errors.objective
     resolution = tolerance if allowed is None else max(tolerance, allowed.objective(samples))
-    resolutions = [max(error, tolerance) if limits.only_family else resolution for error in errors]
+    if not limits.only_family and error >= max(tolerance, _HELD):
+        return Determination(False, resolution, touched(candidate, samples, limits), np.full(4, np.nan))
+    if limits.only_family:
+        resolution = max(error, tolerance)
+    target = model.targets_of(samples, [candidate.linkage], candidate.travel[None])
     held = [name for name, length in zip(LINKS, limits.links) if length is not None]
     held += [name for name in PIVOTS if getattr(limits, name) is not None]
-    for k, error, fixed in zip(rows, errors, determination.determinations(target, linkages, resolutions, held)):
-        if limits.only_family or error < max(tolerance, _HELD):
-            determinations[k] = Determination(fixed.ill_posed, fixed.resolution, (), fixed.length_uncertainty)
-        else:
-            determinations[k] = Determination(
-                False, resolution, touched(found[k], samples, limits), np.full(4, np.nan)
-            )
-    return determinations
+    (fixed,) = determination.determinations(target, [candidate.linkage], [resolution], held)
+    return Determination(fixed.ill_posed, fixed.resolution, (), fixed.length_uncertainty)
 
 
 def _travel(samples: Poses | Target, candidate: model.Solution, radian: float) -> tuple[Floats | None, Floats | None]:

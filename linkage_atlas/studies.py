@@ -47,12 +47,6 @@ class Studies(NamedTuple):
         """True if the lengths are rounded."""
         return self.round_to is not None or self.lengths_from is not None
 
-    @property
-    def long(self) -> bool:
-        """True if a solution takes so long that the time is checked after each."""
-        long = (self.round_to, self.lengths_from, self.manufacture, self.drives, self.assembly)
-        return any(study is not None for study in long)
-
 
 def read_studies(request: Fields, motion: Motion) -> Studies:
     """Check the studies of a request, some of `STUDIES`, for solutions of a motion."""
