@@ -23,13 +23,7 @@ Value = TypeVar("Value")
 class DriveTask:
     """A linkage over its motion with its load, in model units, and what the searches found: drives, springs and refusals.
 
-    Parameters
-    ----------
-    operation : Operation
-    question : DriveQuestion
-    max_results : int
-        Largest number of drives of each kind.
-    work : Work
+    ``max_results``: largest number of drives of each kind.
     """
 
     def __init__(self, operation: Operation, question: DriveQuestion, max_results: int, work: Work) -> None:
