@@ -20,14 +20,9 @@ MAX_VALUES = 120_000
 
 
 def read_request(content: bytes, model: type[RequestModel]) -> RequestModel:
-    """Parse a body.
+    """Parse a body. Raises `Invalid` for JSON that violates the model.
 
-    Raises
-    ------
-    problems.Problem
-        For a body that is not JSON, or has an object with the same key twice.
-    Invalid
-        For JSON that violates the model.
+    Raises problems.Problem for a body that is not JSON, or has an object with the same key twice.
     """
     check_counts(content)
     try:
