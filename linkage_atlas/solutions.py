@@ -43,6 +43,8 @@ from synthesis.work import OutOfTime, Work
 
 FINISHING = 0.1
 """Fraction of the budget by which a request may exceed it to finish the candidates of the search."""
+_ALWAYS, _ALWAYS_SAMPLES = 8, 2048
+"""Number of four-bars, and of their samples, that are described even if the time is up."""
 _HELD = 1e-8
 """Objective below which no limit holds a linkage."""
 
@@ -259,11 +261,14 @@ def finished(
 ) -> list[Solution]:
     """Describe candidates as solutions with their studies, in their order.
 
-    Once the time is up no further candidates are finished; the first is always finished.
+    Once the time is up no further candidates are finished. The first is always finished, and so are the first few four-bars
+    without long studies.
     """
     solutions: list[Solution] = []
+    few = max(1, min(_ALWAYS, _ALWAYS_SAMPLES // motion.samples.samples))
     for candidate in found:
-        if solutions and work.expired():
+        certain = 1 if studies.long or not candidate.linkage.is_four_bar else few
+        if len(solutions) >= certain and work.expired():
             break
         solution = _described(candidate, motion, limits, tolerance, type_of)
         solutions.append(_studied(solution, studies, len(found), work))

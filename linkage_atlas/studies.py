@@ -47,6 +47,11 @@ class Studies(NamedTuple):
         """True if the lengths are rounded."""
         return self.round_to is not None or self.lengths_from is not None
 
+    @property
+    def long(self) -> bool:
+        """True if the studies of a solution take long."""
+        return self.rounds or any(study is not None for study in (self.manufacture, self.drives, self.assembly))
+
 
 def read_studies(request: Fields, motion: Motion) -> Studies:
     """Check the studies of a request, some of `STUDIES`, for solutions of a motion."""
