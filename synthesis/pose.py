@@ -56,10 +56,7 @@ class FixedColumns(NamedTuple):
 def fixed_columns(target: Target) -> FixedColumns:
     """Compute the columns of a target that are common to all candidates.
 
-    Parameters
-    ----------
-    target : Target
-        A target with positions.
+    ``target``: a target with positions.
     """
     assert target.position is not None
     mean = target.position_mean
@@ -89,12 +86,7 @@ class PositionFit(NamedTuple):
 def fit_positions(target: Target, angle: Floats) -> PositionFit:
     """Compute the least-squares pose of candidates.
 
-    Parameters
-    ----------
-    target : Target
-        A target with positions.
-    angle : ndarray, shape (n, N)
-        Angle theta2 of the candidates at the samples.
+    ``target``: a target with positions. ``angle`` (n, N): angle theta2 of the candidates at the samples.
 
     Returns
     -------
@@ -131,12 +123,7 @@ def whole_turns(angle: Floats) -> Floats:
 def rotation_residual(target: Target, angle: Floats) -> tuple[Floats, Floats]:
     """Compute the rotation offset of candidates and the remaining rotation error.
 
-    Parameters
-    ----------
-    target : Target
-        A target with rotations.
-    angle : ndarray, shape (n, N)
-        Angle theta2 of the candidates at the samples.
+    ``target``: a target with rotations. ``angle`` (n, N): angle theta2 of the candidates at the samples.
 
     Returns
     -------
@@ -159,13 +146,8 @@ def rotation_residual(target: Target, angle: Floats) -> tuple[Floats, Floats]:
 def objective(target: Target, angle: Floats) -> Floats:
     """Compute the objective J = sqrt(mean square rotation error + mean square position error / l^2) of candidates.
 
-    Parameters
-    ----------
-    target : Target
-        A target with rotations, positions or both.
-    angle : ndarray, shape (n, N)
-        Angle theta2 of the candidates at the samples.
-        Only the increments of theta1 are used, from the target; its start is part of the fitted crank vector.
+    ``target``: a target with rotations, positions or both. ``angle`` (n, N): angle theta2 of the candidates at the samples.
+    Only the increments of theta1 are used, from the target; its start is part of the fitted crank vector.
 
     Returns
     -------

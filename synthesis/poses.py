@@ -57,10 +57,7 @@ class Poses(Samples):
         The requested rotation is the difference of the angles of both samples. If it exceeds half a turn, an angle may have
         been wrapped, so the difference without whole turns is accepted too.
 
-        Parameters
-        ----------
-        rotation : ndarray, shape (..., M)
-            Continuous rotation at the crank angles of `there_and_back`, with any offset.
+        ``rotation`` (..., M): continuous rotation at the crank angles of `there_and_back`, with any offset.
 
         Returns
         -------
@@ -137,12 +134,8 @@ class Poses(Samples):
     def timed(self, crank: Floats, rotation: Floats | None) -> Target:
         """Return the request as a target with known crank angles, for one or several linkages.
 
-        Parameters
-        ----------
-        crank : ndarray, shape (..., N)
-            Crank angles of all requested samples from the first sample.
-        rotation : ndarray, shape (..., N), or None
-            Rotation of the body at these samples. Requested rotations are shifted by whole turns to be closest to it.
+        ``crank`` (..., N): crank angles of all requested samples from the first sample. ``rotation`` (..., N): rotation of the
+        body at these samples. Requested rotations are shifted by whole turns to be closest to it.
         """
         complete = self if self.requested is None else self.requested
         turns, moved = complete.rotation, np.zeros(1)

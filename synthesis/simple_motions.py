@@ -33,14 +33,9 @@ def hinge_of(samples: Samples, allowed: float | None = None, min_poses: int = _P
     With rotations the positions belong to a point of the body, ``p = centre + arm e^{i rotation}``, which is linear
     in centre and arm. Without rotations they must follow in order on a circle.
 
-    Parameters
-    ----------
-    samples : Samples
-        The motion. Samples without a position are left out, and samples without a rotation if other samples have a rotation.
-    allowed : float, optional
-        Largest distance of a position from the hinge's motion. Default: `WITHIN` of the extent.
-    min_poses : int, optional
-        Smallest number of poses for which a hinge is returned. Default: 3, since two poses always fit a hinge.
+    ``samples``: the motion. Samples without a position are left out, and samples without a rotation if other samples have a
+    rotation. ``allowed``: largest distance of a position from the hinge's motion. Default: `WITHIN` of the extent.
+    ``min_poses``: smallest number of poses for which a hinge is returned. Default: 3, since two poses always fit a hinge.
 
     Returns
     -------
@@ -59,12 +54,8 @@ def hinge_of(samples: Samples, allowed: float | None = None, min_poses: int = _P
 def straight_guide_error(samples: Samples, allowed: float | None = None) -> float | None:
     """Measure how well a straight guide makes a motion without a linkage.
 
-    Parameters
-    ----------
-    samples : Samples
-        The motion; incomplete samples are left out.
-    allowed : float, optional
-        Largest distance of a position from the line. Default: `WITHIN` of the extent.
+    ``samples``: the motion; incomplete samples are left out. ``allowed``: largest distance of a position from the line.
+    Default: `WITHIN` of the extent.
 
     Returns
     -------

@@ -54,12 +54,8 @@ class Interval(NamedTuple):
 class Mean:
     """The mean over the samples of a motion, weighted if the request has weights.
 
-    Parameters
-    ----------
-    samples : int
-        Number of samples N.
-    weights : ndarray, shape (N,), optional
-        Weights of at least 0, not all 0; a sample of weight 0 is missing. Without them all samples have equal weight.
+    ``samples``: number of samples N. ``weights`` (N,): weights of at least 0, not all 0; a sample of weight 0 is missing.
+    Without them all samples have equal weight.
     """
 
     def __init__(self, samples: int, weights: Floats | None = None) -> None:
@@ -391,14 +387,9 @@ def read_samples(
 ) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     """Check the samples of a request.
 
-    Parameters
-    ----------
-    rotation, position, length_scale, rotation_weights, position_weights
-        Values of the request, see `make_target`.
-    min_samples : int, optional
-        Smallest number of samples.
-    **further_columns : ndarray, shape (N,), optional
-        Further columns with a value for each sample.
+    ``rotation``, ``position``, ``length_scale``, ``rotation_weights``, ``position_weights``: values of the request, see
+    `make_target`. ``min_samples``: smallest number of samples. ``**further_columns`` (N,): further columns with a value for
+    each sample.
 
     Returns
     -------

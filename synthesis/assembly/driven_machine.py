@@ -64,14 +64,7 @@ def motor_driven(
     The drive's travel is the motor's angle. Further plates are motor_crank and rod; further pins are the motor's shaft M, K
     between both, and Q on the link.
 
-    Parameters
-    ----------
-    linkage : Linkage
-    used : Interval
-        Travel of the linkage's own drive.
-    motor : Motor
-    sizes, body, bar
-        See `as_plates`.
+    ``used``: travel of the linkage's own drive. ``sizes``, ``body``, ``bar``: see `as_plates`.
 
     Raises
     ------
@@ -128,14 +121,7 @@ def strut_driven(
     Further plates are cylinder and piston_rod, which slides inside it. Further pins are G, the end on the ground or on a link,
     and Q on the link that is moved. The plate of that link reaches to Q.
 
-    Parameters
-    ----------
-    linkage : Linkage
-    used : Interval
-        Travel of the linkage's drive.
-    drive : Strut
-    sizes, body, bar
-        See `as_plates`.
+    ``used``: travel of the linkage's drive. ``sizes``, ``body``, ``bar``: see `as_plates`.
 
     Raises
     ------

@@ -42,17 +42,9 @@ def as_plates(
     slit in the coupler for the fixed pin A or B. Slits are as long as the interval requires. The frame of the coupler begins at
     the body point of the first guide; that of a four-bar lies along its coupler.
 
-    Parameters
-    ----------
-    linkage : Linkage
-    used : Interval
-        Travel of the drive.
-    sizes : Sizes
-    body : sequence of complex
-        Corners, counter-clockwise, of a plate that the coupler carries, from P in axes that turn with the coupler and are
-        parallel to the user's where the body's rotation is 0. A post joins it, at P if there is room.
-    bar : bool
-        Add a plate for the ground.
+    ``used``: travel of the drive. ``body``: corners, counter-clockwise, of a plate that the coupler carries, from P in axes
+    that turn with the coupler and are parallel to the user's where the body's rotation is 0. A post joins it, at P if there is
+    room. ``bar``: add a plate for the ground.
 
     Raises
     ------

@@ -34,10 +34,7 @@ def features(curve: ArrayLike) -> tuple[Floats, Floats]:
     Law: with r the block roots, ``sum((r * details)**2) = sum((curve - average)**2)``. A constant added to the curve leaves the
     details unchanged.
 
-    Parameters
-    ----------
-    curve : array_like, shape (..., 2^j)
-        Samples in any unit.
+    ``curve`` (..., 2^j): samples in any unit.
 
     Returns
     -------
@@ -60,10 +57,7 @@ def features(curve: ArrayLike) -> tuple[Floats, Floats]:
 def curve_from_features(average: ArrayLike, details: ArrayLike) -> Floats:
     """Return curves from their average and details: the inverse of `features`.
 
-    Parameters
-    ----------
-    average : array_like, shape (...)
-    details : array_like, shape (..., 2^j - 1)
+    ``average`` (...). ``details`` (..., 2^j - 1).
 
     Returns
     -------
@@ -90,11 +84,7 @@ def curve_from_features(average: ArrayLike, details: ArrayLike) -> Floats:
 def resample(crank_angle: ArrayLike, curve: ArrayLike) -> tuple[Floats, Floats]:
     """Return a curve at evenly spaced crank angles, whose number is the next power of two.
 
-    Parameters
-    ----------
-    crank_angle : array_like, shape (N,)
-        Strictly monotonic, N >= 3.
-    curve : array_like, shape (..., N)
+    ``crank_angle`` (N,): strictly monotonic, N >= 3. ``curve`` (..., N).
 
     Returns
     -------

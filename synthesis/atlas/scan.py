@@ -62,12 +62,7 @@ class _Siblings(NamedTuple):
 class Scan:
     """Types of four-bars, ready to be matched; read-only.
 
-    Parameters
-    ----------
-    lengths : array_like, shape (types, 4)
-        Types whose crank turns fully.
-    tree : Tree, optional
-        Default: computed from the lengths.
+    ``lengths`` (types, 4): types whose crank turns fully. ``tree``: default: computed from the lengths.
     """
 
     starts = STARTS

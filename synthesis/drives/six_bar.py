@@ -82,13 +82,7 @@ class SixBar:
     def of(cls, linkage: Linkage, used: Interval, motor: Motor) -> SixBar:
         """Return the six-bar of a linkage.
 
-        Parameters
-        ----------
-        linkage : Linkage
-            A four-bar or a body on guides.
-        used : Interval
-            Coordinates of the linkage's drive at the ends of the motion.
-        motor : Motor
+        ``linkage``: a four-bar or a body on guides. ``used``: coordinates of the linkage's drive at the ends of the motion.
 
         Raises
         ------
@@ -249,10 +243,7 @@ class SixBar:
         slide of a rail and the pin of a slot's block are A or B too; the slide of a slot in the body is D or C. A link on a
         hinge has only B.
 
-        Parameters
-        ----------
-        linkage : Linkage or None
-            None for a link on a hinge.
+        ``linkage``: None for a link on a hinge.
         """
         turned, motor = self.forwards(np.zeros(1)), self.motor
         links = self.machine(turned).links

@@ -70,17 +70,8 @@ class _Start(NamedTuple):
 class SpringSearch:
     """Search for springs between links of a machine.
 
-    Parameters
-    ----------
-    machine : LinkMotions
-    rows : list of SpringRow
-        The catalogue.
-    room : SpringRegion
-    behaviour : Behaviour, optional
-        Limits on the torque that remains; placements that satisfy them come before all others.
-    work : Work, optional
-        The search returns the best known placement once its time is up.
-    options : SpringSearchOptions
+    ``rows``: the catalogue. ``behaviour``: limits on the torque that remains; placements that satisfy them come before all
+    others.
     """
 
     machine: LinkMotions
@@ -93,14 +84,8 @@ class SpringSearch:
     def best(self, torque: Floats, betweens: Sequence[Between], keeps_behaviour: bool = True) -> Spring | str:
         """Find the spring of the catalogue, the pair of links and its ends that leave the smallest rms torque.
 
-        Parameters
-        ----------
-        torque : ndarray, shape (n,)
-            Torque that the drive gives without the spring.
-        betweens : sequence of pairs of str
-            Pairs of links to try.
-        keeps_behaviour : bool
-            Apply the limits of the behaviour.
+        ``torque`` (n,): torque that the drive gives without the spring. ``betweens``: pairs of links to try.
+        ``keeps_behaviour``: apply the limits of the behaviour.
 
         Returns
         -------

@@ -49,16 +49,8 @@ def best_torsion_spring(
 ) -> TorsionSpring | str:
     """Find the joint, the row, the direction and the mounting twist that leave the smallest rms torque.
 
-    Parameters
-    ----------
-    machine : LinkMotions
-    torque : ndarray, shape (n,)
-        Torque that the drive gives without the spring.
-    between : pair of str, optional
-        Links with a common joint; default: each joint is tried.
-    rows : list of TorsionRow
-    behaviour : Behaviour, optional
-        Limits on the torque that remains; springs that satisfy them come before all others.
+    ``torque`` (n,): torque that the drive gives without the spring. ``between``: links with a common joint; default: each joint
+    is tried. ``behaviour``: limits on the torque that remains; springs that satisfy them come before all others.
 
     Returns
     -------

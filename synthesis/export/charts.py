@@ -46,13 +46,8 @@ def nice_ticks(low: float, high: float, count: int) -> Floats:
 def chart_svg(panels: Mapping[str, Mapping[str, tuple[Floats, Floats]]], x_label: str) -> str:
     """Draw panels with curves, one below the other.
 
-    Parameters
-    ----------
-    panels : mapping
-        By the label of the vertical axis: x and y, (n,) each, of each curve by its name. A curve is interrupted at values that
-        are not finite.
-    x_label : str
-        Label of the common horizontal axis.
+    ``panels``: by the label of the vertical axis: x and y, (n,) each, of each curve by its name. A curve is interrupted at
+    values that are not finite. ``x_label``: label of the common horizontal axis.
 
     Returns
     -------

@@ -41,17 +41,9 @@ def to_mjcf(linkage: Linkage, target: Target, unit_mm: float = 1.0, masses: Mapp
     second; the keyframe ``start`` sets it to move the requested way. The plane is x-y, without gravity. Sites: ``body_point``,
     and ``loop_coupler`` and ``loop_`` with the name of the other link, whose distance is the residual of the loop.
 
-    Parameters
-    ----------
-    linkage : Linkage
-        The linkage.
-    target : Target
-        The motion, with the travel of the drive at the samples.
-    unit_mm : float, optional
-        Millimetres in the unit of lengths.
-    masses : mapping, optional
-        Mass of each link that is a part, in kilograms and the unit of lengths; sliders and blocks weigh next to nothing.
-        Without masses bars are slender rods.
+    ``target``: the motion, with the travel of the drive at the samples. ``unit_mm``: millimetres in the unit of lengths.
+    ``masses``: mass of each link that is a part, in kilograms and the unit of lengths; sliders and blocks weigh next to
+    nothing. Without masses bars are slender rods.
 
     Raises
     ------

@@ -17,16 +17,8 @@ from synthesis.target import TURN, Target
 def to_csv(linkage: Linkage, target: Target, unit: float, more: Mapping[str, Iterable[Any]] | None = None) -> str:
     """Write the motion at the samples: the request, the motion of the linkage, and the position of its joints.
 
-    Parameters
-    ----------
-    linkage : Linkage
-        The linkage.
-    target : Target
-        The motion, with the travel of the drive at the samples.
-    unit : float
-        Radians in one unit of angle.
-    more : mapping, optional
-        Further columns, with a value for each sample.
+    ``target``: the motion, with the travel of the drive at the samples. ``unit``: radians in one unit of angle. ``more``:
+    further columns, with a value for each sample.
 
     Returns
     -------

@@ -98,18 +98,8 @@ def compacted(
 ) -> list[Solution]:
     """Return further four-bars with a smaller merit.
 
-    Parameters
-    ----------
-    poses : Poses
-        With positions.
-    limits : Limits
-    found : sequence of Solution
-        To begin with.
-    best_first : callable
-        Returns the accurate four-bars of some with their merits, smallest first.
-    tolerance : float
-        Objective below which a linkage is exact.
-    work : Work
+    ``poses``: with positions. ``found``: four-bars to begin with. ``best_first``: returns the accurate four-bars of some with
+    their merits, smallest first. ``tolerance``: objective below which a linkage is exact.
 
     Returns
     -------

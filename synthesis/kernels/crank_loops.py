@@ -151,11 +151,7 @@ class Shape:
 def shapes(chart: cython.int, unknowns: double[:, ::1]):
     """Compute lengths and closure constants at points of a chart.
 
-    Parameters
-    ----------
-    chart : int
-        Code of the chart.
-    unknowns : ndarray, shape (n, k)
+    ``chart``: code of the chart. ``unknowns`` (n, k).
 
     Returns
     -------
@@ -194,12 +190,7 @@ def body_angles(
 
     The result has full relative accuracy if X0 and Y0 are exact and not negative.
 
-    Parameters
-    ----------
-    lengths : ndarray, shape (n, 4)
-    x0, y0, branch : ndarray, shape (n,)
-    theta1 : ndarray, shape (n, N)
-    derivatives : bool
+    ``lengths`` (n, 4). ``x0``, ``y0``, ``branch`` (n,). ``theta1`` (n, N).
 
     Returns
     -------

@@ -31,15 +31,7 @@ class CrankDriven(SearchProblem):
 
     The search refines at some of the samples, answers at all of them.
 
-    Parameters
-    ----------
-    refinements : Refinements
-    on_all_samples : bool
-        Whether the search uses all samples.
-    tolerance : float
-        An error below it is exact.
-    work : Work
-    options : SearchOptions
+    ``on_all_samples``: whether the search uses all samples. ``tolerance``: an error below it is exact.
     """
 
     def __init__(

@@ -164,10 +164,7 @@ def solids_of(machine: Machine, stack: Stack, manufacture: Manufacture, unit: fl
     plates fills the gap of their layers; beside an empty layer it fills half of the gap and is held by the pin, which extends
     through it. Heads are collars.
 
-    Parameters
-    ----------
-    unit : float
-        Millimetres per unit of the machine's lengths, as built.
+    ``unit``: millimetres per unit of the machine's lengths, as built.
 
     Raises
     ------

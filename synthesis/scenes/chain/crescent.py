@@ -91,12 +91,7 @@ class Crescent:
 def level_crescent(wheel_radius: float, upper_radius: float, alpha: float) -> Crescent:
     """Return the crescent whose wheel centres are level with the centre of the upper arc: a^2 = c^2 + b^2, tan xi = b/c.
 
-    Parameters
-    ----------
-    wheel_radius, upper_radius : float
-        R0 and R1.
-    alpha : float
-        Half sweep of the lower arc.
+    ``wheel_radius``, ``upper_radius``: R0 and R1. ``alpha``: half sweep of the lower arc.
     """
     c = wheel_radius + upper_radius
     lower_radius = wheel_radius + c / np.sin(alpha)
@@ -140,16 +135,7 @@ def critical_crescent(
     Its lower radius is the largest value that any phase requires. The source assumes the critical phase theta1m; here
     it is found.
 
-    Parameters
-    ----------
-    pitch : float
-        Length of a link.
-    links : int
-        Number of links.
-    upper_radius, wheel_radius : float
-        R1 and R0.
-    work : Work, optional
-        Called between the steps to check whether the result is still wanted.
+    ``pitch``: length of a link. ``links``: number of links. ``upper_radius``, ``wheel_radius``: R1 and R0.
 
     Raises
     ------

@@ -148,11 +148,7 @@ def track_polyarc(track: Track, start: float, end: float) -> Polyarc:
 def groove(slot: Slot, roller_radius: float | None) -> dict[str, Polyarc]:
     """Compute the path of all pins and the walls of the groove for a roller.
 
-    Parameters
-    ----------
-    slot : Slot
-    roller_radius : float, optional
-        Radius of the rollers. Without it the groove has no walls.
+    ``roller_radius``: radius of the rollers. Without it the groove has no walls.
 
     Returns
     -------

@@ -233,13 +233,7 @@ def crescent_slot(
     The window starts at the phase with the smallest slack. If the chain closes critically, both ends of the slot are
     then on the bare track. The free pin is the last pin that has not passed the middle of the arc at that phase.
 
-    Parameters
-    ----------
-    dimensions : Dimensions
-    start : float, optional
-        Angle of P1 on the left wheel at the start of the window. By default, the phase with the smallest slack.
-    work : Work, optional
-        Called between the steps to check whether the result is still wanted.
+    ``start``: angle of P1 on the left wheel at the start of the window. By default, the phase with the smallest slack.
 
     Raises
     ------
@@ -354,13 +348,7 @@ class SlotReport(NamedTuple):
 def analyse_slot(slot: Slot, phases: Floats, work: Work = UNLIMITED) -> SlotReport:
     """Compute the extremes of a slot over its window.
 
-    Parameters
-    ----------
-    slot : Slot
-    phases : ndarray, shape (n,)
-        Phases at which the chords are checked.
-    work : Work, optional
-        Called between the steps to check whether the result is still wanted.
+    ``phases`` (n,): phases at which the chords are checked.
     """
     track = slot.chain.track
     work.go_on()

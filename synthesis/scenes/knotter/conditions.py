@@ -346,16 +346,9 @@ def find_windows(
 
     The five orientations change sign only at their roots, so that an evaluation between each two neighbouring roots decides.
 
-    Parameters
-    ----------
-    orientation_functions : callable
-        The five `orientations` as functions of driver and item, see `events.Functions`.
-    roots : events.Events
-        All roots of these functions.
-    ends : tuple of float
-        Ends of the driver's range, rad.
-    may_enter : ndarray of bool, shape (items,)
-        False for items that have no window in any case.
+    ``orientation_functions``: the five `orientations` as functions of driver and item, see `events.Functions`. ``roots``: all
+    roots of these functions. ``ends``: ends of the driver's range, rad. ``may_enter`` (items,): False for items that have no
+    window in any case.
 
     Returns
     -------
@@ -399,14 +392,8 @@ class CrossingCurve(NamedTuple):
 def crossing_curve(mechanism: Mechanism, condition: SegmentEntersTriangle, driver: Floats) -> CrossingCurve:
     """Compute the crossing of the rope's line with the plane of a triangle over the driver angle (eqs 11 and 26).
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-        A single mechanism.
-    condition : SegmentEntersTriangle
-        The condition that names the rope's ends and the triangle.
-    driver : ndarray, shape (n,)
-        Driver angles, rad.
+    ``mechanism``: a single mechanism. ``condition``: the condition that names the rope's ends and the triangle. ``driver``
+    (n,): driver angles, rad.
     """
     positions = condition.positions(mechanism, driver)
     signs = as_array(orientations(*positions), driver.shape)
@@ -434,16 +421,7 @@ def study(
 ) -> StudyResult:
     """Evaluate conditions for every combination of some parameters.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-        A single mechanism.
-    grid : mapping
-        Values of each parameter that varies, at least one each.
-    conditions : sequence of Condition
-        The conditions.
-    work : Work, optional
-        Time budget and cancellation, checked before each few items of each condition.
+    ``mechanism``: a single mechanism. ``grid``: values of each parameter that varies, at least one each.
 
     Returns
     -------

@@ -48,12 +48,7 @@ def safe_divisor(x: Floats) -> Floats:
 def orientations(p: Vector, q: Vector, a: Vector, b: Vector, c: Vector) -> tuple[Any, ...]:
     """Compute the five orientations that decide whether segment pq crosses triangle abc.
 
-    Parameters
-    ----------
-    p, q : vector
-        Ends of the segment.
-    a, b, c : vector
-        Vertices of the triangle.
+    ``p``, ``q``: ends of the segment. ``a``, ``b``, ``c``: vertices of the triangle.
 
     Returns
     -------

@@ -75,12 +75,8 @@ class DesignSpace:
     def designs(self, points: Floats, side: Floats) -> StrokeDesign:
         """Return the designs for points of the search space.
 
-        Parameters
-        ----------
-        points : ndarray, shape (n, count)
-            Scaled variables.
-        side : ndarray, shape (n,)
-            1 if B starts between the slide and the cylinder pivot, -1 if it starts beyond the pivot.
+        ``points`` (n, count): scaled variables. ``side`` (n,): 1 if B starts between the slide and the cylinder pivot, -1 if it
+        starts beyond the pivot.
 
         Returns
         -------

@@ -174,15 +174,9 @@ def quantities(
 ) -> dict[str, Floats]:
     """Compute the quantities that the constraints limit.
 
-    Parameters
-    ----------
-    candidates : StrokeDesign
-        n designs that meet the stroke.
-    task : Task
-    nodes : int
-        Number of poses from start to top, closely spaced near the start, where the rates change fastest.
-    dead_point_nodes : int
-        See `synthesis.scenes.lift.pose.dead_point`; 0: without ``dead_point``.
+    ``candidates``: n designs that meet the stroke. ``nodes``: number of poses from start to top, closely spaced near the start,
+    where the rates change fastest. ``dead_point_nodes``: see `synthesis.scenes.lift.pose.dead_point`; 0: without
+    ``dead_point``.
 
     Returns
     -------
@@ -229,14 +223,7 @@ def slacks(
 ) -> dict[str, Floats]:
     """Compute the slacks of all constraints.
 
-    Parameters
-    ----------
-    candidates : StrokeDesign
-        n designs that meet the stroke.
-    task : Task
-    limits : Constraints
-    nodes : int
-        Number of poses from start to top.
+    ``candidates``: n designs that meet the stroke. ``nodes``: number of poses from start to top.
 
     Returns
     -------
@@ -334,13 +321,7 @@ class ConstraintRow:
 def constraint_rows(limits: Constraints, values: dict[str, float], active: Sequence[str] = ()) -> list[ConstraintRow]:
     """List every limit with the value of a design.
 
-    Parameters
-    ----------
-    limits : Constraints
-    values : dict of str to float
-        Result of `measured_values`.
-    active : sequence of str
-        Names of the active constraints, as in `Optimum`.
+    ``values``: result of `measured_values`. ``active``: names of the active constraints, as in `Optimum`.
     """
     kinds: tuple[tuple[Literal["minimum", "maximum"], str], ...] = (("minimum", ">=min"), ("maximum", "<=max"))
     return [
