@@ -180,10 +180,7 @@ def refine_motion(
 def nearby_motion(target: Target, limits: Limits, linkage: Linkage, tolerance: float, work: Work) -> list[Solution]:
     """Return a linkage moved no farther than needed; for the parameters and the law see `refine_motion`.
 
-    Returns
-    -------
-    list of Solution
-        A single linkage within the limits; empty if the descent does not lead into them.
+    Return a single linkage within the limits; empty if the descent does not lead into them.
     """
     if target.clockwise:
         moved = nearby_motion(target.mirrored(), limits.mirrored(), linkage.mirrored(), tolerance, work)

@@ -88,10 +88,7 @@ def fit_positions(target: Target, angle: Floats) -> PositionFit:
 
     ``target``: a target with positions. ``angle`` (n, N): angle theta2 of the candidates at the samples.
 
-    Returns
-    -------
-    PositionFit
-        The pose with the smallest mean square residual. If e^{i theta2} lies in the span of {1, e^{it}}, z2 is 0.
+    Return the pose with the smallest mean square residual. If e^{i theta2} lies in the span of {1, e^{it}}, z2 is 0.
     """
     mean, scale = target.position_mean, target.length_scale
     column, crank_mean, crank_norm = _crank_column(target)
@@ -149,11 +146,8 @@ def objective(target: Target, angle: Floats) -> Floats:
     ``target``: a target with rotations, positions or both. ``angle`` (n, N): angle theta2 of the candidates at the samples.
     Only the increments of theta1 are used, from the target; its start is part of the fitted crank vector.
 
-    Returns
-    -------
-    ndarray, shape (n,)
-        The objective; without positions this is the rms rotation error in radians. Infinite for candidates that do
-        not close at every sample, and for candidates whose best fit is a linkage that is shrunk to a point.
+    Return the objective; without positions this is the rms rotation error in radians. Infinite for candidates that do not close
+    at every sample, and for candidates whose best fit is a linkage that is shrunk to a point. The result has shape (n,).
     """
     total = np.zeros(len(angle))
     if target.rotation is not None:

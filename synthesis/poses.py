@@ -188,10 +188,7 @@ def make_poses(
 
     If the last sample of a closed path repeats the first, it is omitted, and the first sample gets its weights.
 
-    Raises
-    ------
-    FieldError
-        If a field is invalid; the error names the field and the sample.
+    Raise `FieldError` if a field is invalid; the error names the field and the sample.
     """
     if position is None:
         raise FieldError(

@@ -21,10 +21,7 @@ def csv_text(columns: Mapping[str, Iterable[Any]], line_end: str = "\r\n") -> st
     ``columns``: cells of each column, by name; None gives an empty cell, and numbers keep their full precision. ``line_end``:
     end of a line.
 
-    Returns
-    -------
-    str
-        The text of the file.
+    Return the text of the file.
     """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator=line_end)

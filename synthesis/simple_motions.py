@@ -37,10 +37,7 @@ def hinge_of(samples: Samples, allowed: float | None = None, min_poses: int = _P
     rotation. ``allowed``: largest distance of a position from the hinge's motion. Default: `WITHIN` of the extent.
     ``min_poses``: smallest number of poses for which a hinge is returned. Default: 3, since two poses always fit a hinge.
 
-    Returns
-    -------
-    Hinge or None
-        None if no hinge makes the motion, or the centre is farther away than practical limits allow.
+    The result is None if no hinge makes the motion, or the centre is farther away than practical limits allow.
     """
     if samples.position is None:
         return None

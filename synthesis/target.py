@@ -398,10 +398,7 @@ def read_samples(
     columns : dict
         All given columns, by name, including the further columns.
 
-    Raises
-    ------
-    FieldError
-        A value is missing or not allowed; the error names the field and the sample.
+    Raise `FieldError` if a value is missing or not allowed; the error names the field and the sample.
     """
     optional_columns = {"rotation": rotation, "position": position, **further_columns}
     if position is not None:

@@ -17,10 +17,7 @@ def angle_at(adjacent: Floats | float, opposite: Floats | float, r: Floats) -> F
 
     ``adjacent``, ``r``: sides that enclose the angle. ``opposite``: side opposite the angle.
 
-    Returns
-    -------
-    ndarray
-        The angle, 0 to pi.
+    Return the angle, 0 to pi.
     """
     sine_square = np.maximum((opposite - (adjacent - r)) * (opposite + (adjacent - r)), 0.0)
     cosine_square = np.maximum((adjacent + r - opposite) * (adjacent + r + opposite), 0.0)

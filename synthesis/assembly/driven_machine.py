@@ -66,10 +66,8 @@ def motor_driven(
 
     ``used``: travel of the linkage's own drive. ``sizes``, ``body``, ``bar``: see `as_plates`.
 
-    Raises
-    ------
-    FieldError
-        If the motor does not move the linkage over the interval, or if the rod acts on a link that is not a plate.
+    Raise `FieldError` if the motor does not move the linkage over the interval, or if the rod acts on a link that is not a
+    plate.
     """
     six = SixBar.of(linkage, used, motor)
     lengths = (*as_plates(linkage, used, sizes).lengths, motor.crank, motor.rod)
@@ -123,10 +121,7 @@ def strut_driven(
 
     ``used``: travel of the linkage's drive. ``sizes``, ``body``, ``bar``: see `as_plates`.
 
-    Raises
-    ------
-    FieldError
-        If an end lies on a link that is not a plate.
+    Raise `FieldError` if an end lies on a link that is not a plate.
     """
     plain = as_plates(linkage, used, sizes, body, bar)
     place = _Placed(plain, drive.link, drive.on, drive.pin, drive.end)

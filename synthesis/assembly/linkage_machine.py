@@ -46,10 +46,7 @@ def as_plates(
     that turn with the coupler and are parallel to the user's where the body's rotation is 0. A post joins it, at P if there is
     room. ``bar``: add a plate for the ground.
 
-    Raises
-    ------
-    FieldError
-        If the loop does not close over the interval, or if the body has no room for its post.
+    Raise `FieldError` if the loop does not close over the interval, or if the body has no room for its post.
     """
     used = Interval(min(used), max(used))
     guided = linkage.by_coupler
@@ -158,10 +155,7 @@ def loop_of(linkage: Linkage, used: Interval) -> Interval | None:
 
     The end is infinite if a slide drives the loop and it still closes at `_EXTENSION` times the used interval.
 
-    Raises
-    ------
-    FieldError
-        If the loop does not close over the whole used interval.
+    Raise `FieldError` if the loop does not close over the whole used interval.
     """
     first, last = used
     turns = linkage.driver.turns

@@ -177,9 +177,7 @@ def distances(first: Complexes, second: Complexes) -> Floats:
     ``first``, ``second`` (m, j) and (m, k): corners; two corners are a line, which may have length zero, and more are a simple
     polygon.
 
-    Returns
-    -------
-    ndarray, shape (m,)
+    The result has shape (m,).
     """
     best = np.minimum(_to_sides(first, second), _to_sides(second, first))
     meet = _cross_somewhere(first, second)

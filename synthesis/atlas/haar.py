@@ -59,9 +59,7 @@ def curve_from_features(average: ArrayLike, details: ArrayLike) -> Floats:
 
     ``average`` (...). ``details`` (..., 2^j - 1).
 
-    Returns
-    -------
-    ndarray, shape (..., 2^j)
+    The result has shape (..., 2^j).
 
     Examples
     --------

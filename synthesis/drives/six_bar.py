@@ -84,10 +84,7 @@ class SixBar:
 
         ``linkage``: a four-bar or a body on guides. ``used``: coordinates of the linkage's drive at the ends of the motion.
 
-        Raises
-        ------
-        FieldError
-            If the motor does not swing the linkage from one end of the interval to the other.
+        Raise `FieldError` if the motor does not swing the linkage from one end of the interval to the other.
         """
         found = cls(lambda at: motions_at(linkage, at), used, motor)
         found.check()

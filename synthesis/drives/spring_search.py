@@ -87,10 +87,7 @@ class SpringSearch:
         ``torque`` (n,): torque that the drive gives without the spring. ``betweens``: pairs of links to try.
         ``keeps_behaviour``: apply the limits of the behaviour.
 
-        Returns
-        -------
-        Spring or str
-            The spring, or a sentence with the reason why no row fits.
+        Return the spring, or a sentence with the reason why no row fits.
         """
         behaviour = self.behaviour if keeps_behaviour else None
         starts: list[_Start] = []

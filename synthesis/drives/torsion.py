@@ -52,10 +52,7 @@ def best_torsion_spring(
     ``torque`` (n,): torque that the drive gives without the spring. ``between``: links with a common joint; default: each joint
     is tried. ``behaviour``: limits on the torque that remains; springs that satisfy them come before all others.
 
-    Returns
-    -------
-    TorsionSpring or str
-        The spring, or a sentence with the reason why no row fits.
+    Return the spring, or a sentence with the reason why no row fits.
     """
     pairs = [pair for pair in ([between] if between else pairs_of(machine)) if joint_of(machine, pair) is not None]
     if not pairs:

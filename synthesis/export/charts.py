@@ -49,10 +49,7 @@ def chart_svg(panels: Mapping[str, Mapping[str, tuple[Floats, Floats]]], x_label
     ``panels``: by the label of the vertical axis: x and y, (n,) each, of each curve by its name. A curve is interrupted at
     values that are not finite. ``x_label``: label of the common horizontal axis.
 
-    Returns
-    -------
-    str
-        The text of the SVG file.
+    Return the text of the SVG file.
     """
     names = sorted({name for curves in panels.values() for name in curves})
     colour = {name: COLOURS[index % len(COLOURS)] for index, name in enumerate(names)}

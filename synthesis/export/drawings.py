@@ -40,10 +40,7 @@ def to_svg(linkage: Linkage, target: Target, extra: Extra | None = None, length_
     ``target``: the motion, with the travel of the drive at the samples. ``extra``: additional elements, for example a drive.
     ``length_unit``: unit of lengths, if it is known.
 
-    Raises
-    ------
-    FieldError
-        For a linkage that does not close over the used interval.
+    Raise `FieldError` for a linkage that does not close over the used interval.
     """
     layout = layout_of(linkage, target.interval)
     marks, turn = requested_positions(target), turn_path(linkage)
@@ -111,10 +108,7 @@ def to_dxf(linkage: Linkage, target: Target, unit_mm: float = 1.0, more: More | 
     ``target``: the motion, with the travel of the drive at the samples. ``unit_mm``: millimetres in the unit of lengths.
     ``more``: additional elements on a layer of their own.
 
-    Raises
-    ------
-    FieldError
-        For a linkage that does not close over the used interval, or whose coordinates the file cannot hold.
+    Raise `FieldError` for a linkage that does not close over the used interval, or whose coordinates the file cannot hold.
     """
     layout = layout_of(linkage, target.interval)
     layout.check_size(unit_mm)

@@ -45,10 +45,7 @@ def to_mjcf(linkage: Linkage, target: Target, unit_mm: float = 1.0, masses: Mapp
     ``masses``: mass of each link that is a part, in kilograms and the unit of lengths; sliders and blocks weigh next to
     nothing. Without masses bars are slender rods.
 
-    Raises
-    ------
-    FieldError
-        For a linkage that does not close over the used interval, or whose coordinates the file cannot hold.
+    Raise `FieldError` for a linkage that does not close over the used interval, or whose coordinates the file cannot hold.
     """
     layout = layout_of(linkage, target.interval)
     layout.check_size(unit_mm)

@@ -20,15 +20,9 @@ def to_csv(linkage: Linkage, target: Target, unit: float, more: Mapping[str, Ite
     ``target``: the motion, with the travel of the drive at the samples. ``unit``: radians in one unit of angle. ``more``:
     further columns, with a value for each sample.
 
-    Returns
-    -------
-    str
-        The table; a cell is empty if its number was not requested.
+    Return the table; a cell is empty if its number was not requested.
 
-    Raises
-    ------
-    FieldError
-        For a linkage that does not close over the used interval.
+    Raise `FieldError` for a linkage that does not close over the used interval.
     """
     closed_motions(linkage, target.interval)
     links, poses = linkage.motions(target.crank), linkage.body(linkage.start + target.crank)

@@ -69,10 +69,7 @@ OPTIONS = CompactOptions()
 def within_size(limits: Limits, samples: Samples, extents: float) -> Limits:
     """Return limits within which no length is above a multiple of the motion's extent.
 
-    Raises
-    ------
-    FieldError
-        If another limit excludes that.
+    Raise `FieldError` if another limit excludes that.
     """
     assert samples.position is not None
     length, reach = extents * samples.extent, limits.pivot_reach

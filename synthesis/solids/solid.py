@@ -166,10 +166,7 @@ def solids_of(machine: Machine, stack: Stack, manufacture: Manufacture, unit: fl
 
     ``unit``: millimetres per unit of the machine's lengths, as built.
 
-    Raises
-    ------
-    FieldError
-        If a hole leaves no material.
+    Raise `FieldError` if a hole leaves no material.
     """
     play = manufacture.fit.turning
     if not machine.hole * unit > play:

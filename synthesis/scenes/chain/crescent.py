@@ -101,10 +101,7 @@ def level_crescent(wheel_radius: float, upper_radius: float, alpha: float) -> Cr
 def given_crescent(wheel_radius: float, upper_radius: float, lower_radius: float, eccentricity: float) -> Crescent:
     """Return the crescent for given R0, R1, R2 and b, whose joints are exactly tangent.
 
-    Raises
-    ------
-    FieldError
-        The triangle of the centres with the sides a, b, c does not exist, or the wheels overlap.
+    Raise `FieldError` if the triangle of the centres with the sides a, b, c does not exist, or the wheels overlap.
     """
     c, a, b = upper_radius + wheel_radius, lower_radius - wheel_radius, eccentricity
     if not (a > 0 and abs(c - b) < a < c + b):
@@ -137,11 +134,8 @@ def critical_crescent(
 
     ``pitch``: length of a link. ``links``: number of links. ``upper_radius``, ``wheel_radius``: R1 and R0.
 
-    Raises
-    ------
-    FieldError
-        The chain closes on no crescent with these radii. The error contains the nearest number of links and the
-        missing or excess length.
+    Raise `FieldError` if the chain closes on no crescent with these radii. The error contains the nearest number of links and
+    the missing or excess length.
     """
     where = "on any lower radius"
 

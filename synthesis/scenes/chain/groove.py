@@ -156,10 +156,7 @@ def groove(slot: Slot, roller_radius: float | None) -> dict[str, Polyarc]:
         Closed contours in the direction of travel: ``path``, and the walls ``left`` and ``right``, each at a roller
         radius from the path.
 
-    Raises
-    ------
-    FieldError
-        The roller is too large for the curvature of the path.
+    Raise `FieldError` if the roller is too large for the curvature of the path.
     """
     track, pitch = slot.chain.track, slot.chain.pitch
     along, _ = track.feet(UPPER_ARC, slot.path(np.array([slot.start, slot.end])))
@@ -200,10 +197,7 @@ def _refuse_undercut(roller_radius: float, largest: float) -> None:
 def roller_walls(slot: Slot, phases: Floats, roller_radius: float) -> dict[str, Points]:
     """Return the ``left`` and the ``right`` wall of a slot for a roller, parallel to the pin's path, at phases, shape (n,).
 
-    Raises
-    ------
-    FieldError
-        The roller is too large for the curvature of the path.
+    Raise `FieldError` if the roller is too large for the curvature of the path.
     """
     _refuse_undercut(roller_radius, smallest_radius(slot))
     path, normals = slot.path(phases), slot.normals(phases)

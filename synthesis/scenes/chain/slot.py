@@ -235,11 +235,8 @@ def crescent_slot(
 
     ``start``: angle of P1 on the left wheel at the start of the window. By default, the phase with the smallest slack.
 
-    Raises
-    ------
-    FieldError
-        There is no such crescent; the chain is too short at some phase, or has a link too many at every phase; a link
-        does not fit on the track, or the chain does not run smoothly; or there is no slot.
+    Raise `FieldError` if there is no such crescent; the chain is too short at some phase, or has a link too many at every
+    phase; a link does not fit on the track, or the chain does not run smoothly; or there is no slot.
     """
     pitch, links = dimensions.pitch, dimensions.links
     crescent = crescent_for(dimensions, work)

@@ -194,10 +194,7 @@ class Track:
         ``position``: the pins, shape (n,). ``pitch``: length of a link. ``links``: number of links for each position, at least
         0. ``direction``: in or against the direction of travel.
 
-        Raises
-        ------
-        FieldError
-            A pin has no next pin; the error describes the first such pin.
+        Raise `FieldError` if a pin has no next pin; the error describes the first such pin.
         """
         at_rest = PinMotion(np.zeros_like(position.along), np.zeros_like(position.along))
         return self.carry(position, at_rest, pitch, links, direction)[0]

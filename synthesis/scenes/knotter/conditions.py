@@ -218,10 +218,7 @@ class SegmentEntersTriangle:
     def evaluate(self, mechanism: Mechanism, items: int, work: Work = UNLIMITED) -> EntryResult:
         """Return the verdict for each item; ``work`` may end the evaluation early.
 
-        Raises
-        ------
-        FieldError
-            The triangle of some item has no area, or the evaluation takes too many pieces.
+        Raise `FieldError` if the triangle of some item has no area, or the evaluation takes too many pieces.
         """
         return _in_chunks(self._evaluate, mechanism, items, self, self.window, work)
 
@@ -428,11 +425,8 @@ def study(
     StudyResult
         Verdicts; the result of an item does not depend on the other items of the grid.
 
-    Raises
-    ------
-    FieldError
-        Points coincide or are collinear, a law is not defined over the range of a condition, or the evaluation would
-        take too many pieces.
+    Raise `FieldError` if points coincide or are collinear, a law is not defined over the range of a condition, or the
+    evaluation would take too many pieces.
     """
     axes = np.meshgrid(*(np.asarray(values, float) for values in grid.values()), indexing="ij")
     item_values = {name: axis.ravel() for name, axis in zip(grid, axes)}

@@ -86,10 +86,8 @@ class Table:
 
     At a knot the law equals the knot's angle; between two knots it stays between their angles.
 
-    Raises
-    ------
-    ValueError
-        There are fewer than two knots, the two columns differ in length, or the driver angles do not increase.
+    Raise `ValueError` if there are fewer than two knots, the two columns differ in length, or the driver angles do not
+    increase.
     """
 
     driver: tuple[float, ...]
@@ -251,10 +249,7 @@ class Mechanism:
 
         All angles at which a law is not smooth are among them.
 
-        Raises
-        ------
-        FieldError
-            The range needs more than `SampleOptions.max_pieces` pieces.
+        Raise `FieldError` if the range needs more than `SampleOptions.max_pieces` pieces.
         """
         laws = self.laws_of(frames).values()
         corners = np.unique([first, *(knot for law in laws for knot in law.driver if first < knot < last), last])

@@ -264,11 +264,8 @@ def minimum_slacks(slacks_by_name: dict[str, Floats]) -> dict[str, Floats]:
 def check_constraints(limits: Constraints, top_height: float) -> None:
     """Raise an error for constraints that no design can satisfy.
 
-    Raises
-    ------
-    FieldError
-        A range is empty, or the box excludes the cylinder pivot or the top height. ``constraint`` is the name of the
-        field.
+    Raise `FieldError` if a range is empty, or the box excludes the cylinder pivot or the top height. ``constraint`` is the name
+    of the field.
     """
     ranges = {**limits.lengths, "closed_length": limits.closed_length, "rise_time": limits.rise_time}
     for name, (low, high) in ranges.items():
