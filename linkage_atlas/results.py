@@ -7,12 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Annotated, Literal
+from typing import Annotated, Literal, cast
 
 from linkage_atlas.geometry import AtlasType
 from linkage_atlas.linkages import Linkage
 from linkage_atlas.notes import counted
-from linkage_atlas.records import PYTHON_ONLY, Ranked, Record
+from linkage_atlas.records import PYTHON_ONLY, Item, Ranked, Record
 from linkage_atlas.solutions import Solution
 from synthesis.ranking import Status
 from synthesis.search.report import SearchReport
@@ -63,8 +63,28 @@ class Report(Record):
         )
 
 
+class Solved(Ranked[Item]):
+    """Base of replies whose results are solutions with linkages."""
+
+    solutions: list[Item]
+
+    @property
+    def _results(self) -> list[Item]:
+        return self.solutions
+
+    @property
+    def best(self) -> Item:
+        """The best solution; IndexError without solutions."""
+        return self.solutions[0]
+
+    @property
+    def linkage(self) -> Linkage:
+        """The linkage of the best solution."""
+        return cast("Solution", self.best).linkage
+
+
 @dataclass(frozen=True)
-class Result(Record, Ranked[Solution]):
+class Result(Record, Solved[Solution]):
     """Reply of `linkage_atlas.synthesize`: solutions, best first, and a report.
 
     ``result[0]``, ``len(result)`` and ``for solution in result`` act on ``solutions``; a result without solutions is false.
@@ -83,20 +103,6 @@ class Result(Record, Ranked[Solution]):
     status: StatusName
     solutions: list[Solution]
     report: Report
-
-    @property
-    def _results(self) -> list[Solution]:
-        return self.solutions
-
-    @property
-    def best(self) -> Solution:
-        """The best solution; IndexError without solutions."""
-        return self.solutions[0]
-
-    @property
-    def linkage(self) -> Linkage:
-        """The linkage of the best solution."""
-        return self.best.linkage
 
     def __repr__(self) -> str:
         rows = [f"  {s.rank}  {s.linkage!r}  {s.errors_in_words()}" for s in self.solutions]

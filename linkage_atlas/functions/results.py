@@ -12,8 +12,8 @@ from linkage_atlas.functions.question import Dial, FunctionQuestion
 from linkage_atlas.geometry import AnyGuide, DriverName, KindName, Links
 from linkage_atlas.linkages import Linkage
 from linkage_atlas.notes import counted
-from linkage_atlas.records import PYTHON_ONLY, Ranked, Record
-from linkage_atlas.results import Report, StatusName
+from linkage_atlas.records import PYTHON_ONLY, Record
+from linkage_atlas.results import Report, Solved, StatusName
 from linkage_atlas.solutions import Determination, Verdict
 from synthesis.arrays import Floats
 from synthesis.errors import FieldError
@@ -123,7 +123,7 @@ class FunctionSolution(AnyFunctionSolution):
 
 
 @dataclass(frozen=True)
-class FunctionResult(Record, Ranked[FunctionSolution | TravelSolution]):
+class FunctionResult(Record, Solved[FunctionSolution | TravelSolution]):
     """The answer to `linkage_atlas.function`: linkages, best first, and a report; indexed and iterated as ``solutions``.
 
     ``status`` is "reached" (the best objective is below the tolerance), "closest", "infeasible" (none within the limits),
@@ -150,20 +150,6 @@ class FunctionResult(Record, Ranked[FunctionSolution | TravelSolution]):
     y: Floats | None
     report: Report
     question: FunctionQuestion = field(repr=False, metadata=PYTHON_ONLY)
-
-    @property
-    def _results(self) -> list[FunctionSolution | TravelSolution]:
-        return self.solutions
-
-    @property
-    def best(self) -> FunctionSolution | TravelSolution:
-        """The best solution; IndexError without solutions."""
-        return self.solutions[0]
-
-    @property
-    def linkage(self) -> Linkage:
-        """The linkage of the best solution."""
-        return self.best.linkage
 
     def render(self, kind: str, rank: int = 1, length_unit: str = "mm") -> str:
         """Return a solution as the text of a file: csv (the function at the samples), svg, dxf or mjcf.
