@@ -223,10 +223,8 @@ class AskedAssembly(NamedTuple):
 
     def within(self, envelope: Box | None, keep_out: Sequence[Box]) -> AskedAssembly:
         """Return the request with the boxes of the limits, if it has no boxes of its own."""
-        return self._replace(
-            envelope=self.envelope if envelope is None or self.envelope is not None else envelope,
-            keep_out=self.keep_out or tuple(keep_out),
-        )
+        own = envelope if self.envelope is None else self.envelope
+        return self._replace(envelope=own, keep_out=self.keep_out or tuple(keep_out))
 
 
 def read_assembly(request: Fields | Literal[True], where: str = "assembly/") -> AskedAssembly:

@@ -208,19 +208,12 @@ def driven_solution(
         question, deciding = _read(Reader(operation.machine, radian), request)
     except FieldError as error:
         refused = [Refusal("any", "linkage", None, error.message)]
-        return {
-            "drives": [],
-            "refused": refused,
-            "springs": [],
-            "has_drive": None if "drive" not in request else False,
-        }
+        has_drive = False if "drive" in request else None
+        return {"drives": [], "refused": refused, "springs": [], "has_drive": has_drive}
     found = _answer(operation, question, 1, work)
+    answer: dict[str, object] = {"drives": found.drives, "refused": found.refused, "springs": found.springs}
     if deciding is None:
-        return {"drives": found.drives, "refused": found.refused, "springs": found.springs}
+        return answer
     first = _answer(operation, question._replace(drives=(deciding,), springs=()), 1, work)
-    return {
-        "drives": [*first.drives, *found.drives],
-        "refused": [*first.refused, *found.refused],
-        "springs": found.springs,
-        "has_drive": bool(first.drives),
-    }
+    more = {"drives": [*first.drives, *found.drives], "refused": [*first.refused, *found.refused]}
+    return answer | more | {"has_drive": bool(first.drives)}

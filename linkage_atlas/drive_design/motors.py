@@ -69,9 +69,7 @@ def _add(task: DriveTask, name: str, cycle: MotorCycle) -> None:
     interval = Interval(*task.fine.at[[0, -1]].tolist())
     six = Swung(operation.poses, interval, Motor(name, cycle.motor, cycle.crank, cycle.rod, cycle.pin))
     bar, motor = _six_bar(task, six, cycle), np.full(FINE, cycle.motor)
-    pulls = [
-        [Pull(name, pin, force * (pin - knee) / cycle.rod)] for force, knee in zip(cycle.rod_force, cycle.crank_pin)
-    ]
+    pushes = [force * (pin - knee) / cycle.rod for force, knee in zip(cycle.rod_force, cycle.crank_pin)]
     drive = MotorDrive(
         link=name,
         swing=task.swing(name),
@@ -85,7 +83,7 @@ def _add(task: DriveTask, name: str, cycle: MotorCycle) -> None:
         peak_torque=bar.motor_torque_max,
         peak_force=task.if_loaded(float(np.abs(cycle.rod_force).max())),
         envelope=envelope(pin, *cycle.crank_pin, motor),
-        pin_forces=task.pin_peaks(task.fine, *pulls),
+        pin_forces=task.pin_peaks(task.fine, *([Pull(name, pin, push)] for push in pushes)),
         curve=MotorCurve(
             crank_angle=operation.curve_at,
             length=cycle.length[coarse],

@@ -169,11 +169,8 @@ def _words(springs: SpringSet) -> str:
     """Name springs and the links that they join."""
     parts = []
     for spring in springs:
-        first, second = spring.between
-        is_linear = isinstance(spring, LinearSpring)
-        parts.append(
-            f"{spring.name} {'from' if is_linear else 'between'} {first} {'to' if is_linear else 'and'} {second}"
-        )
+        joins = "from {} to {}" if isinstance(spring, LinearSpring) else "between {} and {}"
+        parts.append(f"{spring.name} {joins.format(*spring.between)}")
     return " and ".join(parts)
 
 
