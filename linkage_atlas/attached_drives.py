@@ -40,6 +40,5 @@ def read_attached(field: str, drive: object) -> DriveEnds:
         if length is None:
             raise FieldError(f"/{at}", "is required; pass the drive unchanged from a reply")
         sizes.append(positive(at, length))
-    return DriveEnds(
-        kind, link, str(value(drive, "base_link") or GROUND), end, pin, (sizes[0], sizes[1]) if sizes else (0.0, 0.0)
-    )
+    both = (sizes[0], sizes[1]) if sizes else (0.0, 0.0)
+    return DriveEnds(kind, link, str(value(drive, "base_link") or GROUND), end, pin, both)

@@ -116,6 +116,5 @@ def match(
         notes.append(f"The time was up: only the best {len(matches)} of {counted(len(curves), 'row')} are reported.")
     if not report.exhaustive:
         notes.append("The time was up before all rows of the atlas were examined: others may be better.")
-    return Matches(
-        matches, MatchReport(elapsed, report.windows, report.evaluated, report.exhaustive, sentences(notes))
-    )
+    described = MatchReport(elapsed, report.windows, report.evaluated, report.exhaustive, sentences(notes))
+    return Matches(matches, described)

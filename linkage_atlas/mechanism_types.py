@@ -55,10 +55,8 @@ def read_kinds(mechanisms: object, driver: object, motion: Motion) -> Kinds:
     """Read the kinds of mechanism. Raises FieldError if a kind or the driver is unknown, or cannot make the motion."""
     names = ("four_bar",) if mechanisms is None else mechanisms
     names = (names,) if isinstance(names, str) and names != "all" else names
-    kinds = Kinds(
-        tuple(map(Kind, kinds_among(names, MECHANISMS))),
-        None if driver is None else Driver(one_of("driver", driver, DRIVERS)),
-    )
+    requested = tuple(map(Kind, kinds_among(names, MECHANISMS)))
+    kinds = Kinds(requested, None if driver is None else Driver(one_of("driver", driver, DRIVERS)))
     _check(kinds, motion)
     return kinds
 

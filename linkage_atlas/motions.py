@@ -356,13 +356,8 @@ class Motion:
 
     def notes(self) -> list[str]:
         """Return remarks for the user: reading of a table, units, wrapped rotation, and a hinge or guide that suffices."""
-        return [
-            *self._table_notes,
-            *self._wraps,
-            *self._unit_notes(),
-            *self._jump_notes(),
-            *self._simpler_machine_notes(),
-        ]
+        on_reading = [*self._table_notes, *self._wraps]
+        return [*on_reading, *self._unit_notes(), *self._jump_notes(), *self._simpler_machine_notes()]
 
     def _unit_notes(self) -> list[str]:
         notes: list[str] = []
@@ -568,11 +563,8 @@ def _travel(travel: ArrayLike | None, span: float | None, samples: Poses) -> Flo
 
 def _check_given(what: str, order: str, closed: bool, crank_span_max: float | None) -> None:
     """Raise FieldError for arguments that need free crank angles."""
-    for name, is_set in (
-        ("order", order != "given"),
-        ("closed", closed),
-        ("crank_span_max", crank_span_max is not None),
-    ):
+    needing = {"order": order != "given", "closed": closed, "crank_span_max": crank_span_max is not None}
+    for name, is_set in needing.items():
         if is_set:
             raise FieldError(f"/{name}", f"needs `timing` 'free': here the {what} given")
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -144,16 +145,8 @@ def balanced(found: Sequence[Solution], task: Task, ranking: Ranking, search: Se
         else:
             further += search(motion, compact, goal, work, _COMPACT_ROUNDS)[0]
     four_bars = [solution for solution in [*found, *further] if solution.linkage.is_four_bar]
-    return further + list(
-        compacted(
-            samples,
-            task.limits,
-            four_bars,
-            lambda candidates: ranking.merits(candidates, found),
-            task.tolerance,
-            work,
-        )
-    )
+    merits = partial(ranking.merits, beside=found)
+    return [*further, *compacted(samples, task.limits, four_bars, merits, task.tolerance, work)]
 
 
 def arranged(

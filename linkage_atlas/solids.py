@@ -197,18 +197,10 @@ def solids_in(assembly: Assembly, request: AskedSolids, length_unit: str) -> Sol
     materials = Manufacture(fit, request.material, request.pins, heights)
     solids = solids_of(machine, stack, materials, built)
     full = solids if settings.scale == 1 else solids_of(machine, stack, materials, unit)
-    parts = [
-        SolidPart(
-            part.name,
-            part.kind,
-            part.link,
-            part.material,
-            part.volume,
-            part.mass.mass,
-            tuple(part.mass.centre.tolist()),
-        )
-        for part in solids.parts
-    ]
+    parts = []
+    for part in solids.parts:
+        mass, centre = part.mass.mass, tuple(part.mass.centre.tolist())
+        parts.append(SolidPart(part.name, part.kind, part.link, part.material, part.volume, mass, centre))
     return SolidParts(
         fit.name,
         settings.scale,

@@ -156,9 +156,8 @@ def studied(
     found = simulate(linkage, np.concatenate([travel, band]), samples, *request, work)
     sources = found.sources
     spreads = {"position": found.position, "rotation": found.rotation}
-    parts = {
-        name: np.zeros(len(sources)) if spread is None else spread.contributions for name, spread in spreads.items()
-    }
+    none = np.zeros(len(sources))
+    parts = {name: none if spread is None else spread.contributions for name, spread in spreads.items()}
     contributions = [
         Contribution(source, None if found.position is None else p, r)
         for source, p, r in zip(sources, parts["position"].tolist(), parts["rotation"].tolist())
