@@ -628,18 +628,14 @@ class Linkage:
         ----------
         kind : {"csv", "svg", "dxf", "plates", "mjcf", "step", "3mf", "stl", "parts"}
             ``plates``: a DXF of all flat parts to cut. ``stl``: a zip archive with a file per part. ``parts``: a CSV list.
-        motion : Motion, optional
-            Requested motion; default: the motion that the linkage answers, or else a whole turn.
+        motion, crank_angle, travel, work
+            See `assembly`.
         length_unit : {"um", "mm", "cm", "m", "in", "ft"}, optional
             Unit of its lengths; default: the unit of the motion, or millimetres.
-        crank_angle, travel : array_like, shape (N,), optional
-            For a free or no motion: crank angles from the first sample, or travel of a drive that slides.
         analysis : mapping, optional
             ``crank_speed`` and ``load``, see `analysis`: further columns of a CSV file.
         assembly, solids : mapping, optional
             Arguments of `assembly` (True: the defaults) and of `solids`, for files of parts and for the masses in an MJCF file.
-        work : Work, optional
-            Limits the time, and ends the computation if the result is no longer needed.
         drive : mapping, optional
             Drive of `linkage_atlas.drives`, or its plain values. It adds columns to a CSV file, lines to a drawing, and to
             files of parts a motor and its rod or a cylinder, with the arm that carries its pin.
