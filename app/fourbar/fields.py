@@ -139,10 +139,10 @@ _FORMS: dict[str, Any] = {
 """Type of the field for each kind of limit, see `synthesis.limits.Form`."""
 
 
-def limits_request(name: str, doc: str, forms: Mapping[str, Any], preset: str) -> Any:
-    """Return the model of a set of limits, with a field for each limit and the field ``preset``."""
+def limits_request(name: str, doc: str, forms: Mapping[str, Any], preset: str, **more: Any) -> Any:
+    """Return the model of a set of limits, with a field for each limit, the field ``preset`` and more fields."""
     fields: dict[str, Any] = {
         limit: (_FORMS[form.kind], Field(None, description=form.says)) for limit, form in forms.items()
     }
     fields["preset"] = (Literal["practical", "none"] | None, Field(None, description=preset))
-    return create_model(name, __base__=RequestModel, __module__=__name__, __doc__=doc, **fields)
+    return create_model(name, __base__=RequestModel, __module__=__name__, __doc__=doc, **fields, **more)

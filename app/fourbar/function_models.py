@@ -14,6 +14,7 @@ from linkage_atlas.limits import FUNCTION_LIMITS
 from linkage_atlas.motions import MAX_SAMPLES, MIN_SAMPLES
 from linkage_atlas.warm_start import MAX_STARTS
 
+OFFSET = "Prescribed distance of the rail of a slider-crank from the pivot of the crank; 0: in-line slider-crank."
 NumberPair = Annotated[list[Number], Field(min_length=2, max_length=2)]
 
 
@@ -34,20 +35,14 @@ class FunctionOfX(RequestModel):
     """Number of samples of a named function; default: 101."""
 
 
-_FunctionLimits: Any = limits_request(
-    "_FunctionLimits",
+FunctionLimitsRequest: Any = limits_request(
+    "FunctionLimitsRequest",
     "Limits that every linkage satisfies.",
     FUNCTION_LIMITS,
     "`practical`: transmission angle at least 35 degrees over the interval and 15 degrees over the full turn, longest link "
     "at most 10 times the shortest. A limit in the request replaces the limit of the preset.",
+    offset=(Annotated[Number | None, Field(description=OFFSET)], None),
 )
-
-
-class FunctionLimitsRequest(_FunctionLimits):
-    """Limits that every linkage satisfies."""
-
-    offset: Number | None = None
-    """Prescribed distance of the rail of a slider-crank from the pivot of the crank; 0: in-line slider-crank."""
 
 
 FunctionUnit = Literal["deg", "rad", "length"]
