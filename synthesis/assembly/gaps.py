@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from synthesis.arrays import Flags, Floats, Ints
+from synthesis.arrays import Flags, Floats, Ints, rows_at, rows_of_all
 from synthesis.assembly.movement import Bodies, Movement
 from synthesis.assembly.shapes import Shape, distances
 from synthesis.one_variable import bisect
@@ -100,10 +100,6 @@ class _Cells(NamedTuple):
     gap: Floats
     bound: Floats
 
-    def select(self, indices: Flags | Ints) -> _Cells:
-        """Return the cells with some indices."""
-        return _Cells._make(column[indices] for column in self)
-
     def halved(self) -> tuple[Ints, Floats, Floats]:
         """Return pair, middle and half width of the two halves of each cell."""
         half = np.repeat(self.half / 2, 2)
@@ -111,11 +107,6 @@ class _Cells(NamedTuple):
         middle[::2] -= half[::2]
         middle[1::2] += half[1::2]
         return np.repeat(self.pair, 2), middle, half
-
-    @classmethod
-    def concatenate(cls, parts: Sequence[_Cells]) -> _Cells:
-        """Return the cells of several arrays."""
-        return cls(*(np.concatenate(columns) for columns in zip(*parts)))
 
 
 class Gaps:
@@ -215,10 +206,10 @@ class Gaps:
         while pair.size:
             cells = _Cells(pair, middle, half, *self.at(pair, middle, half))
             open_, kind = self._decide(cells)
-            decided.append(cells.select(~open_))
+            decided.append(rows_at(cells, ~open_))
             kinds.append(kind[~open_])
-            pair, middle, half = cells.select(open_).halved()
-        self._cells, self._decisions = _Cells.concatenate(decided), np.concatenate(kinds)
+            pair, middle, half = rows_at(cells, open_).halved()
+        self._cells, self._decisions = rows_of_all(*decided), np.concatenate(kinds)
         return self._proofs(first, last)
 
     def _decide(self, cells: _Cells) -> tuple[Flags, Ints]:
@@ -272,27 +263,27 @@ class Gaps:
         """
         mask = np.zeros(len(self._pairs), dtype=bool)
         mask[list(pairs)] = True
-        cells = self._cells.select(mask[self._cells.pair])
+        cells = rows_at(self._cells, mask[self._cells.pair])
         best = np.full(len(self._pairs), np.inf)
-        finished = [cells.select(np.zeros(0, dtype=int))]
+        finished = [rows_at(cells, np.zeros(0, dtype=int))]
         while cells.pair.size:
             np.minimum.at(best, cells.pair, cells.gap)
-            cells = cells.select(cells.gap - cells.bound <= best[cells.pair])
+            cells = rows_at(cells, cells.gap - cells.bound <= best[cells.pair])
             coarse = (cells.gap - cells.bound < best[cells.pair] - self._options.gap_resolution * self.size) & (
                 cells.half > 1e-12 * self._extent
             )
             coarse &= (np.bincount(cells.pair[coarse], minlength=best.size) < self._options.max_cells)[cells.pair]
-            finished.append(cells.select(~coarse))
-            pair, middle, half = cells.select(coarse).halved()
+            finished.append(rows_at(cells, ~coarse))
+            pair, middle, half = rows_at(cells, coarse).halved()
             if not pair.size:
                 break
             cells = _Cells(pair, middle, half, *self.at(pair, middle, half))
-        remaining = _Cells.concatenate(finished)
-        return self._lowest(remaining.select(remaining.gap - remaining.bound <= best[remaining.pair]))
+        remaining = rows_of_all(*finished)
+        return self._lowest(rows_at(remaining, remaining.gap - remaining.bound <= best[remaining.pair]))
 
     def _lowest(self, cells: _Cells) -> dict[int, MinimumGap]:
         """Refine the smallest gaps in ranges of neighbouring cells, and return the smallest of each pair."""
-        cells = cells.select(np.lexsort([cells.middle, cells.pair]))
+        cells = rows_at(cells, np.lexsort([cells.middle, cells.pair]))
         gapped = cells.middle[1:] - cells.half[1:] > (cells.middle[:-1] + cells.half[:-1]) + 1e-3 * cells.half[1:]
         starts = np.flatnonzero(np.r_[True, (np.diff(cells.pair) != 0) | gapped][: cells.pair.size])
         ends = np.r_[starts[1:], cells.pair.size][: starts.size] - 1

@@ -13,6 +13,7 @@ from synthesis.solids.solid import Posed, Solid
 
 UNCERTAINTY = 1e-7
 """Distance in millimetres within which points coincide."""
+Triple = tuple[float, float, float]
 _UP = (0.0, 0.0, 1.0)
 _DOWN = (0.0, 0.0, -1.0)
 _EAST = (1.0, 0.0, 0.0)
@@ -80,7 +81,7 @@ class _Data:
 
     def __init__(self) -> None:
         self.lines: list[str] = []
-        self.directions: dict[tuple[float, float, float], str] = {}
+        self.directions: dict[Triple, str] = {}
 
     def add(self, entity: str) -> str:
         self.lines.append(entity)
@@ -146,20 +147,15 @@ class _Data:
 
     # -- geometry -----------------------------------------------------------------------------------------------------
 
-    def point(self, position: tuple[float, float, float]) -> str:
+    def point(self, position: Triple) -> str:
         return self.add(f"CARTESIAN_POINT('',{_triple(position)})")
 
-    def direction(self, direction: tuple[float, float, float]) -> str:
+    def direction(self, direction: Triple) -> str:
         if direction not in self.directions:
             self.directions[direction] = self.add(f"DIRECTION('',{_triple(direction)})")
         return self.directions[direction]
 
-    def frame(
-        self,
-        position: tuple[float, float, float],
-        x: tuple[float, float, float] = _EAST,
-        z: tuple[float, float, float] = _UP,
-    ) -> str:
+    def frame(self, position: Triple, x: Triple = _EAST, z: Triple = _UP) -> str:
         return self.add(f"AXIS2_PLACEMENT_3D('',{self.point(position)},{self.direction(z)},{self.direction(x)})")
 
     def vertex(self, position: complex, height: float) -> str:
@@ -168,7 +164,7 @@ class _Data:
     def edge(self, first: str, last: str, curve: str) -> str:
         return self.add(f"EDGE_CURVE('',{first},{last},{curve},.T.)")
 
-    def line(self, position: complex, height: float, direction: tuple[float, float, float]) -> str:
+    def line(self, position: complex, height: float, direction: Triple) -> str:
         along = self.add(f"VECTOR('',{self.direction(direction)},1.)")
         return self.add(f"LINE('',{self.point((position.real, position.imag, height))},{along})")
 
@@ -180,9 +176,7 @@ class _Data:
     def face(self, bounds: Iterable[str], surface: str, outward: bool = True) -> str:
         return self.add(f"ADVANCED_FACE('',{_list(bounds)},{surface},{'.T.' if outward else '.F.'})")
 
-    def plane(
-        self, position: tuple[float, float, float], x: tuple[float, float, float], normal: tuple[float, float, float]
-    ) -> str:
+    def plane(self, position: Triple, x: Triple, normal: Triple) -> str:
         return self.add(f"PLANE('',{self.frame(position, x, normal)})")
 
     def cylinder(self, centre: complex, radius: float) -> str:

@@ -16,11 +16,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from synthesis.arrays import cross, dot
 from synthesis.errors import FieldError
 from synthesis.one_variable import Floats
 from synthesis.scenes.chain.crescent import UPPER_ARC
 from synthesis.scenes.chain.slot import Slot, smallest_radius
-from synthesis.scenes.chain.track import Points, Track, cross, dot
+from synthesis.scenes.chain.track import Points, Track
 from synthesis.sheet import Sheet, dxf_document, dxf_text
 
 

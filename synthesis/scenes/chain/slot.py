@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from synthesis.arrays import cross, dot, rows_at
 from synthesis.errors import FieldError
 from synthesis.one_variable import Floats, rising_root
 from synthesis.scenes.chain.closure import (
@@ -34,7 +35,7 @@ from synthesis.scenes.chain.crescent import (
     Dimensions,
     crescent_for,
 )
-from synthesis.scenes.chain.track import PinMotion, Points, TrackPosition, cross, dot, no_point_error, pitch_error
+from synthesis.scenes.chain.track import PinMotion, Points, TrackPosition, no_point_error, pitch_error
 from synthesis.work import UNLIMITED, Work
 
 
@@ -289,12 +290,12 @@ def _slot_at(chain: Chain, phase: float) -> Slot:
     """
     track, pitch, links = chain.track, chain.pitch, chain.links
     first, _ = chain.drive(np.array([phase]))
-    copies = first.select(np.zeros(links + 1, dtype=np.intp))
+    copies = rows_at(first, np.zeros(links + 1, dtype=np.intp))
     positions = track.advance(copies, pitch, np.arange(links + 1))
     middle = track.joints[UPPER_ARC] + 0.5 * track.length[UPPER_ARC]
     has_passed = track.arc_length(positions) - middle < OPTIONS.middle_tolerance * pitch
     free = int(np.clip(np.count_nonzero(has_passed), 2, links - 1))
-    link_vectors = np.diff(track.points(positions.select(slice(free - 2, free + 2)))) / pitch
+    link_vectors = np.diff(track.points(rows_at(positions, slice(free - 2, free + 2)))) / pitch
     if np.any(cross(link_vectors[1:], link_vectors[:-1]) <= 0):
         raise FieldError(
             "/upper_radius",

@@ -31,16 +31,6 @@ def no_point_error(arc_length: float) -> FieldError:
     return pitch_error("no_point", "no point of the track ahead is one pitch away", arc_length)
 
 
-def dot(first: Points, second: Points) -> Floats:
-    """Return the scalar products of plane vectors."""
-    return (first * np.conj(second)).real
-
-
-def cross(first: Points, second: Points) -> Floats:
-    """Return the vector products of plane vectors, positive if the second vector is to the left of the first."""
-    return (np.conj(first) * second).imag
-
-
 class Arc(NamedTuple):
     """A segment of a track."""
 
@@ -65,10 +55,6 @@ class TrackPosition(NamedTuple):
     """Arc length from the start of the segment."""
     lap: NDArray[np.int64]
     """Number of completed laps."""
-
-    def select(self, index: NDArray[np.intp] | slice) -> TrackPosition:
-        """Return some of the positions."""
-        return TrackPosition._make(column[index] for column in self)
 
 
 class PinMotion(NamedTuple):
