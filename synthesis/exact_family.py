@@ -7,7 +7,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from synthesis.arrays import Flags, Floats
+from synthesis.arrays import Flags, Floats, rows_at
 from synthesis.work import Work
 
 
@@ -61,7 +61,7 @@ def improved(family: ExactFamily, candidates: Any, work: Work) -> Any:
         if work.expired() or not candidates.merit.size:
             break
         parents = np.repeat(np.arange(candidates.merit.size), options.trials)
-        trials = family.usable(family.evaluate(family.moved(candidates.parameters.take(parents), step)))
+        trials = family.usable(family.evaluate(family.moved(rows_at(candidates.parameters, parents), step)))
         combined = candidates._replace(origin=np.arange(candidates.merit.size)).joined(
             trials._replace(origin=parents[trials.origin])
         )

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from synthesis.arrays import Floats, Ints, Singles
+from synthesis.arrays import Floats, Ints, Singles, rows_at
 from synthesis.atlas import tree_kernel
 from synthesis.atlas.positions import PositionRequest
 from synthesis.atlas.request import STARTS, RotationRequest
@@ -109,7 +109,7 @@ class Scan:
         errors = np.empty(len(windows.row))
         batch = max(1, _EXACT_SAMPLES // target.samples)
         for first in range(0, errors.size, batch):
-            part = windows.take(np.arange(first, min(first + batch, errors.size)))
+            part = rows_at(windows, np.arange(first, min(first + batch, errors.size)))
             errors[first : first + batch] = objective(target, self.angles(target, part))
         return errors
 

@@ -8,12 +8,11 @@ places, and once the next place is behind the last of the best, no other window 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from synthesis.arrays import Floats, Ints
+from synthesis.arrays import Floats, Ints, rows_at, rows_of_all
 
 TIE = 1e-12
 """Errors (radians, or the objective's unit) that agree to this are ties, broken by number, start, branch."""
@@ -32,26 +31,15 @@ class Windows(NamedTuple):
     branch: Ints
     error: Floats
 
-    def take(self, index: NDArray[np.intp]) -> Windows:
-        """Return the windows at some indices."""
-        columns: list[Any] = [column[index] for column in self]
-        return Windows(*columns)
-
 
 _NOTHING: Ints = np.empty(0, dtype=np.int64)
 NO_WINDOWS = Windows(_NOTHING, _NOTHING, _NOTHING, np.empty(0))
 
 
-def joined(parts: list[Windows]) -> Windows:
-    """Return the windows of all parts, in order."""
-    columns: list[Any] = [np.concatenate(column) for column in zip(*parts)]
-    return Windows(*columns)
-
-
 def best_of(windows: Windows, top: int) -> Windows:
     """Return the best ``top`` windows by error, ties by number, start, branch."""
     order = np.lexsort((windows.branch < 0, windows.start, windows.row, steps_of(windows.error)))
-    return windows.take(order[:top])
+    return rows_at(windows, order[:top])
 
 
 class ScanReport(NamedTuple):
@@ -156,11 +144,11 @@ class BestWindows:
         windows = self.numbering.windows(ids)
         error = self._exact(windows)
         windows = windows._replace(error=error if known is None else np.where(np.isfinite(error), known, np.inf))
-        windows = windows.take(np.flatnonzero(np.isfinite(windows.error)))
-        self.windows = best_of(joined([self.windows, windows]), self.top)
+        windows = rows_at(windows, np.flatnonzero(np.isfinite(windows.error)))
+        self.windows = best_of(rows_of_all(self.windows, windows), self.top)
         self.evaluated += ids.size
         if self.windows.row.size == self.top:
-            last = self.windows.take(np.array([-1]))
+            last = rows_at(self.windows, np.array([-1]))
             rank = self.numbering.ranks(self.numbering.ids(last))
             self.last = WindowRank(float(steps_of(last.error)[0]), float(rank[0]))
         return windows

@@ -90,10 +90,6 @@ class Parameters(NamedTuple):
     rocker_pivot: Complexes
     rocker_tilt: Floats
 
-    def take(self, indices: Any) -> Parameters:
-        """Select parameters."""
-        return rows_at(self, indices)
-
 
 class Candidates(NamedTuple):
     """Exact four-bars without defects and within the limits."""
@@ -238,7 +234,7 @@ class ExactFamily:
         size = np.max([*pairs.lengths.T, arm, np.abs(crank_pivot), np.abs(rocker_pivot)], axis=0) / self.extent
         ratio = pairs.lengths.max(axis=1) / pairs.lengths.min(axis=1)
         merits = merit(size, transmission, np.ptp(angles, axis=1), ratio)
-        return Candidates(parameters.take(origin), pairs.lengths, timed, merits, origin)
+        return Candidates(rows_at(parameters, origin), pairs.lengths, timed, merits, origin)
 
     def _crank_angles(self, pairs: Pairs) -> tuple[Floats, NDArray[np.bool_]]:
         """Return crank angles that pass the poses one way within the largest span, and which four-bars have such.

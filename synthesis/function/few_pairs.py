@@ -80,10 +80,6 @@ class Parameters(NamedTuple):
     ratio: Floats
     """Logarithm of crank or rocker over the ground; used for two pairs only."""
 
-    def take(self, indices: Any) -> Parameters:
-        """Select parameters."""
-        return rows_at(self, indices)
-
 
 class Candidates(NamedTuple):
     """Exact four-bars within the limits, shape (n,) each unless noted."""
@@ -234,7 +230,7 @@ class ExactFamily:
         """Return the exact four-bars of lengths (n, 4) that stay on the same branch over the interval and satisfy the limits."""
         ratio = lengths.max(axis=1) / lengths.min(axis=1)
         origin = np.flatnonzero((ratio < PROPORTION) & in_family(self.limits.family, lengths))
-        branch, forward = self._at_pairs(parameters.take(origin), lengths[origin])
+        branch, forward = self._at_pairs(rows_at(parameters, origin), lengths[origin])
         used = self.function.interval.after(parameters.start[origin])
         transmission = np.nan_to_num(transmission_angle_over(lengths[origin], used))
         inside = (branch != 0) & (transmission > 0) & (transmission >= self.limits.transmission_angle_min)
@@ -246,7 +242,7 @@ class ExactFamily:
         keep = np.flatnonzero(inside)
         origin, branch, forward, transmission = origin[keep], branch[keep], forward[keep], transmission[keep]
         merits = function_merit(lengths[origin], transmission, self.sized)
-        return Candidates(parameters.take(origin), lengths[origin], branch, forward, merits, origin)
+        return Candidates(rows_at(parameters, origin), lengths[origin], branch, forward, merits, origin)
 
     def _at_pairs(self, parameters: Parameters, lengths: Floats) -> tuple[Floats, NDArray[np.bool_]]:
         """Return the branch (n,), 0 if it differs between pairs, and whether the rocker turns the wanted way at all pairs."""

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from synthesis.arrays import Floats, rows_at
+from synthesis.arrays import Floats
 from synthesis.constrained_descent import Linear
 from synthesis.function.laws import ANGLE, FourBarLaw, FunctionLimits
 from synthesis.function.target_function import TargetFunction
@@ -48,10 +48,6 @@ class Inputs(NamedTuple):
     """(n, M): factors of the errors."""
     wanted: Floats
     """(n, M): outputs of the function."""
-
-    def take(self, indices: Any) -> Inputs:
-        """Select candidates."""
-        return rows_at(self, indices)
 
 
 class FunctionProblem:

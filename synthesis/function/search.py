@@ -287,7 +287,7 @@ class FunctionSearch(SearchProblem):
             chosen = which.astype(np.intp)
             full = unknowns[chosen]
             full[:, free] = moving
-            model = problem.linearised(full, inputs.take(chosen))
+            model = problem.linearised(full, rows_at(inputs, chosen))
             out = np.where(full < low, full - low, np.where(full > high, full - high, 0.0))[:, free]
             beyond = self.options.soft * np.eye(len(free)) * (out != 0)[:, None, :]
             broken = np.minimum(model.condition, 0.0)
@@ -312,7 +312,7 @@ class FunctionSearch(SearchProblem):
         """Take sequential quadratic steps."""
         problem = self.problem
         return descend(
-            lambda points, which: problem.linearised(points, inputs.take(which)),
+            lambda points, which: problem.linearised(points, rows_at(inputs, which)),
             unknowns,
             problem.free,
             problem.box,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from synthesis.arrays import Floats
+from synthesis.arrays import Floats, rows_at
 from synthesis.atlas.scan import Scan
 from synthesis.atlas.windows import ScanReport, Windows
 from synthesis.constraints import keeps
@@ -51,7 +51,7 @@ def best_rows(
     count = top
     while True:
         windows, report = scan.best(target, count, exact, max_windows, work, tolerance)
-        chosen = windows.take(_first_of_each(target, windows))
+        chosen = rows_at(windows, _first_of_each(target, windows))
         linkages = mounted(target, scan.lengths[chosen.row], chosen.branch, scan.start_angles(chosen))
         solutions = distinct(assess(target, linkages, rows=chosen.row.tolist()), top)
         complete = len(windows.row) < count or not report.exhaustive

@@ -135,7 +135,7 @@ class Windows:
         if problem.posed:
             assert boxes is not None and reach is not None
             best = _smallest(merit, OPTIONS.posed * count)
-            window, branch, fits = window[best], branch[best], fits.take(best)
+            window, branch, fits = window[best], branch[best], rows_at(fits, best)
             chosen = lengths[window]
             turned: Complexes = np.exp(1j * start[window])
             error, pivot, ground, coupler = fits.within(
@@ -246,10 +246,6 @@ class Fits(NamedTuple):
         ) / determinant
         smallest = np.clip(square_left - free, 0.0, None)
         return cls(rotation, smallest, one_one, one_turned, turned_turned, one_rest, turned_rest, square_left, share)
-
-    def take(self, indices: Any) -> Fits:
-        """Select windows."""
-        return rows_at(self, indices)
 
     def within(
         self, rho: Complexes, boxes: Boxes, reach: tuple[Floats, Floats]

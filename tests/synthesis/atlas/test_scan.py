@@ -6,6 +6,7 @@ Catches a bound that is not a bound (a window lost), a tie broken otherwise, and
 import numpy as np
 import pytest
 
+from synthesis.arrays import rows_at
 from synthesis.atlas.scan import STARTS, Scan
 from synthesis.atlas.table import AtlasRule
 from synthesis.atlas.windows import TIE, Windows, best_of
@@ -39,7 +40,7 @@ def every_window(scan: Scan, target) -> Windows:
         crank = (starts * (TURN / STARTS))[:, None] + target.crank
         error[k : k + 4096] = objective(target, coupler_angle(scan.lengths[rows], branches, crank))
     windows = Windows(*columns, error)
-    return windows.take(np.flatnonzero(np.isfinite(error)))
+    return rows_at(windows, np.flatnonzero(np.isfinite(error)))
 
 
 def random_request(scan: Scan, seed: int, positions: bool):
@@ -107,7 +108,7 @@ def test_windows_that_are_no_answers_are_passed_over(scans, positions: bool) -> 
     def exact(windows: Windows) -> np.ndarray:
         return np.where((windows.row % 7 == 3) & (windows.start > 180), scan.errors(target, windows), np.inf)
 
-    allowed = all_cases.take(np.flatnonzero((all_cases.row % 7 == 3) & (all_cases.start > 180)))
+    allowed = rows_at(all_cases, np.flatnonzero((all_cases.row % 7 == 3) & (all_cases.start > 180)))
     found, report = scan.best(target, 20, exact)
     expected = best_of(allowed, 20)
     assert (
