@@ -67,7 +67,7 @@ class Grid:
     def __init__(self, perimeter: int, starts: int) -> None:
         self.name = f"perimeter {perimeter}, step {360 // starts} deg"
         lengths = product.enumerate_types(product.TypeRule(perimeter, 1, product.OrderRule.FULL_CRANK)).astype(float)
-        self.scan = product.ErrorTable(lengths, starts, 64, 1e-3, (8, 20))
+        self.scan = product.ErrorTable(lengths, starts, 64, 20)
         self.unknowns = product.GrashofChart().unknowns(self.scan.lengths)
 
     def rows(self, target: product.Target) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -58,10 +58,8 @@ class SeedOptions:
     """Number of samples with which the coarse table is compared."""
     starts: int = 24
     """Number of starts of each type in the coarse table."""
-    series_error: float = 1e-3
-    """Largest error of the series of a type in the coarse table."""
-    harmonics: tuple[int, int] = (6, 20)
-    """Smallest and largest number of harmonics of a series."""
+    harmonics: int = 20
+    """Number of harmonics of a series in the coarse table, which leave less than a thousandth of a radian."""
     given_samples: int = 8
     """Number of samples with which starts of given lengths are compared."""
 
@@ -296,9 +294,7 @@ class SeedTables:
 
     def __init__(self) -> None:
         self.lengths = coarse_types()
-        self.errors_of = ErrorTable(
-            self.lengths, OPTIONS.starts, OPTIONS.table_samples, OPTIONS.series_error, OPTIONS.harmonics
-        )
+        self.errors_of = ErrorTable(self.lengths, OPTIONS.starts, OPTIONS.table_samples, OPTIONS.harmonics)
         self.chart: Chart = GrashofChart()
         self.shapes = self.chart.unknowns(self.lengths)
 
